@@ -1,0 +1,1 @@
+//! Procedures: show, see, fit, judge, keep.

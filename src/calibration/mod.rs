@@ -1,0 +1,1 @@
+//! Fits and corrections from captures alone.

@@ -1,0 +1,1 @@
+//! Bicubic resampling of a plane at given places.

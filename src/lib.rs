@@ -1,0 +1,42 @@
+//! relens makes cheap lenses take good photographs.
+//!
+//! A photo taken through a bad lens is restored by *that lens*: the box shows candidate pictures on a
+//! panel, photographs them through the same lens, and adjusts the candidate until its photograph is the
+//! photo. The light path, drawn once:
+//!
+//! ```text
+//! photo file ─ decode ─ linear light ─► B (Work)
+//!                                       │
+//!        ┌──────────────────────────────▼────────────────────────────┐
+//!        │ L (Work) ─ warp ─ panel response⁻¹ ─ 8 bit, dithered ─► PANEL │
+//!        │   ▲                                                  lens      │
+//!        │ step, shrink ◄─ dark corner ◄─ C⁻¹ ◄─ black ◄──────── SENSOR │
+//!        └───────────────────────────────────────────────────────────┘
+//!                   until the residual is at the noise ─► picture, certificate, report
+//! ```
+//!
+//! Layers; a module imports only from layers below its own, and siblings do not import each other
+//! (`tests/tidy.rs` holds this):
+//!
+//! | layer | modules | what |
+//! |---|---|---|
+//! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
+//! | 1 | [`restore`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
+//! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
+//! | 3 | [`light_path`], [`calibrate`], [`evaluate`] | show-and-see through a rig; procedures; charts and tables |
+//! | 4 | [`daemon`] | drop folder, jobs, reports |
+//!
+//! Start reading at [`restore`], then [`light_path`].
+
+pub mod calibrate;
+pub mod calibration;
+pub mod config;
+pub mod daemon;
+pub mod evaluate;
+pub mod frame;
+pub mod light_path;
+pub mod patterns;
+pub mod picture;
+pub mod remedy;
+pub mod restore;
+pub mod rig;

@@ -1,0 +1,1 @@
+//! Forward convolution through a rig.

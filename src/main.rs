@@ -1,0 +1,3 @@
+//! The command line of relens: words in, exit code out. Everything else is in the library.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Backward convolution by flip–FC–flip (Eqs. 9–12).

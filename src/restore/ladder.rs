@@ -1,0 +1,1 @@
+//! Model no more than a scene needs: rungs.

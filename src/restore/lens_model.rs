@@ -1,0 +1,1 @@
+//! The measured lens: spatially varying convolution and its exact adjoint.

@@ -1,0 +1,19 @@
+//! The paper's mathematics: no device, file, clock or rig in here.
+//!
+//! | paper | here |
+//! |---|---|
+//! | Eq. 1, 8: forward convolution | [`forward_convolution`], modelled by [`lens_model`] |
+//! | Eqs. 9–12: flip–FC–flip | [`backward_convolution`] over [`patches`] |
+//! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
+//! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
+//! | Eqs. 4, 5, 7: the loop | [`method`] |
+
+pub mod backward_convolution;
+pub mod forward_convolution;
+pub mod ladder;
+pub mod lens_model;
+pub mod method;
+pub mod patches;
+pub mod quality;
+pub mod wavelet;
+pub mod wavelet_shrinkage;

@@ -1,0 +1,1 @@
+//! The patch grid of backward convolution.

@@ -1,0 +1,1 @@
+//! The orthonormal Symlet-8 transform, periodised, any size.

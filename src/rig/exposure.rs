@@ -1,0 +1,1 @@
+//! Show, settle, trigger, see: one capture.

@@ -1,0 +1,1 @@
+//! A rig like any other, made of physics.
