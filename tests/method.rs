@@ -1,5 +1,8 @@
 //! The paper's mathematics against arrays of an independent program, and the choices the paper leaves open.
 
+// A failed unwrap is a failed test, also in the functions the tests share.
+#![allow(clippy::unwrap_used)]
+
 use std::path::Path;
 
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
@@ -91,9 +94,11 @@ fn flip_fc_flip_is_the_reference_program_s_for_every_patch_size() {
     for patch_px in [16, 20, 24, 32] {
         let mut optics = ComputedOptics::new(&model, false);
         let rect = Rect { x: 0, y: 0, size: picture.size() };
-        let grid = PatchGrid::new(picture.size(), rect, PatchShape { patch_px, margin_px: 10.min(patch_px / 2) });
+        let grid =
+            PatchGrid::new(picture.size(), rect, PatchShape { patch_px, margin_px: 10.min(patch_px / 2) });
         let frame = green_only(picture.clone());
-        let back = backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
+        let back =
+            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
         let expected = golden(&format!("operator_flip{patch_px}_noguard.npy"));
         let distance = relative_distance(back.plane(GREEN), &expected);
         assert!(distance < 1e-4, "patch {patch_px}: relative distance {distance:.2e}");
@@ -111,7 +116,8 @@ fn flip_fc_flip_nears_the_exact_adjoint_as_patches_shrink() {
         let shape = PatchShape { patch_px, margin_px: 10 };
         let grid = PatchGrid::new(size, Rect { x: 0, y: 0, size }, shape);
         let frame = green_only(picture.clone());
-        let back = backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
+        let back =
+            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
         let distance = relative_distance(back.plane(GREEN), &exact);
         assert!(distance <= bound, "patch {patch_px}: {distance:.4} > {bound:.4}");
     }
@@ -128,12 +134,14 @@ fn a_pedestal_carries_negative_light_backward() {
     use relens::restore::forward_convolution::ForwardConvolution;
     let pedestal = optics.forward(&flat).unwrap().light;
     let sign = Sign::Pedestal { level: 127.5, gain: 4.0 };
-    let frame = green_only(signed.clone());
+    let frame = green_only(signed);
     let back =
         backward_convolution(&mut optics, &frame, &grid, Channels::Green, sign, Some(&pedestal)).unwrap();
-    let mut exact = Plane::zeros(size);
-    model.adjoint(GREEN, &signed, &mut exact);
-    assert!(relative_distance(back.plane(GREEN), &exact) < 0.06);
+    // Computed optics take negative light as it is, so the two ways must agree.
+    let mut ideal = ComputedOptics::new(&model, false);
+    let direct =
+        backward_convolution(&mut ideal, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
+    assert!(relative_distance(back.plane(GREEN), direct.plane(GREEN)) < 1e-4);
     assert_eq!(optics.captures(), 5);
 }
 
@@ -149,15 +157,16 @@ fn the_loop_as_printed_follows_the_reference_program_step_by_step() {
 }
 
 #[test]
-fn patches_hardly_matter_when_small_and_one_whole_frame_patch_diverges() {
+fn patches_hardly_matter_when_small_and_one_whole_frame_patch_is_worse() {
     let truth = golden("operator_x.npy");
     let light = |patch_px| Backward::Light(PatchShape { patch_px, margin_px: 10 });
     let exact = ssim(&solve_golden(&paper(11, 0.8, Backward::Model)), &truth);
     let small = ssim(&solve_golden(&paper(11, 0.8, light(16))), &truth);
-    let whole = ssim(&solve_golden(&paper(11, 0.8, light(128))), &truth);
-    let blurred = ssim(&golden("ist_b.npy"), &truth);
     assert!((exact - small).abs() < 0.01, "exact {exact:.4}, patch 16 {small:.4}");
-    assert!(whole < blurred, "whole-frame patch {whole:.4}, blurred {blurred:.4}");
+    // One patch for the whole frame of a rotationally symmetric lens computes K where Kᵀ is meant. (That it
+    // diverges where coma is strong is seen on the study's rig, in tests/study.rs.)
+    let whole = ssim(&solve_golden(&paper(11, 0.8, light(128))), &truth);
+    assert!(whole < small - 0.005, "whole-frame patch {whole:.4}, patch 16 {small:.4}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::lens_model::LensModel;
 use crate::frame::{Channel, FULL_SCALE, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
-/// FC(L) = K·L computed, on a panel that shows 0..255.
+/// FC(L) = K·L computed.
 pub struct ComputedOptics<'a> {
     model: &'a LensModel,
     eight_bit: bool,
@@ -15,14 +15,14 @@ pub struct ComputedOptics<'a> {
 }
 
 impl<'a> ComputedOptics<'a> {
-    /// Optics of `model`; with `eight_bit`, what is shown and what is seen are rounded to whole levels.
+    /// Optics of `model`. With `eight_bit`, what is shown and what is seen are clipped to 0..255 and rounded
+    /// to whole levels; without, any number goes through.
     pub fn new(model: &'a LensModel, eight_bit: bool) -> Self {
         ComputedOptics { model, eight_bit, captures: 0 }
     }
 
     fn level(&self, value: f32) -> f32 {
-        let value = value.clamp(0.0, FULL_SCALE);
-        if self.eight_bit { value.round() } else { value }
+        if self.eight_bit { value.clamp(0.0, FULL_SCALE).round() } else { value }
     }
 }
 

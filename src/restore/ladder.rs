@@ -104,7 +104,8 @@ mod tests {
     fn a_flat_wall_is_blank_and_a_faint_disc_is_not() {
         let (wall, trust) = noisy(|_, _| 90.0);
         assert!(is_blank(&wall, &trust));
-        let (disc, trust) = noisy(|x, y| if (x as f32 - 80.0).hypot(y as f32 - 60.0) < 20.0 { 94.0 } else { 90.0 });
+        let (disc, trust) =
+            noisy(|x, y| if (x as f32 - 80.0).hypot(y as f32 - 60.0) < 20.0 { 94.0 } else { 90.0 });
         assert!(!is_blank(&disc, &trust));
     }
 }

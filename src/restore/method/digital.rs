@@ -7,12 +7,14 @@
 use rayon::prelude::*;
 
 use super::problem::Certificate;
-use super::{IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch};
+use super::{
+    IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch,
+};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 use crate::restore::data_term;
 use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::lens_model::LensModel;
-use crate::restore::wavelet_shrinkage::Shrinkage;
+use crate::restore::wavelet_shrinkage::{Prior, Shrinkage, ShrinkageScratch};
 
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +51,7 @@ impl Digital {
         mut each: impl FnMut(u32, f32, &Plane),
     ) -> Plane {
         let size = task.data.size();
-        let mut scratch = shrinkage.scratch();
+        let mut scratch = ShrinkageScratch::default();
         let (mut predicted, mut gradient) = (Plane::zeros(size), Plane::zeros(size));
         let mut looked_at = task.start.clone();
         let mut stepped = task.start.clone();
@@ -63,7 +65,7 @@ impl Digital {
             let step = 1.0 / task.norm_squared;
             let pairs = stepped.data_mut().iter_mut().zip(looked_at.data()).zip(gradient.data());
             pairs.for_each(|((s, y), g)| *s = y - step * g);
-            shrinkage.shrink(&mut stepped, threshold, super::spin(self.cycle_spun, iteration), &mut scratch);
+            shrinkage.apply(&mut stepped, threshold, iteration as usize, &mut scratch);
             stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
             momentum.next(&mut looked_at, &stepped);
             each(iteration, residual, &stepped);
@@ -105,7 +107,7 @@ pub(super) fn solve_all(
     start: &Frame<Work>,
 ) -> (Frame<Work>, IterationRecord) {
     let begun = (problem.stopwatch)();
-    let shrinkage = Shrinkage::new(problem.size(), digital.levels);
+    let shrinkage = super::shrinkage(problem.size(), digital.levels, digital.cycle_spun);
     let solved: Vec<(Channel, Plane, IterationRecord)> = problem
         .channels
         .list()

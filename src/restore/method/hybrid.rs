@@ -13,7 +13,7 @@ use crate::frame::{Channel, Frame, Plane, Work};
 use crate::restore::data_term::{self, TRUSTED};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::restore::lens_model::LensModel;
-use crate::restore::wavelet_shrinkage::Shrinkage;
+use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,7 +44,8 @@ impl Method for Hybrid {
         let model = problem.needs_model("hybrid")?;
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
-        let (mut picture, mut record) = solve_all(&self.digital, problem, model, problem.photo, problem.photo);
+        let (mut picture, mut record) =
+            solve_all(&self.digital, problem, model, problem.photo, problem.photo);
         let mut certificate = Certificate::uncertified(problem);
         let mut defects = DefectMean::new(problem);
         let mut best: Option<(f32, Frame<Work>)> = None;
@@ -71,7 +72,7 @@ impl Method for Hybrid {
                 break;
             }
             defects.add(problem, model, &picture, &seen);
-            let defect = defects.shrunk(problem, self.digital.levels, self.defect_threshold);
+            let defect = defects.shrunk(problem, self.defect_threshold);
             let size = defect.plane(Channel::Green).rms() as f32;
             if size <= self.defect_floor * certificate.noise_floor {
                 break;
@@ -92,13 +93,24 @@ impl Method for Hybrid {
 }
 
 /// Appends the steps of a correction, numbered on.
-fn extend(record: &mut IterationRecord, steps: &IterationRecord, captures: u32, begun: f64, problem: &Problem<'_>) {
+fn extend(
+    record: &mut IterationRecord,
+    steps: &IterationRecord,
+    captures: u32,
+    begun: f64,
+    problem: &Problem<'_>,
+) {
     let seconds = (problem.stopwatch)() - begun;
     let before = record.steps().len() as u32;
     for step in steps.steps() {
         record.push(Step { iteration: before + step.iteration, captures, seconds, ..*step });
     }
 }
+
+/// Levels of the defect's shrinkage: what stays unshrunk is averaged over 16×16 pixels, far below its noise.
+const DEFECT_LEVELS: usize = 4;
+/// Shifts over which the defect's shrinkage is averaged: an even spread over those levels' periods.
+const DEFECT_SHIFTS: [(usize, usize); 4] = [(0, 0), (8, 4), (4, 8), (12, 12)];
 
 /// The mean defect of the captures so far.
 struct DefectMean {
@@ -128,15 +140,15 @@ impl DefectMean {
     }
 
     /// The mean defect with its noise shrunk away, zero where the photo says nothing anyway.
-    fn shrunk(&self, problem: &Problem<'_>, levels: usize, deviations: f32) -> Frame<Work> {
-        let shrinkage = Shrinkage::new(problem.size(), levels);
-        let mut scratch = shrinkage.scratch();
+    fn shrunk(&self, problem: &Problem<'_>, deviations: f32) -> Frame<Work> {
+        let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
+        let mut scratch = ShrinkageScratch::default();
         let mut mean = self.sum.clone();
         for &c in problem.channels.list() {
             let plane = mean.plane_mut(c);
             plane.data_mut().iter_mut().for_each(|v| *v /= self.count as f32);
             let noise = data_term::noise_of(plane);
-            shrinkage.shrink_all_shifts(plane, deviations * noise, &mut scratch);
+            shrinkage.shrink_spun(plane, deviations * noise, &DEFECT_SHIFTS, &mut scratch);
             problem.mask(c, plane);
         }
         mean

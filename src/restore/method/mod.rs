@@ -32,11 +32,12 @@ mod strength;
 
 pub use momentum::Momentum;
 pub use problem::{Certificate, MethodError, Problem, Solution};
-pub use strength::Strength;
 pub use record::{IterationRecord, ResidualOf, Step};
+pub use strength::Strength;
 
-use super::forward_convolution::ForwardConvolution;
-use crate::frame::{Frame, Work};
+use super::forward_convolution::{ForwardConvolution, Seen};
+use super::wavelet_shrinkage::Shrinkage;
+use crate::frame::{Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
 /// Called after each step with the step's record and the picture as it is now.
@@ -59,22 +60,17 @@ pub trait Method {
     ) -> Result<Solution, MethodError>;
 }
 
-/// The shift of the shrinkage in step `iteration`: none, or one that visits the shifts of a 16×16 block
-/// (four levels) evenly.
-fn spin(cycle_spun: bool, iteration: u32) -> (usize, usize) {
-    if !cycle_spun {
-        return (0, 0);
-    }
-    // 7 and 11 are coprime to 16, so rows and columns both go through all sixteen shifts out of step.
-    let k = iteration as usize;
-    ((7 * k) % 16, (11 * k + 5 * (k / 16)) % 16)
+/// The paper's prior, shifted from step to step when `cycle_spun`.
+fn shrinkage(size: Size, levels: usize, cycle_spun: bool) -> Shrinkage {
+    let plain = Shrinkage::new(size, levels);
+    if cycle_spun { plain.cycle_spun() } else { plain }
 }
 
 /// The optics when there are none: every capture fails.
 #[derive(Debug, Clone, Copy)]
 pub struct NoOptics {
     /// The Work grid.
-    pub size: crate::frame::Size,
+    pub size: Size,
 }
 
 /// A capture was asked for where no camera is.
@@ -89,10 +85,10 @@ impl crate::remedy::Remediable for NoCamera {
 }
 
 impl ForwardConvolution for NoOptics {
-    fn size(&self) -> crate::frame::Size {
+    fn size(&self) -> Size {
         self.size
     }
-    fn forward(&mut self, _: &Frame<Work>) -> Result<super::forward_convolution::Seen, AnyFailure> {
+    fn forward(&mut self, _: &Frame<Work>) -> Result<Seen, AnyFailure> {
         Err(Box::new(NoCamera))
     }
     fn captures(&self) -> usize {

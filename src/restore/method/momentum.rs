@@ -20,7 +20,11 @@ impl Momentum {
     /// `looked_at` into the next point to look at. Returns whether the momentum was restarted.
     pub fn next(&mut self, looked_at: &mut Plane, stepped: &Plane) -> bool {
         let mut uphill = 0.0f64;
-        let rows = looked_at.data().chunks(4096).zip(stepped.data().chunks(4096)).zip(self.previous.data().chunks(4096));
+        let rows = looked_at
+            .data()
+            .chunks(4096)
+            .zip(stepped.data().chunks(4096))
+            .zip(self.previous.data().chunks(4096));
         for ((y, x), x_old) in rows {
             let part: f32 = y.iter().zip(x).zip(x_old).map(|((y, x), o)| (y - x) * (x - o)).sum();
             uphill += f64::from(part);

@@ -5,13 +5,13 @@
 //! of noise in every capture it does harm, because the noise of the backward captures enters L unfiltered
 //! and that of BC(B) is added again in each iteration.
 
-use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
 use super::problem::Certificate;
+use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
 use crate::frame::{Frame, Work};
 use crate::restore::backward_convolution::{Sign, backward_convolution};
 use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::patches::{PatchGrid, PatchShape};
-use crate::restore::wavelet_shrinkage::Shrinkage;
+use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 
 /// Who computes the backward convolution.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,7 +75,7 @@ impl Method for Paper {
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
         let shrinkage = Shrinkage::new(problem.size(), self.levels);
-        let mut scratch = shrinkage.scratch();
+        let mut scratch = ShrinkageScratch::default();
         let channels = problem.channels;
         let mut photo = problem.photo.clone();
         channels.list().iter().for_each(|&c| problem.mask(c, photo.plane_mut(c)));

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Steps kept; a longer run keeps its first ones.
-pub const STEPS_MAX: usize = 256;
+pub(super) const STEPS_MAX: usize = 256;
 
 /// Which residual a step reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

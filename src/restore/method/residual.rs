@@ -5,13 +5,15 @@
 //! with restart. 5·n captures, and one of the bare pedestal, which does not depend on the photo.
 
 use super::problem::Certificate;
-use super::{IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch};
+use super::{
+    IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch,
+};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 use crate::restore::backward_convolution::{Sign, backward_convolution};
 use crate::restore::data_term;
 use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::patches::{PatchGrid, PatchShape};
-use crate::restore::wavelet_shrinkage::Shrinkage;
+use crate::restore::wavelet_shrinkage::{Prior, ShrinkageScratch};
 
 /// The pedestal: half of full scale, so that both signs have the same room.
 const PEDESTAL_LEVEL: f32 = 127.5;
@@ -53,8 +55,8 @@ impl Method for Residual {
         let size = problem.size();
         let channels = problem.channels;
         let grid = PatchGrid::new(size, problem.rect, self.patches);
-        let shrinkage = Shrinkage::new(size, self.levels);
-        let mut scratch = shrinkage.scratch();
+        let shrinkage = super::shrinkage(size, self.levels, self.cycle_spun);
+        let mut scratch = ShrinkageScratch::default();
         let mut record = IterationRecord::default();
 
         let pedestal_seen = optics.pedestal(&pedestal(problem))?.light;
@@ -81,9 +83,8 @@ impl Method for Residual {
                 let stepped = picture.plane_mut(c);
                 stepped.clone_from(looked_at.plane(c));
                 stepped.add_scaled(-1.0 / problem.norm_squared[c.index()], gradient.plane(c));
-                let shift = super::spin(self.cycle_spun, iteration);
                 let threshold = self.strength.threshold(problem.photo_noise[c.index()]);
-                shrinkage.shrink(stepped, threshold, shift, &mut scratch);
+                shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
                 stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
                 momentum.next(looked_at.plane_mut(c), stepped);
             }

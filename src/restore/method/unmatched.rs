@@ -5,11 +5,13 @@
 //! the fixed point is where K̂ᵀ(KL − B) vanishes.
 
 use super::problem::Certificate;
-use super::{IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch};
+use super::{
+    IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch,
+};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 use crate::restore::data_term;
 use crate::restore::forward_convolution::ForwardConvolution;
-use crate::restore::wavelet_shrinkage::Shrinkage;
+use crate::restore::wavelet_shrinkage::{Prior, ShrinkageScratch};
 
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,8 +42,8 @@ impl Method for Unmatched {
         let captures_before = optics.captures();
         let size = problem.size();
         let channels = problem.channels.list();
-        let shrinkage = Shrinkage::new(size, self.levels);
-        let mut scratch = shrinkage.scratch();
+        let shrinkage = super::shrinkage(size, self.levels, self.cycle_spun);
+        let mut scratch = ShrinkageScratch::default();
         let mut record = IterationRecord::default();
         let mut picture: Frame<Work> = problem.photo.clone();
         let mut looked_at = problem.photo.clone();
@@ -62,7 +64,7 @@ impl Method for Unmatched {
                 stepped.clone_from(looked_at.plane(c));
                 stepped.add_scaled(-1.0 / problem.norm_squared[c.index()], &gradient);
                 let threshold = self.strength.threshold(problem.photo_noise[c.index()]);
-                shrinkage.shrink(stepped, threshold, super::spin(self.cycle_spun, iteration), &mut scratch);
+                shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
                 stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
                 momentum.next(looked_at.plane_mut(c), stepped);
             }
