@@ -10,21 +10,23 @@
 //! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on flash,
 //! and the procedure on a rig is [`crate::calibrate`] (layer 3).
 
+pub mod checkerboard;
+pub mod cross_channel;
+pub mod curve;
+pub mod dark_corner;
 pub mod geometric;
+pub mod noise;
 pub mod surface;
 
 use serde::{Deserialize, Serialize};
 
 use crate::frame::Size;
+use crate::restore::lens_model::LensFunctions;
 pub use cross_channel::CrossChannel;
 pub use curve::Curve;
 pub use geometric::Geometry;
 pub use noise::Noise;
 use surface::Surface;
-
-pub mod cross_channel;
-pub mod curve;
-pub mod noise;
 
 /// Everything measured on one rig, at one time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -51,6 +53,8 @@ pub struct Calibration {
     pub counts_per_level: [f32; 3],
     /// Noise of one capture in units of light, per channel, mixing undone.
     pub noise: [Noise; 3],
+    /// The lens functions, each about sum 1: light to light, dark corner taken out.
+    pub functions: LensFunctions,
     /// Largest squared singular value of the lens model, per channel.
     pub norm_squared: [f32; 3],
     /// The same, asked of the light: what the rig makes of the model's dominant picture; green.
