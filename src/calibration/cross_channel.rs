@@ -72,9 +72,9 @@ mod tests {
     fn the_inverse_undoes_the_mixing() {
         let mixing = CrossChannel { c: [[1.0, 0.1, 0.02], [0.07, 1.0, 0.11], [0.01, 0.15, 1.0]] };
         let inverse = mixing.inverse().unwrap();
-        for i in 0..3 {
+        for (i, row) in mixing.c.iter().enumerate() {
             for j in 0..3 {
-                let product: f32 = (0..3).map(|k| mixing.c[i][k] * inverse[k][j]).sum();
+                let product: f32 = row.iter().zip(&inverse).map(|(c, inverse)| c * inverse[j]).sum();
                 assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-6);
             }
         }

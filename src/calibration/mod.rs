@@ -11,9 +11,11 @@
 //! and the procedure on a rig is [`crate::calibrate`] (layer 3).
 
 pub mod checkerboard;
+pub mod correction;
 pub mod cross_channel;
 pub mod curve;
 pub mod dark_corner;
+pub mod dither;
 pub mod geometric;
 pub mod noise;
 pub mod surface;
@@ -22,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::Size;
 use crate::restore::lens_model::LensFunctions;
+pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
 pub use curve::Curve;
 pub use geometric::Geometry;
