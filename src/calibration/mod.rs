@@ -18,6 +18,7 @@ pub mod dark_corner;
 pub mod dither;
 pub mod geometric;
 pub mod noise;
+pub mod photo_side;
 pub mod surface;
 
 use serde::{Deserialize, Serialize};
