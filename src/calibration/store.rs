@@ -81,7 +81,9 @@ pub enum StoreError {
         b: SlotFault,
     },
     /// All whole slots belong to another rig.
-    #[error("the calibration in {folder} is of rig {found:016x}; this is rig {allowed:016x}; run `relens calibrate`")]
+    #[error(
+        "the calibration in {folder} is of rig {found:016x}; this is rig {allowed:016x}; run `relens calibrate`"
+    )]
     OtherRig {
         /// The folder.
         folder: PathBuf,

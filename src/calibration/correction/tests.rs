@@ -20,7 +20,8 @@ fn codes_have_the_light_of_the_picture_where_the_map_says() {
     let correction = Correction::new(&calibration(), layout()).unwrap();
     let canvas = layout().canvas();
     let light = |x: f64, y: f64| 90.0 + 2.0 * x + 1.0 * y;
-    let picture = Frame::from_fn(|_| Plane::from_fn(canvas, |x, y| light(x as f64 - 4.0, y as f64 - 4.0) as f32));
+    let picture =
+        Frame::from_fn(|_| Plane::from_fn(canvas, |x, y| light(x as f64 - 4.0, y as f64 - 4.0) as f32));
     let codes = correction.show(&picture);
     let curve = &calibration().curves[1];
     // Blocks of 8×8 panel pixels: error diffusion makes their mean light right.
@@ -107,7 +108,8 @@ fn time_of_show_and_see() {
     use crate::calibration::geometric::{Geometry, Map};
     use crate::calibration::surface::{Domain, Surface};
     let canvas = Domain { left: -32.0, top: -32.0, right: 1055.0, bottom: 799.0 };
-    let map = Map { x: Surface::plane(canvas, 370.0, 1.16, 0.01), y: Surface::plane(canvas, 95.0, -0.01, 1.16) };
+    let map =
+        Map { x: Surface::plane(canvas, 370.0, 1.16, 0.01), y: Surface::plane(canvas, 95.0, -0.01, 1.16) };
     let pairs: Vec<_> = (0..800)
         .map(|n| {
             let from = (-32.0 + 36.0 * f64::from(n % 31), -32.0 + 33.0 * f64::from(n / 31));

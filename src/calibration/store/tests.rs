@@ -69,7 +69,8 @@ fn both_bad_and_another_rig_are_stated() {
     assert!(matches!(other, StoreError::OtherRig { found, allowed: 5, .. } if found == calibration().rig));
     assert_eq!(other.remedy(), Remedy::Recalibrate);
     for slot in SLOTS {
-        std::fs::write(folder.path().join(slot), b"relenscl and then something else entirely, no slot").unwrap();
+        std::fs::write(folder.path().join(slot), b"relenscl and then something else entirely, no slot")
+            .unwrap();
     }
     let bad = load(folder.path(), calibration().rig).unwrap_err();
     assert!(matches!(bad, StoreError::BothBad { a: SlotFault::Version { .. }, .. }), "{bad}");
