@@ -4,8 +4,9 @@ use std::collections::HashMap;
 use std::ffi::OsString;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use crate::config::Curve;
 use crate::frame::Size;
-use crate::picture::{Limits, TransferCurve};
+use crate::picture::Limits;
 use crate::rig::{Clock, Moment};
 
 use super::gallery::Gallery;
@@ -25,7 +26,7 @@ pub struct Setting {
     /// The rig's photo size.
     pub photo_size: Size,
     /// Curve of photos that carry no profile.
-    pub curve: TransferCurve,
+    pub curve: Curve,
     /// What one photo may ask of the box.
     pub limits: Limits,
     /// A photo is taken when it has not changed for this long.
@@ -39,7 +40,7 @@ pub struct Setting {
 impl Setting {
     /// The usual waits, which are guesses: 5 s quiet as paperless-ngx has it, a look a second, a minute
     /// until a retry.
-    pub fn new(rig: &str, photo_size: Size, curve: TransferCurve) -> Setting {
+    pub fn new(rig: &str, photo_size: Size, curve: Curve) -> Setting {
         let (quiet_s, poll_s, retry_s) = (5.0, 1.0, 60.0);
         Setting {
             rig: rig.to_owned(),

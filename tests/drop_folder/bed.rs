@@ -5,12 +5,13 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
 
+use relens::config::Curve;
 use relens::daemon::{
     Certificate, Daemon, DaemonError, Folders, Iteration, Progress, Restored, Restorer, Setting, Summary,
     Watcher,
 };
 use relens::frame::{Frame, Plane, Size, Work};
-use relens::picture::{Format, Limits, Manner, Photo, TransferCurve, encode};
+use relens::picture::{Format, Limits, Manner, Photo, encode};
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 use relens::rig::{Clock, Moment};
 
@@ -80,7 +81,7 @@ impl Restorer for Brightener {
 }
 
 pub fn setting() -> Setting {
-    Setting::new("test rig", RIG, TransferCurve::Srgb)
+    Setting::new("test rig", RIG, Curve::Srgb)
 }
 
 pub fn once_with(
@@ -103,7 +104,7 @@ pub fn scene(size: Size) -> Frame<Work> {
 }
 
 pub fn file(format: Format, bits: u8, size: Size) -> Vec<u8> {
-    encode("scene", &scene(size), &Manner::plain(format, bits, TransferCurve::Srgb), false).unwrap()
+    encode("scene", &scene(size), &Manner::plain(format, bits, Curve::Srgb), false).unwrap()
 }
 
 pub fn drop_in(root: &Path, name: &str, bytes: &[u8]) {
@@ -123,7 +124,7 @@ pub fn set(names: &[&str]) -> BTreeSet<String> {
 }
 
 pub fn read_back(path: &Path) -> Photo {
-    Photo::read(path, TransferCurve::Srgb, &Limits::default()).unwrap()
+    Photo::read(path, Curve::Srgb, &Limits::default()).unwrap()
 }
 
 /// A fresh root, in memory where there is such a place: these tests sync a thousand files.

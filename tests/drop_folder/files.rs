@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 use std::time::SystemTime;
 
+use relens::config::Curve;
 use relens::daemon::{Daemon, Folders, Report};
 use relens::frame::{Plane, Size};
-use relens::picture::{Format, Layout, Manner, Orientation, TransferCurve, encode};
+use relens::picture::{Format, Layout, Manner, Orientation, encode};
 use relens::rig::{Clock, Moment};
 
 use crate::bed::*;
@@ -209,7 +210,7 @@ fn a_turned_photo_is_restored_as_the_sensor_saw_it_and_delivered_upright() {
     exif.extend_from_slice(&[0x12, 0x01, 3, 0, 1, 0, 0, 0, 6, 0, 0, 0, 0, 0, 0, 0]);
     let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
     for (name, format) in [("a.jpg", Format::Jpeg), ("a.png", Format::Png)] {
-        let mut manner = Manner::plain(format, 8, TransferCurve::Srgb);
+        let mut manner = Manner::plain(format, 8, Curve::Srgb);
         (manner.exif, manner.icc) = (Some(exif.clone()), Some(icc.clone()));
         drop_in(root, name, &encode("scene", &scene(RIG), &manner, false).unwrap());
         let summary = once(root);
@@ -242,7 +243,7 @@ fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
 fn grey_photos_stay_grey_and_alpha_comes_back() {
     let root = fresh_root();
     let root = root.path();
-    let mut manner = Manner::plain(Format::Png, 8, TransferCurve::Srgb);
+    let mut manner = Manner::plain(Format::Png, 8, Curve::Srgb);
     manner.layout = Layout::Grey;
     drop_in(root, "grey.png", &encode("g", &scene(RIG), &manner, true).unwrap());
     manner.layout = Layout::RgbAlpha;
