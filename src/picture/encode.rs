@@ -5,10 +5,11 @@ use std::io::Cursor;
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, tiff::TiffEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
+use crate::frame::resample::resize;
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 
 use super::turn::turn;
-use super::{Format, Layout, Manner, PictureError, shape};
+use super::{Format, Layout, Manner, PictureError};
 
 /// JPEG quality of results. High enough that its loss stays below the noise of a capture; guess.
 const QUALITY: u8 = 95;
@@ -50,7 +51,7 @@ pub fn preview(
     let manner = Manner { format: Format::Jpeg, layout, exif: None, alpha: None, ..manner.clone() };
     let result = if longest > longest_px {
         let small = Size::new(scaled(size.width), scaled(size.height));
-        let picture = Frame::from_fn(|channel| shape::resample(picture.plane(channel), small));
+        let picture = Frame::from_fn(|channel| resize(picture.plane(channel), small));
         encoded(&picture, &manner, grey, PREVIEW_QUALITY)
     } else {
         encoded(picture, &manner, grey, PREVIEW_QUALITY)
@@ -133,15 +134,16 @@ fn write<E: ImageEncoder>(
 mod tests {
     use image::metadata::Orientation;
 
-    use super::super::{Limits, Photo, TransferCurve};
+    use super::super::{Limits, Photo};
     use super::*;
+    use crate::config::Curve;
 
     fn scene(size: Size) -> Frame<Work> {
         Frame::from_fn(|c| Plane::from_fn(size, |x, y| ((x * 5 + y * 3 + 40 * c.index()) % 256) as f32))
     }
 
     fn back(bytes: &[u8]) -> Photo {
-        Photo::from_bytes("p", bytes, TransferCurve::Srgb, &Limits::default()).unwrap()
+        Photo::from_bytes("p", bytes, Curve::Srgb, &Limits::default()).unwrap()
     }
 
     /// Exif header, one directory with one entry: orientation 6.
@@ -156,7 +158,7 @@ mod tests {
         for format in [Format::Png, Format::Tiff] {
             for bits in [8, 16] {
                 for layout in [Layout::Grey, Layout::Rgb, Layout::RgbAlpha, Layout::GreyAlpha] {
-                    let mut manner = Manner::plain(format, bits, TransferCurve::Srgb);
+                    let mut manner = Manner::plain(format, bits, Curve::Srgb);
                     manner.layout = layout;
                     let size = Size::new(20, 14);
                     manner.alpha = layout.has_alpha().then(|| Plane::from_fn(size, |x, _| x as f32 / 255.0));
@@ -174,7 +176,7 @@ mod tests {
     #[test]
     fn orientation_is_applied_once_and_the_tag_cleared() {
         for format in [Format::Jpeg, Format::Png] {
-            let mut manner = Manner::plain(format, 8, TransferCurve::Srgb);
+            let mut manner = Manner::plain(format, 8, Curve::Srgb);
             manner.exif = Some(exif_turned());
             let photo = back(&encode("p", &scene(Size::new(24, 16)), &manner, false).unwrap());
             assert_eq!(photo.manner.orientation, Orientation::Rotate90);
@@ -189,7 +191,7 @@ mod tests {
     fn a_profile_travels_byte_by_byte() {
         let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
         for format in [Format::Jpeg, Format::Png, Format::Tiff] {
-            let mut manner = Manner::plain(format, 8, TransferCurve::Srgb);
+            let mut manner = Manner::plain(format, 8, Curve::Srgb);
             manner.icc = Some(icc.clone());
             let photo = back(&encode("p", &scene(Size::new(24, 16)), &manner, false).unwrap());
             assert_eq!(photo.manner.icc.as_ref(), Some(&icc), "{format:?}");
@@ -199,9 +201,9 @@ mod tests {
 
     #[test]
     fn a_tiff_cut_anywhere_or_never_filled_is_refused() {
-        let manner = Manner::plain(Format::Tiff, 16, TransferCurve::Srgb);
+        let manner = Manner::plain(Format::Tiff, 16, Curve::Srgb);
         let whole = encode("p", &scene(Size::new(64, 48)), &manner, false).unwrap();
-        let read = |b: &[u8]| Photo::from_bytes("p.tif", b, TransferCurve::Srgb, &Limits::default());
+        let read = |b: &[u8]| Photo::from_bytes("p.tif", b, Curve::Srgb, &Limits::default());
         assert!(read(&whole).is_ok());
         for percent in 0..100 {
             let cut = &whole[..whole.len() * percent / 100];
@@ -215,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_preview_is_small_and_upright() {
-        let mut manner = Manner::plain(Format::Png, 16, TransferCurve::Srgb);
+        let mut manner = Manner::plain(Format::Png, 16, Curve::Srgb);
         manner.orientation = Orientation::Rotate270;
         let small = back(&preview("p", &scene(Size::new(200, 100)), &manner, false, 50).unwrap());
         assert_eq!((small.light.size(), small.manner.format), (Size::new(25, 50), Format::Jpeg));

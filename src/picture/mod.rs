@@ -32,6 +32,6 @@ pub use decode::{Layout, Limits};
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, PictureError};
 pub use kind::Format;
-pub use photo::{Manner, Photo};
-pub use tone::{Tone, TransferCurve};
+pub use photo::{Manner, Photo, embedded};
+pub use tone::Tone;
 pub use turn::Orientation;

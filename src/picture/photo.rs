@@ -5,11 +5,13 @@ use std::path::Path;
 
 use rustix::fs::{Mode, OFlags};
 
+use crate::frame::resample::resize;
 use crate::frame::{Channels, Frame, Plane, Size, Work};
 
 use super::decode::{Limits, Raster, decode};
 use super::kind::{Format, check_name};
-use super::{Flaw, Layout, Orientation, PictureError, Tone, TransferCurve, shape, turn};
+use super::{Flaw, Layout, Orientation, PictureError, Tone, shape, turn};
+use crate::config::Curve;
 
 /// How a picture is written: format, depth, curve, and what the photo carried.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +36,7 @@ pub struct Manner {
 
 impl Manner {
     /// A plain RGB file with nothing carried along.
-    pub fn plain(format: Format, bits: u8, curve: TransferCurve) -> Manner {
+    pub fn plain(format: Format, bits: u8, curve: Curve) -> Manner {
         Manner {
             format,
             layout: Layout::Rgb,
@@ -72,7 +74,7 @@ impl Photo {
     ///
     /// # Errors
     /// [`PictureError::Read`] when the file cannot be had, [`PictureError::Refused`] with its [`Flaw`].
-    pub fn read(path: &Path, curve: TransferCurve, limits: &Limits) -> Result<Photo, PictureError> {
+    pub fn read(path: &Path, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let bytes = read_bytes(path, &name, limits)?;
         Photo::from_bytes(&name, &bytes, curve, limits)
@@ -85,7 +87,7 @@ impl Photo {
     pub fn from_bytes(
         name: &str,
         bytes: &[u8],
-        curve: TransferCurve,
+        curve: Curve,
         limits: &Limits,
     ) -> Result<Photo, PictureError> {
         let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
@@ -94,7 +96,7 @@ impl Photo {
         Ok(Photo::of_raster(name, raster, curve))
     }
 
-    fn of_raster(name: &str, raster: Raster, curve: TransferCurve) -> Photo {
+    fn of_raster(name: &str, raster: Raster, curve: Curve) -> Photo {
         let Raster { format, size, layout, bits, samples, orientation, icc, mut exif, losses } = raster;
         let mut notes = losses;
         let tone = icc.as_deref().map(|icc| Tone::of_profile(icc, bits, layout.is_grey()));
@@ -164,10 +166,10 @@ impl Photo {
             });
         }
         self.light = Frame::from_fn(|channel| match self.channels.list().contains(&channel) {
-            true => shape::resample(self.light.plane(channel), allowed),
+            true => resize(self.light.plane(channel), allowed),
             false => Plane::zeros(allowed),
         });
-        self.manner.alpha = self.manner.alpha.as_ref().map(|alpha| shape::resample(alpha, allowed));
+        self.manner.alpha = self.manner.alpha.as_ref().map(|alpha| resize(alpha, allowed));
         self.notes.push(format!("the photo was resampled from {found} to the rig's {allowed}"));
         Ok(self)
     }
@@ -176,6 +178,22 @@ impl Photo {
     pub fn turned(&self) -> Option<u8> {
         Some(self.manner.orientation.to_exif()).filter(|&tag| tag != 1)
     }
+}
+
+/// The samples, as code values 0..255 with no curve undone, of a picture that is part of the program.
+///
+/// # Panics
+/// When `bytes` are no whole JPEG, PNG or TIFF, which a test of the embedded pictures rules out.
+pub fn embedded(bytes: &'static [u8]) -> [Plane; 3] {
+    let raster = decode(bytes, &Limits::default()).expect("pictures that are part of the program decode");
+    let step = raster.layout.samples();
+    let scale = if raster.bits == 8 { 1.0 } else { 1.0 / 257.0 };
+    [0, 1, 2].map(|channel| {
+        let at = if raster.layout.is_grey() { 0 } else { channel };
+        let codes =
+            raster.samples.iter().skip(at).step_by(step).map(|&code| f32::from(code) * scale).collect();
+        Plane::from_vec(raster.size, codes).unwrap_or_else(|| Plane::zeros(raster.size))
+    })
 }
 
 /// The bytes of a plain file no longer than the limit.
@@ -200,4 +218,21 @@ fn read_bytes(path: &Path, name: &str, limits: &Limits) -> Result<Vec<u8>, Pictu
     let mut bytes = Vec::with_capacity(about.len() as usize);
     file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pictures_that_are_part_of_the_program_decode() {
+        for bytes in [
+            &include_bytes!("../../tests/scenes/astronaut.png")[..],
+            include_bytes!("../../tests/scenes/coffee.png"),
+            include_bytes!("../../tests/scenes/rocket.jpg"),
+        ] {
+            let planes = embedded(bytes);
+            assert!(planes[0].size().area() > 100_000 && planes.iter().all(|p| p.mean() > 5.0));
+        }
+    }
 }

@@ -2,26 +2,16 @@
 
 use moxcms::{ColorProfile, DataColorSpace, ToneReprCurve};
 
+use crate::config::Curve;
 use crate::frame::{FULL_SCALE, Plane};
 
-/// The curve of photos that carry no ICC profile, stated by the rig file (`[photo] curve`).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TransferCurve {
-    /// IEC 61966-2-1.
-    Srgb,
-    /// Codes are proportional to light.
-    Linear,
-}
-
-impl TransferCurve {
-    /// Light 0..1 of a code 0..1.
-    fn light(self, code: f64) -> f64 {
-        match self {
-            TransferCurve::Linear => code,
-            // IEC 61966-2-1, equations 5 and 6.
-            TransferCurve::Srgb if code <= 0.040_45 => code / 12.92,
-            TransferCurve::Srgb => ((code + 0.055) / 1.055).powf(2.4),
-        }
+/// Light 0..1 of a code 0..1.
+fn light(curve: Curve, code: f64) -> f64 {
+    match curve {
+        Curve::Linear => code,
+        // IEC 61966-2-1, equations 5 and 6.
+        Curve::Srgb if code <= 0.040_45 => code / 12.92,
+        Curve::Srgb => ((code + 0.055) / 1.055).powf(2.4),
     }
 }
 
@@ -35,11 +25,11 @@ pub struct Tone {
 
 impl Tone {
     /// The same `curve` in all channels, for samples of `bits` (8 or 16).
-    pub fn of_curve(curve: TransferCurve, bits: u8) -> Tone {
-        let table = table(bits, |code| curve.light(code));
+    pub fn of_curve(curve: Curve, bits: u8) -> Tone {
+        let table = table(bits, |code| light(curve, code));
         let origin = match curve {
-            TransferCurve::Srgb => "sRGB",
-            TransferCurve::Linear => "linear",
+            Curve::Srgb => "sRGB",
+            Curve::Linear => "linear",
         };
         Tone { tables: [table.clone(), table.clone(), table], origin }
     }
@@ -120,7 +110,7 @@ mod tests {
     #[test]
     fn every_code_comes_back() {
         for bits in [8u8, 16] {
-            for curve in [TransferCurve::Srgb, TransferCurve::Linear] {
+            for curve in [Curve::Srgb, Curve::Linear] {
                 let tone = Tone::of_curve(curve, bits);
                 let top = if bits == 8 { 255 } else { 65535u16 };
                 for code in 0..=top {
@@ -132,7 +122,7 @@ mod tests {
 
     #[test]
     fn srgb_is_the_standards_curve() {
-        let tone = Tone::of_curve(TransferCurve::Srgb, 8);
+        let tone = Tone::of_curve(Curve::Srgb, 8);
         // IEC 61966-2-1: code 128 is 21.586 % light.
         assert!((tone.light(0, 128) / FULL_SCALE - 0.215_861).abs() < 1e-5);
         assert_eq!((tone.light(0, 0), tone.light(0, 255)), (0.0, FULL_SCALE));
@@ -140,7 +130,7 @@ mod tests {
 
     #[test]
     fn light_out_of_range_is_clipped() {
-        let tone = Tone::of_curve(TransferCurve::Srgb, 8);
+        let tone = Tone::of_curve(Curve::Srgb, 8);
         assert_eq!((tone.code(0, -3.0), tone.code(0, 300.0)), (0, 255));
     }
 
