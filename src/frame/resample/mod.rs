@@ -51,23 +51,40 @@ fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32, outside: Out
     if !(x.is_finite() && y.is_finite()) || width == 0 || height == 0 {
         return 0.0;
     }
-    // Far outside all taps are outside; clamping keeps the arithmetic small.
-    let (x, y) = (x.clamp(-4.0, width as f32 + 3.0), y.clamp(-4.0, height as f32 + 3.0));
-    let (left, top) = (x.floor(), y.floor());
-    let (wx, wy) = (weights(cubics, x - left), weights(cubics, y - top));
+    let (columns, wx) = border_taps(cubics, width, x, outside);
+    let (rows, wy) = border_taps(cubics, height, y, outside);
     let mut total = 0.0;
-    for (j, &weight_y) in wy.iter().enumerate() {
-        let row = top as isize - 1 + j as isize;
-        for (i, &weight_x) in wx.iter().enumerate() {
-            let column = left as isize - 1 + i as isize;
-            let inside = (0..width).contains(&column) && (0..height).contains(&row);
-            if inside || outside == Outside::Edge {
-                let (column, row) = (column.clamp(0, width - 1), row.clamp(0, height - 1));
-                total += weight_y * weight_x * plane.at(column as usize, row as usize);
-            }
-        }
+    for (&row, &weight) in rows.iter().zip(&wy) {
+        let row = plane.row(row);
+        total += weight * columns.iter().zip(&wx).map(|(&column, w)| w * row[column]).sum::<f32>();
     }
     total
+}
+
+/// The four taps around `place` along a side of `length` pixels, and their weights.
+#[inline(always)]
+fn border_taps(
+    cubics: &[[f32; 4]; 4],
+    length: isize,
+    place: f32,
+    outside: Outside,
+) -> ([usize; 4], [f32; 4]) {
+    // Far outside all taps are outside; clamping keeps the arithmetic small.
+    let place = place.clamp(-4.0, length as f32 + 3.0);
+    // Counted from −5, so that cutting off the fraction is rounding down: `floor` is a library call on
+    // baseline x86-64.
+    let first = (place + 5.0) as isize - 6;
+    let mut weights = weights(cubics, place - (first + 1) as f32);
+    let mut taps = [0; 4];
+    for (j, tap) in taps.iter_mut().enumerate() {
+        let wanted = first + j as isize;
+        let inside = wanted.clamp(0, length - 1);
+        if wanted != inside && outside == Outside::Zero {
+            weights[j] = 0.0;
+        }
+        *tap = inside as usize;
+    }
+    (taps, weights)
 }
 
 /// `out`(i, j) = `source` at column `map_x`(i, j), row `map_y`(i, j), as [`sample`] gives it.
@@ -154,20 +171,26 @@ fn taps(places: &[f32; AT_A_TIME]) -> ([u32; AT_A_TIME], [[f32; AT_A_TIME]; 4]) 
 #[inline(always)]
 fn inner(data: &[f32], width: usize, x: &[f32; AT_A_TIME], y: &[f32; AT_A_TIME]) -> [f32; AT_A_TIME] {
     let ((columns, wx), (rows, wy)) = (taps(x), taps(y));
-    let mut sums = [[0.0f32; 4]; AT_A_TIME];
+    let mut by_place = [[0.0; 4]; AT_A_TIME];
     for i in 0..AT_A_TIME {
-        let start = rows[i] as usize * width + columns[i] as usize;
-        for j in 0..4 {
-            let row = &data[start + j * width..][..4];
-            for (sum, value) in sums[i].iter_mut().zip(row) {
-                *sum += wy[j][i] * value;
-            }
+        for c in 0..4 {
+            by_place[i][c] = wx[c][i];
         }
     }
+    let wx = by_place;
     let mut values = [0.0; AT_A_TIME];
     for i in 0..AT_A_TIME {
-        values[i] =
-            (sums[i][0] * wx[0][i] + sums[i][1] * wx[1][i]) + (sums[i][2] * wx[2][i] + sums[i][3] * wx[3][i]);
+        let start = rows[i] as usize * width + columns[i] as usize;
+        let mut sums = [[0.0f32; 4]; 2];
+        for (j, sum) in sums.iter_mut().enumerate() {
+            let upper = &data[start + 2 * j * width..][..4];
+            let lower = &data[start + (2 * j + 1) * width..][..4];
+            for c in 0..4 {
+                sum[c] = (wy[2 * j][i] * upper[c] + wy[2 * j + 1][i] * lower[c]) * wx[i][c];
+            }
+        }
+        let [p, q] = sums;
+        values[i] = ((p[0] + q[0]) + (p[1] + q[1])) + ((p[2] + q[2]) + (p[3] + q[3]));
     }
     values
 }
