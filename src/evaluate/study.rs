@@ -5,10 +5,10 @@
 //! the score and nothing else.
 
 use super::scenes::Scene;
-use super::stand::{Stand, StandError};
+use super::stand::{Score, Stand, StandError};
 use super::table::Table;
 use crate::config::{self, Kind};
-use crate::restore::method::{Method, Solution};
+use crate::restore::method::Method;
 
 /// What is changed against `study.toml`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,31 +53,6 @@ impl Condition {
     }
 }
 
-/// One method on one scene.
-#[derive(Debug, Clone)]
-pub struct Score {
-    /// The scene.
-    pub scene: Scene,
-    /// The method, with what sets it apart from the rig file's settings.
-    pub method: String,
-    /// Captures of this photo.
-    pub captures: usize,
-    /// Seconds on the rig's clock for those captures.
-    pub capture_seconds: f64,
-    /// Seconds of computing, captures not counted.
-    pub computing_seconds: f64,
-    /// SSIM against the scene.
-    pub ssim: f64,
-    /// PSNR against the scene, dB.
-    pub psnr_db: f64,
-    /// SSIM of the untouched photo.
-    pub blurred_ssim: f64,
-    /// PSNR of the untouched photo, dB.
-    pub blurred_psnr_db: f64,
-    /// What the method returned.
-    pub solution: Solution,
-}
-
 /// The study's rig under one condition, calibrated.
 pub struct Study {
     /// The condition.
@@ -94,9 +69,9 @@ impl Study {
         Ok(Study { condition, stand: Stand::open(condition.apply(rig))? })
     }
 
-    /// The rig file as changed.
-    pub fn rig(&self) -> &config::Rig {
-        self.stand.rig()
+    /// The rig, calibrated under the condition.
+    pub fn stand(&mut self) -> &mut Stand {
+        &mut self.stand
     }
 
     /// `method` on the grey `scene`, scored.
@@ -104,8 +79,7 @@ impl Study {
     /// # Errors
     /// When the method fails.
     pub fn score(&mut self, scene: Scene, name: &str, method: &dyn Method) -> Result<Score, StandError> {
-        let truth = scene.grey(self.stand.rig().photo.size());
-        self.stand.score_green(scene, &truth, name, method)
+        self.stand.score_grey(scene, name, method)
     }
 }
 
@@ -116,12 +90,12 @@ pub fn table(condition: Condition, scores: &[Score]) -> Table {
         &["scene", "method", "captures", "SSIM", "PSNR dB", "gain SSIM", "gain dB", "certificate", "computing s"],
     );
     for s in scores {
-        let certificate = s.solution.certificate.ratio().map_or("–".to_owned(), |r| format!("{r:.2}"));
+        let certificate = s.restored.solution.certificate.ratio().map_or("–".to_owned(), |r| format!("{r:.2}"));
         let harm = if s.ssim < s.blurred_ssim { " (below the blurred photo)" } else { "" };
         table.row(vec![
             s.scene.name().to_owned(),
             s.method.clone(),
-            s.captures.to_string(),
+            s.restored.captures.to_string(),
             format!("{:.4}", s.ssim),
             format!("{:.2}", s.psnr_db),
             format!("{:+.4}{harm}", s.ssim - s.blurred_ssim),

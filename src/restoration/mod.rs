@@ -24,7 +24,7 @@ use crate::restore::forward_convolution::ForwardConvolution;
 use crate::remedy::{Remediable, Remedy};
 use crate::restore::lens_model::{LensModel, LensModelError};
 use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
-use crate::rig::Rig;
+use crate::rig::exposure::Rig;
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255; the
 /// code below it is kept as data).
@@ -51,6 +51,8 @@ pub struct Restored {
     pub captures: usize,
     /// Seconds of those captures on the rig's clock.
     pub capture_seconds: f64,
+    /// Seconds on the stopwatch spent waiting for captures (and, on a simulated rig, computing them).
+    pub waited_seconds: f64,
     /// The photo's noise per channel as measured, grey levels.
     pub photo_noise: [f32; 3],
 }
@@ -63,7 +65,7 @@ impl Bench {
     pub fn new(rig: &config::Rig, calibration: &Calibration) -> Result<Self, BenchError> {
         let layout = layout(rig);
         Ok(Bench {
-            model: LensModel::new(layout.photo, layout.margin_px, &calibration.lens)?,
+            model: LensModel::new(layout.photo, layout.margin_px, &calibration.functions)?,
             photo_side: PhotoSide::new(calibration, &layout),
             norm_squared: calibration.norm_squared,
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
@@ -84,7 +86,7 @@ impl Bench {
 
     /// B on its canvas and what each of its pixels is worth.
     pub fn prepare(&self, photo: &Frame<Work>) -> (Frame<Work>, Frame<Work, u8>) {
-        let (canvas, rect) = data_term::canvas_of(photo.size(), self.model.margin_px());
+        let (canvas, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
         let mut flat = photo.clone();
         self.photo_side.undo_dark_corner(&mut flat);
         let trust = Frame::from_fn(|c| {
@@ -122,11 +124,11 @@ impl Bench {
         stopwatch: &(dyn Fn() -> f64 + Sync),
         watch: &mut Watch<'_>,
     ) -> Result<Restored, MethodError> {
-        let mut path = LightPath::new(rig, &self.correction);
+        let mut path = LightPath::new(rig, &self.correction, stopwatch);
         let (captures, seconds) = (path.captures(), path.seconds());
         let (placed, trust) = self.prepare(photo);
         let photo_noise = Channel::ALL.map(|c| data_term::noise_of(photo.plane(c)));
-        let (_, rect) = data_term::canvas_of(photo.size(), self.model.margin_px());
+        let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
         let problem = Problem {
             photo: &placed,
             trust: &trust,
@@ -144,6 +146,7 @@ impl Bench {
             picture,
             captures: path.captures() - captures,
             capture_seconds: path.seconds() - seconds,
+            waited_seconds: path.waited_seconds(),
             photo_noise,
             solution,
         })
