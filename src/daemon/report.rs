@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
@@ -113,6 +114,17 @@ impl Report {
             before: about.before,
             after: about.after,
         }
+    }
+
+    /// The report of a photo restored outside a drop folder, with its result in `out`.
+    pub fn single(rig: &str, photo: &Photo, restored: &Restored, out: &Path) -> Report {
+        let result = out.file_name().unwrap_or(out.as_os_str());
+        let (before, after) = (String::new(), String::new());
+        Report::new(
+            photo,
+            restored,
+            Circumstances { rig, result, before, after, bytes: &[], finished_unix_s: 0 },
+        )
     }
 
     /// One line for the log.

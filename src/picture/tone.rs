@@ -3,7 +3,7 @@
 use moxcms::{ColorProfile, DataColorSpace, ToneReprCurve};
 
 use crate::config::Curve;
-use crate::frame::{FULL_SCALE, Plane};
+use crate::frame::{Channel, FULL_SCALE, Plane};
 
 /// Light 0..1 of a code 0..1.
 fn light(curve: Curve, code: f64) -> f64 {
@@ -83,6 +83,17 @@ impl Tone {
         let Some(&top) = table.get(above) else { return (table.len() - 1) as u16 };
         let share = (light - table[below]) / (top - table[below]);
         (if share >= 0.5 { above } else { below }) as u16
+    }
+
+    /// The light of a plane of 8-bit codes.
+    pub fn plane(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
+        codes.map(|code| self.light(channel.index(), u16::from(code)))
+    }
+
+    /// The display values, 0..255, of a plane of linear light: its codes, rounded as a file's are.
+    pub fn display(&self, channel: Channel, light: &Plane) -> Plane {
+        let scale = 255.0 / (self.tables[channel.index()].len() - 1) as f32;
+        light.map(|v| f32::from(self.code(channel.index(), v)) * scale)
     }
 
     /// The codes of a plane of linear light.
