@@ -52,7 +52,7 @@ impl Scene {
             let chart = chart(size);
             return Frame::from_fn(|_| chart.clone());
         };
-        let planes = picture::embedded_codes(file);
+        let planes = picture::embedded(file);
         Frame::from_planes(planes.map(|plane| resize(&plane.crop(centred(plane.size(), size)), size)))
     }
 

@@ -75,7 +75,7 @@ impl Stand {
     pub fn photograph(&self, scene: Scene, light: &Frame<Work>) -> Frame<Work> {
         let codes = self.witness.photograph(light, PHOTO_SEED + scene as u64);
         let tone = Tone::of_curve(self.config.photo.curve, 8);
-        Frame::from_fn(|c| codes.plane(c).map(|code: u8| tone.light(c.index(), f32::from(code))))
+        Frame::from_fn(|c| tone.plane(c, codes.plane(c)))
     }
 
     /// `method` on the grey `scene` in the green channel alone, scored in light as the study did.
@@ -122,17 +122,14 @@ impl Stand {
     pub fn score_colour(&mut self, scene: Scene, name: &str, method: &dyn Method) -> Result<Score, StandError> {
         let tone = Tone::of_curve(self.config.photo.curve, 8);
         let codes = scene.codes(self.config.photo.size());
-        let light = Frame::from_fn(|c| codes.plane(c).map(|v: f32| tone.light(c.index(), v.clamp(0.0, 255.0))));
+        let light =
+            Frame::from_fn(|c| tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8)));
         let photo = self.photograph(scene, &light);
         let (restored, computing_seconds) = self.run(&photo, Channels::Colour, method, &mut |_, _| {})?;
         let luminance = |frame: &Frame<Work>| {
             let mut sum = Plane::zeros(frame.size());
             for (c, weight) in Channel::ALL.into_iter().zip(LUMINANCE) {
-                let codes = tone.codes(c.index(), frame.plane(c));
-                let plane = Plane::from_vec(frame.size(), codes.into_iter().map(f32::from).collect());
-                if let Some(plane) = plane {
-                    sum.add_scaled(weight, &plane);
-                }
+                sum.add_scaled(weight, &tone.display(c, frame.plane(c)));
             }
             sum
         };
