@@ -20,6 +20,7 @@ pub mod geometric;
 pub mod lens_blur;
 pub mod noise;
 pub mod photo_side;
+pub mod response;
 pub mod store;
 pub mod surface;
 

@@ -7,7 +7,7 @@
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError};
 use super::table::Table;
-use crate::config::{self, Kind};
+use crate::config::{self, Glare, Kind, Lens};
 use crate::restore::method::Method;
 
 /// What is changed against `study.toml`.
@@ -43,8 +43,8 @@ impl Condition {
             match self {
                 Condition::NoNoise => simulation.sensor.read_noise_levels = 0.0,
                 Condition::Glare(share) => {
-                    simulation.lens.glare_share = share.into();
-                    simulation.lens.glare_radius_px = 60.0;
+                    let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
+                    *glare = Glare { share, radius_px: 60.0 };
                 }
                 Condition::AsFiled | Condition::OneFunction => {}
             }
