@@ -198,6 +198,21 @@ pub fn corners(
         .collect())
 }
 
+/// How many corners of such a board lie in the sensor's view, by a first guess, a window's width from its
+/// border.
+pub fn in_view(sensor: Size, panel: Size, square_px: usize, near: &Affine) -> usize {
+    let square = square_px.max(1) as f64;
+    let rim = square * near.magnification();
+    let inside = |v: f64, side: usize| v >= rim && v + rim < side as f64;
+    (1..(panel.width / square_px.max(1)))
+        .flat_map(|a| (1..(panel.height / square_px.max(1))).map(move |b| (a, b)))
+        .filter(|&(a, b)| {
+            let (x, y) = near.at(a as f64 * square - 0.5, b as f64 * square - 0.5);
+            inside(x, sensor.width) && inside(y, sensor.height)
+        })
+        .count()
+}
+
 /// +1 for corners with a full square right of and below them, −1 for the others.
 fn parity(a: i64, b: i64) -> f64 {
     if (a + b).rem_euclid(2) == 0 { 1.0 } else { -1.0 }

@@ -23,7 +23,7 @@ impl Diffusion {
         let mut ahead = 0.0f32;
         for (x, (&wanted, code)) in wanted.iter().zip(codes).enumerate() {
             let with_error = wanted + ahead + self.from_above[x + 1];
-            let whole = (with_error + 0.5).max(0.0).min(255.5) as i32;
+            let whole = (with_error + 0.5).clamp(0.0, 255.5) as i32;
             *code = whole as u8;
             let error = with_error - whole as f32;
             ahead = error * (7.0 / 16.0);

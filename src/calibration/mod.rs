@@ -17,7 +17,10 @@ pub mod curve;
 pub mod dark_corner;
 pub mod dither;
 pub mod geometric;
+pub mod lens_blur;
 pub mod noise;
+pub mod response;
+pub mod store;
 pub mod surface;
 
 use serde::{Deserialize, Serialize};
@@ -67,3 +70,28 @@ pub struct Calibration {
     /// Captures the calibration took.
     pub captures: u32,
 }
+
+impl Calibration {
+    /// Whether all parts are whole and fit together, in words when not.
+    fn check(&self) -> Result<(), String> {
+        let surfaces =
+            self.dark_corner.iter().chain(&self.black).chain(self.geometry.iter().flat_map(|g| {
+                [&g.work_to_panel.x, &g.work_to_panel.y, &g.panel_to_work.x, &g.panel_to_work.y]
+            }));
+        if surfaces.into_iter().any(|s| !s.is_whole()) {
+            return Err(
+                "a surface has the wrong number of coefficients, or one that is not finite".to_owned()
+            );
+        }
+        if self.counts_per_level.iter().any(|c| !c.is_finite() || *c <= 0.0) {
+            return Err(format!(
+                "counts per level of {:?}; positive numbers are allowed",
+                self.counts_per_level
+            ));
+        }
+        self.functions.check().map_err(|e| e.to_string())
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod example;

@@ -185,7 +185,7 @@ impl Surface {
 }
 
 /// The knot interval of `at`, the place in it (0..1), and how many intervals `at` lies beyond the ends.
-fn place(at: f64, first: f64, last: f64, intervals: usize) -> (usize, f64, f64) {
+pub(super) fn place(at: f64, first: f64, last: f64, intervals: usize) -> (usize, f64, f64) {
     let u = (at - first) / (last - first) * intervals as f64;
     let inside = u.clamp(0.0, intervals as f64);
     let segment = (inside as usize).min(intervals - 1);
@@ -193,7 +193,7 @@ fn place(at: f64, first: f64, last: f64, intervals: usize) -> (usize, f64, f64) 
 }
 
 /// The four uniform cubic B-splines that do not vanish, at place `t` in 0..1.
-fn basis(t: f64) -> [f64; 4] {
+pub(super) fn basis(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
     [
         s * s * s / 6.0,

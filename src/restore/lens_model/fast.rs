@@ -144,20 +144,21 @@ impl<'a> Cell<'a> {
 /// Up to eight pixels from the head of `row`, black after `columns`.
 #[inline(always)]
 fn lanes(row: &[f32], columns: usize) -> Lanes {
-    let mut lanes = Lanes::default();
-    if columns == LANES {
-        lanes.0.copy_from_slice(&row[..LANES]);
-    } else {
-        lanes.0[..columns].copy_from_slice(&row[..columns]);
+    if columns == LANES
+        && let Some(pixels) = row.first_chunk()
+    {
+        return Lanes(*pixels);
     }
+    let mut lanes = Lanes::default();
+    lanes.0[..columns].copy_from_slice(&row[..columns]);
     lanes
 }
 
 /// Eight pixels of `row` from `left`, black outside.
 #[inline(always)]
 pub(super) fn lanes_at(row: &[f32], left: isize) -> Lanes {
-    if left >= 0 && left as usize + LANES <= row.len() {
-        return lanes(&row[left as usize..], LANES);
+    if let Some(pixels) = usize::try_from(left).ok().and_then(|left| row.get(left..)?.first_chunk()) {
+        return Lanes(*pixels);
     }
     let mut lanes = Lanes::default();
     for (i, lane) in lanes.0.iter_mut().enumerate() {
@@ -172,11 +173,10 @@ pub(super) fn lanes_at(row: &[f32], left: isize) -> Lanes {
 /// Adds eight pixels to `row` from `left`, none outside.
 #[inline(always)]
 fn add_at(row: &mut [f32], left: isize, lanes: Lanes) {
-    if left >= 0 && left as usize + LANES <= row.len() {
-        let row = &mut row[left as usize..left as usize + LANES];
-        for (pixel, lane) in row.iter_mut().zip(&lanes.0) {
-            *pixel += lane;
-        }
+    if left >= 0
+        && let Some(pixels) = row.get_mut(left as usize..).and_then(|row| row.first_chunk_mut())
+    {
+        *pixels = (Lanes(*pixels) + lanes).0;
         return;
     }
     for (i, lane) in lanes.0.iter().enumerate() {

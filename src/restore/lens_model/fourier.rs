@@ -78,17 +78,16 @@ impl Pass {
     fn run<const RADIX: usize, const INVERSE: bool>(&self, from: &[Complex], to: &mut [Complex]) {
         let (groups, stride) = (self.groups, self.stride);
         let apart = groups * stride;
-        let inputs: [&[Complex]; RADIX] = std::array::from_fn(|j| &from[j * apart..][..apart]);
+        let from = &from[..RADIX * apart];
         for (p, out) in to.chunks_exact_mut(RADIX * stride).enumerate() {
             let mut factors = [[1.0, 0.0]; RADIX];
             for (factor, w) in factors[1..].iter_mut().zip(&self.factors[p * (RADIX - 1)..]) {
                 *factor = if INVERSE { [w[0], -w[1]] } else { *w };
             }
-            let lines: [&[Complex]; RADIX] = std::array::from_fn(|j| &inputs[j][p * stride..][..stride]);
             for q in 0..stride {
                 let mut values = [Complex::default(); RADIX];
-                for j in 0..RADIX {
-                    values[j] = lines[j][q];
+                for (j, value) in values.iter_mut().enumerate() {
+                    *value = from[p * stride + q + j * apart];
                 }
                 butterfly::<RADIX, INVERSE>(&mut values);
                 out[q] = values[0];
