@@ -5,6 +5,7 @@ use std::path::Path;
 use relens::config::{Method, Rig};
 use relens::daemon::Restorer;
 use relens::frame::{Frame, Work};
+use relens::rig::simulated;
 
 use super::Trouble;
 
@@ -27,8 +28,14 @@ pub(super) fn restorer(
 ///
 /// # Errors
 /// When the rig is not simulated or cannot be opened.
-pub(super) fn photograph(_rig: &Rig, _scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work, u8>>, Trouble> {
-    Err(Trouble::NotYet("photographing"))
+pub(super) fn photograph(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work, u8>>, Trouble> {
+    let Some(simulation) = rig.simulation() else {
+        let rig = &rig.name;
+        return Err(Trouble::Usage(format!("found the rig {rig}, made of devices, allowed simulated rigs")));
+    };
+    let (_, witness) = simulated::open(rig).map_err(|e| Trouble::of(&e))?;
+    let seeds = simulation.seed..;
+    Ok(scenes.iter().zip(seeds).map(|(scene, seed)| witness.photograph(scene, seed)).collect())
 }
 
 /// `relens calibrate`.
