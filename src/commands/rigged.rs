@@ -2,11 +2,13 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use relens::calibrate;
-use relens::calibration::{Calibration, store};
+use relens::calibration::store;
 use relens::config::{Method, Rig};
 use relens::daemon::Restorer;
+use relens::daemon::on_rig::{self, OnRig};
 use relens::frame::{Frame, Work};
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
@@ -14,17 +16,32 @@ use relens::rig::simulated;
 use super::{Trouble, say};
 
 /// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig that has none
-/// is calibrated first, which `say` is told.
+/// is calibrated first, which `tell` is told.
 ///
 /// # Errors
 /// When the rig cannot be opened, or has no valid calibration and is not simulated.
 pub(super) fn restorer(
-    _rig: &Rig,
-    _folder: &Path,
-    _method: Option<Method>,
-    _say: &mut dyn FnMut(&str),
+    rig: &Rig,
+    folder: &Path,
+    method: Option<Method>,
+    tell: &mut dyn FnMut(&str),
 ) -> Result<Box<dyn Restorer>, Trouble> {
-    Err(Trouble::NotYet("restoring"))
+    let mut devices = open(rig)?;
+    let slots = slots(folder);
+    std::fs::create_dir_all(&slots).map_err(|e| Trouble::writing(&slots, &e))?;
+    if let Err(error) = store::load(&slots, rig.identity) {
+        if rig.simulation().is_none() {
+            return Err(Trouble::of(&error));
+        }
+        tell(&format!("calibrating the simulated rig {} ({error})", rig.name));
+        let measured = on_rig::measure(rig, &mut devices, &slots, calibrating);
+        wipe_line();
+        measured?;
+    }
+    let begun = Instant::now();
+    let stopwatch = Box::new(move || begun.elapsed().as_secs_f64());
+    let method = method.unwrap_or(rig.restore.method);
+    Ok(Box::new(OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?))
 }
 
 /// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the
@@ -48,11 +65,15 @@ pub(super) fn photograph(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<
 /// When the rig cannot be opened or is not fit to be calibrated; what was kept before then stays.
 pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
     let mut devices = open(rig)?;
-    let calibration = measure(rig, &mut devices, folder)?;
+    let kept = slots(folder);
+    std::fs::create_dir_all(&kept).map_err(|e| Trouble::writing(&kept, &e))?;
+    let measured = on_rig::measure(rig, &mut devices, &kept, calibrating);
+    wipe_line();
+    let calibration = measured?;
     let [red, green, blue] = calibration.operator_error;
     say(&format!(
         "kept in {}, generation {}: {} captures; operator error {red:.2}, {green:.2}, {blue:.2} grey levels in red, green, blue",
-        slots(folder).display(),
+        kept.display(),
         calibration.generation,
         calibration.captures,
     ))
@@ -71,24 +92,18 @@ fn slots(folder: &Path) -> PathBuf {
     folder.join("calibration")
 }
 
-/// Calibrates and keeps the result.
-fn measure(rig: &Rig, devices: &mut Devices, folder: &Path) -> Result<Calibration, Trouble> {
-    let slots = slots(folder);
-    std::fs::create_dir_all(&slots).map_err(|e| Trouble::writing(&slots, &e))?;
-    let previous = store::load(&slots, rig.identity).ok();
-    let terminal = std::io::stderr().is_terminal();
-    let measured = calibrate::calibrate(devices, rig, previous.as_ref(), &mut |progress| {
-        if terminal {
-            let calibrate::Progress { step, captures, total } = progress;
-            let _ = write!(std::io::stderr(), "\r\x1b[2Kcalibrating: {step}, capture {captures} of {total}");
-        }
-    });
-    if terminal {
+/// The progress line of a calibration, on a terminal.
+fn calibrating(progress: calibrate::Progress) {
+    if std::io::stderr().is_terminal() {
+        let calibrate::Progress { step, captures, total } = progress;
+        let _ = write!(std::io::stderr(), "\r\x1b[2Kcalibrating: {step}, capture {captures} of {total}");
+    }
+}
+
+fn wipe_line() {
+    if std::io::stderr().is_terminal() {
         let _ = write!(std::io::stderr(), "\r\x1b[2K");
     }
-    let measured = measured.map_err(|e| Trouble::of(&e))?;
-    store::save(&slots, &measured).map_err(|e| Trouble::of(&e))?;
-    Ok(measured)
 }
 
 /// `relens chart`.
