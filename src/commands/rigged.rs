@@ -6,10 +6,12 @@ use std::time::Instant;
 
 use relens::calibrate;
 use relens::calibration::store;
-use relens::config::{Method, Rig};
+use relens::config::{Curve, Method, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
+use relens::evaluate;
 use relens::frame::{Frame, Work};
+use relens::picture::{Format, Layout, Manner, encode};
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
 
@@ -110,8 +112,36 @@ fn wipe_line() {
 ///
 /// # Errors
 /// When the rig cannot be opened, or the tables cannot be written.
-pub(super) fn chart(_rig: &Rig, _out: &Path, _quick: bool) -> Result<(), Trouble> {
-    Err(Trouble::NotYet("`relens chart`"))
+pub(super) fn chart(rig: &Rig, out: &Path, quick: bool) -> Result<(), Trouble> {
+    if rig.simulation().is_none() {
+        return Err(Trouble::NotYet("charting a rig of devices"));
+    }
+    std::fs::create_dir_all(out).map_err(|e| Trouble::writing(out, &e))?;
+    let made = evaluate::chart::chart(rig, quick, &mut |score| {
+        log::info!(
+            "{} {}: SSIM {:.4}, PSNR {:.2} dB",
+            score.scene.name(),
+            score.method,
+            score.ssim,
+            score.psnr_db
+        );
+    })
+    .map_err(|e| Trouble::of(&e))?;
+    let write = |name: String, bytes: &[u8]| {
+        let path = out.join(name);
+        std::fs::write(&path, bytes).map_err(|e| Trouble::writing(&path, &e))
+    };
+    for (name, table) in &made.tables {
+        write(format!("{name}.md"), table.markdown().as_bytes())?;
+        write(format!("{name}.csv"), table.csv().as_bytes())?;
+        say(&table.markdown())?;
+    }
+    let manner = Manner { layout: Layout::Grey, ..Manner::plain(Format::Png, 8, Curve::Linear) };
+    for (name, plane) in &made.pictures {
+        let picture: Frame<Work> = Frame::from_fn(|_| plane.clone());
+        write(format!("{name}.png"), &encode(name, &picture, &manner, true).map_err(|e| Trouble::of(&e))?)?;
+    }
+    say(&format!("written to {}", out.display()))
 }
 
 /// `relens check`.

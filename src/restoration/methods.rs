@@ -23,7 +23,7 @@ const RICHARDSON_LUCY_STEPS: u32 = 20;
 /// Noise-to-signal power of the Wiener filter at one grey level: the study's best.
 const WIENER_NOISE_TO_SIGNAL: f32 = 0.01;
 /// Share of the solve's steps that each correction takes; it starts from the solution.
-const CORRECTION_SHARE: f32 = 1.0 / 3.0;
+const CORRECTION_SHARE: f32 = 0.4;
 /// Shrinkage of the measured defect, in standard deviations of its noise. Measured 2026-11-21, see
 /// `tests/tables/study.md`.
 const DEFECT_THRESHOLD: f32 = 2.0;
@@ -32,38 +32,65 @@ const DEFECT_FLOOR: f32 = 0.25;
 
 /// The method `which` with the parameters of `rig`.
 pub fn method(rig: &Rig, which: config::Method) -> Box<dyn Method + Send + Sync> {
-    let restore = &rig.restore;
-    let strength = Strength { at_one_grey_level: restore.shrinkage_at_one_grey_level };
-    let patches = PatchShape { patch_px: rig.paper.patch_px, margin_px: rig.paper.margin_px };
-    let (levels, cycle_spun) = (restore.levels, restore.cycle_spun);
-    let digital = Digital { steps: restore.steps as u32, strength, levels, cycle_spun };
+    let (levels, cycle_spun) = (rig.restore.levels, rig.restore.cycle_spun);
+    let strength = strength(rig);
     match which {
-        config::Method::Paper => Box::new(Paper {
-            iterations: rig.paper.iterations as u32,
-            tau: rig.paper.tau,
-            lambda: rig.paper.lambda,
-            backward: Backward::Light(patches),
-            levels,
-        }),
+        config::Method::Paper => Box::new(paper(rig)),
         config::Method::Residual => Box::new(Residual {
             iterations: RESIDUAL_ITERATIONS,
             strength: Strength { at_one_grey_level: RESIDUAL_STRENGTH_FACTOR * strength.at_one_grey_level },
-            patches,
+            patches: patches(rig),
             levels,
             cycle_spun,
         }),
         config::Method::Unmatched => {
             Box::new(Unmatched { iterations: UNMATCHED_ITERATIONS, strength, levels, cycle_spun })
         }
-        config::Method::Hybrid => Box::new(Hybrid {
-            digital,
-            correction_steps: (CORRECTION_SHARE * digital.steps as f32).ceil() as u32,
-            captures_max: 1 + restore.corrections_max as u32,
-            defect_threshold: DEFECT_THRESHOLD,
-            defect_floor: DEFECT_FLOOR,
-        }),
-        config::Method::Digital => Box::new(digital),
+        config::Method::Hybrid => Box::new(hybrid(rig)),
+        config::Method::Digital => Box::new(digital(rig)),
         config::Method::Wiener => Box::new(Wiener { noise_to_signal: WIENER_NOISE_TO_SIGNAL }),
         config::Method::RichardsonLucy => Box::new(RichardsonLucy { steps: RICHARDSON_LUCY_STEPS }),
     }
+}
+
+/// The paper's loop with the parameters of `rig`.
+pub fn paper(rig: &Rig) -> Paper {
+    Paper {
+        iterations: rig.paper.iterations as u32,
+        tau: rig.paper.tau,
+        lambda: rig.paper.lambda,
+        backward: Backward::Light(patches(rig)),
+        levels: rig.restore.levels,
+    }
+}
+
+/// `digital` with the parameters of `rig`.
+pub fn digital(rig: &Rig) -> Digital {
+    let restore = &rig.restore;
+    Digital {
+        steps: restore.steps as u32,
+        strength: strength(rig),
+        levels: restore.levels,
+        cycle_spun: restore.cycle_spun,
+    }
+}
+
+/// `hybrid` with the parameters of `rig`.
+pub fn hybrid(rig: &Rig) -> Hybrid {
+    let digital = digital(rig);
+    Hybrid {
+        digital,
+        correction_steps: (CORRECTION_SHARE * digital.steps as f32).ceil() as u32,
+        captures_max: 1 + rig.restore.corrections_max as u32,
+        defect_threshold: DEFECT_THRESHOLD,
+        defect_floor: DEFECT_FLOOR,
+    }
+}
+
+fn strength(rig: &Rig) -> Strength {
+    Strength { at_one_grey_level: rig.restore.shrinkage_at_one_grey_level }
+}
+
+fn patches(rig: &Rig) -> PatchShape {
+    PatchShape { patch_px: rig.paper.patch_px, margin_px: rig.paper.margin_px }
 }

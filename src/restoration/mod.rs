@@ -11,7 +11,7 @@
 
 mod methods;
 
-pub use methods::method;
+pub use methods::{digital, hybrid, method, paper};
 
 use crate::calibration::Calibration;
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
@@ -19,9 +19,9 @@ use crate::calibration::photo_side::PhotoSide;
 use crate::config;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
 use crate::light_path::LightPath;
+use crate::remedy::{Remediable, Remedy};
 use crate::restore::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::restore::forward_convolution::ForwardConvolution;
-use crate::remedy::{Remediable, Remedy};
 use crate::restore::lens_model::{LensModel, LensModelError};
 use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
 use crate::rig::exposure::Rig;

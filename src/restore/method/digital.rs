@@ -22,7 +22,8 @@ use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::lens_model::LensModel;
 use crate::restore::wavelet_shrinkage::{Prior, Shrinkage, ShrinkageScratch};
 
-/// Last steps of a solve, in which the shrinkage is averaged over [`SETTLING_SHIFTS`].
+/// Last steps of a solve, at most half of them, in which the shrinkage is averaged over
+/// [`SETTLING_SHIFTS`].
 pub const SETTLING_STEPS: u32 = 10;
 /// Shifts over which the last steps' shrinkage is averaged.
 pub const SETTLING_SHIFTS: usize = 8;
@@ -68,6 +69,7 @@ impl Digital {
         let mut stepped = task.start.clone();
         let mut momentum = Momentum::new(task.start);
         let threshold = self.strength.threshold(task.noise);
+        let settling = SETTLING_STEPS.min(self.steps / 2);
         for iteration in 1..=self.steps {
             task.model.forward(task.channel, &looked_at, &mut predicted);
             data_term::residual_in_place(&mut predicted, task.data, task.trust);
@@ -76,7 +78,7 @@ impl Digital {
             let step = 1.0 / task.norm_squared;
             let pairs = stepped.data_mut().iter_mut().zip(looked_at.data()).zip(gradient.data());
             pairs.for_each(|((s, y), g)| *s = y - step * g);
-            if self.cycle_spun && iteration + SETTLING_STEPS > self.steps {
+            if self.cycle_spun && iteration + settling > self.steps {
                 let first = iteration as usize * SETTLING_SHIFTS;
                 let shifts: [_; SETTLING_SHIFTS] = std::array::from_fn(|k| shrinkage.shift(first + k));
                 shrinkage.shrink_spun(&mut stepped, threshold, &shifts, &mut scratch);

@@ -2,12 +2,15 @@
 //! missed while captures show that it missed something (defect correction, Böhmer & Stetter 1984).
 //!
 //! A capture y of the candidate L shows the model's *defect* at L: d = y − K̂L, which is (K − K̂)L plus the
-//! capture's noise. The corrected problem is K̂L = B − d. The noise of d is known, so d is shrunk by it
-//! first: what light cannot tell from noise is not corrected, and a right model is left alone.
+//! capture's noise. The corrected problem is K̂L = B − d. Each capture adds to d what it shows beyond the d
+//! already known, shrunk by its noise: what light cannot tell from noise is not corrected, a right model is
+//! left alone, and when a capture shows nothing new, d is complete.
 //!
 //! With a poor model the corrected candidate can overshoot. The next capture tells, and light is linear: the
 //! photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another capture, and the
 //! optical residual never grows.
+
+use rayon::prelude::*;
 
 use super::digital::{Digital, model_residual, solve_all};
 use super::problem::Certificate;
@@ -54,9 +57,11 @@ impl Method for Hybrid {
         let model = problem.needs_model("hybrid")?;
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
-        let (mut picture, mut record) = solve_all(&self.digital, problem, model, problem.photo, problem.photo);
+        let (mut picture, mut record) =
+            solve_all(&self.digital, problem, model, problem.photo, problem.photo);
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
+        let mut defect: Frame<Work> = Frame::zeros(problem.size());
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
             certificate.optical_residual = Some(optical);
@@ -69,15 +74,19 @@ impl Method for Hybrid {
             };
             record.push(step);
             watch(&step, &picture);
-            let defect = shrunk_defect(problem, model, &picture, &seen, self.defect_threshold);
-            if defect.plane(Channel::Green).rms() as f32 <= self.defect_floor * certificate.noise_floor {
-                break;
-            }
             let last = capture >= self.captures_max;
             if last && self.captures_max > 1 {
                 break;
             }
-            let corrected = self.corrected(problem, model, &picture, &defect, &mut record);
+            let news = new_defect(problem, model, &picture, &seen, &defect, self.defect_threshold);
+            if news.plane(Channel::Green).rms() as f32 <= self.defect_floor * certificate.noise_floor {
+                break;
+            }
+            let mut known = defect.clone();
+            for &channel in problem.channels.list() {
+                known.plane_mut(channel).add_scaled(1.0, news.plane(channel));
+            }
+            let corrected = self.corrected(problem, model, &picture, &known, &mut record);
             certificate.corrections += 1;
             if last {
                 picture = corrected;
@@ -85,7 +94,8 @@ impl Method for Hybrid {
                 break;
             }
             let seen_corrected = optics.forward(&corrected)?;
-            step_along(problem, &mut picture, &mut seen, &corrected, &seen_corrected);
+            let now = (&mut picture, &mut seen, &mut defect);
+            step_along(problem, now, (&corrected, &seen_corrected, &known));
         }
         certificate.model_residual = Some(model_residual(problem, model, &picture));
         Ok(Solution { picture, record, certificate })
@@ -118,39 +128,45 @@ impl Hybrid {
     }
 }
 
-/// d = y − K̂L with its noise shrunk away; zero where the capture cannot be trusted or the photo says nothing.
-fn shrunk_defect(
+/// What a capture shows beyond the `known` defect, (y − K̂L) − d, with its noise shrunk away; zero where the
+/// capture cannot be trusted or the photo says nothing.
+fn new_defect(
     problem: &Problem<'_>,
     model: &LensModel,
     shown: &Frame<Work>,
     seen: &Seen,
+    known: &Frame<Work>,
     deviations: f32,
 ) -> Frame<Work> {
     let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
-    let mut scratch = ShrinkageScratch::default();
-    let mut defect: Frame<Work> = Frame::zeros(problem.size());
-    for &c in problem.channels.list() {
-        let plane = defect.plane_mut(c);
-        model.forward(c, shown.plane(c), plane);
-        let pairs = seen.light.plane(c).data().iter().zip(seen.trusted.plane(c).data());
-        for (d, (&y, &t)) in plane.data_mut().iter_mut().zip(pairs) {
-            *d = if t == TRUSTED { y - *d } else { 0.0 };
+    let made = problem.channels.list().par_iter().map(|&c| {
+        let mut scratch = ShrinkageScratch::default();
+        let mut plane = Plane::zeros(problem.size());
+        model.forward(c, shown.plane(c), &mut plane);
+        let captured = seen.light.plane(c).data().iter().zip(seen.trusted.plane(c).data());
+        let values = plane.data_mut().iter_mut().zip(known.plane(c).data());
+        for ((p, d), (&y, &t)) in values.zip(captured) {
+            *p = if t == TRUSTED { y - *p - d } else { 0.0 };
         }
-        let noise = data_term::noise_of(plane);
-        shrinkage.shrink_spun(plane, deviations * noise, &DEFECT_SHIFTS, &mut scratch);
-        problem.mask(c, plane);
+        let noise = data_term::noise_of(&plane);
+        shrinkage.shrink_spun(&mut plane, deviations * noise, &DEFECT_SHIFTS, &mut scratch);
+        problem.mask(c, &mut plane);
+        (c, plane)
+    });
+    let made: Vec<(Channel, Plane)> = made.collect();
+    let mut news = Frame::zeros(problem.size());
+    for (channel, plane) in made {
+        *news.plane_mut(channel) = plane;
     }
-    defect
+    news
 }
 
-/// Moves `picture` and what is `seen` of it towards the corrected ones, channel by channel, as far as
-/// brings the seen nearest to the photo.
+/// Moves the picture, what is seen of it and the defect used for it towards the corrected ones, channel by
+/// channel, as far as brings the seen nearest to the photo.
 fn step_along(
     problem: &Problem<'_>,
-    picture: &mut Frame<Work>,
-    seen: &mut Seen,
-    corrected: &Frame<Work>,
-    seen_corrected: &Seen,
+    (picture, seen, defect): (&mut Frame<Work>, &mut Seen, &mut Frame<Work>),
+    (corrected, seen_corrected, known): (&Frame<Work>, &Seen, &Frame<Work>),
 ) {
     for &c in problem.channels.list() {
         let alpha = best_step(problem, c, &seen.light, &seen_corrected.light) as f32;
@@ -161,6 +177,7 @@ fn step_along(
         towards(picture.plane_mut(c), corrected.plane(c));
         picture.plane_mut(c).data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
         towards(seen.light.plane_mut(c), seen_corrected.light.plane(c));
+        towards(defect.plane_mut(c), known.plane(c));
         let trusted = seen.trusted.plane_mut(c).data_mut().iter_mut();
         trusted.zip(seen_corrected.trusted.plane(c).data()).for_each(|(t, &other)| *t = (*t).min(other));
     }
