@@ -9,7 +9,7 @@ use crate::frame::{Counts, Plane, Size};
 const CELLS: usize = 16;
 /// Largest share of saturated pixels in the brightest cell of white. White may end at the largest count:
 /// then noise alone saturates half of the pixels (and rounding some more).
-const SATURATED_MAX: f64 = 0.9;
+const SATURATED_MAX: f64 = 0.98;
 /// Least white over black, of full scale: an 8-bit camera then still has 38 counts (guess).
 const CONTRAST_MIN: f64 = 0.15;
 /// Below this share of full scale there is no light of the panel at all (guess).
@@ -166,7 +166,7 @@ pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), Calibrate
     Ok(())
 }
 
-/// Judges focus by the widest lens function: its RMS radius must fit its support.
+/// Judges focus by the sharpest lens function: its RMS radius must fit its support.
 ///
 /// # Errors
 /// Wrong focus.
@@ -175,7 +175,7 @@ pub(super) fn focus(radius_px: f64, support_px: usize) -> Result<(), CalibrateEr
     let allowed = support_px as f64 / 2.0 / 1.98;
     if radius_px > allowed {
         return Err(CalibrateError::WrongFocus {
-            found: format!("the lens blurs to {radius_px:.1} px RMS"),
+            found: format!("the lens blurs to {radius_px:.1} px RMS where it is sharpest"),
             allowed: format!("{allowed:.1} px are (function-support-px of the rig file is {support_px})"),
         });
     }

@@ -11,14 +11,20 @@ use crate::frame::{Channel, Frame, Plane, Work};
 use crate::patterns;
 use crate::restore::lens_model::{LensFunctions, LensModel};
 
-/// Patterns of the first, rough measurement, which only has to give centroids.
-pub(super) const CENTRING_PATTERNS: usize = 2;
+/// Rough measurements whose centroids are folded into the geometry. A border function stands for a wide strip
+/// and so moves a little wrongly; the second round takes out what the first left.
+pub(super) const CENTRINGS: usize = 2;
+/// Patterns of each.
+pub(super) const CENTRING_PATTERNS: usize = 3;
+/// How much wider than asked for functions are in that measurement: a centroid wants the whole function,
+/// also where the rig file asks for its middle only.
+const CENTRING_SUPPORT: f64 = 2.0;
 /// Grey around which patterns go up and down.
 const GREY: f32 = 127.5;
 /// How far they go. The bicubic warp overshoots by up to 1.5; this stays within the panel's light.
 const AMPLITUDE: f32 = 80.0;
 /// Rounds of conjugate gradients: rough, and to a thousandth (measured).
-const ROUNDS: (usize, usize) = (3, 6);
+const ROUNDS: (usize, usize) = (4, 6);
 /// Rounds of the power method from grey, which nearly is the dominant picture.
 const POWER_ROUNDS: usize = 12;
 
@@ -30,29 +36,31 @@ pub(super) fn measure(
 ) -> Result<(), CalibrateError> {
     if session.config.calibration.geometry == config::Geometry::Checkerboard {
         session.step("centring");
-        let correction = correction(session, calibration)?;
-        let (shots, trusted) = shoot(session, &correction, CENTRING_PATTERNS, 100)?;
-        let functions = functions(session, &shots, &trusted, ROUNDS.0)?;
-        recentre(session, calibration, &functions)?;
+        let wide = CENTRING_SUPPORT * session.config.calibration.function_support_px as f64;
+        for round in 0..CENTRINGS {
+            let correction = correction(session, calibration)?;
+            let series = shoot(session, &correction, CENTRING_PATTERNS, 100 + round as u64)?;
+            let functions = functions(session, &series.shots, &series.trusted, ROUNDS.0, wide as usize | 1)?;
+            recentre(session, calibration, &functions)?;
+        }
     }
     session.step("lens functions");
     let correction = correction(session, calibration)?;
-    let (shots, trusted) = shoot(session, &correction, session.config.calibration.patterns, 200)?;
-    let mut functions = functions(session, &shots, &trusted, ROUNDS.1)?;
+    let Series { shots, trusted, first } =
+        shoot(session, &correction, session.config.calibration.patterns, 200)?;
+    let support_px = session.config.calibration.function_support_px;
+    let mut functions = functions(session, &shots, &trusted, ROUNDS.1, support_px)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before they are scaled to 1");
-    let widest = Channel::ALL
-        .iter()
-        .flat_map(|&c| (0..functions.rows * functions.columns).map(move |n| (c, n)))
-        .map(|(c, n)| {
-            let taps = functions.function(c, n / functions.columns, n % functions.columns);
-            lens_blur::moments(taps, functions.support_px).1
-        })
-        .fold(0.0, f64::max);
-    judge::focus(widest, functions.support_px)?;
+    // The sharpest function of the channel in focus: a lens may be bad in its corners.
+    let sharpest = (0..functions.rows * functions.columns)
+        .map(|n| functions.function(Channel::Green, n / functions.columns, n % functions.columns))
+        .map(|taps| lens_blur::moments(taps, functions.support_px).1)
+        .fold(f64::INFINITY, f64::min);
+    judge::focus(sharpest, functions.support_px)?;
     calibration.functions = functions;
     session.step("checks");
-    check(session, calibration, &correction, &shots[1][0], board)
+    check(session, calibration, &correction, &first, board)
 }
 
 fn correction(session: &Session<'_>, calibration: &Calibration) -> Result<Correction, CalibrateError> {
@@ -73,21 +81,36 @@ fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
     Frame::from_fn(|c| picture.plane(c).map(|v| GREY + v))
 }
 
-/// Shows `count` patterns of a `series`; differences from grey, per channel, and what can be trusted.
+/// What was seen of a series of patterns.
+struct Series {
+    /// Differences from grey, per channel.
+    shots: [Vec<Shot>; 3],
+    /// 1 where all captures can be trusted.
+    trusted: Plane<u8>,
+    /// Green light of the first pattern, as seen.
+    first: Plane,
+}
+
+/// Shows `count` patterns of a `series`, and grey.
 fn shoot(
     session: &mut Session<'_>,
     correction: &Correction,
     count: usize,
     series: u64,
-) -> Result<([Vec<Shot>; 3], Plane<u8>), CalibrateError> {
+) -> Result<Series, CalibrateError> {
     let size = session.layout.canvas();
     let grey = session.seen(correction, &Frame::filled(size, GREY))?;
     let mut trusted = grey.trusted.plane(Channel::Green).clone();
-    // What is seen of grey is smooth; without its noise it adds none to the patterns.
+    // What is seen of grey is smooth; without its noise it adds none to the patterns. Where the panel ends
+    // with the canvas it falls off at the border, and is taken as it is.
     let margin = session.layout.margin_px;
     let mut flat = Vec::new();
     for c in Channel::ALL {
-        let surface = dark_corner::smooth(grey.light.plane(c), (margin, margin), canvas(&session.layout))
+        if super::rim_px(session.config) > 0 {
+            flat.push(grey.light.plane(c).clone());
+            continue;
+        }
+        let surface = dark_corner::smooth(grey.light.plane(c), (margin, margin), canvas(&session.layout), 0)
             .map_err(|source| CalibrateError::Fit { step: "grey", source })?;
         let mut plane = Plane::zeros(size);
         for y in 0..size.height {
@@ -96,17 +119,22 @@ fn shoot(
         flat.push(plane);
     }
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
+    let mut first = None;
     for n in 0..count {
         let shown = pattern(session, series, n);
         let seen = session.seen(correction, &on_grey(&shown))?;
         let both = trusted.data_mut().iter_mut().zip(seen.trusted.plane(Channel::Green).data());
         both.for_each(|(a, &b)| *a &= b);
+        if first.is_none() {
+            first = Some(seen.light.plane(Channel::Green).clone());
+        }
         for (c, shown) in Channel::ALL.iter().zip(shown.into_planes()) {
             let seen = difference(seen.light.plane(*c), &flat[c.index()]);
             shots[c.index()].push(Shot { shown, seen });
         }
     }
-    Ok((shots, trusted))
+    let first = first.unwrap_or_else(|| Plane::filled(size, GREY));
+    Ok(Series { shots, trusted, first })
 }
 
 /// The lens functions that explain `shots`.
@@ -115,6 +143,7 @@ fn functions(
     shots: &[Vec<Shot>; 3],
     trusted: &Plane<u8>,
     rounds: usize,
+    support_px: usize,
 ) -> Result<LensFunctions, CalibrateError> {
     let asked = &session.config.calibration;
     let grid = Grid {
@@ -122,10 +151,9 @@ fn functions(
         margin_px: session.layout.margin_px,
         columns: asked.function_columns,
         rows: asked.function_rows,
-        support_px: asked.function_support_px,
+        support_px,
     };
-    // On a one-to-one rig the panel ends where the canvas does.
-    let closed = session.layout.panel == session.layout.canvas();
+    let closed = super::rim_px(session.config) > 0;
     let found: Result<Vec<Vec<f32>>, LensBlurError> = Channel::ALL
         .par_iter()
         .map(|&c| Fit::new(grid, trusted, closed)?.taps(c, &shots[c.index()], rounds))
@@ -161,7 +189,7 @@ fn check(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
     correction: &Correction,
-    first: &Shot,
+    first: &Plane,
     board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
     let model = LensModel::new(calibration.photo, calibration.margin_px, &calibration.functions)
@@ -205,15 +233,14 @@ fn rest(
     session: &mut Session<'_>,
     calibration: &Calibration,
     correction: &Correction,
-    first: &Shot,
+    first: &Plane,
     board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
     if let Some(board) = board {
         return super::still(session, board);
     }
     let again = session.seen(correction, &on_grey(&pattern(session, 200, 0)))?;
-    let light = again.light.plane(Channel::Green).map(|v| v - GREY);
-    let change = difference(&light, &first.seen).rms();
+    let change = difference(again.light.plane(Channel::Green), first).rms();
     let times = session.config.calibration.captures_averaged.max(1) as f32;
     let noise = calibration.noise[Channel::Green.index()].sigma(GREY) / times.sqrt();
     judge::repeats(change, f64::from(noise))

@@ -6,7 +6,7 @@
 //! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel per channel; judgement of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations a channel | C, response curves |
-//! | centring | grey, 2 patterns | centroids of the lens functions, folded into the geometry |
+//! | centring | grey, 3 patterns, twice | centroids of the lens functions, folded into the geometry |
 //! | lens functions | grey, `patterns` | lens functions, ‖K‖² |
 //! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, operator error, ‖K‖² seen |
 //!
@@ -70,7 +70,7 @@ pub fn calibrate(
 /// Captures that a calibration of `config` takes.
 pub fn captures(config: &config::Rig) -> u32 {
     let board = match config.calibration.geometry {
-        config::Geometry::Checkerboard => (1 + 3 + 1, 1 + lens::CENTRING_PATTERNS),
+        config::Geometry::Checkerboard => (1 + 3 + 1, lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS)),
         config::Geometry::OneToOne => (0, 0),
     };
     let averaged = board.0 + 3 + 3 * photometric::GRADATIONS + board.1 + 1 + config.calibration.patterns + 5;
@@ -225,8 +225,19 @@ fn still(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError>
     judge::still(&board.corners, &again)
 }
 
-/// Black level of every channel as smooth surfaces.
-fn smooth(plane: &Plane, layout: &Layout, step: &'static str) -> Result<Surface, CalibrateError> {
-    dark_corner::smooth(plane, (layout.photo_x_px, layout.photo_y_px), canvas(layout))
+/// How far into the canvas a flat picture is dimmed by the dark beyond it: half a lens function where the
+/// panel ends with the canvas, else not at all.
+fn rim_px(config: &config::Rig) -> usize {
+    if config.panel.size() == config.canvas_size() { config.calibration.function_support_px / 2 } else { 0 }
+}
+
+/// The smooth surface through a capture of something flat, leaving out `rim_px` at the canvas's border.
+fn smooth(
+    plane: &Plane,
+    layout: &Layout,
+    rim_px: usize,
+    step: &'static str,
+) -> Result<Surface, CalibrateError> {
+    dark_corner::smooth(plane, (layout.photo_x_px, layout.photo_y_px), canvas(layout), rim_px)
         .map_err(|source| CalibrateError::Fit { step, source })
 }

@@ -11,7 +11,7 @@ use crate::patterns::{self, Gradation};
 /// Gradations shown in each channel: three shufflings leave a third less of the glare's randomness than one
 /// (measured on `simulated.toml`).
 pub(super) const GRADATIONS: usize = 3;
-/// Levels of a gradation: every fifth code, seven blocks of each on the default rig.
+/// Levels of a gradation: every fifth code, three or four blocks of each on the default rig.
 const LEVELS: usize = 52;
 
 /// Keeps the black level.
@@ -22,7 +22,7 @@ pub(super) fn black(
 ) -> Result<(), CalibrateError> {
     let layout = super::layout(config);
     for c in Channel::ALL {
-        calibration.black[c.index()] = smooth(black.plane(c), &layout, "black level")?;
+        calibration.black[c.index()] = smooth(black.plane(c), &layout, 0, "black level")?;
     }
     Ok(())
 }
@@ -38,7 +38,8 @@ pub(super) fn dark_corner(
     let photo = Rect { x: 0, y: 0, size: calibration.photo };
     for c in Channel::ALL {
         let flat = session.counts(&patterns::flat_of(session.layout.panel, c, 128))?;
-        let surface = smooth(&difference(flat.plane(c), black.plane(c)), &session.layout, "dark corner")?;
+        let over = difference(flat.plane(c), black.plane(c));
+        let surface = smooth(&over, &session.layout, super::rim_px(session.config), "dark corner")?;
         let (ratio, counts) = surfaces::normalised(&surface, photo);
         if !counts.is_finite() || counts <= 0.0 {
             let found = format!("level 128 brings {counts:.1} counts over black");
@@ -70,8 +71,7 @@ pub(super) fn cross_channel(
         let refuse = |found: String| CalibrateError::Response { channel: c.name(), found };
         c_matrix[i] = cross_channel::row(i, &readings)
             .ok_or_else(|| refuse("gradations show no contrast".to_owned()))?;
-        let curve = response::fit(readings.iter().map(|r| (r.code, r.counts[i])))
-            .map_err(|e| refuse(e.to_string()))?;
+        let curve = response::among_neighbours(i, &readings).map_err(|e| refuse(e.to_string()))?;
         calibration.counts_per_level[i] /= curve.light(128);
         calibration.curves[i] = curve;
     }
@@ -79,12 +79,12 @@ pub(super) fn cross_channel(
     Ok(())
 }
 
-/// A gradation whose blocks are half again as wide as a lens function, seen on the sensor.
+/// A gradation whose blocks are twice as wide as a lens function, seen on the sensor.
 pub(super) fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {
     let map = &calibration.geometry[1].work_to_panel;
     let (a, b) = (map.at(0.0, 0.0), map.at(1.0, 0.0));
     let panel_px_per_work_px = (b.0 - a.0).hypot(b.1 - a.1);
-    let wide = 1.5 * session.config.calibration.function_support_px as f64 * panel_px_per_work_px;
+    let wide = 2.0 * session.config.calibration.function_support_px as f64 * panel_px_per_work_px;
     Gradation::new(
         session.layout.panel,
         wide.ceil() as usize,
@@ -116,8 +116,12 @@ fn read(
                 && y + reach <= domain.bottom;
             let sensor = (x + layout.photo_x_px as f64, y + layout.photo_y_px as f64);
             let share = dark.at(x, y);
+            let (u, v) =
+                (2.0 * x / layout.photo.width as f64 - 1.0, 2.0 * y / layout.photo.height as f64 - 1.0);
             inside.then(|| Reading {
                 code: block.code,
+                around: block.around.clone(),
+                field: (u * u + v * v) / 2.0,
                 counts: [0, 1, 2].map(|k| mean(&over.planes()[k], sensor, reach) / share),
             })
         })

@@ -25,10 +25,14 @@ impl CrossChannel {
 }
 
 /// One block of a gradation shown in one channel, as the camera saw it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
     /// Its code.
     pub code: u8,
+    /// Codes of the blocks around it.
+    pub around: Vec<u8>,
+    /// Squared distance from the middle of the field, 1 in its corners.
+    pub field: f64,
     /// Mean counts of its middle in the camera's three channels, black subtracted, divided by the dark
     /// corner of the channel shown.
     pub counts: [f64; 3],
@@ -60,7 +64,12 @@ mod tests {
         let readings: Vec<Reading> = (0..=255u8)
             .map(|code| {
                 let light = 700.0 * (f64::from(code) / 255.0).powf(2.2) + 30.0;
-                Reading { code, counts: [0.12 * light + 5.0, light, -0.04 * light + 1.0] }
+                Reading {
+                    code,
+                    around: vec![],
+                    field: 0.0,
+                    counts: [0.12 * light + 5.0, light, -0.04 * light + 1.0],
+                }
             })
             .collect();
         let row = row(1, &readings).unwrap();

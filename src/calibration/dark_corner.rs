@@ -13,19 +13,27 @@ const INTERVALS: (usize, usize) = (6, 5);
 const BENDING: f64 = 1e-3;
 
 /// The smooth surface through `flat` (sensor pixels) over `domain` in Work coordinates, where sensor pixel
-/// (`origin`) is Work (0, 0). Cells outside the domain are left out.
+/// (`origin`) is Work (0, 0). Cells outside the domain, or
+/// within `rim_px` of its border, are left out.
 ///
 /// # Errors
 /// When the flat has too few cells within the domain.
-pub fn smooth(flat: &Plane, origin: (usize, usize), domain: Domain) -> Result<Surface, SurfaceError> {
+pub fn smooth(
+    flat: &Plane,
+    origin: (usize, usize),
+    domain: Domain,
+    rim_px: usize,
+) -> Result<Surface, SurfaceError> {
     let cell = CELL_PX.min(flat.width() / 8).min(flat.height() / 8).max(1);
     let middle = (cell as f64 - 1.0) / 2.0;
     let samples = (0..flat.height() / cell)
         .flat_map(|j| (0..flat.width() / cell).map(move |i| (i * cell, j * cell)))
         .filter_map(|(x, y)| {
             let work = (x as f64 + middle - origin.0 as f64, y as f64 + middle - origin.1 as f64);
-            let inside = (domain.left..=domain.right).contains(&work.0)
-                && (domain.top..=domain.bottom).contains(&work.1);
+            // A whole cell, not only its middle, stays clear of the rim.
+            let rim = if rim_px > 0 { rim_px as f64 + middle } else { 0.0 };
+            let inside = (domain.left + rim..=domain.right - rim).contains(&work.0)
+                && (domain.top + rim..=domain.bottom - rim).contains(&work.1);
             let mean = || {
                 let sum: f64 = (y..y + cell)
                     .map(|v| flat.row(v)[x..x + cell].iter().map(|&c| f64::from(c)).sum::<f64>())
@@ -70,7 +78,7 @@ mod tests {
         });
         let domain = Domain { left: -8.0, top: -8.0, right: 263.0, bottom: 199.0 };
         let photo = Rect { x: 0, y: 0, size: Size::new(256, 192) };
-        let (surface, mean) = normalised(&smooth(&flat, (16, 16), domain).unwrap(), photo);
+        let (surface, mean) = normalised(&smooth(&flat, (16, 16), domain, 0).unwrap(), photo);
         let mut squared = 0.0;
         for y in 0..192 {
             for x in 0..256 {

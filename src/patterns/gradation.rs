@@ -18,12 +18,14 @@ pub struct Gradation {
 }
 
 /// One block of a gradation.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Block {
     /// Its code.
     pub code: u8,
     /// Its centre on the panel.
     pub centre: (f64, f64),
+    /// Codes of the blocks around it, up to eight; blur and glare bring some of their light.
+    pub around: Vec<u8>,
 }
 
 impl Gradation {
@@ -68,7 +70,17 @@ impl Gradation {
             .map(move |n| Block {
                 code: self.codes[n],
                 centre: (centre(n % self.columns), centre(n / self.columns)),
+                around: self.around(n % self.columns, n / self.columns),
             })
+    }
+
+    fn around(&self, column: usize, row: usize) -> Vec<u8> {
+        let near = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
+        near(row, self.rows)
+            .flat_map(|j| near(column, self.columns).map(move |i| (i, j)))
+            .filter(|&place| place != (column, row))
+            .map(|(i, j)| self.codes[j * self.columns + i])
+            .collect()
     }
 }
 
@@ -87,6 +99,7 @@ mod tests {
             let (x, y) = (block.centre.0 as usize, block.centre.1 as usize);
             assert_eq!(shown.plane(Channel::Blue).at(x, y), block.code);
             count[usize::from(block.code)] += 1;
+            assert!([3, 5, 8].contains(&block.around.len()));
         }
         assert_eq!(count.iter().sum::<usize>(), 70);
         assert_ne!(g, Gradation::new(Size::new(100, 75), 10, &levels, 4));

@@ -11,7 +11,7 @@ mod overlaps;
 mod shape;
 
 pub use check::{dominant, misfit};
-pub use shape::{displacement, moments, normalise};
+pub use shape::{centroid, displacement, moments, normalise};
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 use rayon::prelude::*;

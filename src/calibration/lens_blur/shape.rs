@@ -40,6 +40,58 @@ pub fn moments(taps: &[f32], support_px: usize) -> ((f64, f64), f64) {
     ((x, y), (srr / sum - x * x - y * y).max(0.0).sqrt())
 }
 
+/// Standard deviation of the bell that taps are smoothed with before their centroid is taken, pixels.
+const SMOOTHING_PX: f64 = 2.0;
+/// Smoothed taps above this many standard deviations of their noise are the function's for sure.
+const NOISE_FLOOR: f64 = 3.0;
+/// So are those this near to them: the faint tail of coma is below the noise and still moves a centroid.
+const TAIL_PX: isize = 6;
+
+/// Centroid (x, y) of one measured function, pixels from its middle. The noise of far taps counts by their
+/// distance, so the taps are smoothed, which moves no centroid, and what lies far from all that
+/// stands out of the noise is left out (noise: median of the outermost two rings).
+pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
+    let k = support_px as isize;
+    let reach = (3.0 * SMOOTHING_PX).ceil() as isize;
+    let bell: Vec<f64> = (-reach..=reach).map(|t| (-0.5 * (t as f64 / SMOOTHING_PX).powi(2)).exp()).collect();
+    let total: f64 = bell.iter().sum();
+    let pass = |from: &[f64], across: isize, down: isize| -> Vec<f64> {
+        (0..k * k)
+            .map(|n| {
+                let (x, y) = (n % k, n / k);
+                (-reach..=reach)
+                    .filter_map(|t| {
+                        let (u, v) = (x + t * across, y + t * down);
+                        let inside = (0..k).contains(&u) && (0..k).contains(&v);
+                        inside.then(|| bell[(t + reach) as usize] * from[(v * k + u) as usize] / total)
+                    })
+                    .sum()
+            })
+            .collect()
+    };
+    let plain: Vec<f64> = taps.iter().map(|&t| f64::from(t)).collect();
+    let smooth = pass(&pass(&plain, 1, 0), 0, 1);
+    let mut rim: Vec<f64> = (0..k * k)
+        .filter(|n| [n % k, n / k].into_iter().any(|p| p < 2 || p >= k - 2))
+        .map(|n| smooth[n as usize].abs())
+        .collect();
+    rim.sort_by(f64::total_cmp);
+    // The median of |noise| is 0.6745 standard deviations of a bell.
+    let noise = rim.get(rim.len() / 2).copied().unwrap_or(0.0) / 0.6745;
+    let mut near = vec![false; smooth.len()];
+    for n in (0..k * k).filter(|&n| smooth[n as usize] > NOISE_FLOOR * noise) {
+        for v in (n / k - TAIL_PX).max(0)..=(n / k + TAIL_PX).min(k - 1) {
+            for u in (n % k - TAIL_PX).max(0)..=(n % k + TAIL_PX).min(k - 1) {
+                let far = (u - n % k).pow(2) + (v - n / k).pow(2) > TAIL_PX.pow(2);
+                near[(v * k + u) as usize] |= !far;
+            }
+        }
+    }
+    let kept: Vec<f32> =
+        smooth.iter().zip(near).map(|(&v, near)| if near { v as f32 } else { 0.0 }).collect();
+    moments(&kept, support_px).0
+}
+
 /// How far from its place the light of each Work place is seen, smooth over `canvas`, by the centroids of
 /// one channel's functions.
 ///
@@ -58,10 +110,10 @@ pub fn displacement(
             let taps = functions.function(channel, row, column);
             let from =
                 (centre(column, functions.columns, photo.width), centre(row, functions.rows, photo.height));
-            pairs.push(Pair { from, to: moments(taps, functions.support_px).0 });
+            pairs.push(Pair { from, to: centroid(taps, functions.support_px) });
         }
     }
-    // Two by two intervals: coma's displacement is a cubic over the field. A stiff spline, for a centroid
-    // carries a few hundredths of a pixel of noise.
-    Map::fit(canvas, (2, 2), &pairs, 1e-3)
+    // One cubic over the field, as coma's displacement is: a centroid carries some hundredths of a pixel of
+    // noise, and fewer coefficients let less of it through.
+    Map::fit(canvas, (1, 1), &pairs, 1e-6)
 }
