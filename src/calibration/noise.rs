@@ -48,7 +48,9 @@ pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>) -> Option<Noise> 
         (sxx, sxy) = (sxx + weight * x * x, sxy + weight * x * y);
     }
     if n <= 0.0 {
-        return None;
+        // Captures that agree to the last bit have no noise of their own; too few pixels say nothing.
+        let told = bins.iter().any(|bin| bin.0 >= 30.0);
+        return told.then_some(Noise { at_black: 0.0, per_level: 0.0 });
     }
     let spread = sxx - sx * sx / n;
     let slope = if spread > 1e-9 * sxx { ((sxy - sx * sy / n) / spread).max(0.0) } else { 0.0 };

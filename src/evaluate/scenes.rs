@@ -56,15 +56,33 @@ impl Scene {
         Frame::from_planes(planes.map(|plane| resize(&plane.crop(centred(plane.size(), size)), size)))
     }
 
-    /// The scene in grey as code values 0..255 (Rec. 709 weights), as the study used it.
+    /// The scene in grey as code values 0..255 (Rec. 709 weights), resized bilinearly as the study did.
     pub fn grey(self, size: Size) -> Plane {
-        let [red, green, blue] = self.codes(size).into_planes();
+        let planes = match self.file() {
+            Some(file) => picture::embedded(file).map(|p| bilinear(&p.crop(centred(p.size(), size)), size)),
+            None => return chart(size),
+        };
         let mut grey = Plane::zeros(size);
-        grey.add_scaled(0.2125, &red);
-        grey.add_scaled(0.7154, &green);
-        grey.add_scaled(0.0721, &blue);
+        for (plane, weight) in planes.iter().zip([0.2125, 0.7154, 0.0721]) {
+            grey.add_scaled(weight, plane);
+        }
         grey
     }
+}
+
+/// `plane` at `size` by bilinear interpolation between pixel centres, edges repeated.
+fn bilinear(plane: &Plane, size: Size) -> Plane {
+    let place = |at: usize, from: usize, to: usize| {
+        let centre = (at as f32 + 0.5) * from as f32 / to as f32 - 0.5;
+        let low = centre.floor().clamp(0.0, (from - 1) as f32);
+        (low as usize, (low as usize + 1).min(from - 1), (centre - low).clamp(0.0, 1.0))
+    };
+    Plane::from_fn(size, |x, y| {
+        let (left, right, u) = place(x, plane.width(), size.width);
+        let (above, below, v) = place(y, plane.height(), size.height);
+        let row = |y: usize| plane.at(left, y) * (1.0 - u) + plane.at(right, y) * u;
+        row(above) * (1.0 - v) + row(below) * v
+    })
 }
 
 /// The largest rectangle of the shape of `want` about the centre of `have`.

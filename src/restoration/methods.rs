@@ -23,7 +23,7 @@ const RICHARDSON_LUCY_STEPS: u32 = 20;
 /// Noise-to-signal power of the Wiener filter at one grey level: the study's best.
 const WIENER_NOISE_TO_SIGNAL: f32 = 0.01;
 /// Share of the solve's steps that each correction takes; it starts from the solution.
-const CORRECTION_SHARE: f32 = 0.4;
+const CORRECTION_SHARE: f32 = 0.3;
 /// Shrinkage of the measured defect, in standard deviations of its noise. Measured 2026-11-21, see
 /// `tests/tables/study.md`.
 const DEFECT_THRESHOLD: f32 = 2.0;
