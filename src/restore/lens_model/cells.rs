@@ -10,8 +10,8 @@ use super::interpolation::Interpolation;
 use super::lanes::{Complex, LANES};
 use crate::frame::Channel;
 
-/// Cells longer than this are cut evenly: the working set of a cell should stay in a core's second cache
-/// (measured on a 1 MiB one; a guess elsewhere).
+/// Cells longer than this are cut evenly, so that the working set of a cell stays in a core's second cache. A
+/// guess, not yet measured against others.
 const CELL_PX_MAX: usize = 256;
 
 /// A stretch of one side of the canvas.

@@ -286,7 +286,7 @@ impl Kernel for Adjoint<'_> {
                 }
             }
             if along_y.functions.len() == 1 {
-                // Its weight is zero, but what an earlier cell left there need not be finite in eternity.
+                // Its weight is zero, but an earlier cell's values there would still add their rounding.
                 lower.fill(Complex::default());
             }
             for column in (0..width).step_by(LANES) {

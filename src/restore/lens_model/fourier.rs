@@ -145,7 +145,7 @@ const SIN_72: f32 = 0.951_056_5;
 const SIN_144: f32 = 0.587_785_25;
 
 /// The length of at least `least` that transforms soonest: by count of operations a number and pass, where
-/// loading and storing it counts as four more.
+/// loading and storing it counts as four more (a guess).
 pub(super) fn fast_length(least: usize) -> usize {
     let cost = |n: usize| {
         let (mut left, mut a_number) = (n, 0.0);

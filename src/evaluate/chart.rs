@@ -1,0 +1,84 @@
+//! `relens chart`: what the methods make of known scenes on this rig, as tables and pictures.
+
+use super::scenes::Scene;
+use super::stand::{Score, Stand, StandError};
+use super::study::{self, Condition, table};
+use super::table::Table;
+use crate::config;
+use crate::frame::{Channel, Plane};
+use crate::restoration::{method, paper};
+
+/// What a chart is made of.
+#[derive(Debug, Default)]
+pub struct Chart {
+    /// File stem and table.
+    pub tables: Vec<(String, Table)>,
+    /// File stem and grey picture, 0..255.
+    pub pictures: Vec<(String, Plane)>,
+}
+
+/// Charts the simulated rig of `rig`; `quick` leaves out all but the photographs and the model-based
+/// methods. `each` is called with every score as it comes.
+///
+/// The study's rig is charted under the study's conditions in green; any other in colour, in luminance of
+/// display values.
+///
+/// # Errors
+/// When the rig cannot be opened or calibrated, or a method fails.
+pub fn chart(rig: &config::Rig, quick: bool, each: &mut dyn FnMut(&Score)) -> Result<Chart, StandError> {
+    let mut chart = Chart::default();
+    if rig.name == "study" {
+        let scenes: &[Scene] = &[Scene::Astronaut, Scene::Coffee, Scene::Chart];
+        let scenes = if quick { &scenes[..2] } else { scenes };
+        for condition in Condition::STUDY {
+            let scores = study::compare(rig.clone(), condition, scenes, each)?;
+            let caption = format!("Rig {}, {}; green channel, light.", rig.name, condition.name());
+            chart.tables.push((format!("{}-{}", rig.name, slug(condition)), table(caption, &scores)));
+        }
+        chart.pictures = first_iterations(rig, Scene::Astronaut)?;
+        return Ok(chart);
+    }
+    use config::Method::{Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener};
+    let methods: &[config::Method] = if quick {
+        &[Digital, Hybrid]
+    } else {
+        &[Paper, Residual, Unmatched, Digital, Hybrid, Wiener, RichardsonLucy]
+    };
+    let mut stand = Stand::open(rig.clone())?;
+    let mut scores = Vec::new();
+    for scene in Scene::ALL {
+        for &which in methods {
+            let solver = method(rig, which);
+            let score = stand.score_colour(scene, solver.name(), &*solver)?;
+            each(&score);
+            scores.push(score);
+        }
+    }
+    let caption = format!("Rig {}, {}; luminance of display values.", rig.name, rig.photo.size());
+    chart.tables.push((rig.name.clone(), table(caption, &scores)));
+    Ok(chart)
+}
+
+fn slug(condition: Condition) -> &'static str {
+    match condition {
+        Condition::AsFiled => "noise",
+        Condition::NoNoise => "no-noise",
+        Condition::Glare(_) => "glare",
+        Condition::OneFunction => "one-function",
+    }
+}
+
+/// The paper's Fig. 11: the photo and the first iterations of its loop, captures without noise.
+fn first_iterations(rig: &config::Rig, scene: Scene) -> Result<Vec<(String, Plane)>, StandError> {
+    let mut stand = study::open(rig.clone(), Condition::NoNoise)?;
+    let solver = paper(stand.config());
+    let rect = stand.config().photo_on_canvas();
+    let mut pictures = Vec::new();
+    stand.score_grey_watched(scene, "paper", &solver, &mut |step, picture| {
+        if [1, 2, 3, 5, 11].contains(&step.iteration) {
+            let seen = picture.plane(Channel::Green).crop(rect).map(|v: f32| v.clamp(0.0, 255.0));
+            pictures.push((format!("figure-11-{}-iteration-{:02}", scene.name(), step.iteration), seen));
+        }
+    })?;
+    Ok(pictures)
+}

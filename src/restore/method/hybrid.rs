@@ -1,0 +1,204 @@
+//! The default: solve with the lens model, let a capture certify the result, and correct what the model
+//! missed while captures show that it missed something (defect correction, Böhmer & Stetter 1984).
+//!
+//! A capture y of the candidate L shows the model's *defect* at L: d = y − K̂L, which is (K − K̂)L plus the
+//! capture's noise. The corrected problem is K̂L = B − d. Each capture adds to d what it shows beyond the d
+//! already known, shrunk by its noise: what light cannot tell from noise is not corrected, a right model is
+//! left alone, and when a capture shows nothing new, d is complete.
+//!
+//! With a poor model the corrected candidate can overshoot. The next capture tells, and light is linear: the
+//! photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another capture, and the
+//! optical residual never grows.
+
+use rayon::prelude::*;
+
+use super::digital::{Digital, model_residual, solve_all};
+use super::problem::Certificate;
+use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
+use crate::restore::data_term::{self, MISSING, TRUSTED};
+use crate::restore::forward_convolution::{ForwardConvolution, Seen};
+use crate::restore::lens_model::LensModel;
+use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
+
+/// The method and its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hybrid {
+    /// The solve with the lens model.
+    pub digital: Digital,
+    /// Proximal steps of each correction.
+    pub correction_steps: u32,
+    /// Captures a photo may cost, at least 1. With 1 the first correction is not confirmed by light.
+    pub captures_max: u32,
+    /// Soft threshold of the defect, in standard deviations of its noise.
+    pub defect_threshold: f32,
+    /// Defect, as a share of the noise floor, below which the model counts as right.
+    pub defect_floor: f32,
+}
+
+/// Longest step along a correction. Beyond it the line through two captures says more about their noise.
+const STEP_MAX: f64 = 1.5;
+/// Levels of the defect's shrinkage: what stays unshrunk is averaged over 16×16 pixels, far below its noise.
+const DEFECT_LEVELS: usize = 4;
+/// Shifts over which the defect's shrinkage is averaged: an even spread over those levels' periods.
+const DEFECT_SHIFTS: [(usize, usize); 4] = [(0, 0), (8, 4), (4, 8), (12, 12)];
+
+impl Method for Hybrid {
+    fn name(&self) -> &'static str {
+        "hybrid"
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let model = problem.needs_model("hybrid")?;
+        let begun = (problem.stopwatch)();
+        let captures_before = optics.captures();
+        let (mut picture, mut record) =
+            solve_all(&self.digital, problem, model, problem.photo, problem.photo);
+        let mut certificate = Certificate::uncertified(problem);
+        let mut seen = optics.forward(&picture)?;
+        let mut defect: Frame<Work> = Frame::zeros(problem.size());
+        for capture in 1..=self.captures_max.max(1) {
+            let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
+            certificate.optical_residual = Some(optical);
+            let step = Step {
+                iteration: record.steps().len() as u32 + 1,
+                residual: optical,
+                of: ResidualOf::Optics,
+                captures: (optics.captures() - captures_before) as u32,
+                seconds: (problem.stopwatch)() - begun,
+            };
+            record.push(step);
+            watch(&step, &picture);
+            let last = capture >= self.captures_max;
+            if last && self.captures_max > 1 {
+                break;
+            }
+            let news = new_defect(problem, model, &picture, &seen, &defect, self.defect_threshold);
+            if news.plane(Channel::Green).rms() as f32 <= self.defect_floor * certificate.noise_floor {
+                break;
+            }
+            let mut known = defect.clone();
+            for &channel in problem.channels.list() {
+                known.plane_mut(channel).add_scaled(1.0, news.plane(channel));
+            }
+            let corrected = self.corrected(problem, model, &picture, &known, &mut record);
+            certificate.corrections += 1;
+            if last {
+                picture = corrected;
+                certificate.optical_residual = None;
+                break;
+            }
+            let seen_corrected = optics.forward(&corrected)?;
+            let now = (&mut picture, &mut seen, &mut defect);
+            step_along(problem, now, (&corrected, &seen_corrected, &known));
+        }
+        certificate.model_residual = Some(model_residual(problem, model, &picture));
+        Ok(Solution { picture, record, certificate })
+    }
+}
+
+impl Hybrid {
+    /// The solution of K̂L = B − d, from `picture`.
+    fn corrected(
+        &self,
+        problem: &Problem<'_>,
+        model: &LensModel,
+        picture: &Frame<Work>,
+        defect: &Frame<Work>,
+        record: &mut IterationRecord,
+    ) -> Frame<Work> {
+        let mut data: Frame<Work> = problem.photo.clone();
+        for &channel in problem.channels.list() {
+            data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
+        }
+        let correction = Digital { steps: self.correction_steps, ..self.digital };
+        let (corrected, steps) = solve_all(&correction, problem, model, &data, picture);
+        let before = record.steps().last().copied();
+        for step in steps.steps() {
+            let (captures, seconds) = before.map_or((0, 0.0), |b| (b.captures, b.seconds));
+            let iteration = record.steps().len() as u32 + 1;
+            record.push(Step { iteration, captures, seconds: seconds + step.seconds, ..*step });
+        }
+        corrected
+    }
+}
+
+/// What a capture shows beyond the `known` defect, (y − K̂L) − d, with its noise shrunk away; zero where the
+/// capture cannot be trusted or the photo says nothing.
+fn new_defect(
+    problem: &Problem<'_>,
+    model: &LensModel,
+    shown: &Frame<Work>,
+    seen: &Seen,
+    known: &Frame<Work>,
+    deviations: f32,
+) -> Frame<Work> {
+    let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
+    let made = problem.channels.list().par_iter().map(|&c| {
+        let mut scratch = ShrinkageScratch::default();
+        let mut plane = Plane::zeros(problem.size());
+        model.forward(c, shown.plane(c), &mut plane);
+        let captured = seen.light.plane(c).data().iter().zip(seen.trusted.plane(c).data());
+        let values = plane.data_mut().iter_mut().zip(known.plane(c).data());
+        for ((p, d), (&y, &t)) in values.zip(captured) {
+            *p = if t == TRUSTED { y - *p - d } else { 0.0 };
+        }
+        let noise = data_term::noise_of(&plane);
+        shrinkage.shrink_spun(&mut plane, deviations * noise, &DEFECT_SHIFTS, &mut scratch);
+        problem.mask(c, &mut plane);
+        (c, plane)
+    });
+    let made: Vec<(Channel, Plane)> = made.collect();
+    let mut news = Frame::zeros(problem.size());
+    for (channel, plane) in made {
+        *news.plane_mut(channel) = plane;
+    }
+    news
+}
+
+/// Moves the picture, what is seen of it and the defect used for it towards the corrected ones, channel by
+/// channel, as far as brings the seen nearest to the photo.
+fn step_along(
+    problem: &Problem<'_>,
+    (picture, seen, defect): (&mut Frame<Work>, &mut Seen, &mut Frame<Work>),
+    (corrected, seen_corrected, known): (&Frame<Work>, &Seen, &Frame<Work>),
+) {
+    for &c in problem.channels.list() {
+        let alpha = best_step(problem, c, &seen.light, &seen_corrected.light) as f32;
+        let towards = |plane: &mut Plane, target: &Plane| {
+            let pairs = plane.data_mut().iter_mut().zip(target.data());
+            pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
+        };
+        towards(picture.plane_mut(c), corrected.plane(c));
+        picture.plane_mut(c).data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+        towards(seen.light.plane_mut(c), seen_corrected.light.plane(c));
+        towards(defect.plane_mut(c), known.plane(c));
+        let trusted = seen.trusted.plane_mut(c).data_mut().iter_mut();
+        trusted.zip(seen_corrected.trusted.plane(c).data()).for_each(|(t, &other)| *t = (*t).min(other));
+    }
+}
+
+/// The α that minimises ‖y + α(y′ − y) − B‖, the captures' own noise taken out of both sums; 1 when the
+/// captures differ by no more than noise.
+fn best_step(problem: &Problem<'_>, channel: Channel, seen: &Frame<Work>, corrected: &Frame<Work>) -> f64 {
+    let (mut along, mut square, mut count) = (0.0f64, 0.0f64, 0u32);
+    let pairs = seen.plane(channel).data().iter().zip(corrected.plane(channel).data());
+    let photo = problem.photo.plane(channel).data().iter().zip(problem.trust.plane(channel).data());
+    for ((&y, &y_corrected), (&b, &trust)) in pairs.zip(photo) {
+        if trust != MISSING {
+            let step = f64::from(y_corrected - y);
+            along += f64::from(b - y) * step;
+            square += step * step;
+            count += 1;
+        }
+    }
+    let noise = f64::from(problem.capture_noise[channel.index()]).powi(2) * f64::from(count);
+    let (along, square) = (along - noise, square - 2.0 * noise);
+    // A difference of captures below a tenth of their noise power says nothing about the step.
+    if square < 0.1 * noise { 1.0 } else { (along / square).clamp(0.0, STEP_MAX) }
+}
