@@ -7,7 +7,7 @@ use super::{Board, CalibrateError, canvas, judge};
 use crate::calibration::lens_blur::{self, Fit, Grid, LensBlurError, Shot};
 use crate::calibration::{Calibration, Correction, dark_corner, noise};
 use crate::config;
-use crate::frame::{Channel, Frame, Plane, Work};
+use crate::frame::{Channel, Frame, Plane, Size, Work};
 use crate::patterns;
 use crate::restore::lens_model::{LensFunctions, LensModel};
 
@@ -15,16 +15,17 @@ use crate::restore::lens_model::{LensFunctions, LensModel};
 /// and so moves a little wrongly; the second round takes out what the first left.
 pub(super) const CENTRINGS: usize = 2;
 /// Patterns of each.
-pub(super) const CENTRING_PATTERNS: usize = 3;
-/// How much wider than asked for functions are in that measurement: a centroid wants the whole function,
-/// also where the rig file asks for its middle only.
-const CENTRING_SUPPORT: f64 = 2.0;
+pub(super) const CENTRING_PATTERNS: usize = 4;
+/// Pixels of the patterns for centring are this wide, and captures are averaged to them: a centroid wants
+/// the whole function, also where the rig file asks for its middle only, and no fine detail.
+const CENTRING_PIXEL_PX: usize = 2;
 /// Grey around which patterns go up and down.
 const GREY: f32 = 127.5;
 /// How far they go. The bicubic warp overshoots by up to 1.5; this stays within the panel's light.
 const AMPLITUDE: f32 = 80.0;
-/// Rounds of conjugate gradients: rough, and to a thousandth (measured).
-const ROUNDS: (usize, usize) = (4, 6);
+/// Rounds of conjugate gradients: for centring, where taps are many for the pixels there are, and for the
+/// functions themselves.
+const ROUNDS: (usize, usize) = (8, 6);
 /// Rounds of the power method from grey, which nearly is the dominant picture.
 const POWER_ROUNDS: usize = 12;
 
@@ -36,20 +37,22 @@ pub(super) fn measure(
 ) -> Result<(), CalibrateError> {
     if session.config.calibration.geometry == config::Geometry::Checkerboard {
         session.step("centring");
-        let wide = CENTRING_SUPPORT * session.config.calibration.function_support_px as f64;
+        let layout = session.layout;
+        let even = [layout.photo.width, layout.photo.height, layout.margin_px]
+            .iter()
+            .all(|side| side.is_multiple_of(CENTRING_PIXEL_PX));
+        let pixel_px = if even { CENTRING_PIXEL_PX } else { 1 };
         for round in 0..CENTRINGS {
             let correction = correction(session, calibration)?;
-            let series = shoot(session, &correction, CENTRING_PATTERNS, 100 + round as u64)?;
-            let functions = functions(session, &series.shots, &series.trusted, ROUNDS.0, wide as usize | 1)?;
-            recentre(session, calibration, &functions)?;
+            let series = shoot(session, &correction, CENTRING_PATTERNS, 100 + round as u64, pixel_px)?;
+            let functions = functions(session, &series, ROUNDS.0, pixel_px)?;
+            recentre(session, calibration, &functions, pixel_px)?;
         }
     }
     session.step("lens functions");
     let correction = correction(session, calibration)?;
-    let Series { shots, trusted, first } =
-        shoot(session, &correction, session.config.calibration.patterns, 200)?;
-    let support_px = session.config.calibration.function_support_px;
-    let mut functions = functions(session, &shots, &trusted, ROUNDS.1, support_px)?;
+    let series = shoot(session, &correction, session.config.calibration.patterns, 200, 1)?;
+    let mut functions = functions(session, &series, ROUNDS.1, 1)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before they are scaled to 1");
     // The sharpest function of the channel in focus: a lens may be bad in its corners.
@@ -60,19 +63,30 @@ pub(super) fn measure(
     judge::focus(sharpest, functions.support_px)?;
     calibration.functions = functions;
     session.step("checks");
-    check(session, calibration, &correction, &first, board)
+    check(session, calibration, &correction, &series.first, board)
 }
 
 fn correction(session: &Session<'_>, calibration: &Calibration) -> Result<Correction, CalibrateError> {
     Correction::new(calibration, session.layout).map_err(CalibrateError::Correction)
 }
 
-/// The `n`-th pseudo-random pattern of a series, all channels with their own.
-fn pattern(session: &Session<'_>, series: u64, n: usize) -> Frame<Work> {
+/// The `n`-th pseudo-random pattern of a series, all channels with their own, in squares of `pixel_px`.
+fn pattern(session: &Session<'_>, series: u64, n: usize, pixel_px: usize) -> Frame<Work> {
     let size = session.layout.canvas();
+    let coarse = Size::new(size.width / pixel_px, size.height / pixel_px);
     Frame::from_fn(|c| {
         let seed = patterns::nth_seed(series, (3 * n + c.index()) as u64);
-        patterns::pseudo_random(size, seed).map(|v| AMPLITUDE * v)
+        let signs = patterns::pseudo_random(coarse, seed);
+        Plane::from_fn(size, |x, y| AMPLITUDE * signs.at(x / pixel_px, y / pixel_px))
+    })
+}
+
+/// Means of `plane` over squares of `pixel_px`.
+fn averaged(plane: &Plane, pixel_px: usize) -> Plane {
+    let coarse = Size::new(plane.width() / pixel_px, plane.height() / pixel_px);
+    Plane::from_fn(coarse, |x, y| {
+        let rows = (0..pixel_px).map(|v| &plane.row(y * pixel_px + v)[x * pixel_px..][..pixel_px]);
+        rows.flatten().sum::<f32>() / (pixel_px * pixel_px) as f32
     })
 }
 
@@ -83,7 +97,7 @@ fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
 
 /// What was seen of a series of patterns.
 struct Series {
-    /// Differences from grey, per channel.
+    /// Differences from grey, per channel, averaged to the pattern's squares.
     shots: [Vec<Shot>; 3],
     /// 1 where all captures can be trusted.
     trusted: Plane<u8>,
@@ -91,12 +105,13 @@ struct Series {
     first: Plane,
 }
 
-/// Shows `count` patterns of a `series`, and grey.
+/// Shows `count` patterns of a `series`, in squares of `pixel_px`, and grey.
 fn shoot(
     session: &mut Session<'_>,
     correction: &Correction,
     count: usize,
     series: u64,
+    pixel_px: usize,
 ) -> Result<Series, CalibrateError> {
     let size = session.layout.canvas();
     let grey = session.seen(correction, &Frame::filled(size, GREY))?;
@@ -121,7 +136,7 @@ fn shoot(
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
     let mut first = None;
     for n in 0..count {
-        let shown = pattern(session, series, n);
+        let shown = pattern(session, series, n, pixel_px);
         let seen = session.seen(correction, &on_grey(&shown))?;
         let both = trusted.data_mut().iter_mut().zip(seen.trusted.plane(Channel::Green).data());
         both.for_each(|(a, &b)| *a &= b);
@@ -130,33 +145,34 @@ fn shoot(
         }
         for (c, shown) in Channel::ALL.iter().zip(shown.into_planes()) {
             let seen = difference(seen.light.plane(*c), &flat[c.index()]);
-            shots[c.index()].push(Shot { shown, seen });
+            shots[c.index()]
+                .push(Shot { shown: averaged(&shown, pixel_px), seen: averaged(&seen, pixel_px) });
         }
     }
     let first = first.unwrap_or_else(|| Plane::filled(size, GREY));
-    Ok(Series { shots, trusted, first })
+    let whole = averaged(&trusted.map(f32::from), pixel_px);
+    Ok(Series { shots, trusted: whole.map(|share| u8::from(share > 0.999)), first })
 }
 
-/// The lens functions that explain `shots`.
+/// The lens functions that explain `series`, on pixels of `pixel_px`.
 fn functions(
     session: &Session<'_>,
-    shots: &[Vec<Shot>; 3],
-    trusted: &Plane<u8>,
+    series: &Series,
     rounds: usize,
-    support_px: usize,
+    pixel_px: usize,
 ) -> Result<LensFunctions, CalibrateError> {
     let asked = &session.config.calibration;
     let grid = Grid {
-        photo: session.layout.photo,
-        margin_px: session.layout.margin_px,
+        photo: Size::new(session.layout.photo.width / pixel_px, session.layout.photo.height / pixel_px),
+        margin_px: session.layout.margin_px / pixel_px,
         columns: asked.function_columns,
         rows: asked.function_rows,
-        support_px,
+        support_px: asked.function_support_px,
     };
     let closed = super::rim_px(session.config) > 0;
     let found: Result<Vec<Vec<f32>>, LensBlurError> = Channel::ALL
         .par_iter()
-        .map(|&c| Fit::new(grid, trusted, closed)?.taps(c, &shots[c.index()], rounds))
+        .map(|&c| Fit::new(grid, &series.trusted, closed)?.taps(c, &series.shots[c.index()], rounds))
         .collect();
     let mut taps = found.map_err(CalibrateError::Lens)?.into_iter();
     Ok(LensFunctions {
@@ -173,11 +189,13 @@ fn recentre(
     session: &Session<'_>,
     calibration: &mut Calibration,
     functions: &LensFunctions,
+    pixel_px: usize,
 ) -> Result<(), CalibrateError> {
     let fit = |source| CalibrateError::Fit { step: "centring", source };
     let domain = canvas(&session.layout);
     for c in Channel::ALL {
-        let moved = lens_blur::displacement(functions, c, calibration.photo, domain).map_err(fit)?;
+        let moved =
+            lens_blur::displacement(functions, c, calibration.photo, domain, pixel_px).map_err(fit)?;
         let geometry = &mut calibration.geometry[c.index()];
         *geometry = geometry.recentred(&moved).map_err(fit)?;
     }
@@ -239,7 +257,7 @@ fn rest(
     if let Some(board) = board {
         return super::still(session, board);
     }
-    let again = session.seen(correction, &on_grey(&pattern(session, 200, 0)))?;
+    let again = session.seen(correction, &on_grey(&pattern(session, 200, 0, 1)))?;
     let change = difference(again.light.plane(Channel::Green), first).rms();
     let times = session.config.calibration.captures_averaged.max(1) as f32;
     let noise = calibration.noise[Channel::Green.index()].sigma(GREY) / times.sqrt();

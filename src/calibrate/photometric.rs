@@ -11,7 +11,7 @@ use crate::patterns::{self, Gradation};
 /// Gradations shown in each channel: three shufflings leave a third less of the glare's randomness than one
 /// (measured on `simulated.toml`).
 pub(super) const GRADATIONS: usize = 3;
-/// Levels of a gradation: every fifth code, three or four blocks of each on the default rig.
+/// Levels of a gradation: every fifth code, seven blocks of each on the default rig.
 const LEVELS: usize = 52;
 
 /// Keeps the black level.
@@ -79,12 +79,12 @@ pub(super) fn cross_channel(
     Ok(())
 }
 
-/// A gradation whose blocks are twice as wide as a lens function, seen on the sensor.
+/// A gradation whose blocks are half again as wide as a lens function, seen on the sensor.
 pub(super) fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {
     let map = &calibration.geometry[1].work_to_panel;
     let (a, b) = (map.at(0.0, 0.0), map.at(1.0, 0.0));
     let panel_px_per_work_px = (b.0 - a.0).hypot(b.1 - a.1);
-    let wide = 2.0 * session.config.calibration.function_support_px as f64 * panel_px_per_work_px;
+    let wide = 1.5 * session.config.calibration.function_support_px as f64 * panel_px_per_work_px;
     Gradation::new(
         session.layout.panel,
         wide.ceil() as usize,

@@ -41,11 +41,11 @@ pub fn moments(taps: &[f32], support_px: usize) -> ((f64, f64), f64) {
 }
 
 /// Standard deviation of the bell that taps are smoothed with before their centroid is taken, pixels.
-const SMOOTHING_PX: f64 = 2.0;
+const SMOOTHING_PX: f64 = 1.5;
 /// Smoothed taps above this many standard deviations of their noise are the function's for sure.
 const NOISE_FLOOR: f64 = 3.0;
 /// So are those this near to them: the faint tail of coma is below the noise and still moves a centroid.
-const TAIL_PX: isize = 6;
+const TAIL_PX: isize = 5;
 
 /// Centroid (x, y) of one measured function, pixels from its middle. The noise of far taps counts by their
 /// distance, so the taps are smoothed, which moves no centroid, and what lies far from all that
@@ -93,7 +93,7 @@ pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
 }
 
 /// How far from its place the light of each Work place is seen, smooth over `canvas`, by the centroids of
-/// one channel's functions.
+/// one channel's functions, which are given on pixels of `pixel_px` Work pixels.
 ///
 /// # Errors
 /// When there are too few functions for a smooth map; the caller then leaves the geometry as it is.
@@ -102,6 +102,7 @@ pub fn displacement(
     channel: Channel,
     photo: Size,
     canvas: Domain,
+    pixel_px: usize,
 ) -> Result<Map, SurfaceError> {
     let centre = |n: usize, count: usize, side: usize| (n as f64 + 0.5) * side as f64 / count as f64 - 0.5;
     let mut pairs = Vec::new();
@@ -110,7 +111,8 @@ pub fn displacement(
             let taps = functions.function(channel, row, column);
             let from =
                 (centre(column, functions.columns, photo.width), centre(row, functions.rows, photo.height));
-            pairs.push(Pair { from, to: centroid(taps, functions.support_px) });
+            let (x, y) = centroid(taps, functions.support_px);
+            pairs.push(Pair { from, to: (x * pixel_px as f64, y * pixel_px as f64) });
         }
     }
     // One cubic over the field, as coma's displacement is: a centroid carries some hundredths of a pixel of

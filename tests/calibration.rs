@@ -1,0 +1,278 @@
+//! Calibration from captures alone, scored against the simulator's truth with the issue's bounds.
+
+use std::path::Path;
+
+use relens::calibrate::{CalibrateError, calibrate, captures, layout};
+use relens::calibration::{Calibration, Correction};
+use relens::config;
+use relens::frame::{Channel, Frame, Plane, Work, resample::resize};
+use relens::patterns;
+use relens::remedy::full_message;
+use relens::restore::lens_model::LensModel;
+use relens::rig::exposure::Rig;
+use relens::rig::simulated::{self, Light, Witness};
+
+fn load(name: &str) -> config::Rig {
+    config::load(Path::new(name)).expect("a rig file of the program")
+}
+
+fn calibrated(config: &config::Rig) -> (Rig, Witness, Calibration) {
+    let (mut rig, witness) = simulated::open(config).expect("a simulated rig");
+    let begin = std::time::Instant::now();
+    let found = calibrate(&mut rig, config, None, &mut |_| {});
+    let calibration = found.unwrap_or_else(|e| panic!("{}", full_message(&e)));
+    println!("{}: {} captures, {:.1} s", config.name, calibration.captures, begin.elapsed().as_secs_f64());
+    assert_eq!(calibration.captures, captures(config), "the captures announced are those made");
+    (rig, witness, calibration)
+}
+
+/// RMS distance on the sensor, pixels, between where a Work place shall be seen and where the light shown
+/// for it has its centroid; over the photo.
+fn geometry_error_px(config: &config::Rig, witness: &Witness, calibration: &Calibration, c: Channel) -> f64 {
+    let photo = config.photo.size();
+    let (mut squared, mut count) = (0.0, 0.0);
+    for j in 0..25 {
+        for i in 0..33 {
+            let x = (photo.width - 1) as f64 * f64::from(i) / 32.0;
+            let y = (photo.height - 1) as f64 * f64::from(j) / 24.0;
+            let (u, v) = calibration.geometry[c.index()].work_to_panel.at(x, y);
+            let [sx, sy] = witness.panel_to_sensor(c, [u, v]);
+            let (dx, dy) =
+                (sx - x - config.camera.photo_x_px as f64, sy - y - config.camera.photo_y_px as f64);
+            squared += dx * dx + dy * dy;
+            if i % 8 == 0 && j % 8 == 0 {}
+            count += 1.0;
+        }
+    }
+    f64::sqrt(squared / count)
+}
+
+/// RMS error of the dark corner over the photo, both scaled to mean 1.
+fn dark_corner_error(config: &config::Rig, witness: &Witness, calibration: &Calibration, c: Channel) -> f64 {
+    let truth = witness.dark_corner(c).crop(config.photo_on_sensor());
+    let mean = truth.mean();
+    let surface = &calibration.dark_corner[c.index()];
+    let mut squared = 0.0;
+    for y in 0..truth.height() {
+        for x in 0..truth.width() {
+            let wanted = f64::from(truth.at(x, y)) / mean;
+            squared += (surface.at(x as f64, y as f64) / wanted - 1.0).powi(2);
+        }
+    }
+    (squared / truth.size().area() as f64).sqrt()
+}
+
+/// `scene` (photo-sized) on the canvas: its border goes on over the margin, and the last two pixels are
+/// black, so that the panel is black outside the canvas as the witness's operator has it.
+fn on_canvas(config: &config::Rig, scene: [Plane; 3]) -> Frame<Work> {
+    let (canvas, margin) = (config.canvas_size(), config.canvas.margin_px);
+    Frame::from_planes(scene.map(|scene| {
+        Plane::from_fn(canvas, |x, y| {
+            let rim = margin > 0 && (x < 2 || y < 2 || x + 2 >= canvas.width || y + 2 >= canvas.height);
+            let at = |p: usize, side: usize| p.saturating_sub(margin).min(side - 1);
+            if rim { 0.0 } else { scene.at(at(x, scene.width()), at(y, scene.height())) }
+        })
+    }))
+}
+
+/// A photograph as linear light, cropped to the rig's shape.
+fn photograph(config: &config::Rig, name: &str) -> [Plane; 3] {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes").join(name);
+    let picture = image::open(path).expect("a test scene").to_rgb8();
+    let (w, h) = (picture.width(), picture.height());
+    let wide = w.min(h * 4 / 3);
+    let high = wide * 3 / 4;
+    let (left, top) = ((w - wide) / 2, (h - high) / 2);
+    [0, 1, 2].map(|c| {
+        let cropped = Plane::from_fn(relens::frame::Size::new(wide as usize, high as usize), |x, y| {
+            let code = f32::from(picture.get_pixel(left + x as u32, top + y as u32).0[c]) / 255.0;
+            let light = if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) };
+            255.0 * light
+        });
+        resize(&cropped, config.photo.size()).map(|v| v.clamp(0.0, 255.0))
+    })
+}
+
+struct Errors {
+    /// RMS of (seen through the whole path − K·L true), per channel.
+    operator: [f64; 3],
+    /// RMS of (lens model − K·L true), per channel.
+    model: [f64; 3],
+}
+
+fn operator_error(
+    config: &config::Rig,
+    rig: &mut Rig,
+    witness: &Witness,
+    calibration: &Calibration,
+    scene: [Plane; 3],
+) -> Errors {
+    let correction = Correction::new(calibration, layout(config)).expect("sizes that fit");
+    let shown = on_canvas(config, scene);
+    let truth = witness.forward(&shown, Light::Panel);
+    let seen = correction.see(&rig.capture(&correction.show(&shown)).expect("a capture").counts);
+    let model =
+        LensModel::new(calibration.photo, calibration.margin_px, &calibration.functions).expect("a model");
+    let rect = config.photo_on_canvas();
+    let mut errors = Errors { operator: [0.0; 3], model: [0.0; 3] };
+    for c in Channel::ALL {
+        let truth = truth.plane(c).crop(rect);
+        let mut off = seen.light.plane(c).crop(rect);
+        off.add_scaled(-1.0, &truth);
+        errors.operator[c.index()] = off.rms();
+        let mut predicted = Plane::zeros(model.canvas());
+        model.forward(c, shown.plane(c), &mut predicted);
+        let mut off = predicted.crop(rect);
+        off.add_scaled(-1.0, &truth);
+        errors.model[c.index()] = off.rms();
+    }
+    errors
+}
+
+/// The issue's bounds, all but the operator error's.
+fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
+    let mixing = witness.cross_channel();
+    for c in Channel::ALL {
+        let i = c.index();
+        let geometry = geometry_error_px(config, witness, calibration, c);
+        let dark = dark_corner_error(config, witness, calibration, c);
+        let mut c_error = 0.0f64;
+        for (to, row) in mixing.iter().enumerate() {
+            let truth = row[i] / mixing[i][i];
+            c_error = c_error.max((f64::from(calibration.cross_channel.c[i][to]) - truth).abs());
+        }
+        let response = witness.panel_response(c);
+        let scale = 255.0 / (response[255] - response[0]);
+        let curve = (0..256)
+            .map(|n| (calibration.curves[i].table()[n] - scale * (response[n] - response[0])).abs())
+            .fold(0.0, f32::max);
+        let gain = f64::from(calibration.counts_per_level[i]) / witness.counts_per_level() / mixing[i][i];
+        println!(
+            "{:5}: geometry {geometry:.3} px, dark corner {:.3} %, C {c_error:.4}, curve {curve:.3}, gain {gain:.4}, \
+             ‖K‖² {:.4} seen {:.4}, noise {:.2} (truth {:.2}), own operator error {:.2}",
+            c.name(),
+            100.0 * dark,
+            calibration.norm_squared[i],
+            calibration.norm_squared_seen,
+            calibration.noise[i].sigma(128.0),
+            witness.noise_levels(128.0),
+            calibration.operator_error[i],
+        );
+        assert!(geometry <= 0.15, "geometry of {} is {geometry:.3} px off", c.name());
+        assert!(dark <= 0.005, "dark corner of {} is {:.2} % off", c.name(), 100.0 * dark);
+        assert!(c_error <= 0.01, "C from {} is {c_error:.4} off", c.name());
+        assert!(curve <= 0.5, "curve of {} is {curve:.3} off", c.name());
+    }
+}
+
+/// The operator error on chart and photographs, bounded by `factor` times the issue's 2 and 1 grey levels.
+fn score_operator(
+    config: &config::Rig,
+    rig: &mut Rig,
+    witness: &Witness,
+    calibration: &Calibration,
+    factor: f64,
+) {
+    let chart = patterns::chart(config.photo.size());
+    let scenes = [
+        ("chart", [chart.clone(), chart.clone(), chart], 2.0),
+        ("astronaut", photograph(config, "astronaut.png"), 1.0),
+        ("coffee", photograph(config, "coffee.png"), 1.0),
+        ("rocket", photograph(config, "rocket.jpg"), 1.0),
+    ];
+    let noisy = operator_error(config, rig, witness, calibration, scenes[0].1.clone());
+    println!("chart, one capture with noise: operator {:.2?}", noisy.operator);
+    // The operator is what is left when noise is averaged away; here noise is turned off instead.
+    witness.set_read_noise_levels(0.0);
+    witness.set_full_well_electrons(f64::INFINITY);
+    for (name, scene, bound) in scenes {
+        let errors = operator_error(config, rig, witness, calibration, scene);
+        println!("{name}: operator {:.2?}, lens model alone {:.2?}", errors.operator, errors.model);
+        let bound = factor * bound;
+        for (c, error) in Channel::ALL.iter().zip(errors.operator) {
+            assert!(
+                error <= bound,
+                "operator error of {name} in {} is {error:.2}, {bound} allowed",
+                c.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn the_small_rig_is_calibrated_within_the_bounds() {
+    let config = load("small.toml");
+    let (mut rig, witness, calibration) = calibrated(&config);
+    score(&config, &witness, &calibration);
+    // The issue's bounds are the default rig's. This one's pixels are four times as wide in the same blur, so
+    // that resampling to the panel loses finer detail than the lens does.
+    score_operator(&config, &mut rig, &witness, &calibration, 2.5);
+}
+
+#[test]
+fn the_default_rig_is_calibrated_within_the_bounds() {
+    let config = load("simulated.toml");
+    let (mut rig, witness, calibration) = calibrated(&config);
+    score(&config, &witness, &calibration);
+    score_operator(&config, &mut rig, &witness, &calibration, 1.0);
+}
+
+#[test]
+fn the_studys_rig_is_calibrated_without_a_checkerboard() {
+    let config = load("study.toml");
+    let (mut rig, witness, calibration) = calibrated(&config);
+    score(&config, &witness, &calibration);
+    score_operator(&config, &mut rig, &witness, &calibration, 1.0);
+}
+
+/// What a rig that is wrong in one way is told.
+fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
+    let config = load("small.toml");
+    let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
+    change(&mut witness);
+    let error = calibrate(&mut rig, &config, None, &mut |_| {}).expect_err("a rig that cannot be calibrated");
+    println!("{}", full_message(&error));
+    error
+}
+
+#[test]
+fn what_keeps_a_rig_from_being_calibrated_is_told_apart() {
+    let error = failure(|w| w.set_white_share(2.5));
+    assert!(matches!(error, CalibrateError::OverExposed { .. }), "{error}");
+    let error = failure(|w| w.set_white_share(0.05));
+    assert!(matches!(error, CalibrateError::TooDark { .. }), "{error}");
+    let error = failure(|w| w.set_white_share(0.0));
+    assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
+    let error = failure(|w| w.knock_panel(140.0, 0.0));
+    assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
+    let error = failure(|w| w.knock_panel(2000.0, 0.0));
+    assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
+}
+
+#[test]
+fn a_rig_that_moves_is_told_so_whenever_it_moves() {
+    for when in [8, 20, 34] {
+        let config = load("small.toml");
+        let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
+        let mut knocked = false;
+        let error = calibrate(&mut rig, &config, None, &mut |p| {
+            if p.captures >= when && !knocked {
+                witness.knock_panel(0.6, -0.4);
+                knocked = true;
+            }
+        })
+        .expect_err("a rig that moved");
+        println!("after {when} captures: {}", full_message(&error));
+        assert!(matches!(error, CalibrateError::Moving { .. }), "{error}");
+    }
+}
+
+#[test]
+fn the_same_rig_gives_the_same_calibration_and_counts_generations() {
+    let config = load("small.toml");
+    let (_, _, first) = calibrated(&config);
+    let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
+    let second = calibrate(&mut rig, &config, Some(&first), &mut |_| {}).expect("a calibration");
+    assert_eq!(second.generation, first.generation + 1);
+    assert_eq!(Calibration { generation: first.generation, ..second }, first);
+}
