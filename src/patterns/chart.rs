@@ -213,6 +213,24 @@ fn marks(width: f64) -> Vec<Mark> {
         put(out / 2.0, y, Shape::Arrow { length: out, dx: -1.0, dy: 0.0 });
         put(width - out / 2.0, y, Shape::Arrow { length: out, dx: 1.0, dy: 0.0 });
     }
+    // Wedges at the left and right edges of the field, where a cheap lens is worst.
+    for x in [0.125, width - 0.125] {
+        put(x, 0.5, Shape::Wedge { lines: 5, first: 70.0, last: 300.0, length: 0.17, upright: false });
+    }
+    // Reading matter in three sizes, as enhanced charts have it.
+    let mut text = |x: f64, y: f64, columns: usize, rows: usize, cell: f64| {
+        for k in 0..columns * rows {
+            let (column, row) = ((k % columns) as f64, (k / columns) as f64);
+            // 7 is coprime to 10: all digits come by.
+            let digit = Shape::Digit { digit: (7 * k + 3) % 10, cell };
+            put(x + 4.5 * cell * (column - (columns as f64 - 1.0) / 2.0), y + 7.0 * cell * row, digit);
+        }
+    };
+    for side in [-1.0, 1.0] {
+        text(centre + side * 0.345, 0.18, 4, 7, 0.005);
+        text(centre + side * 0.335, 0.585, 6, 2, 0.0055);
+        text(centre + side * 0.255, 0.81, 14, 1, 0.004);
+    }
     // Long fine lines, slightly turned by their ends' blocks: they show distortion and seams.
     for x in [0.235, width - 0.235] {
         put(x, 0.5, Shape::Bar { half_width: 0.0015, half_height: 0.33 });
