@@ -227,9 +227,9 @@ fn marks(width: f64) -> Vec<Mark> {
         }
     };
     for side in [-1.0, 1.0] {
-        text(centre + side * 0.345, 0.18, 4, 7, 0.005);
-        text(centre + side * 0.335, 0.585, 6, 2, 0.0055);
-        text(centre + side * 0.255, 0.81, 14, 1, 0.004);
+        text(centre + side * 0.345, 0.18, 4, 6, 0.006);
+        text(centre + side * 0.335, 0.585, 6, 2, 0.006);
+        text(centre + side * 0.255, 0.81, 13, 1, 0.005);
     }
     // Long fine lines, slightly turned by their ends' blocks: they show distortion and seams.
     for x in [0.235, width - 0.235] {

@@ -26,8 +26,8 @@ use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 pub struct Hybrid {
     /// The solve with the lens model.
     pub digital: Digital,
-    /// Proximal steps of a small correction; one larger than the noise is a new problem and takes as many as
-    /// the first solve.
+    /// Proximal steps of each correction. Few are better than many: stopping early keeps a poor model from
+    /// building on its own errors.
     pub correction_steps: u32,
     /// Captures a photo may cost, at least 1. With 1 the first correction is not confirmed by light.
     pub captures_max: u32,
@@ -84,12 +84,11 @@ impl Method for Hybrid {
             if size <= self.defect_floor {
                 break;
             }
-            let steps = if size > 1.0 { self.digital.steps } else { self.correction_steps };
             let mut known = defect.clone();
             for &channel in problem.channels.list() {
                 known.plane_mut(channel).add_scaled(1.0, news.plane(channel));
             }
-            let corrected = self.corrected(problem, model, &picture, (&known, steps), &mut record);
+            let corrected = self.corrected(problem, model, &picture, &known, &mut record);
             certificate.corrections += 1;
             if last {
                 picture = corrected;
@@ -112,14 +111,14 @@ impl Hybrid {
         problem: &Problem<'_>,
         model: &LensModel,
         picture: &Frame<Work>,
-        (defect, steps): (&Frame<Work>, u32),
+        defect: &Frame<Work>,
         record: &mut IterationRecord,
     ) -> Frame<Work> {
         let mut data: Frame<Work> = problem.photo.clone();
         for &channel in problem.channels.list() {
             data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
         }
-        let correction = Digital { steps, ..self.digital };
+        let correction = Digital { steps: self.correction_steps, ..self.digital };
         let (corrected, steps) = solve_all(&correction, problem, model, &data, picture);
         let before = record.steps().last().copied();
         for step in steps.steps() {

@@ -87,11 +87,15 @@ pub struct Certificate {
     pub corrections: u32,
 }
 
+/// Deviation of 8-bit rounding, 1/√12 grey levels: no photo or capture is less noisy than that.
+const ROUNDING: f32 = 0.289;
+
 impl Certificate {
     /// Nothing measured but what noise alone would leave.
     pub fn uncertified(problem: &Problem<'_>) -> Self {
         let green = Channel::Green.index();
-        let noise_floor = problem.photo_noise[green].hypot(problem.capture_noise[green]);
+        let least = |noise: f32| noise.max(ROUNDING);
+        let noise_floor = least(problem.photo_noise[green]).hypot(least(problem.capture_noise[green]));
         Certificate { noise_floor, ..Certificate::default() }
     }
 
