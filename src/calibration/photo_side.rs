@@ -23,11 +23,15 @@ impl PhotoSide {
     /// The photo's side of `calibration` on a rig of `layout`.
     pub fn new(calibration: &Calibration, layout: &Layout) -> PhotoSide {
         let gain = Channel::ALL.map(|c| {
+            let surface = &calibration.dark_corner[c.index()];
             let mut plane = Plane::zeros(layout.photo);
             for y in 0..layout.photo.height {
-                calibration.dark_corner[c.index()].row(y as f64, 0.0, 1.0, plane.row_mut(y));
+                surface.row(y as f64, 0.0, 1.0, plane.row_mut(y));
             }
-            plane.map(|share: f32| 1.0 / share.max(DARKEST))
+            // The calibration's surface has mean 1 over the photo; a photo is exposed for its middle, which
+            // must keep its light.
+            let middle = surface.at(layout.photo.width as f64 / 2.0, layout.photo.height as f64 / 2.0) as f32;
+            plane.map(|share: f32| middle / share.max(DARKEST * middle))
         });
         let fringes = [Channel::Red, Channel::Blue].map(|c| fringe(calibration, layout, c));
         PhotoSide { gain, fringes }
