@@ -29,6 +29,9 @@ pub struct ShrinkageScratch {
     transform: Scratch,
     original: Option<Plane>,
     turned: Option<Plane>,
+    /// The second half of a mean over shifts, which may run beside the first.
+    other: Option<Box<ShrinkageScratch>>,
+    other_sum: Option<Plane>,
 }
 
 impl Shrinkage {
@@ -95,6 +98,7 @@ impl Shrinkage {
     }
 
     /// Replaces `plane` by the mean of its shrunk versions over `shifts`; leaves it alone when there are none.
+    /// Two halves of the shifts run side by side when a core is free.
     pub fn shrink_spun(
         &self,
         plane: &mut Plane,
@@ -105,18 +109,47 @@ impl Shrinkage {
         if shifts.is_empty() || threshold <= 0.0 {
             return;
         }
-        let fits = |kept: Option<Plane>| kept.filter(|p| p.size() == plane.size());
-        let mut original = fits(scratch.original.take()).unwrap_or_else(|| Plane::zeros(plane.size()));
-        let mut turned = fits(scratch.turned.take()).unwrap_or_else(|| Plane::zeros(plane.size()));
+        let size = plane.size();
+        let mut original = fitting(scratch.original.take(), size);
+        let mut other_sum = fitting(scratch.other_sum.take(), size);
         original.data_mut().copy_from_slice(plane.data());
-        plane.data_mut().fill(0.0);
+        let (first, second) = shifts.split_at(shifts.len().div_ceil(2));
+        let mut other = scratch.other.take().unwrap_or_default();
+        rayon::join(
+            || self.add_shrunk(&original, threshold, first, plane, scratch),
+            || self.add_shrunk(&original, threshold, second, &mut other_sum, &mut other),
+        );
+        let share = 1.0 / shifts.len() as f32;
+        for (sum, value) in plane.data_mut().iter_mut().zip(other_sum.data()) {
+            *sum = (*sum + value) * share;
+        }
+        scratch.original = Some(original);
+        (scratch.other_sum, scratch.other) = (Some(other_sum), Some(other));
+    }
+
+    /// `sum` = the sum of `original` shrunk at each of `shifts`.
+    fn add_shrunk(
+        &self,
+        original: &Plane,
+        threshold: f32,
+        shifts: &[(usize, usize)],
+        sum: &mut Plane,
+        scratch: &mut ShrinkageScratch,
+    ) {
+        let mut turned = fitting(scratch.turned.take(), original.size());
+        sum.data_mut().fill(0.0);
         for &shift in shifts {
             turned.data_mut().copy_from_slice(original.data());
             self.shrink(&mut turned, threshold, shift, scratch);
-            plane.add_scaled(1.0 / shifts.len() as f32, &turned);
+            sum.add_scaled(1.0, &turned);
         }
-        (scratch.original, scratch.turned) = (Some(original), Some(turned));
+        scratch.turned = Some(turned);
     }
+}
+
+/// A plane of size `size`: the one `kept` if it fits.
+fn fitting(kept: Option<Plane>, size: Size) -> Plane {
+    kept.filter(|p| p.size() == size).unwrap_or_else(|| Plane::zeros(size))
 }
 
 impl Prior for Shrinkage {

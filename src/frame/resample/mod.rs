@@ -36,6 +36,7 @@ const fn cubics(a: f32) -> [[f32; 4]; 4] {
 }
 
 /// Weights of the four taps at −1, 0, 1, 2 for a place `t` (0..=1) between taps 0 and 1.
+#[inline(always)]
 fn weights(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
     std::array::from_fn(|j| ((cubics[3][j] * t + cubics[2][j]) * t + cubics[1][j]) * t + cubics[0][j])
 }
@@ -147,52 +148,40 @@ fn all_inside(length: usize, places: &[f32; AT_A_TIME]) -> bool {
     inside
 }
 
-/// Along one side: the first taps of places (above 1, below 2²²) and the weights of all four, tap by tap.
+/// Along one side: the first tap of each place (above 1, below 2²²) and how far behind the second tap it lies.
 ///
 /// The whole part comes without `floor`, which is a library call on baseline x86-64; it may be one too small with a
 /// rest of 1, which is the same place.
 #[inline(always)]
-fn taps(places: &[f32; AT_A_TIME]) -> ([u32; AT_A_TIME], [[f32; AT_A_TIME]; 4]) {
+fn first_taps(places: &[f32; AT_A_TIME]) -> ([u32; AT_A_TIME], [f32; AT_A_TIME]) {
     const SHIFT: f32 = 8_388_608.0; // 2²³: from here on the spacing of f32 is 1
     let mut first = [0; AT_A_TIME];
-    let mut weights = [[0.0; AT_A_TIME]; 4];
+    let mut rest = [0.0; AT_A_TIME];
     for i in 0..AT_A_TIME {
         let shifted = (places[i] - 0.5) + SHIFT;
         first[i] = (shifted.to_bits() & 0x007f_ffff) - 1;
-        let t = places[i] - (shifted - SHIFT);
-        for j in 0..4 {
-            weights[j][i] = ((CUBICS[3][j] * t + CUBICS[2][j]) * t + CUBICS[1][j]) * t + CUBICS[0][j];
-        }
+        rest[i] = places[i] - (shifted - SHIFT);
     }
-    (first, weights)
+    (first, rest)
 }
 
 /// The values at places that are all inside.
 #[inline(always)]
 fn inner(data: &[f32], width: usize, x: &[f32; AT_A_TIME], y: &[f32; AT_A_TIME]) -> [f32; AT_A_TIME] {
-    let ((columns, wx), (rows, wy)) = (taps(x), taps(y));
-    let mut by_place = [[0.0; 4]; AT_A_TIME];
-    for i in 0..AT_A_TIME {
-        for c in 0..4 {
-            by_place[i][c] = wx[c][i];
-        }
-    }
-    let wx = by_place;
-    let mut values = [0.0; AT_A_TIME];
+    let ((columns, tx), (rows, ty)) = (first_taps(x), first_taps(y));
+    // Down the columns first: four sums of four pixels each, one place at a time, each row one load.
+    let mut sums = [[0.0f32; 4]; AT_A_TIME];
     for i in 0..AT_A_TIME {
         let start = rows[i] as usize * width + columns[i] as usize;
-        let mut sums = [[0.0f32; 4]; 2];
-        for (j, sum) in sums.iter_mut().enumerate() {
-            let upper = &data[start + 2 * j * width..][..4];
-            let lower = &data[start + (2 * j + 1) * width..][..4];
-            for c in 0..4 {
-                sum[c] = (wy[2 * j][i] * upper[c] + wy[2 * j + 1][i] * lower[c]) * wx[i][c];
-            }
+        let (wx, wy) = (weights(&CUBICS, tx[i]), weights(&CUBICS, ty[i]));
+        let taps: [&[f32]; 4] = std::array::from_fn(|j| &data[start + j * width..][..4]);
+        for c in 0..4 {
+            let upper = wy[0] * taps[0][c] + wy[1] * taps[1][c];
+            let lower = wy[2] * taps[2][c] + wy[3] * taps[3][c];
+            sums[i][c] = (upper + lower) * wx[c];
         }
-        let [p, q] = sums;
-        values[i] = ((p[0] + q[0]) + (p[1] + q[1])) + ((p[2] + q[2]) + (p[3] + q[3]));
     }
-    values
+    sums.map(|[a, b, c, d]| (a + c) + (b + d))
 }
 
 #[cfg(test)]

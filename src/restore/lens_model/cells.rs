@@ -122,9 +122,14 @@ impl Cells {
 
     /// The cells, row by row: stretches along y and x, and their spectra.
     pub(super) fn iter(&self) -> impl Iterator<Item = (&Stretch, &Stretch, &[usize; 4])> {
-        let pairs =
-            self.along_y.stretches.iter().flat_map(|y| self.along_x.stretches.iter().map(move |x| (y, x)));
-        pairs.zip(&self.spectra_of).map(|((y, x), of)| (y, x, of))
+        (0..self.along_y.stretches.len()).flat_map(|row| self.row(row))
+    }
+
+    /// The cells of one row.
+    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = (&Stretch, &Stretch, &[usize; 4])> {
+        let (y, columns) = (&self.along_y.stretches[row], self.along_x.stretches.len());
+        let spectra = &self.spectra_of[row * columns..][..columns];
+        self.along_x.stretches.iter().zip(spectra).map(move |(x, of)| (y, x, of))
     }
 
     /// The spectra of one channel's functions, scaled as [`super::taps::spectrum`] says.

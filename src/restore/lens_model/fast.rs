@@ -187,22 +187,28 @@ fn add_at(row: &mut [f32], left: isize, lanes: Lanes) {
     }
 }
 
-/// K x.
+/// K x, the part of one row of cells.
 pub(super) struct Forward<'a> {
     pub(super) cells: &'a Cells,
     pub(super) spectra: &'a [Spectrum],
     pub(super) x: &'a Plane,
-    pub(super) out: &'a mut Plane,
+    /// Which row of cells.
+    pub(super) row: usize,
+    /// Where the light of this row goes that stays in it: the canvas's rows of these cells.
+    pub(super) band: &'a mut [f32],
+    /// Where the rest goes: support − 1 rows, those above the band first, then those below.
+    pub(super) spill: &'a mut [f32],
     pub(super) work: &'a mut Workspace,
 }
 
 impl Kernel for Forward<'_> {
     #[inline(always)]
     fn run(self) {
-        let Forward { cells, spectra, x, out, work } = self;
-        out.data_mut().fill(0.0);
-        let r = cells.support_px / 2;
-        for (along_y, along_x, of) in cells.iter() {
+        let Forward { cells, spectra, x, row, band, spill, work } = self;
+        band.fill(0.0);
+        spill.fill(0.0);
+        let (r, canvas_width) = (cells.support_px / 2, x.width());
+        for (along_y, along_x, of) in cells.row(row) {
             let cell = Cell::of(cells, along_y, along_x);
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let pitch = pitch(nx);
@@ -231,31 +237,39 @@ impl Kernel for Forward<'_> {
                 let both = up(cell.fy, (seen, column), (seen, column + LANES), pitch, data, spare);
                 let left = (along_x.start + column) as isize - r as isize;
                 for (y, light) in both[..reach.height].iter().enumerate() {
-                    let row = (along_y.start + y).wrapping_sub(r);
-                    if row < out.height() {
-                        add_at(out.row_mut(row), left, light.re);
-                        add_at(out.row_mut(row), left + LANES as isize, light.im);
-                    }
+                    let rows = if y < r || y >= r + along_y.length { &mut *spill } else { &mut *band };
+                    let place = match y {
+                        above if above < r => above,
+                        inside if inside < r + along_y.length => inside - r,
+                        below => below - along_y.length,
+                    };
+                    let row = &mut rows[place * canvas_width..][..canvas_width];
+                    add_at(row, left, light.re);
+                    add_at(row, left + LANES as isize, light.im);
                 }
             }
         }
     }
 }
 
-/// Kᵀ y.
+/// Kᵀ y, where one row of cells lies.
 pub(super) struct Adjoint<'a> {
     pub(super) cells: &'a Cells,
     pub(super) spectra: &'a [Spectrum],
     pub(super) y: &'a Plane,
-    pub(super) out: &'a mut Plane,
+    /// Which row of cells.
+    pub(super) row: usize,
+    /// The canvas's rows of these cells.
+    pub(super) band: &'a mut [f32],
     pub(super) work: &'a mut Workspace,
 }
 
 impl Kernel for Adjoint<'_> {
     #[inline(always)]
     fn run(self) {
-        let Adjoint { cells, spectra, y, out, work } = self;
-        for (along_y, along_x, of) in cells.iter() {
+        let Adjoint { cells, spectra, y, row, band, work } = self;
+        let canvas_width = y.width();
+        for (along_y, along_x, of) in cells.row(row) {
             let cell = Cell::of(cells, along_y, along_x);
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let (pitch, width) = (pitch(nx), along_x.length);
@@ -292,9 +306,9 @@ impl Kernel for Adjoint<'_> {
             for column in (0..width).step_by(LANES) {
                 let both = up(cell.fy, (upper, column), (lower, column), pitch, data, spare);
                 let columns = LANES.min(width - column);
-                for (y, (light, &v)) in both.iter().zip(cell.v).enumerate() {
+                for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
                     let values = light.re * (1.0 - v) + light.im * v;
-                    let row = &mut out.row_mut(along_y.start + y)[along_x.start + column..][..columns];
+                    let row = &mut band[i * canvas_width + along_x.start + column..][..columns];
                     row.copy_from_slice(&values.0[..columns]);
                 }
             }

@@ -5,6 +5,7 @@
 //! a library that transforms line by line can only do after transposing, cost no more than along its rows.
 
 use super::lanes::Complex;
+use crate::frame::instructions::{Kernel, run_fastest};
 use std::f64::consts::TAU;
 
 /// A transform of one length.
@@ -53,14 +54,29 @@ impl Fourier {
 
     /// Transforms `data` with factors e^(−2πi fx/n), or e^(+…) when `INVERSE`, unscaled. The result is in the
     /// returned one of the two buffers, the other is spoilt.
-    #[inline(always)]
     pub(super) fn run<'a, const INVERSE: bool>(
         &self,
         data: &'a mut [Complex],
         spare: &'a mut [Complex],
     ) -> (&'a mut [Complex], &'a mut [Complex]) {
-        let (mut from, mut to) = (&mut data[..self.length], &mut spare[..self.length]);
-        for pass in &self.passes {
+        let (data, spare) = (&mut data[..self.length], &mut spare[..self.length]);
+        // Compiled here once, not into every kernel that calls it.
+        run_fastest(Passes::<INVERSE> { passes: &self.passes, data, spare });
+        if self.passes.len().is_multiple_of(2) { (data, spare) } else { (spare, data) }
+    }
+}
+
+struct Passes<'a, const INVERSE: bool> {
+    passes: &'a [Pass],
+    data: &'a mut [Complex],
+    spare: &'a mut [Complex],
+}
+
+impl<const INVERSE: bool> Kernel for Passes<'_, INVERSE> {
+    #[inline(always)]
+    fn run(self) {
+        let (mut from, mut to) = (self.data, self.spare);
+        for pass in self.passes {
             match pass.radix {
                 2 => pass.run::<2, INVERSE>(from, to),
                 3 => pass.run::<3, INVERSE>(from, to),
@@ -69,7 +85,6 @@ impl Fourier {
             }
             std::mem::swap(&mut from, &mut to);
         }
-        (from, to)
     }
 }
 

@@ -3,6 +3,7 @@
 //! K X = Σₙ Pₙ * (wₙ X): light of each object point is spread by the function that holds *there*, the
 //! functions Pₙ interpolated bilinearly by the weights wₙ (paper Eq. 1; [`LensFunctions`]). Nothing is seen
 //! from outside the canvas. One function reaches k/2 pixels, so everything here is exact, not cut to tiles.
+//! Rows of cells ([`cells`]) are tasks of their own, so that a channel alone still keeps all cores busy.
 
 mod cells;
 mod fast;
@@ -25,6 +26,7 @@ use fast::{Adjoint, Forward, Workspace};
 use interpolation::Interpolation;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use taps::Correlate;
 
@@ -171,29 +173,48 @@ impl LensModel {
     /// When a plane has not the canvas's size, which is a bug of the caller. So do the other operations.
     pub fn forward(&self, channel: Channel, x: &Plane, out: &mut Plane) {
         assert!(x.size() == self.canvas && out.size() == self.canvas, "planes have the canvas's size");
-        self.workspaces.lend(|work| {
-            run_fastest(Forward {
-                cells: &self.cells,
-                spectra: &self.spectra[channel.index()],
-                x,
-                out,
-                work,
-            });
-        });
+        let (rows, spectra) = (&self.cells.along_y.stretches, &self.spectra[channel.index()]);
+        let spill_length = (self.cells.support_px - 1) * self.canvas.width;
+        let mut bands = self.bands(out);
+        let spills: Vec<Vec<f32>> = bands
+            .par_iter_mut()
+            .enumerate()
+            .map(|(row, band)| {
+                self.workspaces.lend(|work| {
+                    let mut spill = vec![0.0; spill_length];
+                    let (cells, spill_rows) = (&self.cells, &mut spill[..]);
+                    run_fastest(Forward { cells, spectra, x, row, band, spill: spill_rows, work });
+                    spill
+                })
+            })
+            .collect();
+        // In the order of the rows, whoever computed them: the same sums on any number of threads.
+        let r = self.cells.support_px / 2;
+        for (stretch, spill) in rows.iter().zip(&spills) {
+            for (n, light) in spill.chunks_exact(self.canvas.width).enumerate() {
+                let below = if n < r { 0 } else { stretch.length };
+                let y = (stretch.start + n + below).wrapping_sub(r);
+                if y < self.canvas.height {
+                    out.row_mut(y).iter_mut().zip(light).for_each(|(value, l)| *value += l);
+                }
+            }
+        }
     }
 
     /// `out` = Kᵀ y.
     pub fn adjoint(&self, channel: Channel, y: &Plane, out: &mut Plane) {
         assert!(y.size() == self.canvas && out.size() == self.canvas, "planes have the canvas's size");
-        self.workspaces.lend(|work| {
-            run_fastest(Adjoint {
-                cells: &self.cells,
-                spectra: &self.spectra[channel.index()],
-                y,
-                out,
-                work,
-            });
+        let (cells, spectra) = (&self.cells, &self.spectra[channel.index()]);
+        self.bands(out).par_iter_mut().enumerate().for_each(|(row, band)| {
+            self.workspaces.lend(|work| run_fastest(Adjoint { cells, spectra, y, row, band, work }));
         });
+    }
+
+    /// The rows of `out` that belong to each row of cells.
+    fn bands<'a>(&self, out: &'a mut Plane) -> Vec<&'a mut [f32]> {
+        let mut rest = out.data_mut();
+        let lengths = self.cells.along_y.stretches.iter().map(|stretch| stretch.length);
+        lengths.map(|length| rest.split_off_mut(..length * self.canvas.width).unwrap_or_default()).collect()
     }
 
     /// Gradient of ½‖K x − y‖² with respect to the taps, where `residual` is K x − y: the adjoint of

@@ -26,8 +26,14 @@ impl Momentum {
             .zip(stepped.data().chunks(4096))
             .zip(self.previous.data().chunks(4096));
         for ((y, x), x_old) in rows {
-            let part: f32 = y.iter().zip(x).zip(x_old).map(|((y, x), o)| (y - x) * (x - o)).sum();
-            uphill += f64::from(part);
+            // Sixteen sums side by side: one alone would wait for every addition.
+            let mut parts = [0.0f32; 16];
+            for ((y, x), x_old) in y.chunks(16).zip(x.chunks(16)).zip(x_old.chunks(16)) {
+                for (((part, y), x), o) in parts.iter_mut().zip(y).zip(x).zip(x_old) {
+                    *part += (y - x) * (x - o);
+                }
+            }
+            uphill += parts.iter().map(|&part| f64::from(part)).sum::<f64>();
         }
         let restart = uphill > 0.0;
         let t = if restart { 1.0 } else { self.t };
