@@ -3,7 +3,9 @@
 //! [`exposure`] turns them into one act, show-and-see. `simulated` is a rig like any other, made of
 //! physics; it knows nothing of the solver or the calibration.
 
+pub mod bayer;
 pub mod exposure;
+pub mod pixel_format;
 pub mod simulated;
 
 use crate::frame::{Codes, Counts, Size};
