@@ -5,6 +5,14 @@
 
 pub mod bayer;
 pub mod exposure;
+#[cfg(feature = "hardware")]
+mod kms_card;
+#[cfg(feature = "hardware")]
+mod kms_honest;
+#[cfg(feature = "hardware")]
+pub mod kms_panel;
+#[cfg(feature = "hardware")]
+pub mod monotonic;
 pub mod pixel_format;
 pub mod simulated;
 
@@ -104,6 +112,25 @@ pub enum RigError {
         /// What was observed.
         what: String,
     },
+    /// Another program has a device, a line or the display.
+    #[error("the {device} is held: {what}")]
+    Held {
+        /// Which device.
+        device: &'static str,
+        /// By whom, as far as the kernel tells.
+        what: String,
+    },
+    /// The kernel refused something that should work.
+    #[error("the {device} failed to {doing}")]
+    Failed {
+        /// Which device.
+        device: &'static str,
+        /// What was being done.
+        doing: &'static str,
+        /// The kernel's answer.
+        #[source]
+        source: std::io::Error,
+    },
     /// A device refuses its settings.
     #[error("the {device} cannot do what the rig file asks: found {found}, allowed {allowed}")]
     Refused {
@@ -120,7 +147,7 @@ impl Remediable for RigError {
     fn remedy(&self) -> Remedy {
         match self {
             RigError::NoFrame { .. } | RigError::NotThisPicture { .. } => Remedy::ShootAgain,
-            RigError::Gone { .. } => Remedy::ReopenRig,
+            RigError::Gone { .. } | RigError::Held { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
             RigError::Refused { .. } => Remedy::CallOperator,
         }
     }
