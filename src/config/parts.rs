@@ -1,0 +1,181 @@
+//! The tables every rig has, simulated or not, as plain fields with their units in the names.
+
+use serde::{Deserialize, Serialize};
+
+use crate::frame::Size;
+
+/// `[photo]`: the customer's photos.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Photo {
+    /// Pixels in a row.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+    /// How the photo's codes stand for light when the file says nothing else.
+    pub curve: Curve,
+}
+
+impl Photo {
+    /// Width and height.
+    pub fn size(&self) -> Size {
+        Size::new(self.width_px, self.height_px)
+    }
+}
+
+/// A photo file's grey-level curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Curve {
+    /// IEC 61966-2-1.
+    Srgb,
+    /// Codes are proportional to light.
+    Linear,
+}
+
+/// `[panel]`: the display.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Panel {
+    /// Panel pixels in a row.
+    pub width_px: usize,
+    /// Panel rows.
+    pub height_px: usize,
+    /// Refreshes a second.
+    pub refresh_hz: f64,
+    /// Wait from the flip to the trigger: processing latency, scan-out and response time together.
+    pub settle_ms: f64,
+}
+
+impl Panel {
+    /// Width and height.
+    pub fn size(&self) -> Size {
+        Size::new(self.width_px, self.height_px)
+    }
+}
+
+/// `[camera]`: the sensor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Camera {
+    /// Sensor pixels in a row.
+    pub width_px: usize,
+    /// Sensor rows.
+    pub height_px: usize,
+    /// Sensor column of the photo's first column.
+    pub photo_x_px: usize,
+    /// Sensor row of the photo's first row.
+    pub photo_y_px: usize,
+    /// Bits of a count: 8, 10 or 12.
+    pub bits: u8,
+    /// Exposure time.
+    pub exposure_ms: f64,
+    /// A frame later than this after the trigger is missing.
+    pub deadline_ms: f64,
+    /// How often one picture is shot at the most before the rig gives up.
+    pub exposures_max: u32,
+}
+
+impl Camera {
+    /// Width and height.
+    pub fn size(&self) -> Size {
+        Size::new(self.width_px, self.height_px)
+    }
+
+    /// The largest count, 2^bits − 1.
+    pub fn count_max(&self) -> u16 {
+        (1u16 << self.bits) - 1
+    }
+}
+
+/// `[canvas]`: the grid the solver works on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Canvas {
+    /// How far the canvas reaches beyond the photo on every side: light from outside falls into the photo.
+    pub margin_px: usize,
+}
+
+/// `[calibration]`: how the rig is measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Calibration {
+    /// How panel and sensor are brought together.
+    pub geometry: Geometry,
+    /// Side of a checkerboard square on the panel.
+    pub checker_square_px: usize,
+    /// Columns of the lens model's grid of functions.
+    pub function_columns: usize,
+    /// Rows of the lens model's grid of functions.
+    pub function_rows: usize,
+    /// Width and height of a function, odd.
+    pub function_support_px: usize,
+    /// Pseudo-random patterns shown to measure the lens model.
+    pub patterns: usize,
+    /// Captures averaged for each pattern of the calibration.
+    pub captures_averaged: usize,
+}
+
+/// How panel and sensor are brought together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Geometry {
+    /// Measured with a displayed checkerboard, per channel.
+    Checkerboard,
+    /// Panel pixel (i, j) is sensor pixel (i, j) by construction; nothing is resampled.
+    OneToOne,
+}
+
+/// `[restore]`: how photos are restored.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Restore {
+    /// The method used when none is asked for.
+    pub method: Method,
+    /// Momentum steps of the solver.
+    pub steps: usize,
+    /// Shrinkage threshold in grey levels at one grey level of noise; it grows with the noise.
+    pub shrinkage_at_one_grey_level: f32,
+    /// Wavelet levels.
+    pub levels: usize,
+    /// Whether the shrinkage is averaged over shifts (cycle spinning).
+    pub cycle_spun: bool,
+    /// Defect corrections a photo may cost at the most; the first of them reuses the certificate's capture.
+    pub corrections_max: usize,
+}
+
+/// The methods by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The paper's loop as printed.
+    Paper,
+    /// Optics only, the signed residual on a pedestal.
+    Residual,
+    /// Lens model backward, optics forward.
+    Unmatched,
+    /// Lens model, certified and corrected by captures.
+    Hybrid,
+    /// Lens model only.
+    Digital,
+    /// Wiener filter by patches.
+    Wiener,
+    /// Richardson–Lucy.
+    RichardsonLucy,
+}
+
+/// `[paper]`: the paper's own parameters (§4).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Paper {
+    /// Iterations.
+    pub iterations: usize,
+    /// Step τ of Eq. 7.
+    pub tau: f32,
+    /// Weight λ of the wavelet term.
+    pub lambda: f32,
+    /// Side of a flip–FC–flip patch.
+    pub patch_px: usize,
+    /// Guard margin around a patch.
+    pub margin_px: usize,
+}
