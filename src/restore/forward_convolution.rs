@@ -27,6 +27,15 @@ pub trait ForwardConvolution {
     /// Whatever keeps the rig from bringing this picture's frame, with its remedy.
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure>;
 
+    /// What a flat picture looks like through the lens. It does not depend on the photo, so a rig may
+    /// look once and remember.
+    ///
+    /// # Errors
+    /// As [`ForwardConvolution::forward`].
+    fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        self.forward(flat)
+    }
+
     /// Captures made so far; every exposure counts, also those thrown away.
     fn captures(&self) -> usize;
 

@@ -9,6 +9,8 @@
 //! | Eqs. 4, 5, 7: the loop | [`method`] |
 
 pub mod backward_convolution;
+pub mod computed_optics;
+pub mod data_term;
 pub mod forward_convolution;
 pub mod ladder;
 pub mod lens_model;

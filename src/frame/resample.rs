@@ -1,1 +1,0 @@
-//! Bicubic resampling of a plane at given places.

@@ -1,0 +1,66 @@
+//! A plane at another size: bicubic when larger, area-aware (antialiased) when smaller.
+
+use super::KEYS_A;
+use crate::frame::{Plane, Size};
+
+/// `plane` resampled to `size`. Both cover the same rectangle: pixel i of n lies at (i+½)/n of its side. Each new
+/// pixel is a mean of old ones weighted by Keys' kernel, stretched to the new pixel's width where the picture gets
+/// smaller, so that no detail folds over; at the border only pixels inside count. Nothing to take from gives black.
+pub fn resize(plane: &Plane, size: Size) -> Plane {
+    if plane.size().area() == 0 || size.area() == 0 {
+        return Plane::zeros(size);
+    }
+    let along_x = taps(plane.width(), size.width);
+    let along_y = taps(plane.height(), size.height);
+    let mut narrow = Plane::<f32>::zeros(Size::new(size.width, plane.height()));
+    for y in 0..plane.height() {
+        let from = plane.row(y);
+        for (value, taps) in narrow.row_mut(y).iter_mut().zip(&along_x) {
+            *value = from[taps.first..].iter().zip(&taps.weights).map(|(v, w)| v * w).sum();
+        }
+    }
+    let mut out = Plane::zeros(size);
+    for (y, taps) in along_y.iter().enumerate() {
+        let row = out.row_mut(y);
+        for (v, &weight) in taps.weights.iter().enumerate() {
+            for (value, from) in row.iter_mut().zip(narrow.row(taps.first + v)) {
+                *value += weight * from;
+            }
+        }
+    }
+    out
+}
+
+/// The old pixels a new one is made of.
+struct Taps {
+    first: usize,
+    weights: Vec<f32>,
+}
+
+/// The taps of each of `to` new pixels among `from` old ones.
+fn taps(from: usize, to: usize) -> Vec<Taps> {
+    let scale = from as f64 / to as f64;
+    let stretch = scale.max(1.0);
+    (0..to)
+        .map(|i| {
+            let middle = (i as f64 + 0.5) * scale - 0.5;
+            let first = (middle - 2.0 * stretch).ceil().max(0.0) as usize;
+            let last = ((middle + 2.0 * stretch).floor() as usize).min(from - 1);
+            let raw: Vec<f64> = (first..=last).map(|n| kernel((n as f64 - middle) / stretch)).collect();
+            let total: f64 = raw.iter().sum();
+            Taps { first, weights: raw.iter().map(|w| (w / total) as f32).collect() }
+        })
+        .collect()
+}
+
+/// Keys' kernel at `distance` pixels.
+fn kernel(distance: f64) -> f64 {
+    let (a, d) = (f64::from(KEYS_A), distance.abs());
+    if d <= 1.0 {
+        ((a + 2.0) * d - (a + 3.0)) * d * d + 1.0
+    } else if d < 2.0 {
+        ((a * d - 5.0 * a) * d + 8.0 * a) * d - 4.0 * a
+    } else {
+        0.0
+    }
+}

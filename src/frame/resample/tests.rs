@@ -1,0 +1,110 @@
+//! Resampling: exactness where the kernel is exact, borders, accuracy, and both forms against each other.
+
+use super::*;
+use crate::frame::Size;
+
+/// A smooth picture that can be looked up anywhere: the shortest wave is `shortest_px` long.
+fn smooth(shortest_px: f32, x: f32, y: f32) -> f32 {
+    let wave = std::f32::consts::TAU / shortest_px;
+    128.0 + 60.0 * (wave * x * 0.8 + wave * y * 0.6).sin() + 40.0 * (wave * x * 0.3 - wave * y * 0.9).cos()
+}
+
+fn smooth_plane(size: Size, shortest_px: f32) -> Plane {
+    Plane::from_fn(size, |x, y| smooth(shortest_px, x as f32, y as f32))
+}
+
+/// RMS error of the kernel with `a` at many places between the pixels.
+fn error_with(a: f32, shortest_px: f32) -> f64 {
+    let plane = smooth_plane(Size::new(80, 60), shortest_px);
+    let errors = Plane::from_fn(Size::new(200, 150), |i, j| {
+        let (x, y) = (5.0 + i as f32 * 0.34, 5.0 + j as f32 * 0.33);
+        sample_by(&cubics(a), &plane, x, y, Outside::Edge) - smooth(shortest_px, x, y)
+    });
+    errors.rms()
+}
+
+#[test]
+fn keys_own_parameter_is_the_more_accurate_on_smooth_pictures() {
+    for shortest_px in [6.0, 10.0, 20.0] {
+        let (ours, opencv) = (error_with(-0.5, shortest_px), error_with(-0.75, shortest_px));
+        println!("waves of {shortest_px} px: RMS error {ours:.3} with -0.5, {opencv:.3} with -0.75");
+        assert!(ours < 0.6 * opencv, "{shortest_px}: {ours} {opencv}");
+    }
+}
+
+#[test]
+fn whole_places_give_the_pixels_back_and_planes_of_second_degree_are_exact() {
+    let plane = Plane::from_fn(Size::new(20, 15), |x, y| {
+        let (x, y) = (x as f32, y as f32);
+        3.0 + 2.0 * x - y + 0.3 * x * x - 0.2 * x * y + 0.1 * y * y
+    });
+    let (x, y) = (7.37f32, 6.81f32);
+    let wanted = 3.0 + 2.0 * x - y + 0.3 * x * x - 0.2 * x * y + 0.1 * y * y;
+    assert!((sample(&plane, x, y, Outside::Edge) - wanted).abs() < 1e-3);
+    for (x, y) in [(0, 0), (19, 14), (7, 3), (18, 13), (17, 12)] {
+        assert_eq!(sample(&plane, x as f32, y as f32, Outside::Zero), plane.at(x, y));
+    }
+}
+
+#[test]
+fn warp_is_sample_at_every_place() {
+    let source = Plane::from_fn(Size::new(31, 23), |x, y| ((x * 37 + y * 91) % 101) as f32);
+    let size = Size::new(64, 50);
+    // From well outside to well outside, some places whole, some not numbers.
+    let mut map_x = Plane::from_fn(size, |x, y| x as f32 * 0.75 - 8.0 + y as f32 * 0.01);
+    let map_y = Plane::from_fn(size, |x, y| y as f32 * 0.5 - 1.0 + x as f32 * 0.02);
+    map_x.set(5, 5, f32::NAN);
+    map_x.set(6, 5, f32::INFINITY);
+    map_x.set(7, 5, -1e30);
+    for outside in [Outside::Edge, Outside::Zero] {
+        let mut out = Plane::zeros(size);
+        warp(&source, &map_x, &map_y, outside, &mut out);
+        for y in 0..size.height {
+            for x in 0..size.width {
+                let plain = sample(&source, map_x.at(x, y), map_y.at(x, y), outside);
+                assert!((out.at(x, y) - plain).abs() < 1e-3, "{x} {y}");
+            }
+        }
+        assert_eq!(out.at(5, 5), 0.0);
+    }
+}
+
+#[test]
+fn outside_is_the_edge_or_black() {
+    let plane = Plane::filled(Size::new(9, 7), 50.0);
+    for (x, y) in [(-30.0, 3.0), (4.0, 99.0), (-0.4, -0.4), (8.7, 6.2)] {
+        assert!((sample(&plane, x, y, Outside::Edge) - 50.0).abs() < 1e-4);
+    }
+    assert_eq!(sample(&plane, -3.0, 3.0, Outside::Zero), 0.0);
+    assert_eq!(sample(&plane, 4.0, 99.0, Outside::Zero), 0.0);
+}
+
+#[test]
+fn tiny_planes_are_no_trouble() {
+    let one = Plane::filled(Size::new(1, 1), 7.0);
+    let mut out = Plane::zeros(Size::new(3, 1));
+    warp(&one, &Plane::filled(out.size(), 0.3), &Plane::filled(out.size(), 0.2), Outside::Edge, &mut out);
+    assert!(out.data().iter().all(|&v| (v - 7.0).abs() < 1e-5));
+    assert!(resize(&one, Size::new(5, 4)).data().iter().all(|&v| (v - 7.0).abs() < 1e-5));
+    assert_eq!(sample(&Plane::zeros(Size::new(0, 0)), 0.0, 0.0, Outside::Edge), 0.0);
+}
+
+#[test]
+fn another_size_keeps_place_and_mean_and_folds_nothing_over() {
+    let plane = smooth_plane(Size::new(240, 160), 40.0);
+    for size in [Size::new(120, 80), Size::new(100, 70), Size::new(333, 201), Size::new(240, 160)] {
+        let made = resize(&plane, size);
+        let (scale_x, scale_y) = (240.0 / size.width as f32, 160.0 / size.height as f32);
+        for y in 8..size.height - 8 {
+            for x in 8..size.width - 8 {
+                let (at_x, at_y) = ((x as f32 + 0.5) * scale_x - 0.5, (y as f32 + 0.5) * scale_y - 0.5);
+                assert!((made.at(x, y) - smooth(40.0, at_x, at_y)).abs() < 3.0, "{size} {x} {y}");
+            }
+        }
+    }
+    // Stripes of two pixels at a quarter of the size are grey, not a moiré.
+    let stripes = Plane::from_fn(Size::new(256, 64), |x, _| if x % 2 == 0 { 0.0 } else { 200.0 });
+    let grey = resize(&stripes, Size::new(61, 16));
+    let inner: Vec<f32> = (4..57).map(|x| grey.at(x, 8)).collect();
+    assert!(inner.iter().all(|v| (v - 100.0).abs() < 3.0), "{inner:?}");
+}

@@ -1,1 +1,0 @@
-//! The measured lens: spatially varying convolution and its exact adjoint.

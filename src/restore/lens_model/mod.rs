@@ -1,0 +1,177 @@
+//! The lens as measured: a convolution that varies over the field, and its exact adjoint.
+//!
+//! K X = Σₙ Pₙ * (wₙ X): light of each object point is spread by the function that holds *there*, the
+//! functions Pₙ interpolated bilinearly by the weights wₙ (paper Eq. 1; [`LensFunctions`]). Nothing is seen
+//! from outside the canvas. One function reaches k/2 pixels, so everything here is exact, not cut to tiles.
+
+mod functions;
+mod interpolation;
+mod plain;
+
+pub use functions::LensFunctions;
+
+use crate::frame::{Channel, Plane, Size};
+use crate::remedy::{Remediable, Remedy};
+use interpolation::Interpolation;
+use plain::Plain;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// Why functions are no lens model.
+#[derive(Debug, thiserror::Error)]
+pub enum LensModelError {
+    /// The array has another shape.
+    #[error("the blur grid has shape {found:?}; [rows, columns, 3, k, k] is allowed")]
+    Shape {
+        /// Its shape.
+        found: Vec<usize>,
+    },
+    /// There is no function in the grid.
+    #[error("the lens model has {rows} rows of {columns} functions; at least one of one is allowed")]
+    NoFunctions {
+        /// Rows found.
+        rows: usize,
+        /// Columns found.
+        columns: usize,
+    },
+    /// The support has no middle.
+    #[error("the lens model's functions are {found} px wide; an odd width is allowed")]
+    Support {
+        /// Width found.
+        found: usize,
+    },
+    /// Too few or too many taps.
+    #[error("the lens model has {found} taps in {channel}; {wanted} make its grid")]
+    Taps {
+        /// Channel.
+        channel: &'static str,
+        /// Number found.
+        found: usize,
+        /// Number that fits the grid.
+        wanted: usize,
+    },
+    /// A tap is infinite or not a number.
+    #[error("tap {place} of the lens model in {channel} is not finite; finite numbers are allowed")]
+    NotFinite {
+        /// Channel.
+        channel: &'static str,
+        /// Place of the tap.
+        place: usize,
+    },
+    /// The photo has no pixels.
+    #[error("the lens model is asked for a photo of {found} pixels; at least 1×1 is allowed")]
+    Empty {
+        /// Photo size found.
+        found: Size,
+    },
+}
+
+impl Remediable for LensModelError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            LensModelError::Empty { .. } => Remedy::CallOperator,
+            _ => Remedy::Recalibrate,
+        }
+    }
+}
+
+/// The operator K of one rig on its canvas, and Kᵀ.
+#[derive(Debug, Clone)]
+pub struct LensModel {
+    canvas: Size,
+    functions: LensFunctions,
+    along_x: Interpolation,
+    along_y: Interpolation,
+}
+
+impl LensModel {
+    /// The model of `functions` spread over a photo of size `photo`, on a canvas with `margin_px` more
+    /// pixels on every side.
+    ///
+    /// # Errors
+    /// When the functions do not make a grid ([`LensFunctions::check`]) or the photo is empty.
+    pub fn new(photo: Size, margin_px: usize, functions: &LensFunctions) -> Result<Self, LensModelError> {
+        functions.check()?;
+        if photo.area() == 0 {
+            return Err(LensModelError::Empty { found: photo });
+        }
+        Ok(LensModel {
+            canvas: Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px),
+            along_x: Interpolation::new(photo.width, margin_px, functions.columns),
+            along_y: Interpolation::new(photo.height, margin_px, functions.rows),
+            functions: functions.clone(),
+        })
+    }
+
+    /// Size of the planes it works on: the photo and its margins.
+    pub fn canvas(&self) -> Size {
+        self.canvas
+    }
+
+    /// The functions it is made of.
+    pub fn functions(&self) -> &LensFunctions {
+        &self.functions
+    }
+
+    /// Replaces the taps of one channel, `[rows][columns][k][k]`, keeping the plans.
+    ///
+    /// # Errors
+    /// When their number is another, or one is not finite; the model is then unchanged.
+    pub fn set_taps(&mut self, channel: Channel, taps: &[f32]) -> Result<(), LensModelError> {
+        let old = std::mem::replace(&mut self.functions.taps[channel.index()], taps.to_vec());
+        if let Err(wrong) = self.functions.check() {
+            self.functions.taps[channel.index()] = old;
+            return Err(wrong);
+        }
+        Ok(())
+    }
+
+    /// `out` = K x: what is seen when `x` is shown.
+    ///
+    /// # Panics
+    /// When a plane has not the canvas's size, which is a bug of the caller. So do the other operations.
+    pub fn forward(&self, channel: Channel, x: &Plane, out: &mut Plane) {
+        assert!(x.size() == self.canvas && out.size() == self.canvas, "planes have the canvas's size");
+        *out = self.plain().forward(channel, x);
+    }
+
+    /// `out` = Kᵀ y.
+    pub fn adjoint(&self, channel: Channel, y: &Plane, out: &mut Plane) {
+        assert!(y.size() == self.canvas && out.size() == self.canvas, "planes have the canvas's size");
+        *out = self.plain().adjoint(channel, y);
+    }
+
+    /// Gradient of ½‖K x − y‖² with respect to the taps, where `residual` is K x − y: the adjoint of
+    /// taps ↦ K(taps) x. Laid out as [`LensFunctions::taps`].
+    pub fn correlate(&self, _channel: Channel, x: &Plane, residual: &Plane) -> Vec<f32> {
+        assert!(x.size() == self.canvas && residual.size() == self.canvas, "planes have the canvas's size");
+        self.plain().correlate(x, residual)
+    }
+
+    /// ‖K‖² of one channel: the largest eigenvalue of KᵀK, by `iterations` of the power method from random
+    /// numbers of `seed`. Approached from below.
+    pub fn norm_squared(&self, channel: Channel, iterations: usize, seed: u64) -> f32 {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut x = Plane::from_fn(self.canvas, |_, _| random.random::<f32>());
+        let mut seen = Plane::zeros(self.canvas);
+        let mut largest = 0.0;
+        for _ in 0..iterations {
+            let length = x.dot(&x).sqrt();
+            if length == 0.0 {
+                return 0.0;
+            }
+            x.data_mut().iter_mut().for_each(|v| *v = (f64::from(*v) / length) as f32);
+            self.forward(channel, &x, &mut seen);
+            largest = seen.dot(&seen);
+            self.adjoint(channel, &seen, &mut x);
+        }
+        largest as f32
+    }
+
+    fn plain(&self) -> Plain<'_> {
+        Plain { functions: &self.functions, along_x: &self.along_x, along_y: &self.along_y }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,54 @@
+//! Repeated captures of one picture, averaged: less noise for more time.
+
+use crate::frame::{Channel, Frame, Size, Work};
+use crate::remedy::AnyFailure;
+use crate::restore::forward_convolution::{ForwardConvolution, Seen};
+
+/// Optics that look `times` times at every picture and return the mean. A pixel is trusted when every look
+/// trusted it.
+pub struct Averaging<'a> {
+    optics: &'a mut dyn ForwardConvolution,
+    times: u32,
+}
+
+impl<'a> Averaging<'a> {
+    /// `times` looks at each picture; 0 counts as 1.
+    pub fn new(optics: &'a mut dyn ForwardConvolution, times: u32) -> Self {
+        Averaging { optics, times: times.max(1) }
+    }
+}
+
+impl ForwardConvolution for Averaging<'_> {
+    fn size(&self) -> Size {
+        self.optics.size()
+    }
+
+    fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        let mut mean = self.optics.forward(shown)?;
+        for _ in 1..self.times {
+            let seen = self.optics.forward(shown)?;
+            for channel in Channel::ALL {
+                mean.light.plane_mut(channel).add_scaled(1.0, seen.light.plane(channel));
+                let trusted = mean.trusted.plane_mut(channel).data_mut();
+                for (t, &other) in trusted.iter_mut().zip(seen.trusted.plane(channel).data()) {
+                    *t = (*t).min(other);
+                }
+            }
+        }
+        if self.times > 1 {
+            let share = 1.0 / self.times as f32;
+            for plane in mean.light.planes_mut() {
+                plane.data_mut().iter_mut().for_each(|v| *v *= share);
+            }
+        }
+        Ok(mean)
+    }
+
+    fn captures(&self) -> usize {
+        self.optics.captures()
+    }
+
+    fn seconds(&self) -> f64 {
+        self.optics.seconds()
+    }
+}

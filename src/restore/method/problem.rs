@@ -1,0 +1,131 @@
+//! What a method is given and what it gives back.
+
+use serde::{Deserialize, Serialize};
+
+use super::record::IterationRecord;
+use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
+use crate::remedy::{AnyFailure, Remediable, Remedy};
+use crate::restore::data_term::{MISSING, rms_over_data};
+use crate::restore::lens_model::LensModel;
+
+/// One photo to be solved.
+pub struct Problem<'a> {
+    /// B: the photo on its canvas, linear light 0..255; outside the photo a guess (repeated edges).
+    pub photo: &'a Frame<Work>,
+    /// What each pixel of `photo` is worth, see [`crate::restore::data_term`].
+    pub trust: &'a Frame<Work, u8>,
+    /// Where the photo lies on the canvas.
+    pub rect: Rect,
+    /// Which channels are solved.
+    pub channels: Channels,
+    /// The measured lens, when there is one.
+    pub model: Option<&'a LensModel>,
+    /// ‖K‖² of each channel, an upper estimate; bounds the steps.
+    pub norm_squared: [f32; 3],
+    /// Standard deviation of the photo's noise per channel, grey levels.
+    pub photo_noise: [f32; 3],
+    /// Standard deviation of one capture's noise per channel, grey levels.
+    pub capture_noise: [f32; 3],
+    /// Seconds on the caller's clock.
+    pub stopwatch: &'a (dyn Fn() -> f64 + Sync),
+}
+
+impl<'a> Problem<'a> {
+    /// The canvas.
+    pub fn size(&self) -> Size {
+        self.photo.size()
+    }
+
+    /// The measured lens.
+    ///
+    /// # Errors
+    /// When the method needs a lens model and there is none.
+    pub fn needs_model(&self, method: &'static str) -> Result<&'a LensModel, MethodError> {
+        self.model.ok_or(MethodError::NoModel { method })
+    }
+
+    /// Zero where the photo has no data.
+    pub fn mask(&self, channel: Channel, plane: &mut Plane) {
+        for (v, &t) in plane.data_mut().iter_mut().zip(self.trust.plane(channel).data()) {
+            if t == MISSING {
+                *v = 0.0;
+            }
+        }
+    }
+
+    /// RMS over the photo of `predicted − B` in one channel, grey levels.
+    pub fn residual_rms(&self, channel: Channel, predicted: &Plane) -> f32 {
+        let mut difference = Plane::zeros(self.size());
+        let trust = self.trust.plane(channel);
+        crate::restore::data_term::residual(predicted, self.photo.plane(channel), trust, &mut difference);
+        rms_over_data(&difference, trust)
+    }
+}
+
+/// A finished picture.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// L on the canvas, linear light.
+    pub picture: Frame<Work>,
+    /// The iterations.
+    pub record: IterationRecord,
+    /// What was measured of the result.
+    pub certificate: Certificate,
+}
+
+/// Is the picture's photograph the photo? Residuals in grey levels, green channel.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Certificate {
+    /// RMS(FC(L) − B) of the returned picture, when it was photographed.
+    pub optical_residual: Option<f32>,
+    /// RMS(K̂L − B) of the returned picture, when there is a lens model.
+    pub model_residual: Option<f32>,
+    /// What the optical residual would be from noise alone: √(photo² + capture²).
+    pub noise_floor: f32,
+    /// Corrections from captures that went into the picture.
+    pub corrections: u32,
+}
+
+impl Certificate {
+    /// Nothing measured but what noise alone would leave.
+    pub fn uncertified(problem: &Problem<'_>) -> Self {
+        let green = Channel::Green.index();
+        let noise_floor = problem.photo_noise[green].hypot(problem.capture_noise[green]);
+        Certificate { noise_floor, ..Certificate::default() }
+    }
+
+    /// Optical residual over the noise floor; 1 is perfect.
+    pub fn ratio(&self) -> Option<f32> {
+        self.optical_residual.map(|r| r / self.noise_floor.max(f32::MIN_POSITIVE))
+    }
+}
+
+/// Why a method gave no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum MethodError {
+    /// The method computes with the measured lens, and there is none.
+    #[error("method {method} needs a measured lens, and the calibration holds none")]
+    NoModel {
+        /// The method's name.
+        method: &'static str,
+    },
+    /// A capture failed.
+    #[error("a capture failed: {0}")]
+    Optics(AnyFailure),
+}
+
+impl From<AnyFailure> for MethodError {
+    fn from(failure: AnyFailure) -> Self {
+        MethodError::Optics(failure)
+    }
+}
+
+impl Remediable for MethodError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            MethodError::NoModel { .. } => Remedy::Recalibrate,
+            MethodError::Optics(failure) => failure.remedy(),
+        }
+    }
+}

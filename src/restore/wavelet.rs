@@ -1,1 +1,0 @@
-//! The orthonormal Symlet-8 transform, periodised, any size.
