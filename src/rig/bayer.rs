@@ -120,8 +120,8 @@ mod tests {
                     }
                 }
             }
-            if sites > 0 {
-                return ((sum + sites / 2) / sites) as u16;
+            if let Some(mean) = (sum + sites / 2).checked_div(sites) {
+                return mean as u16;
             }
         }
         0

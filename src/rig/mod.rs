@@ -4,7 +4,10 @@
 //! physics; it knows nothing of the solver or the calibration.
 
 pub mod bayer;
+pub mod button;
 pub mod exposure;
+#[cfg(feature = "hardware")]
+pub mod gpio_line;
 #[cfg(feature = "hardware")]
 mod kms_card;
 #[cfg(feature = "hardware")]
@@ -12,9 +15,21 @@ mod kms_honest;
 #[cfg(feature = "hardware")]
 pub mod kms_panel;
 #[cfg(feature = "hardware")]
+pub mod lamps;
+#[cfg(feature = "hardware")]
 pub mod monotonic;
 pub mod pixel_format;
+#[cfg(feature = "hardware")]
+pub mod pulse_trigger;
 pub mod simulated;
+#[cfg(feature = "hardware")]
+pub mod v4l2_camera;
+#[cfg(feature = "hardware")]
+pub mod v4l2_controls;
+#[cfg(feature = "hardware")]
+mod v4l2_kernel;
+#[cfg(feature = "hardware")]
+mod v4l2_ring;
 
 use crate::frame::{Codes, Counts, Size};
 use crate::remedy::{Remediable, Remedy};
@@ -72,6 +87,10 @@ pub trait Camera {
     /// # Errors
     /// [`RigError::NoFrame`] when none came in time, [`RigError::Gone`] when the camera went away.
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError>;
+    /// Takes a frame's memory back that nobody needs any more, so that the next one need not allocate.
+    fn give_back(&mut self, counts: Counts) {
+        drop(counts);
+    }
     /// Closes and opens the camera again, with fresh buffers.
     ///
     /// # Errors

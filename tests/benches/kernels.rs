@@ -33,7 +33,8 @@ fn functions(rows: usize, columns: usize, support_px: usize) -> LensFunctions {
             let sigma = 2.0 + 4.0 * (u * u + v * v);
             let taps: Vec<f32> = (0..support_px * support_px)
                 .map(|t| {
-                    let (x, y) = ((t % support_px) as f32 - r - 3.0 * u, (t / support_px) as f32 - r - 3.0 * v);
+                    let (x, y) =
+                        ((t % support_px) as f32 - r - 3.0 * u, (t / support_px) as f32 - r - 3.0 * v);
                     (-(x * x + y * y + x * y * u * v) / (2.0 * sigma * sigma)).exp()
                 })
                 .collect();
