@@ -66,7 +66,7 @@ pub struct Camera {
     pub photo_x_px: usize,
     /// Sensor row of the photo's first row.
     pub photo_y_px: usize,
-    /// Bits of a count: 8, 10 or 12.
+    /// Bits of a count: 8, 10, 12 or 16.
     pub bits: u8,
     /// Exposure time.
     pub exposure_ms: f64,
@@ -84,7 +84,7 @@ impl Camera {
 
     /// The largest count, 2^bits − 1.
     pub fn count_max(&self) -> u16 {
-        (1u16 << self.bits) - 1
+        ((1u32 << self.bits) - 1) as u16
     }
 }
 
@@ -94,6 +94,16 @@ impl Camera {
 pub struct Canvas {
     /// How far the canvas reaches beyond the photo on every side: light from outside falls into the photo.
     pub margin_px: usize,
+}
+
+/// `[marks]`: the strips at the sensor's upper and lower edge that carry the number of the picture shown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Marks {
+    /// From the sensor's edge to the strip, in sensor pixels.
+    pub from_edge_px: usize,
+    /// The strip's height in sensor pixels.
+    pub height_px: usize,
 }
 
 /// `[calibration]`: how the rig is measured.
