@@ -5,7 +5,9 @@
 
 pub mod bayer;
 pub mod button;
+pub mod coarse_geometry;
 pub mod exposure;
+pub mod frame_mark;
 #[cfg(feature = "hardware")]
 pub mod gpio_line;
 #[cfg(feature = "hardware")]
