@@ -166,7 +166,7 @@ impl FrameMarks {
         {
             return Reading::Nothing;
         }
-        if shares.clone().any(|(strip, bit)| share(strip, bit).abs() < CONTRAST_SHARE_MIN) {
+        if shares.into_iter().any(|(strip, bit)| share(strip, bit).abs() < CONTRAST_SHARE_MIN) {
             return Reading::Mixed;
         }
         let word = |strip: usize| -> [bool; BITS] { std::array::from_fn(|bit| share(strip, bit) > 0.0) };

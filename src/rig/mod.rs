@@ -18,6 +18,7 @@ mod kms_honest;
 pub mod kms_panel;
 #[cfg(feature = "hardware")]
 pub mod lamps;
+pub mod mark_search;
 #[cfg(feature = "hardware")]
 pub mod monotonic;
 pub mod pixel_format;
@@ -133,6 +134,12 @@ pub enum RigError {
         /// What was observed.
         what: String,
     },
+    /// No frame can be proven to be its picture's, because the marks that prove it are not seen.
+    #[error("the camera does not see the panel's marks: {what}")]
+    NoMarks {
+        /// What was seen.
+        what: String,
+    },
     /// Another program has a device, a line or the display.
     #[error("the {device} is held: {what}")]
     Held {
@@ -169,7 +176,7 @@ impl Remediable for RigError {
         match self {
             RigError::NoFrame { .. } | RigError::NotThisPicture { .. } => Remedy::ShootAgain,
             RigError::Gone { .. } | RigError::Held { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
-            RigError::Refused { .. } => Remedy::CallOperator,
+            RigError::Refused { .. } | RigError::NoMarks { .. } => Remedy::CallOperator,
         }
     }
 }
