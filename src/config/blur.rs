@@ -47,7 +47,7 @@ impl BlurGrid {
         }
         for (n, function) in functions.chunks_exact(support_px * support_px).enumerate() {
             let sum: f32 = function.iter().sum();
-            if !((sum - 1.0).abs() <= SUM_TOLERANCE) {
+            if sum.is_nan() || (sum - 1.0).abs() > SUM_TOLERANCE {
                 let (tile, channel) = (n / 3, n % 3);
                 let place = format!("row {}, column {}, channel {channel}", tile / columns, tile % columns);
                 return Err(wrong(format!("a sum of {sum} ({place})"), "1 ± 0.001 for every function"));

@@ -1,1 +1,83 @@
-//! A rig like any other, made of physics.
+//! A rig made of physics, and the witness to what is true of it.
+//!
+//! Light path: codes → [`panel`] response → [`pose`] → [`point_spread`] by [`convolution`] → [`glare`] → dark
+//! corner → [`sensor`]. The lens is traced from its [`prescription`] through [`glass`]; [`bench`] puts it all
+//! into time, [`faults`] into the world. It shares no code with the solver or the calibration.
+
+mod bench;
+mod convolution;
+mod devices;
+mod faults;
+mod glare;
+mod glass;
+mod optics;
+mod panel;
+mod photograph;
+mod point_spread;
+mod pose;
+mod prescription;
+mod sensor;
+mod trace;
+mod witness;
+
+pub use optics::Light;
+pub use witness::Witness;
+
+use std::sync::Arc;
+
+use self::bench::{Bench, Parts};
+use self::devices::{Shared, SimulatedCamera, SimulatedClock, SimulatedPanel, SimulatedTrigger};
+use self::optics::Optics;
+use self::panel::Projection;
+use super::RigError;
+use super::exposure::{Rig, Timing};
+use crate::config;
+
+/// Builds the simulated rig of `rig`, and the witness to it.
+///
+/// # Errors
+/// [`RigError::Refused`] when `rig` is not a simulated one or its prescription is no usable lens.
+pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
+    let Some(simulation) = rig.simulation() else {
+        return Err(RigError::Refused {
+            device: "simulated rig",
+            found: format!("the rig `{}`, which is made of hardware", rig.name),
+            allowed: "kind = \"simulated\"".to_owned(),
+        });
+    };
+    let optics = Arc::new(Optics::new(rig, simulation)?);
+    let pose = simulation.pose.clone();
+    let map = optics.map(&pose, rig.panel.size());
+    let bench = Bench::new(Parts {
+        projection: Projection::new(&map, optics.grid(), optics.pad, pose.sensor_px_per_panel_px),
+        optics: Arc::clone(&optics),
+        sensor: sensor::Sensor::new(&simulation.sensor, &rig.camera),
+        faults: simulation.faults,
+        panel: rig.panel.clone(),
+        camera: rig.camera.clone(),
+        display: simulation.display.clone(),
+        seed: simulation.seed,
+    });
+    let shared = Shared::new(bench);
+    let devices = Rig::new(
+        Box::new(SimulatedPanel(shared.clone())),
+        Box::new(SimulatedTrigger(shared.clone())),
+        Box::new(SimulatedCamera(shared.clone())),
+        Box::new(SimulatedClock(shared.clone())),
+        Timing::of(rig),
+    );
+    let witness = Witness {
+        shared,
+        optics,
+        pose,
+        map,
+        panel: rig.panel.size(),
+        canvas: rig.canvas_on_sensor(),
+        surround: simulation.surround,
+        curve: rig.photo.curve,
+    };
+    Ok((devices, witness))
+}
+
+#[cfg(test)]
+mod tests;

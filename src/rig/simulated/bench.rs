@@ -1,0 +1,302 @@
+//! The simulated optical bench in time: what is on the panel, what the camera does, when.
+//!
+//! Time is a number that waiting moves; nothing sleeps. The rows of a picture appear together: the scan-out
+//! of up to one refresh is part of what `panel.settle-ms` has to cover, not of the picture.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::faults::{self, Fault};
+use super::optics::{Light, Optics};
+use super::panel::{self, Projection, approach};
+use super::sensor::Sensor;
+use crate::config::{Camera, Display, Faults, Panel};
+use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
+use crate::rig::{Exposed, Flip, Moment, RigError};
+
+/// Nearer to the new picture than this is there: 1e-5 of full scale, far below any noise.
+const ARRIVED: f64 = 1.0 - 1e-5;
+
+/// A picture on the panel, and the light it brings to the sensor once that was computed.
+#[derive(Clone)]
+struct Picture {
+    codes: Arc<Codes>,
+    light: Option<Arc<[Plane; 3]>>,
+}
+
+/// Everything that changes.
+pub(super) struct Bench {
+    pub(super) optics: Arc<Optics>,
+    pub(super) projection: Projection,
+    pub(super) response: [[f32; 256]; 3],
+    /// What a panel of light 255 everywhere brings to the sensor.
+    flat: [Option<Plane>; 3],
+    pub(super) sensor: Sensor,
+    pub(super) faults: Faults,
+    pub(super) panel: Panel,
+    pub(super) camera: Camera,
+    pub(super) display: Display,
+    pub(super) seed: u64,
+    now_s: f64,
+    before: Picture,
+    now: Picture,
+    change_s: f64,
+    fired_s: Option<f64>,
+    exposures: u64,
+    sequence: u32,
+    last: Option<Exposed>,
+    /// When an unplugged camera can be opened again; `None` while it is there.
+    away_until_s: Option<f64>,
+}
+
+/// What a bench begins with.
+pub(super) struct Parts {
+    pub(super) optics: Arc<Optics>,
+    pub(super) projection: Projection,
+    pub(super) sensor: Sensor,
+    pub(super) faults: Faults,
+    pub(super) panel: Panel,
+    pub(super) camera: Camera,
+    pub(super) display: Display,
+    pub(super) seed: u64,
+}
+
+impl Bench {
+    /// A bench with a black panel, at time 0.
+    pub(super) fn new(parts: Parts) -> Bench {
+        let Parts { optics, projection, sensor, faults, panel, camera, display, seed } = parts;
+        let black = Picture { codes: Arc::new(Frame::zeros(panel.size())), light: None };
+        Bench {
+            response: [0, 1, 2].map(|channel| panel::response(&display, channel)),
+            flat: [None, None, None],
+            optics,
+            projection,
+            sensor,
+            faults,
+            panel,
+            camera,
+            display,
+            seed,
+            now_s: 0.0,
+            before: black.clone(),
+            now: black,
+            change_s: 0.0,
+            fired_s: None,
+            exposures: 0,
+            sequence: 0,
+            last: None,
+            away_until_s: None,
+        }
+    }
+
+    pub(super) fn now(&self) -> Moment {
+        Moment(self.now_s)
+    }
+
+    pub(super) fn wait_until(&mut self, moment: Moment) {
+        self.now_s = self.now_s.max(moment.0);
+    }
+
+    /// Everything computed for the panel's old place is void.
+    pub(super) fn set_projection(&mut self, projection: Projection) {
+        self.projection = projection;
+        self.flat = [None, None, None];
+        self.before.light = None;
+        self.now.light = None;
+    }
+
+    pub(super) fn unplug(&mut self) {
+        self.away_until_s = Some(self.now_s + self.faults.unplugged_ms / 1000.0);
+        self.fired_s = None;
+    }
+
+    pub(super) fn show(&mut self, codes: &Codes) -> Result<Flip, RigError> {
+        if codes.size() != self.panel.size() {
+            return Err(RigError::Refused {
+                device: "panel",
+                found: format!("a picture of {}", codes.size()),
+                allowed: format!("{}", self.panel.size()),
+            });
+        }
+        let vblank = (self.now_s * self.panel.refresh_hz).floor() as u64 + 1;
+        let flip_s = vblank as f64 / self.panel.refresh_hz;
+        self.now_s = flip_s;
+        let latency_s = f64::from(self.display.latency_refreshes) / self.panel.refresh_hz;
+        let change_s = flip_s + latency_s;
+        // What is on the panel when the change begins: the last picture, or still on the way to it.
+        let share = 1.0 - (-(change_s - self.change_s) / (self.display.response_ms / 1000.0)).exp();
+        if share < ARRIVED {
+            let light = self.mixed_light(share);
+            self.before = Picture { codes: Arc::clone(&self.now.codes), light: Some(Arc::new(light)) };
+        } else {
+            self.before = self.now.clone();
+        }
+        self.now = Picture { codes: Arc::new(codes.clone()), light: None };
+        self.change_s = change_s;
+        Ok(Flip { at: Moment(flip_s), vblank })
+    }
+
+    pub(super) fn fire(&mut self) -> Moment {
+        self.fired_s = Some(self.now_s);
+        self.now()
+    }
+
+    pub(super) fn reopen(&mut self) -> Result<(), RigError> {
+        match self.away_until_s {
+            Some(until) if self.now_s < until => Err(gone("not there yet")),
+            _ => {
+                self.away_until_s = None;
+                self.fired_s = None;
+                self.last = None;
+                Ok(())
+            }
+        }
+    }
+
+    pub(super) fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
+        if self.away_until_s.is_some() {
+            return Err(gone("it was unplugged"));
+        }
+        let began_s = self.fired_s.unwrap_or(self.now_s);
+        let no_frame = RigError::NoFrame { waited_ms: (deadline.0 - began_s) * 1000.0 };
+        let Some(fired_s) = self.fired_s.take() else {
+            self.wait_until(deadline);
+            return Err(no_frame);
+        };
+        let number = self.exposures;
+        self.exposures += 1;
+        let exposed_s = fired_s + self.camera.exposure_ms / 1000.0;
+        let ready_s = exposed_s + self.sensor.config.readout_ms / 1000.0;
+        let fault = faults::draw(&self.faults, self.seed, number);
+        if fault == Fault::Unplugged {
+            self.unplug();
+            return Err(gone("it was unplugged"));
+        }
+        if ready_s > deadline.0 || fault == Fault::Missing {
+            self.sequence = self.sequence.wrapping_add(1);
+            self.wait_until(deadline);
+            return Err(no_frame);
+        }
+        self.wait_until(Moment(ready_s));
+        if let (Fault::Duplicate, Some(last)) = (fault, &self.last) {
+            return Ok(last.clone());
+        }
+        let share = approach(self.change_s, self.display.response_ms / 1000.0, fired_s, exposed_s);
+        let counts = match fault {
+            Fault::Stale => self.expose(0.0, number),
+            Fault::Mixed(height) => {
+                let split = (height * self.camera.height_px as f64) as usize;
+                let (old, new) = (self.expose(0.0, number), self.expose(share, number));
+                upper_and_lower(&old, new, split)
+            }
+            _ => self.expose(share, number),
+        };
+        self.sequence = self.sequence.wrapping_add(1);
+        let exposed = Exposed { counts, sequence: self.sequence, at: Moment(fired_s) };
+        self.last = Some(exposed.clone());
+        Ok(exposed)
+    }
+
+    /// Counts with the panel `share` of the way from the picture before to the one now.
+    fn expose(&mut self, share: f64, number: u64) -> Counts {
+        let light = if share >= ARRIVED {
+            self.light_now()
+        } else if share <= 1.0 - ARRIVED {
+            self.light_before()
+        } else {
+            Arc::new(self.mixed_light(share))
+        };
+        self.sensor.expose(&light, self.optics.dark_corner(Light::Panel), self.seed, number)
+    }
+
+    fn mixed_light(&mut self, share: f64) -> [Plane; 3] {
+        let (before, now) = (self.light_before(), self.light_now());
+        let share = share as f32;
+        let mix = |c: usize| {
+            let mut plane = before[c].map(|v| v * (1.0 - share));
+            plane.add_scaled(share, &now[c]);
+            plane
+        };
+        [mix(0), mix(1), mix(2)]
+    }
+
+    fn light_now(&mut self) -> Arc<[Plane; 3]> {
+        if let Some(light) = &self.now.light {
+            return Arc::clone(light);
+        }
+        let codes = Arc::clone(&self.now.codes);
+        let light = Arc::new(self.light_of(&codes));
+        self.now.light = Some(Arc::clone(&light));
+        light
+    }
+
+    fn light_before(&mut self) -> Arc<[Plane; 3]> {
+        if let Some(light) = &self.before.light {
+            return Arc::clone(light);
+        }
+        let codes = Arc::clone(&self.before.codes);
+        let light = Arc::new(self.light_of(&codes));
+        self.before.light = Some(Arc::clone(&light));
+        light
+    }
+
+    /// The light `codes` bring to the sensor, per primary, dark corner included.
+    pub(super) fn light_of(&mut self, codes: &Codes) -> [Plane; 3] {
+        for channel in Channel::ALL {
+            if self.flat[channel.index()].is_none() && uniform(codes.plane(channel)).is_some() {
+                let white: Plane<u8> = Plane::filled(self.panel.size(), 255);
+                self.flat[channel.index()] = Some(self.through(channel, &white));
+            }
+        }
+        let this: &Bench = self;
+        let planes: Vec<Plane> = Channel::ALL
+            .par_iter()
+            .map(|&channel| {
+                let (c, codes) = (channel.index(), codes.plane(channel));
+                match (uniform(codes), &this.flat[c]) {
+                    // Most planes of a calibration are black or flat: one picture, many levels.
+                    (Some(code), Some(flat)) => {
+                        let level = this.response[c][usize::from(code)] / 255.0;
+                        flat.map(|v| v * level)
+                    }
+                    _ => this.through(channel, codes),
+                }
+            })
+            .collect();
+        let mut planes = planes.into_iter();
+        std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(this.optics.sensor)))
+    }
+
+    fn through(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
+        let optics = &self.optics;
+        let on_grid = self.projection.light(codes, &self.response[channel.index()]);
+        let blurred = optics.through_lens(Light::Panel, channel, &on_grid);
+        let mut seen = blurred.crop(Rect { x: optics.pad, y: optics.pad, size: optics.sensor });
+        let falloff = &optics.dark_corner(Light::Panel)[channel.index()];
+        for (value, share) in seen.data_mut().iter_mut().zip(falloff.data()) {
+            *value *= share;
+        }
+        seen
+    }
+}
+
+fn gone(what: &str) -> RigError {
+    RigError::Gone { device: "camera", what: what.to_owned() }
+}
+
+/// The one code of a plane that has only one.
+fn uniform(plane: &Plane<u8>) -> Option<u8> {
+    let first = *plane.data().first()?;
+    plane.data().iter().all(|&code| code == first).then_some(first)
+}
+
+/// Rows above `split` of `upper`, the rest of `lower`.
+fn upper_and_lower(upper: &Counts, mut lower: Counts, split: usize) -> Counts {
+    let Size { width, .. } = lower.size();
+    for channel in Channel::ALL {
+        let rows = &upper.plane(channel).data()[..split * width];
+        lower.plane_mut(channel).data_mut()[..split * width].copy_from_slice(rows);
+    }
+    lower
+}

@@ -1,0 +1,74 @@
+//! The four devices of a simulated rig, all of them windows on one bench.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::bench::Bench;
+use crate::frame::{Codes, Size};
+use crate::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
+
+/// The bench, shared by its devices and the witness.
+#[derive(Clone)]
+pub(super) struct Shared(Arc<Mutex<Bench>>);
+
+impl Shared {
+    pub(super) fn new(bench: Bench) -> Shared {
+        Shared(Arc::new(Mutex::new(bench)))
+    }
+
+    /// The bench, also after a panic elsewhere: its state is numbers, each whole at any time.
+    pub(super) fn bench(&self) -> MutexGuard<'_, Bench> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The simulated display.
+pub(super) struct SimulatedPanel(pub(super) Shared);
+
+impl Panel for SimulatedPanel {
+    fn size(&self) -> Size {
+        self.0.bench().panel.size()
+    }
+
+    fn show(&mut self, codes: &Codes) -> Result<Flip, RigError> {
+        self.0.bench().show(codes)
+    }
+}
+
+/// The simulated trigger line.
+pub(super) struct SimulatedTrigger(pub(super) Shared);
+
+impl Trigger for SimulatedTrigger {
+    fn fire(&mut self) -> Result<Moment, RigError> {
+        Ok(self.0.bench().fire())
+    }
+}
+
+/// The simulated camera.
+pub(super) struct SimulatedCamera(pub(super) Shared);
+
+impl Camera for SimulatedCamera {
+    fn size(&self) -> Size {
+        self.0.bench().camera.size()
+    }
+
+    fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
+        self.0.bench().frame(deadline)
+    }
+
+    fn reopen(&mut self) -> Result<(), RigError> {
+        self.0.bench().reopen()
+    }
+}
+
+/// The simulated time: waiting moves it.
+pub(super) struct SimulatedClock(pub(super) Shared);
+
+impl Clock for SimulatedClock {
+    fn now(&self) -> Moment {
+        self.0.bench().now()
+    }
+
+    fn wait_until(&self, moment: Moment) {
+        self.0.bench().wait_until(moment);
+    }
+}

@@ -1,0 +1,236 @@
+//! Everything light passes between panel or scene and sensor, with nothing that changes in time.
+
+use std::sync::OnceLock;
+
+use super::convolution::{Axis, Convolution};
+use super::glare;
+use super::point_spread::{Fan, Radial};
+use super::pose::Map;
+use super::prescription::Focused;
+use crate::config::{BlurGrid, Glare, Lens, Pose, Prescription, Primaries, Rig, Simulation};
+use crate::frame::{Channel, Plane, Rect, Size};
+use crate::rig::RigError;
+
+/// More of a function's light than this outside its support is worth a warning (guess).
+const LOST_SHARE_MAX: f64 = 0.02;
+
+/// In whose light, and on which place a function is put.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Light {
+    /// The panel's primaries, in the green channel's geometry: a capture.
+    Panel,
+    /// The panel's primaries, each channel's functions on their own centroids: a capture whose lateral
+    /// colour was taken out by per-channel geometry.
+    PanelCentred,
+    /// A scene's broad light through the sensor's filters, in the green channel's geometry: a photograph.
+    Scene,
+}
+
+/// A traced lens; the scene's light is traced when the first photograph is taken.
+struct Traced {
+    lens: Focused,
+    prescription: Prescription,
+    radial: Radial,
+    filters: Primaries,
+    panel: Fan,
+    scene: OnceLock<Fan>,
+}
+
+impl Traced {
+    fn new(prescription: &Prescription, simulation: &Simulation, sensor: Size) -> Result<Traced, RigError> {
+        let filters = simulation.sensor.filters.clone();
+        let lens = Focused::new(prescription, filters.lists()[Channel::Green.index()])?;
+        log::debug!(
+            "simulated lens: focal length {:.3} mm at 540 nm, image plane {:.3} mm behind the first vertex",
+            lens.lens.focal_length(540.0),
+            lens.image_z
+        );
+        let half = (prescription.support_px / 2) as f64;
+        let reach_px = (sensor.width as f64 / 2.0 + half).hypot(sensor.height as f64 / 2.0 + half);
+        let radial =
+            Radial::new(&lens, prescription, &filters, reach_px * prescription.pixel_pitch_um / 1000.0);
+        let panel = Fan::new(&lens, prescription, &radial, &simulation.display.primaries);
+        let scene = OnceLock::new();
+        if simulation.display.primaries == filters {
+            let _ = scene.set(panel.clone());
+        }
+        Ok(Traced { lens, prescription: prescription.clone(), radial, filters, panel, scene })
+    }
+
+    fn fan(&self, light: Light) -> &Fan {
+        match light {
+            Light::Panel | Light::PanelCentred => &self.panel,
+            Light::Scene => {
+                let trace = || Fan::new(&self.lens, &self.prescription, &self.radial, &self.filters);
+                self.scene.get_or_init(trace)
+            }
+        }
+    }
+}
+
+/// Where the functions come from.
+enum Functions {
+    Traced(Box<Traced>),
+    Measured(BlurGrid),
+}
+
+/// The lens of one rig. Light lives on a grid that reaches `pad` pixels beyond the sensor on every side,
+/// as far as a function throws it.
+pub(super) struct Optics {
+    pub(super) sensor: Size,
+    pub(super) photo: Rect,
+    pub(super) pad: usize,
+    pub(super) support_px: usize,
+    functions: Functions,
+    axes: [Axis; 2],
+    glare: Glare,
+    /// One convolution per [`Light`], planned when first needed.
+    convolutions: [OnceLock<Convolution>; 3],
+    /// Light towards the corners, relative to the centre, on the sensor; per [`Light`].
+    dark_corners: [OnceLock<[Plane; 3]>; 3],
+}
+
+impl Optics {
+    /// Traces the lens and prepares captures; photographs are prepared when the first one is taken.
+    ///
+    /// # Errors
+    /// When the prescription is no usable lens.
+    pub(super) fn new(rig: &Rig, simulation: &Simulation) -> Result<Optics, RigError> {
+        let (sensor, photo) = (rig.camera.size(), rig.photo_on_sensor());
+        let (functions, support_px) = match &simulation.lens {
+            Lens::Measured(blur, _) => (Functions::Measured(blur.clone()), blur.support_px),
+            Lens::Prescription(prescription, _) => {
+                let traced = Traced::new(prescription, simulation, sensor)?;
+                (Functions::Traced(Box::new(traced)), prescription.support_px)
+            }
+        };
+        let pad = support_px / 2;
+        let axes = match &functions {
+            Functions::Measured(blur) => [
+                spread(photo.size.width, blur.columns, photo.x + pad, 0),
+                spread(photo.size.height, blur.rows, photo.y + pad, 0),
+            ],
+            // One more node on every side, so that the functions go on changing up to the border.
+            Functions::Traced(traced) => [
+                spread(sensor.width, traced.prescription.node_columns, pad, 1),
+                spread(sensor.height, traced.prescription.node_rows, pad, 1),
+            ],
+        };
+        let (convolutions, dark_corners) = Default::default();
+        let glare = simulation.lens.glare();
+        let optics =
+            Optics { sensor, photo, pad, support_px, functions, axes, glare, convolutions, dark_corners };
+        optics.warn_of_lost_light();
+        optics.convolution(Light::Panel);
+        optics.dark_corner(Light::Panel);
+        Ok(optics)
+    }
+
+    /// The grid light lives on.
+    pub(super) fn grid(&self) -> Size {
+        Size::new(self.sensor.width + 2 * self.pad, self.sensor.height + 2 * self.pad)
+    }
+
+    /// The panel's map in the green geometry for `pose`.
+    pub(super) fn map(&self, pose: &Pose, panel: Size) -> Map {
+        match &self.functions {
+            Functions::Measured(_) => Map::new(pose, panel, self.sensor, f64::INFINITY, None),
+            Functions::Traced(traced) => {
+                let pitch = traced.prescription.pixel_pitch_um / 1000.0;
+                let distance = traced.prescription.object_distance_mm * traced.radial.magnification() / pitch;
+                Map::new(pose, panel, self.sensor, distance, Some((traced.radial.clone(), pitch)))
+            }
+        }
+    }
+
+    /// Sensor place `at` from where the optical axis meets the sensor, its centre.
+    fn from_axis(&self, at: [f64; 2]) -> [f64; 2] {
+        [at[0] - (self.sensor.width as f64 - 1.0) / 2.0, at[1] - (self.sensor.height as f64 - 1.0) / 2.0]
+    }
+
+    /// How far the light of `channel` seen at sensor place `at` in the green geometry really is from there.
+    pub(super) fn lateral_colour_px(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
+        let Functions::Traced(traced) = &self.functions else { return [0.0; 2] };
+        let from_axis = self.from_axis(at);
+        let radius = from_axis[0].hypot(from_axis[1]);
+        let out = traced.panel.offset_px(channel, radius);
+        if radius > 0.0 { from_axis.map(|v| v / radius * out) } else { [0.0; 2] }
+    }
+
+    /// The function of `channel` for a point seen at sensor place `at`, row-major, and the share of light
+    /// outside its support. Of a measured blur the nearest one.
+    pub(super) fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> (Vec<f32>, f64) {
+        match &self.functions {
+            Functions::Traced(traced) => {
+                let own_centroid = light == Light::PanelCentred;
+                traced.fan(light).function(channel, self.from_axis(at), self.support_px, own_centroid)
+            }
+            Functions::Measured(blur) => {
+                let nearest = |axis: Axis, x: f64| {
+                    let place = (x + self.pad as f64 - axis.first) / axis.step;
+                    (place.round().max(0.0) as usize).min(axis.count - 1)
+                };
+                let (column, row) = (nearest(self.axes[0], at[0]), nearest(self.axes[1], at[1]));
+                (blur.function(row, column, channel.index()).to_vec(), 0.0)
+            }
+        }
+    }
+
+    fn convolution(&self, light: Light) -> &Convolution {
+        self.convolutions[light as usize].get_or_init(|| {
+            Convolution::new(self.grid(), self.axes, self.support_px, |channel, column, row| {
+                let place = |axis: Axis, n: usize| axis.place(n) - self.pad as f64;
+                let at = [place(self.axes[0], column), place(self.axes[1], row)];
+                self.function(light, channel, at).0
+            })
+        })
+    }
+
+    /// Light towards the corners relative to the centre, on the sensor.
+    pub(super) fn dark_corner(&self, light: Light) -> &[Plane; 3] {
+        self.dark_corners[light as usize].get_or_init(|| {
+            Channel::ALL.map(|channel| {
+                let Functions::Traced(traced) = &self.functions else {
+                    return Plane::filled(self.sensor, 1.0);
+                };
+                // Smooth over the field: looked up by radius, half a pixel apart.
+                let corner = self.from_axis([0.0, 0.0]);
+                let radii = (corner[0].hypot(corner[1]) * 2.0) as usize + 2;
+                let fan = traced.fan(light);
+                let table: Vec<f32> =
+                    (0..radii).map(|n| fan.relative_light(channel, n as f64 / 2.0) as f32).collect();
+                Plane::from_fn(self.sensor, |x, y| {
+                    let [dx, dy] = self.from_axis([x as f64, y as f64]);
+                    table[((dx.hypot(dy) * 2.0).round() as usize).min(radii - 1)]
+                })
+            })
+        })
+    }
+
+    /// Light of one channel on the grid, through the lens: blurred and veiled, on the grid, without the dark
+    /// corner.
+    pub(super) fn through_lens(&self, light: Light, channel: Channel, on_grid: &Plane) -> Plane {
+        glare::scatter(self.convolution(light).apply(channel, on_grid), self.glare)
+    }
+
+    fn warn_of_lost_light(&self) {
+        for channel in Channel::ALL {
+            let lost = self.function(Light::Panel, channel, [0.0, 0.0]).1;
+            if lost > LOST_SHARE_MAX {
+                let percent = lost * 100.0;
+                log::warn!(
+                    "the simulated lens throws {percent:.1} % of a corner's {} light beyond lens.support-px = {}",
+                    channel.name(),
+                    self.support_px
+                );
+            }
+        }
+    }
+}
+
+/// `count` tile centres over `length` pixels from `start` on, with `guard` more on either side.
+fn spread(length: usize, count: usize, start: usize, guard: usize) -> Axis {
+    let step = length as f64 / count as f64;
+    let first = start as f64 + (0.5 - guard as f64) * step - 0.5;
+    Axis { first, step, count: count + 2 * guard }
+}

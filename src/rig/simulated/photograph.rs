@@ -1,0 +1,112 @@
+//! A photograph of a scene, as the rig's camera would have taken and saved it.
+
+use rayon::prelude::*;
+
+use super::optics::{Light, Optics};
+use super::sensor::{Sensor, Stream, random};
+use crate::config::{Curve, Surround};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+
+/// Takes the photograph of `scene`: photo-sized linear light, 0..255, as a perfect lens with the green
+/// channel's geometry would record it. Red and blue come out displaced by the lateral colour.
+pub(super) fn take(
+    optics: &Optics,
+    sensor: &Sensor,
+    scene: &Frame<Work>,
+    surround: Surround,
+    curve: Curve,
+    seed: u64,
+) -> Frame<Work, u8> {
+    let Rect { x, y, size } = optics.photo;
+    let on_grid = Rect { x: x + optics.pad, y: y + optics.pad, size };
+    let falloff = optics.dark_corner(Light::Scene);
+    let planes: Vec<Plane<u8>> = Channel::ALL
+        .par_iter()
+        .map(|&channel| {
+            let wide = surrounded(scene.plane(channel), optics.grid(), on_grid, surround);
+            let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
+            let falloff = falloff[channel.index()].crop(optics.photo);
+            let mut codes: Plane<u8> = Plane::zeros(size);
+            for row in 0..size.height {
+                let levels = seen.row_mut(row);
+                for (level, share) in levels.iter_mut().zip(falloff.row(row)) {
+                    *level *= share;
+                }
+                let part = (row * Channel::ALL.len() + channel.index()) as u64;
+                sensor.add_noise(levels, random(seed, Stream::Photograph, 0, part));
+                for (code, &level) in codes.row_mut(row).iter_mut().zip(levels.iter()) {
+                    *code = encode(level, curve);
+                }
+            }
+            codes
+        })
+        .collect();
+    let mut planes = planes.into_iter();
+    Frame::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(size)))
+}
+
+/// The scene on the lens's grid: mirrored at its frame, or in the dark.
+pub(super) fn surrounded(scene: &Plane, grid: Size, place: Rect, surround: Surround) -> Plane {
+    let mirrored = |at: usize, start: usize, length: usize| {
+        let period = 2 * length as isize;
+        let n = (at as isize - start as isize).rem_euclid(period);
+        (if n < length as isize { n } else { period - 1 - n }) as usize
+    };
+    match surround {
+        Surround::Scene => {
+            let columns: Vec<usize> =
+                (0..grid.width).map(|x| mirrored(x, place.x, place.size.width)).collect();
+            let mut out = Plane::zeros(grid);
+            for y in 0..grid.height {
+                let from = scene.row(mirrored(y, place.y, place.size.height));
+                for (to, &x) in out.row_mut(y).iter_mut().zip(&columns) {
+                    *to = from[x];
+                }
+            }
+            out
+        }
+        Surround::Black => {
+            let mut out = Plane::zeros(grid);
+            for y in 0..place.size.height {
+                out.row_mut(place.y + y)[place.x..place.x + place.size.width].copy_from_slice(scene.row(y));
+            }
+            out
+        }
+    }
+}
+
+/// 8-bit code of a linear level, 0..255. sRGB after IEC 61966-2-1.
+fn encode(level: f32, curve: Curve) -> u8 {
+    let share = (level / FULL_SCALE).clamp(0.0, 1.0);
+    let value = match curve {
+        Curve::Linear => share,
+        Curve::Srgb if share <= 0.003_130_8 => 12.92 * share,
+        Curve::Srgb => 1.055 * share.powf(1.0 / 2.4) - 0.055,
+    };
+    (value * 255.0 + 0.5) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scene_goes_on_mirrored() {
+        let scene = Plane::from_fn(Size::new(4, 3), |x, y| (10 * y + x) as f32);
+        let place = Rect { x: 2, y: 1, size: Size::new(4, 3) };
+        let wide = surrounded(&scene, Size::new(9, 6), place, Surround::Scene);
+        assert_eq!(wide.row(1), &[1.0, 0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 2.0, 1.0]);
+        assert_eq!(wide.row(0), wide.row(1));
+        let dark = surrounded(&scene, Size::new(9, 6), place, Surround::Black);
+        assert_eq!(dark.row(3), &[0.0, 0.0, 20.0, 21.0, 22.0, 23.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn codes_follow_the_curve() {
+        assert_eq!(encode(127.6, Curve::Linear), 128);
+        // IEC 61966-2-1: linear 0.5 is code 187.5.
+        assert!((187..=188).contains(&encode(127.5, Curve::Srgb)));
+        assert_eq!((encode(-3.0, Curve::Srgb), encode(300.0, Curve::Srgb)), (0, 255));
+        assert_eq!(encode(0.5, Curve::Srgb), 6);
+    }
+}

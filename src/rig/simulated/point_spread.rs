@@ -1,0 +1,231 @@
+//! Point spread functions over the field, from a fan of traced field heights.
+//!
+//! The lens is rotationally symmetric, so object points along one radius are traced once, and their spots
+//! are turned to wherever they are needed. A function is a histogram of rays over sensor pixels: the
+//! light of a point in a pixel's centre, integrated over the pixels it falls on.
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::prescription::Focused;
+use crate::config::{LensGeometry, Prescription, Primaries};
+use crate::frame::Channel;
+
+/// Rays of one function, over all its wavelengths: about 30 a pixel in a spot of 30 pixels' width.
+const RAYS: usize = 20_000;
+/// Traced field heights; the spots between are interpolated.
+const HEIGHTS: usize = 33;
+
+/// The spot of one object height in one channel: where its rays arrive relative to the green geometry.
+#[derive(Debug, Clone)]
+struct Spot {
+    across_mm: Vec<f32>,
+    out_mm: Vec<f32>,
+    light: Vec<f32>,
+    /// Centroid, absolute, in mm from the axis.
+    centroid_mm: f64,
+    /// All its light, relative to an unclipped spot on the axis.
+    total: f64,
+}
+
+/// Where object heights come to lie on the sensor: the green channel's geometry in a scene's light.
+#[derive(Debug, Clone)]
+pub(super) struct Radial {
+    object_step_mm: f64,
+    sensor_mm: Vec<f64>,
+}
+
+impl Radial {
+    /// Traces the green centroid; a straight line when the prescription asks for centred functions.
+    pub(super) fn new(
+        lens: &Focused,
+        prescription: &Prescription,
+        scene: &Primaries,
+        reach_mm: f64,
+    ) -> Radial {
+        let green = scene.lists()[Channel::Green.index()];
+        let magnification = lens.magnification(green);
+        // A little further than the corner, so that every needed point is inside the table.
+        let object_step_mm = 1.1 * reach_mm / magnification / (HEIGHTS - 1) as f64;
+        let heights = (0..HEIGHTS).into_par_iter().map(|n| {
+            let object = n as f64 * object_step_mm;
+            match prescription.geometry {
+                LensGeometry::Centred => object * magnification,
+                LensGeometry::Traced => spot(lens, object, green).centroid_mm,
+            }
+        });
+        Radial { object_step_mm, sensor_mm: heights.collect() }
+    }
+
+    /// Sensor height of an object height, both in mm, outside the table on its last line.
+    pub(super) fn sensor_mm(&self, object_mm: f64) -> f64 {
+        let place = object_mm / self.object_step_mm;
+        let n = (place.max(0.0) as usize).min(HEIGHTS - 2);
+        self.sensor_mm[n] + (place - n as f64) * (self.sensor_mm[n + 1] - self.sensor_mm[n])
+    }
+
+    /// Object height of a sensor height, both in mm.
+    pub(super) fn object_mm(&self, sensor_mm: f64) -> f64 {
+        let n = self.sensor_mm.partition_point(|&s| s <= sensor_mm).clamp(1, HEIGHTS - 1) - 1;
+        let (low, high) = (self.sensor_mm[n], self.sensor_mm[n + 1]);
+        (n as f64 + (sensor_mm - low) / (high - low)) * self.object_step_mm
+    }
+
+    /// Sensor millimetres per object millimetre at the axis.
+    pub(super) fn magnification(&self) -> f64 {
+        self.sensor_mm[1] / self.object_step_mm
+    }
+}
+
+/// Spots of three channels over the field.
+#[derive(Debug, Clone)]
+pub(super) struct Fan {
+    radial: Radial,
+    spots: [Vec<Spot>; 3],
+    pitch_mm: f64,
+    centred: bool,
+    dark_corner: bool,
+}
+
+impl Fan {
+    /// Traces the fan for the light of `primaries`.
+    pub(super) fn new(
+        lens: &Focused,
+        prescription: &Prescription,
+        radial: &Radial,
+        primaries: &Primaries,
+    ) -> Fan {
+        let spots = primaries.lists().map(|list| {
+            let heights = (0..HEIGHTS).into_par_iter();
+            heights.map(|n| spot(lens, n as f64 * radial.object_step_mm, list)).collect()
+        });
+        Fan {
+            radial: radial.clone(),
+            spots,
+            pitch_mm: prescription.pixel_pitch_um / 1000.0,
+            centred: prescription.geometry == LensGeometry::Centred,
+            dark_corner: prescription.dark_corner,
+        }
+    }
+
+    /// The two traced heights around sensor distance `radius_px` from the axis, and how far between them.
+    fn around(&self, radius_px: f64) -> (usize, f64) {
+        let place = self.radial.object_mm(radius_px * self.pitch_mm) / self.radial.object_step_mm;
+        let n = (place as usize).min(HEIGHTS - 2);
+        (n, place - n as f64)
+    }
+
+    /// How far out the centroid of `channel` lies from the green geometry at `radius_px`, in pixels: the
+    /// lateral colour.
+    pub(super) fn offset_px(&self, channel: Channel, radius_px: f64) -> f64 {
+        if self.centred {
+            return 0.0;
+        }
+        let (n, t) = self.around(radius_px);
+        let spots = &self.spots[channel.index()];
+        let off = |n: usize| spots[n].centroid_mm - self.radial.sensor_mm[n];
+        (off(n) + t * (off(n + 1) - off(n))) / self.pitch_mm
+    }
+
+    /// Light at `radius_px` relative to the axis, as it comes out of the trace: cos⁴, clipped rays, and the
+    /// area of the object that a pixel sees.
+    pub(super) fn relative_light(&self, channel: Channel, radius_px: f64) -> f64 {
+        if !self.dark_corner {
+            return 1.0;
+        }
+        let (n, t) = self.around(radius_px);
+        let spots = &self.spots[channel.index()];
+        let total = |n: usize| spots[n].total / spots[0].total;
+        let sensor = radius_px * self.pitch_mm;
+        let object = self.radial.object_mm(sensor);
+        let magnification = self.radial.magnification();
+        // Object area per sensor area, relative to the axis: (H/h)·(dH/dh)·M².
+        let nearby = self.radial.object_step_mm;
+        let (low, high) = ((object - nearby).max(0.0), object + nearby);
+        let slope = (high - low) / (self.radial.sensor_mm(high) - self.radial.sensor_mm(low));
+        let stretch = if sensor > 0.0 { object / sensor } else { 1.0 / magnification };
+        (total(n) + t * (total(n + 1) - total(n))) * stretch * slope * magnification * magnification
+    }
+
+    /// The function of `channel` for a point seen at (`x_px`, `y_px`) from the axis: `support_px`² values
+    /// that sum to 1, and the share of the light that fell outside. It is placed on the green geometry, or
+    /// with `own_centroid` on its own centroid.
+    pub(super) fn function(
+        &self,
+        channel: Channel,
+        [x_px, y_px]: [f64; 2],
+        support_px: usize,
+        own_centroid: bool,
+    ) -> (Vec<f32>, f64) {
+        let radius = x_px.hypot(y_px);
+        let (n, t) = self.around(radius);
+        let (a, b) = (&self.spots[channel.index()][n], &self.spots[channel.index()][n + 1]);
+        let centroid = a.centroid_mm + t * (b.centroid_mm - a.centroid_mm);
+        let origin = if own_centroid || self.centred {
+            centroid
+        } else {
+            self.radial.sensor_mm[n] + t * (self.radial.sensor_mm[n + 1] - self.radial.sensor_mm[n])
+        };
+        let (cosine, sine) = if radius > 0.0 { (x_px / radius, y_px / radius) } else { (1.0, 0.0) };
+        let (cosine, sine) = ((cosine / self.pitch_mm) as f32, (sine / self.pitch_mm) as f32);
+        let (t, shift) = (t as f32, (a.centroid_mm - origin) as f32);
+        let drift = (b.centroid_mm - a.centroid_mm) as f32;
+        let mut function = vec![0.0f32; support_px * support_px];
+        let (half, mut lost) = (support_px as f32 / 2.0, 0.0f64);
+        for i in 0..a.light.len() {
+            // Rays are stored about their centroid; t between the two traced heights.
+            let across = a.across_mm[i] + t * (b.across_mm[i] - a.across_mm[i]);
+            let out = a.out_mm[i] + t * (b.out_mm[i] - a.out_mm[i]) + shift + t * drift;
+            let light = a.light[i] + t * (b.light[i] - a.light[i]);
+            let column = (out * cosine - across * sine + half).floor();
+            let row = (out * sine + across * cosine + half).floor();
+            let inside = column >= 0.0 && row >= 0.0 && column < 2.0 * half && row < 2.0 * half;
+            if inside {
+                function[row as usize * support_px + column as usize] += light;
+            } else {
+                lost += f64::from(light);
+            }
+        }
+        let kept: f64 = function.iter().map(|&v| f64::from(v)).sum();
+        let scale = (1.0 / kept) as f32;
+        function.iter_mut().for_each(|v| *v *= scale);
+        (function, lost / (kept + lost))
+    }
+}
+
+/// Traces the spot of one object height through all `wavelengths`, rays on a sunflower spiral over the stop.
+fn spot(lens: &Focused, object_mm: f64, wavelengths: &[crate::config::Wavelength]) -> Spot {
+    let count = RAYS / wavelengths.len();
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let rays = count * wavelengths.len();
+    let mut spot = Spot {
+        across_mm: Vec::with_capacity(rays),
+        out_mm: Vec::with_capacity(rays),
+        light: Vec::with_capacity(rays),
+        centroid_mm: 0.0,
+        total: 0.0,
+    };
+    let weights: f64 = wavelengths.iter().map(|w| w.1).sum();
+    let mut arrivals = Vec::with_capacity(rays);
+    for wavelength in wavelengths {
+        let indices = lens.lens.indices(wavelength.0);
+        for n in 0..count {
+            let (radius, angle) = (((n as f64 + 0.5) / count as f64).sqrt(), n as f64 * golden);
+            let arrival = lens.arrival(object_mm, [radius * angle.cos(), radius * angle.sin()], &indices);
+            // A ray that misses the glass carries nothing and may lie anywhere.
+            let (across, out, light) = arrival.map_or((0.0, 0.0, 0.0), |a| (a.across_mm, a.out_mm, a.light));
+            let light = light * wavelength.1 / weights / count as f64;
+            spot.centroid_mm += light * out;
+            spot.total += light;
+            arrivals.push((across, out, light));
+        }
+    }
+    spot.centroid_mm /= spot.total;
+    for (across, out, light) in arrivals {
+        spot.across_mm.push(across as f32);
+        spot.out_mm.push((out - spot.centroid_mm) as f32);
+        spot.light.push(light as f32);
+    }
+    spot
+}

@@ -1,0 +1,181 @@
+//! The simulated sensor: light to counts, with mixing, black level, noise, saturation and bits.
+
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+use rayon::prelude::*;
+
+use crate::config::{Camera, Sensor as SensorConfig};
+use crate::frame::{Channel, Counts, Frame, Plane};
+
+/// A sensor as its tables say.
+#[derive(Debug, Clone)]
+pub(super) struct Sensor {
+    pub(super) config: SensorConfig,
+    count_max: f32,
+}
+
+/// What a random stream is for; streams of different purpose never meet.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Stream {
+    Capture = 1,
+    Photograph = 2,
+    Fault = 3,
+}
+
+/// The generator of one stream: the same seed and numbers give the same values on any number of threads.
+pub(super) fn random(seed: u64, stream: Stream, number: u64, part: u64) -> Xoshiro256PlusPlus {
+    // SplitMix64's mixer over the numbers, one after another (Steele, Lea and Flood 2014).
+    let mut state = seed;
+    for word in [stream as u64, number, part] {
+        state =
+            state.wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_add(word.wrapping_mul(0xd134_2543_de82_ef95));
+        state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        state ^= state >> 31;
+    }
+    Xoshiro256PlusPlus::seed_from_u64(state)
+}
+
+impl Sensor {
+    pub(super) fn new(config: &SensorConfig, camera: &Camera) -> Sensor {
+        Sensor { config: config.clone(), count_max: f32::from(camera.count_max()) }
+    }
+
+    /// Counts that one grey level of a panel primary adds in its own channel.
+    pub(super) fn counts_per_level(&self) -> f32 {
+        (self.config.white_share * (f64::from(self.count_max) - self.config.black_level_counts) / 255.0)
+            as f32
+    }
+
+    /// Variance per grey level of light: shot noise, in grey levels².
+    fn variance_per_level(&self) -> f32 {
+        let range = f64::from(self.count_max) - self.config.black_level_counts;
+        let electrons_per_level =
+            f64::from(self.counts_per_level()) * self.config.full_well_electrons / range;
+        (1.0 / electrons_per_level) as f32
+    }
+
+    /// Standard deviation of the noise at a light of `level`, before counts are rounded.
+    pub(super) fn noise_levels(&self, level: f64) -> f64 {
+        (level.max(0.0) * f64::from(self.variance_per_level()) + self.config.read_noise_levels.powi(2)).sqrt()
+    }
+
+    /// Adds shot and read noise to one row of light, in grey levels.
+    pub(super) fn add_noise(&self, row: &mut [f32], mut random: Xoshiro256PlusPlus) {
+        let (shot, read) = (self.variance_per_level(), (self.config.read_noise_levels as f32).powi(2));
+        if shot <= 0.0 && read <= 0.0 {
+            return;
+        }
+        for value in row {
+            let normal: f32 = StandardNormal.sample(&mut random);
+            // At more than a handful of electrons Poisson is Gaussian.
+            *value += normal * (value.max(0.0) * shot + read).sqrt();
+        }
+    }
+
+    /// Counts of one exposure. `light` is what each primary brought (dark corner included), `falloff` the
+    /// dark corner that ambient light passes too.
+    pub(super) fn expose(&self, light: &[Plane; 3], falloff: &[Plane; 3], seed: u64, number: u64) -> Counts {
+        let size = light[0].size();
+        let (gain, black) = (self.counts_per_level(), self.config.black_level_counts as f32);
+        Frame::from_fn(|channel| {
+            let c = channel.index();
+            let mix = self.config.cross_channel[c].map(|v| v as f32);
+            let ambient = self.config.ambient_levels[c] as f32;
+            let mut counts: Plane<u16> = Plane::zeros(size);
+            counts.data_mut().par_chunks_mut(size.width).enumerate().for_each_init(
+                || vec![0.0f32; size.width],
+                |levels, (y, row)| {
+                    let rows = [light[0].row(y), light[1].row(y), light[2].row(y)];
+                    let dark = falloff[c].row(y);
+                    for (x, level) in levels.iter_mut().enumerate() {
+                        *level = mix[0] * rows[0][x]
+                            + mix[1] * rows[1][x]
+                            + mix[2] * rows[2][x]
+                            + ambient * dark[x];
+                    }
+                    let part = (y * Channel::ALL.len() + c) as u64;
+                    self.add_noise(levels, random(seed, Stream::Capture, number, part));
+                    for (count, level) in row.iter_mut().zip(levels.iter()) {
+                        *count = (level * gain + black + 0.5).clamp(0.0, self.count_max) as u16;
+                    }
+                },
+            );
+            counts
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Size;
+
+    fn sensor(name: &str) -> Sensor {
+        let rig = crate::config::load(std::path::Path::new(name)).expect("built in");
+        Sensor::new(&rig.simulation().expect("simulated").sensor, &rig.camera)
+    }
+
+    fn flat(level: f32) -> [Plane; 3] {
+        [0.0, level, 0.0].map(|v| Plane::filled(Size::new(200, 100), v))
+    }
+
+    fn mean_and_sigma(counts: &Counts, channel: Channel) -> (f64, f64) {
+        let values: Vec<f64> = counts.plane(channel).data().iter().map(|&v| f64::from(v)).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+        (mean, square.sqrt())
+    }
+
+    #[test]
+    fn noise_at_mid_grey_is_one_grey_level() {
+        for name in ["simulated.toml", "small.toml"] {
+            let sensor = sensor(name);
+            let ones = flat(128.0).map(|p| p.map(|_| 1.0));
+            let (mean, sigma) = mean_and_sigma(&sensor.expose(&flat(128.0), &ones, 7, 0), Channel::Green);
+            let gain = f64::from(sensor.counts_per_level());
+            // Rounding to counts adds 1/12 of a count's square.
+            let expected = (sensor.noise_levels(128.5).powi(2) + 1.0 / 12.0 / gain / gain).sqrt();
+            assert!((sigma / gain / expected - 1.0).abs() < 0.03, "{name}: {} {expected}", sigma / gain);
+            assert!((sigma / gain - 1.0).abs() < 0.1, "{name}: {}", sigma / gain);
+            assert!((mean - 64.0 - gain * 128.5).abs() < 0.1, "{name}: {mean}");
+        }
+    }
+
+    #[test]
+    fn mixing_black_level_and_saturation_are_there() {
+        let sensor = sensor("simulated.toml");
+        let zeros = flat(0.0);
+        let (red, _) = mean_and_sigma(&sensor.expose(&flat(200.0), &zeros, 7, 0), Channel::Red);
+        let gain = f64::from(sensor.counts_per_level());
+        assert!((red - 64.0 - 0.08 * 200.0 * gain).abs() < 0.2, "{red}");
+        let (black, _) = mean_and_sigma(&sensor.expose(&zeros, &zeros, 7, 0), Channel::Blue);
+        assert!((black - 64.0).abs() < 0.1, "{black}");
+        let over = sensor.expose(&flat(900.0), &zeros, 7, 0);
+        assert!(over.plane(Channel::Green).data().iter().all(|&count| count == 1023));
+    }
+
+    #[test]
+    fn the_study_s_sensor_counts_grey_levels() {
+        let sensor = sensor("study.toml");
+        let ones = flat(100.0).map(|p| p.map(|_| 1.0));
+        let (mean, sigma) = mean_and_sigma(&sensor.expose(&flat(100.0), &ones, 7, 0), Channel::Green);
+        assert!(
+            (mean - 100.0).abs() < 0.05 && (sigma - (1.0f64 + 1.0 / 12.0).sqrt()).abs() < 0.03,
+            "{mean} {sigma}"
+        );
+    }
+
+    #[test]
+    fn noise_belongs_to_seed_and_number() {
+        let sensor = sensor("study.toml");
+        let (light, ones) = (flat(100.0), flat(1.0));
+        let one = sensor.expose(&light, &ones, 7, 3);
+        assert_eq!(one, sensor.expose(&light, &ones, 7, 3));
+        assert_ne!(one, sensor.expose(&light, &ones, 7, 4));
+        assert_ne!(one, sensor.expose(&light, &ones, 8, 3));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+        assert_eq!(one, pool.install(|| sensor.expose(&light, &ones, 7, 3)));
+    }
+}

@@ -1,0 +1,159 @@
+//! The scorer's window on the truth of a simulated rig. Nothing but scoring and tests may use it: what a
+//! method or a calibration knows comes from captures.
+
+use std::sync::Arc;
+
+use super::bench::Bench;
+use super::devices::Shared;
+use super::optics::{Light, Optics};
+use super::panel::Projection;
+use super::photograph::{surrounded, take};
+use super::pose::Map;
+use crate::config::{Curve, Faults, Pose, Surround};
+use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
+
+/// What is true of a simulated rig, and handles to change it while it runs.
+pub struct Witness {
+    pub(super) shared: Shared,
+    pub(super) optics: Arc<Optics>,
+    pub(super) pose: Pose,
+    pub(super) map: Map,
+    pub(super) panel: Size,
+    pub(super) canvas: Rect,
+    pub(super) surround: Surround,
+    pub(super) curve: Curve,
+}
+
+impl Witness {
+    /// The photograph the rig's camera would have taken of `scene`, which is photo-sized linear light,
+    /// 0..255, as a perfect lens with the green channel's geometry would record it. What comes back are the
+    /// codes a camera file holds: 8 bits, the photo's curve, dark corner, glare and noise in it, red and
+    /// blue displaced by the lateral colour. `seed` is that of its noise.
+    ///
+    /// # Panics
+    /// When `scene` is not photo-sized, which is a bug of the caller.
+    pub fn photograph(&self, scene: &Frame<Work>, seed: u64) -> Frame<Work, u8> {
+        assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
+        let sensor = self.shared.bench().sensor.clone();
+        take(&self.optics, &sensor, scene, self.surround, self.curve, seed)
+    }
+
+    /// K·L: what the lens makes of `scene` (canvas-sized, linear light) in the light of the panel's
+    /// primaries, or of a scene, without noise, dark corner, panel pixels or mixing, black outside the
+    /// canvas. The truth behind the operator error.
+    ///
+    /// # Panics
+    /// When `scene` is not canvas-sized, which is a bug of the caller.
+    pub fn forward(&self, scene: &Frame<Work>, light: Light) -> Frame<Work> {
+        assert_eq!(scene.size(), self.canvas.size, "the operator works on the canvas");
+        let Rect { x, y, size } = self.canvas;
+        let place = Rect { x: x + self.optics.pad, y: y + self.optics.pad, size };
+        Frame::from_fn(|channel| {
+            let wide = surrounded(scene.plane(channel), self.optics.grid(), place, Surround::Black);
+            self.optics.through_lens(light, channel, &wide).crop(place)
+        })
+    }
+
+    /// The point spread function of `channel` at sensor place `at`: its values, summing to 1.
+    pub fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> Plane {
+        let support = self.optics.support_px;
+        let (values, _) = self.optics.function(light, channel, at);
+        Plane::from_vec(Size::new(support, support), values).unwrap_or_else(|| Plane::zeros(Size::new(0, 0)))
+    }
+
+    /// Where on the sensor the light of panel place `at` has its centroid, in pixels; (0, 0) is the centre of
+    /// the first pixel.
+    pub fn panel_to_sensor(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
+        let green = self.map.to_sensor(at);
+        let off = self.optics.lateral_colour_px(channel, green);
+        [green[0] + off[0], green[1] + off[1]]
+    }
+
+    /// Which panel place has its centroid at sensor place `at`.
+    pub fn sensor_to_panel(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
+        let mut green = at;
+        // The lateral colour changes by far less than a pixel per pixel: three rounds leave nothing.
+        for _ in 0..3 {
+            let off = self.optics.lateral_colour_px(channel, green);
+            green = [at[0] - off[0], at[1] - off[1]];
+        }
+        self.map.to_panel(green)
+    }
+
+    /// Light towards the corners, relative to the centre, per sensor pixel, for the panel's primaries.
+    pub fn dark_corner(&self, channel: Channel) -> Plane {
+        self.optics.dark_corner(Light::Panel)[channel.index()].clone()
+    }
+
+    /// What a panel showing `codes` brings to the sensor, per primary, in grey levels: everything but
+    /// mixing, ambient light, black level and noise.
+    pub fn light_on_sensor(&self, codes: &crate::frame::Codes) -> [Plane; 3] {
+        self.shared.bench().light_of(codes)
+    }
+
+    /// The cross-channel matrix C: row is the sensor's channel, column the panel's primary.
+    pub fn cross_channel(&self) -> [[f64; 3]; 3] {
+        self.shared.bench().sensor.config.cross_channel
+    }
+
+    /// Light of each panel code, 0..255, leakage included.
+    pub fn panel_response(&self, channel: Channel) -> [f32; 256] {
+        self.shared.bench().response[channel.index()]
+    }
+
+    /// Counts without light.
+    pub fn black_level_counts(&self) -> f64 {
+        self.shared.bench().sensor.config.black_level_counts
+    }
+
+    /// Counts that one grey level (of 255) of a primary's light adds in its own channel.
+    pub fn counts_per_level(&self) -> f64 {
+        f64::from(self.shared.bench().sensor.counts_per_level())
+    }
+
+    /// Standard deviation of a capture's noise at a light of `level`, in grey levels, before rounding.
+    pub fn noise_levels(&self, level: f64) -> f64 {
+        self.shared.bench().sensor.noise_levels(level)
+    }
+
+    /// From now on things go wrong with these probabilities.
+    pub fn set_faults(&self, faults: Faults) {
+        self.shared.bench().faults = faults;
+    }
+
+    /// From now on this much other light falls on the panel, per channel, in grey levels.
+    pub fn set_ambient_levels(&self, levels: [f64; 3]) {
+        self.shared.bench().sensor.config.ambient_levels = levels;
+    }
+
+    /// From now on captures and photographs carry this much light-independent noise, in grey levels.
+    pub fn set_read_noise_levels(&self, levels: f64) {
+        self.shared.bench().sensor.config.read_noise_levels = levels;
+    }
+
+    /// From now on a pixel holds this many electrons at its largest count; infinite for no shot noise.
+    pub fn set_full_well_electrons(&self, electrons: f64) {
+        self.shared.bench().sensor.config.full_well_electrons = electrons;
+    }
+
+    /// From now on white fills this share of the sensor's range: a longer or shorter exposure.
+    pub fn set_white_share(&self, share: f64) {
+        self.shared.bench().sensor.config.white_share = share;
+    }
+
+    /// Pulls the camera's plug for `faults.unplugged-ms`.
+    pub fn unplug(&self) {
+        self.shared.bench().unplug();
+    }
+
+    /// Someone knocks at the panel: it now stands (`x_px`, `y_px`) sensor pixels further right and down.
+    pub fn knock_panel(&mut self, x_px: f64, y_px: f64) {
+        self.pose.shift_x_px += x_px;
+        self.pose.shift_y_px += y_px;
+        self.map = self.optics.map(&self.pose, self.panel);
+        let scale = self.pose.sensor_px_per_panel_px;
+        let projection = Projection::new(&self.map, self.optics.grid(), self.optics.pad, scale);
+        let mut bench: std::sync::MutexGuard<'_, Bench> = self.shared.bench();
+        bench.set_projection(projection);
+    }
+}
