@@ -23,13 +23,14 @@
 //! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
 //! | 1 | [`restore`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
-//! | 3 | [`light_path`], [`calibrate`], [`evaluate`] | show-and-see through a rig; procedures; charts and tables |
+//! | 3 | [`light_path`], [`calibrate`], [`check`], [`evaluate`] | show-and-see through a rig; procedures; charts and tables |
 //! | 4 | [`daemon`] | drop folder, jobs, reports |
 //!
 //! Start reading at [`restore`], then [`light_path`].
 
 pub mod calibrate;
 pub mod calibration;
+pub mod check;
 pub mod config;
 pub mod daemon;
 pub mod evaluate;

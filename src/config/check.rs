@@ -176,6 +176,9 @@ fn check_times(rules: &Rules, written: &Written) -> Result<(), ConfigError> {
     let Written { panel, camera, .. } = written;
     rules.within("panel.refresh-hz", panel.refresh_hz, 1.0, 1000.0)?;
     rules.within("panel.settle-ms", panel.settle_ms, 0.0, 10_000.0)?;
+    if let Some(latency_ms) = panel.latency_ms {
+        rules.within("panel.latency-ms", latency_ms, 0.0, panel.settle_ms)?;
+    }
     rules.within("camera.exposure-ms", camera.exposure_ms, 0.001, 60_000.0)?;
     rules.within("camera.deadline-ms", camera.deadline_ms, 1.0, 600_000.0)?;
     rules.hold(

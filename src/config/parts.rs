@@ -45,6 +45,9 @@ pub struct Panel {
     pub refresh_hz: f64,
     /// Wait from the flip to the trigger: processing latency, scan-out and response time together.
     pub settle_ms: f64,
+    /// From a flip to the first change anyone can see, at the least; `relens check` measures it. The next picture
+    /// may be asked for this much before an exposure ends. Left out, every exposure ends first.
+    pub latency_ms: Option<f64>,
 }
 
 impl Panel {

@@ -5,6 +5,7 @@
 //! carry the same number; a frame that is part old and part new, by rows or by time, is told from a whole one.
 
 use super::coarse_geometry::CoarseGeometry;
+use crate::config;
 use crate::frame::{Channel, Codes, Counts, Plane, Size};
 
 /// Bits of a number: pictures 256 shows apart look alike, which no buffer anywhere is deep enough to confuse.
@@ -49,6 +50,13 @@ pub struct MarkPlace {
 }
 
 impl MarkPlace {
+    /// Where a rig file puts the strips; `None` without `[marks]`.
+    pub fn of(rig: &config::Rig) -> Option<MarkPlace> {
+        let marks = rig.marks.as_ref()?;
+        let sensor = rig.camera.size();
+        Some(MarkPlace { sensor, from_edge_px: marks.from_edge_px, height_px: marks.height_px })
+    }
+
     fn first_row(&self, strip: usize) -> usize {
         match strip {
             0 => self.from_edge_px,

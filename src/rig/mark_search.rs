@@ -81,42 +81,57 @@ fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
     }
 }
 
+/// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more
+/// pass over all dots makes them fewer.
 fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseGeometry, RigError> {
     let side = (DOT_SHARE * panel.height as f64).max(4.0);
-    let mut frames = Vec::new();
-    for row in 0..DOTS[1] {
-        for column in 0..DOTS[0] {
-            let middle =
-                |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
-            let centre = [middle(column, DOTS[0], panel.width), middle(row, DOTS[1], panel.height)];
-            if let Some(counts) = if_any(shoot(&dot(panel, centre, side)))? {
-                let [_, green, _] = counts.into_planes();
-                frames.push((centre, green));
+    let mut dots: Vec<(Place, Place)> = Vec::new();
+    for _ in 0..ROUNDS {
+        let mut frames = Vec::new();
+        for row in 0..DOTS[1] {
+            for column in 0..DOTS[0] {
+                let middle =
+                    |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
+                let centre = [middle(column, DOTS[0], panel.width), middle(row, DOTS[1], panel.height)];
+                if let Some(counts) = if_any(shoot(&dot(panel, centre, side)))? {
+                    let [_, green, _] = counts.into_planes();
+                    frames.push((centre, green));
+                }
             }
         }
+        dots.extend(spots(sensor, &frames));
+        let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
+        if let Some(geometry) = CoarseGeometry::fit(&dots, tolerance_px) {
+            return Ok(geometry);
+        }
+        if dots.len() < 2 {
+            break;
+        }
     }
+    Err(RigError::NoMarks {
+        what: format!(
+            "dots shown at {} places were seen {} times, and no five of them lie as on a flat panel; is the \
+             panel in view, lit, and the camera's exposure right?",
+            DOTS[0] * DOTS[1],
+            dots.len()
+        ),
+    })
+}
+
+/// Where the dots shown are in their frames: panel place and sensor place of those seen whole.
+fn spots(sensor: Size, frames: &[(Place, Plane<u16>)]) -> Vec<(Place, Place)> {
     // What is the same in all frames is not the dot; the least value of each pixel is free of any.
     let mut dark = Plane::filled(sensor, u16::MAX);
-    for (_, frame) in &frames {
+    for (_, frame) in frames {
         dark.data_mut().iter_mut().zip(frame.data()).for_each(|(least, &count)| *least = (*least).min(count));
     }
     let seen: Vec<(Place, Spot)> =
         frames.iter().filter_map(|(centre, frame)| Some((*centre, Spot::in_frame(frame, &dark)?))).collect();
     let brightest = seen.iter().map(|(_, spot)| spot.height).fold(0.0, f64::max);
-    let dots: Vec<(Place, Place)> = seen
-        .iter()
+    seen.iter()
         .filter(|(_, spot)| spot.whole && spot.height > DOT_BRIGHTNESS_MIN * brightest)
         .map(|(centre, spot)| (*centre, spot.centre))
-        .collect();
-    let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
-    CoarseGeometry::fit(&dots, tolerance_px).ok_or_else(|| RigError::NoMarks {
-        what: format!(
-            "of {} dots shown {} were seen, and no five of them lie as on a flat panel; is the panel in view, \
-             lit, and the camera's exposure right?",
-            DOTS[0] * DOTS[1],
-            dots.len()
-        ),
-    })
+        .collect()
 }
 
 fn dot(panel: Size, centre: Place, side: f64) -> Codes {

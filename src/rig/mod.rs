@@ -11,6 +11,8 @@ pub mod frame_mark;
 #[cfg(feature = "hardware")]
 pub mod gpio_line;
 #[cfg(feature = "hardware")]
+pub mod hardware;
+#[cfg(feature = "hardware")]
 mod kms_card;
 #[cfg(feature = "hardware")]
 mod kms_honest;
@@ -34,8 +36,33 @@ mod v4l2_kernel;
 #[cfg(feature = "hardware")]
 mod v4l2_ring;
 
+use crate::config;
 use crate::frame::{Codes, Counts, Size};
 use crate::remedy::{Remediable, Remedy};
+
+/// Opens the rig of a rig file, simulated or real.
+///
+/// # Errors
+/// Whatever a device has to say.
+pub fn open(rig: &config::Rig) -> Result<exposure::Rig, RigError> {
+    match &rig.kind {
+        config::Kind::Simulated(_) => {
+            let (mut devices, _) = simulated::open(rig)?;
+            if let Some(place) = frame_mark::MarkPlace::of(rig) {
+                devices.find_marks(place)?;
+            }
+            Ok(devices)
+        }
+        #[cfg(feature = "hardware")]
+        config::Kind::Hardware(hardware) => hardware::open(rig, hardware),
+        #[cfg(not(feature = "hardware"))]
+        config::Kind::Hardware(_) => Err(RigError::Refused {
+            device: "rig",
+            found: format!("the rig `{}`, which is made of hardware", rig.name),
+            allowed: "a simulated rig; this relens was built without `--features hardware`".to_owned(),
+        }),
+    }
+}
 
 /// A moment on a rig's clock, in seconds since that clock began.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]

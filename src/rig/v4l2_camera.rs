@@ -111,7 +111,10 @@ impl Camera for V4l2Camera {
                     .format
                     .unpack(ring.bytes(&filled), self.stride_bytes, &mut counts, &mut self.sites)
                     .is_ok();
-            let at = Moment(filled.at_s.unwrap_or_else(|| Monotonic.now().0));
+            let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
+            // A stamp of the frame's end is brought back to the exposure's start; read-out time stays in it.
+            let exposure_s = if filled.at_start { 0.0 } else { self.settings.exposure.exposure_ms() / 1e3 };
+            let at = Moment(stamp - exposure_s);
             if let Err(cause) = ring.give_back(filled) {
                 self.ring = None;
                 return Err(gone(cause.to_string()));

@@ -12,7 +12,19 @@ pub enum Exposure {
         exposure_ms: f64,
     },
     /// The trigger pulse's width, or something outside V4L2; nothing is set here.
-    Elsewhere,
+    Elsewhere {
+        /// Exposure time, as it was set there.
+        exposure_ms: f64,
+    },
+}
+
+impl Exposure {
+    /// Exposure time.
+    pub fn exposure_ms(&self) -> f64 {
+        match self {
+            Exposure::Control { exposure_ms } | Exposure::Elsewhere { exposure_ms } => *exposure_ms,
+        }
+    }
 }
 
 /// Control names (as `v4l2-ctl` prints them, in today's spelling and the one before Linux 6.0) and the value
