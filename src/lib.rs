@@ -23,8 +23,9 @@
 //! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
 //! | 1 | [`restore`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
-//! | 3 | [`light_path`], [`calibrate`], [`check`], [`evaluate`] | show-and-see through a rig; procedures; charts and tables |
-//! | 4 | [`daemon`] | drop folder, jobs, reports |
+//! | 3 | [`light_path`], [`calibrate`], [`check`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing |
+//! | 4 | [`restoration`] | one photo restored on a calibrated rig |
+//! | 5 | [`daemon`], [`evaluate`] | drop folder, jobs, reports; tables and charts made by the program |
 //!
 //! Start reading at [`restore`], then [`light_path`].
 
@@ -39,5 +40,6 @@ pub mod light_path;
 pub mod patterns;
 pub mod picture;
 pub mod remedy;
+pub mod restoration;
 pub mod restore;
 pub mod rig;

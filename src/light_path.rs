@@ -1,1 +1,66 @@
-//! Forward convolution through a rig.
+//! Forward convolution through a rig: the candidate goes out to the panel, its photograph comes back.
+//!
+//! L is resampled once, to the finer panel; captures are cropped and corrected pixel by pixel, never
+//! resampled.
+
+use crate::calibration::correction::Correction;
+use crate::frame::{Frame, Size, Work};
+use crate::remedy::AnyFailure;
+use crate::restore::forward_convolution::{ForwardConvolution, Seen};
+use crate::rig::exposure::Rig;
+
+/// A calibrated rig as an operator on Work frames.
+pub struct LightPath<'a> {
+    rig: &'a mut Rig,
+    correction: &'a Correction,
+    stopwatch: &'a (dyn Fn() -> f64 + Sync),
+    waited_seconds: f64,
+    pedestal: Option<(Frame<Work>, Seen)>,
+}
+
+impl<'a> LightPath<'a> {
+    /// The light path of `rig` under `correction`, which must have been made for it. `stopwatch` tells how
+    /// long captures keep the caller waiting.
+    pub fn new(rig: &'a mut Rig, correction: &'a Correction, stopwatch: &'a (dyn Fn() -> f64 + Sync)) -> Self {
+        LightPath { rig, correction, stopwatch, waited_seconds: 0.0, pedestal: None }
+    }
+
+    /// Seconds on the stopwatch between giving the panel a picture and having its frame, so far.
+    pub fn waited_seconds(&self) -> f64 {
+        self.waited_seconds
+    }
+}
+
+impl ForwardConvolution for LightPath<'_> {
+    fn size(&self) -> Size {
+        self.correction.layout().canvas()
+    }
+
+    fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        let codes = self.correction.show(shown);
+        let begun = (self.stopwatch)();
+        let exposed = self.rig.capture(&codes).map_err(|e| Box::new(e) as AnyFailure)?;
+        self.waited_seconds += (self.stopwatch)() - begun;
+        let corrected = self.correction.see(&exposed.counts);
+        Ok(Seen { light: corrected.light, trusted: corrected.trusted })
+    }
+
+    fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        if let Some((shown, seen)) = &self.pedestal
+            && shown == flat
+        {
+            return Ok(seen.clone());
+        }
+        let seen = self.forward(flat)?;
+        self.pedestal = Some((flat.clone(), seen.clone()));
+        Ok(seen)
+    }
+
+    fn captures(&self) -> usize {
+        self.rig.captures()
+    }
+
+    fn seconds(&self) -> f64 {
+        self.rig.seconds()
+    }
+}

@@ -1,3 +1,9 @@
 //! The command line of relens: words in, exit code out. Everything else is in the library.
 
-fn main() {}
+mod commands;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    commands::run(std::env::args_os().skip(1))
+}

@@ -1,1 +1,98 @@
-//! Fits and corrections from captures alone.
+//! What a rig's captures say about it, fitted and kept: everything between a Work picture and its photograph.
+//!
+//! | paper §3 | here |
+//! |---|---|
+//! | geometric calibration, per channel | [`checkerboard`], [`geometric`], on [`surface`] |
+//! | dark corner | [`dark_corner`] |
+//! | cross-channel response, Eq. 13 | [`cross_channel`], [`curve`] |
+//! | (noise, lens functions: not in the paper) | [`noise`], [`lens_blur`] |
+//!
+//! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on flash,
+//! and the procedure on a rig is [`crate::calibrate`] (layer 3).
+
+pub mod checkerboard;
+pub mod correction;
+pub mod cross_channel;
+pub mod curve;
+pub mod dark_corner;
+pub mod dither;
+pub mod geometric;
+pub mod lens_blur;
+pub mod noise;
+pub mod photo_side;
+pub mod response;
+pub mod store;
+pub mod surface;
+
+use serde::{Deserialize, Serialize};
+
+use crate::frame::Size;
+use crate::restore::lens_model::LensFunctions;
+pub use correction::{Corrected, Correction, CorrectionError, Layout};
+pub use cross_channel::CrossChannel;
+pub use curve::Curve;
+pub use geometric::Geometry;
+pub use noise::Noise;
+use surface::Surface;
+
+/// Everything measured on one rig, at one time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Identity of the rig it was measured on: hash of the geometry-relevant parts of its rig file.
+    pub rig: u64,
+    /// Counts up by one with each calibration kept.
+    pub generation: u32,
+    /// The photo's grid.
+    pub photo: Size,
+    /// Canvas around the photo, on every side.
+    pub margin_px: usize,
+    /// Work ↔ panel, per channel.
+    pub geometry: [Geometry; 3],
+    /// Share of the light that arrives, over Work coordinates, per channel; mean 1 over the photo.
+    pub dark_corner: [Surface; 3],
+    /// The mixing of the channels, Eq. 13.
+    pub cross_channel: CrossChannel,
+    /// Light 0..255 of each panel code, per channel, black subtracted.
+    pub curves: [Curve; 3],
+    /// Sensor counts with a black panel, over Work coordinates, per channel: pedestal, ambient light and leakage.
+    pub black: [Surface; 3],
+    /// Sensor counts per unit of light (0..255) where the dark corner is 1, per channel.
+    pub counts_per_level: [f32; 3],
+    /// Noise of one capture in units of light, per channel, mixing undone.
+    pub noise: [Noise; 3],
+    /// The lens functions, each about sum 1: light to light, dark corner taken out.
+    pub functions: LensFunctions,
+    /// Largest squared singular value of the lens model, per channel.
+    pub norm_squared: [f32; 3],
+    /// The same, asked of the light: what the rig makes of the model's dominant picture; green.
+    pub norm_squared_seen: f32,
+    /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel; capture noise included.
+    pub operator_error: [f32; 3],
+    /// Captures the calibration took.
+    pub captures: u32,
+}
+
+impl Calibration {
+    /// Whether all parts are whole and fit together, in words when not.
+    fn check(&self) -> Result<(), String> {
+        let surfaces =
+            self.dark_corner.iter().chain(&self.black).chain(self.geometry.iter().flat_map(|g| {
+                [&g.work_to_panel.x, &g.work_to_panel.y, &g.panel_to_work.x, &g.panel_to_work.y]
+            }));
+        if surfaces.into_iter().any(|s| !s.is_whole()) {
+            return Err(
+                "a surface has the wrong number of coefficients, or one that is not finite".to_owned()
+            );
+        }
+        if self.counts_per_level.iter().any(|c| !c.is_finite() || *c <= 0.0) {
+            return Err(format!(
+                "counts per level of {:?}; positive numbers are allowed",
+                self.counts_per_level
+            ));
+        }
+        self.functions.check().map_err(|e| e.to_string())
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod example;

@@ -22,6 +22,7 @@ pub use simulation::{
     Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, Simulation, Surface,
     Surround, Wavelength,
 };
+pub use written::distance;
 
 use std::path::Path;
 

@@ -1,1 +1,37 @@
-//! The drop folder: inbox to outbox.
+//! The drop folder: photos in, restored photos out, and at every instant nothing lost.
+//!
+//! ```text
+//! inbox/a.jpg ─claim (rename)─► working/a.jpg ─ read, restore ─► outbox/a.jpg.json, outbox/a.jpg, index.html
+//!                                    │                                  only then
+//!                                    ├─────────────────────────────► done/a.jpg
+//!                                    └─ cannot be restored ─────────► failed/a.jpg, failed/a.jpg.txt
+//! ```
+//!
+//! A photo is in exactly one of `inbox`, `working`, `done`, `failed`. Results are whole or absent (temporary
+//! file, fsync, rename, fsync of the folder); no name is ever overwritten, a second one gets a number.
+//! Whatever instant the power fails at, [`Daemon::open`] finishes or takes back what was under way.
+//!
+//! The daemon decides by an error's [`Remedy`](crate::remedy::Remedy) alone. What restores is behind
+//! [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`].
+
+mod durable;
+mod error;
+mod folders;
+mod gallery;
+mod inbox;
+mod job;
+mod ledger;
+pub mod log_writer;
+mod report;
+mod restorer;
+mod run;
+mod state;
+mod watcher;
+
+pub use error::DaemonError;
+pub use folders::Folders;
+pub use report::{Failed, Outcome, Report};
+pub use restorer::{Certificate, Iteration, Progress, Restored, Restorer};
+pub use run::{Daemon, Setting, Summary};
+pub use state::{Doing, State};
+pub use watcher::{ProgressLine, Step, Watcher};

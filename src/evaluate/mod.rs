@@ -1,1 +1,6 @@
-//! Tables and drawings made by the program.
+//! Tables and drawings made by the program: methods against each other on scenes whose truth is known.
+
+pub mod scenes;
+pub mod stand;
+pub mod study;
+pub mod table;

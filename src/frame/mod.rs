@@ -5,6 +5,7 @@
 //! the paper). Every plane is row-major, height × width.
 
 mod channel;
+pub mod instructions;
 mod npy;
 mod plane;
 pub mod resample;

@@ -1,1 +1,143 @@
-//! What is shown on purpose.
+//! What is shown on purpose: pictures by which a rig is judged and measured, and a test chart.
+//!
+//! Pictures for the panel as it is ([`Codes`], panel pixels) serve while nothing is calibrated yet;
+//! pictures in light ([`Plane`], 0..255, Work) need response curve and geometry to be shown.
+
+pub mod chart;
+mod gradation;
+
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+use crate::frame::{Channel, Codes, Frame, Plane, Size};
+pub use chart::chart;
+pub use gradation::{Block, Gradation};
+
+/// The four trial pictures by which a rig is judged before anything is measured: is light coming, too
+/// much, too little, and from where?
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trial {
+    /// All codes 0.
+    Black,
+    /// All codes 255.
+    White,
+    /// All codes 128.
+    Grey,
+    /// One bright spot a channel, at [`locator_spots`].
+    Locator,
+}
+
+/// A trial picture for a panel of `size`.
+pub fn trial(size: Size, which: Trial) -> Codes {
+    match which {
+        Trial::Black => flat(size, [0; 3]),
+        Trial::White => flat(size, [255; 3]),
+        Trial::Grey => flat(size, [128; 3]),
+        Trial::Locator => {
+            let radius = locator_radius_px(size);
+            let spots = locator_spots(size);
+            Codes::from_fn(|c| {
+                let (cx, cy) = spots[c.index()];
+                Plane::from_fn(size, |x, y| {
+                    let (dx, dy) = (x as f64 - cx, y as f64 - cy);
+                    if dx * dx + dy * dy < radius * radius { 255 } else { 0 }
+                })
+            })
+        }
+    }
+}
+
+/// Where the locator's spots are, panel pixels: red left of the centre, green right of it, blue below.
+/// Near the centre, so that a badly aimed camera still sees them; no three in a line, so that they give
+/// position, rotation, magnification and reflection.
+pub fn locator_spots(size: Size) -> [(f64, f64); 3] {
+    let (w, h) = (size.width as f64, size.height as f64);
+    let (cx, cy) = ((w - 1.0) / 2.0, (h - 1.0) / 2.0);
+    [(cx - h / 5.0, cy - h / 8.0), (cx + h / 5.0, cy - h / 8.0), (cx, cy + h / 5.0)]
+}
+
+/// Radius of the locator's spots: wide beside any blur that can be worked with.
+fn locator_radius_px(size: Size) -> f64 {
+    size.height as f64 / 24.0
+}
+
+/// One code a channel over the whole panel.
+pub fn flat(size: Size, codes: [u8; 3]) -> Codes {
+    Frame::from_fn(|c| Plane::filled(size, codes[c.index()]))
+}
+
+/// `code` in one channel over the whole panel, 0 in the others.
+pub fn flat_of(size: Size, channel: Channel, code: u8) -> Codes {
+    let mut codes = [0; 3];
+    codes[channel.index()] = code;
+    flat(size, codes)
+}
+
+/// A checkerboard of black and full squares of `square_px` panel pixels in one channel. Its corners lie at
+/// (a·`square_px` − ½, b·`square_px` − ½); squares with even a + b (right of and below that corner) are full.
+pub fn checkerboard(size: Size, square_px: usize, channel: Channel) -> Codes {
+    let square_px = square_px.max(1);
+    Frame::from_fn(|c| {
+        if c != channel {
+            return Plane::zeros(size);
+        }
+        Plane::from_fn(size, |x, y| if (x / square_px + y / square_px).is_multiple_of(2) { 255 } else { 0 })
+    })
+}
+
+/// Pseudo-random ±1, as many of one as of the other (zero mean; one 0 when the area is odd), white.
+/// The same seed gives the same pattern everywhere.
+pub fn pseudo_random(size: Size, seed: u64) -> Plane {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let half = size.area() / 2;
+    let mut data = vec![1.0f32; half];
+    data.resize(2 * half, -1.0);
+    data.resize(size.area(), 0.0);
+    data.shuffle(&mut random);
+    Plane::from_vec(size, data).unwrap_or_else(|| Plane::zeros(size))
+}
+
+/// A seed for the `n`-th of several patterns made from one seed.
+pub fn nth_seed(seed: u64, n: u64) -> u64 {
+    Xoshiro256PlusPlus::seed_from_u64(seed ^ n.wrapping_mul(0x9E37_79B9_7F4A_7C15)).random()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pseudo_random_is_balanced_white_and_repeatable() {
+        let size = Size::new(64, 48);
+        let p = pseudo_random(size, 7);
+        assert_eq!(p, pseudo_random(size, 7));
+        assert_ne!(p, pseudo_random(size, 8));
+        assert_eq!(p.data().iter().sum::<f32>(), 0.0);
+        let neighbours: f32 =
+            (0..48).map(|y| p.row(y).windows(2).map(|w| w[0] * w[1]).sum::<f32>()).sum::<f32>() / 3024.0;
+        // Five standard deviations of a mean of 3024 signs.
+        assert!(neighbours.abs() < 5.0 / 3024f32.sqrt(), "{neighbours}");
+    }
+
+    #[test]
+    fn checkerboard_corners_are_where_they_are_said_to_be() {
+        let board = checkerboard(Size::new(20, 20), 5, Channel::Green);
+        let green = board.plane(Channel::Green);
+        assert_eq!((green.at(4, 4), green.at(5, 4), green.at(4, 5), green.at(5, 5)), (255, 0, 0, 255));
+        assert!(board.plane(Channel::Red).data().iter().all(|&v| v == 0));
+    }
+
+    #[test]
+    fn locator_spots_are_on_the_panel_in_their_channels() {
+        let size = Size::new(320, 180);
+        let codes = trial(size, Trial::Locator);
+        for c in Channel::ALL {
+            let (x, y) = locator_spots(size)[c.index()];
+            assert_eq!(codes.plane(c).at(x.round() as usize, y.round() as usize), 255);
+            let lit = codes.plane(c).data().iter().filter(|&&v| v > 0).count() as f64;
+            let wanted = std::f64::consts::PI * locator_radius_px(size).powi(2);
+            assert!((lit / wanted - 1.0).abs() < 0.1);
+        }
+    }
+}

@@ -1,1 +1,37 @@
-//! Photo files in and out, under limits.
+//! Photo files: bytes to linear light and back, under limits, with what the file carried along.
+//!
+//! ```text
+//! bytes ─ whole? (kind, walk) ─ decode ─ curve undone ─► Photo.light (Work, linear, 0..255)
+//!                                                          │  stored orientation = the sensor's
+//! bytes ◄─ encode ◄─ turned upright ◄─ curve redone ◄──────┘  (after restoring)
+//! ```
+//!
+//! **Orientation.** The lens's field is fixed to the sensor, and a camera stores pixels as the sensor
+//! sees them with a tag that says how it was held. So a photo is restored as stored, whatever its tag,
+//! and turned upright once, on the way out, where the tag is cleared. A photo stored upright in portrait
+//! has lost which way the camera was turned and is refused by its shape.
+//!
+//! **Alpha** is no light: it is set aside, resampled with the photo if need be, and put back.
+//!
+//! **Curve.** An embedded ICC profile's tone curves, else the rig's curve (sRGB or linear). A profile's
+//! primaries are left as they are: the lens blurs each stored channel, and the result carries the profile.
+
+mod decode;
+mod encode;
+mod flaw;
+mod jpeg;
+mod kind;
+mod photo;
+mod png;
+mod shape;
+mod tiff;
+mod tone;
+mod turn;
+
+pub use decode::{Layout, Limits};
+pub use encode::{encode, preview};
+pub use flaw::{Flaw, PictureError};
+pub use kind::Format;
+pub use photo::{Manner, Photo, embedded};
+pub use tone::Tone;
+pub use turn::Orientation;

@@ -9,6 +9,7 @@ mod resize;
 pub use resize::resize;
 
 use super::Plane;
+use super::instructions::{Kernel, run_fastest};
 
 /// What is taken for pixels outside the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +36,6 @@ const fn cubics(a: f32) -> [[f32; 4]; 4] {
 }
 
 /// Weights of the four taps at −1, 0, 1, 2 for a place `t` (0..=1) between taps 0 and 1.
-#[inline(always)]
 fn weights(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
     std::array::from_fn(|j| ((cubics[3][j] * t + cubics[2][j]) * t + cubics[1][j]) * t + cubics[0][j])
 }
@@ -51,23 +51,40 @@ fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32, outside: Out
     if !(x.is_finite() && y.is_finite()) || width == 0 || height == 0 {
         return 0.0;
     }
-    // Far outside all taps are outside; clamping keeps the arithmetic small.
-    let (x, y) = (x.clamp(-4.0, width as f32 + 3.0), y.clamp(-4.0, height as f32 + 3.0));
-    let (left, top) = (x.floor(), y.floor());
-    let (wx, wy) = (weights(cubics, x - left), weights(cubics, y - top));
+    let (columns, wx) = border_taps(cubics, width, x, outside);
+    let (rows, wy) = border_taps(cubics, height, y, outside);
     let mut total = 0.0;
-    for (j, &weight_y) in wy.iter().enumerate() {
-        let row = top as isize - 1 + j as isize;
-        for (i, &weight_x) in wx.iter().enumerate() {
-            let column = left as isize - 1 + i as isize;
-            let inside = (0..width).contains(&column) && (0..height).contains(&row);
-            if inside || outside == Outside::Edge {
-                let (column, row) = (column.clamp(0, width - 1), row.clamp(0, height - 1));
-                total += weight_y * weight_x * plane.at(column as usize, row as usize);
-            }
-        }
+    for (&row, &weight) in rows.iter().zip(&wy) {
+        let row = plane.row(row);
+        total += weight * columns.iter().zip(&wx).map(|(&column, w)| w * row[column]).sum::<f32>();
     }
     total
+}
+
+/// The four taps around `place` along a side of `length` pixels, and their weights.
+#[inline(always)]
+fn border_taps(
+    cubics: &[[f32; 4]; 4],
+    length: isize,
+    place: f32,
+    outside: Outside,
+) -> ([usize; 4], [f32; 4]) {
+    // Far outside all taps are outside; clamping keeps the arithmetic small.
+    let place = place.clamp(-4.0, length as f32 + 3.0);
+    // Counted from −5, so that cutting off the fraction is rounding down: `floor` is a library call on
+    // baseline x86-64.
+    let first = (place + 5.0) as isize - 6;
+    let mut weights = weights(cubics, place - (first + 1) as f32);
+    let mut taps = [0; 4];
+    for (j, tap) in taps.iter_mut().enumerate() {
+        let wanted = first + j as isize;
+        let inside = wanted.clamp(0, length - 1);
+        if wanted != inside && outside == Outside::Zero {
+            weights[j] = 0.0;
+        }
+        *tap = inside as usize;
+    }
+    (taps, weights)
 }
 
 /// `out`(i, j) = `source` at column `map_x`(i, j), row `map_y`(i, j), as [`sample`] gives it.
@@ -79,43 +96,103 @@ pub fn warp(source: &Plane, map_x: &Plane, map_y: &Plane, outside: Outside, out:
         map_x.size() == out.size() && map_y.size() == out.size(),
         "the maps have the size of the plane they make"
     );
-    let width = source.width();
-    let data = source.data();
-    // Places whose sixteen taps all lie inside take the short way. One more pixel is left off at the far
-    // side, so that rounding cannot bring a tap outside.
-    let (right, bottom) = (width as f32 - 3.0, source.height() as f32 - 3.0);
-    let places = map_x.data().iter().zip(map_y.data());
-    for (value, (&x, &y)) in out.data_mut().iter_mut().zip(places) {
-        *value = if x > 1.0 && x <= right && y > 1.0 && y <= bottom {
-            let ((column, tx), (row, ty)) = (whole_and_rest(x), whole_and_rest(y));
-            let start = (row - 1) * width + column - 1;
-            inner(data, start, width, weights(&CUBICS, tx), weights(&CUBICS, ty))
-        } else {
-            sample(source, x, y, outside)
-        };
-    }
+    run_fastest(Warp { source, map_x: map_x.data(), map_y: map_y.data(), outside, out: out.data_mut() });
 }
 
-/// A whole number next to `place` (above 1, below 2²²), at least 1, and the rest, 0..=1: `floor` without the library call that it is on
-/// baseline x86-64. A rest of 1 instead of 0 with the next number is the same place.
-#[inline(always)]
-fn whole_and_rest(place: f32) -> (usize, f32) {
-    const SHIFT: f32 = 8_388_608.0; // 2²³: from here on the spacing of f32 is 1
-    let shifted = (place - 0.5) + SHIFT;
-    ((shifted.to_bits() & 0x007f_ffff) as usize, place - (shifted - SHIFT))
+struct Warp<'a> {
+    source: &'a Plane,
+    map_x: &'a [f32],
+    map_y: &'a [f32],
+    outside: Outside,
+    out: &'a mut [f32],
 }
 
-/// Sum over the sixteen taps whose first is `data[start]`.
-#[inline(always)]
-fn inner(data: &[f32], start: usize, width: usize, wx: [f32; 4], wy: [f32; 4]) -> f32 {
-    let mut columns = [0.0f32; 4];
-    for (j, &weight) in wy.iter().enumerate() {
-        let taps = &data[start + j * width..][..4];
-        for i in 0..4 {
-            columns[i] += weight * taps[i];
+/// Places looked up at a time: the arithmetic on places and weights is done side by side.
+const AT_A_TIME: usize = 8;
+
+impl Kernel for Warp<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Warp { source, map_x, map_y, outside, out } = self;
+        let whole = out.len() - out.len() % AT_A_TIME;
+        for start in (0..whole).step_by(AT_A_TIME) {
+            let mut x = [0.0; AT_A_TIME];
+            let mut y = [0.0; AT_A_TIME];
+            x.copy_from_slice(&map_x[start..start + AT_A_TIME]);
+            y.copy_from_slice(&map_y[start..start + AT_A_TIME]);
+            let values = &mut out[start..start + AT_A_TIME];
+            if all_inside(source.width(), &x) & all_inside(source.height(), &y) {
+                values.copy_from_slice(&inner(source.data(), source.width(), &x, &y));
+            } else {
+                for i in 0..AT_A_TIME {
+                    values[i] = sample(source, x[i], y[i], outside);
+                }
+            }
+        }
+        for i in whole..out.len() {
+            out[i] = sample(source, map_x[i], map_y[i], outside);
         }
     }
-    (columns[0] * wx[0] + columns[1] * wx[1]) + (columns[2] * wx[2] + columns[3] * wx[3])
+}
+
+/// Whether the four taps of all `places` along a side of `length` pixels lie inside. One more pixel is left off at the
+/// far end, so that rounding cannot bring a tap outside; places that are not numbers are not inside.
+#[inline(always)]
+fn all_inside(length: usize, places: &[f32; AT_A_TIME]) -> bool {
+    let end = length as f32 - 3.0;
+    let mut inside = true;
+    for &place in places {
+        inside &= (place > 1.0) & (place <= end);
+    }
+    inside
+}
+
+/// Along one side: the first taps of places (above 1, below 2²²) and the weights of all four, tap by tap.
+///
+/// The whole part comes without `floor`, which is a library call on baseline x86-64; it may be one too small with a
+/// rest of 1, which is the same place.
+#[inline(always)]
+fn taps(places: &[f32; AT_A_TIME]) -> ([u32; AT_A_TIME], [[f32; AT_A_TIME]; 4]) {
+    const SHIFT: f32 = 8_388_608.0; // 2²³: from here on the spacing of f32 is 1
+    let mut first = [0; AT_A_TIME];
+    let mut weights = [[0.0; AT_A_TIME]; 4];
+    for i in 0..AT_A_TIME {
+        let shifted = (places[i] - 0.5) + SHIFT;
+        first[i] = (shifted.to_bits() & 0x007f_ffff) - 1;
+        let t = places[i] - (shifted - SHIFT);
+        for j in 0..4 {
+            weights[j][i] = ((CUBICS[3][j] * t + CUBICS[2][j]) * t + CUBICS[1][j]) * t + CUBICS[0][j];
+        }
+    }
+    (first, weights)
+}
+
+/// The values at places that are all inside.
+#[inline(always)]
+fn inner(data: &[f32], width: usize, x: &[f32; AT_A_TIME], y: &[f32; AT_A_TIME]) -> [f32; AT_A_TIME] {
+    let ((columns, wx), (rows, wy)) = (taps(x), taps(y));
+    let mut by_place = [[0.0; 4]; AT_A_TIME];
+    for i in 0..AT_A_TIME {
+        for c in 0..4 {
+            by_place[i][c] = wx[c][i];
+        }
+    }
+    let wx = by_place;
+    let mut values = [0.0; AT_A_TIME];
+    for i in 0..AT_A_TIME {
+        let start = rows[i] as usize * width + columns[i] as usize;
+        let mut sums = [[0.0f32; 4]; 2];
+        for (j, sum) in sums.iter_mut().enumerate() {
+            let upper = &data[start + 2 * j * width..][..4];
+            let lower = &data[start + (2 * j + 1) * width..][..4];
+            for c in 0..4 {
+                sum[c] = (wy[2 * j][i] * upper[c] + wy[2 * j + 1][i] * lower[c]) * wx[i][c];
+            }
+        }
+        let [p, q] = sums;
+        values[i] = ((p[0] + q[0]) + (p[1] + q[1])) + ((p[2] + q[2]) + (p[3] + q[3]));
+    }
+    values
 }
 
 #[cfg(test)]

@@ -4,18 +4,29 @@
 //! functions Pₙ interpolated bilinearly by the weights wₙ (paper Eq. 1; [`LensFunctions`]). Nothing is seen
 //! from outside the canvas. One function reaches k/2 pixels, so everything here is exact, not cut to tiles.
 
+mod cells;
+mod fast;
+mod fourier;
 mod functions;
+mod halves;
 mod interpolation;
+mod lanes;
+#[cfg(test)]
 mod plain;
+mod taps;
 
 pub use functions::LensFunctions;
 
+use crate::frame::instructions::run_fastest;
 use crate::frame::{Channel, Plane, Size};
 use crate::remedy::{Remediable, Remedy};
+use cells::{Cells, Spectrum};
+use fast::{Adjoint, Forward, Workspace};
 use interpolation::Interpolation;
-use plain::Plain;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use std::sync::{Mutex, PoisonError};
+use taps::Correlate;
 
 /// Why functions are no lens model.
 #[derive(Debug, thiserror::Error)]
@@ -80,8 +91,31 @@ impl Remediable for LensModelError {
 pub struct LensModel {
     canvas: Size,
     functions: LensFunctions,
-    along_x: Interpolation,
-    along_y: Interpolation,
+    cells: Cells,
+    spectra: [Vec<Spectrum>; 3],
+    workspaces: Workspaces,
+}
+
+/// Workspaces not in use; there come to be as many as threads ask at once.
+#[derive(Debug, Default)]
+struct Workspaces(Mutex<Vec<Workspace>>);
+
+impl Workspaces {
+    /// Lends a workspace to `work`.
+    fn lend<R>(&self, work: impl FnOnce(&mut Workspace) -> R) -> R {
+        // A workspace is only put back whole, so a poisoned list is as good as any.
+        let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut workspace = free().pop().unwrap_or_default();
+        let result = work(&mut workspace);
+        free().push(workspace);
+        result
+    }
+}
+
+impl Clone for Workspaces {
+    fn clone(&self) -> Self {
+        Workspaces::default()
+    }
 }
 
 impl LensModel {
@@ -95,11 +129,15 @@ impl LensModel {
         if photo.area() == 0 {
             return Err(LensModelError::Empty { found: photo });
         }
+        let along_x = Interpolation::new(photo.width, margin_px, functions.columns);
+        let along_y = Interpolation::new(photo.height, margin_px, functions.rows);
+        let cells = Cells::new(&along_x, &along_y, functions);
         Ok(LensModel {
             canvas: Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px),
-            along_x: Interpolation::new(photo.width, margin_px, functions.columns),
-            along_y: Interpolation::new(photo.height, margin_px, functions.rows),
+            spectra: Channel::ALL.map(|channel| cells.transform(functions, channel)),
+            cells,
             functions: functions.clone(),
+            workspaces: Workspaces::default(),
         })
     }
 
@@ -123,6 +161,7 @@ impl LensModel {
             self.functions.taps[channel.index()] = old;
             return Err(wrong);
         }
+        self.spectra[channel.index()] = self.cells.transform(&self.functions, channel);
         Ok(())
     }
 
@@ -132,20 +171,40 @@ impl LensModel {
     /// When a plane has not the canvas's size, which is a bug of the caller. So do the other operations.
     pub fn forward(&self, channel: Channel, x: &Plane, out: &mut Plane) {
         assert!(x.size() == self.canvas && out.size() == self.canvas, "planes have the canvas's size");
-        *out = self.plain().forward(channel, x);
+        self.workspaces.lend(|work| {
+            run_fastest(Forward {
+                cells: &self.cells,
+                spectra: &self.spectra[channel.index()],
+                x,
+                out,
+                work,
+            });
+        });
     }
 
     /// `out` = Kᵀ y.
     pub fn adjoint(&self, channel: Channel, y: &Plane, out: &mut Plane) {
         assert!(y.size() == self.canvas && out.size() == self.canvas, "planes have the canvas's size");
-        *out = self.plain().adjoint(channel, y);
+        self.workspaces.lend(|work| {
+            run_fastest(Adjoint {
+                cells: &self.cells,
+                spectra: &self.spectra[channel.index()],
+                y,
+                out,
+                work,
+            });
+        });
     }
 
     /// Gradient of ½‖K x − y‖² with respect to the taps, where `residual` is K x − y: the adjoint of
     /// taps ↦ K(taps) x. Laid out as [`LensFunctions::taps`].
     pub fn correlate(&self, _channel: Channel, x: &Plane, residual: &Plane) -> Vec<f32> {
         assert!(x.size() == self.canvas && residual.size() == self.canvas, "planes have the canvas's size");
-        self.plain().correlate(x, residual)
+        let mut taps = vec![0.0; self.functions.taps[0].len()];
+        self.workspaces.lend(|work| {
+            run_fastest(Correlate { cells: &self.cells, x, residual, taps: &mut taps, work });
+        });
+        taps
     }
 
     /// ‖K‖² of one channel: the largest eigenvalue of KᵀK, by `iterations` of the power method from random
@@ -166,10 +225,6 @@ impl LensModel {
             self.adjoint(channel, &seen, &mut x);
         }
         largest as f32
-    }
-
-    fn plain(&self) -> Plain<'_> {
-        Plain { functions: &self.functions, along_x: &self.along_x, along_y: &self.along_y }
     }
 }
 

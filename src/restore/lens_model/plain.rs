@@ -2,7 +2,7 @@
 
 use super::LensFunctions;
 use super::interpolation::Interpolation;
-use crate::frame::{Channel, Plane};
+use crate::frame::{Channel, Plane, Size};
 
 /// The grid of functions with its interpolation over the canvas.
 pub(super) struct Plain<'a> {
@@ -27,11 +27,7 @@ impl Plain<'_> {
     }
 
     /// Calls `visit(object x, y, image x, y, function, weight, tap)` for every pair of pixels the lens joins.
-    fn for_each_ray(
-        &self,
-        size: crate::frame::Size,
-        mut visit: impl FnMut((usize, usize), (usize, usize), usize, f32),
-    ) {
+    fn for_each_ray(&self, size: Size, mut visit: impl FnMut((usize, usize), (usize, usize), usize, f32)) {
         let k = self.functions.support_px;
         let r = k / 2;
         for y in 0..size.height {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::plain::Plain;
 use super::*;
 use crate::frame::read_npy_f32;
 
@@ -158,4 +159,25 @@ fn wrong_functions_are_refused_by_name() {
     let mut model = LensModel::new(Size::new(8, 8), 0, &random_functions(1, 1, 3, 1)).unwrap();
     assert!(model.set_taps(Channel::Red, &[f32::NAN; 9]).is_err());
     assert!(model.functions().taps[0].iter().all(|t| t.is_finite()));
+}
+
+#[test]
+fn the_fast_form_is_the_plain_one() {
+    for (photo, margin, functions) in model_shapes() {
+        let model = LensModel::new(photo, margin, &functions).unwrap();
+        let along_x = Interpolation::new(photo.width, margin, functions.columns);
+        let along_y = Interpolation::new(photo.height, margin, functions.rows);
+        let plain = Plain { functions: &functions, along_x: &along_x, along_y: &along_y };
+        let (x, y) = (random_plane(model.canvas(), 5), random_plane(model.canvas(), 6));
+        let mut found = x.clone();
+        for channel in Channel::ALL {
+            model.forward(channel, &x, &mut found);
+            assert!(largest_difference(&found, &plain.forward(channel, &x)) < 1e-5, "{photo}");
+            model.adjoint(channel, &y, &mut found);
+            assert!(largest_difference(&found, &plain.adjoint(channel, &y)) < 1e-5, "{photo}");
+        }
+        let (fast, slow) = (model.correlate(Channel::Red, &x, &y), plain.correlate(&x, &y));
+        let far = fast.iter().zip(&slow).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(far < 1e-4, "{photo}: {far}");
+    }
 }

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use super::digital::model_residual;
 use super::problem::Certificate;
 use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
-use crate::frame::{FULL_SCALE, Frame, Plane, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use crate::restore::data_term::{self, MISSING};
 use crate::restore::forward_convolution::ForwardConvolution;
+use crate::restore::lens_model::LensFunctions;
 
 /// Richardson (1972) and Lucy (1974): multiplicative steps, light stays positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +67,148 @@ impl Method for RichardsonLucy {
             })
             .collect();
         Ok(finish(problem, solved, watch))
+    }
+}
+
+/// Wiener (1949), tile by tile with the function that holds in the tile's middle; the tiles are cut twice
+/// their size under a cosine and added up, so that no seam shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wiener {
+    /// Noise power over signal power at one grey level of noise; grows with the square of the noise.
+    pub noise_to_signal: f32,
+}
+
+impl Method for Wiener {
+    fn name(&self) -> &'static str {
+        "wiener"
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        _optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let model = problem.needs_model("wiener")?;
+        let begun = (problem.stopwatch)();
+        let channels = problem.channels.list();
+        let solved = channels
+            .par_iter()
+            .map(|&c| {
+                let noise = problem.photo_noise[c.index()].max(0.29);
+                let ratio = self.noise_to_signal * noise * noise;
+                let picture = wiener_plane(model.functions(), c, problem, ratio);
+                let mut predicted = Plane::zeros(problem.size());
+                model.forward(c, &picture, &mut predicted);
+                let residual = problem.residual_rms(c, &predicted);
+                let seconds = (problem.stopwatch)() - begun;
+                let mut record = IterationRecord::default();
+                record.push(Step { iteration: 1, residual, of: ResidualOf::Model, captures: 0, seconds });
+                (picture, record)
+            })
+            .collect();
+        Ok(finish(problem, solved, watch))
+    }
+}
+
+/// One channel filtered tile by tile.
+fn wiener_plane(functions: &LensFunctions, channel: Channel, problem: &Problem<'_>, ratio: f32) -> Plane {
+    let (photo, rect) = (problem.photo.plane(channel), problem.rect);
+    let size = photo.size();
+    let tile = Size::new(
+        rect.size.width.div_ceil(functions.columns.max(1)),
+        rect.size.height.div_ceil(functions.rows.max(1)),
+    );
+    // Twice the tile for the cosine, and the blur's reach on both sides so that nothing wraps around.
+    let reach = functions.support_px;
+    let transform = Transform2::new(Size::new(2 * tile.width + 2 * reach, 2 * tile.height + 2 * reach));
+    let mut picture: Plane = Plane::zeros(size);
+    // A ring of tiles around the photo's completes the cosines to one everywhere.
+    for row in -1..=functions.rows as isize {
+        for column in -1..=functions.columns as isize {
+            let nearest_row = row.clamp(0, functions.rows as isize - 1) as usize;
+            let nearest_column = column.clamp(0, functions.columns as isize - 1) as usize;
+            let (x0, y0) = (
+                rect.x as isize + column * tile.width as isize - (tile.width / 2) as isize,
+                rect.y as isize + row * tile.height as isize - (tile.height / 2) as isize,
+            );
+            let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
+            let cut = Plane::from_fn(transform.size, |x, y| {
+                let (x, y) = (x0 + x as isize - reach as isize, y0 + y as isize - reach as isize);
+                photo.at(clamped(x, size.width), clamped(y, size.height))
+            });
+            let taps = functions.function(channel, nearest_row, nearest_column);
+            let filtered = transform.filtered(&cut, taps, functions.support_px, ratio);
+            for y in 0..2 * tile.height {
+                for x in 0..2 * tile.width {
+                    let (to_x, to_y) = (x0 + x as isize, y0 + y as isize);
+                    let inside = (0..size.width as isize).contains(&to_x)
+                        && (0..size.height as isize).contains(&to_y);
+                    if inside {
+                        let weight = cosine(x, tile.width) * cosine(y, tile.height);
+                        let value = weight * filtered.at(x + reach, y + reach);
+                        let (to_x, to_y) = (to_x as usize, to_y as usize);
+                        picture.set(to_x, to_y, picture.at(to_x, to_y) + value);
+                    }
+                }
+            }
+        }
+    }
+    picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+    picture
+}
+
+/// Raised cosine over two tiles; neighbours a tile apart add up to one.
+fn cosine(at: usize, tile: usize) -> f32 {
+    0.5 - 0.5 * (std::f32::consts::PI * (at as f32 + 0.5) / tile as f32).cos()
+}
+
+/// A planned two-dimensional transform of one size.
+struct Transform2 {
+    size: Size,
+    rows: [std::sync::Arc<dyn rustfft::Fft<f32>>; 2],
+    columns: [std::sync::Arc<dyn rustfft::Fft<f32>>; 2],
+}
+
+type Complex = rustfft::num_complex::Complex32;
+
+impl Transform2 {
+    fn new(size: Size) -> Self {
+        let mut planner = rustfft::FftPlanner::new();
+        let mut both = |n| [planner.plan_fft_forward(n), planner.plan_fft_inverse(n)];
+        Transform2 { size, rows: both(size.width), columns: both(size.height) }
+    }
+
+    fn run(&self, values: &mut [Complex], direction: usize) {
+        self.rows[direction].process(values);
+        let (width, height) = (self.size.width, self.size.height);
+        let mut column = vec![Complex::default(); height];
+        for x in 0..width {
+            (0..height).for_each(|y| column[y] = values[y * width + x]);
+            self.columns[direction].process(&mut column);
+            (0..height).for_each(|y| values[y * width + x] = column[y]);
+        }
+    }
+
+    /// `cut` through H* / (|H|² + ratio), H the transform of the function with its middle at the origin.
+    fn filtered(&self, cut: &Plane, taps: &[f32], support: usize, ratio: f32) -> Plane {
+        let (width, height) = (self.size.width, self.size.height);
+        let mut lens = vec![Complex::default(); width * height];
+        for (k, &tap) in taps.iter().enumerate() {
+            let x = (k % support + width - support / 2) % width;
+            let y = (k / support + height - support / 2) % height;
+            lens[y * width + x].re = tap;
+        }
+        let mut values: Vec<Complex> = cut.data().iter().map(|&v| Complex::new(v, 0.0)).collect();
+        self.run(&mut lens, 0);
+        self.run(&mut values, 0);
+        let scale = 1.0 / (width * height) as f32;
+        for (v, h) in values.iter_mut().zip(&lens) {
+            *v = *v * h.conj() * (scale / (h.norm_sqr() + ratio));
+        }
+        self.run(&mut values, 1);
+        let real: Vec<f32> = values.iter().map(|v| v.re).collect();
+        Plane::from_vec(self.size, real).unwrap_or_else(|| Plane::zeros(self.size))
     }
 }
 

@@ -1,8 +1,14 @@
 //! The lens model alone: what the box does when the camera is unplugged, and a baseline.
 //!
-//! Minimises ½‖K̂L − B‖² + μ‖W L‖₁ over 0 ≤ L ≤ 255 by proximal steps with momentum; the shrinkage is
-//! shifted from step to step (cycle spinning, Coifman & Donoho 1995), which the study found to be worth
-//! more than any change of iteration.
+//! Minimises ½‖K̂L − B‖² + μ‖W L‖₁ over 0 ≤ L ≤ 255 by proximal steps with momentum, cycle-spun (Coifman &
+//! Donoho 1995), which the study found to be worth more than any change of iteration.
+//!
+//! Spinning has two gears. One shift a step, another at each, is cheap but leaves a trace of the last shift
+//! that momentum carries on; the mean over many shifts leaves none but costs a transform each. So the first
+//! steps turn, and the last [`SETTLING_STEPS`] take the mean over [`SETTLING_SHIFTS`]. Measured on the study's
+//! two photographs with the true lens, one grey level of noise, threshold 0.1 (2026-11-21; SSIM/PSNR,
+//! shrinkages): 60 steps turning 0.921/32.3 (60); 60 steps with the mean of 4 shifts 0.932/32.9 (240),
+//! of 16 shifts 0.939/33.0 (960); 50 steps, the last 10 with 8 shifts 0.935/32.8 (120).
 
 use rayon::prelude::*;
 
@@ -16,6 +22,11 @@ use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::lens_model::LensModel;
 use crate::restore::wavelet_shrinkage::{Prior, Shrinkage, ShrinkageScratch};
 
+/// Last steps of a solve, in which the shrinkage is averaged over [`SETTLING_SHIFTS`].
+pub const SETTLING_STEPS: u32 = 10;
+/// Shifts over which the last steps' shrinkage is averaged.
+pub const SETTLING_SHIFTS: usize = 8;
+
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Digital {
@@ -25,7 +36,7 @@ pub struct Digital {
     pub strength: Strength,
     /// Wavelet levels.
     pub levels: usize,
-    /// Whether the shrinkage is shifted from step to step (cycle spinning).
+    /// Whether the shrinkage is cycle-spun.
     pub cycle_spun: bool,
 }
 
@@ -65,7 +76,13 @@ impl Digital {
             let step = 1.0 / task.norm_squared;
             let pairs = stepped.data_mut().iter_mut().zip(looked_at.data()).zip(gradient.data());
             pairs.for_each(|((s, y), g)| *s = y - step * g);
-            shrinkage.apply(&mut stepped, threshold, iteration as usize, &mut scratch);
+            if self.cycle_spun && iteration + SETTLING_STEPS > self.steps {
+                let first = iteration as usize * SETTLING_SHIFTS;
+                let shifts: [_; SETTLING_SHIFTS] = std::array::from_fn(|k| shrinkage.shift(first + k));
+                shrinkage.shrink_spun(&mut stepped, threshold, &shifts, &mut scratch);
+            } else {
+                shrinkage.apply(&mut stepped, threshold, iteration as usize, &mut scratch);
+            }
             stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
             momentum.next(&mut looked_at, &stepped);
             each(iteration, residual, &stepped);

@@ -1,16 +1,19 @@
-//! The default: solve with the lens model, let one capture certify the result, and correct what the model
+//! The default: solve with the lens model, let a capture certify the result, and correct what the model
 //! missed while captures show that it missed something (defect correction, Böhmer & Stetter 1984).
 //!
 //! A capture y of the candidate L shows the model's *defect* at L: d = y − K̂L, which is (K − K̂)L plus the
 //! capture's noise. The corrected problem is K̂L = B − d. The noise of d is known, so d is shrunk by it
-//! first: what light cannot tell from noise is not corrected, and a right model stays untouched. Defects of
-//! successive captures are averaged, since L hardly changes between them.
+//! first: what light cannot tell from noise is not corrected, and a right model is left alone.
+//!
+//! With a poor model the corrected candidate can overshoot. The next capture tells, and light is linear: the
+//! photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another capture, and the
+//! optical residual never grows.
 
 use super::digital::{Digital, model_residual, solve_all};
 use super::problem::Certificate;
 use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
-use crate::frame::{Channel, Frame, Plane, Work};
-use crate::restore::data_term::{self, TRUSTED};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
+use crate::restore::data_term::{self, MISSING, TRUSTED};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::restore::lens_model::LensModel;
 use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
@@ -20,15 +23,22 @@ use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 pub struct Hybrid {
     /// The solve with the lens model.
     pub digital: Digital,
-    /// Proximal steps after each capture.
+    /// Proximal steps of each correction.
     pub correction_steps: u32,
-    /// Captures a photo may cost, at least 1.
+    /// Captures a photo may cost, at least 1. With 1 the first correction is not confirmed by light.
     pub captures_max: u32,
     /// Soft threshold of the defect, in standard deviations of its noise.
     pub defect_threshold: f32,
     /// Defect, as a share of the noise floor, below which the model counts as right.
     pub defect_floor: f32,
 }
+
+/// Longest step along a correction. Beyond it the line through two captures says more about their noise.
+const STEP_MAX: f64 = 1.5;
+/// Levels of the defect's shrinkage: what stays unshrunk is averaged over 16×16 pixels, far below its noise.
+const DEFECT_LEVELS: usize = 4;
+/// Shifts over which the defect's shrinkage is averaged: an even spread over those levels' periods.
+const DEFECT_SHIFTS: [(usize, usize); 4] = [(0, 0), (8, 4), (4, 8), (12, 12)];
 
 impl Method for Hybrid {
     fn name(&self) -> &'static str {
@@ -44,14 +54,12 @@ impl Method for Hybrid {
         let model = problem.needs_model("hybrid")?;
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
-        let (mut picture, mut record) =
-            solve_all(&self.digital, problem, model, problem.photo, problem.photo);
+        let (mut picture, mut record) = solve_all(&self.digital, problem, model, problem.photo, problem.photo);
         let mut certificate = Certificate::uncertified(problem);
-        let mut defects = DefectMean::new(problem);
-        let mut best: Option<(f32, Frame<Work>)> = None;
+        let mut seen = optics.forward(&picture)?;
         for capture in 1..=self.captures_max.max(1) {
-            let seen = optics.forward(&picture)?;
             let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
+            certificate.optical_residual = Some(optical);
             let step = Step {
                 iteration: record.steps().len() as u32 + 1,
                 residual: optical,
@@ -61,96 +69,119 @@ impl Method for Hybrid {
             };
             record.push(step);
             watch(&step, &picture);
-            certificate.optical_residual = Some(optical);
-            // A correction that the light does not confirm is taken back.
-            if let Some((before, untouched)) = best.take()
-                && optical > before
-            {
-                picture = untouched;
-                certificate.optical_residual = Some(before);
-                certificate.corrections -= 1;
+            let defect = shrunk_defect(problem, model, &picture, &seen, self.defect_threshold);
+            if defect.plane(Channel::Green).rms() as f32 <= self.defect_floor * certificate.noise_floor {
                 break;
             }
-            defects.add(problem, model, &picture, &seen);
-            let defect = defects.shrunk(problem, self.defect_threshold);
-            let size = defect.plane(Channel::Green).rms() as f32;
-            if size <= self.defect_floor * certificate.noise_floor {
+            let last = capture >= self.captures_max;
+            if last && self.captures_max > 1 {
                 break;
             }
-            let mut data: Frame<Work> = problem.photo.clone();
-            for &channel in problem.channels.list() {
-                data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
-            }
-            let correction = Digital { steps: self.correction_steps, ..self.digital };
-            let (corrected, steps) = solve_all(&correction, problem, model, &data, &picture);
-            extend(&mut record, &steps, capture, begun, problem);
+            let corrected = self.corrected(problem, model, &picture, &defect, &mut record);
             certificate.corrections += 1;
-            best = Some((optical, std::mem::replace(&mut picture, corrected)));
+            if last {
+                picture = corrected;
+                certificate.optical_residual = None;
+                break;
+            }
+            let seen_corrected = optics.forward(&corrected)?;
+            step_along(problem, &mut picture, &mut seen, &corrected, &seen_corrected);
         }
         certificate.model_residual = Some(model_residual(problem, model, &picture));
         Ok(Solution { picture, record, certificate })
     }
 }
 
-/// Appends the steps of a correction, numbered on.
-fn extend(
-    record: &mut IterationRecord,
-    steps: &IterationRecord,
-    captures: u32,
-    begun: f64,
+impl Hybrid {
+    /// The solution of K̂L = B − d, from `picture`.
+    fn corrected(
+        &self,
+        problem: &Problem<'_>,
+        model: &LensModel,
+        picture: &Frame<Work>,
+        defect: &Frame<Work>,
+        record: &mut IterationRecord,
+    ) -> Frame<Work> {
+        let mut data: Frame<Work> = problem.photo.clone();
+        for &channel in problem.channels.list() {
+            data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
+        }
+        let correction = Digital { steps: self.correction_steps, ..self.digital };
+        let (corrected, steps) = solve_all(&correction, problem, model, &data, picture);
+        let before = record.steps().last().copied();
+        for step in steps.steps() {
+            let (captures, seconds) = before.map_or((0, 0.0), |b| (b.captures, b.seconds));
+            let iteration = record.steps().len() as u32 + 1;
+            record.push(Step { iteration, captures, seconds: seconds + step.seconds, ..*step });
+        }
+        corrected
+    }
+}
+
+/// d = y − K̂L with its noise shrunk away; zero where the capture cannot be trusted or the photo says nothing.
+fn shrunk_defect(
     problem: &Problem<'_>,
+    model: &LensModel,
+    shown: &Frame<Work>,
+    seen: &Seen,
+    deviations: f32,
+) -> Frame<Work> {
+    let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
+    let mut scratch = ShrinkageScratch::default();
+    let mut defect: Frame<Work> = Frame::zeros(problem.size());
+    for &c in problem.channels.list() {
+        let plane = defect.plane_mut(c);
+        model.forward(c, shown.plane(c), plane);
+        let pairs = seen.light.plane(c).data().iter().zip(seen.trusted.plane(c).data());
+        for (d, (&y, &t)) in plane.data_mut().iter_mut().zip(pairs) {
+            *d = if t == TRUSTED { y - *d } else { 0.0 };
+        }
+        let noise = data_term::noise_of(plane);
+        shrinkage.shrink_spun(plane, deviations * noise, &DEFECT_SHIFTS, &mut scratch);
+        problem.mask(c, plane);
+    }
+    defect
+}
+
+/// Moves `picture` and what is `seen` of it towards the corrected ones, channel by channel, as far as
+/// brings the seen nearest to the photo.
+fn step_along(
+    problem: &Problem<'_>,
+    picture: &mut Frame<Work>,
+    seen: &mut Seen,
+    corrected: &Frame<Work>,
+    seen_corrected: &Seen,
 ) {
-    let seconds = (problem.stopwatch)() - begun;
-    let before = record.steps().len() as u32;
-    for step in steps.steps() {
-        record.push(Step { iteration: before + step.iteration, captures, seconds, ..*step });
+    for &c in problem.channels.list() {
+        let alpha = best_step(problem, c, &seen.light, &seen_corrected.light) as f32;
+        let towards = |plane: &mut Plane, target: &Plane| {
+            let pairs = plane.data_mut().iter_mut().zip(target.data());
+            pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
+        };
+        towards(picture.plane_mut(c), corrected.plane(c));
+        picture.plane_mut(c).data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+        towards(seen.light.plane_mut(c), seen_corrected.light.plane(c));
+        let trusted = seen.trusted.plane_mut(c).data_mut().iter_mut();
+        trusted.zip(seen_corrected.trusted.plane(c).data()).for_each(|(t, &other)| *t = (*t).min(other));
     }
 }
 
-/// Levels of the defect's shrinkage: what stays unshrunk is averaged over 16×16 pixels, far below its noise.
-const DEFECT_LEVELS: usize = 4;
-/// Shifts over which the defect's shrinkage is averaged: an even spread over those levels' periods.
-const DEFECT_SHIFTS: [(usize, usize); 4] = [(0, 0), (8, 4), (4, 8), (12, 12)];
-
-/// The mean defect of the captures so far.
-struct DefectMean {
-    sum: Frame<Work>,
-    count: u32,
-}
-
-impl DefectMean {
-    fn new(problem: &Problem<'_>) -> Self {
-        DefectMean { sum: Frame::zeros(problem.size()), count: 0 }
-    }
-
-    /// Adds y − K̂L where the capture can be trusted.
-    fn add(&mut self, problem: &Problem<'_>, model: &LensModel, shown: &Frame<Work>, seen: &Seen) {
-        let mut predicted = Plane::zeros(problem.size());
-        for &c in problem.channels.list() {
-            model.forward(c, shown.plane(c), &mut predicted);
-            let pairs = seen.light.plane(c).data().iter().zip(seen.trusted.plane(c).data());
-            let sum = self.sum.plane_mut(c).data_mut().iter_mut();
-            for ((s, p), (&y, &t)) in sum.zip(predicted.data()).zip(pairs) {
-                if t == TRUSTED {
-                    *s += y - p;
-                }
-            }
+/// The α that minimises ‖y + α(y′ − y) − B‖, the captures' own noise taken out of both sums; 1 when the
+/// captures differ by no more than noise.
+fn best_step(problem: &Problem<'_>, channel: Channel, seen: &Frame<Work>, corrected: &Frame<Work>) -> f64 {
+    let (mut along, mut square, mut count) = (0.0f64, 0.0f64, 0u32);
+    let pairs = seen.plane(channel).data().iter().zip(corrected.plane(channel).data());
+    let photo = problem.photo.plane(channel).data().iter().zip(problem.trust.plane(channel).data());
+    for ((&y, &y_corrected), (&b, &trust)) in pairs.zip(photo) {
+        if trust != MISSING {
+            let step = f64::from(y_corrected - y);
+            along += f64::from(b - y) * step;
+            square += step * step;
+            count += 1;
         }
-        self.count += 1;
     }
-
-    /// The mean defect with its noise shrunk away, zero where the photo says nothing anyway.
-    fn shrunk(&self, problem: &Problem<'_>, deviations: f32) -> Frame<Work> {
-        let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
-        let mut scratch = ShrinkageScratch::default();
-        let mut mean = self.sum.clone();
-        for &c in problem.channels.list() {
-            let plane = mean.plane_mut(c);
-            plane.data_mut().iter_mut().for_each(|v| *v /= self.count as f32);
-            let noise = data_term::noise_of(plane);
-            shrinkage.shrink_spun(plane, deviations * noise, &DEFECT_SHIFTS, &mut scratch);
-            problem.mask(c, plane);
-        }
-        mean
-    }
+    let noise = f64::from(problem.capture_noise[channel.index()]).powi(2) * f64::from(count);
+    let (along, square) = (along - noise, square - 2.0 * noise);
+    // A difference of captures below a tenth of their noise power says nothing about the step.
+    if square < 0.1 * noise { 1.0 } else { (along / square).clamp(0.0, STEP_MAX) }
 }

@@ -72,6 +72,7 @@ pub struct Scratch {
     low: Vec<f32>,
     high: Vec<f32>,
     line: Vec<f32>,
+    turned: Vec<f32>,
     approximation: Vec<f32>,
 }
 
@@ -246,7 +247,14 @@ impl Sym8 {
         let (even, odd) = scratch.line.split_at_mut(half + 8);
         let turn = shift.0 % size.width;
         for (y, row) in input.chunks_exact(size.width).enumerate() {
-            split(row, turn, &mut even[4..half + 4], &mut odd[4..half + 4]);
+            if turn == 0 {
+                split(row, &mut even[4..half + 4], &mut odd[4..half + 4]);
+            } else {
+                scratch.turned.clear();
+                scratch.turned.extend_from_slice(&row[turn..]);
+                scratch.turned.extend_from_slice(&row[..turn]);
+                split(&scratch.turned, &mut even[4..half + 4], &mut odd[4..half + 4]);
+            }
             wrap(even, half);
             wrap(odd, half);
             // x[2o+8−j] is even[o+4−t] for j = 2t and odd[o+3−t] for j = 2t+1; both buffers start at −4.
@@ -329,7 +337,15 @@ impl Sym8 {
             let rows: [&[f32]; 16] = std::array::from_fn(|j| if j < 8 { &low[j..] } else { &high[j - 8..] });
             two_sums(&rows, &self.synthesis, &mut odd[..half], &mut even[..half]);
             odd[half] = odd[0]; // x[−1] is x[2·half − 1]
-            join(&even[..half], &odd[1..half + 1], turn, row);
+            if turn == 0 {
+                join(&even[..half], &odd[1..half + 1], row);
+            } else {
+                scratch.turned.resize(to.width, 0.0);
+                join(&even[..half], &odd[1..half + 1], &mut scratch.turned);
+                let (tail, head) = scratch.turned.split_at(to.width - turn);
+                row[turn..].copy_from_slice(tail);
+                row[..turn].copy_from_slice(head);
+            }
         }
     }
 }
@@ -349,32 +365,24 @@ fn two_rows(
     if first < second { (upper, lower) } else { (lower, upper) }
 }
 
-/// Pixels `turn`, `turn`+1, … of `row`, around its end, to `even` and `odd` in turn; the last one twice when
-/// their number is odd.
-fn split(row: &[f32], turn: usize, even: &mut [f32], odd: &mut [f32]) {
-    if turn == 0 && row.len().is_multiple_of(2) {
-        for ((pair, e), o) in row.chunks_exact(2).zip(even).zip(odd) {
-            (*e, *o) = (pair[0], pair[1]);
-        }
-        return;
+/// The pixels of `row` to `even` and `odd` in turn; the last one twice when their number is odd.
+fn split(row: &[f32], even: &mut [f32], odd: &mut [f32]) {
+    for ((pair, e), o) in row.chunks_exact(2).zip(even.iter_mut()).zip(odd.iter_mut()) {
+        (*e, *o) = (pair[0], pair[1]);
     }
-    let pixel = |i: usize| row[(i.min(row.len() - 1) + turn) % row.len()];
-    for (i, (e, o)) in even.iter_mut().zip(odd).enumerate() {
-        (*e, *o) = (pixel(2 * i), pixel(2 * i + 1));
+    if let [last] = *row.chunks_exact(2).remainder() {
+        (even[row.len() / 2], odd[row.len() / 2]) = (last, last);
     }
 }
 
 /// Undoes [`split`].
-fn join(even: &[f32], odd: &[f32], turn: usize, row: &mut [f32]) {
-    let width = row.len();
-    if turn == 0 && width.is_multiple_of(2) {
-        for ((pair, e), o) in row.chunks_exact_mut(2).zip(even).zip(odd) {
-            (pair[0], pair[1]) = (*e, *o);
-        }
-        return;
+fn join(even: &[f32], odd: &[f32], row: &mut [f32]) {
+    let mut pairs = row.chunks_exact_mut(2);
+    for ((pair, e), o) in (&mut pairs).zip(even).zip(odd) {
+        (pair[0], pair[1]) = (*e, *o);
     }
-    for i in 0..width {
-        row[(i + turn) % width] = if i % 2 == 0 { even[i / 2] } else { odd[i / 2] };
+    if let [last] = pairs.into_remainder() {
+        *last = even[even.len() - 1];
     }
 }
 

@@ -1,1 +1,0 @@
-//! Procedures: show, see, fit, judge, keep.

@@ -1,0 +1,281 @@
+//! A calibration put to work: a Work picture to panel codes, and sensor counts back to Work.
+//!
+//! Shown: warp to the panel per channel, response curve undone, diffused to 8 bits. Seen: black
+//! subtracted, mixing undone, dark corner divided out. Captures are cropped and never resampled, for Work
+//! *is* the camera's own pixel grid. Outside the canvas the panel goes on with the canvas's border pixels.
+
+use rayon::prelude::*;
+
+use super::curve::Inverse;
+use super::dither::Diffusion;
+use super::{Calibration, Geometry};
+use crate::frame::resample::{Outside, warp};
+use crate::frame::{Channel, Codes, Counts, Frame, Plane, Size, Work};
+use crate::remedy::{Remediable, Remedy};
+
+/// Sizes of the devices and where the photo lies on the sensor; from the rig file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Panel pixels.
+    pub panel: Size,
+    /// Camera pixels.
+    pub sensor: Size,
+    /// The photo's grid.
+    pub photo: Size,
+    /// Sensor column of the photo's first.
+    pub photo_x_px: usize,
+    /// Sensor row of the photo's first.
+    pub photo_y_px: usize,
+    /// Canvas around the photo on every side.
+    pub margin_px: usize,
+    /// Counts at and above which a pixel is saturated.
+    pub saturated: u16,
+}
+
+impl Layout {
+    /// The photo and its margins.
+    pub fn canvas(&self) -> Size {
+        Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
+    }
+}
+
+/// Why a calibration cannot be put to work.
+#[derive(Debug, thiserror::Error)]
+pub enum CorrectionError {
+    /// It belongs to another photo or canvas.
+    #[error(
+        "the calibration is for a photo of {found} with a margin of {found_margin_px} px; the rig file says {allowed} and {allowed_margin_px} px"
+    )]
+    Sizes {
+        /// Photo calibrated for.
+        found: Size,
+        /// Margin calibrated for.
+        found_margin_px: usize,
+        /// Photo of the rig file.
+        allowed: Size,
+        /// Margin of the rig file.
+        allowed_margin_px: usize,
+    },
+    /// The channels cannot be told apart.
+    #[error("the calibration's mixing of the channels cannot be undone: {found:?}")]
+    Mixing {
+        /// C as found.
+        found: [[f32; 3]; 3],
+    },
+}
+
+impl Remediable for CorrectionError {
+    fn remedy(&self) -> Remedy {
+        Remedy::Recalibrate
+    }
+}
+
+/// What one capture says, in Work.
+#[derive(Debug, Clone)]
+pub struct Corrected {
+    /// Light, 0..255, canvas-sized; 0 where the sensor does not reach.
+    pub light: Frame<Work>,
+    /// 1 where all three channels have a sensor value below saturation, else 0.
+    pub trusted: Frame<Work, u8>,
+}
+
+/// The way from Work to the panel and from the sensor back, made ready.
+#[derive(Debug, Clone)]
+pub struct Correction {
+    layout: Layout,
+    geometry: [Geometry; 3],
+    inverse: [Inverse; 3],
+    unmix: [[f32; 3]; 3],
+    /// Counts with a black panel, canvas-sized.
+    black: [Plane; 3],
+    /// Light per unmixed count, canvas-sized: 1 / (counts per level · dark corner).
+    gain: [Plane; 3],
+}
+
+/// Rows of the panel made at a time: one band a task, errors diffused within it.
+const BAND_ROWS: usize = 40;
+/// Panel pixels beyond the canvas that are still warped; farther out the last code goes on. Wider than any
+/// blur that can be worked with.
+const FRINGE_PX: f64 = 64.0;
+/// Border pixels added to a canvas before it is warped, so that the sixteen taps never leave it.
+const PAD_PX: usize = 4;
+
+impl Correction {
+    /// `calibration` made ready for devices of `layout`.
+    ///
+    /// # Errors
+    /// When the calibration is for other sizes, or its mixing cannot be undone.
+    pub fn new(calibration: &Calibration, layout: Layout) -> Result<Correction, CorrectionError> {
+        if (calibration.photo, calibration.margin_px) != (layout.photo, layout.margin_px) {
+            return Err(CorrectionError::Sizes {
+                found: calibration.photo,
+                found_margin_px: calibration.margin_px,
+                allowed: layout.photo,
+                allowed_margin_px: layout.margin_px,
+            });
+        }
+        let found = calibration.cross_channel.c;
+        let unmix = calibration.cross_channel.inverse().ok_or(CorrectionError::Mixing { found })?;
+        let (canvas, margin) = (layout.canvas(), layout.margin_px as f64);
+        let on_canvas = |surface: &super::surface::Surface| {
+            let mut plane = Plane::zeros(canvas);
+            for y in 0..canvas.height {
+                surface.row(y as f64 - margin, -margin, 1.0, plane.row_mut(y));
+            }
+            plane
+        };
+        let gain = |c: Channel| {
+            let counts_per_level = calibration.counts_per_level[c.index()];
+            on_canvas(&calibration.dark_corner[c.index()])
+                .map(|d| 1.0 / (counts_per_level * d.max(LEAST_LIGHT)))
+        };
+        Ok(Correction {
+            layout,
+            geometry: calibration.geometry.clone(),
+            inverse: Channel::ALL.map(|c| Inverse::new(&calibration.curves[c.index()])),
+            unmix,
+            black: Channel::ALL.map(|c| on_canvas(&calibration.black[c.index()])),
+            gain: Channel::ALL.map(gain),
+        })
+    }
+
+    /// The sizes it was made for.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The codes that put `picture` (light, 0..255, canvas-sized) on the panel.
+    ///
+    /// # Panics
+    /// When the picture has not the canvas's size, which is a bug of the caller.
+    pub fn show(&self, picture: &Frame<Work>) -> Codes {
+        assert!(picture.size() == self.layout.canvas(), "what is shown has the canvas's size");
+        let made: Vec<Plane<u8>> =
+            Channel::ALL.par_iter().map(|&c| self.show_plane(c, picture.plane(c))).collect();
+        let mut made = made.into_iter();
+        Frame::from_fn(|_| made.next().unwrap_or_else(|| Plane::zeros(self.layout.panel)))
+    }
+
+    fn show_plane(&self, channel: Channel, picture: &Plane) -> Plane<u8> {
+        let panel = self.layout.panel;
+        let padded = padded(picture);
+        let map = &self.geometry[channel.index()].panel_to_work;
+        let seen = map.x.domain();
+        // Columns and rows that are warped.
+        let first = |at: f64, limit: usize| ((at - FRINGE_PX).max(0.0) as usize).min(limit - 1);
+        let past = |at: f64, limit: usize| ((at + FRINGE_PX).max(0.0) as usize + 1).min(limit);
+        let (left, top) = (first(seen.left, panel.width), first(seen.top, panel.height));
+        let right = past(seen.right, panel.width).max(left + 1);
+        let bottom = past(seen.bottom, panel.height).max(top + 1);
+        let offset = (self.layout.margin_px + PAD_PX) as f32;
+        // Places where all sixteen taps lie in the padded plane, so that the border pixels go on outside.
+        let limit = |side: usize| (side - PAD_PX) as f32 - 0.5;
+        let (x_max, y_max) = (limit(padded.width()), limit(padded.height()));
+        let least = PAD_PX as f32 - 1.5;
+        let mut codes = Plane::zeros(panel);
+        let rows = &mut codes.data_mut()[top * panel.width..bottom * panel.width];
+        rows.par_chunks_mut(BAND_ROWS * panel.width).enumerate().for_each(|(band, rows)| {
+            let size = Size::new(right - left, rows.len() / panel.width);
+            let (mut map_x, mut map_y) = (Plane::zeros(size), Plane::zeros(size));
+            for y in 0..size.height {
+                let panel_y = (top + band * BAND_ROWS + y) as f64;
+                map.x.row(panel_y, left as f64, 1.0, map_x.row_mut(y));
+                map.y.row(panel_y, left as f64, 1.0, map_y.row_mut(y));
+            }
+            map_x.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(x_max));
+            map_y.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(y_max));
+            let mut light = Plane::zeros(size);
+            warp(&padded, &map_x, &map_y, Outside::Edge, &mut light);
+            self.inverse[channel.index()].apply(light.data_mut());
+            let mut diffusion = Diffusion::new(size.width);
+            for (y, row) in rows.chunks_mut(panel.width).enumerate() {
+                diffusion.row(light.row(y), &mut row[left..right]);
+                let (before, after) = (row[left], row[right - 1]);
+                row[..left].fill(before);
+                row[right..].fill(after);
+            }
+        });
+        let (above, below) = (codes.row(top).to_vec(), codes.row(bottom - 1).to_vec());
+        (0..top).for_each(|y| codes.row_mut(y).copy_from_slice(&above));
+        (bottom..panel.height).for_each(|y| codes.row_mut(y).copy_from_slice(&below));
+        codes
+    }
+
+    /// The light that `counts` (sensor-sized) mean, on the canvas.
+    ///
+    /// # Panics
+    /// When the counts have not the sensor's size, which is a bug of the caller.
+    pub fn see(&self, counts: &Counts) -> Corrected {
+        assert!(counts.size() == self.layout.sensor, "counts have the sensor's size");
+        let canvas = self.layout.canvas();
+        let mut light = Frame::<Work>::zeros(canvas);
+        let mut good = Plane::<u8>::zeros(canvas);
+        let width = canvas.width;
+        let [red, green, blue] = light.planes_mut();
+        let mut rows: Vec<_> = red
+            .data_mut()
+            .chunks_mut(width)
+            .zip(green.data_mut().chunks_mut(width))
+            .zip(blue.data_mut().chunks_mut(width))
+            .zip(good.data_mut().chunks_mut(width))
+            .enumerate()
+            .collect();
+        rows.par_iter_mut().with_min_len(32).for_each(|(y, (((red, green), blue), good))| {
+            self.see_row(counts, *y, [&mut **red, &mut **green, &mut **blue], good);
+        });
+        drop(rows);
+        Corrected { light, trusted: Frame::from_fn(|_| good.clone()) }
+    }
+
+    fn see_row(&self, counts: &Counts, y: usize, light: [&mut [f32]; 3], good: &mut [u8]) {
+        let layout = &self.layout;
+        let width = layout.canvas().width;
+        // The canvas's first pixel may lie outside the sensor.
+        let Some(sensor_y) =
+            (layout.photo_y_px + y).checked_sub(layout.margin_px).filter(|&v| v < layout.sensor.height)
+        else {
+            return;
+        };
+        let skip = layout.margin_px.saturating_sub(layout.photo_x_px);
+        let start = (layout.photo_x_px + skip).saturating_sub(layout.margin_px);
+        let reach = width.saturating_sub(skip).min(layout.sensor.width.saturating_sub(start));
+        let taken = |c: usize| &counts.planes()[c].row(sensor_y)[start..start + reach];
+        let black = |c: usize| &self.black[c].row(y)[skip..skip + reach];
+        let gain = |c: usize| &self.gain[c].row(y)[skip..skip + reach];
+        let (t, b, g) =
+            ([taken(0), taken(1), taken(2)], [black(0), black(1), black(2)], [gain(0), gain(1), gain(2)]);
+        let good = &mut good[skip..skip + reach];
+        let [red, green, blue] = light.map(|row| &mut row[skip..skip + reach]);
+        for x in 0..reach {
+            let over =
+                [f32::from(t[0][x]) - b[0][x], f32::from(t[1][x]) - b[1][x], f32::from(t[2][x]) - b[2][x]];
+            let own = |to: usize| {
+                over[0] * self.unmix[0][to] + over[1] * self.unmix[1][to] + over[2] * self.unmix[2][to]
+            };
+            red[x] = own(0) * g[0][x];
+            green[x] = own(1) * g[1][x];
+            blue[x] = own(2) * g[2][x];
+            good[x] = u8::from(t[0][x].max(t[1][x]).max(t[2][x]) < layout.saturated);
+        }
+    }
+}
+
+/// Least share of light a dark corner is divided by: below a fiftieth there is no picture to brighten.
+const LEAST_LIGHT: f32 = 0.02;
+
+/// `picture` with [`PAD_PX`] more pixels on every side, repeating its border.
+fn padded(picture: &Plane) -> Plane {
+    let size = picture.size();
+    let mut out = Plane::zeros(Size::new(size.width + 2 * PAD_PX, size.height + 2 * PAD_PX));
+    for y in 0..out.height() {
+        let from = picture.row(y.saturating_sub(PAD_PX).min(size.height - 1));
+        let row = out.row_mut(y);
+        row[PAD_PX..PAD_PX + size.width].copy_from_slice(from);
+        row[..PAD_PX].fill(from[0]);
+        row[PAD_PX + size.width..].fill(from[size.width - 1]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,185 @@
+//! One channel's panel response: code ↦ light, as a table, and back exactly.
+
+use serde::{Deserialize, Serialize};
+
+/// Why a table is no response curve.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum CurveError {
+    /// The table has another length.
+    #[error("a response curve of {found} entries; 256 are allowed")]
+    Length {
+        /// Entries found.
+        found: usize,
+    },
+    /// Light does not grow with the code.
+    #[error(
+        "light does not grow from code {code} to the next ({from} to {to}); a panel's response must rise"
+    )]
+    NotRising {
+        /// The lower of the two codes.
+        code: usize,
+        /// Its light.
+        from: f32,
+        /// The light of the next code.
+        to: f32,
+    },
+}
+
+/// A strictly rising table of the light (0..255, black subtracted) of each of the 256 codes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<f32>", into = "Vec<f32>")]
+pub struct Curve {
+    light: Vec<f32>,
+}
+
+impl TryFrom<Vec<f32>> for Curve {
+    type Error = CurveError;
+
+    fn try_from(light: Vec<f32>) -> Result<Self, CurveError> {
+        if light.len() != 256 {
+            return Err(CurveError::Length { found: light.len() });
+        }
+        for (code, pair) in light.windows(2).enumerate() {
+            // Written so that a NaN fails too.
+            let rises = pair[1] > pair[0];
+            if !rises || !pair[1].is_finite() {
+                return Err(CurveError::NotRising { code, from: pair[0], to: pair[1] });
+            }
+        }
+        Ok(Curve { light })
+    }
+}
+
+impl From<Curve> for Vec<f32> {
+    fn from(curve: Curve) -> Self {
+        curve.light
+    }
+}
+
+impl Curve {
+    /// The curve of a panel whose codes are light.
+    pub fn linear() -> Curve {
+        Curve { light: (0..256).map(|c| c as f32).collect() }
+    }
+
+    /// Light of each code, 256 entries.
+    pub fn table(&self) -> &[f32] {
+        &self.light
+    }
+
+    /// Light of `code`.
+    pub fn light(&self, code: u8) -> f32 {
+        self.light[usize::from(code)]
+    }
+
+    /// The code whose light is `light`, fractional between codes (0.0..=255.0), the ends beyond them:
+    /// the exact inverse of the table joined by straight lines.
+    pub fn code(&self, light: f32) -> f32 {
+        let above = self.light.partition_point(|&l| l <= light);
+        if above == 0 {
+            return 0.0;
+        }
+        if above == self.light.len() {
+            return (self.light.len() - 1) as f32;
+        }
+        let (low, high) = (self.light[above - 1], self.light[above]);
+        (above - 1) as f32 + (light - low) / (high - low)
+    }
+}
+
+/// [`Curve::code`] for many values at once: a first guess from a table even in the square root of light,
+/// which spreads a panel's codes about evenly, then the same exact straight line.
+#[derive(Debug, Clone)]
+pub struct Inverse {
+    /// Light of each code; the last twice, so that code + 1 is always there.
+    light: Vec<f32>,
+    /// Codes per unit of light from each code to the next; 0 at the last.
+    per_light: Vec<f32>,
+    /// A code not above the right one, per step of √light.
+    start: Vec<u8>,
+}
+
+/// Steps of the table: four a code, so that one look ahead is enough nearly everywhere.
+const STEPS: usize = 1024;
+
+impl Inverse {
+    /// The inverse of `curve`.
+    pub fn new(curve: &Curve) -> Inverse {
+        let mut light = curve.light.clone();
+        let last = light[255];
+        light.push(f32::INFINITY);
+        let mut per_light: Vec<f32> = curve.light.windows(2).map(|w| 1.0 / (w[1] - w[0])).collect();
+        per_light.push(0.0);
+        let scale = last.max(0.0) / (STEPS * STEPS) as f32;
+        let start = (0..=STEPS)
+            .map(|n| {
+                // One step down against rounding of the square root.
+                let below = n.saturating_sub(1) as f32;
+                curve.code(below * below * scale) as u8
+            })
+            .collect();
+        Inverse { light, per_light, start }
+    }
+
+    /// The fractional code of each of `values` (light) in its place. What is not a number becomes code 0.
+    pub fn apply(&self, values: &mut [f32]) {
+        let (first, last) = (self.light[0], self.light[255]);
+        let scale = STEPS as f32 / last.max(f32::MIN_POSITIVE).sqrt();
+        for value in values {
+            // `max` first: it turns NaN into the least light.
+            let light = value.max(first).min(last);
+            let mut code = usize::from(self.start[((light.max(0.0).sqrt() * scale) as usize).min(STEPS)]);
+            while light >= self.light[code + 1] {
+                code += 1;
+            }
+            *value = code as f32 + (light - self.light[code]) * self.per_light[code];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn code_inverts_light() {
+        let table: Vec<f32> =
+            (0..256).map(|c| 255.0 * (c as f32 / 255.0).powf(2.2) + 0.01 * c as f32).collect();
+        let curve = Curve::try_from(table).unwrap();
+        for code in 0..=255u8 {
+            assert!((curve.code(curve.light(code)) - f32::from(code)).abs() < 1e-4);
+        }
+        assert_eq!(curve.code(-3.0), 0.0);
+        assert_eq!(curve.code(1e9), 255.0);
+        let half = (curve.light(99) + curve.light(100)) / 2.0;
+        assert!((curve.code(half) - 99.5).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_fast_inverse_is_the_plain_one() {
+        for power in [1.0f32, 1.8, 2.4] {
+            let table: Vec<f32> =
+                (0..256).map(|c| 255.0 * (c as f32 / 255.0).powf(power) + 0.002 * c as f32).collect();
+            let curve = Curve::try_from(table).unwrap();
+            let mut values: Vec<f32> = (-200..52_200).map(|n| n as f32 * 0.005).collect();
+            let plain: Vec<f32> = values.iter().map(|&v| curve.code(v)).collect();
+            Inverse::new(&curve).apply(&mut values);
+            for (fast, plain) in values.iter().zip(&plain) {
+                assert!((fast - plain).abs() < 2e-4, "{fast} {plain}");
+            }
+            let mut odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+            Inverse::new(&curve).apply(&mut odd);
+            assert_eq!(odd, [0.0, 255.0, 0.0]);
+        }
+    }
+
+    #[test]
+    fn a_flat_or_broken_table_is_refused() {
+        let mut table: Vec<f32> = (0..256).map(|c| c as f32).collect();
+        table[7] = table[6];
+        assert!(matches!(Curve::try_from(table.clone()), Err(CurveError::NotRising { code: 6, .. })));
+        table[7] = f32::NAN;
+        assert!(Curve::try_from(table).is_err());
+        assert_eq!(Curve::try_from(vec![0.0; 3]), Err(CurveError::Length { found: 3 }));
+    }
+}

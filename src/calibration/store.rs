@@ -1,0 +1,247 @@
+//! The calibration on flash: two slots, of which at most one is ever being written.
+//!
+//! A slot is, in little-endian: magic (8 bytes), version (u32), rig identity (u64), generation (u32),
+//! length of the payload (u32), payload (postcard), CRC-32 over all that comes before it (u32). The newer
+//! whole slot of this rig wins. A new calibration goes to a temporary file in the same folder, is
+//! synchronised, renamed over the *other* slot, and the folder is synchronised: whenever the power goes,
+//! the old slot is whole.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::Calibration;
+use crate::remedy::{Remediable, Remedy};
+
+const MAGIC: [u8; 8] = *b"relenscl";
+/// Goes up with every change of [`Calibration`]'s layout.
+const VERSION: u32 = 1;
+const HEADER_BYTES: usize = 28;
+const CRC_BYTES: usize = 4;
+const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];
+/// Larger than any calibration: 192 functions of 101×101 taps in three channels are 24 MB.
+const SLOT_BYTES_MAX: u64 = 64 << 20;
+
+/// Why one slot is not good.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SlotFault {
+    /// There is no such file.
+    #[error("not there")]
+    Missing,
+    /// It cannot be read.
+    #[error("cannot be read: {0}")]
+    Unreadable(String),
+    /// It is shorter or longer than it says.
+    #[error("{found} bytes long; {allowed} are allowed")]
+    Length {
+        /// Its length.
+        found: u64,
+        /// The length its header asks for, or the least or greatest there can be.
+        allowed: u64,
+    },
+    /// It does not begin as a slot does.
+    #[error("not a calibration of relens")]
+    Magic,
+    /// It was written by another version.
+    #[error("written in format {found}; this program reads {VERSION}")]
+    Version {
+        /// Its format.
+        found: u32,
+    },
+    /// Checksum and bytes do not agree.
+    #[error("damaged: its checksum is {found:08x}, its bytes give {computed:08x}")]
+    Checksum {
+        /// Stored checksum.
+        found: u32,
+        /// Checksum of the bytes.
+        computed: u32,
+    },
+    /// The bytes are whole and still make no calibration: a bug of the writer.
+    #[error("whole, but no calibration: {0}")]
+    Contents(String),
+}
+
+/// Why there is no calibration from flash, or none went there.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// No calibration was ever kept here.
+    #[error("no calibration in {folder}; run `relens calibrate`")]
+    Empty {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// Neither slot is good.
+    #[error("no whole calibration in {folder}: slot a is {a}, slot b is {b}; run `relens calibrate`")]
+    BothBad {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong with slot a.
+        a: SlotFault,
+        /// What is wrong with slot b.
+        b: SlotFault,
+    },
+    /// All whole slots belong to another rig.
+    #[error(
+        "the calibration in {folder} is of rig {found:016x}; this is rig {allowed:016x}; run `relens calibrate`"
+    )]
+    OtherRig {
+        /// The folder.
+        folder: PathBuf,
+        /// Identity found.
+        found: u64,
+        /// Identity of this rig.
+        allowed: u64,
+    },
+    /// The calibration could not be written.
+    #[error("cannot keep the calibration in {path}")]
+    Write {
+        /// File or folder.
+        path: PathBuf,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The calibration could not be put into bytes.
+    #[error("the calibration cannot be put into bytes: {found}")]
+    Encode {
+        /// What the encoder says.
+        found: String,
+    },
+}
+
+impl Remediable for StoreError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            StoreError::Empty { .. } | StoreError::BothBad { .. } | StoreError::OtherRig { .. } => {
+                Remedy::Recalibrate
+            }
+            StoreError::Write { .. } => Remedy::RetryLater,
+            StoreError::Encode { .. } => Remedy::CallOperator,
+        }
+    }
+}
+
+/// The newer whole calibration of the rig `rig` in `folder`.
+///
+/// # Errors
+/// When there is none, and why.
+pub fn load(folder: &Path, rig: u64) -> Result<Calibration, StoreError> {
+    let slots = SLOTS.map(|name| read_slot(&folder.join(name)));
+    for (name, slot) in SLOTS.iter().zip(&slots) {
+        match slot {
+            Err(SlotFault::Missing) | Ok(_) => {}
+            Err(fault) => log::warn!("calibration {name}: {fault}"),
+        }
+    }
+    let folder = folder.to_owned();
+    let (mut ours, mut others): (Vec<_>, Vec<_>) =
+        slots.iter().flatten().cloned().partition(|c: &Calibration| c.rig == rig);
+    ours.sort_by_key(|c| c.generation);
+    if let Some(newest) = ours.pop() {
+        return Ok(newest);
+    }
+    others.sort_by_key(|c| c.generation);
+    if let Some(newest) = others.pop() {
+        return Err(StoreError::OtherRig { folder, found: newest.rig, allowed: rig });
+    }
+    match slots {
+        [Err(SlotFault::Missing), Err(SlotFault::Missing)] => Err(StoreError::Empty { folder }),
+        [Err(a), Err(b)] => Err(StoreError::BothBad { folder, a, b }),
+        // A whole slot is ours or another's.
+        _ => Err(StoreError::Empty { folder }),
+    }
+}
+
+/// Keeps `calibration` in `folder`, in place of the slot that is bad, another rig's, or the older.
+///
+/// # Errors
+/// When it cannot be written; the other slot is then untouched.
+pub fn save(folder: &Path, calibration: &Calibration) -> Result<(), StoreError> {
+    let bytes = encode(calibration)?;
+    // Worth of what a slot holds now: bad, another rig's, then by generation.
+    let worth = |name: &str| match read_slot(&folder.join(name)) {
+        Ok(c) if c.rig == calibration.rig => (2, c.generation),
+        Ok(_) => (1, 0),
+        Err(_) => (0, 0),
+    };
+    let slot = if worth(SLOTS[0]) <= worth(SLOTS[1]) { SLOTS[0] } else { SLOTS[1] };
+    let (path, fresh) = (folder.join(slot), folder.join(format!("{slot}.new")));
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| StoreError::Write { path, source }
+    };
+    let mut file = File::create(&fresh).map_err(failed(&fresh))?;
+    file.write_all(&bytes).and_then(|()| file.sync_all()).map_err(failed(&fresh))?;
+    std::fs::rename(&fresh, &path).map_err(failed(&path))?;
+    File::open(folder).and_then(|folder| folder.sync_all()).map_err(failed(folder))
+}
+
+/// The bytes of a slot.
+fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
+    let payload =
+        postcard::to_allocvec(calibration).map_err(|e| StoreError::Encode { found: e.to_string() })?;
+    let length = u32::try_from(payload.len())
+        .map_err(|_| StoreError::Encode { found: format!("{} bytes", payload.len()) })?;
+    let mut bytes = Vec::with_capacity(HEADER_BYTES + payload.len() + CRC_BYTES);
+    bytes.extend(MAGIC);
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend(calibration.rig.to_le_bytes());
+    bytes.extend(calibration.generation.to_le_bytes());
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(payload);
+    bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+    Ok(bytes)
+}
+
+fn read_slot(path: &Path) -> Result<Calibration, SlotFault> {
+    let unreadable = |e: std::io::Error| match e.kind() {
+        std::io::ErrorKind::NotFound => SlotFault::Missing,
+        _ => SlotFault::Unreadable(e.to_string()),
+    };
+    let length = std::fs::metadata(path).map_err(unreadable)?.len();
+    if length > SLOT_BYTES_MAX {
+        return Err(SlotFault::Length { found: length, allowed: SLOT_BYTES_MAX });
+    }
+    decode(&std::fs::read(path).map_err(unreadable)?)
+}
+
+/// The calibration in the bytes of a slot.
+fn decode(bytes: &[u8]) -> Result<Calibration, SlotFault> {
+    let found = bytes.len() as u64;
+    let short = SlotFault::Length { found, allowed: (HEADER_BYTES + CRC_BYTES) as u64 };
+    if bytes.len() < HEADER_BYTES + CRC_BYTES {
+        return Err(short);
+    }
+    let (body, crc) = bytes.split_at(bytes.len() - CRC_BYTES);
+    if body[..8] != MAGIC {
+        return Err(SlotFault::Magic);
+    }
+    let word = |at: usize| {
+        let mut four = [0; 4];
+        four.copy_from_slice(&body[at..at + 4]);
+        u32::from_le_bytes(four)
+    };
+    let version = word(8);
+    if version != VERSION {
+        return Err(SlotFault::Version { found: version });
+    }
+    let allowed = u64::from(word(24)) + (HEADER_BYTES + CRC_BYTES) as u64;
+    if found != allowed {
+        return Err(SlotFault::Length { found, allowed });
+    }
+    let (stored, computed) = (u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]), crc32fast::hash(body));
+    if stored != computed {
+        return Err(SlotFault::Checksum { found: stored, computed });
+    }
+    let calibration: Calibration =
+        postcard::from_bytes(&body[HEADER_BYTES..]).map_err(|e| SlotFault::Contents(e.to_string()))?;
+    let rig = u64::from(word(12)) | u64::from(word(16)) << 32;
+    if (rig, word(20)) != (calibration.rig, calibration.generation) {
+        return Err(SlotFault::Contents("header and payload name different rigs or generations".to_owned()));
+    }
+    calibration.check().map_err(SlotFault::Contents)?;
+    Ok(calibration)
+}
+
+#[cfg(test)]
+mod tests;

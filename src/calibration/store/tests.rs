@@ -1,0 +1,86 @@
+//! The slots against lost power, lost bytes and other rigs.
+
+use super::*;
+use crate::calibration::example::calibration;
+
+#[test]
+fn what_is_saved_is_loaded_and_the_newer_wins() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = calibration().rig;
+    assert!(matches!(load(folder.path(), rig), Err(StoreError::Empty { .. })));
+    for generation in 1..=3 {
+        let kept = Calibration { generation, ..calibration() };
+        save(folder.path(), &kept).unwrap();
+        assert_eq!(load(folder.path(), rig).unwrap(), kept);
+    }
+    // Generations 2 and 3 are on flash now; losing 3 brings 2 back.
+    assert_eq!(SLOTS.map(|s| read_slot(&folder.path().join(s)).unwrap().generation), [3, 2]);
+    std::fs::write(folder.path().join(SLOTS[0]), b"").unwrap();
+    assert_eq!(load(folder.path(), rig).unwrap().generation, 2);
+    // The next goes where the bad one is.
+    save(folder.path(), &Calibration { generation: 3, ..calibration() }).unwrap();
+    assert_eq!(SLOTS.map(|s| read_slot(&folder.path().join(s)).unwrap().generation), [3, 2]);
+}
+
+#[test]
+fn every_flipped_byte_is_noticed() {
+    let whole = encode(&calibration()).unwrap();
+    assert_eq!(decode(&whole).unwrap(), calibration());
+    for at in 0..whole.len() {
+        for bit in [0x01, 0x80, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= bit;
+            assert!(decode(&bytes).is_err(), "byte {at} ^ {bit:#x} went unnoticed");
+        }
+    }
+}
+
+#[test]
+fn every_cut_and_every_addition_is_noticed() {
+    let whole = encode(&calibration()).unwrap();
+    for length in 0..whole.len() {
+        assert!(decode(&whole[..length]).is_err(), "cut to {length} bytes went unnoticed");
+    }
+    let mut longer = whole;
+    longer.push(0);
+    assert!(matches!(decode(&longer), Err(SlotFault::Length { .. })));
+}
+
+#[test]
+fn a_write_cut_at_any_byte_leaves_the_old_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let old = calibration();
+    save(folder.path(), &old).unwrap();
+    let new = encode(&Calibration { generation: 8, ..calibration() }).unwrap();
+    for length in (0..new.len()).step_by(37) {
+        // Whether the cut falls on the temporary file or, on a folder that lies about rename, on the slot.
+        for name in [format!("{}.new", SLOTS[1]), SLOTS[1].to_owned()] {
+            std::fs::write(folder.path().join(name), &new[..length]).unwrap();
+            assert_eq!(load(folder.path(), old.rig).unwrap(), old);
+        }
+    }
+}
+
+#[test]
+fn both_bad_and_another_rig_are_stated() {
+    let folder = tempfile::tempdir().unwrap();
+    save(folder.path(), &calibration()).unwrap();
+    let other = load(folder.path(), 5).unwrap_err();
+    assert!(matches!(other, StoreError::OtherRig { found, allowed: 5, .. } if found == calibration().rig));
+    assert_eq!(other.remedy(), Remedy::Recalibrate);
+    for slot in SLOTS {
+        std::fs::write(folder.path().join(slot), b"relenscl and then something else entirely, no slot")
+            .unwrap();
+    }
+    let bad = load(folder.path(), calibration().rig).unwrap_err();
+    assert!(matches!(bad, StoreError::BothBad { a: SlotFault::Version { .. }, .. }), "{bad}");
+}
+
+#[test]
+fn whole_bytes_that_make_no_calibration_are_refused() {
+    let mut wrong = calibration();
+    wrong.functions.taps[0].pop();
+    assert!(matches!(decode(&encode(&wrong).unwrap()), Err(SlotFault::Contents(_))));
+    let dark = Calibration { counts_per_level: [0.0, 1.0, 1.0], ..calibration() };
+    assert!(matches!(decode(&encode(&dark).unwrap()), Err(SlotFault::Contents(_))));
+}

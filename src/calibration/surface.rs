@@ -1,0 +1,361 @@
+//! Smooth functions of two variables: tensor-product cubic B-splines, fitted by least squares with a
+//! penalty on bending. Geometry, dark corner and black level are all made of them.
+//!
+//! Uniform knots; the penalty is the sum of squared second differences of the coefficients (the
+//! "P-spline" of Eilers and Marx, Statistical Science 11, 1996), which leaves planes untouched. Beyond
+//! its domain a surface goes on along its tangent, so that an extrapolated map cannot run away.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use serde::{Deserialize, Serialize};
+
+/// A rectangle of real coordinates, edges included.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Domain {
+    /// Smallest x.
+    pub left: f64,
+    /// Smallest y.
+    pub top: f64,
+    /// Largest x; more than `left`.
+    pub right: f64,
+    /// Largest y; more than `top`.
+    pub bottom: f64,
+}
+
+/// One sample of a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Where, horizontally.
+    pub x: f64,
+    /// Where, vertically.
+    pub y: f64,
+    /// The value found there.
+    pub value: f64,
+}
+
+/// Why a surface could not be fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum SurfaceError {
+    /// Too few samples for any smooth surface.
+    #[error("{found} samples for a smooth surface; at least {allowed} are needed")]
+    TooFewSamples {
+        /// Samples given.
+        found: usize,
+        /// Fewest samples accepted.
+        allowed: usize,
+    },
+    /// The samples do not determine the surface (all on a line, or not finite).
+    #[error("{found} samples do not determine a smooth surface: they lie on a line or are not numbers")]
+    Undetermined {
+        /// Samples given.
+        found: usize,
+    },
+}
+
+/// A smooth function of two variables.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Surface {
+    domain: Domain,
+    columns: usize,
+    rows: usize,
+    /// (columns + 3) × (rows + 3), row-major.
+    coefficients: Vec<f64>,
+}
+
+impl Surface {
+    /// The surface on `columns` × `rows` knot intervals over `domain` with the least sum of squared
+    /// misfits plus `bending` × (squared second differences), `bending` relative to one sample per coefficient.
+    ///
+    /// # Errors
+    /// When the samples are too few (below nine) or do not determine a surface.
+    pub fn fit(
+        domain: Domain,
+        columns: usize,
+        rows: usize,
+        samples: impl IntoIterator<Item = Sample>,
+        bending: f64,
+    ) -> Result<Surface, SurfaceError> {
+        let mut system = Normal::new(domain, columns, rows);
+        for sample in samples {
+            system.add(sample);
+        }
+        system.solve(bending)
+    }
+
+    /// `value` everywhere.
+    pub fn constant(domain: Domain, value: f64) -> Surface {
+        Surface { domain, columns: 1, rows: 1, coefficients: vec![value; 16] }
+    }
+
+    /// The plane `origin` + `per_x`·x + `per_y`·y.
+    pub fn plane(domain: Domain, origin: f64, per_x: f64, per_y: f64) -> Surface {
+        let (dx, dy) = (domain.right - domain.left, domain.bottom - domain.top);
+        // A cubic B-spline whose coefficients are the values at the Greville points is that plane.
+        let coefficients = (0..16)
+            .map(|n| {
+                let x = domain.left + dx * ((n % 4) as f64 - 1.0);
+                let y = domain.top + dy * ((n / 4) as f64 - 1.0);
+                origin + per_x * x + per_y * y
+            })
+            .collect();
+        Surface { domain, columns: 1, rows: 1, coefficients }
+    }
+
+    /// The surface × `factor`.
+    pub fn scaled(&self, factor: f64) -> Surface {
+        Surface { coefficients: self.coefficients.iter().map(|c| c * factor).collect(), ..self.clone() }
+    }
+
+    /// The rectangle the surface was fitted on.
+    pub fn domain(&self) -> Domain {
+        self.domain
+    }
+
+    /// Whether the parts fit together; data read from flash is checked with it.
+    pub fn is_whole(&self) -> bool {
+        let d = self.domain;
+        self.columns > 0
+            && self.rows > 0
+            && d.right > d.left
+            && d.bottom > d.top
+            && self.coefficients.len() == (self.columns + 3) * (self.rows + 3)
+            && self.coefficients.iter().all(|c| c.is_finite())
+    }
+
+    /// The value at (`x`, `y`).
+    pub fn at(&self, x: f64, y: f64) -> f64 {
+        let curve = self.along(y);
+        let (segment, t, beyond) = place(x, self.domain.left, self.domain.right, self.columns);
+        let c = &curve[segment..segment + 4];
+        let (b, d) = (basis(t), slope(t));
+        let value: f64 = (0..4).map(|k| b[k] * c[k]).sum();
+        let tangent: f64 = (0..4).map(|k| d[k] * c[k]).sum();
+        value + beyond * tangent
+    }
+
+    /// The values at (`x_first` + n·`x_step`, `y`) for each n of `out`.
+    pub fn row(&self, y: f64, x_first: f64, x_step: f64, out: &mut [f32]) {
+        let curve = self.along(y);
+        let width = (self.domain.right - self.domain.left) / self.columns as f64;
+        let cubics: Vec<[f32; 4]> = (0..self.columns).map(|s| cubic(&curve[s..s + 4])).collect();
+        let mut n = 0;
+        while n < out.len() {
+            let x = x_first + x_step * n as f64;
+            let (segment, t, beyond) = place(x, self.domain.left, self.domain.right, self.columns);
+            // How many of the coming points lie on the same cubic (or the same tangent).
+            let left = if beyond < 0.0 {
+                (self.domain.left - x) / x_step
+            } else if beyond > 0.0 {
+                out.len() as f64
+            } else {
+                (self.domain.left + width * (segment + 1) as f64 - x) / x_step
+            };
+            let count = (left.ceil().max(1.0) as usize).min(out.len() - n);
+            let part = &mut out[n..n + count];
+            let dt = (x_step / width) as f32;
+            if beyond == 0.0 {
+                let [a, b, c, d] = cubics[segment];
+                let start = t as f32;
+                for (k, v) in part.iter_mut().enumerate() {
+                    let t = start + dt * k as f32;
+                    *v = a + t * (b + t * (c + t * d));
+                }
+            } else {
+                let [a, b, c, d] = cubics[segment].map(f64::from);
+                let tangent = b + t * (2.0 * c + t * 3.0 * d);
+                let value = a + t * (b + t * (c + t * d)) + beyond * tangent;
+                for (k, v) in part.iter_mut().enumerate() {
+                    *v = (value + tangent * x_step / width * k as f64) as f32;
+                }
+            }
+            n += count;
+        }
+    }
+
+    /// The coefficients of the curve x ↦ surface(x, `y`).
+    fn along(&self, y: f64) -> Vec<f64> {
+        let (segment, t, beyond) = place(y, self.domain.top, self.domain.bottom, self.rows);
+        let (b, d) = (basis(t), slope(t));
+        let width = self.columns + 3;
+        (0..width)
+            .map(|i| {
+                (0..4).map(|k| (b[k] + beyond * d[k]) * self.coefficients[(segment + k) * width + i]).sum()
+            })
+            .collect()
+    }
+}
+
+/// The knot interval of `at`, the place in it (0..1), and how many intervals `at` lies beyond the ends.
+pub(super) fn place(at: f64, first: f64, last: f64, intervals: usize) -> (usize, f64, f64) {
+    let u = (at - first) / (last - first) * intervals as f64;
+    let inside = u.clamp(0.0, intervals as f64);
+    let segment = (inside as usize).min(intervals - 1);
+    (segment, inside - segment as f64, u - inside)
+}
+
+/// The four uniform cubic B-splines that do not vanish, at place `t` in 0..1.
+pub(super) fn basis(t: f64) -> [f64; 4] {
+    let s = 1.0 - t;
+    [
+        s * s * s / 6.0,
+        (4.0 + t * t * (3.0 * t - 6.0)) / 6.0,
+        (4.0 + s * s * (3.0 * s - 6.0)) / 6.0,
+        t * t * t / 6.0,
+    ]
+}
+
+/// Their derivatives.
+fn slope(t: f64) -> [f64; 4] {
+    let s = 1.0 - t;
+    [-s * s / 2.0, t * (3.0 * t - 4.0) / 2.0, -s * (3.0 * s - 4.0) / 2.0, t * t / 2.0]
+}
+
+/// The same curve as a cubic in t: a + b·t + c·t² + d·t³.
+fn cubic(c: &[f64]) -> [f32; 4] {
+    [
+        ((c[0] + 4.0 * c[1] + c[2]) / 6.0) as f32,
+        ((c[2] - c[0]) / 2.0) as f32,
+        ((c[0] - 2.0 * c[1] + c[2]) / 2.0) as f32,
+        ((c[3] - c[0] + 3.0 * (c[1] - c[2])) / 6.0) as f32,
+    ]
+}
+
+/// The normal equations of a fit, built sample by sample.
+struct Normal {
+    shape: Surface,
+    matrix: DMatrix<f64>,
+    right: DVector<f64>,
+    samples: usize,
+}
+
+impl Normal {
+    fn new(domain: Domain, columns: usize, rows: usize) -> Normal {
+        let (columns, rows) = (columns.max(1), rows.max(1));
+        let unknowns = (columns + 3) * (rows + 3);
+        let shape = Surface { domain, columns, rows, coefficients: Vec::new() };
+        Normal {
+            shape,
+            matrix: DMatrix::zeros(unknowns, unknowns),
+            right: DVector::zeros(unknowns),
+            samples: 0,
+        }
+    }
+
+    fn add(&mut self, sample: Sample) {
+        let s = &self.shape;
+        let (i, tx, _) = place(sample.x, s.domain.left, s.domain.right, s.columns);
+        let (j, ty, _) = place(sample.y, s.domain.top, s.domain.bottom, s.rows);
+        let (bx, by) = (basis(tx), basis(ty));
+        let mut terms = [(0usize, 0.0f64); 16];
+        for (n, term) in terms.iter_mut().enumerate() {
+            *term = ((j + n / 4) * (s.columns + 3) + i + n % 4, by[n / 4] * bx[n % 4]);
+        }
+        for &(p, wp) in &terms {
+            self.right[p] += wp * sample.value;
+            for &(q, wq) in &terms {
+                self.matrix[(p, q)] += wp * wq;
+            }
+        }
+        self.samples += 1;
+    }
+
+    fn solve(mut self, bending: f64) -> Result<Surface, SurfaceError> {
+        // Nine samples: three by three, the least that shows bending in both directions.
+        if self.samples < 9 {
+            return Err(SurfaceError::TooFewSamples { found: self.samples, allowed: 9 });
+        }
+        let (w, h) = (self.shape.columns + 3, self.shape.rows + 3);
+        let weight = bending * self.samples as f64 / (w * h) as f64;
+        let mut penalise = |terms: &[(usize, f64)], weight: f64| {
+            for &(p, a) in terms {
+                for &(q, b) in terms {
+                    self.matrix[(p, q)] += weight * a * b;
+                }
+            }
+        };
+        for j in 0..h {
+            for i in 0..w {
+                let n = j * w + i;
+                if i + 2 < w {
+                    penalise(&[(n, 1.0), (n + 1, -2.0), (n + 2, 1.0)], weight);
+                }
+                if j + 2 < h {
+                    penalise(&[(n, 1.0), (n + w, -2.0), (n + 2 * w, 1.0)], weight);
+                }
+                if i + 1 < w && j + 1 < h {
+                    // The mixed derivative counts twice in the bending energy.
+                    penalise(&[(n, 1.0), (n + 1, -1.0), (n + w, -1.0), (n + w + 1, 1.0)], 2.0 * weight);
+                }
+            }
+        }
+        let undetermined = SurfaceError::Undetermined { found: self.samples };
+        let factor: Cholesky<f64, Dyn> = Cholesky::new(self.matrix).ok_or(undetermined)?;
+        let coefficients: Vec<f64> = factor.solve(&self.right).iter().copied().collect();
+        if coefficients.iter().any(|c| !c.is_finite()) {
+            return Err(undetermined);
+        }
+        Ok(Surface { coefficients, ..self.shape })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DOMAIN: Domain = Domain { left: -20.0, top: -10.0, right: 120.0, bottom: 90.0 };
+
+    fn bump(x: f64, y: f64) -> f64 {
+        3.0 + 0.2 * x - 0.1 * y + 2e-5 * (x - 50.0).powi(3) + 4e-4 * (x - 50.0) * (y - 40.0)
+    }
+
+    fn grid(step: f64) -> Vec<Sample> {
+        let mut samples = Vec::new();
+        let mut y = DOMAIN.top;
+        while y <= DOMAIN.bottom {
+            let mut x = DOMAIN.left;
+            while x <= DOMAIN.right {
+                samples.push(Sample { x, y, value: bump(x, y) });
+                x += step;
+            }
+            y += step;
+        }
+        samples
+    }
+
+    #[test]
+    fn a_cubic_is_met_between_the_samples() {
+        let s = Surface::fit(DOMAIN, 6, 5, grid(7.0), 1e-9).unwrap();
+        for &(x, y) in &[(0.0, 0.0), (33.3, 71.2), (-20.0, 90.0), (119.0, -9.5)] {
+            assert!((s.at(x, y) - bump(x, y)).abs() < 1e-4, "{} {}", s.at(x, y), bump(x, y));
+        }
+    }
+
+    #[test]
+    fn a_row_is_the_surface_point_by_point_also_beyond_the_domain() {
+        let s = Surface::fit(DOMAIN, 6, 5, grid(7.0), 1e-9).unwrap();
+        for y in [-30.0, 17.0, 95.0] {
+            let mut row = vec![0.0f32; 400];
+            s.row(y, -60.25, 0.61, &mut row);
+            for (n, &v) in row.iter().enumerate() {
+                let wanted = s.at(-60.25 + 0.61 * n as f64, y);
+                assert!((f64::from(v) - wanted).abs() < 2e-5 * (1.0 + wanted.abs()), "{n}: {v} {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_plane_is_a_plane_and_goes_on_beyond() {
+        let s = Surface::plane(DOMAIN, 1.5, 0.25, -2.0);
+        for &(x, y) in &[(0.0, 0.0), (200.0, -50.0), (-70.0, 300.0)] {
+            assert!((s.at(x, y) - (1.5 + 0.25 * x - 2.0 * y)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn few_samples_are_refused() {
+        let few = grid(7.0).into_iter().take(4);
+        assert_eq!(
+            Surface::fit(DOMAIN, 2, 2, few, 1e-3),
+            Err(SurfaceError::TooFewSamples { found: 4, allowed: 9 })
+        );
+    }
+}

@@ -1,0 +1,89 @@
+//! `relens demo`: photos through a bad lens, dropped, restored, and compared with what was photographed.
+
+use std::path::{Path, PathBuf};
+
+use relens::config;
+use relens::daemon::Folders;
+use relens::frame::{Channel, Frame, Plane, Work};
+use relens::picture::{Format, Limits, Photo};
+use relens::restore::quality::{psnr, ssim};
+
+use super::{Trouble, drop_folder, rigged, say, scenes, single};
+
+/// The rig of the demo.
+const RIG: &str = "simulated.toml";
+
+/// Runs the demo in `out`, or beside it under a number if there is something already.
+pub(super) fn run(out: &Path) -> Result<(), Trouble> {
+    let rig = config::load(Path::new(RIG))?;
+    let folders = Folders::open(&free(out))?;
+    let root = folders.root().to_owned();
+    let (inbox, outbox) = (folders.inbox(), folders.outbox());
+    say(&format!("1. photographing four scenes through the bad lens of {RIG} ({})", rig.photo.size()))?;
+    let scenes = scenes::all(rig.photo.size())?;
+    let (names, sharp): (Vec<_>, Vec<_>) = scenes.into_iter().unzip();
+    for (name, codes) in names.iter().zip(rigged::photograph(&rig, &sharp)?) {
+        let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
+        let path = inbox.join(name);
+        std::fs::write(&path, single::file_of(&rig, &codes, format, name)?)
+            .map_err(|e| Trouble::writing(&path, &e))?;
+    }
+    say("2. calibrating the rig, from captures alone")?;
+    let mut restorer = rigged::restorer(&rig, &root, None, &mut |words| log::info!("{words}"))?;
+    say(&format!("3. restoring what was dropped into {}", inbox.display()))?;
+    let summary = drop_folder::empty_inbox(&rig, folders, &mut *restorer)?;
+    say(
+        "\n              SSIM            PSNR in dB      captures  seconds\n              photo  restored photo  restored",
+    )?;
+    for (name, scene) in names.iter().zip(&sharp) {
+        let Some(report) = summary.restored.iter().find(|report| report.photo == **name) else { continue };
+        let of = |path: PathBuf| -> Result<[f64; 2], Trouble> {
+            let photo =
+                Photo::read(&path, rig.photo.curve, &Limits::default()).map_err(|e| Trouble::of(&e))?;
+            let (is, ought) =
+                (display_luminance(&photo.light, grey(&photo)), display_luminance(scene, false));
+            Ok([ssim(&is, &ought), psnr(&is, &ought)])
+        };
+        let (before, after) = (of(root.join("done").join(name))?, of(outbox.join(&report.result))?);
+        say(&format!(
+            "{name:13} {:.3}  {:.3}    {:5.2}  {:5.2}    {:5}     {:5.1}",
+            before[0], after[0], before[1], after[1], report.captures, report.seconds
+        ))?;
+    }
+    for photo in summary.failed.iter().chain(&summary.left) {
+        say(&format!("not restored: {}", photo.reason))?;
+    }
+    say(&format!("\nbefore and after: open {} in a browser", outbox.join("index.html").display()))?;
+    match summary.failed.len() + summary.left.len() {
+        0 => Ok(()),
+        failed => Err(Trouble::SomeFailed { failed, all: names.len() }),
+    }
+}
+
+fn grey(photo: &Photo) -> bool {
+    photo.channels.list().len() == 1
+}
+
+/// Luminance of display values 0..255: the sRGB codes' sum by Rec. 709's weights, as screens show it.
+fn display_luminance(light: &Frame<Work>, grey: bool) -> Plane {
+    let tone = relens::picture::Tone::of_curve(config::Curve::Srgb, 8);
+    let mut sum = Plane::zeros(light.size());
+    for (channel, weight) in Channel::ALL.into_iter().zip([0.2126, 0.7152, 0.0722]) {
+        let source = light.plane(if grey { Channel::Green } else { channel });
+        sum.add_scaled(weight, &tone.display(channel, source));
+    }
+    sum
+}
+
+/// `wanted`, or with the first number that is free if there is something already.
+fn free(wanted: &Path) -> PathBuf {
+    let mut path = wanted.to_owned();
+    let mut number = 2;
+    while path.exists() {
+        let mut name = wanted.file_name().unwrap_or(wanted.as_os_str()).to_owned();
+        name.push(format!("-{number}"));
+        path = wanted.with_file_name(name);
+        number += 1;
+    }
+    path
+}

@@ -1,0 +1,60 @@
+//! One file a command; this one reads the words, starts the log and turns trouble into an exit code.
+
+mod arguments;
+mod clock;
+mod demo;
+mod drop_folder;
+mod help;
+mod rigged;
+mod scenes;
+mod single;
+mod status;
+mod trouble;
+
+use std::ffi::OsString;
+use std::io::Write;
+use std::process::ExitCode;
+
+use arguments::{Command, Parsed};
+use trouble::Trouble;
+
+/// Runs the command in `words` (the program's name left out).
+pub(crate) fn run(words: impl Iterator<Item = OsString>) -> ExitCode {
+    let parsed = match arguments::parse(words) {
+        Ok(parsed) => parsed,
+        Err(trouble) => return end(&trouble),
+    };
+    let level = if parsed.verbose { log::LevelFilter::Debug } else { log::LevelFilter::Info };
+    relens::daemon::log_writer::start(level);
+    match dispatch(parsed) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(trouble) => end(&trouble),
+    }
+}
+
+fn dispatch(parsed: Parsed) -> Result<(), Trouble> {
+    match parsed.command {
+        Command::Demo { out } => demo::run(&out),
+        Command::Run { rig, folder, once } => drop_folder::run(&rig, &folder, once),
+        Command::Calibrate { rig, folder } => rigged::calibrate(&single::rig(&rig)?, &folder),
+        Command::Restore(words) => single::restore(&words),
+        Command::Photograph { rig, scene, photo } => single::photograph(&rig, &scene, &photo),
+        Command::Chart { rig, out, quick } => rigged::chart(&single::rig(&rig)?, &out, quick),
+        Command::Check { rig, folder } => rigged::check(&single::rig(&rig)?, &folder),
+        Command::Status { folder } => status::run(&folder),
+        Command::Help { about } => say(help::text(about.as_deref())),
+        Command::Version => say(concat!("relens ", env!("CARGO_PKG_VERSION"))),
+    }
+}
+
+/// Writes one line to standard output. A reader that went away is no trouble of ours.
+fn say(line: &str) -> Result<(), Trouble> {
+    let _ = writeln!(std::io::stdout(), "{line}");
+    Ok(())
+}
+
+fn end(trouble: &Trouble) -> ExitCode {
+    // Nothing can be done when even standard error is gone; the exit code still tells.
+    let _ = writeln!(std::io::stderr(), "relens: {}", relens::remedy::full_message(trouble));
+    ExitCode::from(trouble.exit_code())
+}

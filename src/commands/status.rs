@@ -1,0 +1,78 @@
+//! `relens status`: what the daemon is doing, from its state file.
+
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use relens::daemon::{Doing, Folders, State};
+
+use super::{Trouble, say};
+
+/// Says what the daemon on `folder` does.
+pub(super) fn run(folder: &Path) -> Result<(), Trouble> {
+    let Some(state) = State::read(folder)? else {
+        return Err(Trouble::Usage(format!(
+            "no daemon ever worked on {}: found no state file, allowed the folder of a `relens run`",
+            folder.display()
+        )));
+    };
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    say(&words(&state, Folders::in_use(folder), now))
+}
+
+fn words(state: &State, running: bool, now_unix_s: u64) -> String {
+    let doing = match (&state.doing, running) {
+        (Doing::Restoring { photo }, true) => format!("restoring {photo}"),
+        (Doing::Waiting, true) => "waiting for photos".to_owned(),
+        (Doing::Held { reason }, true) => format!("held: {reason}"),
+        (Doing::Ended, true) => "starting".to_owned(),
+        (Doing::Ended, false) => "not running, ended in good order".to_owned(),
+        (Doing::Held { reason }, false) => format!("not running, ended because {reason}"),
+        (_, false) => {
+            "not running, and it did not end in good order; the next start takes up what was under way"
+                .to_owned()
+        }
+    };
+    let ago = now_unix_s.saturating_sub(state.written_unix_s);
+    format!(
+        "{doing}\nrig {}; {} restored, {} failed, {} left in the inbox; last word {} ago",
+        state.rig,
+        state.restored,
+        state.failed,
+        state.left,
+        duration(ago)
+    )
+}
+
+fn duration(seconds: u64) -> String {
+    match seconds {
+        s if s < 120 => format!("{s} s"),
+        s if s < 7200 => format!("{} min", s / 60),
+        s if s < 172_800 => format!("{} h", s / 3600),
+        s => format!("{} days", s / 86_400),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_daemon_that_died_is_told_from_one_that_ended() {
+        let mut state = State {
+            rig: "small".into(),
+            doing: Doing::Waiting,
+            restored: 3,
+            failed: 1,
+            left: 0,
+            written_unix_s: 100,
+        };
+        assert!(words(&state, true, 160).starts_with("waiting for photos\n"));
+        assert!(
+            words(&state, true, 160).contains("3 restored, 1 failed")
+                && words(&state, true, 160).contains("60 s ago")
+        );
+        assert!(words(&state, false, 160).contains("did not end in good order"));
+        state.doing = Doing::Ended;
+        assert!(words(&state, false, 160).contains("ended in good order"));
+    }
+}

@@ -1,0 +1,206 @@
+//! What is written beside a result, and beside a photo that has none.
+
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::frame::{Channels, Size};
+use crate::picture::Photo;
+
+use super::{Certificate, Iteration, Restored};
+
+/// What became of a photo that has a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Outcome {
+    /// The result is the restored picture.
+    Restored,
+    /// The result is the photo itself; the notes say why.
+    Untouched,
+}
+
+/// The report beside a result, `NAME.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Report {
+    /// Name of the photo as it was dropped.
+    pub photo: String,
+    /// Name of the result in the outbox.
+    pub result: String,
+    /// The same as a relative address, each byte that needs it escaped.
+    pub result_address: String,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// Name of the rig.
+    pub rig: String,
+    /// Name of the method.
+    pub method: String,
+    /// Rung of the ladder, 0..=3.
+    pub rung: u8,
+    /// Why this rung.
+    pub rung_reason: String,
+    /// Captures made.
+    pub captures: usize,
+    /// Seconds it took, captures included.
+    pub seconds: f64,
+    /// The optical residual, if a capture of the result was made.
+    pub certificate: Option<Certificate>,
+    /// What the certificate means.
+    pub meaning: Option<String>,
+    /// Width and height restored, the rig's photo size.
+    pub size: Size,
+    /// Width and height of the photo as stored.
+    pub stored: Size,
+    /// Where the transfer curve came from.
+    pub curve: String,
+    /// Whether one channel was worked on, not three.
+    pub grey: bool,
+    /// EXIF orientation that was applied to the result; `None` when it is delivered as stored.
+    pub turned: Option<u8>,
+    /// Sentences for the customer.
+    pub notes: Vec<String>,
+    /// The method's record.
+    pub iterations: Vec<Iteration>,
+    /// CRC-32 of the photo's file, hexadecimal, and its length: which file this was made of.
+    pub photo_crc32: String,
+    /// Length of the photo's file in bytes.
+    pub photo_bytes: u64,
+    /// When it was finished, seconds since 1970 UTC by the box's calendar.
+    pub finished_unix_s: u64,
+    /// Address of the preview of the photo.
+    pub before: String,
+    /// Address of the preview of the result.
+    pub after: String,
+}
+
+/// What the report needs beyond the photo and its restoration.
+pub(super) struct Circumstances<'a> {
+    pub(super) rig: &'a str,
+    pub(super) result: &'a OsStr,
+    pub(super) before: String,
+    pub(super) after: String,
+    /// The photo's file.
+    pub(super) bytes: &'a [u8],
+    pub(super) finished_unix_s: u64,
+}
+
+impl Report {
+    pub(super) fn new(photo: &Photo, restored: &Restored, about: Circumstances<'_>) -> Report {
+        Report {
+            photo: photo.name.clone(),
+            result: about.result.to_string_lossy().into_owned(),
+            result_address: address(about.result),
+            outcome: if restored.untouched { Outcome::Untouched } else { Outcome::Restored },
+            rig: about.rig.to_owned(),
+            method: restored.method.clone(),
+            rung: restored.rung,
+            rung_reason: restored.rung_reason.clone(),
+            captures: restored.captures,
+            seconds: restored.seconds,
+            certificate: restored.certificate,
+            meaning: restored.certificate.map(|c| c.meaning().to_owned()),
+            size: photo.light.size(),
+            stored: photo.stored,
+            curve: photo.manner.tone.origin().to_owned(),
+            grey: photo.channels == Channels::Green,
+            turned: photo.turned(),
+            notes: photo.notes.iter().chain(&restored.notes).cloned().collect(),
+            iterations: restored.iterations.clone(),
+            photo_crc32: format!("{:08x}", crc32fast::hash(about.bytes)),
+            photo_bytes: about.bytes.len() as u64,
+            finished_unix_s: about.finished_unix_s,
+            before: about.before,
+            after: about.after,
+        }
+    }
+
+    /// The report of a photo restored outside a drop folder, with its result in `out`.
+    pub fn single(rig: &str, photo: &Photo, restored: &Restored, out: &Path) -> Report {
+        let result = out.file_name().unwrap_or(out.as_os_str());
+        let (before, after) = (String::new(), String::new());
+        Report::new(
+            photo,
+            restored,
+            Circumstances { rig, result, before, after, bytes: &[], finished_unix_s: 0 },
+        )
+    }
+
+    /// One line for the log.
+    pub fn line(&self) -> String {
+        let captures =
+            if self.captures == 1 { "1 capture".into() } else { format!("{} captures", self.captures) };
+        let certificate = self.certificate.map_or(String::new(), |c| {
+            format!(", residual {:.2} of {:.2} grey levels", c.residual_grey_levels, c.floor_grey_levels)
+        });
+        let outcome = match self.outcome {
+            Outcome::Restored => "restored",
+            Outcome::Untouched => "left as it was",
+        };
+        format!(
+            "{}: {outcome} ({}, rung {}, {captures}, {:.1} s{certificate})",
+            self.photo, self.method, self.rung, self.seconds
+        )
+    }
+}
+
+/// A photo without a result, and why.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Failed {
+    /// Its name.
+    pub photo: String,
+    /// What, found, allowed.
+    pub reason: String,
+}
+
+impl Failed {
+    /// The note put beside the photo in `failed/`; the reason is its third line.
+    pub(super) fn note(&self) -> String {
+        let one_line = self.reason.replace(['\n', '\r'], " ");
+        format!(
+            "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. To try again, put it back into the inbox.\n",
+            self.photo
+        )
+    }
+
+    /// Reads a [`note`](Self::note) back.
+    pub(super) fn of_note(photo: String, note: &str) -> Failed {
+        let reason = note.lines().nth(2).unwrap_or("the reason is not written down").to_owned();
+        Failed { photo, reason }
+    }
+}
+
+/// A file name as a relative address: every byte that is not unreserved (RFC 3986 §2.3) escaped.
+pub(super) fn address(name: &OsStr) -> String {
+    let mut text = String::new();
+    for &byte in name.as_bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => {
+                text.push(char::from(byte));
+            }
+            _ => text.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_cannot_leave_the_folder_or_the_attribute() {
+        assert_eq!(address(OsStr::new("a b\"><é.jpg")), "a%20b%22%3E%3C%C3%A9.jpg");
+        assert_eq!(address(OsStr::new("javascript:x/../y")), "javascript%3Ax%2F..%2Fy");
+    }
+
+    #[test]
+    fn a_note_is_read_back() {
+        let failed =
+            Failed { photo: "a.jpg".into(), reason: "cut short: found 3 bytes,\nallowed all".into() };
+        let back = Failed::of_note("a.jpg".into(), &failed.note());
+        assert_eq!(back.reason, "cut short: found 3 bytes, allowed all");
+    }
+}

@@ -1,0 +1,194 @@
+//! A simulated rig with its witness, opened, calibrated and ready to be scored.
+
+use std::time::Instant;
+
+use super::scenes::Scene;
+use crate::calibrate::{CalibrateError, calibrate};
+use crate::calibration::Calibration;
+use crate::config;
+use crate::frame::{Channel, Channels, Frame, Plane, Work};
+use crate::picture::Tone;
+use crate::remedy::{Remediable, Remedy};
+use crate::restoration::{Bench, BenchError, Restored};
+use crate::restore::method::{Method, MethodError, Watch};
+use crate::restore::quality::{psnr, ssim};
+use crate::rig::RigError;
+use crate::rig::exposure::Rig;
+use crate::rig::simulated::{Witness, open};
+
+/// Seed of the photographs' noise; a scene's own number is added.
+const PHOTO_SEED: u64 = 20_261_121;
+
+/// A calibrated simulated rig and the witness to it.
+pub struct Stand {
+    config: config::Rig,
+    rig: Rig,
+    witness: Witness,
+    calibration: Calibration,
+    bench: Bench,
+}
+
+/// One method on one scene, scored against the scene.
+#[derive(Debug, Clone)]
+pub struct Score {
+    /// The scene.
+    pub scene: Scene,
+    /// The method, with what sets it apart from the rig file's settings.
+    pub method: String,
+    /// Seconds of computing, simulated captures not counted.
+    pub computing_seconds: f64,
+    /// SSIM against the scene.
+    pub ssim: f64,
+    /// PSNR against the scene, dB.
+    pub psnr_db: f64,
+    /// SSIM of the untouched photo.
+    pub blurred_ssim: f64,
+    /// PSNR of the untouched photo, dB.
+    pub blurred_psnr_db: f64,
+    /// The photo restored.
+    pub restored: Restored,
+}
+
+impl Stand {
+    /// Opens the simulated rig of `config` and calibrates it from its own captures.
+    ///
+    /// # Errors
+    /// When the rig cannot be opened or calibrated.
+    pub fn open(config: config::Rig) -> Result<Stand, StandError> {
+        let (mut rig, witness) = open(&config)?;
+        let calibration = calibrate(&mut rig, &config, None, &mut |_| {})?;
+        let bench = Bench::new(&config, &calibration)?;
+        Ok(Stand { config, rig, witness, calibration, bench })
+    }
+
+    /// The rig file.
+    pub fn config(&self) -> &config::Rig {
+        &self.config
+    }
+
+    /// What was measured.
+    pub fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// The photo the rig's camera takes of `scene` (linear light, photo-sized), as linear light.
+    pub fn photograph(&self, scene: Scene, light: &Frame<Work>) -> Frame<Work> {
+        let codes = self.witness.photograph(light, PHOTO_SEED + scene as u64);
+        let tone = Tone::of_curve(self.config.photo.curve, 8);
+        Frame::from_fn(|c| tone.plane(c, codes.plane(c)))
+    }
+
+    /// `method` on the grey `scene` in the green channel alone, scored in light as the study did.
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub fn score_grey(&mut self, scene: Scene, name: &str, method: &dyn Method) -> Result<Score, StandError> {
+        self.score_grey_watched(scene, name, method, &mut |_, _| {})
+    }
+
+    /// [`Stand::score_grey`] with `watch` called after every step.
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub fn score_grey_watched(
+        &mut self,
+        scene: Scene,
+        name: &str,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<Score, StandError> {
+        let truth = scene.grey(self.config.photo.size());
+        let mut light = Frame::zeros(truth.size());
+        *light.plane_mut(Channel::Green) = truth.clone();
+        let photo = self.photograph(scene, &light);
+        let (restored, computing_seconds) = self.run(&photo, Channels::Green, method, watch)?;
+        let shown = |frame: &Frame<Work>| frame.plane(Channel::Green).map(|v: f32| v.clamp(0.0, 255.0));
+        Ok(Score {
+            scene,
+            method: name.to_owned(),
+            computing_seconds,
+            ssim: ssim(&shown(&restored.picture), &truth).into(),
+            psnr_db: psnr(&shown(&restored.picture), &truth).into(),
+            blurred_ssim: ssim(&shown(&photo), &truth).into(),
+            blurred_psnr_db: psnr(&shown(&photo), &truth).into(),
+            restored,
+        })
+    }
+
+    /// `method` on `scene` in colour, scored in luminance of display values (Rec. 709 weights of codes).
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub fn score_colour(&mut self, scene: Scene, name: &str, method: &dyn Method) -> Result<Score, StandError> {
+        let tone = Tone::of_curve(self.config.photo.curve, 8);
+        let codes = scene.codes(self.config.photo.size());
+        let light =
+            Frame::from_fn(|c| tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8)));
+        let photo = self.photograph(scene, &light);
+        let (restored, computing_seconds) = self.run(&photo, Channels::Colour, method, &mut |_, _| {})?;
+        let luminance = |frame: &Frame<Work>| {
+            let mut sum = Plane::zeros(frame.size());
+            for (c, weight) in Channel::ALL.into_iter().zip(LUMINANCE) {
+                sum.add_scaled(weight, &tone.display(c, frame.plane(c)));
+            }
+            sum
+        };
+        let (truth, before, after) = (luminance(&light), luminance(&photo), luminance(&restored.picture));
+        Ok(Score {
+            scene,
+            method: name.to_owned(),
+            computing_seconds,
+            ssim: ssim(&after, &truth).into(),
+            psnr_db: psnr(&after, &truth).into(),
+            blurred_ssim: ssim(&before, &truth).into(),
+            blurred_psnr_db: psnr(&before, &truth).into(),
+            restored,
+        })
+    }
+
+    /// Restores and times; the time of simulating the captures is taken out.
+    fn run(
+        &mut self,
+        photo: &Frame<Work>,
+        channels: Channels,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<(Restored, f64), StandError> {
+        let begun = Instant::now();
+        let stopwatch = || begun.elapsed().as_secs_f64();
+        let restored = self.bench.restore(&mut self.rig, photo, channels, method, &stopwatch, watch)?;
+        let computing = stopwatch() - restored.waited_seconds;
+        Ok((restored, computing))
+    }
+}
+
+/// Rec. 709 weights of red, green and blue.
+const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Why a stand gave no score.
+#[derive(Debug, thiserror::Error)]
+pub enum StandError {
+    /// The rig.
+    #[error("the rig cannot be opened")]
+    Rig(#[from] RigError),
+    /// The calibration.
+    #[error("the rig cannot be calibrated")]
+    Calibrate(#[from] CalibrateError),
+    /// Rig file and calibration.
+    #[error("the calibration does not fit the rig file")]
+    Bench(#[from] BenchError),
+    /// The method.
+    #[error("the method gave no picture")]
+    Method(#[from] MethodError),
+}
+
+impl Remediable for StandError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            StandError::Rig(error) => error.remedy(),
+            StandError::Calibrate(error) => error.remedy(),
+            StandError::Bench(error) => error.remedy(),
+            StandError::Method(error) => error.remedy(),
+        }
+    }
+}

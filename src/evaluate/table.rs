@@ -1,0 +1,57 @@
+//! Tables as Markdown for people and CSV for programs, from the same rows.
+
+/// A table: a caption, a head, and rows of the same length.
+#[derive(Debug, Clone, Default)]
+pub struct Table {
+    /// One or more sentences above the table.
+    pub caption: String,
+    /// Column heads.
+    pub head: Vec<&'static str>,
+    /// Cells, row by row.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// An empty table.
+    pub fn new(caption: impl Into<String>, head: &[&'static str]) -> Self {
+        Table { caption: caption.into(), head: head.to_vec(), rows: Vec::new() }
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: Vec<String>) {
+        self.rows.push(cells);
+    }
+
+    /// The table in Markdown.
+    pub fn markdown(&self) -> String {
+        let mut text = format!("{}\n\n| {} |\n|{}\n", self.caption, self.head.join(" | "), "---|".repeat(self.head.len()));
+        for row in &self.rows {
+            let cells: Vec<String> = row.iter().map(|cell| cell.replace('|', "\\|")).collect();
+            text.push_str(&format!("| {} |\n", cells.join(" | ")));
+        }
+        text
+    }
+
+    /// The table as comma-separated values, the caption left out.
+    pub fn csv(&self) -> String {
+        let quoted = |cell: &str| {
+            if cell.contains([',', '"', '\n']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
+        };
+        let mut lines = vec![self.head.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")];
+        lines.extend(self.rows.iter().map(|row| row.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")));
+        lines.join("\n") + "\n"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_survive_both_forms() {
+        let mut table = Table::new("Two things.", &["name", "value"]);
+        table.row(vec!["a|b".to_owned(), "1,5".to_owned()]);
+        assert!(table.markdown().contains("| a\\|b | 1,5 |"));
+        assert_eq!(table.csv(), "name,value\na|b,\"1,5\"\n");
+    }
+}

@@ -1,0 +1,94 @@
+//! Gradations: blocks of many levels, shuffled over the panel, so that glare and blur add the same on
+//! average to every level (a ramp would give its bright end more than its dark end).
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+use crate::frame::{Channel, Codes, Frame, Plane, Size};
+
+/// A panel full of square blocks, each of one code.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Gradation {
+    size: Size,
+    block_px: usize,
+    columns: usize,
+    rows: usize,
+    codes: Vec<u8>,
+}
+
+/// One block of a gradation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Its code.
+    pub code: u8,
+    /// Its centre on the panel.
+    pub centre: (f64, f64),
+}
+
+impl Gradation {
+    /// Blocks of `block_px` panel pixels, the codes of `levels` dealt out evenly in an order drawn from `seed`.
+    pub fn new(size: Size, block_px: usize, levels: &[u8], seed: u64) -> Gradation {
+        let block_px = block_px.max(1);
+        let (columns, rows) = (size.width.div_ceil(block_px), size.height.div_ceil(block_px));
+        let mut codes: Vec<u8> = levels.iter().copied().cycle().take(columns * rows).collect();
+        codes.resize(columns * rows, 0);
+        codes.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(seed));
+        Gradation { size, block_px, columns, rows, codes }
+    }
+
+    /// Codes 0 to 255 in `count` even steps (at least two), both ends included.
+    pub fn levels(count: usize) -> Vec<u8> {
+        let last = count.max(2) - 1;
+        (0..=last).map(|n| ((255 * n + last / 2) / last) as u8).collect()
+    }
+
+    /// The picture in one channel, the others 0.
+    pub fn in_channel(&self, channel: Channel) -> Codes {
+        Frame::from_fn(|c| if c == channel { self.plane() } else { Plane::zeros(self.size) })
+    }
+
+    /// The picture in all three channels alike.
+    pub fn grey(&self) -> Codes {
+        Frame::from_fn(|_| self.plane())
+    }
+
+    fn plane(&self) -> Plane<u8> {
+        Plane::from_fn(self.size, |x, y| self.codes[y / self.block_px * self.columns + x / self.block_px])
+    }
+
+    /// All whole blocks.
+    pub fn blocks(&self) -> impl Iterator<Item = Block> + '_ {
+        let centre = |n: usize| (n * self.block_px) as f64 + (self.block_px as f64 - 1.0) / 2.0;
+        (0..self.rows * self.columns)
+            .filter(|n| {
+                (n % self.columns + 1) * self.block_px <= self.size.width
+                    && (n / self.columns + 1) * self.block_px <= self.size.height
+            })
+            .map(move |n| Block {
+                code: self.codes[n],
+                centre: (centre(n % self.columns), centre(n / self.columns)),
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_level_is_dealt_out_evenly_and_shown_where_it_is_said_to_be() {
+        let levels = Gradation::levels(9);
+        assert_eq!(levels, [0, 32, 64, 96, 128, 159, 191, 223, 255]);
+        let g = Gradation::new(Size::new(100, 75), 10, &levels, 3);
+        let shown = g.in_channel(Channel::Blue);
+        let mut count = [0usize; 256];
+        for block in g.blocks() {
+            let (x, y) = (block.centre.0 as usize, block.centre.1 as usize);
+            assert_eq!(shown.plane(Channel::Blue).at(x, y), block.code);
+            count[usize::from(block.code)] += 1;
+        }
+        assert_eq!(count.iter().sum::<usize>(), 70);
+        assert_ne!(g, Gradation::new(Size::new(100, 75), 10, &levels, 4));
+    }
+}

@@ -1,0 +1,234 @@
+//! Bytes to samples, under limits and with the decoder's panics caught.
+//!
+//! [`decode`] is a pure function of the bytes, so that a worker process can stand here without anything
+//! else changing.
+
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
+use image::{ColorType, ImageDecoder};
+
+use crate::frame::Size;
+
+use super::kind::{Format, recognise};
+use super::{Flaw, Orientation, jpeg, png, tiff};
+
+/// How much one photo may ask of the box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Longest file in bytes.
+    pub bytes_max: u64,
+    /// Largest picture in pixels.
+    pub pixels_max: u64,
+    /// Most memory the decoder may allocate, in bytes.
+    pub decoder_bytes_max: u64,
+}
+
+impl Default for Limits {
+    /// Room for a 24-megapixel photo in 16-bit TIFF with a third to spare: on a 4 GiB board its planes take
+    /// a fifth of the memory. Guess.
+    fn default() -> Self {
+        Limits { bytes_max: 256 << 20, pixels_max: 32_000_000, decoder_bytes_max: 512 << 20 }
+    }
+}
+
+/// What a pixel of the file is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layout {
+    /// One grey sample.
+    Grey,
+    /// Grey and alpha.
+    GreyAlpha,
+    /// Red, green, blue.
+    Rgb,
+    /// Red, green, blue, alpha.
+    RgbAlpha,
+}
+
+impl Layout {
+    /// Samples a pixel, alpha included.
+    pub const fn samples(self) -> usize {
+        match self {
+            Layout::Grey => 1,
+            Layout::GreyAlpha => 2,
+            Layout::Rgb => 3,
+            Layout::RgbAlpha => 4,
+        }
+    }
+
+    /// Whether the pixel has one grey sample in place of three colours.
+    pub const fn is_grey(self) -> bool {
+        matches!(self, Layout::Grey | Layout::GreyAlpha)
+    }
+
+    /// Whether the pixel has an alpha sample.
+    pub const fn has_alpha(self) -> bool {
+        matches!(self, Layout::GreyAlpha | Layout::RgbAlpha)
+    }
+}
+
+/// A decoded file: its samples as stored, and what it carried.
+#[derive(Debug)]
+pub(super) struct Raster {
+    pub(super) format: Format,
+    pub(super) size: Size,
+    pub(super) layout: Layout,
+    /// 8 or 16.
+    pub(super) bits: u8,
+    /// Pixel by pixel, `layout.samples()` each, full scale 255 or 65535 by `bits`.
+    pub(super) samples: Vec<u16>,
+    pub(super) orientation: Orientation,
+    pub(super) icc: Option<Vec<u8>>,
+    /// The raw EXIF block, from its TIFF header on.
+    pub(super) exif: Option<Vec<u8>>,
+    /// What cannot be carried over into the result.
+    pub(super) losses: Vec<String>,
+}
+
+/// Decodes a whole JPEG, PNG or TIFF.
+///
+/// # Errors
+/// The [`Flaw`] that keeps it from being a photo; nothing large is allocated before the header's size is
+/// found within `limits`.
+pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
+    if bytes.len() as u64 > limits.bytes_max {
+        return Err(Flaw::TooLong { found: bytes.len() as u64, allowed: limits.bytes_max });
+    }
+    let format = recognise(bytes)?;
+    let mut losses = Vec::new();
+    let size = match format {
+        Format::Jpeg => {
+            let walked = jpeg::walk(bytes)?;
+            if walked.components == 4 {
+                return Err(Flaw::Unsupported {
+                    kind: "JPEG",
+                    found: "four inks (CMYK)".to_owned(),
+                    allowed: "grey and RGB photos",
+                });
+            }
+            walked.size
+        }
+        Format::Png => png::walk(bytes)?,
+        Format::Tiff => {
+            let walked = tiff::walk(bytes)?;
+            if walked.more_pages {
+                losses.push("only the first picture of this TIFF file was restored".to_owned());
+            }
+            if walked.exif {
+                losses.push("EXIF data cannot be carried into a TIFF result".to_owned());
+            }
+            walked.size
+        }
+    };
+    if size.width as u64 * size.height as u64 > limits.pixels_max {
+        return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
+    }
+    // Decoders may panic on hostile files, by their own notes.
+    let decoded = catch_unwind(AssertUnwindSafe(|| {
+        let input = Cursor::new(bytes);
+        match format {
+            Format::Jpeg => collect(JpegDecoder::new(input), format, limits, losses),
+            Format::Png => {
+                collect(PngDecoder::with_limits(input, decoder_limits(limits)), format, limits, losses)
+            }
+            Format::Tiff => collect(TiffDecoder::new(input), format, limits, losses),
+        }
+    }));
+    match decoded {
+        Ok(result) => result,
+        Err(_) => Err(Flaw::BrokeTheDecoder { kind: format.name() }),
+    }
+}
+
+fn decoder_limits(limits: &Limits) -> image::Limits {
+    let mut inner = image::Limits::no_limits();
+    inner.max_alloc = Some(limits.decoder_bytes_max);
+    inner
+}
+
+fn collect<D: ImageDecoder>(
+    decoder: image::ImageResult<D>,
+    format: Format,
+    limits: &Limits,
+    mut losses: Vec<String>,
+) -> Result<Raster, Flaw> {
+    let kind = format.name();
+    let undecodable = |source| Flaw::Undecodable { kind, source };
+    let mut decoder = decoder.map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    let size = Size::new(width as usize, height as usize);
+    if decoder.total_bytes() > limits.decoder_bytes_max
+        || u64::from(width) * u64::from(height) > limits.pixels_max
+    {
+        return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
+    }
+    let (layout, bits) = match decoder.color_type() {
+        ColorType::L8 => (Layout::Grey, 8),
+        ColorType::La8 => (Layout::GreyAlpha, 8),
+        ColorType::Rgb8 => (Layout::Rgb, 8),
+        ColorType::Rgba8 => (Layout::RgbAlpha, 8),
+        ColorType::L16 => (Layout::Grey, 16),
+        ColorType::La16 => (Layout::GreyAlpha, 16),
+        ColorType::Rgb16 => (Layout::Rgb, 16),
+        ColorType::Rgba16 => (Layout::RgbAlpha, 16),
+        other => {
+            let found = format!("samples of kind {other:?}");
+            return Err(Flaw::Unsupported { kind, found, allowed: "grey and RGB of 8 or 16 bits" });
+        }
+    };
+    let icc = decoder.icc_profile().unwrap_or(None).filter(|icc| !icc.is_empty());
+    let exif = decoder.exif_metadata().unwrap_or(None).filter(|exif| !exif.is_empty());
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    for (what, found) in [("XMP", decoder.xmp_metadata()), ("IPTC", decoder.iptc_metadata())] {
+        if matches!(found, Ok(Some(block)) if !block.is_empty()) {
+            losses.push(format!("{what} data cannot be carried over into the result"));
+        }
+    }
+    // Only now: the TIFF decoder would measure the profile by the picture's own size. Up to here its default
+    // limits hold.
+    decoder.set_limits(decoder_limits(limits)).map_err(undecodable)?;
+    let mut raw = vec![0u8; decoder.total_bytes() as usize];
+    decoder.read_image(&mut raw).map_err(undecodable)?;
+    let samples = match bits {
+        8 => raw.into_iter().map(u16::from).collect(),
+        _ => raw.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]])).collect(),
+    };
+    Ok(Raster { format, size, layout, bits, samples, orientation, icc, exif, losses })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_oversized_header_is_refused_before_decoding() {
+        // A JPEG of a few hundred bytes may claim 16000×11000 and would decode to half a gigabyte.
+        let mut jpeg = include_bytes!("../../tests/scenes/rocket.jpg").to_vec();
+        let sof = jpeg.windows(2).position(|w| w[0] == 0xff && (w[1] == 0xc0 || w[1] == 0xc2)).unwrap();
+        jpeg[sof + 5..sof + 9].copy_from_slice(&[0x2a, 0xf8, 0x3e, 0x80]);
+        let flaw = decode(&jpeg, &Limits::default()).unwrap_err();
+        assert!(flaw.to_string().contains("16000×11000"), "{flaw}");
+    }
+
+    #[test]
+    fn hostile_bytes_bring_an_error_and_no_panic() {
+        let png = include_bytes!("../../tests/scenes/coffee.png");
+        let jpeg = include_bytes!("../../tests/scenes/rocket.jpg");
+        let limits = Limits { pixels_max: 4_000_000, ..Limits::default() };
+        for (seed, whole) in [(1u64, &png[..]), (2, &jpeg[..])] {
+            let mut state = seed;
+            for _ in 0..60 {
+                let mut bytes = whole.to_vec();
+                for _ in 0..6 {
+                    // Numerical Recipes' linear congruential generator; any will do.
+                    state =
+                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    let at = (state >> 33) as usize % 700;
+                    bytes[at] = (state >> 20) as u8;
+                }
+                let _ = decode(&bytes, &limits);
+            }
+        }
+    }
+}

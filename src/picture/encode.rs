@@ -1,0 +1,225 @@
+//! A restored frame to bytes: the photo's own format, depth and curve, turned upright.
+
+use std::io::Cursor;
+
+use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, tiff::TiffEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::frame::resample::resize;
+use crate::frame::{Channel, Frame, Plane, Size, Work};
+
+use super::turn::turn;
+use super::{Format, Layout, Manner, PictureError};
+
+/// JPEG quality of results. High enough that its loss stays below the noise of a capture; guess.
+const QUALITY: u8 = 95;
+/// JPEG quality of the gallery's previews; guess.
+const PREVIEW_QUALITY: u8 = 88;
+
+/// The file for `picture` (linear light 0..255, stored orientation), named `name` in errors.
+///
+/// For grey layouts the green plane is written; for colour ones whose red and blue planes are black
+/// because the photo was grey throughout, pass `grey`.
+///
+/// # Errors
+/// [`PictureError::Encode`].
+pub fn encode(
+    name: &str,
+    picture: &Frame<Work>,
+    manner: &Manner,
+    grey: bool,
+) -> Result<Vec<u8>, PictureError> {
+    encoded(picture, manner, grey, QUALITY)
+        .map_err(|source| PictureError::Encode { name: name.to_owned(), source })
+}
+
+/// A small JPEG of `picture`, upright, at most `longest_px` on its longer side.
+///
+/// # Errors
+/// [`PictureError::Encode`].
+pub fn preview(
+    name: &str,
+    picture: &Frame<Work>,
+    manner: &Manner,
+    grey: bool,
+    longest_px: usize,
+) -> Result<Vec<u8>, PictureError> {
+    let size = picture.size();
+    let longest = size.width.max(size.height);
+    let scaled = |n: usize| ((n * longest_px + longest / 2) / longest).max(1);
+    let layout = if manner.layout.is_grey() { Layout::Grey } else { Layout::Rgb };
+    let manner = Manner { format: Format::Jpeg, layout, exif: None, alpha: None, ..manner.clone() };
+    let result = if longest > longest_px {
+        let small = Size::new(scaled(size.width), scaled(size.height));
+        let picture = Frame::from_fn(|channel| resize(picture.plane(channel), small));
+        encoded(&picture, &manner, grey, PREVIEW_QUALITY)
+    } else {
+        encoded(picture, &manner, grey, PREVIEW_QUALITY)
+    };
+    result.map_err(|source| PictureError::Encode { name: name.to_owned(), source })
+}
+
+fn encoded(picture: &Frame<Work>, manner: &Manner, grey: bool, quality: u8) -> image::ImageResult<Vec<u8>> {
+    // TIFF writers know no grey with alpha, and JPEG none at all.
+    let layout = match (manner.format, manner.layout) {
+        (Format::Tiff, Layout::GreyAlpha) => Layout::RgbAlpha,
+        (Format::Jpeg, Layout::GreyAlpha) => Layout::Grey,
+        (Format::Jpeg, Layout::RgbAlpha) => Layout::Rgb,
+        (_, layout) => layout,
+    };
+    let grey = grey || manner.layout.is_grey();
+    let source = |channel: Channel| picture.plane(if grey { Channel::Green } else { channel });
+    let colours: &[Channel] = if layout.is_grey() { &[Channel::Green] } else { &Channel::ALL };
+    let mut planes: Vec<Vec<u16>> =
+        colours.iter().map(|&c| manner.tone.codes(c.index(), &turn(source(c), manner.orientation))).collect();
+    let deep = manner.bits > 8;
+    if layout.has_alpha() {
+        let opaque = Plane::filled(picture.size(), 1.0);
+        let alpha = turn(manner.alpha.as_ref().unwrap_or(&opaque), manner.orientation);
+        let top = if deep { 65535.0 } else { 255.0 };
+        planes.push(alpha.data().iter().map(|a| (a.clamp(0.0, 1.0) * top + 0.5) as u16).collect());
+    }
+    // A JPEG has 8 bits; a table of 16 is read at every 257th step's code.
+    let narrow = deep && manner.format == Format::Jpeg;
+    let size = super::turn::turned_size(picture.size(), manner.orientation);
+    let mut raw = Vec::with_capacity(size.area() * planes.len() * if deep { 2 } else { 1 });
+    for i in 0..size.area() {
+        for plane in &planes {
+            match (deep, narrow) {
+                (true, false) => raw.extend_from_slice(&plane[i].to_ne_bytes()),
+                (true, true) => raw.push(((u32::from(plane[i]) + 128) / 257) as u8),
+                (false, _) => raw.push(plane[i] as u8),
+            }
+        }
+    }
+    let colour = match (layout, deep && !narrow) {
+        (Layout::Grey, false) => ExtendedColorType::L8,
+        (Layout::GreyAlpha, false) => ExtendedColorType::La8,
+        (Layout::Rgb, false) => ExtendedColorType::Rgb8,
+        (Layout::RgbAlpha, false) => ExtendedColorType::Rgba8,
+        (Layout::Grey, true) => ExtendedColorType::L16,
+        (Layout::GreyAlpha, true) => ExtendedColorType::La16,
+        (Layout::Rgb, true) => ExtendedColorType::Rgb16,
+        (Layout::RgbAlpha, true) => ExtendedColorType::Rgba16,
+    };
+    let mut bytes = Vec::new();
+    let out = Cursor::new(&mut bytes);
+    match manner.format {
+        Format::Jpeg => write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?,
+        Format::Png => write(PngEncoder::new(out), manner, &raw, size, colour)?,
+        Format::Tiff => write(TiffEncoder::new(out), manner, &raw, size, colour)?,
+    }
+    Ok(bytes)
+}
+
+fn write<E: ImageEncoder>(
+    mut encoder: E,
+    manner: &Manner,
+    raw: &[u8],
+    size: Size,
+    colour: ExtendedColorType,
+) -> image::ImageResult<()> {
+    if let Some(icc) = &manner.icc {
+        // All three formats take a profile.
+        encoder.set_icc_profile(icc.clone()).map_err(image::ImageError::Unsupported)?;
+    }
+    if let Some(exif) = &manner.exif {
+        // TIFF cannot; the decoder has noted that.
+        let _ = encoder.set_exif_metadata(exif.clone());
+    }
+    encoder.write_image(raw, size.width as u32, size.height as u32, colour)
+}
+
+#[cfg(test)]
+mod tests {
+    use image::metadata::Orientation;
+
+    use super::super::{Limits, Photo};
+    use super::*;
+    use crate::config::Curve;
+
+    fn scene(size: Size) -> Frame<Work> {
+        Frame::from_fn(|c| Plane::from_fn(size, |x, y| ((x * 5 + y * 3 + 40 * c.index()) % 256) as f32))
+    }
+
+    fn back(bytes: &[u8]) -> Photo {
+        Photo::from_bytes("p", bytes, Curve::Srgb, &Limits::default()).unwrap()
+    }
+
+    /// Exif header, one directory with one entry: orientation 6.
+    fn exif_turned() -> Vec<u8> {
+        let mut exif = b"II*\0\x08\0\0\0\x01\0".to_vec();
+        exif.extend_from_slice(&[0x12, 0x01, 3, 0, 1, 0, 0, 0, 6, 0, 0, 0, 0, 0, 0, 0]);
+        exif
+    }
+
+    #[test]
+    fn lossless_formats_give_every_sample_back_at_either_depth() {
+        for format in [Format::Png, Format::Tiff] {
+            for bits in [8, 16] {
+                for layout in [Layout::Grey, Layout::Rgb, Layout::RgbAlpha, Layout::GreyAlpha] {
+                    let mut manner = Manner::plain(format, bits, Curve::Srgb);
+                    manner.layout = layout;
+                    let size = Size::new(20, 14);
+                    manner.alpha = layout.has_alpha().then(|| Plane::from_fn(size, |x, _| x as f32 / 255.0));
+                    let first = back(&encode("p", &scene(size), &manner, false).unwrap());
+                    assert_eq!(first.manner.bits, bits);
+                    let again = encode("p", &first.light, &first.manner, layout.is_grey()).unwrap();
+                    let second = back(&again);
+                    assert_eq!(first.light, second.light, "{format:?} {bits} {layout:?}");
+                    assert_eq!(first.manner, second.manner, "{format:?} {bits} {layout:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn orientation_is_applied_once_and_the_tag_cleared() {
+        for format in [Format::Jpeg, Format::Png] {
+            let mut manner = Manner::plain(format, 8, Curve::Srgb);
+            manner.exif = Some(exif_turned());
+            let photo = back(&encode("p", &scene(Size::new(24, 16)), &manner, false).unwrap());
+            assert_eq!(photo.manner.orientation, Orientation::Rotate90);
+            assert_eq!(photo.light.size(), Size::new(24, 16), "restored as the sensor saw it");
+            let result = back(&encode("p", &photo.light, &photo.manner, false).unwrap());
+            assert_eq!(result.manner.orientation, Orientation::NoTransforms, "{format:?}");
+            assert!(result.manner.exif.is_some() && result.light.size() == Size::new(16, 24));
+        }
+    }
+
+    #[test]
+    fn a_profile_travels_byte_by_byte() {
+        let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
+        for format in [Format::Jpeg, Format::Png, Format::Tiff] {
+            let mut manner = Manner::plain(format, 8, Curve::Srgb);
+            manner.icc = Some(icc.clone());
+            let photo = back(&encode("p", &scene(Size::new(24, 16)), &manner, false).unwrap());
+            assert_eq!(photo.manner.icc.as_ref(), Some(&icc), "{format:?}");
+            assert_eq!(photo.manner.tone.origin(), "ICC profile");
+        }
+    }
+
+    #[test]
+    fn a_tiff_cut_anywhere_or_never_filled_is_refused() {
+        let manner = Manner::plain(Format::Tiff, 16, Curve::Srgb);
+        let whole = encode("p", &scene(Size::new(64, 48)), &manner, false).unwrap();
+        let read = |b: &[u8]| Photo::from_bytes("p.tif", b, Curve::Srgb, &Limits::default());
+        assert!(read(&whole).is_ok());
+        for percent in 0..100 {
+            let cut = &whole[..whole.len() * percent / 100];
+            assert!(read(cut).is_err(), "cut to {percent} %");
+        }
+        let mut hole = whole.clone();
+        let half = whole.len() / 2;
+        hole[half..].fill(0);
+        assert!(read(&hole).unwrap_err().to_string().contains("never filled"));
+    }
+
+    #[test]
+    fn a_preview_is_small_and_upright() {
+        let mut manner = Manner::plain(Format::Png, 16, Curve::Srgb);
+        manner.orientation = Orientation::Rotate270;
+        let small = back(&preview("p", &scene(Size::new(200, 100)), &manner, false, 50).unwrap());
+        assert_eq!((small.light.size(), small.manner.format), (Size::new(25, 50), Format::Jpeg));
+    }
+}

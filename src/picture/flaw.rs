@@ -1,0 +1,186 @@
+//! What can be wrong with a photo file, each in its own sentence: what, found, allowed.
+
+use std::path::PathBuf;
+
+use crate::frame::Size;
+use crate::remedy::{Remediable, Remedy};
+
+/// What is wrong with the content of a file. The file's name is added by [`PictureError`].
+#[derive(Debug, thiserror::Error)]
+pub enum Flaw {
+    /// Zero bytes long.
+    #[error("the file is empty: found 0 bytes, allowed a whole JPEG, PNG or TIFF photo")]
+    Empty,
+    /// Not a plain file.
+    #[error(
+        "this is no plain file: found {found}, allowed a JPEG, PNG or TIFF file itself, not a way to one"
+    )]
+    NotAFile {
+        /// What it is.
+        found: &'static str,
+    },
+    /// Longer than the box is prepared to read.
+    #[error("the file is too long: found {found} bytes, allowed {allowed}")]
+    TooLong {
+        /// Its length.
+        found: u64,
+        /// The limit.
+        allowed: u64,
+    },
+    /// Zeros where the picture should be, as a copy leaves that reserved the space and never filled it.
+    #[error(
+        "the file was never filled: found nothing but zero bytes from byte {from} to byte {to} of {length}, allowed picture data; copy it again"
+    )]
+    ZeroFilled {
+        /// First zero byte.
+        from: usize,
+        /// One past the last zero byte.
+        to: usize,
+        /// Length of the file.
+        length: usize,
+    },
+    /// Some other kind of file.
+    #[error("this is not a photo: found {found}, allowed JPEG, PNG or TIFF")]
+    NotAPhoto {
+        /// What the content says it is.
+        found: String,
+    },
+    /// The name says one kind, the content another.
+    #[error(
+        "the name does not fit the content: found a {found} file named .{extension}, allowed a name ending in {allowed}; rename it and drop it again"
+    )]
+    Misnamed {
+        /// What the content says it is.
+        found: &'static str,
+        /// The ending it has.
+        extension: String,
+        /// The endings this content may have.
+        allowed: &'static str,
+    },
+    /// The file ends before the picture does.
+    #[error(
+        "the {kind} file is cut short: found {found}, allowed a file that goes on to {end}; copy it again"
+    )]
+    Truncated {
+        /// Kind of file.
+        kind: &'static str,
+        /// Where it stops.
+        found: String,
+        /// What a whole file ends with.
+        end: &'static str,
+    },
+    /// The file is complete but something in it is not as written.
+    #[error("the {kind} file is damaged: found {found}, allowed {allowed}")]
+    Damaged {
+        /// Kind of file.
+        kind: &'static str,
+        /// What was found.
+        found: String,
+        /// What should have been there.
+        allowed: String,
+    },
+    /// More pixels than the box is prepared to hold; read from the header, before anything is allocated.
+    #[error("the picture is too large: found {found} pixels by its header, allowed {allowed} pixels in all")]
+    Oversized {
+        /// Width and height by the header.
+        found: Size,
+        /// Largest area.
+        allowed: u64,
+    },
+    /// A variety of the format that is not read.
+    #[error("this variety of {kind} is not read: found {found}, allowed {allowed}")]
+    Unsupported {
+        /// Kind of file.
+        kind: &'static str,
+        /// What was found.
+        found: String,
+        /// What is read.
+        allowed: &'static str,
+    },
+    /// The decoder refused it.
+    #[error("the {kind} data cannot be decoded, allowed are whole and valid files")]
+    Undecodable {
+        /// Kind of file.
+        kind: &'static str,
+        /// The decoder's words.
+        #[source]
+        source: image::ImageError,
+    },
+    /// The decoder panicked, which hostile or damaged files can make it do.
+    #[error("the {kind} decoder gave up on this file: found data that broke it, allowed are valid files")]
+    BrokeTheDecoder {
+        /// Kind of file.
+        kind: &'static str,
+    },
+    /// Not the rig's shape.
+    #[error(
+        "the photo has not this rig's shape: found {found}{held}, allowed {allowed} or the same shape at another size"
+    )]
+    Shape {
+        /// Width and height as stored.
+        found: Size,
+        /// A remark on how the camera was held, or nothing.
+        held: &'static str,
+        /// The rig's photo size.
+        allowed: Size,
+    },
+}
+
+/// Why a photo could not be read or a result not be encoded.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// The file system did not hand the file over.
+    #[error("cannot read the photo {path}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The file's content is no photo that this rig can restore.
+    #[error("{name}: {flaw}")]
+    Refused {
+        /// The file's name.
+        name: String,
+        /// What is wrong with it.
+        #[source]
+        flaw: Flaw,
+    },
+    /// The result could not be encoded, which is a bug of ours: it has the photo's own format.
+    #[error("cannot encode the result for {name}")]
+    Encode {
+        /// The file's name.
+        name: String,
+        /// The encoder's words.
+        #[source]
+        source: image::ImageError,
+    },
+}
+
+impl PictureError {
+    /// Whether the file may simply not be there in full yet, so that it is worth looking whether it is
+    /// still growing before it is set aside.
+    pub fn may_be_growing(&self) -> bool {
+        matches!(
+            self,
+            PictureError::Refused {
+                flaw: Flaw::Empty
+                    | Flaw::ZeroFilled { .. }
+                    | Flaw::Truncated { .. }
+                    | Flaw::Damaged { .. }
+                    | Flaw::Undecodable { .. },
+                ..
+            }
+        )
+    }
+}
+
+impl Remediable for PictureError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            PictureError::Read { .. } => Remedy::RetryLater,
+            PictureError::Refused { .. } | PictureError::Encode { .. } => Remedy::SkipPhoto,
+        }
+    }
+}

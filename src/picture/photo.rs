@@ -1,0 +1,238 @@
+//! A customer's photo in linear light, with all that its result must be given back.
+
+use std::io::Read;
+use std::path::Path;
+
+use rustix::fs::{Mode, OFlags};
+
+use crate::frame::resample::resize;
+use crate::frame::{Channels, Frame, Plane, Size, Work};
+
+use super::decode::{Limits, Raster, decode};
+use super::kind::{Format, check_name};
+use super::{Flaw, Layout, Orientation, PictureError, Tone, shape, turn};
+use crate::config::Curve;
+
+/// How a picture is written: format, depth, curve, and what the photo carried.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Manner {
+    /// File format.
+    pub format: Format,
+    /// Samples of a pixel.
+    pub layout: Layout,
+    /// Bits a sample: 8 or 16.
+    pub bits: u8,
+    /// The transfer curve, undone on reading and redone on writing.
+    pub tone: Tone,
+    /// How the stored pixels are turned upright when written.
+    pub orientation: Orientation,
+    /// The ICC profile, passed on byte by byte.
+    pub icc: Option<Vec<u8>>,
+    /// The EXIF block with the orientation cleared.
+    pub exif: Option<Vec<u8>>,
+    /// The alpha plane as stored, 0..1, in stored orientation.
+    pub alpha: Option<Plane>,
+}
+
+impl Manner {
+    /// A plain RGB file with nothing carried along.
+    pub fn plain(format: Format, bits: u8, curve: Curve) -> Manner {
+        Manner {
+            format,
+            layout: Layout::Rgb,
+            bits,
+            tone: Tone::of_curve(curve, bits),
+            orientation: Orientation::NoTransforms,
+            icc: None,
+            exif: None,
+            alpha: None,
+        }
+    }
+}
+
+/// A photo: **B** of the paper, in linear light.
+#[derive(Debug, Clone)]
+pub struct Photo {
+    /// The file's name, for messages and results.
+    pub name: String,
+    /// Linear light 0..255, stored orientation. For grey photos the green plane alone, the others black.
+    pub light: Frame<Work>,
+    /// Whether all channels carry something of their own.
+    pub channels: Channels,
+    /// How its result is written.
+    pub manner: Manner,
+    /// Width and height of the file's picture as stored, before any resampling.
+    pub stored: Size,
+    /// What the report should say about the file: resampled, metadata that cannot be carried, …
+    pub notes: Vec<String>,
+}
+
+impl Photo {
+    /// Reads the photo in `path`. `curve` is the rig's, for files without a usable ICC profile.
+    ///
+    /// Links, pipes and devices are not followed or waited for.
+    ///
+    /// # Errors
+    /// [`PictureError::Read`] when the file cannot be had, [`PictureError::Refused`] with its [`Flaw`].
+    pub fn read(path: &Path, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let bytes = read_bytes(path, &name, limits)?;
+        Photo::from_bytes(&name, &bytes, curve, limits)
+    }
+
+    /// The photo in `bytes`, called `name`.
+    ///
+    /// # Errors
+    /// [`PictureError::Refused`] with its [`Flaw`].
+    pub fn from_bytes(
+        name: &str,
+        bytes: &[u8],
+        curve: Curve,
+        limits: &Limits,
+    ) -> Result<Photo, PictureError> {
+        let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
+        let raster = decode(bytes, limits).map_err(refused)?;
+        check_name(name, raster.format).map_err(refused)?;
+        Ok(Photo::of_raster(name, raster, curve))
+    }
+
+    fn of_raster(name: &str, raster: Raster, curve: Curve) -> Photo {
+        let Raster { format, size, layout, bits, samples, orientation, icc, mut exif, losses } = raster;
+        let mut notes = losses;
+        let tone = icc.as_deref().map(|icc| Tone::of_profile(icc, bits, layout.is_grey()));
+        let tone = match tone {
+            Some(Ok(tone)) => tone,
+            Some(Err(why)) => {
+                let tone = Tone::of_curve(curve, bits);
+                notes.push(format!(
+                    "the embedded ICC profile was not used, {why}; {} was assumed",
+                    tone.origin()
+                ));
+                tone
+            }
+            None => Tone::of_curve(curve, bits),
+        };
+        if let Some(exif) = &mut exif {
+            // The answer is known already: `orientation`.
+            let _ = Orientation::remove_from_exif_chunk(exif);
+        }
+        let step = layout.samples();
+        let pixel = |channel: usize| {
+            let at = if layout.is_grey() { 0 } else { channel };
+            let light =
+                samples.iter().skip(at).step_by(step).map(|&code| tone.light(channel, code)).collect();
+            Plane::from_vec(size, light).unwrap_or_else(|| Plane::zeros(size))
+        };
+        let equal = |p: &[u16]| p[0] == p[1] && p[1] == p[2];
+        let grey = layout.is_grey() || (icc.is_none() && samples.chunks_exact(step).all(equal));
+        let light = match grey {
+            true => Frame::from_planes([Plane::zeros(size), pixel(1), Plane::zeros(size)]),
+            false => Frame::from_planes([pixel(0), pixel(1), pixel(2)]),
+        };
+        let alpha = layout.has_alpha().then(|| {
+            let top = if bits == 8 { 255.0 } else { 65535.0 };
+            let alpha = samples.iter().skip(step - 1).step_by(step).map(|&a| f32::from(a) / top).collect();
+            Plane::from_vec(size, alpha).unwrap_or_else(|| Plane::filled(size, 1.0))
+        });
+        Photo {
+            name: name.to_owned(),
+            light,
+            channels: if grey { Channels::Green } else { Channels::Colour },
+            manner: Manner { format, layout, bits, tone, orientation, icc, exif, alpha },
+            stored: size,
+            notes,
+        }
+    }
+
+    /// The photo on the rig's grid: itself, or resampled when it has the same shape at another size.
+    ///
+    /// # Errors
+    /// [`Flaw::Shape`] when its shape is another.
+    pub fn fit(mut self, allowed: Size) -> Result<Photo, PictureError> {
+        let found = self.light.size();
+        if found == allowed {
+            return Ok(self);
+        }
+        if !shape::same_shape(found, allowed) {
+            let turned = Size::new(found.height, found.width);
+            let held = match shape::same_shape(turned, allowed) {
+                true if turn::swaps(self.manner.orientation) => " stored on its side",
+                true => " in portrait, stored upright, so that nothing says which way the camera was turned",
+                false => "",
+            };
+            return Err(PictureError::Refused {
+                name: self.name,
+                flaw: Flaw::Shape { found, held, allowed },
+            });
+        }
+        self.light = Frame::from_fn(|channel| match self.channels.list().contains(&channel) {
+            true => resize(self.light.plane(channel), allowed),
+            false => Plane::zeros(allowed),
+        });
+        self.manner.alpha = self.manner.alpha.as_ref().map(|alpha| resize(alpha, allowed));
+        self.notes.push(format!("the photo was resampled from {found} to the rig's {allowed}"));
+        Ok(self)
+    }
+
+    /// How the result is turned, for the report; `None` when it is delivered as stored.
+    pub fn turned(&self) -> Option<u8> {
+        Some(self.manner.orientation.to_exif()).filter(|&tag| tag != 1)
+    }
+}
+
+/// The samples, as code values 0..255 with no curve undone, of a picture that is part of the program.
+///
+/// # Panics
+/// When `bytes` are no whole JPEG, PNG or TIFF, which a test of the embedded pictures rules out.
+pub fn embedded(bytes: &'static [u8]) -> [Plane; 3] {
+    let raster = decode(bytes, &Limits::default()).expect("pictures that are part of the program decode");
+    let step = raster.layout.samples();
+    let scale = if raster.bits == 8 { 1.0 } else { 1.0 / 257.0 };
+    [0, 1, 2].map(|channel| {
+        let at = if raster.layout.is_grey() { 0 } else { channel };
+        let codes =
+            raster.samples.iter().skip(at).step_by(step).map(|&code| f32::from(code) * scale).collect();
+        Plane::from_vec(raster.size, codes).unwrap_or_else(|| Plane::zeros(raster.size))
+    })
+}
+
+/// The bytes of a plain file no longer than the limit.
+fn read_bytes(path: &Path, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
+    let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
+    let read = |source: std::io::Error| PictureError::Read { path: path.to_owned(), source };
+    // A pipe would block the open and a link may lead anywhere: neither is a photo.
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let file = match rustix::fs::open(path, flags, Mode::empty()) {
+        Ok(fd) => std::fs::File::from(fd),
+        Err(rustix::io::Errno::LOOP) => return Err(refused(Flaw::NotAFile { found: "a link" })),
+        Err(errno) => return Err(read(errno.into())),
+    };
+    let about = file.metadata().map_err(read)?;
+    if !about.is_file() {
+        let found = if about.is_dir() { "a folder" } else { "a pipe or device" };
+        return Err(refused(Flaw::NotAFile { found }));
+    }
+    if about.len() > limits.bytes_max {
+        return Err(refused(Flaw::TooLong { found: about.len(), allowed: limits.bytes_max }));
+    }
+    let mut bytes = Vec::with_capacity(about.len() as usize);
+    file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pictures_that_are_part_of_the_program_decode() {
+        for bytes in [
+            &include_bytes!("../../tests/scenes/astronaut.png")[..],
+            include_bytes!("../../tests/scenes/coffee.png"),
+            include_bytes!("../../tests/scenes/rocket.jpg"),
+        ] {
+            let planes = embedded(bytes);
+            assert!(planes[0].size().area() > 100_000 && planes.iter().all(|p| p.mean() > 5.0));
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Whether a photo has the rig's shape.
+
+use crate::frame::Size;
+
+/// Whether two sizes have one shape, up to the rounding of a side to whole pixels.
+pub(super) fn same_shape(found: Size, allowed: Size) -> bool {
+    let (fw, fh) = (found.width as i128, found.height as i128);
+    let (aw, ah) = (allowed.width as i128, allowed.height as i128);
+    // The height of `allowed`'s shape at `found`'s width is fw·ah/aw; half a pixel off is rounding.
+    2 * (fw * ah - fh * aw).abs() <= aw.max(ah)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shape_allows_rounding_and_nothing_more() {
+        let rig = Size::new(1024, 768);
+        for same in [Size::new(1024, 768), Size::new(4000, 3000), Size::new(641, 481), Size::new(333, 250)] {
+            assert!(same_shape(same, rig), "{same}");
+        }
+        for other in
+            [Size::new(768, 1024), Size::new(1024, 766), Size::new(4000, 2250), Size::new(1024, 1024)]
+        {
+            assert!(!same_shape(other, rig), "{other}");
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! The photo's transfer curve: codes to linear light 0..255, and back to the nearest code.
+
+use moxcms::{ColorProfile, DataColorSpace, ToneReprCurve};
+
+use crate::config::Curve;
+use crate::frame::{Channel, FULL_SCALE, Plane};
+
+/// Light 0..1 of a code 0..1.
+fn light(curve: Curve, code: f64) -> f64 {
+    match curve {
+        Curve::Linear => code,
+        // IEC 61966-2-1, equations 5 and 6.
+        Curve::Srgb if code <= 0.040_45 => code / 12.92,
+        Curve::Srgb => ((code + 0.055) / 1.055).powf(2.4),
+    }
+}
+
+/// Tables from code to linear light, one a channel, strictly as deep as the file's samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tone {
+    tables: [Vec<f32>; 3],
+    /// Where the tables come from, for the report.
+    origin: &'static str,
+}
+
+impl Tone {
+    /// The same `curve` in all channels, for samples of `bits` (8 or 16).
+    pub fn of_curve(curve: Curve, bits: u8) -> Tone {
+        let table = table(bits, |code| light(curve, code));
+        let origin = match curve {
+            Curve::Srgb => "sRGB",
+            Curve::Linear => "linear",
+        };
+        Tone { tables: [table.clone(), table.clone(), table], origin }
+    }
+
+    /// The tone curves of an embedded ICC profile; `grey` when the samples are grey.
+    ///
+    /// # Errors
+    /// A sentence saying why the profile has no usable curves (not an RGB or grey one, look-up tables
+    /// only, curves that fall).
+    pub fn of_profile(icc: &[u8], bits: u8, grey: bool) -> Result<Tone, &'static str> {
+        let profile = ColorProfile::new_from_slice(icc).map_err(|_| "it cannot be read")?;
+        let curves = match (profile.color_space, grey) {
+            (DataColorSpace::Gray, true) => {
+                let curve = profile.gray_trc.ok_or("it has no tone curve")?;
+                [curve.clone(), curve.clone(), curve]
+            }
+            (DataColorSpace::Rgb, _) => match (profile.red_trc, profile.green_trc, profile.blue_trc) {
+                (Some(red), Some(green), Some(blue)) => [red, green, blue],
+                _ => return Err("it has no tone curves"),
+            },
+            _ => return Err("it is for another kind of picture"),
+        };
+        let mut tables = Vec::with_capacity(3);
+        for curve in &curves {
+            tables.push(profile_table(curve, bits)?);
+        }
+        let tables = <[Vec<f32>; 3]>::try_from(tables).map_err(|_| "it has no three curves")?;
+        Ok(Tone { tables, origin: "ICC profile" })
+    }
+
+    /// Where the curve comes from: `sRGB`, `linear` or `ICC profile`.
+    pub fn origin(&self) -> &'static str {
+        self.origin
+    }
+
+    /// Linear light 0..255 of a sample `code` in channel `channel` (0..3).
+    pub(super) fn light(&self, channel: usize, code: u16) -> f32 {
+        let table = &self.tables[channel];
+        table[usize::from(code).min(table.len() - 1)]
+    }
+
+    /// The code whose light lies at `light`, rounded in codes; light outside the range is clipped.
+    pub(super) fn code(&self, channel: usize, light: f32) -> u16 {
+        let table = &self.tables[channel];
+        // First entry above: `light` lies in the step that ends there.
+        let above = table.partition_point(|&v| v <= light);
+        if above == 0 {
+            return 0;
+        }
+        let below = above - 1;
+        let Some(&top) = table.get(above) else { return (table.len() - 1) as u16 };
+        let share = (light - table[below]) / (top - table[below]);
+        (if share >= 0.5 { above } else { below }) as u16
+    }
+
+    /// The light of a plane of 8-bit codes.
+    pub fn plane(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
+        codes.map(|code| self.light(channel.index(), u16::from(code)))
+    }
+
+    /// The display values, 0..255, of a plane of linear light: its codes, rounded as a file's are.
+    pub fn display(&self, channel: Channel, light: &Plane) -> Plane {
+        let scale = 255.0 / (self.tables[channel.index()].len() - 1) as f32;
+        light.map(|v| f32::from(self.code(channel.index(), v)) * scale)
+    }
+
+    /// The codes of a plane of linear light.
+    pub(super) fn codes(&self, channel: usize, light: &Plane) -> Vec<u16> {
+        light.data().iter().map(|&v| self.code(channel, if v.is_finite() { v } else { 0.0 })).collect()
+    }
+}
+
+fn table(bits: u8, light: impl Fn(f64) -> f64) -> Vec<f32> {
+    let top = if bits > 8 { 65535 } else { 255 };
+    (0..=top).map(|code| (light(f64::from(code) / f64::from(top)) * f64::from(FULL_SCALE)) as f32).collect()
+}
+
+fn profile_table(curve: &ToneReprCurve, bits: u8) -> Result<Vec<f32>, &'static str> {
+    let evaluator = curve.make_linear_evaluator().map_err(|_| "its tone curve is of an unknown kind")?;
+    let table = table(bits, |code| f64::from(evaluator.evaluate_value(code as f32)).clamp(0.0, 1.0));
+    let rises = table.windows(2).all(|w| w[0] <= w[1]) && table.last() > table.first();
+    if rises { Ok(table) } else { Err("its tone curve falls") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_comes_back() {
+        for bits in [8u8, 16] {
+            for curve in [Curve::Srgb, Curve::Linear] {
+                let tone = Tone::of_curve(curve, bits);
+                let top = if bits == 8 { 255 } else { 65535u16 };
+                for code in 0..=top {
+                    assert_eq!(tone.code(1, tone.light(1, code)), code, "{curve:?} {bits} bits");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn srgb_is_the_standards_curve() {
+        let tone = Tone::of_curve(Curve::Srgb, 8);
+        // IEC 61966-2-1: code 128 is 21.586 % light.
+        assert!((tone.light(0, 128) / FULL_SCALE - 0.215_861).abs() < 1e-5);
+        assert_eq!((tone.light(0, 0), tone.light(0, 255)), (0.0, FULL_SCALE));
+    }
+
+    #[test]
+    fn light_out_of_range_is_clipped() {
+        let tone = Tone::of_curve(Curve::Srgb, 8);
+        assert_eq!((tone.code(0, -3.0), tone.code(0, 300.0)), (0, 255));
+    }
+
+    #[test]
+    fn a_profiles_curve_is_used_and_a_broken_profile_says_so() {
+        let mut profile = ColorProfile::new_srgb();
+        let gamma = moxcms::curve_from_gamma(1.8);
+        (profile.red_trc, profile.green_trc, profile.blue_trc) =
+            (Some(gamma.clone()), Some(gamma.clone()), Some(gamma));
+        let icc = profile.encode().unwrap();
+        let tone = Tone::of_profile(&icc, 8, false).unwrap();
+        let want = (128.0f64 / 255.0).powf(1.8) * 255.0;
+        assert!((f64::from(tone.light(2, 128)) - want).abs() < 0.2, "{} {want}", tone.light(2, 128));
+        assert!((0..=255).all(|c| tone.code(0, tone.light(0, c)).abs_diff(c) == 0));
+        assert!(Tone::of_profile(b"nonsense", 8, false).is_err());
+    }
+}

@@ -1,0 +1,54 @@
+//! Turning a picture upright: the eight EXIF orientations, applied to planes.
+
+use crate::frame::{Plane, Size};
+
+/// How stored pixels must be turned to stand upright (EXIF 2.3 tag 0x0112).
+pub use image::metadata::Orientation;
+
+/// Width and height after turning.
+pub(super) fn turned_size(size: Size, orientation: Orientation) -> Size {
+    if swaps(orientation) { Size::new(size.height, size.width) } else { size }
+}
+
+/// Whether turning swaps width and height.
+pub(super) fn swaps(orientation: Orientation) -> bool {
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
+}
+
+/// The plane as it is to be looked at.
+pub(super) fn turn<T: Copy + Default>(plane: &Plane<T>, orientation: Orientation) -> Plane<T> {
+    let (w, h) = (plane.width(), plane.height());
+    let (right, bottom) = (w.wrapping_sub(1), h.wrapping_sub(1));
+    // (x, y) is a place in the upright picture; the EXIF standard's table of where row 0 and column 0 are.
+    Plane::from_fn(turned_size(plane.size(), orientation), |x, y| match orientation {
+        Orientation::NoTransforms => plane.at(x, y),
+        Orientation::FlipHorizontal => plane.at(right - x, y),
+        Orientation::Rotate180 => plane.at(right - x, bottom - y),
+        Orientation::FlipVertical => plane.at(x, bottom - y),
+        Orientation::Rotate90FlipH => plane.at(y, x),
+        Orientation::Rotate90 => plane.at(y, bottom - x),
+        Orientation::Rotate270FlipH => plane.at(right - y, bottom - x),
+        Orientation::Rotate270 => plane.at(right - y, x),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_eight_agree_with_the_image_crate() {
+        let size = Size::new(5, 3);
+        let plane = Plane::from_fn(size, |x, y| (10 * y + x) as u8);
+        for tag in 1..=8 {
+            let orientation = Orientation::from_exif(tag).unwrap();
+            let grey = image::GrayImage::from_raw(5, 3, plane.data().to_vec()).unwrap();
+            let mut witness = image::DynamicImage::ImageLuma8(grey);
+            witness.apply_orientation(orientation);
+            let turned = turn(&plane, orientation);
+            assert_eq!(turned.data(), witness.as_bytes(), "orientation {tag}");
+            assert_eq!(turned.width(), witness.width() as usize);
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! The methods as a rig file sets them.
+
+use crate::config::{self, Rig};
+use crate::restore::method::Method;
+use crate::restore::method::Strength;
+use crate::restore::method::baselines::{RichardsonLucy, Wiener};
+use crate::restore::method::digital::Digital;
+use crate::restore::method::hybrid::Hybrid;
+use crate::restore::method::paper::{Backward, Paper};
+use crate::restore::method::residual::Residual;
+use crate::restore::method::unmatched::Unmatched;
+use crate::restore::patches::PatchShape;
+
+/// Iterations of `residual`: 25 captures, where the study compares it.
+const RESIDUAL_ITERATIONS: u32 = 5;
+/// Iterations of `unmatched`: 11 captures, where the study compares it.
+const UNMATCHED_ITERATIONS: u32 = 11;
+/// The optics-only method steps with a noisy backward convolution and shrinks more: the study's best
+/// threshold at one grey level is 0.3, against 0.1 for the lens model.
+const RESIDUAL_STRENGTH_FACTOR: f32 = 3.0;
+/// Steps of Richardson–Lucy: where the study's quality peaks at one grey level of noise.
+const RICHARDSON_LUCY_STEPS: u32 = 20;
+/// Noise-to-signal power of the Wiener filter at one grey level: the study's best.
+const WIENER_NOISE_TO_SIGNAL: f32 = 0.01;
+/// Share of the solve's steps that each correction takes; it starts from the solution.
+const CORRECTION_SHARE: f32 = 1.0 / 3.0;
+/// Shrinkage of the measured defect, in standard deviations of its noise. Measured 2026-11-21, see
+/// `tests/tables/study.md`.
+const DEFECT_THRESHOLD: f32 = 2.0;
+/// Defect below this share of the noise floor counts as none.
+const DEFECT_FLOOR: f32 = 0.25;
+
+/// The method `which` with the parameters of `rig`.
+pub fn method(rig: &Rig, which: config::Method) -> Box<dyn Method + Send + Sync> {
+    let restore = &rig.restore;
+    let strength = Strength { at_one_grey_level: restore.shrinkage_at_one_grey_level };
+    let patches = PatchShape { patch_px: rig.paper.patch_px, margin_px: rig.paper.margin_px };
+    let (levels, cycle_spun) = (restore.levels, restore.cycle_spun);
+    let digital = Digital { steps: restore.steps as u32, strength, levels, cycle_spun };
+    match which {
+        config::Method::Paper => Box::new(Paper {
+            iterations: rig.paper.iterations as u32,
+            tau: rig.paper.tau,
+            lambda: rig.paper.lambda,
+            backward: Backward::Light(patches),
+            levels,
+        }),
+        config::Method::Residual => Box::new(Residual {
+            iterations: RESIDUAL_ITERATIONS,
+            strength: Strength { at_one_grey_level: RESIDUAL_STRENGTH_FACTOR * strength.at_one_grey_level },
+            patches,
+            levels,
+            cycle_spun,
+        }),
+        config::Method::Unmatched => {
+            Box::new(Unmatched { iterations: UNMATCHED_ITERATIONS, strength, levels, cycle_spun })
+        }
+        config::Method::Hybrid => Box::new(Hybrid {
+            digital,
+            correction_steps: (CORRECTION_SHARE * digital.steps as f32).ceil() as u32,
+            captures_max: 1 + restore.corrections_max as u32,
+            defect_threshold: DEFECT_THRESHOLD,
+            defect_floor: DEFECT_FLOOR,
+        }),
+        config::Method::Digital => Box::new(digital),
+        config::Method::Wiener => Box::new(Wiener { noise_to_signal: WIENER_NOISE_TO_SIGNAL }),
+        config::Method::RichardsonLucy => Box::new(RichardsonLucy { steps: RICHARDSON_LUCY_STEPS }),
+    }
+}

@@ -1,0 +1,184 @@
+//! One photo restored on a calibrated rig: prepare B, solve, line the colours up, cut to the photo.
+//!
+//! What the photo goes through before the solver sees it, in this order, with the reason of each:
+//!
+//! | step | why |
+//! |---|---|
+//! | dark corner divided out | the light path divides it out of every capture, so B must match |
+//! | saturated pixels marked | a full pixel is only a lower bound |
+//! | placed on the canvas | light from outside the frame fell into it |
+//! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
+
+mod methods;
+
+pub use methods::method;
+
+use crate::calibration::Calibration;
+use crate::calibration::correction::{Correction, CorrectionError, Layout};
+use crate::calibration::photo_side::PhotoSide;
+use crate::config;
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Work};
+use crate::light_path::LightPath;
+use crate::restore::data_term::{self, MISSING, SATURATED, TRUSTED};
+use crate::restore::forward_convolution::ForwardConvolution;
+use crate::remedy::{Remediable, Remedy};
+use crate::restore::lens_model::{LensModel, LensModelError};
+use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
+use crate::rig::exposure::Rig;
+
+/// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255; the
+/// code below it is kept as data).
+const SATURATION_SHARE: f32 = 0.998;
+
+/// Everything that a calibrated rig needs to restore photos, made once and used for many.
+pub struct Bench {
+    correction: Correction,
+    photo_side: PhotoSide,
+    model: LensModel,
+    norm_squared: [f32; 3],
+    capture_noise: [f32; 3],
+    black_surround: bool,
+}
+
+/// A photo restored.
+#[derive(Debug, Clone)]
+pub struct Restored {
+    /// The picture, photo-sized, linear light 0..255.
+    pub picture: Frame<Work>,
+    /// What the method returned, on its canvas.
+    pub solution: Solution,
+    /// Captures this photo cost.
+    pub captures: usize,
+    /// Seconds of those captures on the rig's clock.
+    pub capture_seconds: f64,
+    /// Seconds on the stopwatch spent waiting for captures (and, on a simulated rig, computing them).
+    pub waited_seconds: f64,
+    /// The photo's noise per channel as measured, grey levels.
+    pub photo_noise: [f32; 3],
+}
+
+impl Bench {
+    /// The bench of a rig and its calibration.
+    ///
+    /// # Errors
+    /// When the calibration does not fit the rig file.
+    pub fn new(rig: &config::Rig, calibration: &Calibration) -> Result<Self, BenchError> {
+        let layout = layout(rig);
+        Ok(Bench {
+            model: LensModel::new(layout.photo, layout.margin_px, &calibration.functions)?,
+            photo_side: PhotoSide::new(calibration, &layout),
+            norm_squared: calibration.norm_squared,
+            capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
+            black_surround: layout.margin_px == 0,
+            correction: Correction::new(calibration, layout)?,
+        })
+    }
+
+    /// The measured lens.
+    pub fn model(&self) -> &LensModel {
+        &self.model
+    }
+
+    /// The path between Work and the devices.
+    pub fn correction(&self) -> &Correction {
+        &self.correction
+    }
+
+    /// B on its canvas and what each of its pixels is worth.
+    pub fn prepare(&self, photo: &Frame<Work>) -> (Frame<Work>, Frame<Work, u8>) {
+        let (canvas, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+        let mut flat = photo.clone();
+        self.photo_side.undo_dark_corner(&mut flat);
+        let trust = Frame::from_fn(|c| {
+            let full = SATURATION_SHARE * FULL_SCALE;
+            let inner = photo.plane(c).map(|v: f32| if v >= full { SATURATED } else { TRUSTED });
+            data_term::place(&inner, canvas, rect, MISSING)
+        });
+        let placed = Frame::from_fn(|c| {
+            if self.black_surround {
+                data_term::place(flat.plane(c), canvas, rect, 0.0)
+            } else {
+                data_term::place_with_edges(flat.plane(c), canvas, rect)
+            }
+        });
+        (placed, trust)
+    }
+
+    fn finished(&self, picture: &Frame<Work>, channels: Channels) -> Frame<Work> {
+        match channels {
+            Channels::Colour => self.photo_side.line_up_colours(picture),
+            Channels::Green => picture.clone(),
+        }
+    }
+
+    /// Restores `photo` (photo-sized, linear light) with `method` on `rig`.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    pub fn restore(
+        &self,
+        rig: &mut Rig,
+        photo: &Frame<Work>,
+        channels: Channels,
+        method: &dyn Method,
+        stopwatch: &(dyn Fn() -> f64 + Sync),
+        watch: &mut Watch<'_>,
+    ) -> Result<Restored, MethodError> {
+        let mut path = LightPath::new(rig, &self.correction, stopwatch);
+        let (captures, seconds) = (path.captures(), path.seconds());
+        let (placed, trust) = self.prepare(photo);
+        let photo_noise = Channel::ALL.map(|c| data_term::noise_of(photo.plane(c)));
+        let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+        let problem = Problem {
+            photo: &placed,
+            trust: &trust,
+            rect,
+            channels,
+            model: Some(&self.model),
+            norm_squared: self.norm_squared,
+            photo_noise,
+            capture_noise: self.capture_noise,
+            stopwatch,
+        };
+        let solution = method.solve(&problem, &mut path, watch)?;
+        let picture = self.finished(&solution.picture, channels).crop(rect);
+        Ok(Restored {
+            picture,
+            captures: path.captures() - captures,
+            capture_seconds: path.seconds() - seconds,
+            waited_seconds: path.waited_seconds(),
+            photo_noise,
+            solution,
+        })
+    }
+}
+
+/// The devices' sizes of a rig file, as a calibration needs them.
+pub fn layout(rig: &config::Rig) -> Layout {
+    Layout {
+        panel: rig.panel.size(),
+        sensor: rig.camera.size(),
+        photo: rig.photo.size(),
+        photo_x_px: rig.camera.photo_x_px,
+        photo_y_px: rig.camera.photo_y_px,
+        margin_px: rig.canvas.margin_px,
+        saturated: rig.camera.count_max(),
+    }
+}
+
+/// Why a rig and a calibration do not go together.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// The lens functions do not fit.
+    #[error("the calibration's lens functions cannot be used")]
+    Lens(#[from] LensModelError),
+    /// The corrections do not fit.
+    #[error("the calibration cannot be put to work")]
+    Correction(#[from] CorrectionError),
+}
+
+impl Remediable for BenchError {
+    fn remedy(&self) -> Remedy {
+        Remedy::Recalibrate
+    }
+}

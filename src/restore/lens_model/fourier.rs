@@ -1,0 +1,216 @@
+//! Complex Fourier transforms of eight lines at once, one line a lane.
+//!
+//! Stockham's self-sorting form in passes of radix 2, 3, 4 and 5. With one line a lane every step is the same
+//! for all eight, needs no shuffles and vectorises completely: transforms down the columns of a picture, which
+//! a library that transforms line by line can only do after transposing, cost no more than along its rows.
+
+use super::lanes::Complex;
+use std::f64::consts::TAU;
+
+/// A transform of one length.
+#[derive(Debug, Clone)]
+pub(super) struct Fourier {
+    length: usize,
+    passes: Vec<Pass>,
+}
+
+#[derive(Debug, Clone)]
+struct Pass {
+    radix: usize,
+    /// Butterflies with different factors.
+    groups: usize,
+    /// Butterflies with the same factors: neighbours in memory.
+    stride: usize,
+    /// w^(p·j) for p in 0..groups, j in 1..radix; w = e^(−2πi / (groups · radix)).
+    factors: Vec<[f32; 2]>,
+}
+
+impl Fourier {
+    /// The transform of `length` numbers, a product of 2, 3 and 5.
+    pub(super) fn new(length: usize) -> Self {
+        let mut passes = Vec::new();
+        let (mut left, mut stride) = (length, 1);
+        for radix in [5, 3, 4, 2] {
+            while left.is_multiple_of(radix) && left > 1 {
+                let groups = left / radix;
+                let factors = (0..groups)
+                    .flat_map(|p| (1..radix).map(move |j| -TAU * (p * j) as f64 / left as f64))
+                    .map(|angle| [angle.cos() as f32, angle.sin() as f32])
+                    .collect();
+                passes.push(Pass { radix, groups, stride, factors });
+                stride *= radix;
+                left = groups;
+            }
+        }
+        debug_assert_eq!(left, 1, "a product of 2, 3 and 5");
+        Fourier { length, passes }
+    }
+
+    /// Length of the lines.
+    pub(super) fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Transforms `data` with factors e^(−2πi fx/n), or e^(+…) when `INVERSE`, unscaled. The result is in the
+    /// returned one of the two buffers, the other is spoilt.
+    #[inline(always)]
+    pub(super) fn run<'a, const INVERSE: bool>(
+        &self,
+        data: &'a mut [Complex],
+        spare: &'a mut [Complex],
+    ) -> (&'a mut [Complex], &'a mut [Complex]) {
+        let (mut from, mut to) = (&mut data[..self.length], &mut spare[..self.length]);
+        for pass in &self.passes {
+            match pass.radix {
+                2 => pass.run::<2, INVERSE>(from, to),
+                3 => pass.run::<3, INVERSE>(from, to),
+                4 => pass.run::<4, INVERSE>(from, to),
+                _ => pass.run::<5, INVERSE>(from, to),
+            }
+            std::mem::swap(&mut from, &mut to);
+        }
+        (from, to)
+    }
+}
+
+impl Pass {
+    #[inline(always)]
+    fn run<const RADIX: usize, const INVERSE: bool>(&self, from: &[Complex], to: &mut [Complex]) {
+        let (groups, stride) = (self.groups, self.stride);
+        let apart = groups * stride;
+        let from = &from[..RADIX * apart];
+        for (p, out) in to.chunks_exact_mut(RADIX * stride).enumerate() {
+            let mut factors = [[1.0, 0.0]; RADIX];
+            for (factor, w) in factors[1..].iter_mut().zip(&self.factors[p * (RADIX - 1)..]) {
+                *factor = if INVERSE { [w[0], -w[1]] } else { *w };
+            }
+            for q in 0..stride {
+                let mut values = [Complex::default(); RADIX];
+                for (j, value) in values.iter_mut().enumerate() {
+                    *value = from[p * stride + q + j * apart];
+                }
+                butterfly::<RADIX, INVERSE>(&mut values);
+                out[q] = values[0];
+                for j in 1..RADIX {
+                    out[q + j * stride] = values[j].times(factors[j]);
+                }
+            }
+        }
+    }
+}
+
+/// The transform of `RADIX` numbers.
+#[inline(always)]
+fn butterfly<const RADIX: usize, const INVERSE: bool>(v: &mut [Complex; RADIX]) {
+    let sign = if INVERSE { 1.0 } else { -1.0 };
+    match RADIX {
+        2 => (v[0], v[1]) = (v[0] + v[1], v[0] - v[1]),
+        3 => {
+            let (sum, difference) = (v[1] + v[2], v[1] - v[2]);
+            let middle = v[0] + sum * -0.5;
+            let side = (difference * (sign * HALF_ROOT_3)).times_i();
+            (v[0], v[1], v[2]) = (v[0] + sum, middle + side, middle - side);
+        }
+        4 => {
+            let (even_sum, even_difference) = (v[0] + v[2], v[0] - v[2]);
+            let (odd_sum, odd_difference) = (v[1] + v[3], v[1] - v[3]);
+            let turned = odd_difference.times_i();
+            let (second, fourth) = if INVERSE {
+                (even_difference + turned, even_difference - turned)
+            } else {
+                (even_difference - turned, even_difference + turned)
+            };
+            (v[0], v[1], v[2], v[3]) = (even_sum + odd_sum, second, even_sum - odd_sum, fourth);
+        }
+        _ => {
+            let (near_sum, near_difference) = (v[1] + v[4], v[1] - v[4]);
+            let (far_sum, far_difference) = (v[2] + v[3], v[2] - v[3]);
+            let first = v[0] + near_sum * COS_72 + far_sum * COS_144;
+            let second = v[0] + near_sum * COS_144 + far_sum * COS_72;
+            let first_side =
+                (near_difference * (sign * SIN_72) + far_difference * (sign * SIN_144)).times_i();
+            let second_side =
+                (near_difference * (sign * SIN_144) - far_difference * (sign * SIN_72)).times_i();
+            v[0] = v[0] + near_sum + far_sum;
+            (v[1], v[4]) = (first + first_side, first - first_side);
+            (v[2], v[3]) = (second + second_side, second - second_side);
+        }
+    }
+}
+
+const HALF_ROOT_3: f32 = 0.866_025_4;
+const COS_72: f32 = 0.309_017;
+const COS_144: f32 = -0.809_017;
+const SIN_72: f32 = 0.951_056_5;
+const SIN_144: f32 = 0.587_785_25;
+
+/// The length of at least `least` that transforms soonest: by count of operations a number and pass, where
+/// loading and storing it counts as four more (a guess).
+pub(super) fn fast_length(least: usize) -> usize {
+    let cost = |n: usize| {
+        let (mut left, mut a_number) = (n, 0.0);
+        for (radix, operations) in [(5, 16.4), (3, 12.7), (4, 8.5), (2, 5.0)] {
+            while left.is_multiple_of(radix) && left > 1 {
+                a_number += operations + 4.0;
+                left /= radix;
+            }
+        }
+        (left == 1).then_some(n as f64 * a_number)
+    };
+    // A power of two is never further than twice away.
+    (least.max(1)..=2 * least.max(1))
+        .filter_map(|n| cost(n).map(|c| (c, n)))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or(least, |(_, n)| n)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::restore::lens_model::lanes::LANES;
+
+    #[test]
+    fn transforms_are_their_sums_and_come_back() {
+        for n in [1, 2, 3, 4, 5, 6, 8, 9, 12, 15, 16, 20, 30, 36, 45, 60, 64, 125, 180, 256, 288] {
+            let fourier = Fourier::new(n);
+            let mut data = vec![Complex::default(); n];
+            let mut random = 1u32;
+            for value in &mut data {
+                for lane in 0..LANES {
+                    random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    value.re.0[lane] = (random >> 16) as f32 / 65536.0 - 0.5;
+                    value.im.0[lane] = (random & 0xffff) as f32 / 65536.0 - 0.5;
+                }
+            }
+            let original = data.clone();
+            let mut spare = data.clone();
+            let (found, other) = fourier.run::<false>(&mut data, &mut spare);
+            for lane in [0, 7] {
+                for (f, value) in found.iter().enumerate() {
+                    let (mut re, mut im) = (0.0, 0.0);
+                    for (x, v) in original.iter().enumerate() {
+                        let (s, c) = (-TAU * (f * x % n) as f64 / n as f64).sin_cos();
+                        let (a, b) = (f64::from(v.re.0[lane]), f64::from(v.im.0[lane]));
+                        re += a * c - b * s;
+                        im += a * s + b * c;
+                    }
+                    let far = (f64::from(value.re.0[lane]) - re).hypot(f64::from(value.im.0[lane]) - im);
+                    assert!(far < 1e-5 * (n as f64).sqrt() + 1e-6, "{n} {f}: {far}");
+                }
+            }
+            let (back, _) = fourier.run::<true>(found, other);
+            for (a, b) in back.iter().zip(&original) {
+                assert!((a.re.0[3] / n as f32 - b.re.0[3]).abs() < 1e-6, "{n}");
+            }
+        }
+    }
+
+    #[test]
+    fn fast_lengths_are_long_enough_products() {
+        for least in 1..700 {
+            let n = fast_length(least);
+            assert!(n >= least && n <= 2 * least.max(1));
+            assert_eq!(Fourier::new(n).length(), n);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The bed of these tests: a rig's size, a clock, a restorer that brightens, and files made on the spot.
+
+use std::cell::Cell;
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::time::{Duration, UNIX_EPOCH};
+
+use relens::config::Curve;
+use relens::daemon::{
+    Certificate, Daemon, DaemonError, Folders, Iteration, Progress, Restored, Restorer, Setting, Summary,
+    Watcher,
+};
+use relens::frame::{Frame, Plane, Size, Work};
+use relens::picture::{Format, Limits, Manner, Photo, encode};
+use relens::remedy::{AnyFailure, Remediable, Remedy};
+use relens::rig::{Clock, Moment};
+
+pub const RIG: Size = Size::new(64, 48);
+
+/// A clock that passes when waited on.
+#[derive(Default)]
+pub struct TestClock(pub Cell<f64>);
+
+impl Clock for TestClock {
+    fn now(&self) -> Moment {
+        Moment(self.0.get())
+    }
+    fn wait_until(&self, moment: Moment) {
+        self.0.set(self.0.get().max(moment.0));
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("the lamp is out")]
+pub struct LampOut(Remedy);
+
+impl Remediable for LampOut {
+    fn remedy(&self) -> Remedy {
+        self.0
+    }
+}
+
+/// Adds ten grey levels of light, or fails as told.
+#[derive(Default)]
+pub struct Brightener {
+    /// Failures to come, the next one last.
+    pub failures: Vec<Remedy>,
+    pub mended: Vec<Remedy>,
+    pub cannot_mend: bool,
+    pub untouched: bool,
+    pub panics: bool,
+    pub restored: usize,
+}
+
+impl Restorer for Brightener {
+    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+        progress(Progress { done: 0.5, doing: "brightening", captures: 1 });
+        assert!(!self.panics, "told to");
+        if let Some(remedy) = self.failures.pop() {
+            return Err(Box::new(LampOut(remedy)));
+        }
+        self.restored += 1;
+        Ok(Restored {
+            picture: Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 10.0)),
+            untouched: self.untouched,
+            method: "brighten".into(),
+            rung: 2,
+            rung_reason: "told to".into(),
+            captures: 1,
+            seconds: 0.5,
+            certificate: Some(Certificate { residual_grey_levels: 1.0, floor_grey_levels: 1.0 }),
+            notes: vec![],
+            iterations: vec![Iteration { residual_grey_levels: 1.0, captures: 1, seconds: 0.5 }],
+        })
+    }
+
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
+        self.mended.push(remedy);
+        if self.cannot_mend { Err(Box::new(LampOut(Remedy::CallOperator))) } else { Ok(()) }
+    }
+}
+
+pub fn setting() -> Setting {
+    Setting::new("test rig", RIG, Curve::Srgb)
+}
+
+pub fn once_with(
+    root: &Path,
+    restorer: &mut Brightener,
+    watcher: &mut dyn Watcher,
+) -> Result<Summary, DaemonError> {
+    let clock = TestClock::default();
+    let calendar = || UNIX_EPOCH + Duration::from_secs(1_700_000_000);
+    let folders = Folders::open(root)?;
+    Daemon::open(folders, setting(), restorer, &clock, &calendar, watcher)?.once()
+}
+
+pub fn once(root: &Path) -> Summary {
+    once_with(root, &mut Brightener::default(), &mut ()).unwrap()
+}
+
+pub fn scene(size: Size) -> Frame<Work> {
+    Frame::from_fn(|c| Plane::from_fn(size, |x, y| ((x * 3 + y * 2) % 200 + 10 * c.index()) as f32))
+}
+
+pub fn file(format: Format, bits: u8, size: Size) -> Vec<u8> {
+    encode("scene", &scene(size), &Manner::plain(format, bits, Curve::Srgb), false).unwrap()
+}
+
+pub fn drop_in(root: &Path, name: &str, bytes: &[u8]) {
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    std::fs::write(root.join("inbox").join(name), bytes).unwrap();
+}
+
+/// Visible names in a folder, without the gallery's own.
+pub fn names(folder: &Path) -> BTreeSet<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let names = entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned());
+    names.filter(|n| !n.starts_with('.') && n != "index.html" && n != "gallery").collect()
+}
+
+pub fn set(names: &[&str]) -> BTreeSet<String> {
+    names.iter().map(|&n| n.to_owned()).collect()
+}
+
+pub fn read_back(path: &Path) -> Photo {
+    Photo::read(path, Curve::Srgb, &Limits::default()).unwrap()
+}
+
+/// A fresh root, in memory where there is such a place: these tests sync a thousand files.
+pub fn fresh_root() -> tempfile::TempDir {
+    let memory = Path::new("/dev/shm");
+    if memory.is_dir() { tempfile::tempdir_in(memory).unwrap() } else { tempfile::tempdir().unwrap() }
+}

@@ -1,0 +1,268 @@
+//! What goes in and what comes out: formats, bad files, names, orientation, profiles, shapes.
+
+use std::collections::BTreeSet;
+use std::time::SystemTime;
+
+use relens::config::Curve;
+use relens::daemon::{Daemon, Folders, Report};
+use relens::frame::{Plane, Size};
+use relens::picture::{Format, Layout, Manner, Orientation, encode};
+use relens::rig::{Clock, Moment};
+
+use crate::bed::*;
+
+#[test]
+fn every_format_comes_out_as_it_came_in() {
+    let root = fresh_root();
+    let root = root.path();
+    for (name, format, bits) in [
+        ("a.jpg", Format::Jpeg, 8),
+        ("b.png", Format::Png, 8),
+        ("c.png", Format::Png, 16),
+        ("d.tif", Format::Tiff, 16),
+        ("e.tiff", Format::Tiff, 8),
+    ] {
+        drop_in(root, name, &file(format, bits, RIG));
+        let summary = once(root);
+        assert_eq!(summary.restored.len(), 1, "{name}: {:?}", summary.failed);
+        let result = read_back(&root.join("outbox").join(name));
+        assert_eq!((result.manner.format, result.manner.bits), (format, bits), "{name}");
+        let original = read_back(&root.join("done").join(name));
+        let brighter = result.light.planes()[1].mean() - original.light.planes()[1].mean();
+        assert!((brighter - 10.0).abs() < 1.0, "{name}: brighter by {brighter}");
+        let report = std::fs::read(root.join("outbox").join(format!("{name}.json"))).unwrap();
+        let report: Report = serde_json::from_slice(&report).unwrap();
+        assert_eq!((report.captures, report.method.as_str()), (1, "brighten"));
+        assert!(root.join("outbox").join(&report.before).is_file());
+        assert!(root.join("outbox").join(&report.after).is_file());
+    }
+    assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
+    let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
+    assert!(["a.jpg", "b.png", "c.png", "d.tif", "e.tiff"].iter().all(|name| page.contains(name)));
+}
+
+#[test]
+fn each_bad_file_gets_its_own_sentence_and_is_kept() {
+    let root = fresh_root();
+    let root = root.path();
+    let jpeg = file(Format::Jpeg, 8, Size::new(512, 384));
+    let png = file(Format::Png, 8, RIG);
+    let tiff = file(Format::Tiff, 16, RIG);
+    let mut tail = jpeg.clone();
+    tail[jpeg.len() / 2..].fill(0);
+    let mut oversized = jpeg.clone();
+    let sof = oversized.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    oversized[sof + 5..sof + 9].copy_from_slice(&[0xff; 4]);
+    let mut flipped = png.clone();
+    flipped[png.len() / 2] ^= 1;
+    let cases: [(&str, &[u8], &str); 12] = [
+        ("empty.jpg", b"", "empty: found 0 bytes"),
+        ("cut.jpg", &jpeg[..jpeg.len() / 100], "JPEG file is cut short"),
+        ("cut.png", &png[..png.len() / 2], "PNG file is cut short"),
+        ("cut.tif", &tiff[..tiff.len() - 1], "TIFF file is cut short"),
+        ("zeros.jpg", &[0; 5000], "never filled"),
+        ("tail.jpg", &tail, "never filled"),
+        ("big.jpg", &oversized, "found 65535×65535 pixels by its header"),
+        ("misnamed.jpg", &png, "found a PNG file named .jpg"),
+        ("paper.jpg", b"%PDF-1.7\nhello", "a PDF document"),
+        ("letter.txt", b"Dear Sir or Madam", "a text"),
+        ("flipped.png", &flipped, "PNG file is damaged"),
+        ("wide.png", &file(Format::Png, 8, Size::new(64, 30)), "found 64×30, allowed 64×48"),
+    ];
+    for (name, bytes, _) in &cases {
+        drop_in(root, name, bytes);
+    }
+    let summary = once(root);
+    assert_eq!((summary.failed.len(), summary.restored.len()), (cases.len(), 0), "{:?}", summary.left);
+    let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
+    let mut sentences = BTreeSet::new();
+    for (name, bytes, wanted) in &cases {
+        assert_eq!(&std::fs::read(root.join("failed").join(name)).unwrap(), bytes, "{name} is unchanged");
+        let note = std::fs::read_to_string(root.join("failed").join(format!("{name}.txt"))).unwrap();
+        assert!(note.contains(wanted) && note.contains("allowed") && note.contains(name), "{note}");
+        let reason = &summary.failed.iter().find(|f| f.photo == *name).unwrap().reason;
+        sentences.insert(reason.replace(name, ""));
+        assert!(page.contains(name), "{name} is in the gallery");
+    }
+    assert_eq!(sentences.len(), cases.len(), "no two share a sentence");
+    assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
+}
+
+#[test]
+fn a_half_copied_photo_is_refused_and_the_whole_one_taken() {
+    let root = fresh_root();
+    let root = root.path();
+    let jpeg = file(Format::Jpeg, 8, RIG);
+    drop_in(root, "a.jpg", &jpeg[..jpeg.len() / 2]);
+    assert_eq!(once(root).failed.len(), 1);
+    drop_in(root, "a.jpg", &jpeg);
+    assert_eq!(once(root).restored.len(), 1);
+    assert_eq!(names(&root.join("outbox")), set(&["a.jpg", "a.jpg.json"]));
+}
+
+/// A clock whose waits let an upload go on.
+struct Uploading<'a>(&'a dyn Fn());
+
+impl Clock for Uploading<'_> {
+    fn now(&self) -> Moment {
+        Moment(0.0)
+    }
+    fn wait_until(&self, _: Moment) {
+        (self.0)();
+    }
+}
+
+#[test]
+fn a_photo_that_is_still_growing_is_left_and_not_failed() {
+    let root = fresh_root();
+    let root = root.path();
+    let jpeg = file(Format::Jpeg, 8, RIG);
+    drop_in(root, "a.jpg", &jpeg[..jpeg.len() / 2]);
+    let rest = || std::fs::write(root.join("working/a.jpg"), &jpeg).unwrap();
+    let (clock, calendar) = (Uploading(&rest), || SystemTime::UNIX_EPOCH);
+    let (mut restorer, mut watcher) = (Brightener::default(), ());
+    let folders = Folders::open(root).unwrap();
+    let mut daemon =
+        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let summary = daemon.once().unwrap();
+    assert!(summary.failed.is_empty() && summary.left.len() == 1, "{summary:?}");
+    assert!(summary.left[0].reason.contains("still being written"));
+    drop(daemon);
+    assert_eq!(once(root).restored.len(), 1);
+}
+
+#[test]
+fn names_collide_and_nothing_is_overwritten() {
+    let root = fresh_root();
+    let root = root.path();
+    let first = file(Format::Png, 8, RIG);
+    let second = file(Format::Png, 16, RIG);
+    drop_in(root, "a.png", &first);
+    once(root);
+    drop_in(root, "a.png", &second);
+    once(root);
+    assert_eq!(names(&root.join("outbox")), set(&["a.png", "a.png.json", "a-2.png", "a-2.png.json"]));
+    assert_eq!(std::fs::read(root.join("done/a.png")).unwrap(), first);
+    assert_eq!(std::fs::read(root.join("done/a-2.png")).unwrap(), second);
+    for _ in 0..2 {
+        drop_in(root, "bad.png", b"");
+        once(root);
+    }
+    assert_eq!(names(&root.join("failed")), set(&["bad.png", "bad.png.txt", "bad-2.png", "bad-2.png.txt"]));
+}
+
+#[test]
+fn names_are_bytes_and_may_be_hostile_or_long() {
+    use std::os::unix::ffi::OsStringExt;
+    let root = fresh_root();
+    let root = root.path();
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    let latin = std::ffi::OsString::from_vec(b"M\xfcnchen.png".to_vec());
+    let long = std::ffi::OsString::from("x".repeat(251) + ".png");
+    let hostile = std::ffi::OsString::from("\"><script>alert(1)<&.png");
+    for name in [&latin, &long, &hostile] {
+        std::fs::write(root.join("inbox").join(name), file(Format::Png, 8, RIG)).unwrap();
+    }
+    let summary = once(root);
+    assert_eq!(summary.restored.len(), 3, "{:?}", summary.failed);
+    assert!(root.join("outbox").join(&latin).is_file() && root.join("outbox").join(&hostile).is_file());
+    let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
+    assert_eq!(page.matches("<script>").count(), 1, "the page's own");
+    assert!(page.contains("M%FCnchen.png"));
+}
+
+#[test]
+fn junk_uploads_under_way_and_folders_stay_where_they_are() {
+    let root = fresh_root();
+    let root = root.path();
+    for name in [".DS_Store", "a.jpg.part", "Thumbs.db", "b.jpg~"] {
+        drop_in(root, name, b"x");
+    }
+    std::fs::create_dir(root.join("inbox/holiday")).unwrap();
+    let summary = once(root);
+    assert!(summary.failed.is_empty() && summary.left.is_empty());
+    assert_eq!(names(&root.join("inbox")), set(&["a.jpg.part", "Thumbs.db", "b.jpg~", "holiday"]));
+}
+
+#[test]
+fn links_and_pipes_are_set_aside_and_never_followed() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "secret", &file(Format::Png, 8, RIG));
+    std::fs::rename(root.join("inbox/secret"), root.join("secret.png")).unwrap();
+    std::os::unix::fs::symlink(root.join("secret.png"), root.join("inbox/link.png")).unwrap();
+    let pipe = root.join("inbox/pipe.png");
+    let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, mode, 0).unwrap();
+    let summary = once(root);
+    assert_eq!(summary.failed.len(), 2, "{summary:?}");
+    assert!(summary.failed.iter().any(|f| f.reason.contains("found a link")));
+    assert!(summary.failed.iter().any(|f| f.reason.contains("found a pipe")));
+    assert!(root.join("secret.png").is_file());
+}
+
+#[test]
+fn a_turned_photo_is_restored_as_the_sensor_saw_it_and_delivered_upright() {
+    let root = fresh_root();
+    let root = root.path();
+    // EXIF: one directory with one entry, orientation 6; and a profile to carry.
+    let mut exif = b"II*\0\x08\0\0\0\x01\0".to_vec();
+    exif.extend_from_slice(&[0x12, 0x01, 3, 0, 1, 0, 0, 0, 6, 0, 0, 0, 0, 0, 0, 0]);
+    let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
+    for (name, format) in [("a.jpg", Format::Jpeg), ("a.png", Format::Png)] {
+        let mut manner = Manner::plain(format, 8, Curve::Srgb);
+        (manner.exif, manner.icc) = (Some(exif.clone()), Some(icc.clone()));
+        drop_in(root, name, &encode("scene", &scene(RIG), &manner, false).unwrap());
+        let summary = once(root);
+        assert_eq!(summary.restored.len(), 1, "{:?}", summary.failed);
+        let result = read_back(&root.join("outbox").join(name));
+        assert_eq!(result.light.size(), Size::new(48, 64), "upright");
+        assert_eq!(result.manner.orientation, Orientation::NoTransforms, "and says so");
+        assert_eq!(result.manner.icc.as_ref(), Some(&icc));
+        assert_eq!(result.manner.exif.as_ref().map(Vec::len), Some(exif.len()));
+    }
+    // Stored upright, nothing says which way the camera was held.
+    drop_in(root, "upright.png", &file(Format::Png, 8, Size::new(48, 64)));
+    let failed = once(root).failed;
+    assert!(failed[0].reason.contains("found 48×64 in portrait"), "{failed:?}");
+}
+
+#[test]
+fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
+    let summary = once(root);
+    assert!(
+        summary.restored[0].notes.iter().any(|n| n.contains("resampled from 256×192 to the rig's 64×48"))
+    );
+    assert_eq!(read_back(&root.join("outbox/big.png")).light.size(), RIG);
+}
+
+#[test]
+fn grey_photos_stay_grey_and_alpha_comes_back() {
+    let root = fresh_root();
+    let root = root.path();
+    let mut manner = Manner::plain(Format::Png, 8, Curve::Srgb);
+    manner.layout = Layout::Grey;
+    drop_in(root, "grey.png", &encode("g", &scene(RIG), &manner, true).unwrap());
+    manner.layout = Layout::RgbAlpha;
+    let alpha = Plane::from_fn(RIG, |x, _| x as f32 / 255.0);
+    manner.alpha = Some(alpha.clone());
+    drop_in(root, "alpha.png", &encode("a", &scene(RIG), &manner, false).unwrap());
+    let summary = once(root);
+    assert!(summary.restored.iter().any(|r| r.grey && r.photo == "grey.png"));
+    assert_eq!(read_back(&root.join("outbox/grey.png")).manner.layout, Layout::Grey);
+    assert_eq!(read_back(&root.join("outbox/alpha.png")).manner.alpha, Some(alpha));
+}
+
+#[test]
+fn an_untouched_photo_goes_out_byte_by_byte() {
+    let root = fresh_root();
+    let root = root.path();
+    let bytes = file(Format::Jpeg, 8, RIG);
+    drop_in(root, "a.jpg", &bytes);
+    let mut restorer = Brightener { untouched: true, ..Brightener::default() };
+    once_with(root, &mut restorer, &mut ()).unwrap();
+    assert_eq!(std::fs::read(root.join("outbox/a.jpg")).unwrap(), bytes);
+}

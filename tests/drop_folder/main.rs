@@ -1,0 +1,11 @@
+//! The drop folder with a restorer that only brightens: what goes in, what comes out, what survives a stop.
+
+// The functions that the tests share stop a test as the tests themselves do.
+#![allow(clippy::unwrap_used)]
+// One crate of a few files, which share by `pub`.
+#![allow(unreachable_pub)]
+
+mod bed;
+mod files;
+mod remedies;
+mod stops;

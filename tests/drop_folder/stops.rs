@@ -1,0 +1,89 @@
+//! A stop between any two steps: nothing lost, nothing doubled, nothing taken for what it is not.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use relens::daemon::{Step, Watcher};
+use relens::picture::Format;
+
+use crate::bed::*;
+
+/// Stops the program, as far as the daemon can tell, at one step.
+struct StopAt(Step);
+
+impl Watcher for StopAt {
+    fn step(&mut self, step: Step) {
+        if step == self.0 {
+            // A panic without its message and backtrace, which would be printed a hundred times.
+            std::panic::resume_unwind(Box::new("stopped"));
+        }
+    }
+}
+
+#[test]
+fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
+    for first in Step::ALL {
+        for second in Step::ALL {
+            let root = fresh_root();
+            let root = root.path();
+            let bytes = file(Format::Png, 8, RIG);
+            drop_in(root, "a.png", &bytes);
+            for stop in [first, second] {
+                let stopped = catch_unwind(AssertUnwindSafe(|| {
+                    once_with(root, &mut Brightener::default(), &mut StopAt(stop)).unwrap()
+                }));
+                // Exactly one copy of the original at every moment.
+                let homes = ["inbox", "working", "done", "failed"];
+                let homes = homes.iter().filter(|home| root.join(home).join("a.png").is_file()).count();
+                assert_eq!(homes, 1, "stopped at {stop:?}");
+                if root.join("done/a.png").is_file() {
+                    assert!(root.join("outbox/a.png").is_file(), "done means delivered");
+                }
+                drop(stopped);
+            }
+            // What another program left half written is no business of ours; what we left is.
+            std::fs::write(root.join("outbox/.relens-1-1.tmp"), b"half").unwrap();
+            once(root);
+            assert_eq!(names(&root.join("outbox")), set(&["a.png", "a.png.json"]), "{first:?}, {second:?}");
+            assert_eq!(std::fs::read(root.join("done/a.png")).unwrap(), bytes);
+            assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
+            let hidden = |f: &str| {
+                let entries = std::fs::read_dir(root.join(f)).unwrap();
+                entries.flatten().filter(|e| e.file_name().to_string_lossy().starts_with('.')).count()
+            };
+            assert_eq!((hidden("working"), hidden("outbox")), (0, 0), "{first:?}, {second:?}");
+        }
+    }
+}
+
+#[test]
+fn another_photo_of_the_same_name_is_not_taken_for_the_one_delivered() {
+    let root = fresh_root();
+    let root = root.path();
+    for (stop, depth) in [(Step::Moved, 8), (Step::Claimed, 16)] {
+        drop_in(root, "a.png", &file(Format::Png, depth, RIG));
+        let stopped = catch_unwind(AssertUnwindSafe(|| {
+            once_with(root, &mut Brightener::default(), &mut StopAt(stop)).unwrap()
+        }));
+        assert!(stopped.is_err());
+    }
+    once(root);
+    assert_eq!(names(&root.join("outbox")), set(&["a.png", "a.png.json", "a-2.png", "a-2.png.json"]));
+    assert_eq!(names(&root.join("done")), set(&["a.png", "a-2.png"]));
+}
+
+#[test]
+fn a_photo_that_ends_the_program_each_time_is_set_aside() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "poison.png", &file(Format::Png, 8, RIG));
+    for _ in 0..3 {
+        let stopped = catch_unwind(AssertUnwindSafe(|| {
+            once_with(root, &mut Brightener::default(), &mut StopAt(Step::Recorded)).unwrap()
+        }));
+        assert!(stopped.is_err());
+    }
+    drop_in(root, "good.png", &file(Format::Png, 8, RIG));
+    let summary = once(root);
+    assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
+    assert!(summary.failed[0].reason.contains("found 3 such attempts, allowed 3"));
+}

@@ -1,0 +1,200 @@
+//! The house rules, read from the source: layers, headers, sizes, names.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Longest file in lines.
+const LINES_MAX: usize = 500;
+
+/// Modules that may touch files, and the one reader of arrays.
+const FILES_ALLOWED: &[&str] =
+    &["calibration/store", "picture/", "config/", "evaluate", "daemon/", "frame/npy.rs", "commands/"];
+
+fn source_files(folder: &str) -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    let mut folders: Vec<PathBuf> = vec![root.join(folder)];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().into_owned();
+                let text = fs::read_to_string(&path).unwrap_or_default();
+                assert!(!text.is_empty(), "{name} cannot be read or is empty");
+                found.push((name, text));
+            }
+        }
+    }
+    assert!(!found.is_empty(), "{folder} holds sources");
+    found.sort();
+    found
+}
+
+/// The module of layer `n` that `src/<module>…` belongs to.
+fn module(name: &str) -> Option<&str> {
+    let inside = name.strip_prefix("src/")?;
+    Some(inside.split(['/', '.']).next().unwrap_or(inside))
+}
+
+/// Modules and their layers, as the table in src/lib.rs draws them. A module may use lower layers and itself.
+fn layers() -> BTreeMap<String, usize> {
+    let text =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap_or_default();
+    let mut layers = BTreeMap::new();
+    for line in text.lines() {
+        let mut cells = line.strip_prefix("//! |").into_iter().flat_map(|row| row.split('|'));
+        let (Some(Ok(layer)), Some(modules)) = (cells.next().map(|n| n.trim().parse()), cells.next()) else {
+            continue;
+        };
+        for module in modules.split("[`").skip(1) {
+            let module = module.split('`').next().unwrap_or_default().to_owned();
+            assert!(layers.insert(module.clone(), layer).is_none(), "src/lib.rs draws {module} twice");
+        }
+    }
+    layers
+}
+
+/// Every `crate::x` outside comments, `x` being the first word after it; `crate::{a, b::c}` is read too.
+fn crate_uses(text: &str) -> BTreeSet<String> {
+    let code: String =
+        text.lines().map(|line| format!("{}\n", line.split("//").next().unwrap_or(""))).collect();
+    let mut uses = BTreeSet::new();
+    for after in code.split("crate::").skip(1) {
+        let word = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+        match after.strip_prefix('{') {
+            None => {
+                uses.insert(word(after));
+            }
+            Some(list) => {
+                let (mut depth, mut start) = (0usize, true);
+                for (i, c) in list.char_indices() {
+                    match c {
+                        '}' if depth == 0 => break,
+                        '}' => depth -= 1,
+                        '{' => depth += 1,
+                        ',' if depth == 0 => start = true,
+                        c if start && !c.is_whitespace() => {
+                            uses.insert(word(&list[i..]));
+                            start = false;
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+    }
+    uses
+}
+
+#[test]
+fn the_reader_of_imports_reads_lists() {
+    let found = crate_uses("use crate::{rig::{A, B}, frame};\nlet x = crate::remedy::y(); // crate::daemon");
+    assert_eq!(found, BTreeSet::from(["rig", "frame", "remedy"].map(String::from)));
+}
+
+#[test]
+fn imports_go_strictly_down() {
+    let layers = layers();
+    let layer = |module: &str| layers.get(module).copied();
+    let mut seen = 0;
+    for (name, text) in source_files("src") {
+        let Some(own) = module(&name) else { continue };
+        if matches!(own, "lib" | "main" | "commands") {
+            continue;
+        }
+        let at =
+            layer(own).unwrap_or_else(|| panic!("{name}: the module `{own}` is in no layer of src/lib.rs"));
+        for used in crate_uses(&text) {
+            let Some(below) = layer(&used) else {
+                panic!("{name}: crate::{used} is in no layer of src/lib.rs");
+            };
+            assert!(used == own || below < at, "{name} (layer {at}) uses {used} (layer {below})");
+            seen += usize::from(used != own);
+        }
+    }
+    assert!(seen > 20, "the reader finds imports: {seen}");
+}
+
+#[test]
+fn every_module_is_in_a_layer_and_the_witness_stays_independent() {
+    let layers = layers();
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
+    for line in text.lines().filter_map(|line| line.strip_prefix("pub mod ")) {
+        let module = line.trim_end_matches(';');
+        assert!(layers.contains_key(module), "src/lib.rs draws no layer with {module}");
+    }
+    // What makes the simulator an independent witness, whatever else is drawn.
+    assert_eq!((layers["frame"], layers["remedy"]), (0, 0));
+    assert!(layers["restore"] < layers["rig"] && layers["rig"] == layers["calibration"]);
+    for (name, text) in source_files("src/rig") {
+        for used in crate_uses(&text) {
+            assert!(!["restore", "calibration"].contains(&used.as_str()), "{name} uses {used}");
+        }
+    }
+}
+
+#[test]
+fn every_file_opens_with_what_it_is_and_is_short() {
+    for (name, text) in source_files("src").into_iter().chain(source_files("tests")) {
+        assert!(text.starts_with("//! "), "{name} does not open with //!");
+        let lines = text.lines().count();
+        assert!(lines <= LINES_MAX, "{name} has {lines} lines, allowed {LINES_MAX}");
+    }
+}
+
+#[test]
+fn no_file_has_a_name_that_says_nothing() {
+    for (name, _) in source_files("src") {
+        for bad in ["util", "common", "manager", "helper", "misc"] {
+            assert!(!name.contains(bad), "{name} is named {bad}");
+        }
+    }
+}
+
+#[test]
+fn nothing_is_left_to_do_and_no_path_of_a_machine_is_in_the_tree() {
+    // Built from pieces, so that this file does not accuse itself.
+    let forbidden = [
+        ["todo", "!("],
+        ["unimplemented", "!("],
+        ["/wo", "rk/"],
+        ["/ro", "ot/"],
+        ["/ho", "me/"],
+        ["..", "/shared"],
+    ]
+    .map(|pieces| pieces.concat());
+    for (name, text) in source_files("src").into_iter().chain(source_files("tests")) {
+        for word in &forbidden {
+            assert!(!text.contains(word.as_str()), "{name} holds {word}");
+        }
+    }
+}
+
+#[test]
+fn files_time_and_chance_come_in_where_they_may() {
+    for (name, text) in source_files("src") {
+        let inside = name.trim_start_matches("src/");
+        let tests = text.find("#[cfg(test)]").unwrap_or(text.len());
+        let code = &text[..tests];
+        let is_test = inside.ends_with("tests.rs") || inside.contains("/tests/");
+        if is_test {
+            continue;
+        }
+        if !FILES_ALLOWED.iter().any(|allowed| inside.starts_with(allowed)) {
+            for word in ["std::fs::", "use std::fs;", "File::open", "OpenOptions"] {
+                assert!(!code.contains(word), "{name} touches files: {word}");
+            }
+        }
+        if !inside.starts_with("commands/") && !inside.starts_with("rig/") {
+            for word in ["Instant::now", "SystemTime::now", "thread::sleep"] {
+                assert!(!code.contains(word), "{name} reads or waits on a clock of its own: {word}");
+            }
+        }
+        for word in ["thread_rng", "rand::rng()", "from_os_rng", ".mul_add("] {
+            assert!(!code.contains(word), "{name} holds {word}");
+        }
+    }
+}
