@@ -107,7 +107,7 @@ fn level_at(rig: &mut Rig, moment: Moment) -> Result<f64, RigError> {
         let plane = exposed.counts.plane(Channel::Green);
         let (width, height) = (plane.width(), plane.height());
         let rows = height * 3 / 8..height * 5 / 8;
-        let middle = rows.clone().flat_map(|y| &plane.row(y)[width * 3 / 8..width * 5 / 8]);
+        let middle = rows.flat_map(|y| &plane.row(y)[width * 3 / 8..width * 5 / 8]);
         let (sum, count) = middle.fold((0.0, 0.0), |(sum, count), &v| (sum + f64::from(v), count + 1.0));
         return Ok(sum / count);
     }

@@ -21,7 +21,11 @@ pub struct LightPath<'a> {
 impl<'a> LightPath<'a> {
     /// The light path of `rig` under `correction`, which must have been made for it. `stopwatch` tells how
     /// long captures keep the caller waiting.
-    pub fn new(rig: &'a mut Rig, correction: &'a Correction, stopwatch: &'a (dyn Fn() -> f64 + Sync)) -> Self {
+    pub fn new(
+        rig: &'a mut Rig,
+        correction: &'a Correction,
+        stopwatch: &'a (dyn Fn() -> f64 + Sync),
+    ) -> Self {
         LightPath { rig, correction, stopwatch, waited_seconds: 0.0, pedestal: None }
     }
 

@@ -84,7 +84,7 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
             match &simulation.lens {
                 Lens::Prescription(prescription, glare) => identity.take(&(prescription, glare)),
                 Lens::Measured(blur, glare) => {
-                    identity.take(&(blur.rows, blur.columns, &blur.functions, glare))
+                    identity.take(&(blur.rows, blur.columns, &blur.functions, glare));
                 }
             }
             Kind::Simulated(Box::new(simulation))

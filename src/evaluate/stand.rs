@@ -119,11 +119,17 @@ impl Stand {
     ///
     /// # Errors
     /// When the method fails.
-    pub fn score_colour(&mut self, scene: Scene, name: &str, method: &dyn Method) -> Result<Score, StandError> {
+    pub fn score_colour(
+        &mut self,
+        scene: Scene,
+        name: &str,
+        method: &dyn Method,
+    ) -> Result<Score, StandError> {
         let tone = Tone::of_curve(self.config.photo.curve, 8);
         let codes = scene.codes(self.config.photo.size());
-        let light =
-            Frame::from_fn(|c| tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8)));
+        let light = Frame::from_fn(|c| {
+            tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8))
+        });
         let photo = self.photograph(scene, &light);
         let (restored, computing_seconds) = self.run(&photo, Channels::Colour, method, &mut |_, _| {})?;
         let luminance = |frame: &Frame<Work>| {

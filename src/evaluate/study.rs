@@ -87,10 +87,21 @@ impl Study {
 pub fn table(condition: Condition, scores: &[Score]) -> Table {
     let mut table = Table::new(
         format!("Condition: {}. SSIM and PSNR of the green channel against the scene.", condition.name()),
-        &["scene", "method", "captures", "SSIM", "PSNR dB", "gain SSIM", "gain dB", "certificate", "computing s"],
+        &[
+            "scene",
+            "method",
+            "captures",
+            "SSIM",
+            "PSNR dB",
+            "gain SSIM",
+            "gain dB",
+            "certificate",
+            "computing s",
+        ],
     );
     for s in scores {
-        let certificate = s.restored.solution.certificate.ratio().map_or("–".to_owned(), |r| format!("{r:.2}"));
+        let certificate =
+            s.restored.solution.certificate.ratio().map_or("–".to_owned(), |r| format!("{r:.2}"));
         let harm = if s.ssim < s.blurred_ssim { " (below the blurred photo)" } else { "" };
         table.row(vec![
             s.scene.name().to_owned(),

@@ -24,7 +24,12 @@ impl Table {
 
     /// The table in Markdown.
     pub fn markdown(&self) -> String {
-        let mut text = format!("{}\n\n| {} |\n|{}\n", self.caption, self.head.join(" | "), "---|".repeat(self.head.len()));
+        let mut text = format!(
+            "{}\n\n| {} |\n|{}\n",
+            self.caption,
+            self.head.join(" | "),
+            "---|".repeat(self.head.len())
+        );
         for row in &self.rows {
             let cells: Vec<String> = row.iter().map(|cell| cell.replace('|', "\\|")).collect();
             text.push_str(&format!("| {} |\n", cells.join(" | ")));
@@ -35,10 +40,16 @@ impl Table {
     /// The table as comma-separated values, the caption left out.
     pub fn csv(&self) -> String {
         let quoted = |cell: &str| {
-            if cell.contains([',', '"', '\n']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
+            if cell.contains([',', '"', '\n']) {
+                format!("\"{}\"", cell.replace('"', "\"\""))
+            } else {
+                cell.to_owned()
+            }
         };
         let mut lines = vec![self.head.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")];
-        lines.extend(self.rows.iter().map(|row| row.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")));
+        lines.extend(
+            self.rows.iter().map(|row| row.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")),
+        );
         lines.join("\n") + "\n"
     }
 }

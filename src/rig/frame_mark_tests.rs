@@ -76,7 +76,7 @@ fn a_rolling_mixture_is_no_frame() {
     // Wherever the tear is, above, between or through the strips: never a number that is not whole.
     for row in 0..=SENSOR.height {
         let reading = marks.read(&torn(&old, &new, row));
-        let whole = row < PLACE.from_edge_px + 1 || row > SENSOR.height - PLACE.from_edge_px - 1;
+        let whole = !(PLACE.from_edge_px + 1..SENSOR.height - PLACE.from_edge_px).contains(&row);
         assert!(whole || reading == Reading::Mixed, "torn at row {row}: {reading}");
     }
 }

@@ -142,8 +142,8 @@ fn wiener_plane(functions: &LensFunctions, channel: Channel, problem: &Problem<'
             for y in 0..2 * tile.height {
                 for x in 0..2 * tile.width {
                     let (to_x, to_y) = (x0 + x as isize, y0 + y as isize);
-                    let inside = (0..size.width as isize).contains(&to_x)
-                        && (0..size.height as isize).contains(&to_y);
+                    let inside =
+                        (0..size.width as isize).contains(&to_x) && (0..size.height as isize).contains(&to_y);
                     if inside {
                         let weight = cosine(x, tile.width) * cosine(y, tile.height);
                         let value = weight * filtered.at(x + reach, y + reach);

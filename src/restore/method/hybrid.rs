@@ -54,7 +54,8 @@ impl Method for Hybrid {
         let model = problem.needs_model("hybrid")?;
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
-        let (mut picture, mut record) = solve_all(&self.digital, problem, model, problem.photo, problem.photo);
+        let (mut picture, mut record) =
+            solve_all(&self.digital, problem, model, problem.photo, problem.photo);
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         for capture in 1..=self.captures_max.max(1) {

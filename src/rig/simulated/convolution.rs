@@ -170,8 +170,8 @@ impl Convolution {
         let (columns, rows) = (spans(&axes[0], size.width), spans(&axes[1], size.height));
         let longest = |spans: &[Span]| spans.iter().map(|s| s.weights.len()).max().unwrap_or(1);
         let transform = TileTransform::new(
-            good_length(longest(&columns) + support_px - 1),
-            good_length(longest(&rows) + support_px - 1),
+            good_length(longest(&columns) + support_px - 1, 2),
+            good_length(longest(&rows) + support_px - 1, 1),
         );
         let scale = 1.0 / (transform.width * transform.height) as f32;
         let spectra = Channel::ALL.map(|channel| {
@@ -267,8 +267,8 @@ impl Convolution {
     }
 }
 
-/// The smallest even length from `least` on whose transform is fast: no prime factor above 5.
-fn good_length(least: usize) -> usize {
+/// The smallest multiple of `step` from `least` on whose transform is fast: no prime factor above 5.
+fn good_length(least: usize, step: usize) -> usize {
     let smooth = |mut n: usize| {
         for p in [2, 3, 5] {
             while n.is_multiple_of(p) {
@@ -277,7 +277,7 @@ fn good_length(least: usize) -> usize {
         }
         n == 1
     };
-    (least..).find(|&n| n.is_multiple_of(2) && smooth(n)).unwrap_or(least)
+    (least..).find(|&n| n.is_multiple_of(step) && smooth(n)).unwrap_or(least)
 }
 
 #[cfg(test)]
@@ -295,12 +295,12 @@ mod tests {
                     for x in 0..size.width {
                         let weight = axes[0].weight(column, x as f64) * axes[1].weight(row, y as f64);
                         let value = light.at(x, y) * weight as f32;
-                        for n in 0..k * k {
+                        for (n, tap) in taps.iter().enumerate() {
                             let (i, j) =
                                 (x as isize + (n % k) as isize - half, y as isize + (n / k) as isize - half);
                             if i >= 0 && j >= 0 && (i as usize) < size.width && (j as usize) < size.height {
                                 let (i, j) = (i as usize, j as usize);
-                                out.set(i, j, out.at(i, j) + value * taps[n]);
+                                out.set(i, j, out.at(i, j) + value * tap);
                             }
                         }
                     }

@@ -144,14 +144,14 @@ impl Optics {
     }
 
     /// Sensor place `at` from where the optical axis meets the sensor, its centre.
-    fn from_axis(&self, at: [f64; 2]) -> [f64; 2] {
+    fn relative_to_axis(&self, at: [f64; 2]) -> [f64; 2] {
         [at[0] - (self.sensor.width as f64 - 1.0) / 2.0, at[1] - (self.sensor.height as f64 - 1.0) / 2.0]
     }
 
     /// How far the light of `channel` seen at sensor place `at` in the green geometry really is from there.
     pub(super) fn lateral_colour_px(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
         let Functions::Traced(traced) = &self.functions else { return [0.0; 2] };
-        let from_axis = self.from_axis(at);
+        let from_axis = self.relative_to_axis(at);
         let radius = from_axis[0].hypot(from_axis[1]);
         let out = traced.panel.offset_px(channel, radius);
         if radius > 0.0 { from_axis.map(|v| v / radius * out) } else { [0.0; 2] }
@@ -163,7 +163,7 @@ impl Optics {
         match &self.functions {
             Functions::Traced(traced) => {
                 let own_centroid = light == Light::PanelCentred;
-                traced.fan(light).function(channel, self.from_axis(at), self.support_px, own_centroid)
+                traced.fan(light).function(channel, self.relative_to_axis(at), self.support_px, own_centroid)
             }
             Functions::Measured(blur) => {
                 let nearest = |axis: Axis, x: f64| {
@@ -194,13 +194,13 @@ impl Optics {
                     return Plane::filled(self.sensor, 1.0);
                 };
                 // Smooth over the field: looked up by radius, half a pixel apart.
-                let corner = self.from_axis([0.0, 0.0]);
+                let corner = self.relative_to_axis([0.0, 0.0]);
                 let radii = (corner[0].hypot(corner[1]) * 2.0) as usize + 2;
                 let fan = traced.fan(light);
                 let table: Vec<f32> =
                     (0..radii).map(|n| fan.relative_light(channel, n as f64 / 2.0) as f32).collect();
                 Plane::from_fn(self.sensor, |x, y| {
-                    let [dx, dy] = self.from_axis([x as f64, y as f64]);
+                    let [dx, dy] = self.relative_to_axis([x as f64, y as f64]);
                     table[((dx.hypot(dy) * 2.0).round() as usize).min(radii - 1)]
                 })
             })
