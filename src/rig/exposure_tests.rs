@@ -20,6 +20,7 @@ fn tiny(change: impl Fn(&str) -> String) -> (Rig, simulated::Witness, config::Ri
         ("exposures-max = 3", "exposures-max = 40"),
         // A narrower blur and fewer points it is traced at: the lens is not what is tested.
         ("pixel-pitch-um = 40.0", "pixel-pitch-um = 72.0"),
+        ("\nsupport-px = 19", "\nsupport-px = 11"),
         ("node-columns = 16", "node-columns = 4"),
         ("node-rows = 12", "node-rows = 3"),
         ("margin-px = 8", "margin-px = 8\n\n[marks]\nfrom-edge-px = 2\nheight-px = 6"),

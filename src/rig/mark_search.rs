@@ -10,6 +10,10 @@ use crate::frame::{Codes, Counts, Plane, Size};
 
 /// Dots across and down the panel. The sensor sees only some; five that agree are enough.
 const DOTS: [usize; 2] = [5, 4];
+/// Dots across and down the sensor, once it is known where it looks.
+const SENSOR_DOTS: [usize; 2] = [4, 3];
+/// Step from dot to dot; prime to the usual numbers of dots, so that every dot has its turn.
+const STRIDE: usize = 7;
 /// A dot's side as a share of the panel's height: wider than any blur a lens worth restoring has.
 const DOT_SHARE: f64 = 0.05;
 /// A dot dimmer than this share of the brightest one is taken for glare.
@@ -81,26 +85,49 @@ fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
     }
 }
 
-/// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more
-/// pass over all dots makes them fewer.
+/// Looks for the sensor on the panel with dots all over the panel, then measures with dots all over the sensor: a
+/// homography is only good where its dots were.
 fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseGeometry, RigError> {
+    let middle = |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
+    let over_panel: Vec<Place> = (0..DOTS[0] * DOTS[1])
+        .map(|n| [middle(n % DOTS[0], DOTS[0], panel.width), middle(n / DOTS[0], DOTS[1], panel.height)])
+        .collect();
+    let rough = fit_dots(sensor, panel, &over_panel, shoot)?;
+    let over_sensor: Vec<Place> = (0..SENSOR_DOTS[0] * SENSOR_DOTS[1])
+        .map(|n| {
+            let (column, row) = (n % SENSOR_DOTS[0], n / SENSOR_DOTS[0]);
+            let at =
+                [middle(column, SENSOR_DOTS[0], sensor.width), middle(row, SENSOR_DOTS[1], sensor.height)];
+            rough.panel_at(at)
+        })
+        .filter(|[x, y]| (0.0..panel.width as f64).contains(x) && (0.0..panel.height as f64).contains(y))
+        .collect();
+    fit_dots(sensor, panel, &over_sensor, shoot)
+}
+
+/// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more pass
+/// over all dots makes them fewer.
+fn fit_dots(
+    sensor: Size,
+    panel: Size,
+    places: &[Place],
+    shoot: &mut Shoot,
+) -> Result<CoarseGeometry, RigError> {
     let side = (DOT_SHARE * panel.height as f64).max(4.0);
+    let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
+    let stride = if places.len().is_multiple_of(STRIDE) { 1 } else { STRIDE };
     let mut dots: Vec<(Place, Place)> = Vec::new();
     for _ in 0..ROUNDS {
         let mut frames = Vec::new();
-        for row in 0..DOTS[1] {
-            for column in 0..DOTS[0] {
-                let middle =
-                    |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
-                let centre = [middle(column, DOTS[0], panel.width), middle(row, DOTS[1], panel.height)];
-                if let Some(counts) = if_any(shoot(&dot(panel, centre, side)))? {
-                    let [_, green, _] = counts.into_planes();
-                    frames.push((centre, green));
-                }
+        for n in 0..places.len() {
+            // Out of order: frames that come one picture late must not look like a shifted panel.
+            let centre = places[(n * stride) % places.len()];
+            if let Some(counts) = if_any(shoot(&dot(panel, centre, side)))? {
+                let [_, green, _] = counts.into_planes();
+                frames.push((centre, green));
             }
         }
         dots.extend(spots(sensor, &frames));
-        let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
         if let Some(geometry) = CoarseGeometry::fit(&dots, tolerance_px) {
             return Ok(geometry);
         }
@@ -112,7 +139,7 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
         what: format!(
             "dots shown at {} places were seen {} times, and no five of them lie as on a flat panel; is the \
              panel in view, lit, and the camera's exposure right?",
-            DOTS[0] * DOTS[1],
+            places.len(),
             dots.len()
         ),
     })

@@ -5,7 +5,7 @@ RIG=/rigs/virtual.toml; export RELENS_RIG=$RIG
 start_physics() {
   physics /rigs/truth.toml /dev/dri/card0 /dev/video0 "$LINES_BASE" > /tmp/physics.log 2>&1 &
   PHYSICS=$!
-  for _ in $(seq 100); do grep -q ready /tmp/physics.log && return; sleep 0.2; done
+  for _ in $(seq 300); do grep -q ready /tmp/physics.log && return; sleep 0.2; done
   cat /tmp/physics.log; fail "physics did not start"
 }
 
