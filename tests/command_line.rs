@@ -66,3 +66,19 @@ fn a_photo_that_cannot_be_restored_ends_with_1() {
     assert!(text(&output.stderr).contains("this is not a photo: found a text, allowed JPEG, PNG or TIFF"));
     assert!(!folder.path().join("b.jpg").exists());
 }
+
+#[test]
+fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+    let words = ["photograph", "--rig", "small.toml", scene, "-o", "photo.png"];
+    let output = relens(&words, folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let photo = std::fs::read(folder.path().join("photo.png")).unwrap();
+    let limits = relens::picture::Limits::default();
+    let photo = relens::picture::Photo::from_bytes("photo.png", &photo, relens::config::Curve::Srgb, &limits);
+    assert_eq!(photo.unwrap().light.size(), relens::frame::Size::new(256, 192));
+    let again = relens(&words, folder.path());
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text(&again.stderr).contains("photo.png exists already"));
+}

@@ -1,25 +1,47 @@
 //! A rig file made into something that restores, photographs, calibrates: the seam to the machinery.
 
-use std::path::Path;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
+use relens::calibrate;
+use relens::calibration::store;
 use relens::config::{Method, Rig};
 use relens::daemon::Restorer;
+use relens::daemon::on_rig::{self, OnRig};
 use relens::frame::{Frame, Work};
+use relens::rig::exposure::Rig as Devices;
+use relens::rig::simulated;
 
-use super::Trouble;
+use super::{Trouble, say};
 
 /// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig that has none
-/// is calibrated first, which `say` is told.
+/// is calibrated first, which `tell` is told.
 ///
 /// # Errors
 /// When the rig cannot be opened, or has no valid calibration and is not simulated.
 pub(super) fn restorer(
-    _rig: &Rig,
-    _folder: &Path,
-    _method: Option<Method>,
-    _say: &mut dyn FnMut(&str),
+    rig: &Rig,
+    folder: &Path,
+    method: Option<Method>,
+    tell: &mut dyn FnMut(&str),
 ) -> Result<Box<dyn Restorer>, Trouble> {
-    Err(Trouble::NotYet("restoring"))
+    let mut devices = open(rig)?;
+    let slots = slots(folder);
+    std::fs::create_dir_all(&slots).map_err(|e| Trouble::writing(&slots, &e))?;
+    if let Err(error) = store::load(&slots, rig.identity) {
+        if rig.simulation().is_none() {
+            return Err(Trouble::of(&error));
+        }
+        tell(&format!("calibrating the simulated rig {} ({error})", rig.name));
+        let measured = on_rig::measure(rig, &mut devices, &slots, calibrating);
+        wipe_line();
+        measured?;
+    }
+    let begun = Instant::now();
+    let stopwatch = Box::new(move || begun.elapsed().as_secs_f64());
+    let method = method.unwrap_or(rig.restore.method);
+    Ok(Box::new(OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?))
 }
 
 /// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the
@@ -27,16 +49,61 @@ pub(super) fn restorer(
 ///
 /// # Errors
 /// When the rig is not simulated or cannot be opened.
-pub(super) fn photograph(_rig: &Rig, _scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work, u8>>, Trouble> {
-    Err(Trouble::NotYet("photographing"))
+pub(super) fn photograph(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work, u8>>, Trouble> {
+    let Some(simulation) = rig.simulation() else {
+        let rig = &rig.name;
+        return Err(Trouble::Usage(format!("found the rig {rig}, made of devices, allowed simulated rigs")));
+    };
+    let (_, witness) = simulated::open(rig).map_err(|e| Trouble::of(&e))?;
+    let seeds = simulation.seed..;
+    Ok(scenes.iter().zip(seeds).map(|(scene, seed)| witness.photograph(scene, seed)).collect())
 }
 
 /// `relens calibrate`.
 ///
 /// # Errors
-/// When the rig cannot be opened or is not fit to be calibrated.
-pub(super) fn calibrate(_rig: &Rig, _folder: &Path) -> Result<(), Trouble> {
-    Err(Trouble::NotYet("`relens calibrate`"))
+/// When the rig cannot be opened or is not fit to be calibrated; what was kept before then stays.
+pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
+    let mut devices = open(rig)?;
+    let kept = slots(folder);
+    std::fs::create_dir_all(&kept).map_err(|e| Trouble::writing(&kept, &e))?;
+    let measured = on_rig::measure(rig, &mut devices, &kept, calibrating);
+    wipe_line();
+    let calibration = measured?;
+    let [red, green, blue] = calibration.operator_error;
+    say(&format!(
+        "kept in {}, generation {}: {} captures; operator error {red:.2}, {green:.2}, {blue:.2} grey levels in red, green, blue",
+        kept.display(),
+        calibration.generation,
+        calibration.captures,
+    ))
+}
+
+/// The devices of `rig`.
+fn open(rig: &Rig) -> Result<Devices, Trouble> {
+    match rig.simulation() {
+        Some(_) => simulated::open(rig).map(|(devices, _)| devices).map_err(|e| Trouble::of(&e)),
+        None => Err(Trouble::NotYet("opening a rig of devices")),
+    }
+}
+
+/// Where the calibration is kept.
+fn slots(folder: &Path) -> PathBuf {
+    folder.join("calibration")
+}
+
+/// The progress line of a calibration, on a terminal.
+fn calibrating(progress: calibrate::Progress) {
+    if std::io::stderr().is_terminal() {
+        let calibrate::Progress { step, captures, total } = progress;
+        let _ = write!(std::io::stderr(), "\r\x1b[2Kcalibrating: {step}, capture {captures} of {total}");
+    }
+}
+
+fn wipe_line() {
+    if std::io::stderr().is_terminal() {
+        let _ = write!(std::io::stderr(), "\r\x1b[2K");
+    }
 }
 
 /// `relens chart`.

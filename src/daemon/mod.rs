@@ -22,6 +22,7 @@ mod inbox;
 mod job;
 mod ledger;
 pub mod log_writer;
+pub mod on_rig;
 mod report;
 mod restorer;
 mod run;

@@ -17,7 +17,7 @@ use crate::calibration::Calibration;
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
 use crate::config;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
 use crate::restore::data_term::{self, MISSING, SATURATED, TRUSTED};
@@ -102,6 +102,15 @@ impl Bench {
             }
         });
         (placed, trust)
+    }
+
+    /// RMS(K̂B − B): how far the lens would take the prepared photo from itself, green channel, grey levels.
+    pub fn untouched_residual(&self, placed: &Frame<Work>, trust: &Frame<Work, u8>) -> f32 {
+        let green = Channel::Green;
+        let mut predicted = Plane::zeros(placed.size());
+        self.model.forward(green, placed.plane(green), &mut predicted);
+        data_term::residual_in_place(&mut predicted, placed.plane(green), trust.plane(green));
+        data_term::rms_over_data(&predicted, trust.plane(green))
     }
 
     fn finished(&self, picture: &Frame<Work>, channels: Channels) -> Frame<Work> {

@@ -78,12 +78,13 @@ fn card(html: &mut String, report: &Report) {
         "<article data-name=\"{}\">\n<div class=\"pair\" style=\"aspect-ratio:{width}/{height}\">\n\
          <img src=\"{}\" alt=\"{name}, restored\" loading=\"lazy\" draggable=\"false\">\n\
          <img class=\"before\" src=\"{}\" alt=\"{name}, as it was\" loading=\"lazy\" draggable=\"false\">\n\
-         <span class=\"tag left\">photo</span><span class=\"tag right\">restored</span><i></i>\n\
+         <span class=\"tag left\">photo</span><span class=\"tag right\">{}</span><i></i>\n\
          <input type=\"range\" min=\"0\" max=\"100\" step=\"0.5\" value=\"50\" aria-label=\"How much of {name} to show as it was\">\n\
          </div>\n",
         escape(&report.photo.to_lowercase()),
         escape(&report.after),
         escape(&report.before),
+        if report.outcome == Outcome::Restored { "restored" } else { "left as it was" },
     ));
     let captures = match report.captures {
         0 => "no capture".to_owned(),

@@ -218,7 +218,7 @@ fn finish(problem: &Problem<'_>, solved: Vec<(Plane, IterationRecord)>, watch: &
     let mut record = IterationRecord::default();
     for (&c, (plane, steps)) in problem.channels.list().iter().zip(solved) {
         *picture.plane_mut(c) = plane;
-        if c == crate::frame::Channel::Green {
+        if c == Channel::Green {
             record = steps;
         }
     }

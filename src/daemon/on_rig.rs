@@ -1,0 +1,156 @@
+//! The restorer that stands on a calibrated rig.
+
+use std::path::{Path, PathBuf};
+
+use super::restorer::{Certificate, Iteration, Progress, Restored, Restorer};
+use crate::calibrate::{self, calibrate};
+use crate::calibration::{Calibration, store};
+use crate::config;
+use crate::frame::{Channel, Frame, Work};
+use crate::picture::Photo;
+use crate::remedy::{AnyFailure, Remediable, Remedy};
+use crate::restoration::{Bench, method};
+use crate::restore::ladder::{Rung, is_blank};
+use crate::restore::method::Step;
+use crate::rig::exposure::Rig;
+
+/// A rig, its calibration on flash, and the method its photos are restored with.
+pub struct OnRig {
+    config: config::Rig,
+    devices: Rig,
+    slots: PathBuf,
+    method: config::Method,
+    bench: Bench,
+    stopwatch: Stopwatch,
+    calibrating: fn(calibrate::Progress),
+}
+
+/// Seconds on a clock of the caller's.
+pub type Stopwatch = Box<dyn Fn() -> f64 + Send + Sync>;
+
+/// Calibrates `devices` and keeps the result in `slots`; what was kept before stays if this fails.
+///
+/// # Errors
+/// When the rig is not fit to be calibrated or the result cannot be kept.
+pub fn measure(
+    config: &config::Rig,
+    devices: &mut Rig,
+    slots: &Path,
+    calibrating: fn(calibrate::Progress),
+) -> Result<Calibration, AnyFailure> {
+    let previous = store::load(slots, config.identity).ok();
+    let measured = calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;
+    store::save(slots, &measured).map_err(boxed)?;
+    Ok(measured)
+}
+
+fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
+    Box::new(error)
+}
+
+impl OnRig {
+    /// The restorer of `devices`, described by `config`, with the calibration kept in `slots`.
+    ///
+    /// # Errors
+    /// When there is no whole calibration of this rig.
+    pub fn new(
+        config: &config::Rig,
+        devices: Rig,
+        slots: PathBuf,
+        method: config::Method,
+        stopwatch: Stopwatch,
+        calibrating: fn(calibrate::Progress),
+    ) -> Result<Self, AnyFailure> {
+        let calibration = store::load(&slots, config.identity).map_err(boxed)?;
+        let bench = Bench::new(config, &calibration).map_err(boxed)?;
+        Ok(OnRig { config: config.clone(), devices, slots, method, bench, stopwatch, calibrating })
+    }
+
+    fn untouched(&self, photo: &Photo, rung_reason: String, begun: f64) -> Restored {
+        Restored {
+            picture: photo.light.clone(),
+            untouched: true,
+            method: "none".to_owned(),
+            rung: Rung::LeaveIt.number(),
+            rung_reason,
+            captures: 0,
+            seconds: (self.stopwatch)() - begun,
+            certificate: None,
+            notes: Vec::new(),
+            iterations: Vec::new(),
+        }
+    }
+}
+
+impl Restorer for OnRig {
+    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+        let begun = (self.stopwatch)();
+        let channels = photo.channels;
+        let (placed, trust) = self.bench.prepare(&photo.light);
+        if channels.list().iter().all(|&c| is_blank(placed.plane(c), trust.plane(c))) {
+            return Ok(self.untouched(photo, Rung::LeaveIt.reason().to_owned(), begun));
+        }
+        let solver = method(&self.config, self.method);
+        progress(Progress { done: 0.0, doing: "solving", captures: 0 });
+        let captures_max = 1 + self.config.restore.corrections_max;
+        let mut watch = |step: &Step, _: &Frame<Work>| {
+            let captures = step.captures as usize;
+            let done = 0.5 + 0.5 * captures as f32 / captures_max.max(captures) as f32;
+            progress(Progress { done, doing: "showing and seeing", captures });
+        };
+        let restored = self
+            .bench
+            .restore(&mut self.devices, &photo.light, channels, &*solver, &*self.stopwatch, &mut watch)
+            .map_err(boxed)?;
+        let certificate = restored.solution.certificate;
+        // No harm: what the lens makes of the result must be nearer to the photo than what it makes of the
+        // photo itself, or there was nothing to gain.
+        let untouched_residual = self.bench.untouched_residual(&placed, &trust);
+        if let Some(residual) = certificate.optical_residual
+            && residual > untouched_residual
+        {
+            let reason = format!(
+                "the result's photograph is {residual:.1} grey levels from the photo, the photo's own would be {untouched_residual:.1}: the photo is returned untouched"
+            );
+            let captures = restored.captures;
+            return Ok(Restored { captures, ..self.untouched(photo, reason, begun) });
+        }
+        let rung = Rung::of(&certificate);
+        let green = Channel::Green.index();
+        Ok(Restored {
+            picture: restored.picture,
+            untouched: false,
+            method: solver.name().to_owned(),
+            rung: rung.number(),
+            rung_reason: rung.reason().to_owned(),
+            captures: restored.captures,
+            seconds: (self.stopwatch)() - begun,
+            certificate: certificate.optical_residual.map(|residual| Certificate {
+                residual_grey_levels: residual.into(),
+                floor_grey_levels: certificate.noise_floor.into(),
+            }),
+            notes: vec![format!("noise of the photo: {:.2} grey levels", restored.photo_noise[green])],
+            iterations: restored
+                .solution
+                .record
+                .steps()
+                .iter()
+                .map(|step| Iteration {
+                    residual_grey_levels: step.residual.into(),
+                    captures: step.captures as usize,
+                    seconds: step.seconds,
+                })
+                .collect(),
+        })
+    }
+
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
+        if remedy == Remedy::Recalibrate {
+            let calibration = measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
+            self.bench = Bench::new(&self.config, &calibration).map_err(boxed)?;
+        } else {
+            self.devices.reopen().map_err(boxed)?;
+        }
+        Ok(())
+    }
+}
