@@ -10,6 +10,7 @@ use relens::config::{Method, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
 use relens::frame::{Frame, Work};
+use relens::remedy::Remedy;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
 
@@ -81,10 +82,7 @@ pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
 
 /// The devices of `rig`.
 fn open(rig: &Rig) -> Result<Devices, Trouble> {
-    match rig.simulation() {
-        Some(_) => simulated::open(rig).map(|(devices, _)| devices).map_err(|e| Trouble::of(&e)),
-        None => Err(Trouble::NotYet("opening a rig of devices")),
-    }
+    relens::rig::open(rig).map_err(|e| Trouble::of(&e))
 }
 
 /// Where the calibration is kept.
@@ -114,10 +112,35 @@ pub(super) fn chart(_rig: &Rig, _out: &Path, _quick: bool) -> Result<(), Trouble
     Err(Trouble::NotYet("`relens chart`"))
 }
 
-/// `relens check`.
+/// `relens check`: opens every device, measures the rig's timing, looks for its calibration.
 ///
 /// # Errors
-/// When the operator is needed.
-pub(super) fn check(_rig: &Rig, _folder: &Path) -> Result<(), Trouble> {
-    Err(Trouble::NotYet("`relens check`"))
+/// When the operator is needed: the first device that cannot be had, or else everything else that is wrong.
+pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
+    let mut devices = open(rig)?;
+    let marks = if devices.has_marks() {
+        "found, every frame is proven"
+    } else {
+        "none: frames are trusted by their time"
+    };
+    say(&format!("{:<28}{} panel, {} camera", "devices", devices.panel.size(), devices.camera.size()))?;
+    say(&format!("{:<28}{marks}", "frame marks"))?;
+    let timing = relens::check::measure(&mut devices, rig.panel.refresh_hz).map_err(|e| Trouble::of(&e))?;
+    say(timing.to_string().trim_end())?;
+    let mut complaints = timing.complaints();
+    let calibration = match store::load(&slots(folder), rig.identity) {
+        Ok(calibration) => {
+            format!("generation {}, {} captures", calibration.generation, calibration.captures)
+        }
+        Err(error) => {
+            let words = relens::remedy::full_message(&error);
+            complaints.push(format!("{words}: run `relens calibrate`"));
+            "none that can be used".to_owned()
+        }
+    };
+    say(&format!("{:<28}{calibration}", "calibration"))?;
+    match complaints.is_empty() {
+        true => say("all is well"),
+        false => Err(Trouble::Failure { words: complaints.join("; "), remedy: Remedy::CallOperator }),
+    }
 }
