@@ -6,6 +6,8 @@ use std::time::Instant;
 
 use relens::calibrate;
 use relens::calibration::store;
+#[cfg(feature = "hardware")]
+use relens::config::Kind;
 use relens::config::{Method, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
@@ -42,7 +44,13 @@ pub(super) fn restorer(
     let begun = Instant::now();
     let stopwatch = Box::new(move || begun.elapsed().as_secs_f64());
     let method = method.unwrap_or(rig.restore.method);
-    Ok(Box::new(OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?))
+    let restorer = Box::new(OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?);
+    #[cfg(feature = "hardware")]
+    if let Kind::Hardware(hardware) = &rig.kind {
+        let lamps = relens::rig::hardware::open_lamps(hardware).map_err(|e| Trouble::of(&e))?;
+        return Ok(Box::new(super::lamped::Lamped::new(restorer, lamps)));
+    }
+    Ok(restorer)
 }
 
 /// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the

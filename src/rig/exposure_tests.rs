@@ -58,7 +58,7 @@ fn levels(exposed: &Exposed) -> [f64; 3] {
         let rows = (from..to).flat_map(|y| plane.row(y).iter());
         rows.map(|&c| f64::from(c)).sum::<f64>() / ((to - from) * plane.width()) as f64
     };
-    [mean(16, 40), mean(52, 76), mean(88, 112)]
+    [mean(20, 44), mean(52, 76), mean(84, 108)]
 }
 
 /// What the five greys look like on a rig without faults.

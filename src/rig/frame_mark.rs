@@ -14,6 +14,8 @@ const BITS: usize = NUMBER_BITS + 4;
 const CELLS: usize = 2 * BITS;
 /// The light cells' panel code; below the brightest, to leave the sensor unsaturated where the picture is.
 const LIGHT_CODE: u8 = 200;
+/// Stands for a pixel of the guard in place of a cell.
+const BLACK: u8 = u8::MAX;
 /// Least share of a bit's usual contrast that counts: a frame with more than a tenth of another bit in it fails.
 const CONTRAST_SHARE_MIN: f32 = 0.8;
 
@@ -47,6 +49,8 @@ pub struct MarkPlace {
     pub from_edge_px: usize,
     /// The strip's height.
     pub height_px: usize,
+    /// Kept black around the strips, so that no picture's edge lights one cell of a bit more than the other.
+    pub guard_px: usize,
 }
 
 impl MarkPlace {
@@ -54,7 +58,11 @@ impl MarkPlace {
     pub fn of(rig: &config::Rig) -> Option<MarkPlace> {
         let marks = rig.marks.as_ref()?;
         let sensor = rig.camera.size();
-        Some(MarkPlace { sensor, from_edge_px: marks.from_edge_px, height_px: marks.height_px })
+        // All of the room up to the canvas, whose light ends there anyway.
+        let canvas = rig.canvas_on_sensor();
+        let room = canvas.y.min(sensor.height - canvas.y - canvas.size.height);
+        let guard_px = room.saturating_sub(marks.from_edge_px + marks.height_px);
+        Some(MarkPlace { sensor, from_edge_px: marks.from_edge_px, height_px: marks.height_px, guard_px })
     }
 
     fn first_row(&self, strip: usize) -> usize {
@@ -62,6 +70,14 @@ impl MarkPlace {
             0 => self.from_edge_px,
             _ => self.sensor.height - self.from_edge_px - self.height_px,
         }
+    }
+
+    /// Whether a sensor place, seen or not, is to be black or a mark.
+    fn covers(&self, y: f64) -> bool {
+        let depth = (self.from_edge_px + self.height_px + self.guard_px) as f64;
+        let beyond = -((self.height_px + self.guard_px) as f64);
+        let from_below = self.sensor.height as f64 - 1.0 - y;
+        (beyond..depth - 0.5).contains(&y) || (beyond..depth - 0.5).contains(&from_below)
     }
 
     /// Strip and cell at a sensor place, if one is there. Strips end a cell's width before the sensor's sides.
@@ -74,6 +90,13 @@ impl MarkPlace {
         let cell = ((x + 0.5) / self.sensor.width as f64 * (CELLS + 2) as f64).floor() - 1.0;
         (0.0..CELLS as f64).contains(&cell).then_some((strip, cell as usize))
     }
+}
+
+/// Sensor rows of a strip that are measured: the middle half, away from whatever is beside it.
+fn measured_rows(place: &MarkPlace, strip: usize) -> std::ops::Range<usize> {
+    let margin = place.height_px / 4;
+    let first = place.first_row(strip);
+    first + margin..first + place.height_px - margin
 }
 
 /// The twelve bits of a number: it, and the sum of its halves so that one flipped bit never is another number.
@@ -90,8 +113,8 @@ type Contrasts = [[f32; BITS]; 2];
 #[derive(Debug, Clone)]
 pub struct FrameMarks {
     place: MarkPlace,
-    /// Panel pixels of the strips: index, strip, cell.
-    pixels: Vec<(u32, u8, u8)>,
+    /// Panel pixels of strips and guard: index, and the cell or [`BLACK`].
+    pixels: Vec<(u32, u8)>,
     /// Usual contrast of each bit, in counts.
     usual: Contrasts,
 }
@@ -103,8 +126,10 @@ impl FrameMarks {
         let mut pixels = Vec::new();
         for y in 0..panel.height {
             for x in 0..panel.width {
-                if let Some((strip, cell)) = place.cell_at(geometry.sensor_at([x as f64, y as f64])) {
-                    pixels.push(((y * panel.width + x) as u32, strip as u8, cell as u8));
+                let at = geometry.sensor_at([x as f64, y as f64]);
+                if place.covers(at[1]) {
+                    let cell = place.cell_at(at).map_or(BLACK, |(_, cell)| cell as u8);
+                    pixels.push(((y * panel.width + x) as u32, cell));
                 }
             }
         }
@@ -129,9 +154,8 @@ impl FrameMarks {
         let bits = bits(number);
         for plane in codes.planes_mut() {
             let data = plane.data_mut();
-            for &(index, _, cell) in &self.pixels {
-                let cell = usize::from(cell);
-                let light = bits[cell / 2] == (cell % 2 == 0);
+            for &(index, cell) in &self.pixels {
+                let light = cell != BLACK && bits[usize::from(cell / 2)] == (cell % 2 == 0);
                 data[index as usize] = if light { LIGHT_CODE } else { 0 };
             }
         }
@@ -195,13 +219,13 @@ impl FrameMarks {
     }
 }
 
-/// Mean of the middle half of a cell's columns, over all of the strip's rows.
+/// Mean of the middle half of a cell's columns, over the strip's measured rows.
 fn mean_of_cell(plane: &Plane<u16>, place: &MarkPlace, strip: usize, left: f32, width: f32) -> f32 {
     let first = (left + 0.25 * width).round() as usize;
     let last = ((left + 0.75 * width).round() as usize).max(first + 1).min(plane.width());
     let (mut sum, mut pixels) = (0u64, 0u64);
-    for row in 0..place.height_px {
-        let row = &plane.row(place.first_row(strip) + row)[first..last];
+    for row in measured_rows(place, strip) {
+        let row = &plane.row(row)[first..last];
         sum += row.iter().map(|&count| u64::from(count)).sum::<u64>();
         pixels += row.len() as u64;
     }

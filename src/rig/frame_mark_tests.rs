@@ -4,7 +4,7 @@ use super::*;
 
 const PANEL: Size = Size::new(480, 270);
 const SENSOR: Size = Size::new(288, 224);
-const PLACE: MarkPlace = MarkPlace { sensor: SENSOR, from_edge_px: 2, height_px: 5 };
+const PLACE: MarkPlace = MarkPlace { sensor: SENSOR, from_edge_px: 2, height_px: 5, guard_px: 4 };
 
 fn sensor_at([x, y]: [f64; 2]) -> [f64; 2] {
     [0.86 * x + 0.004 * y - 64.0, -0.005 * x + 0.86 * y - 2.8]
@@ -76,7 +76,9 @@ fn a_rolling_mixture_is_no_frame() {
     // Wherever the tear is, above, between or through the strips: never a number that is not whole.
     for row in 0..=SENSOR.height {
         let reading = marks.read(&torn(&old, &new, row));
-        let whole = !(PLACE.from_edge_px + 1..SENSOR.height - PLACE.from_edge_px).contains(&row);
+        // The outermost measured row of each strip is one row inside it.
+        let edge = PLACE.from_edge_px + 1;
+        let whole = !(edge + 1..SENSOR.height - edge).contains(&row);
         assert!(whole || reading == Reading::Mixed, "torn at row {row}: {reading}");
     }
 }
@@ -99,6 +101,18 @@ fn a_frame_without_marks_says_so() {
     let (marks, geometry) = learned();
     assert_eq!(marks.read(&seen(&Codes::filled(PANEL, 90), &geometry, 1)), Reading::Nothing);
     assert_eq!(marks.read(&Counts::zeros(SENSOR)), Reading::Nothing);
+}
+
+#[test]
+fn what_the_picture_shows_does_not_disturb_the_mark() {
+    let (marks, geometry) = learned();
+    // Squares about as wide as the cells, light and dark right up to the guard.
+    let checker = Plane::from_fn(PANEL, |x, y| if (x / 14 + y / 14) % 2 == 0 { 255 } else { 0 });
+    for number in [3, 64, 200] {
+        let mut codes = Codes::from_planes([checker.clone(), checker.clone(), checker.clone()]);
+        marks.paint(&mut codes, number);
+        assert_eq!(marks.read(&seen(&codes, &geometry, 9)), Reading::Number(number));
+    }
 }
 
 #[test]
