@@ -17,6 +17,8 @@ const REFRESHES_MAX: usize = 16;
 /// Changed by less than this share, the panel still shows the old picture (half a grey level of 255 is 0.002; a
 /// camera's noise on a mean is far less).
 const SHARE_MIN: f64 = 0.01;
+/// Delays in a row at which the picture is all there: two refreshes, so that a slow second change is not missed.
+const SETTLED_POINTS: usize = 5;
 /// Captures of different pictures that a settle time must stand without a wrong frame.
 const PROBES: usize = 20;
 
@@ -56,6 +58,11 @@ pub fn measure(rig: &mut Rig, refresh_hz: f64) -> Result<Timing, RigError> {
     for half in 0..=2 * REFRESHES_MAX {
         let delay_ms = half as f64 * interval_ms / 2.0;
         curve.push((delay_ms, share_at(rig, delay_ms, black, white)?));
+        // Settled for this long, it stays so.
+        let settled = curve.iter().rev().take_while(|(_, share)| (share - 1.0).abs() < SHARE_MIN).count();
+        if settled >= SETTLED_POINTS {
+            break;
+        }
     }
     let settle_ms = curve
         .iter()
@@ -116,7 +123,9 @@ fn level_at(rig: &mut Rig, moment: Moment) -> Result<f64, RigError> {
 /// Share of white in an exposure begun `delay_ms` after the flip from black to white.
 fn share_at(rig: &mut Rig, delay_ms: f64, black: f64, white: f64) -> Result<f64, RigError> {
     // Twice the file's settle time: whatever it is worth, black is black then.
-    level_after(rig, 0, 2.0 * rig.timing.settle_ms)?;
+    let black_codes = Codes::filled(rig.panel.size(), 0);
+    let flip = rig.panel.show(&black_codes)?;
+    rig.clock.wait_until(Moment(flip.at.0 + 2.0 * rig.timing.settle_ms / 1e3));
     let level = level_after(rig, 255, delay_ms)?;
     Ok((level - black) / (white - black))
 }

@@ -108,6 +108,24 @@ fn in_seconds(seconds: f64) -> Moment {
     Moment(Monotonic.now().0 + seconds)
 }
 
+#[test]
+#[ignore = "needs a rig"]
+fn rig_panel_away_and_back() {
+    // The virtual rig's cable is a file; on a real one somebody has to pull it.
+    let Ok(cable) = std::env::var("RELENS_PANEL_STATUS") else { return };
+    let (mut rig, config) = opened();
+    let picture = grey(&config, 128);
+    let before = middle(&rig.capture(&picture).expect("a frame"));
+    std::fs::write(&cable, "off").expect("the cable can be pulled");
+    for _ in 0..3 {
+        let told = rig.capture(&picture).err();
+        assert!(matches!(told, Some(RigError::Gone { device: "panel", .. })), "{told:?}");
+    }
+    std::fs::write(&cable, "detect").expect("the cable can be plugged in");
+    let after = middle(&rig.capture(&picture).unwrap_or_else(|error| panic!("{error}")));
+    assert!((after - before).abs() < 0.05 * before + 2.0, "{before} before, {after} after");
+}
+
 /// vivid's node, opened beside the camera.
 fn beside() -> v4l::Device {
     let card = std::env::var("RELENS_VIVID").expect("RELENS_VIVID names the card");
