@@ -141,8 +141,7 @@ pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
             format!("generation {}, {} captures", calibration.generation, calibration.captures)
         }
         Err(error) => {
-            let words = relens::remedy::full_message(&error);
-            complaints.push(format!("{words}: run `relens calibrate`"));
+            complaints.push(relens::remedy::full_message(&error));
             "none that can be used".to_owned()
         }
     };

@@ -29,7 +29,7 @@ impl CoarseGeometry {
     ///
     /// Every four of them propose one (Zhang 1995, least median of squares); the proposal with the least median
     /// error decides which pairs are within `tolerance_px` of it, and these are fitted again by least squares.
-    /// `None` when fewer than five agree: four always do.
+    /// `None` when fewer than five agree, or fewer than half: four always do.
     pub fn fit(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
         let error = |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
         let mut best: Option<(f64, Self)> = None;
@@ -55,8 +55,49 @@ impl CoarseGeometry {
         let agreeing: Vec<_> =
             pairs.iter().copied().filter(|pair| error(&proposal, pair) <= tolerance_px).collect();
         let fitted = Self::least_squares(&agreeing)?;
-        (agreeing.len() >= 5 && agreeing.iter().all(|pair| error(&fitted, pair) <= tolerance_px))
-            .then_some(fitted)
+        (agreeing.len() >= 5
+            && 2 * agreeing.len() >= pairs.len()
+            && agreeing.iter().all(|pair| error(&fitted, pair) <= tolerance_px))
+        .then_some(fitted)
+    }
+
+    /// The affine map that most of `pairs` agree on: stiffer than a homography, so it may be trusted a little beyond its
+    /// dots. `None` when fewer than four agree: three always do.
+    pub fn fit_affine(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
+        let error = |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
+        let agreeing_with = |geometry: &Self| -> Vec<(Place, Place)> {
+            pairs.iter().copied().filter(|pair| error(geometry, pair) <= tolerance_px).collect()
+        };
+        let mut best = Vec::new();
+        for a in 0..pairs.len() {
+            for b in a + 1..pairs.len() {
+                for c in b + 1..pairs.len() {
+                    if let Some(proposal) = Self::affine(&[pairs[a], pairs[b], pairs[c]]) {
+                        let agreeing = agreeing_with(&proposal);
+                        if agreeing.len() > best.len() {
+                            best = agreeing;
+                        }
+                    }
+                }
+            }
+        }
+        if best.len() < 4 || 2 * best.len() < pairs.len() { None } else { Self::affine(&best) }
+    }
+
+    /// Least squares of an affine map, by its normal equations about the panel places' mean.
+    fn affine(pairs: &[(Place, Place)]) -> Option<Self> {
+        let (mut normal, mut right) = (Matrix3::zeros(), Matrix3::zeros());
+        let from = normaliser(pairs.iter().map(|pair| pair.0))?;
+        for &(panel, sensor) in pairs {
+            let [x, y] = through(&from, panel);
+            let row = Vector3::new(x, y, 1.0);
+            normal += row * row.transpose();
+            right += Vector3::new(sensor[0], sensor[1], 1.0) * row.transpose();
+        }
+        // Three dots in a line fix no map.
+        (normal.determinant() > 1e-3).then_some(())?;
+        let to_sensor = right * normal.try_inverse()? * from;
+        Some(CoarseGeometry { to_sensor, to_panel: to_sensor.try_inverse()? })
     }
 
     /// Direct linear transformation with both sides centred and scaled (Hartley & Zisserman, alg. 4.2).
@@ -140,6 +181,25 @@ mod tests {
         }
         let geometry = CoarseGeometry::fit(&pairs, 3.0).unwrap();
         assert!(distance(geometry.sensor_at([700.0, 500.0]), true_sensor_at([700.0, 500.0])) < 1e-6);
+    }
+
+    #[test]
+    fn an_affine_map_of_a_few_dots_is_good_a_little_beyond_them() {
+        // Six dots in two rows, a quarter pixel of error in each, one of another frame.
+        let mut pairs: Vec<_> = (0..6)
+            .map(|n| [600.0 + 300.0 * f64::from(n % 3), 400.0 + 240.0 * f64::from(n / 3)])
+            .map(|panel| (panel, true_sensor_at(panel)))
+            .collect();
+        for (n, pair) in pairs.iter_mut().enumerate() {
+            pair.1[n % 2] += if n % 3 == 0 { 0.25 } else { -0.25 };
+        }
+        pairs[4].1 = pairs[3].1;
+        let geometry = CoarseGeometry::fit_affine(&pairs, 6.0).unwrap();
+        for place in [[500.0, 200.0], [1300.0, 200.0], [500.0, 900.0], [1300.0, 900.0]] {
+            assert!(distance(geometry.sensor_at(place), true_sensor_at(place)) < 25.0);
+        }
+        let line: Vec<_> = pairs.iter().map(|&([x, _], sensor)| ([x, 2.0 * x], sensor)).collect();
+        assert_eq!(CoarseGeometry::fit_affine(&line, 6.0), None);
     }
 
     #[test]

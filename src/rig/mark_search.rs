@@ -92,7 +92,10 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
     let over_panel: Vec<Place> = (0..DOTS[0] * DOTS[1])
         .map(|n| [middle(n % DOTS[0], DOTS[0], panel.width), middle(n / DOTS[0], DOTS[1], panel.height)])
         .collect();
-    let rough = fit_dots(sensor, panel, &over_panel, shoot)?;
+    let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
+    // Perspective is not in an affine map; what it leaves is still far less than the way to the next dot.
+    let affine = |dots: &[(Place, Place)]| CoarseGeometry::fit_affine(dots, 3.0 * tolerance_px);
+    let rough = fit_dots(sensor, panel, &over_panel, shoot, &affine)?;
     let over_sensor: Vec<Place> = (0..SENSOR_DOTS[0] * SENSOR_DOTS[1])
         .map(|n| {
             let (column, row) = (n % SENSOR_DOTS[0], n / SENSOR_DOTS[0]);
@@ -102,8 +105,11 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
         })
         .filter(|[x, y]| (0.0..panel.width as f64).contains(x) && (0.0..panel.height as f64).contains(y))
         .collect();
-    fit_dots(sensor, panel, &over_sensor, shoot)
+    fit_dots(sensor, panel, &over_sensor, shoot, &|dots| CoarseGeometry::fit(dots, tolerance_px))
 }
+
+/// A geometry that the dots agree on, if there is one.
+type Fit<'a> = dyn Fn(&[(Place, Place)]) -> Option<CoarseGeometry> + 'a;
 
 /// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more pass
 /// over all dots makes them fewer.
@@ -112,9 +118,9 @@ fn fit_dots(
     panel: Size,
     places: &[Place],
     shoot: &mut Shoot,
+    fit: &Fit,
 ) -> Result<CoarseGeometry, RigError> {
     let side = (DOT_SHARE * panel.height as f64).max(4.0);
-    let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
     let stride = if places.len().is_multiple_of(STRIDE) { 1 } else { STRIDE };
     let mut dots: Vec<(Place, Place)> = Vec::new();
     for _ in 0..ROUNDS {
@@ -128,7 +134,7 @@ fn fit_dots(
             }
         }
         dots.extend(spots(sensor, &frames));
-        if let Some(geometry) = CoarseGeometry::fit(&dots, tolerance_px) {
+        if let Some(geometry) = fit(&dots) {
             return Ok(geometry);
         }
         if dots.len() < 2 {
