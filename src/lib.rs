@@ -23,7 +23,7 @@
 //! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
 //! | 1 | [`restore`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
-//! | 3 | [`light_path`], [`calibrate`] | forward convolution through a rig; show, see, fit, judge, keep |
+//! | 3 | [`light_path`], [`calibrate`], [`check`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing |
 //! | 4 | [`restoration`] | one photo restored on a calibrated rig |
 //! | 5 | [`daemon`], [`evaluate`] | drop folder, jobs, reports; tables and charts made by the program |
 //!
@@ -31,6 +31,7 @@
 
 pub mod calibrate;
 pub mod calibration;
+pub mod check;
 pub mod config;
 pub mod daemon;
 pub mod evaluate;

@@ -5,6 +5,8 @@ mod clock;
 mod demo;
 mod drop_folder;
 mod help;
+#[cfg(feature = "hardware")]
+mod lamped;
 mod rigged;
 mod scenes;
 mod single;

@@ -6,12 +6,15 @@ use std::time::Instant;
 
 use relens::calibrate;
 use relens::calibration::store;
+#[cfg(feature = "hardware")]
+use relens::config::Kind;
 use relens::config::{Curve, Method, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
 use relens::evaluate;
 use relens::frame::{Frame, Work};
 use relens::picture::{Format, Layout, Manner, encode};
+use relens::remedy::Remedy;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
 
@@ -43,7 +46,13 @@ pub(super) fn restorer(
     let begun = Instant::now();
     let stopwatch = Box::new(move || begun.elapsed().as_secs_f64());
     let method = method.unwrap_or(rig.restore.method);
-    Ok(Box::new(OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?))
+    let restorer = Box::new(OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?);
+    #[cfg(feature = "hardware")]
+    if let Kind::Hardware(hardware) = &rig.kind {
+        let lamps = relens::rig::hardware::open_lamps(hardware).map_err(|e| Trouble::of(&e))?;
+        return Ok(Box::new(super::lamped::Lamped::new(restorer, lamps)));
+    }
+    Ok(restorer)
 }
 
 /// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the
@@ -83,10 +92,7 @@ pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
 
 /// The devices of `rig`.
 fn open(rig: &Rig) -> Result<Devices, Trouble> {
-    match rig.simulation() {
-        Some(_) => simulated::open(rig).map(|(devices, _)| devices).map_err(|e| Trouble::of(&e)),
-        None => Err(Trouble::NotYet("opening a rig of devices")),
-    }
+    relens::rig::open(rig).map_err(|e| Trouble::of(&e))
 }
 
 /// Where the calibration is kept.
@@ -144,10 +150,34 @@ pub(super) fn chart(rig: &Rig, out: &Path, quick: bool) -> Result<(), Trouble> {
     say(&format!("written to {}", out.display()))
 }
 
-/// `relens check`.
+/// `relens check`: opens every device, measures the rig's timing, looks for its calibration.
 ///
 /// # Errors
-/// When the operator is needed.
-pub(super) fn check(_rig: &Rig, _folder: &Path) -> Result<(), Trouble> {
-    Err(Trouble::NotYet("`relens check`"))
+/// When the operator is needed: the first device that cannot be had, or else everything else that is wrong.
+pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
+    let mut devices = open(rig)?;
+    let marks = if devices.has_marks() {
+        "found, every frame is proven"
+    } else {
+        "none: frames are trusted by their time"
+    };
+    say(&format!("{:<28}{} panel, {} camera", "devices", devices.panel.size(), devices.camera.size()))?;
+    say(&format!("{:<28}{marks}", "frame marks"))?;
+    let timing = relens::check::measure(&mut devices, rig.panel.refresh_hz).map_err(|e| Trouble::of(&e))?;
+    say(timing.to_string().trim_end())?;
+    let mut complaints = timing.complaints();
+    let calibration = match store::load(&slots(folder), rig.identity) {
+        Ok(calibration) => {
+            format!("generation {}, {} captures", calibration.generation, calibration.captures)
+        }
+        Err(error) => {
+            complaints.push(relens::remedy::full_message(&error));
+            "none that can be used".to_owned()
+        }
+    };
+    say(&format!("{:<28}{calibration}", "calibration"))?;
+    match complaints.is_empty() {
+        true => say("all is well"),
+        false => Err(Trouble::Failure { words: complaints.join("; "), remedy: Remedy::CallOperator }),
+    }
 }

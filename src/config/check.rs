@@ -5,17 +5,18 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::hardware::check_hardware;
 use super::simulation::{Display, Glare, Lens, Prescription, Primaries, Sensor, Simulation};
 use super::written::{KindWord, LensTable, Written};
 use super::{BlurGrid, ConfigError, Geometry, Kind, Rig};
 
 /// Says what was found and what is allowed, for one file.
-struct Rules<'a> {
-    file: &'a str,
+pub(super) struct Rules<'a> {
+    pub(super) file: &'a str,
 }
 
 impl Rules<'_> {
-    fn broken(&self, key: &str, found: impl Show, allowed: impl Show) -> ConfigError {
+    pub(super) fn broken(&self, key: &str, found: impl Show, allowed: impl Show) -> ConfigError {
         ConfigError::Value {
             file: self.file.to_owned(),
             key: key.to_owned(),
@@ -24,20 +25,26 @@ impl Rules<'_> {
         }
     }
 
-    fn hold(&self, rule: bool, key: &str, found: impl Show, allowed: impl Show) -> Result<(), ConfigError> {
+    pub(super) fn hold(
+        &self,
+        rule: bool,
+        key: &str,
+        found: impl Show,
+        allowed: impl Show,
+    ) -> Result<(), ConfigError> {
         if rule { Ok(()) } else { Err(self.broken(key, found, allowed)) }
     }
 
     /// `found` in `low..=high`; NaN is in no range.
-    fn within(&self, key: &str, found: f64, low: f64, high: f64) -> Result<(), ConfigError> {
+    pub(super) fn within(&self, key: &str, found: f64, low: f64, high: f64) -> Result<(), ConfigError> {
         self.hold((low..=high).contains(&found), key, found, format_args!("{low} to {high}"))
     }
 
-    fn above(&self, key: &str, found: f64, low: f64) -> Result<(), ConfigError> {
+    pub(super) fn above(&self, key: &str, found: f64, low: f64) -> Result<(), ConfigError> {
         self.hold(found > low, key, found, format_args!("more than {low}"))
     }
 
-    fn needed<T>(&self, key: &str, value: Option<T>) -> Result<T, ConfigError> {
+    pub(super) fn needed<T>(&self, key: &str, value: Option<T>) -> Result<T, ConfigError> {
         value.ok_or_else(|| self.broken(key, "nothing", "a value; no physical quantity has a default"))
     }
 }
@@ -51,24 +58,25 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
     check_sizes(&rules, &written)?;
     check_times(&rules, &written)?;
     check_methods(&rules, &written)?;
-    let Written { rig, photo, panel, camera, canvas, calibration, restore, paper, .. } = &written;
+    let Written { rig, photo, panel, camera, canvas, marks, calibration, restore, paper, .. } = &written;
     let (rig_name, parts) = (rig.name.clone(), (photo.clone(), panel.clone(), camera.clone()));
     let geometry_parts = (
         (photo.width_px, photo.height_px, photo.curve),
         (panel.width_px, panel.height_px),
         (camera.width_px, camera.height_px, camera.photo_x_px, camera.photo_y_px, camera.bits),
         camera.exposure_ms,
-        (canvas, calibration),
+        (canvas, calibration, marks),
     );
     let mut identity = Identity::default();
     identity.take(&geometry_parts);
-    let (canvas, calibration) = (canvas.clone(), calibration.clone());
+    let (canvas, marks, calibration) = (canvas.clone(), marks.clone(), calibration.clone());
     let (restore, paper) = (restore.clone(), paper.clone());
     let kind = match written.rig.kind {
         KindWord::Hardware => {
-            let hardware = rules.needed("[hardware]", written.hardware)?;
-            identity.take(&hardware);
-            Kind::Hardware(hardware)
+            let hardware = rules.needed("[hardware]", written.hardware.clone())?;
+            check_hardware(&rules, &hardware, panel, camera)?;
+            identity.take(&(&hardware.panel, &hardware.camera));
+            Kind::Hardware(Box::new(hardware))
         }
         KindWord::Simulated => {
             let simulation = check_simulation(&rules, written, base_dir)?;
@@ -84,7 +92,19 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
     };
     let (photo, panel, camera) = parts;
     let identity = identity.0;
-    Ok(Rig { name: rig_name, kind, photo, panel, camera, canvas, calibration, restore, paper, identity })
+    Ok(Rig {
+        name: rig_name,
+        kind,
+        photo,
+        panel,
+        camera,
+        canvas,
+        marks,
+        calibration,
+        restore,
+        paper,
+        identity,
+    })
 }
 
 fn check_sizes(rules: &Rules, written: &Written) -> Result<(), ConfigError> {
@@ -116,7 +136,16 @@ fn check_sizes(rules: &Rules, written: &Written) -> Result<(), ConfigError> {
             format_args!("0 to {room}, so that the canvas stays on the sensor along {axis}").to_string();
         rules.hold(margin <= room, "canvas.margin-px", margin, allowed)?;
     }
-    rules.hold(matches!(camera.bits, 8 | 10 | 12), "camera.bits", camera.bits, "8, 10 or 12")?;
+    rules.hold(matches!(camera.bits, 8 | 10 | 12 | 16), "camera.bits", camera.bits, "8, 10, 12 or 16")?;
+    if let Some(marks) = &written.marks {
+        // What is left above and below the canvas, and room for the smallest strip a blurred edge leaves readable.
+        let below = camera.height_px - camera.photo_y_px - photo.height_px - margin;
+        let room = (camera.photo_y_px - margin).min(below);
+        let found = marks.from_edge_px.saturating_add(marks.height_px);
+        let allowed =
+            format!("at most {room} together with marks.from-edge-px, so that the canvas stays free");
+        rules.hold(found <= room && marks.height_px >= 2, "marks.height-px", marks.height_px, allowed)?;
+    }
     if calibration.geometry == Geometry::OneToOne {
         rules.hold(
             panel.size() == camera.size(),
@@ -147,6 +176,9 @@ fn check_times(rules: &Rules, written: &Written) -> Result<(), ConfigError> {
     let Written { panel, camera, .. } = written;
     rules.within("panel.refresh-hz", panel.refresh_hz, 1.0, 1000.0)?;
     rules.within("panel.settle-ms", panel.settle_ms, 0.0, 10_000.0)?;
+    if let Some(latency_ms) = panel.latency_ms {
+        rules.within("panel.latency-ms", latency_ms, 0.0, panel.settle_ms)?;
+    }
     rules.within("camera.exposure-ms", camera.exposure_ms, 0.001, 60_000.0)?;
     rules.within("camera.deadline-ms", camera.deadline_ms, 1.0, 600_000.0)?;
     rules.hold(

@@ -7,13 +7,17 @@
 mod blur;
 mod check;
 mod error;
+mod hardware;
 mod parts;
 mod simulation;
 mod written;
 
 pub use blur::BlurGrid;
 pub use error::ConfigError;
-pub use parts::{Calibration, Camera, Canvas, Curve, Geometry, Method, Panel, Paper, Photo, Restore};
+pub use hardware::{
+    ButtonDevice, CameraDevice, ExposureBy, Hardware, LampDevices, Level, Line, PanelDevice, TriggerDevice,
+};
+pub use parts::{Calibration, Camera, Canvas, Curve, Geometry, Marks, Method, Panel, Paper, Photo, Restore};
 pub use simulation::{
     Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, Simulation, Surface,
     Surround, Wavelength,
@@ -47,6 +51,8 @@ pub struct Rig {
     pub camera: Camera,
     /// How far the solver's canvas reaches beyond the photo.
     pub canvas: Canvas,
+    /// Where the frame marks are; without them a frame is trusted by its time alone.
+    pub marks: Option<Marks>,
     /// How the rig is calibrated.
     pub calibration: Calibration,
     /// How photos are restored.
@@ -63,8 +69,8 @@ pub struct Rig {
 pub enum Kind {
     /// Physics by computing.
     Simulated(Box<Simulation>),
-    /// Devices; the `[hardware]` table as written, for the device files to read.
-    Hardware(toml::Table),
+    /// Devices.
+    Hardware(Box<Hardware>),
 }
 
 impl Rig {

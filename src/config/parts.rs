@@ -45,6 +45,9 @@ pub struct Panel {
     pub refresh_hz: f64,
     /// Wait from the flip to the trigger: processing latency, scan-out and response time together.
     pub settle_ms: f64,
+    /// From a flip to the first change anyone can see, at the least; `relens check` measures it. The next picture
+    /// may be asked for this much before an exposure ends. Left out, every exposure ends first.
+    pub latency_ms: Option<f64>,
 }
 
 impl Panel {
@@ -66,7 +69,7 @@ pub struct Camera {
     pub photo_x_px: usize,
     /// Sensor row of the photo's first row.
     pub photo_y_px: usize,
-    /// Bits of a count: 8, 10 or 12.
+    /// Bits of a count: 8, 10, 12 or 16.
     pub bits: u8,
     /// Exposure time.
     pub exposure_ms: f64,
@@ -84,7 +87,7 @@ impl Camera {
 
     /// The largest count, 2^bits − 1.
     pub fn count_max(&self) -> u16 {
-        (1u16 << self.bits) - 1
+        ((1u32 << self.bits) - 1) as u16
     }
 }
 
@@ -94,6 +97,16 @@ impl Camera {
 pub struct Canvas {
     /// How far the canvas reaches beyond the photo on every side: light from outside falls into the photo.
     pub margin_px: usize,
+}
+
+/// `[marks]`: the strips at the sensor's upper and lower edge that carry the number of the picture shown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Marks {
+    /// From the sensor's edge to the strip, in sensor pixels.
+    pub from_edge_px: usize,
+    /// The strip's height in sensor pixels.
+    pub height_px: usize,
 }
 
 /// `[calibration]`: how the rig is measured.

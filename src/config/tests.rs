@@ -45,7 +45,7 @@ fn rules_across_fields_say_found_and_allowed() {
     let said = message(changed("geometry = \"checkerboard\"", "geometry = \"one-to-one\""));
     assert!(said.contains("480×270") && said.contains("288×224"), "{said}");
     let said = message(changed("bits = 10", "bits = 9"));
-    assert!(said.contains("found 9, allowed 8, 10 or 12"), "{said}");
+    assert!(said.contains("found 9, allowed 8, 10, 12 or 16"), "{said}");
     let said = message(changed("stale = 0.0", "stale = nan"));
     assert!(said.contains("faults.stale"), "{said}");
 }

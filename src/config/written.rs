@@ -3,7 +3,8 @@
 use serde::Deserialize;
 
 use super::ConfigError;
-use super::parts::{Calibration, Camera, Canvas, Panel, Paper, Photo, Restore};
+use super::hardware::Hardware;
+use super::parts::{Calibration, Camera, Canvas, Marks, Panel, Paper, Photo, Restore};
 use super::simulation::{Display, Faults, LensGeometry, Pose, Sensor, Surface, Surround};
 
 /// The whole file.
@@ -15,6 +16,7 @@ pub(super) struct Written {
     pub(super) panel: Panel,
     pub(super) camera: Camera,
     pub(super) canvas: Canvas,
+    pub(super) marks: Option<Marks>,
     pub(super) calibration: Calibration,
     pub(super) restore: Restore,
     pub(super) paper: Paper,
@@ -24,7 +26,7 @@ pub(super) struct Written {
     pub(super) display: Option<Display>,
     pub(super) sensor: Option<Sensor>,
     pub(super) faults: Option<Faults>,
-    pub(super) hardware: Option<toml::Table>,
+    pub(super) hardware: Option<Hardware>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -107,10 +107,10 @@ impl Stand {
             scene,
             method: name.to_owned(),
             computing_seconds,
-            ssim: ssim(&shown(&restored.picture), &truth).into(),
-            psnr_db: psnr(&shown(&restored.picture), &truth).into(),
-            blurred_ssim: ssim(&shown(&photo), &truth).into(),
-            blurred_psnr_db: psnr(&shown(&photo), &truth).into(),
+            ssim: ssim(&shown(&restored.picture), &truth),
+            psnr_db: psnr(&shown(&restored.picture), &truth),
+            blurred_ssim: ssim(&shown(&photo), &truth),
+            blurred_psnr_db: psnr(&shown(&photo), &truth),
             restored,
         })
     }
@@ -144,10 +144,10 @@ impl Stand {
             scene,
             method: name.to_owned(),
             computing_seconds,
-            ssim: ssim(&after, &truth).into(),
-            psnr_db: psnr(&after, &truth).into(),
-            blurred_ssim: ssim(&before, &truth).into(),
-            blurred_psnr_db: psnr(&before, &truth).into(),
+            ssim: ssim(&after, &truth),
+            psnr_db: psnr(&after, &truth),
+            blurred_ssim: ssim(&before, &truth),
+            blurred_psnr_db: psnr(&before, &truth),
             restored,
         })
     }

@@ -82,7 +82,7 @@ impl Condition {
         };
         match self {
             Condition::NoNoise => {
-                rows.push(("paper, one whole-frame patch".to_owned(), Box::new(whole_frame(rig))))
+                rows.push(("paper, one whole-frame patch".to_owned(), Box::new(whole_frame(rig))));
             }
             Condition::AsFiled => rows.push(("paper, margin 0".to_owned(), Box::new(without_margin(rig)))),
             Condition::Glare(_) | Condition::OneFunction => {}

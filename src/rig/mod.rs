@@ -3,11 +3,66 @@
 //! [`exposure`] turns them into one act, show-and-see. `simulated` is a rig like any other, made of
 //! physics; it knows nothing of the solver or the calibration.
 
+pub mod bayer;
+pub mod button;
+pub mod coarse_geometry;
 pub mod exposure;
+pub mod frame_mark;
+#[cfg(feature = "hardware")]
+pub mod gpio_line;
+#[cfg(feature = "hardware")]
+pub mod hardware;
+#[cfg(feature = "hardware")]
+mod kms_card;
+#[cfg(feature = "hardware")]
+mod kms_honest;
+#[cfg(feature = "hardware")]
+pub mod kms_panel;
+#[cfg(feature = "hardware")]
+pub mod lamps;
+pub mod mark_search;
+#[cfg(feature = "hardware")]
+pub mod monotonic;
+pub mod pixel_format;
+#[cfg(feature = "hardware")]
+pub mod pulse_trigger;
 pub mod simulated;
+#[cfg(feature = "hardware")]
+pub mod v4l2_camera;
+#[cfg(feature = "hardware")]
+pub mod v4l2_controls;
+#[cfg(feature = "hardware")]
+mod v4l2_kernel;
+#[cfg(feature = "hardware")]
+mod v4l2_ring;
 
+use crate::config;
 use crate::frame::{Codes, Counts, Size};
 use crate::remedy::{Remediable, Remedy};
+
+/// Opens the rig of a rig file, simulated or real.
+///
+/// # Errors
+/// Whatever a device has to say.
+pub fn open(rig: &config::Rig) -> Result<exposure::Rig, RigError> {
+    match &rig.kind {
+        config::Kind::Simulated(_) => {
+            let (mut devices, _) = simulated::open(rig)?;
+            if let Some(place) = frame_mark::MarkPlace::of(rig) {
+                devices.find_marks(place)?;
+            }
+            Ok(devices)
+        }
+        #[cfg(feature = "hardware")]
+        config::Kind::Hardware(hardware) => hardware::open(rig, hardware),
+        #[cfg(not(feature = "hardware"))]
+        config::Kind::Hardware(_) => Err(RigError::Refused {
+            device: "rig",
+            found: format!("the rig `{}`, which is made of hardware", rig.name),
+            allowed: "a simulated rig; this relens was built without `--features hardware`".to_owned(),
+        }),
+    }
+}
 
 /// A moment on a rig's clock, in seconds since that clock began.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
@@ -62,6 +117,10 @@ pub trait Camera {
     /// # Errors
     /// [`RigError::NoFrame`] when none came in time, [`RigError::Gone`] when the camera went away.
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError>;
+    /// Takes a frame's memory back that nobody needs any more, so that the next one need not allocate.
+    fn give_back(&mut self, counts: Counts) {
+        drop(counts);
+    }
     /// Closes and opens the camera again, with fresh buffers.
     ///
     /// # Errors
@@ -102,6 +161,31 @@ pub enum RigError {
         /// What was observed.
         what: String,
     },
+    /// No frame can be proven to be its picture's, because the marks that prove it are not seen.
+    #[error("the camera does not see the panel's marks: {what}")]
+    NoMarks {
+        /// What was seen.
+        what: String,
+    },
+    /// Another program has a device, a line or the display.
+    #[error("the {device} is held: {what}")]
+    Held {
+        /// Which device.
+        device: &'static str,
+        /// By whom, as far as the kernel tells.
+        what: String,
+    },
+    /// The kernel refused something that should work.
+    #[error("the {device} failed to {doing}")]
+    Failed {
+        /// Which device.
+        device: &'static str,
+        /// What was being done.
+        doing: &'static str,
+        /// The kernel's answer.
+        #[source]
+        source: std::io::Error,
+    },
     /// A device refuses its settings.
     #[error("the {device} cannot do what the rig file asks: found {found}, allowed {allowed}")]
     Refused {
@@ -118,8 +202,8 @@ impl Remediable for RigError {
     fn remedy(&self) -> Remedy {
         match self {
             RigError::NoFrame { .. } | RigError::NotThisPicture { .. } => Remedy::ShootAgain,
-            RigError::Gone { .. } => Remedy::ReopenRig,
-            RigError::Refused { .. } => Remedy::CallOperator,
+            RigError::Gone { .. } | RigError::Held { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
+            RigError::Refused { .. } | RigError::NoMarks { .. } => Remedy::CallOperator,
         }
     }
 }

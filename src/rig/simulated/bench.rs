@@ -3,6 +3,7 @@
 //! Time is a number that waiting moves; nothing sleeps. The rows of a picture appear together: the scan-out
 //! of up to one refresh is part of what `panel.settle-ms` has to cover, not of the picture.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -42,7 +43,8 @@ pub(super) struct Bench {
     before: Picture,
     now: Picture,
     change_s: f64,
-    fired_s: Option<f64>,
+    /// Exposures begun whose frames have not been taken; a sensor exposes one while it reads out another.
+    fired_s: VecDeque<f64>,
     exposures: u64,
     sequence: u32,
     last: Option<Exposed>,
@@ -82,7 +84,7 @@ impl Bench {
             before: black.clone(),
             now: black,
             change_s: 0.0,
-            fired_s: None,
+            fired_s: VecDeque::new(),
             exposures: 0,
             sequence: 0,
             last: None,
@@ -108,7 +110,7 @@ impl Bench {
 
     pub(super) fn unplug(&mut self) {
         self.away_until_s = Some(self.now_s + self.faults.unplugged_ms / 1000.0);
-        self.fired_s = None;
+        self.fired_s.clear();
     }
 
     pub(super) fn show(&mut self, codes: &Codes) -> Result<Flip, RigError> {
@@ -138,7 +140,7 @@ impl Bench {
     }
 
     pub(super) fn fire(&mut self) -> Moment {
-        self.fired_s = Some(self.now_s);
+        self.fired_s.push_back(self.now_s);
         self.now()
     }
 
@@ -147,7 +149,7 @@ impl Bench {
             Some(until) if self.now_s < until => Err(gone("not there yet")),
             _ => {
                 self.away_until_s = None;
-                self.fired_s = None;
+                self.fired_s.clear();
                 self.last = None;
                 Ok(())
             }
@@ -158,9 +160,9 @@ impl Bench {
         if self.away_until_s.is_some() {
             return Err(gone("it was unplugged"));
         }
-        let began_s = self.fired_s.unwrap_or(self.now_s);
+        let began_s = self.fired_s.front().copied().unwrap_or(self.now_s);
         let no_frame = RigError::NoFrame { waited_ms: (deadline.0 - began_s) * 1000.0 };
-        let Some(fired_s) = self.fired_s.take() else {
+        let Some(fired_s) = self.fired_s.pop_front() else {
             self.wait_until(deadline);
             return Err(no_frame);
         };

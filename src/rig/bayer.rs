@@ -1,0 +1,162 @@
+//! Colour planes of a Bayer mosaic by bilinear interpolation.
+//!
+//! The plainest interpolation on purpose: it is linear and the same everywhere, so the lens model that the
+//! rig measures contains it. An edge-following one would make the camera a function of the picture.
+
+use crate::frame::{Channel, Counts, Plane};
+
+/// Which colours the first two pixels of the first two rows have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mosaic {
+    /// Blue first, green to its right and below.
+    Bggr,
+    /// Green first, blue to its right.
+    Gbrg,
+    /// Green first, red to its right.
+    Grbg,
+    /// Red first, green to its right and below.
+    Rggb,
+}
+
+impl Mosaic {
+    /// The colour of the site in column `x`, row `y`.
+    pub fn colour_at(self, x: usize, y: usize) -> Channel {
+        let (red_x, red_y) = match self {
+            Mosaic::Rggb => (0, 0),
+            Mosaic::Grbg => (1, 0),
+            Mosaic::Gbrg => (0, 1),
+            Mosaic::Bggr => (1, 1),
+        };
+        match ((x + red_x) % 2, (y + red_y) % 2) {
+            (0, 0) => Channel::Red,
+            (1, 1) => Channel::Blue,
+            _ => Channel::Green,
+        }
+    }
+}
+
+/// Fills the three planes of `counts` from the sites `raw`: a channel's own sites as they are, the others
+/// the rounded mean of that channel's sites among the eight neighbours (fewer at the border).
+pub fn interpolate(raw: &Plane<u16>, mosaic: Mosaic, counts: &mut Counts) {
+    let (width, height) = (raw.width(), raw.height());
+    for channel in Channel::ALL {
+        let plane = counts.plane_mut(channel);
+        for y in 0..height {
+            let inner_row = y > 0 && y + 1 < height;
+            for start in 0..2usize {
+                let offsets = neighbours(mosaic, channel, start, y);
+                let row = plane.row_mut(y);
+                for x in (start..width).step_by(2) {
+                    row[x] = if inner_row && x > 0 && x + 1 < width {
+                        let sum: u32 = offsets
+                            .iter()
+                            .map(|&(dx, dy)| u32::from(raw.at((x + dx) - 1, (y + dy) - 1)))
+                            .sum();
+                        ((sum + offsets.len() as u32 / 2) / offsets.len() as u32) as u16
+                    } else {
+                        at_the_border(raw, offsets, x, y)
+                    };
+                }
+            }
+        }
+    }
+}
+
+/// Places of `channel`'s nearest sites around a pixel of this column and row parity, as offsets 0..3 from the
+/// pixel's upper left neighbour.
+fn neighbours(mosaic: Mosaic, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
+    const SELF: [(usize, usize); 1] = [(1, 1)];
+    const SIDES: [(usize, usize); 2] = [(0, 1), (2, 1)];
+    const ENDS: [(usize, usize); 2] = [(1, 0), (1, 2)];
+    const CROSS: [(usize, usize); 4] = [(1, 0), (0, 1), (2, 1), (1, 2)];
+    const CORNERS: [(usize, usize); 4] = [(0, 0), (2, 0), (0, 2), (2, 2)];
+    if mosaic.colour_at(x, y) == channel {
+        &SELF
+    } else if channel == Channel::Green {
+        &CROSS
+    } else if mosaic.colour_at(x + 1, y) == channel {
+        &SIDES
+    } else if mosaic.colour_at(x, y + 1) == channel {
+        &ENDS
+    } else {
+        &CORNERS
+    }
+}
+
+fn at_the_border(raw: &Plane<u16>, offsets: &[(usize, usize)], x: usize, y: usize) -> u16 {
+    let (mut sum, mut sites) = (0u32, 0u32);
+    for &(dx, dy) in offsets {
+        let (column, row) = (x + dx, y + dy);
+        if (1..=raw.width()).contains(&column) && (1..=raw.height()).contains(&row) {
+            sum += u32::from(raw.at(column - 1, row - 1));
+            sites += 1;
+        }
+    }
+    // A frame of one row or column lacks whole channels; black is all that can be said of them.
+    (sum + sites / 2).checked_div(sites).unwrap_or(0) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Size;
+
+    const ALL: [Mosaic; 4] = [Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg, Mosaic::Rggb];
+
+    /// The definition, without tables: mean of the channel's sites within one pixel, the nearest kind only.
+    fn plain(raw: &Plane<u16>, mosaic: Mosaic, channel: Channel, x: usize, y: usize) -> u16 {
+        for distance in 0..3i32 {
+            let (mut sum, mut sites) = (0u32, 0u32);
+            for dy in -1..=1i32 {
+                for dx in -1..=1i32 {
+                    let (column, row) = (x as i32 + dx, y as i32 + dy);
+                    let inside =
+                        (0..raw.width() as i32).contains(&column) && (0..raw.height() as i32).contains(&row);
+                    // Parity of a place left of or above the frame is that of the place two further in.
+                    let colour = mosaic.colour_at((column + 2) as usize, (row + 2) as usize);
+                    if dx.abs() + dy.abs() == distance && colour == channel && inside {
+                        sum += u32::from(raw.at(column as usize, row as usize));
+                        sites += 1;
+                    }
+                }
+            }
+            if let Some(mean) = (sum + sites / 2).checked_div(sites) {
+                return mean as u16;
+            }
+        }
+        0
+    }
+
+    #[test]
+    fn the_interpolation_is_the_mean_of_the_nearest_sites_everywhere() {
+        for size in [Size::new(9, 7), Size::new(8, 6), Size::new(2, 2)] {
+            let raw = Plane::from_fn(size, |x, y| ((x * 977 + y * 3571 + x * y * 31) % 4096) as u16);
+            for mosaic in ALL {
+                let mut counts = Counts::zeros(size);
+                interpolate(&raw, mosaic, &mut counts);
+                for channel in Channel::ALL {
+                    for y in 0..size.height {
+                        for x in 0..size.width {
+                            let want = plain(&raw, mosaic, channel, x, y);
+                            assert_eq!(
+                                counts.plane(channel).at(x, y),
+                                want,
+                                "{mosaic:?} {channel:?} at {x},{y} of {size}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_grey_field_stays_grey() {
+        let raw = Plane::filled(Size::new(10, 8), 1023u16);
+        for mosaic in ALL {
+            let mut counts = Counts::zeros(raw.size());
+            interpolate(&raw, mosaic, &mut counts);
+            assert!(counts.planes().iter().all(|p| p.data().iter().all(|&v| v == 1023)));
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! The button: edges only wake, the level read afterwards decides.
+//!
+//! Contacts bounce and kernels drop edges, so an edge is a hint to look. A press counts when the level has
+//! been "on" at two readings a debounce time apart, and the next one only after an "off" as steady.
+
+use super::Moment;
+
+/// The debouncing itself, fed with levels and the time.
+#[derive(Debug, Clone)]
+pub struct Debounce {
+    debounce_s: f64,
+    pressed: bool,
+    /// The level last read and since when it has been so.
+    level: bool,
+    since: Moment,
+}
+
+impl Debounce {
+    /// A button at rest at `now`; a level must hold `debounce_ms` to count.
+    pub fn new(debounce_ms: f64, now: Moment) -> Self {
+        Debounce { debounce_s: debounce_ms / 1e3, pressed: false, level: false, since: now }
+    }
+
+    /// Takes the level read at `now`; true exactly once for every press.
+    pub fn read(&mut self, level: bool, now: Moment) -> bool {
+        if level != self.level {
+            (self.level, self.since) = (level, now);
+        }
+        let steady = now.0 - self.since.0 >= self.debounce_s;
+        if steady && self.pressed != self.level {
+            self.pressed = self.level;
+            return self.pressed;
+        }
+        false
+    }
+
+    /// When the level should be read again though no edge came; `None` while nothing is open.
+    pub fn look_again_at(&self) -> Option<Moment> {
+        (self.level != self.pressed).then_some(Moment(self.since.0 + self.debounce_s))
+    }
+}
+
+#[cfg(feature = "hardware")]
+mod line {
+    use std::time::Duration;
+
+    use gpiocdev::line::{Bias, EdgeDetection, Value};
+
+    use super::Debounce;
+    use crate::rig::gpio_line::{CONSUMER, LineName, find};
+    use crate::rig::monotonic::Monotonic;
+    use crate::rig::{Clock, Moment, RigError};
+
+    /// Edge events read at one go: the kernel queues 16 a line.
+    const EVENTS: usize = 16;
+
+    /// A button on an input line.
+    pub struct Button {
+        request: gpiocdev::Request,
+        offset: u32,
+        debounce: Debounce,
+    }
+
+    fn failed(doing: &'static str) -> impl Fn(gpiocdev::Error) -> RigError {
+        move |cause| RigError::Failed { device: "button", doing, source: std::io::Error::other(cause) }
+    }
+
+    impl Button {
+        /// Takes the line with its pull resistor towards "off".
+        ///
+        /// # Errors
+        /// When there is no such line, or another program has it.
+        pub fn open(name: &LineName, debounce_ms: f64) -> Result<Self, RigError> {
+            let place = find("button", name)?;
+            let mut builder = gpiocdev::Request::builder();
+            builder.on_chip(&place.node).with_consumer(CONSUMER).with_line(place.offset);
+            builder.with_edge_detection(EdgeDetection::BothEdges);
+            if name.active_low {
+                builder.as_active_low().with_bias(Bias::PullUp);
+            } else {
+                builder.with_bias(Bias::PullDown);
+            }
+            let request = builder.request().map_err(failed("take its line"))?;
+            let debounce = Debounce::new(debounce_ms, Monotonic.now());
+            Ok(Button { request, offset: place.offset, debounce })
+        }
+
+        /// Waits for a press until `deadline`; true when there was one.
+        ///
+        /// # Errors
+        /// When the line can no longer be read.
+        pub fn pressed(&mut self, deadline: Moment) -> Result<bool, RigError> {
+            loop {
+                let level = self.request.value(self.offset).map_err(failed("read its level"))?;
+                if self.debounce.read(level == Value::Active, Monotonic.now()) {
+                    return Ok(true);
+                }
+                let now = Monotonic.now().0;
+                if now >= deadline.0 {
+                    return Ok(false);
+                }
+                let until = self.debounce.look_again_at().map_or(deadline.0, |again| again.0.min(deadline.0));
+                let wait = Duration::from_secs_f64((until - now).clamp(0.0, 3600.0));
+                if self.request.wait_edge_event(wait).map_err(failed("wait for its edges"))? {
+                    // Emptied and not looked at. (`read_edge_event` would read eight and return the first.)
+                    let mut events = self.request.new_edge_event_buffer(EVENTS);
+                    events.read_event().map_err(failed("read its edges"))?;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(feature = "hardware")]
+pub use line::Button;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Presses counted while reading `levels`, one a millisecond, with 20 ms of debounce.
+    fn presses(levels: impl IntoIterator<Item = bool>) -> usize {
+        let mut debounce = Debounce::new(20.0, Moment(0.0));
+        let read = |(ms, level)| debounce.read(level, Moment(ms as f64 / 1e3));
+        levels.into_iter().enumerate().map(read).filter(|&pressed| pressed).count()
+    }
+
+    #[test]
+    fn a_bouncing_press_counts_once() {
+        let bounce = (0..15).map(|ms| ms % 3 != 1);
+        let levels = bounce.clone().chain([true; 60]).chain(bounce).chain([false; 60]);
+        assert_eq!(presses(levels), 1);
+    }
+
+    #[test]
+    fn a_spike_is_no_press() {
+        assert_eq!(presses([[false; 30].as_slice(), &[true; 10], &[false; 60]].concat()), 0);
+    }
+
+    #[test]
+    fn a_press_whose_release_edge_was_lost_does_not_repeat() {
+        assert_eq!(presses([true; 500]), 1);
+    }
+
+    #[test]
+    fn two_presses_are_two() {
+        let one = [[true; 40].as_slice(), &[false; 40]].concat();
+        assert_eq!(presses(one.repeat(2)), 2);
+    }
+
+    #[test]
+    fn an_open_question_names_the_time_to_look_again() {
+        let mut debounce = Debounce::new(20.0, Moment(0.0));
+        assert_eq!(debounce.look_again_at(), None);
+        debounce.read(true, Moment(0.5));
+        assert_eq!(debounce.look_again_at(), Some(Moment(0.52)));
+    }
+}

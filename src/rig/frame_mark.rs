@@ -1,0 +1,237 @@
+//! The frame mark: the number of the picture shown, in a strip at the upper and one at the lower edge of the sensor.
+//!
+//! A number is eight bits and four check bits; each bit is two cells, one light and one dark (Manchester
+//! code), so a strip is equally bright whatever it says and its glare on the picture is a constant. Both strips
+//! carry the same number; a frame that is part old and part new, by rows or by time, is told from a whole one.
+
+use super::coarse_geometry::CoarseGeometry;
+use crate::config;
+use crate::frame::{Channel, Codes, Counts, Plane, Size};
+
+/// Bits of a number: pictures 256 shows apart look alike, which no buffer anywhere is deep enough to confuse.
+const NUMBER_BITS: usize = 8;
+const BITS: usize = NUMBER_BITS + 4;
+const CELLS: usize = 2 * BITS;
+/// The light cells' panel code; below the brightest, to leave the sensor unsaturated where the picture is.
+const LIGHT_CODE: u8 = 200;
+/// Stands for a pixel of the guard in place of a cell.
+const BLACK: u8 = u8::MAX;
+/// Least share of a bit's usual contrast that counts: a frame with more than a tenth of another bit in it fails.
+const CONTRAST_SHARE_MIN: f32 = 0.8;
+
+/// What a frame says of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reading {
+    /// Both strips carry this number.
+    Number(u8),
+    /// The strips disagree, or bits lie between light and dark: parts of two pictures.
+    Mixed,
+    /// There is no mark.
+    Nothing,
+}
+
+impl std::fmt::Display for Reading {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Reading::Number(number) => write!(f, "picture number {number} of 256"),
+            Reading::Mixed => f.write_str("a mixture of two pictures"),
+            Reading::Nothing => f.write_str("without a readable mark"),
+        }
+    }
+}
+
+/// Where the strips lie on the sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MarkPlace {
+    /// Sensor pixels.
+    pub sensor: Size,
+    /// From the upper or lower edge to the strip.
+    pub from_edge_px: usize,
+    /// The strip's height.
+    pub height_px: usize,
+    /// Kept black around the strips, so that no picture's edge lights one cell of a bit more than the other.
+    pub guard_px: usize,
+}
+
+impl MarkPlace {
+    /// Where a rig file puts the strips; `None` without `[marks]`.
+    pub fn of(rig: &config::Rig) -> Option<MarkPlace> {
+        let marks = rig.marks.as_ref()?;
+        let sensor = rig.camera.size();
+        // All of the room up to the canvas, whose light ends there anyway.
+        let canvas = rig.canvas_on_sensor();
+        let room = canvas.y.min(sensor.height - canvas.y - canvas.size.height);
+        let guard_px = room.saturating_sub(marks.from_edge_px + marks.height_px);
+        Some(MarkPlace { sensor, from_edge_px: marks.from_edge_px, height_px: marks.height_px, guard_px })
+    }
+
+    fn first_row(&self, strip: usize) -> usize {
+        match strip {
+            0 => self.from_edge_px,
+            _ => self.sensor.height - self.from_edge_px - self.height_px,
+        }
+    }
+
+    /// Whether a sensor place, seen or not, is to be black or a mark.
+    fn covers(&self, y: f64) -> bool {
+        let depth = (self.from_edge_px + self.height_px + self.guard_px) as f64;
+        let beyond = -((self.height_px + self.guard_px) as f64);
+        let from_below = self.sensor.height as f64 - 1.0 - y;
+        (beyond..depth - 0.5).contains(&y) || (beyond..depth - 0.5).contains(&from_below)
+    }
+
+    /// Strip and cell at a sensor place, if one is there. Strips end a cell's width before the sensor's sides.
+    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<(usize, usize)> {
+        let row = y + 0.5;
+        let strip = (0..2).find(|&strip| {
+            let first = self.first_row(strip) as f64;
+            (first..first + self.height_px as f64).contains(&row)
+        })?;
+        let cell = ((x + 0.5) / self.sensor.width as f64 * (CELLS + 2) as f64).floor() - 1.0;
+        (0.0..CELLS as f64).contains(&cell).then_some((strip, cell as usize))
+    }
+}
+
+/// Sensor rows of a strip that are measured: the middle half, away from whatever is beside it.
+fn measured_rows(place: &MarkPlace, strip: usize) -> std::ops::Range<usize> {
+    let margin = place.height_px / 4;
+    let first = place.first_row(strip);
+    first + margin..first + place.height_px - margin
+}
+
+/// The twelve bits of a number: it, and the sum of its halves so that one flipped bit never is another number.
+fn bits(number: u8) -> [bool; BITS] {
+    let check = u16::from(number >> 4).wrapping_mul(3).wrapping_add(u16::from(number & 15)) & 15;
+    let word = u16::from(number) | check << NUMBER_BITS;
+    std::array::from_fn(|n| word >> n & 1 == 1)
+}
+
+/// The mean light−dark difference of each bit's cells, light when the bit is set, for both strips.
+type Contrasts = [[f32; BITS]; 2];
+
+/// Marks in their places on one rig.
+#[derive(Debug, Clone)]
+pub struct FrameMarks {
+    place: MarkPlace,
+    /// Panel pixels of strips and guard: index, and the cell or [`BLACK`].
+    pixels: Vec<(u32, u8)>,
+    /// Usual contrast of each bit, in counts.
+    usual: Contrasts,
+}
+
+impl FrameMarks {
+    /// Marks for a rig of this geometry, whose panel has `panel` pixels; `None` when the strips are not
+    /// altogether on the panel. Their contrast is yet to be learned.
+    pub fn new(place: MarkPlace, geometry: &CoarseGeometry, panel: Size) -> Option<Self> {
+        let mut pixels = Vec::new();
+        for y in 0..panel.height {
+            for x in 0..panel.width {
+                let at = geometry.sensor_at([x as f64, y as f64]);
+                if place.covers(at[1]) {
+                    let cell = place.cell_at(at).map_or(BLACK, |(_, cell)| cell as u8);
+                    pixels.push(((y * panel.width + x) as u32, cell));
+                }
+            }
+        }
+        let right = place.sensor.width as f64 - 1.0;
+        let inside = (0..2).all(|strip| {
+            let first = place.first_row(strip) as f64;
+            [
+                [0.0, first],
+                [right, first],
+                [0.0, first + place.height_px as f64],
+                [right, first + place.height_px as f64],
+            ]
+            .into_iter()
+            .map(|corner| geometry.panel_at(corner))
+            .all(|[x, y]| (0.0..panel.width as f64).contains(&x) && (0.0..panel.height as f64).contains(&y))
+        });
+        (inside && !pixels.is_empty()).then_some(FrameMarks { place, pixels, usual: [[0.0; BITS]; 2] })
+    }
+
+    /// Paints `number` over the strips' places in `codes`.
+    pub fn paint(&self, codes: &mut Codes, number: u8) {
+        let bits = bits(number);
+        for plane in codes.planes_mut() {
+            let data = plane.data_mut();
+            for &(index, cell) in &self.pixels {
+                let light = cell != BLACK && bits[usize::from(cell / 2)] == (cell % 2 == 0);
+                data[index as usize] = if light { LIGHT_CODE } else { 0 };
+            }
+        }
+    }
+
+    /// Learns the usual contrast of every bit: the median over `frames`, each with the number it showed.
+    /// False when some bit has none to speak of: then the mark cannot be read here.
+    pub fn learn(&mut self, frames: &[(u8, Counts)]) -> bool {
+        let seen: Vec<Contrasts> = frames
+            .iter()
+            .map(|(number, counts)| {
+                let (bits, mut contrasts) = (bits(*number), self.contrasts(counts));
+                for strip in &mut contrasts {
+                    for (contrast, bit) in strip.iter_mut().zip(bits) {
+                        *contrast = if bit { *contrast } else { -*contrast };
+                    }
+                }
+                contrasts
+            })
+            .collect();
+        for strip in 0..2 {
+            for bit in 0..BITS {
+                let mut values: Vec<f32> = seen.iter().map(|contrasts| contrasts[strip][bit]).collect();
+                values.sort_by(f32::total_cmp);
+                self.usual[strip][bit] = values.get(values.len() / 2).copied().unwrap_or(0.0);
+            }
+        }
+        let strongest = self.usual.iter().flatten().copied().fold(0.0, f32::max);
+        // A fifth of the strongest: dark corners and blur take half at the worst; less is no mark but noise.
+        strongest > 0.0 && self.usual.iter().flatten().all(|&contrast| contrast > 0.2 * strongest)
+    }
+
+    /// What the frame says of itself.
+    pub fn read(&self, counts: &Counts) -> Reading {
+        let contrasts = self.contrasts(counts);
+        let share = |strip: usize, bit: usize| contrasts[strip][bit] / self.usual[strip][bit];
+        let shares = (0..2).flat_map(|strip| (0..BITS).map(move |bit| (strip, bit)));
+        // A quarter of the usual contrast over all bits is no mark at all: dark, another screen, panel off.
+        if shares.clone().map(|(strip, bit)| share(strip, bit).abs()).sum::<f32>() < 0.25 * (2 * BITS) as f32
+        {
+            return Reading::Nothing;
+        }
+        if shares.into_iter().any(|(strip, bit)| share(strip, bit).abs() < CONTRAST_SHARE_MIN) {
+            return Reading::Mixed;
+        }
+        let word = |strip: usize| -> [bool; BITS] { std::array::from_fn(|bit| share(strip, bit) > 0.0) };
+        let number =
+            word(0)[..NUMBER_BITS].iter().rev().fold(0u8, |number, &bit| number << 1 | u8::from(bit));
+        if word(0) == word(1) && word(0) == bits(number) { Reading::Number(number) } else { Reading::Mixed }
+    }
+
+    fn contrasts(&self, counts: &Counts) -> Contrasts {
+        let plane = counts.plane(Channel::Green);
+        let pitch = self.place.sensor.width as f32 / (CELLS + 2) as f32;
+        std::array::from_fn(|strip| {
+            std::array::from_fn(|bit| {
+                let cell = |n: usize| mean_of_cell(plane, &self.place, strip, (n + 1) as f32 * pitch, pitch);
+                cell(2 * bit) - cell(2 * bit + 1)
+            })
+        })
+    }
+}
+
+/// Mean of the middle half of a cell's columns, over the strip's measured rows.
+fn mean_of_cell(plane: &Plane<u16>, place: &MarkPlace, strip: usize, left: f32, width: f32) -> f32 {
+    let first = (left + 0.25 * width).round() as usize;
+    let last = ((left + 0.75 * width).round() as usize).max(first + 1).min(plane.width());
+    let (mut sum, mut pixels) = (0u64, 0u64);
+    for row in measured_rows(place, strip) {
+        let row = &plane.row(row)[first..last];
+        sum += row.iter().map(|&count| u64::from(count)).sum::<u64>();
+        pixels += row.len() as u64;
+    }
+    sum as f32 / pixels.max(1) as f32
+}
+
+#[cfg(test)]
+#[path = "frame_mark_tests.rs"]
+mod tests;

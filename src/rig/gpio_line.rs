@@ -1,0 +1,134 @@
+//! GPIO lines by chip label and line name: numbers of chips and lines differ between boards and kernels.
+
+use std::path::{Path, PathBuf};
+
+use embedded_hal::digital::{ErrorKind, ErrorType, OutputPin};
+
+use super::RigError;
+
+/// Which line, and which of its levels means "on".
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LineName {
+    /// The chip's label as `gpiodetect` shows it in brackets, such as `pinctrl-rp1`.
+    pub chip: String,
+    /// The line's name as `gpioinfo` shows it, such as `GPIO17`.
+    pub line: String,
+    /// Whether the low level means "on".
+    pub active_low: bool,
+}
+
+/// A line that was found: its chip's node and its number there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) node: PathBuf,
+    pub(super) offset: u32,
+}
+
+/// The consumer's name that other programs see on our lines.
+pub(super) const CONSUMER: &str = "relens";
+
+fn refused(device: &'static str, found: String, allowed: Vec<String>) -> RigError {
+    let allowed = if allowed.is_empty() { "none at all".to_owned() } else { allowed.join(", ") };
+    RigError::Refused { device, found, allowed }
+}
+
+/// Finds the line; `device` is what it is for, in messages.
+///
+/// # Errors
+/// [`RigError::Refused`] with the labels or names there are; [`RigError::Held`] with the name of the program
+/// that has the line.
+pub(super) fn find(device: &'static str, name: &LineName) -> Result<Place, RigError> {
+    let mut labels = Vec::new();
+    for node in gpiocdev::chip::chips().unwrap_or_default() {
+        let Ok(chip) = gpiocdev::chip::Chip::from_path(&node) else { continue };
+        let Ok(info) = chip.info() else { continue };
+        if info.label != name.chip {
+            labels.push(info.label);
+            continue;
+        }
+        let mut names = Vec::new();
+        for line in 0..info.num_lines {
+            let Ok(line) = chip.line_info(line) else { continue };
+            if line.name == name.line {
+                if line.used {
+                    let holder = if line.consumer.is_empty() { "the kernel" } else { &line.consumer };
+                    let what = format!("line {} of {} is in use by {holder:?}", name.line, name.chip);
+                    return Err(RigError::Held { device, what });
+                }
+                return Ok(Place { node, offset: line.offset });
+            }
+            names.push(line.name);
+        }
+        names.retain(|other| !other.is_empty());
+        return Err(refused(device, format!("line {:?} on chip {:?}", name.line, name.chip), names));
+    }
+    Err(refused(device, format!("GPIO chip {:?}", name.chip), labels))
+}
+
+/// An output line at rest unless told otherwise, and at rest again when dropped.
+pub struct OutputLine {
+    lines: gpiod::Lines<gpiod::Output>,
+}
+
+impl OutputLine {
+    /// Takes the line and puts it at rest.
+    ///
+    /// # Errors
+    /// As [`find`]; [`RigError::Failed`] when the kernel refuses the line.
+    pub fn open(device: &'static str, name: &LineName) -> Result<Self, RigError> {
+        let place = find(device, name)?;
+        let lines = request(&place.node, place.offset, name.active_low).map_err(|source| {
+            match rustix::io::Errno::from_io_error(&source) {
+                Some(rustix::io::Errno::BUSY) => {
+                    let what = format!("line {} of {} is in use by another program", name.line, name.chip);
+                    RigError::Held { device, what }
+                }
+                _ => RigError::Failed { device, doing: "take its line", source },
+            }
+        })?;
+        Ok(OutputLine { lines })
+    }
+
+    fn set(&self, on: bool) -> Result<(), LineError> {
+        self.lines.set_values([on]).map_err(LineError)
+    }
+}
+
+fn request(node: &Path, offset: u32, active_low: bool) -> std::io::Result<gpiod::Lines<gpiod::Output>> {
+    let active = if active_low { gpiod::Active::Low } else { gpiod::Active::High };
+    let options = gpiod::Options::output([offset]).active(active).values([false]).consumer(CONSUMER);
+    gpiod::Chip::new(node)?.request_lines(options)
+}
+
+impl Drop for OutputLine {
+    /// Off before the line is released. What it does afterwards is up to its pull resistor, see hardware.md.
+    fn drop(&mut self) {
+        let _ = self.set(false);
+    }
+}
+
+/// The kernel refused to set a line.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot set the line")]
+pub struct LineError(#[source] pub std::io::Error);
+
+impl embedded_hal::digital::Error for LineError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Other
+    }
+}
+
+impl ErrorType for OutputLine {
+    type Error = LineError;
+}
+
+/// High means "on", whatever level that is on the wire.
+impl OutputPin for OutputLine {
+    fn set_low(&mut self) -> Result<(), LineError> {
+        self.set(false)
+    }
+
+    fn set_high(&mut self) -> Result<(), LineError> {
+        self.set(true)
+    }
+}

@@ -1,0 +1,372 @@
+//! The panel on a real display: kernel mode setting with two dumb buffers, flips with kernel time stamps.
+//!
+//! Being DRM master with a lit pipe also keeps the text console and its blanking away: the kernel's frame buffer
+//! console does not draw over a master. What may go wrong in the field (another program takes the display, the
+//! cable is pulled, the link must be trained again) is looked for before every picture and healed by setting
+//! the mode again; until then each call says what is wrong.
+
+use std::io;
+use std::path::PathBuf;
+
+use drm::Device as _;
+use drm::buffer::{Buffer as _, DrmFourcc};
+use drm::control::{
+    AtomicCommitFlags, Device as _, Event, Mode, PageFlipFlags, atomic::AtomicModeReq, connector, crtc,
+    dumbbuffer::DumbBuffer, framebuffer, property,
+};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::Errno;
+
+use super::kms_card::{Card, failed};
+use super::kms_honest::{Pipe, light_up, light_up_legacy};
+use super::monotonic::{Monotonic, left_until};
+use super::{Clock, Flip, Moment, Panel, RigError};
+use crate::frame::{Codes, Size};
+
+/// Refreshes a flip event may take before the pipe is called dead (the kernel's own patience is 10 s; a live
+/// driver needs one or two).
+const FLIP_REFRESHES_MAX: f64 = 30.0;
+/// Flips timed when the panel is opened (Psychtoolbox takes 50; the kernel's stamps are exact to microseconds).
+const TIMED_FLIPS: usize = 24;
+/// Largest share by which the measured interval may differ from the file's: 59.94 Hz passes for 60, 50 does not.
+const INTERVAL_ERROR_MAX: f64 = 0.005;
+
+/// Which display, and how it is to be driven.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KmsSettings {
+    /// DRM node; without one the first that drives a display.
+    pub node: Option<PathBuf>,
+    /// Connector by the kernel's name, such as `HDMI-A-1`.
+    pub connector: String,
+    /// Panel pixels; a mode of exactly this size must be on the connector's list.
+    pub size: Size,
+    /// Refreshes a second.
+    pub refresh_hz: f64,
+}
+
+struct Buffer {
+    picture: framebuffer::Handle,
+    memory: DumbBuffer,
+}
+
+/// A display lit by this program alone.
+pub struct KmsPanel {
+    card: Card,
+    settings: KmsSettings,
+    pipe: Pipe,
+    mode: Mode,
+    /// The plane's FB_ID; `None` when the driver has no atomic interface.
+    picture_property: Option<property::Handle>,
+    buffers: [Buffer; 2],
+    /// The buffer that is on the panel or about to be.
+    front: usize,
+    /// Whether the mode has to be set again before the next picture.
+    dark: bool,
+    before: Option<crtc::Info>,
+    interval_s: f64,
+    /// One packed row in ordinary memory: buffers are write-combined on Arm, and want whole rows in order.
+    row: Vec<u8>,
+}
+
+/// What a refused commit says about the world.
+pub(super) fn commit_failed(cause: io::Error) -> RigError {
+    match Errno::from_io_error(&cause) {
+        // EACCES: this program is not DRM master (any more).
+        Some(Errno::ACCESS | Errno::PERM) => RigError::Held {
+            device: "panel",
+            what: "another program drives the display (it is DRM master); a desktop or a second relens?"
+                .to_owned(),
+        },
+        Some(Errno::NODEV) => {
+            RigError::Gone { device: "panel", what: "the display driver has gone".to_owned() }
+        }
+        _ => RigError::Failed { device: "panel", doing: "put a picture on", source: cause },
+    }
+}
+
+impl KmsPanel {
+    /// Opens and lights the display, and measures its refresh interval.
+    ///
+    /// # Errors
+    /// [`RigError::Gone`] without node or plugged display, [`RigError::Held`] while another program drives it,
+    /// [`RigError::Refused`] when connector, mode, honest settings or measured interval are not the file's.
+    pub fn open(settings: KmsSettings) -> Result<Self, RigError> {
+        let (card, _) = Card::open(settings.node.as_deref())?;
+        if card.acquire_master_lock().is_err() {
+            return Err(commit_failed(Errno::ACCESS.into()));
+        }
+        let atomic = card.set_client_capability(drm::ClientCapability::UniversalPlanes, true).is_ok()
+            && card.set_client_capability(drm::ClientCapability::Atomic, true).is_ok();
+        let connector = card.connector(&settings.connector, true)?;
+        plugged_in(&connector)?;
+        let mode = find_mode(&connector, &settings)?;
+        let pipe = find_pipe(&card, &connector)?;
+        let picture_property = match atomic {
+            true => Some(card.properties(pipe.plane)?.handle("FB_ID")?),
+            false => None,
+        };
+        let before = card.get_crtc(pipe.crtc).ok();
+        let buffers = [new_buffer(&card, settings.size)?, new_buffer(&card, settings.size)?];
+        let row = vec![0; settings.size.width * 4];
+        let interval_s = 1.0 / settings.refresh_hz;
+        let mut panel = KmsPanel {
+            card,
+            settings,
+            pipe,
+            mode,
+            picture_property,
+            buffers,
+            front: 0,
+            dark: true,
+            before,
+            interval_s,
+            row,
+        };
+        panel.light()?;
+        panel.interval_s = panel.measured_interval()?;
+        Ok(panel)
+    }
+
+    /// Seconds from refresh to refresh, as measured when the panel was opened.
+    pub fn interval_s(&self) -> f64 {
+        self.interval_s
+    }
+
+    fn light(&mut self) -> Result<(), RigError> {
+        let picture = self.buffers[self.front].picture;
+        match self.picture_property {
+            Some(_) => light_up(&self.card, self.pipe, &self.mode, picture)?,
+            None => light_up_legacy(&self.card, self.pipe, &self.mode, picture)?,
+        }
+        self.dark = false;
+        Ok(())
+    }
+
+    /// Looks at cable and link, and sets the mode again after a loss.
+    fn keep_lit(&mut self) -> Result<(), RigError> {
+        let connector =
+            self.card.get_connector(self.pipe.connector, false).map_err(failed("ask the connector"))?;
+        if connector.state() != connector::State::Connected {
+            self.dark = true;
+            plugged_in(&connector)?;
+        }
+        let link = self.card.properties(self.pipe.connector)?;
+        // 0 is "Good" in the kernel's enumeration of this property.
+        if link.get("link-status").is_some_and(|(_, value)| value != 0) {
+            self.dark = true;
+        }
+        if self.dark {
+            // Whoever took the display meanwhile may have given it back.
+            if self.card.acquire_master_lock().is_err() {
+                return Err(commit_failed(Errno::ACCESS.into()));
+            }
+            plugged_in(&self.card.connector(&self.settings.connector, true)?)?;
+            self.light()?;
+            log::info!("panel: {} lit again", self.settings.connector);
+        }
+        Ok(())
+    }
+
+    /// Puts `codes` into the hidden buffer and asks for it at the next refresh, without waiting for that.
+    ///
+    /// # Errors
+    /// When the panel or the right to use it is gone, or a picture is still on its way.
+    pub fn put(&mut self, codes: &Codes) -> Result<(), RigError> {
+        if codes.size() != self.settings.size {
+            return Err(RigError::Refused {
+                device: "panel",
+                found: format!("a picture of {}", codes.size()),
+                allowed: self.settings.size.to_string(),
+            });
+        }
+        self.keep_lit()?;
+        let back = 1 - self.front;
+        self.write(back, codes)?;
+        self.ask_for(back)
+    }
+
+    fn write(&mut self, buffer: usize, codes: &Codes) -> Result<(), RigError> {
+        let memory = &mut self.buffers[buffer].memory;
+        let pitch = memory.pitch() as usize;
+        let mut map = self.card.map_dumb_buffer(memory).map_err(failed("map a picture buffer"))?;
+        for (y, to) in map.chunks_mut(pitch).take(codes.size().height).enumerate() {
+            let [red, green, blue] = codes.planes().each_ref().map(|plane| plane.row(y));
+            for (pixel, ((r, g), b)) in self.row.chunks_exact_mut(4).zip(red.iter().zip(green).zip(blue)) {
+                // XRGB8888 is a little-endian word: blue comes first in memory.
+                pixel.copy_from_slice(&[*b, *g, *r, 0]);
+            }
+            to[..self.row.len()].copy_from_slice(&self.row);
+        }
+        Ok(())
+    }
+
+    fn ask_for(&mut self, buffer: usize) -> Result<(), RigError> {
+        let picture = self.buffers[buffer].picture;
+        let asked = match self.picture_property {
+            Some(name) => {
+                let mut request = AtomicModeReq::new();
+                request.add_property(self.pipe.plane, name, property::Value::Framebuffer(Some(picture)));
+                self.card
+                    .atomic_commit(AtomicCommitFlags::NONBLOCK | AtomicCommitFlags::PAGE_FLIP_EVENT, request)
+            }
+            None => self.card.page_flip(self.pipe.crtc, picture, PageFlipFlags::EVENT, None),
+        };
+        match asked {
+            Ok(()) => {
+                self.front = buffer;
+                Ok(())
+            }
+            Err(cause) => {
+                self.dark = true;
+                Err(commit_failed(cause))
+            }
+        }
+    }
+
+    /// Waits until the picture asked for by [`KmsPanel::put`] is being scanned out.
+    ///
+    /// # Errors
+    /// [`RigError::Gone`] when the display stopped refreshing.
+    pub fn flipped(&mut self) -> Result<Flip, RigError> {
+        let deadline = Moment(Monotonic.now().0 + (FLIP_REFRESHES_MAX * self.interval_s).max(1.0));
+        loop {
+            let mut waiting = [PollFd::new(&self.card, PollFlags::IN)];
+            match poll(&mut waiting, Some(&left_until(deadline))) {
+                Ok(0) => {
+                    self.dark = true;
+                    let what = "the display stopped refreshing (no flip event)".to_owned();
+                    return Err(RigError::Gone { device: "panel", what });
+                }
+                Err(Errno::INTR) => continue,
+                Err(cause) => return Err(failed("wait for a refresh")(cause.into())),
+                Ok(_) => {}
+            }
+            for event in self.card.receive_events().map_err(failed("read a refresh event"))? {
+                if let Event::PageFlip(flip) = event {
+                    // `duration` is the crate's name for the moment on CLOCK_MONOTONIC.
+                    return Ok(Flip { at: Moment(flip.duration.as_secs_f64()), vblank: flip.frame.into() });
+                }
+            }
+        }
+    }
+
+    /// Times a run of flips by the kernel's stamps and vblank numbers, so that a missed refresh does no harm.
+    fn measured_interval(&mut self) -> Result<f64, RigError> {
+        let mut first = None;
+        let mut last = None;
+        for _ in 0..=TIMED_FLIPS {
+            self.ask_for(1 - self.front)?;
+            let flip = self.flipped()?;
+            first.get_or_insert(flip);
+            last = Some(flip);
+        }
+        let (Some(first), Some(last)) = (first, last) else { return Ok(self.interval_s) };
+        let refreshes = last.vblank.wrapping_sub(first.vblank) as u32;
+        let interval_s = (last.at.0 - first.at.0) / f64::from(refreshes.max(1));
+        let wanted_s = 1.0 / self.settings.refresh_hz;
+        if (interval_s / wanted_s - 1.0).abs() > INTERVAL_ERROR_MAX {
+            return Err(RigError::Refused {
+                device: "panel",
+                found: format!("a measured refresh interval of {:.3} ms", interval_s * 1e3),
+                allowed: format!(
+                    "{:.3} ms ± {:.1} % (refresh-hz in the rig file)",
+                    wanted_s * 1e3,
+                    INTERVAL_ERROR_MAX * 100.0
+                ),
+            });
+        }
+        Ok(interval_s)
+    }
+}
+
+impl Panel for KmsPanel {
+    fn size(&self) -> Size {
+        self.settings.size
+    }
+
+    fn show(&mut self, codes: &Codes) -> Result<Flip, RigError> {
+        self.put(codes)?;
+        self.flipped()
+    }
+}
+
+impl Drop for KmsPanel {
+    /// Gives the screen back as it was. Failures are of no more use to anyone.
+    fn drop(&mut self) {
+        if let Some(before) = self.before.filter(|info| info.framebuffer().is_some()) {
+            let connectors = [self.pipe.connector];
+            let _ = self.card.set_crtc(
+                self.pipe.crtc,
+                before.framebuffer(),
+                before.position(),
+                &connectors,
+                before.mode(),
+            );
+        }
+        for buffer in &self.buffers {
+            let _ = self.card.destroy_framebuffer(buffer.picture);
+            let _ = self.card.destroy_dumb_buffer(buffer.memory);
+        }
+        let _ = self.card.release_master_lock();
+    }
+}
+
+fn plugged_in(connector: &connector::Info) -> Result<(), RigError> {
+    match connector.state() {
+        connector::State::Connected => Ok(()),
+        _ => Err(RigError::Gone { device: "panel", what: format!("nothing is plugged into {connector}") }),
+    }
+}
+
+/// Refreshes a second of a mode, exactly (the kernel's own figure is rounded to whole hertz).
+fn exact_refresh_hz(mode: &Mode) -> f64 {
+    f64::from(mode.clock()) * 1e3 / (f64::from(mode.hsync().2) * f64::from(mode.vsync().2))
+}
+
+fn find_mode(connector: &connector::Info, settings: &KmsSettings) -> Result<Mode, RigError> {
+    let fits = |mode: &&Mode| {
+        let (width, height) = mode.size();
+        (usize::from(width), usize::from(height)) == (settings.size.width, settings.size.height)
+            && !mode.flags().contains(drm::control::ModeFlags::INTERLACE)
+            && (exact_refresh_hz(mode) / settings.refresh_hz - 1.0).abs() < INTERVAL_ERROR_MAX
+    };
+    connector.modes().iter().find(fits).copied().ok_or_else(|| {
+        let listed: Vec<String> = (connector.modes().iter())
+            .map(|mode| format!("{}×{} at {:.2} Hz", mode.size().0, mode.size().1, exact_refresh_hz(mode)))
+            .collect();
+        RigError::Refused {
+            device: "panel",
+            found: format!("mode {} at {} Hz on {connector}", settings.size, settings.refresh_hz),
+            allowed: listed.join(", "),
+        }
+    })
+}
+
+/// A CRTC the connector can use and that CRTC's primary plane.
+fn find_pipe(card: &Card, connector: &connector::Info) -> Result<Pipe, RigError> {
+    let resources = card.resource_handles().map_err(failed("list pipes"))?;
+    let planes = card.plane_handles().map_err(failed("list planes"))?;
+    for &encoder in connector.encoders() {
+        let encoder = card.get_encoder(encoder).map_err(failed("ask an encoder"))?;
+        for crtc in resources.filter_crtcs(encoder.possible_crtcs()) {
+            for &plane in &planes {
+                let usable = resources
+                    .filter_crtcs(card.get_plane(plane).map_err(failed("ask a plane"))?.possible_crtcs());
+                let kind = card.properties(plane)?.get("type").map(|(_, value)| value);
+                if usable.contains(&crtc) && kind == Some(drm::control::PlaneType::Primary as u64) {
+                    return Ok(Pipe { connector: connector.handle(), crtc, plane });
+                }
+            }
+        }
+    }
+    let found = format!("no pipe of the display hardware reaches {connector}");
+    Err(RigError::Refused { device: "panel", found, allowed: "a connector with a free pipe".to_owned() })
+}
+
+fn new_buffer(card: &Card, size: Size) -> Result<Buffer, RigError> {
+    let size = (size.width as u32, size.height as u32);
+    let memory =
+        card.create_dumb_buffer(size, DrmFourcc::Xrgb8888, 32).map_err(failed("make a picture buffer"))?;
+    let picture = card.add_framebuffer(&memory, 24, 32).map_err(failed("make a picture buffer"))?;
+    Ok(Buffer { picture, memory })
+}

@@ -1,0 +1,223 @@
+//! The camera on a real video node: found by a stable name, set to measure and not to please, read frame by frame.
+
+use std::path::{Path, PathBuf};
+
+use super::pixel_format::PixelFormat;
+use super::v4l2_controls::{Exposure, settle_controls};
+use super::v4l2_kernel::{Node, Settled};
+use super::v4l2_ring::Ring;
+use super::{Camera, Clock, Exposed, Moment, RigError, monotonic::Monotonic};
+use crate::frame::{Counts, Plane, Size};
+
+/// Video nodes looked at when a camera is found by its card's name.
+const NODES_MAX: usize = 64;
+
+/// How a camera is found; never by its number, which changes with every plug.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CameraName {
+    /// A link that udev keeps, such as `/dev/v4l/by-id/usb-…-video-index0`.
+    Link(PathBuf),
+    /// The card's name as the driver gives it (`v4l2-ctl --info`); must be the only one of that name.
+    Card(String),
+}
+
+/// Which camera, and how it is to be set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraSettings {
+    /// Which camera.
+    pub name: CameraName,
+    /// Pixels the format must have, exactly.
+    pub size: Size,
+    /// Layout of a frame.
+    pub format: PixelFormat,
+    /// Buffers in the ring.
+    pub buffers: usize,
+    /// What sets the exposure time.
+    pub exposure: Exposure,
+    /// Controls by their `v4l2-ctl` names and the values they must hold.
+    pub controls: Vec<(String, i32)>,
+}
+
+/// A streaming camera.
+pub struct V4l2Camera {
+    settings: CameraSettings,
+    /// `None` between a loss and the next successful [`Camera::reopen`].
+    ring: Option<Ring>,
+    stride_bytes: usize,
+    /// A spare frame and the Bayer sites: room that captures reuse.
+    spare: heapless::Vec<Counts, 4>,
+    sites: Plane<u16>,
+    /// Frames that came damaged or were jumped over in the sequence so far.
+    lost: u64,
+    last_sequence: Option<u32>,
+}
+
+fn gone(what: String) -> RigError {
+    RigError::Gone { device: "camera", what }
+}
+
+impl V4l2Camera {
+    /// Finds, sets and starts the camera.
+    ///
+    /// # Errors
+    /// [`RigError::Gone`] when there is no such camera, [`RigError::Held`] while another program uses it,
+    /// [`RigError::Refused`] when format or a control cannot be what the rig file says.
+    pub fn open(settings: CameraSettings) -> Result<Self, RigError> {
+        let (ring, stride_bytes) = start(&settings)?;
+        let sites = Plane::zeros(settings.size);
+        Ok(V4l2Camera {
+            settings,
+            ring: Some(ring),
+            stride_bytes,
+            spare: heapless::Vec::new(),
+            sites,
+            lost: 0,
+            last_sequence: None,
+        })
+    }
+
+    /// Frames damaged or missing in the camera's sequence since it was first opened.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+}
+
+impl Camera for V4l2Camera {
+    fn size(&self) -> Size {
+        self.settings.size
+    }
+
+    fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
+        let began = Monotonic.now();
+        let Some(ring) = &mut self.ring else { return Err(gone("it was lost and is not open".to_owned())) };
+        loop {
+            let filled = match ring.next(deadline) {
+                Ok(Some(filled)) => filled,
+                Ok(None) => return Err(RigError::NoFrame { waited_ms: (deadline.0 - began.0) * 1e3 }),
+                Err(cause) => {
+                    self.ring = None;
+                    return Err(gone(cause.to_string()));
+                }
+            };
+            let jumped =
+                self.last_sequence.map_or(0, |last| filled.sequence.wrapping_sub(last).wrapping_sub(1));
+            // A counter that goes backwards was started anew and says nothing.
+            self.lost += u64::from(if jumped < u32::MAX / 2 { jumped } else { 0 });
+            self.last_sequence = Some(filled.sequence);
+            let mut counts = self.spare.pop().unwrap_or_else(|| Counts::zeros(self.settings.size));
+            let whole = !filled.damaged
+                && self
+                    .settings
+                    .format
+                    .unpack(ring.bytes(&filled), self.stride_bytes, &mut counts, &mut self.sites)
+                    .is_ok();
+            let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
+            // A stamp of the frame's end is brought back to the exposure's start; read-out time stays in it.
+            let exposure_s = if filled.at_start { 0.0 } else { self.settings.exposure.exposure_ms() / 1e3 };
+            let at = Moment(stamp - exposure_s);
+            if let Err(cause) = ring.give_back(filled) {
+                self.ring = None;
+                return Err(gone(cause.to_string()));
+            }
+            if whole {
+                return Ok(Exposed { counts, sequence: filled.sequence, at });
+            }
+            self.lost += 1;
+            let _ = self.spare.push(counts);
+        }
+    }
+
+    fn give_back(&mut self, counts: Counts) {
+        if counts.size() == self.settings.size {
+            // A spare too many is simply freed.
+            let _ = self.spare.push(counts);
+        }
+    }
+
+    fn reopen(&mut self) -> Result<(), RigError> {
+        self.ring = None;
+        self.last_sequence = None;
+        let (ring, stride_bytes) = start(&self.settings)?;
+        (self.ring, self.stride_bytes) = (Some(ring), stride_bytes);
+        Ok(())
+    }
+}
+
+fn start(settings: &CameraSettings) -> Result<(Ring, usize), RigError> {
+    let node = find(&settings.name)?;
+    let settled = settle_format(&node, settings)?;
+    settle_controls(&node, &settings.exposure, &settings.controls)?;
+    let ring = Ring::start(node, settings.buffers).map_err(|source| busy_or(source, "start the stream"))?;
+    Ok((ring, settled.stride_bytes as usize))
+}
+
+/// EBUSY is the kernel's word for "another program streams from it".
+fn busy_or(source: std::io::Error, doing: &'static str) -> RigError {
+    if rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::BUSY) {
+        let what = "another program streams from it".to_owned();
+        return RigError::Held { device: "camera", what };
+    }
+    RigError::Failed { device: "camera", doing, source }
+}
+
+fn find(name: &CameraName) -> Result<Node, RigError> {
+    match name {
+        CameraName::Link(path) => {
+            let node = Node::open(path).map_err(|cause| gone(format!("{}: {cause}", path.display())))?;
+            match node.identity() {
+                Ok(identity) if identity.streams_pictures => Ok(node),
+                _ => Err(RigError::Refused {
+                    device: "camera",
+                    found: format!("{} takes no pictures", path.display()),
+                    allowed: "a capture node (usually the one ending in video-index0)".to_owned(),
+                }),
+            }
+        }
+        CameraName::Card(wanted) => {
+            let mut others = Vec::new();
+            let mut found = None;
+            for number in 0..NODES_MAX {
+                let Ok(node) = Node::open(Path::new(&format!("/dev/video{number}"))) else { continue };
+                let Ok(identity) = node.identity() else { continue };
+                if !identity.streams_pictures {
+                    continue;
+                }
+                if identity.card != *wanted {
+                    others.push(format!("{:?}", identity.card));
+                } else if found.replace(node).is_some() {
+                    return Err(RigError::Refused {
+                        device: "camera",
+                        found: format!("two cameras called {wanted:?}"),
+                        allowed: "one, or its link under /dev/v4l/by-id or by-path".to_owned(),
+                    });
+                }
+            }
+            let there = if others.is_empty() { "none".to_owned() } else { others.join(", ") };
+            found.ok_or_else(|| gone(format!("no camera is called {wanted:?}; there: {there}")))
+        }
+    }
+}
+
+fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigError> {
+    let (width, height) = (settings.size.width as u32, settings.size.height as u32);
+    let fourcc = settings.format.fourcc();
+    let settled = node.settle(width, height, fourcc).map_err(|source| busy_or(source, "take its format"))?;
+    let same = (settled.width, settled.height, settled.fourcc) == (width, height, fourcc);
+    if same && !(settings.format == PixelFormat::Yuyv && settled.full_range) {
+        return Ok(settled);
+    }
+    let formats: Vec<String> =
+        node.formats().iter().map(|code| String::from_utf8_lossy(code).into_owned()).collect();
+    Err(RigError::Refused {
+        device: "camera",
+        found: format!("{} of {}", settings.format.code(), settings.size),
+        allowed: format!(
+            "what the driver offers instead ({} of {}×{}{}); it lists {}",
+            String::from_utf8_lossy(&settled.fourcc),
+            settled.width,
+            settled.height,
+            if settled.full_range { ", full range" } else { "" },
+            formats.join(", "),
+        ),
+    })
+}

@@ -1,0 +1,268 @@
+//! The V4L2 calls the camera needs, each with its own structure; the one camera file with `unsafe` in it.
+//!
+//! Crate `v4l` opens nodes and brings structures and request numbers. Its own wrappers are passed by where they
+//! unwrap what a driver says (unknown control types, colour spaces) or lose a buffer after a timeout.
+#![allow(unsafe_code)] // ioctl and mmap; every call hands the kernel the structure its request number names.
+
+use std::ffi::c_void;
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::path::Path;
+
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use v4l::v4l_sys as sys;
+use v4l::v4l2::{ioctl, vidioc};
+
+const CAPTURE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE;
+const MMAP: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;
+
+/// An open video node.
+pub(super) struct Node(v4l::Device);
+
+impl AsFd for Node {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        // SAFETY: the descriptor stays open as long as the device, which outlives the borrow.
+        unsafe { BorrowedFd::borrow_raw(self.0.handle().fd()) }
+    }
+}
+
+/// What a node says of itself.
+#[derive(Debug, Clone)]
+pub(super) struct Identity {
+    pub(super) card: String,
+    /// Takes pictures and hands them out through buffers.
+    pub(super) streams_pictures: bool,
+}
+
+/// The format a driver settled on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Settled {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) fourcc: [u8; 4],
+    pub(super) stride_bytes: u32,
+    pub(super) full_range: bool,
+}
+
+/// One control as a driver describes it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Control {
+    pub(super) id: u32,
+    /// Name as `v4l2-ctl` prints it: lower case, `_` between words.
+    pub(super) name: String,
+    pub(super) minimum: i32,
+    pub(super) maximum: i32,
+    /// Neither disabled, nor read-only, nor a button.
+    pub(super) settable: bool,
+}
+
+/// A filled buffer, taken out of the queue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Filled {
+    pub(super) index: u32,
+    pub(super) bytes_used: usize,
+    pub(super) damaged: bool,
+    pub(super) sequence: u32,
+    /// Seconds on the monotonic clock; `None` when the driver stamps by another clock.
+    pub(super) at_s: Option<f64>,
+    /// Whether the stamp is of the exposure's start (else of the frame's end).
+    pub(super) at_start: bool,
+}
+
+/// Runs one request, again when a signal came between.
+fn call<T>(node: &Node, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Result<()> {
+    loop {
+        // SAFETY: private, and each caller below pairs the request with the structure the kernel expects.
+        match unsafe { ioctl(node.0.handle().fd(), request, std::ptr::from_mut(argument).cast::<c_void>()) } {
+            Err(cause) if cause.kind() == io::ErrorKind::Interrupted => {}
+            outcome => return outcome,
+        }
+    }
+}
+
+fn zeroed<T: Copy>() -> T {
+    // SAFETY: used for the kernel's plain structures only, for which all bits zero is a valid value.
+    unsafe { std::mem::zeroed() }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes.split(|&b| b == 0).next().unwrap_or_default()).into_owned()
+}
+
+impl Node {
+    pub(super) fn open(path: &Path) -> io::Result<Self> {
+        v4l::Device::with_path(path).map(Node)
+    }
+
+    pub(super) fn identity(&self) -> io::Result<Identity> {
+        let mut caps: sys::v4l2_capability = zeroed();
+        call(self, vidioc::VIDIOC_QUERYCAP, &mut caps)?;
+        let own = if caps.capabilities & sys::V4L2_CAP_DEVICE_CAPS != 0 {
+            caps.device_caps
+        } else {
+            caps.capabilities
+        };
+        let needed = sys::V4L2_CAP_VIDEO_CAPTURE | sys::V4L2_CAP_STREAMING;
+        Ok(Identity { card: text(&caps.card), streams_pictures: own & needed == needed })
+    }
+
+    /// Four-character codes the driver can deliver.
+    pub(super) fn formats(&self) -> Vec<[u8; 4]> {
+        let mut all = Vec::new();
+        loop {
+            let mut entry = sys::v4l2_fmtdesc { index: all.len() as u32, type_: CAPTURE, ..zeroed() };
+            if call(self, vidioc::VIDIOC_ENUM_FMT, &mut entry).is_err() {
+                return all;
+            }
+            all.push(entry.pixelformat.to_le_bytes());
+        }
+    }
+
+    /// Asks for a format; drivers adjust it without an error, so the answer is what counts.
+    pub(super) fn settle(&self, width: u32, height: u32, fourcc: [u8; 4]) -> io::Result<Settled> {
+        let mut format = sys::v4l2_format { type_: CAPTURE, ..zeroed() };
+        format.fmt.pix = sys::v4l2_pix_format {
+            width,
+            height,
+            pixelformat: u32::from_le_bytes(fourcc),
+            field: sys::v4l2_field_V4L2_FIELD_NONE,
+            ..zeroed()
+        };
+        call(self, vidioc::VIDIOC_S_FMT, &mut format)?;
+        // SAFETY: `pix` is the member that belongs to this buffer type, and the kernel has filled it.
+        let pix = unsafe { format.fmt.pix };
+        Ok(Settled {
+            width: pix.width,
+            height: pix.height,
+            fourcc: pix.pixelformat.to_le_bytes(),
+            stride_bytes: pix.bytesperline,
+            full_range: pix.quantization == sys::v4l2_quantization_V4L2_QUANTIZATION_FULL_RANGE,
+        })
+    }
+
+    /// Every simple control.
+    pub(super) fn controls(&self) -> Vec<Control> {
+        let mut all = Vec::new();
+        let mut query = sys::v4l2_queryctrl { id: sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
+        while call(self, vidioc::VIDIOC_QUERYCTRL, &mut query).is_ok() {
+            let kinds = [
+                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER,
+                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_BOOLEAN,
+                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_MENU,
+                sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER_MENU,
+            ];
+            let locked = sys::V4L2_CTRL_FLAG_DISABLED | sys::V4L2_CTRL_FLAG_READ_ONLY;
+            all.push(Control {
+                id: query.id,
+                name: control_name(&text(&query.name)),
+                minimum: query.minimum,
+                maximum: query.maximum,
+                settable: kinds.contains(&query.type_) && query.flags & locked == 0,
+            });
+            query = sys::v4l2_queryctrl { id: query.id | sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
+        }
+        all
+    }
+
+    pub(super) fn set_control(&self, id: u32, value: i32) -> io::Result<()> {
+        call(self, vidioc::VIDIOC_S_CTRL, &mut sys::v4l2_control { id, value })
+    }
+
+    pub(super) fn control(&self, id: u32) -> io::Result<i32> {
+        let mut control = sys::v4l2_control { id, value: 0 };
+        call(self, vidioc::VIDIOC_G_CTRL, &mut control)?;
+        Ok(control.value)
+    }
+
+    /// Asks for `count` buffers; the driver's count is returned.
+    pub(super) fn request_buffers(&self, count: u32) -> io::Result<u32> {
+        let mut request = sys::v4l2_requestbuffers { count, type_: CAPTURE, memory: MMAP, ..zeroed() };
+        call(self, vidioc::VIDIOC_REQBUFS, &mut request)?;
+        Ok(request.count)
+    }
+
+    pub(super) fn map_buffer(&self, index: u32) -> io::Result<Map> {
+        let mut buffer = sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() };
+        call(self, vidioc::VIDIOC_QUERYBUF, &mut buffer)?;
+        let length = buffer.length as usize;
+        // SAFETY: a fresh mapping of `length` bytes at the offset the kernel gave for memory-mapped buffers.
+        let start = unsafe {
+            let place = u64::from(buffer.m.offset);
+            mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, self, place)?
+        };
+        Ok(Map { start, length })
+    }
+
+    pub(super) fn queue(&self, index: u32) -> io::Result<()> {
+        call(
+            self,
+            vidioc::VIDIOC_QBUF,
+            &mut sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() },
+        )
+    }
+
+    /// Takes a filled buffer; `WouldBlock` when none is.
+    pub(super) fn take(&self) -> io::Result<Filled> {
+        let mut buffer = sys::v4l2_buffer { type_: CAPTURE, memory: MMAP, ..zeroed() };
+        call(self, vidioc::VIDIOC_DQBUF, &mut buffer)?;
+        let monotonic =
+            buffer.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+        let stamp = buffer.timestamp.tv_sec as f64 + buffer.timestamp.tv_usec as f64 * 1e-6;
+        Ok(Filled {
+            index: buffer.index,
+            bytes_used: buffer.bytesused as usize,
+            damaged: buffer.flags & sys::V4L2_BUF_FLAG_ERROR != 0,
+            sequence: buffer.sequence,
+            at_s: monotonic.then_some(stamp),
+            at_start: buffer.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE,
+        })
+    }
+
+    pub(super) fn stream(&self, on: bool) -> io::Result<()> {
+        let request = if on { vidioc::VIDIOC_STREAMON } else { vidioc::VIDIOC_STREAMOFF };
+        call(self, request, &mut { CAPTURE })
+    }
+}
+
+/// A driver's control name in the spelling of `v4l2-ctl`: "Exposure Time, Absolute" → `exposure_time_absolute`.
+pub(super) fn control_name(title: &str) -> String {
+    let words = title.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("_")
+}
+
+/// A driver's buffer in our memory.
+pub(super) struct Map {
+    start: *mut c_void,
+    length: usize,
+}
+
+// SAFETY: the mapping belongs to this value alone and is only read.
+unsafe impl Send for Map {}
+
+impl Map {
+    /// The first `used` bytes (fewer when the buffer is smaller). To be read only between taking the buffer and
+    /// queueing it again: the driver owns it otherwise.
+    pub(super) fn bytes(&self, used: usize) -> &[u8] {
+        // SAFETY: the mapping is at least this long, readable, and lives as long as `self`.
+        unsafe { std::slice::from_raw_parts(self.start.cast::<u8>(), used.min(self.length)) }
+    }
+}
+
+impl Drop for Map {
+    fn drop(&mut self) {
+        // SAFETY: unmaps exactly what `map_buffer` mapped. A failure would leak a mapping and nothing else.
+        let _ = unsafe { munmap(self.start, self.length) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::control_name;
+
+    #[test]
+    fn control_names_are_spelled_as_v4l2_ctl_prints_them() {
+        assert_eq!(control_name("Exposure Time, Absolute"), "exposure_time_absolute");
+        assert_eq!(control_name("White Balance, Automatic"), "white_balance_automatic");
+        assert_eq!(control_name("Gain"), "gain");
+    }
+}

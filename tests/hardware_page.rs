@@ -1,0 +1,73 @@
+//! The rig files for real boards and the blocks of hardware.md are rig files that would be taken.
+#![cfg(feature = "hardware")]
+
+use std::path::Path;
+
+use relens::config;
+
+const BOARD: &str = include_str!("../rig-config/raspberry-pi-5.toml");
+
+fn parse(text: &str) -> Result<config::Rig, config::ConfigError> {
+    config::parse(text, "raspberry-pi-5.toml", Path::new(""))
+}
+
+/// The board's file with the tables of `block` in place of its own.
+fn with(block: &str) -> String {
+    let mut whole: toml::Table = toml::from_str(BOARD).expect("it is TOML");
+    let own: toml::Table = toml::from_str(block).expect("it is TOML");
+    for (name, part) in own["hardware"].as_table().expect("a table of devices") {
+        let devices = whole["hardware"].as_table_mut().expect("a table of devices");
+        devices.insert(name.clone(), part.clone());
+    }
+    toml::to_string(&whole).expect("tables of plain values")
+}
+
+fn changed(from: &str, to: &str) -> String {
+    assert!(BOARD.contains(from), "no {from}");
+    parse(&BOARD.replacen(from, to, 1)).expect_err("such a rig file is not taken").to_string()
+}
+
+#[test]
+fn the_board_s_rig_file_is_taken() {
+    let rig = parse(BOARD).unwrap_or_else(|error| panic!("{error}"));
+    assert!(matches!(rig.kind, config::Kind::Hardware(_)) && rig.marks.is_some());
+}
+
+#[test]
+fn every_block_of_the_page_is_taken() {
+    let page = include_str!("../hardware.md");
+    let blocks: Vec<&str> =
+        page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    assert_eq!(blocks.len(), 3);
+    for block in blocks {
+        // A grey or webcam format goes with the eight bits of the board's file.
+        parse(&with(block)).unwrap_or_else(|error| panic!("{error}\n{block}"));
+    }
+}
+
+#[test]
+fn devices_are_named_so_that_they_keep_their_names() {
+    let link = "/dev/v4l/by-id/usb-The_Imaging_Source_Europe_GmbH_DFK_33UX174_00000000-video-index0";
+    let said = changed(link, "/dev/video0");
+    assert!(said.contains("by-id"), "{said}");
+    let said = changed("format = \"GBRG\"", "card = \"DFK 33UX174\"\nformat = \"GBRG\"");
+    assert!(said.contains("both device and card"), "{said}");
+}
+
+#[test]
+fn the_exposure_is_a_whole_number_of_refreshes() {
+    let said = changed("exposure-ms = 50.0", "exposure-ms = 45.0");
+    assert!(said.contains("2.698 refreshes"), "{said}");
+}
+
+#[test]
+fn a_pulse_that_sets_the_exposure_is_as_long_as_it() {
+    let said = changed("exposure-by = \"control\"", "exposure-by = \"pulse\"");
+    assert!(said.contains("pulse-us: found 1000"), "{said}");
+}
+
+#[test]
+fn an_unknown_device_key_names_the_nearest_known_one() {
+    let said = changed("pulse-us = 1000", "pulse-us = 1000\n[hardware.button2]");
+    assert!(said.contains("button2") && said.contains("`button`"), "{said}");
+}
