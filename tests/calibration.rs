@@ -42,7 +42,6 @@ fn geometry_error_px(config: &config::Rig, witness: &Witness, calibration: &Cali
             let (dx, dy) =
                 (sx - x - config.camera.photo_x_px as f64, sy - y - config.camera.photo_y_px as f64);
             squared += dx * dx + dy * dy;
-            if i % 8 == 0 && j % 8 == 0 {}
             count += 1.0;
         }
     }
