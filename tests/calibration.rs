@@ -1,4 +1,6 @@
 //! Calibration from captures alone, scored against the simulator's truth with the bounds.
+// What was measured is printed beside what is asserted; `--nocapture` shows it.
+#![allow(clippy::print_stdout)]
 
 // The measured numbers are worth reading in the test's output.
 #![allow(clippy::print_stdout)]
@@ -217,6 +219,21 @@ fn the_default_rig_is_calibrated_within_the_bounds() {
     let (mut rig, witness, calibration) = calibrated(&config);
     score(&config, &witness, &calibration);
     score_operator(&config, &mut rig, &witness, &calibration, 1.0);
+}
+
+/// The bounds must not hang on one seed's noise; minutes, so only on demand.
+#[test]
+#[ignore = "calibrates the default rig three times more"]
+fn the_default_rig_keeps_the_bounds_with_other_noise() {
+    for seed in 2..=4 {
+        let mut config = load("simulated.toml");
+        if let config::Kind::Simulated(simulation) = &mut config.kind {
+            simulation.seed = seed;
+        }
+        let (mut rig, witness, calibration) = calibrated(&config);
+        score(&config, &witness, &calibration);
+        score_operator(&config, &mut rig, &witness, &calibration, 1.0);
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@
 //! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel per channel; judgement of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations a channel | C, response curves |
-//! | centring | grey, 4 patterns of coarse squares, twice | centroids of the lens functions, folded into the geometry |
+//! | centring | grey, 5 patterns of coarse squares, twice | centroids of the lens functions, folded into the geometry |
 //! | lens functions | grey, `patterns` | lens functions, ‖K‖² |
 //! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, operator error, ‖K‖² seen |
 //!

@@ -107,20 +107,15 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// For `grid`, using pixels with `trusted` = 1 (canvas-sized). `closed_border` is true where nothing is
-    /// shown outside the canvas; otherwise pixels within a function's radius of the border are left out, for
-    /// they see light the model knows nothing of.
+    /// For `grid`, using pixels with `trusted` = 1 (canvas-sized). Patterns must be grey at the canvas's border,
+    /// so that what is shown beyond it, which the model knows nothing of, is no different from grey.
     ///
     /// # Errors
     /// When the grid makes no model or some function is hardly seen.
-    pub fn new(grid: Grid, trusted: &Plane<u8>, closed_border: bool) -> Result<Fit, LensBlurError> {
+    pub fn new(grid: Grid, trusted: &Plane<u8>) -> Result<Fit, LensBlurError> {
         let model =
             LensModel::new(grid.photo, grid.margin_px, &grid.unblurred()).map_err(LensBlurError::Model)?;
-        let (canvas, reach) = (grid.canvas(), if closed_border { 0 } else { grid.support_px / 2 });
-        let trusted = Plane::from_fn(canvas, |x, y| {
-            let inside = x >= reach && y >= reach && x + reach < canvas.width && y + reach < canvas.height;
-            if inside { trusted.at(x, y) } else { 0 }
-        });
+        let (canvas, trusted) = (grid.canvas(), trusted.clone());
         let normal = overlaps::overlaps(&grid, &trusted);
         let diagonal = normal.trace() / normal.nrows() as f64;
         let not_seen = || LensBlurError::NotSeen {
