@@ -22,7 +22,7 @@ const PHOTOGRAPHS: [Scene; 2] = Scene::STUDY_PHOTOGRAPHS;
 fn stand(condition: Condition) -> Stand {
     let text = include_str!("../rig-config/study.toml");
     let rig = config::parse(text, "study.toml", Path::new(".")).unwrap();
-    study::open(rig, condition).unwrap_or_else(|error| panic!("{}", full_message(&error)))
+    study::open(rig, condition, || 0.0).unwrap_or_else(|error| panic!("{}", full_message(&error)))
 }
 
 fn scores(stand: &mut Stand, scenes: &[Scene], method: &dyn Method) -> Vec<Score> {

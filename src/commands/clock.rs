@@ -27,3 +27,9 @@ impl Clock for MachineClock {
         }
     }
 }
+
+/// Seconds since this was first asked.
+pub(super) fn seconds() -> f64 {
+    static BEGUN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    BEGUN.get_or_init(Instant::now).elapsed().as_secs_f64()
+}

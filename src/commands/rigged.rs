@@ -123,7 +123,7 @@ pub(super) fn chart(rig: &Rig, out: &Path, quick: bool) -> Result<(), Trouble> {
         return Err(Trouble::NotYet("charting a rig of devices"));
     }
     std::fs::create_dir_all(out).map_err(|e| Trouble::writing(out, &e))?;
-    let made = evaluate::chart::chart(rig, quick, &mut |score| {
+    let made = evaluate::chart::chart(rig, quick, super::clock::seconds, &mut |score| {
         log::info!(
             "{} {}: SSIM {:.4}, PSNR {:.2} dB",
             score.scene.name(),

@@ -1,7 +1,7 @@
 //! `relens chart`: what the methods make of known scenes on this rig, as tables and pictures.
 
 use super::scenes::Scene;
-use super::stand::{Score, Stand, StandError};
+use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::{self, Condition, table};
 use super::table::Table;
 use crate::config;
@@ -25,17 +25,22 @@ pub struct Chart {
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
-pub fn chart(rig: &config::Rig, quick: bool, each: &mut dyn FnMut(&Score)) -> Result<Chart, StandError> {
+pub fn chart(
+    rig: &config::Rig,
+    quick: bool,
+    stopwatch: Stopwatch,
+    each: &mut dyn FnMut(&Score),
+) -> Result<Chart, StandError> {
     let mut chart = Chart::default();
     if rig.name == "study" {
         let scenes: &[Scene] = &[Scene::Astronaut, Scene::Coffee, Scene::Chart];
         let scenes = if quick { &scenes[..2] } else { scenes };
         for condition in Condition::STUDY {
-            let scores = study::compare(rig.clone(), condition, scenes, each)?;
+            let scores = study::compare(rig.clone(), condition, stopwatch, scenes, each)?;
             let caption = format!("Rig {}, {}; green channel, light.", rig.name, condition.name());
             chart.tables.push((format!("{}-{}", rig.name, slug(condition)), table(caption, &scores)));
         }
-        chart.pictures = first_iterations(rig, Scene::Astronaut)?;
+        chart.pictures = first_iterations(rig, Scene::Astronaut, stopwatch)?;
         return Ok(chart);
     }
     use config::Method::{Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener};
@@ -44,7 +49,7 @@ pub fn chart(rig: &config::Rig, quick: bool, each: &mut dyn FnMut(&Score)) -> Re
     } else {
         &[Paper, Residual, Unmatched, Digital, Hybrid, Wiener, RichardsonLucy]
     };
-    let mut stand = Stand::open(rig.clone())?;
+    let mut stand = Stand::open(rig.clone(), stopwatch)?;
     let mut scores = Vec::new();
     for scene in Scene::ALL {
         for &which in methods {
@@ -69,8 +74,12 @@ fn slug(condition: Condition) -> &'static str {
 }
 
 /// The paper's Fig. 11: the photo and the first iterations of its loop, captures without noise.
-fn first_iterations(rig: &config::Rig, scene: Scene) -> Result<Vec<(String, Plane)>, StandError> {
-    let mut stand = study::open(rig.clone(), Condition::NoNoise)?;
+fn first_iterations(
+    rig: &config::Rig,
+    scene: Scene,
+    stopwatch: Stopwatch,
+) -> Result<Vec<(String, Plane)>, StandError> {
+    let mut stand = study::open(rig.clone(), Condition::NoNoise, stopwatch)?;
     let solver = paper(stand.config());
     let rect = stand.config().photo_on_canvas();
     let mut pictures = Vec::new();

@@ -1,7 +1,5 @@
 //! A simulated rig with its witness, opened, calibrated and ready to be scored.
 
-use std::time::Instant;
-
 use super::scenes::Scene;
 use crate::calibrate::{CalibrateError, calibrate};
 use crate::calibration::Calibration;
@@ -19,8 +17,12 @@ use crate::rig::simulated::{Witness, open};
 /// Seed of the photographs' noise; a scene's own number is added.
 const PHOTO_SEED: u64 = 20_261_121;
 
+/// Seconds on a clock of the caller's.
+pub type Stopwatch = fn() -> f64;
+
 /// A calibrated simulated rig and the witness to it.
 pub struct Stand {
+    stopwatch: Stopwatch,
     config: config::Rig,
     rig: Rig,
     witness: Witness,
@@ -54,11 +56,11 @@ impl Stand {
     ///
     /// # Errors
     /// When the rig cannot be opened or calibrated.
-    pub fn open(config: config::Rig) -> Result<Stand, StandError> {
+    pub fn open(config: config::Rig, stopwatch: Stopwatch) -> Result<Stand, StandError> {
         let (mut rig, witness) = open(&config)?;
         let calibration = calibrate(&mut rig, &config, None, &mut |_| {})?;
         let bench = Bench::new(&config, &calibration)?;
-        Ok(Stand { config, rig, witness, calibration, bench })
+        Ok(Stand { stopwatch, config, rig, witness, calibration, bench })
     }
 
     /// The rig file.
@@ -160,10 +162,9 @@ impl Stand {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<(Restored, f64), StandError> {
-        let begun = Instant::now();
-        let stopwatch = || begun.elapsed().as_secs_f64();
-        let restored = self.bench.restore(&mut self.rig, photo, channels, method, &stopwatch, watch)?;
-        let computing = stopwatch() - restored.waited_seconds;
+        let begun = (self.stopwatch)();
+        let restored = self.bench.restore(&mut self.rig, photo, channels, method, &self.stopwatch, watch)?;
+        let computing = (self.stopwatch)() - begun - restored.waited_seconds;
         Ok((restored, computing))
     }
 }

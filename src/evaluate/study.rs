@@ -5,7 +5,7 @@
 //! the score and nothing else.
 
 use super::scenes::Scene;
-use super::stand::{Score, Stand, StandError};
+use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::table::Table;
 use crate::config::{self, Glare, Kind, Lens};
 use crate::restoration::{hybrid, method, paper};
@@ -118,8 +118,8 @@ pub fn one_capture(rig: &config::Rig) -> Hybrid {
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated.
-pub fn open(rig: config::Rig, condition: Condition) -> Result<Stand, StandError> {
-    Stand::open(condition.apply(rig))
+pub fn open(rig: config::Rig, condition: Condition, stopwatch: Stopwatch) -> Result<Stand, StandError> {
+    Stand::open(condition.apply(rig), stopwatch)
 }
 
 /// All contestants of `condition` on `scenes` in green; `each` is called with every score as it comes.
@@ -129,10 +129,11 @@ pub fn open(rig: config::Rig, condition: Condition) -> Result<Stand, StandError>
 pub fn compare(
     rig: config::Rig,
     condition: Condition,
+    stopwatch: Stopwatch,
     scenes: &[Scene],
     each: &mut dyn FnMut(&Score),
 ) -> Result<Vec<Score>, StandError> {
-    let mut stand = open(rig, condition)?;
+    let mut stand = open(rig, condition, stopwatch)?;
     let contestants = condition.contestants(stand.config());
     let mut scores = Vec::new();
     for &scene in scenes {
