@@ -141,10 +141,12 @@ fn on_the_study_s_rig_a_capture_is_the_operator_and_its_noise() {
     let truth = witness.forward(&shown, Light::Panel);
     let seen = rig.capture(&codes).expect("no faults").counts;
     for channel in Channel::ALL {
-        let mut off = seen.plane(channel).map(f32::from);
+        let gain = witness.counts_per_level();
+        let mut off = seen.plane(channel).map(|count| f32::from(count) / gain as f32);
         off.add_scaled(-1.0, truth.plane(channel));
         // One grey level of noise and 8-bit rounding.
-        assert!((off.rms() - (1.0f64 + 1.0 / 12.0).sqrt()).abs() < 0.02, "{}", off.rms());
+        let noise = (1.0 + 1.0 / (12.0 * gain * gain)).sqrt();
+        assert!((off.rms() - noise).abs() < 0.02, "{}", off.rms());
         assert!(off.mean().abs() < 0.01, "{}", off.mean());
     }
     let spot = witness.function(Light::Panel, Channel::Green, [255.5, 191.5]);
