@@ -1,8 +1,6 @@
 //! Calibration from captures alone, scored against the simulator's truth with the bounds.
 // What was measured is printed beside what is asserted; `--nocapture` shows it.
 #![allow(clippy::print_stdout)]
-// The measured numbers are worth reading in the test's output.
-#![allow(clippy::print_stdout)]
 
 use std::path::Path;
 
