@@ -1,4 +1,4 @@
-//! Calibration from captures alone, scored against the simulator's truth with the bounds.
+//! Calibration from captures alone, scored against the simulator's truth with stated bounds.
 // What was measured is printed beside what is asserted; `--nocapture` shows it.
 #![allow(clippy::print_stdout)]
 
@@ -130,7 +130,7 @@ fn operator_error(
     errors
 }
 
-/// The bounds, all but the operator error's.
+/// The bounds asked of a rig, all but the operator error's.
 fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
     let mixing = witness.cross_channel();
     for c in Channel::ALL {
@@ -166,7 +166,7 @@ fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
     }
 }
 
-/// The operator error on chart and photographs, bounded by `factor` times the 2 and 1 grey levels.
+/// The operator error on chart and photographs, bounded by `factor` times the 2 and 1 grey levels asked of the default rig.
 fn score_operator(
     config: &config::Rig,
     rig: &mut Rig,
@@ -205,7 +205,7 @@ fn the_small_rig_is_calibrated_within_the_bounds() {
     let config = load("small.toml");
     let (mut rig, witness, calibration) = calibrated(&config);
     score(&config, &witness, &calibration);
-    // The bounds are the default rig's. This one's pixels are four times as wide in the same blur, so
+    // The bounds are the default rig's. This one's pixels are four times as wide in the same blur, so
     // that resampling to the panel loses finer detail than the lens does.
     score_operator(&config, &mut rig, &witness, &calibration, 2.5);
 }

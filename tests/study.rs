@@ -1,4 +1,4 @@
-//! What must be seen on the study's rig, with the bounds of the issue it was built for; `relens chart --rig
+//! What must be seen on the study's rig, with the bounds it was built to meet; `relens chart --rig
 //! study.toml` prints the same numbers as tables.
 
 // A failed unwrap is a failed test, also in the functions the tests share.

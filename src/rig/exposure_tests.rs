@@ -113,7 +113,7 @@ fn without_marks_the_same_faults_do_bring_wrong_frames() {
     assert!(wrong > 10, "{wrong} of 500: the test above would pass without marks");
 }
 
-/// The panel of the issue: 60 Hz, two refreshes of latency; settled to half a grey level within three and a half.
+/// An ordinary panel: 60 Hz, two refreshes of latency; settled to half a grey level within three and a half.
 fn quick(text: &str) -> String {
     let text = text.replacen("settle-ms = 100.0", "settle-ms = 48.0\nlatency-ms = 33.0", 1);
     text.replacen("response-ms = 5.0", "response-ms = 2.5", 1)
