@@ -110,7 +110,7 @@ fn with_veiling_glare_one_capture_is_worth_decibels() {
     let hybrid = scores(&mut stand, &PHOTOGRAPHS, &one);
     assert!(hybrid.iter().all(|s| s.restored.captures == 1));
     let gain = mean(&hybrid, |s| s.psnr_db) - mean(&digital, |s| s.psnr_db);
-    // The aim is 2.5 dB and is missed: 2.1 to 2.3 dB (2026-11-21). Both are better than the study's (32.5 against
+    // The aim is 2.5 dB and is missed: 2.1 dB (2026-11-21). Both are better than the study's (32.5 against
     // 29.4 dB there), the model alone more so, because the flats of this calibration take the mean of the
     // glare out of the model's photo, too.
     assert!(gain >= 2.0, "{gain:.2} dB");
