@@ -23,6 +23,7 @@ fn words(state: &State, running: bool, now_unix_s: u64) -> String {
     let doing = match (&state.doing, running) {
         (Doing::Restoring { photo }, true) => format!("restoring {photo}"),
         (Doing::Waiting, true) => "waiting for photos".to_owned(),
+        (Doing::Paused { reason }, true) => format!("not now: {reason}"),
         (Doing::Held { reason }, true) => format!("held: {reason}"),
         (Doing::Ended, true) => "starting".to_owned(),
         (Doing::Ended, false) => "not running, ended in good order".to_owned(),

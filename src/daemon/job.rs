@@ -26,7 +26,12 @@ const GROWTH_WATCH_S: f64 = 1.0;
 /// What became of a photo.
 pub(super) enum Verdict {
     /// Its result is in the outbox.
-    Restored(Box<Report>),
+    Restored {
+        /// The report beside it.
+        report: Box<Report>,
+        /// Name of the original in `done`.
+        kept: OsString,
+    },
     /// It is in `failed`.
     Failed(Failed),
     /// It is back in the inbox, to be tried later.
@@ -79,11 +84,12 @@ impl Daemon<'_> {
         });
         match result {
             Ok(Ok(report)) => {
-                durable::move_to(&path, &self.folders.done(), &name)?;
+                let kept = durable::move_to(&path, &self.folders.done(), &name)?;
                 self.watcher.step(Step::Moved);
                 ledger.close()?;
                 self.watcher.step(Step::Closed);
-                Ok(Verdict::Restored(Box::new(report)))
+                let kept = kept.file_name().unwrap_or(&name).to_owned();
+                Ok(Verdict::Restored { report: Box::new(report), kept })
             }
             Ok(Err(Refusal::Skip(reason))) => self.fail(&path, &name, ledger, reason),
             Ok(Err(Refusal::Later(reason))) => {

@@ -12,7 +12,8 @@
 //! Whatever instant the power fails at, [`Daemon::open`] finishes or takes back what was under way.
 //!
 //! The daemon decides by an error's [`Remedy`](crate::remedy::Remedy) alone. What restores is behind
-//! [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`].
+//! [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`]; what decides when photos may be taken
+//! behind [`Schedule`].
 
 mod durable;
 mod error;
@@ -26,6 +27,7 @@ pub mod on_rig;
 mod report;
 mod restorer;
 mod run;
+mod schedule;
 mod state;
 mod watcher;
 
@@ -34,5 +36,6 @@ pub use folders::Folders;
 pub use report::{Failed, Outcome, Report};
 pub use restorer::{Certificate, Iteration, Progress, Restored, Restorer};
 pub use run::{Daemon, Setting, Summary};
+pub use schedule::{Ended, Schedule, Turn};
 pub use state::{Doing, State};
 pub use watcher::{ProgressLine, Step, Watcher};

@@ -12,6 +12,7 @@ use crate::rig::{Clock, Moment};
 use super::gallery::Gallery;
 use super::inbox::{Inbox, Look};
 use super::job::Verdict;
+use super::schedule::{Ended, Schedule, Turn};
 use super::{DaemonError, Doing, Failed, Folders, Report, Restorer, State, Watcher};
 
 /// Seconds between two writings of the gallery while photos come one after another. Guess: often enough to
@@ -73,6 +74,7 @@ pub struct Daemon<'a> {
     pub(super) clock: &'a dyn Clock,
     calendar: &'a dyn Fn() -> SystemTime,
     pub(super) watcher: &'a mut dyn Watcher,
+    schedule: Box<dyn Schedule + 'a>,
     inbox: Inbox,
     gallery: Gallery,
     gallery_written: Option<Moment>,
@@ -103,6 +105,7 @@ impl<'a> Daemon<'a> {
             clock,
             calendar,
             watcher,
+            schedule: Box::new(()),
             inbox: Inbox::default(),
             gallery,
             gallery_written: None,
@@ -111,8 +114,15 @@ impl<'a> Daemon<'a> {
         })
     }
 
+    /// The same daemon, taking photos when `schedule` says so. Without one it takes each at once.
+    #[must_use]
+    pub fn scheduled(mut self, schedule: Box<dyn Schedule + 'a>) -> Daemon<'a> {
+        self.schedule = schedule;
+        self
+    }
+
     /// Empties the inbox and returns what became of each photo. Files need not have been quiet: one that is
-    /// not whole and still grows is left.
+    /// not whole and still grows is left, as are those for which the schedule holds.
     ///
     /// # Errors
     /// When the folders or the rig need help; photos not begun are still in the inbox.
@@ -120,7 +130,7 @@ impl<'a> Daemon<'a> {
         let passed = self.pass(0.0, f64::INFINITY, &|| false);
         let shown = self.show_gallery();
         self.tell(match &passed {
-            Ok(()) => Doing::Ended,
+            Ok(_) => Doing::Ended,
             Err(error) => Doing::Held { reason: crate::remedy::full_message(error) },
         })?;
         passed.and(shown)?;
@@ -138,12 +148,21 @@ impl<'a> Daemon<'a> {
         self.show_gallery()?;
         while !stop() {
             let wait_s = match self.pass(self.setting.quiet_s, self.setting.retry_s, stop) {
-                Ok(()) => {
+                Ok(Turn::Stop) => break,
+                Ok(Turn::Go) => {
                     if held.take().is_some() {
                         log::info!("going on");
                         self.tell(Doing::Waiting)?;
                     }
                     self.setting.poll_s
+                }
+                Ok(Turn::Hold { reason, until }) => {
+                    if held.as_ref() != Some(&reason) {
+                        log::info!("not now: {reason}");
+                        self.tell(Doing::Paused { reason: reason.clone() })?;
+                    }
+                    held = Some(reason);
+                    until.map_or(self.setting.poll_s, |at| at.0 - self.clock.now().0)
                 }
                 Err(error) => {
                     let reason = crate::remedy::full_message(&error);
@@ -156,31 +175,37 @@ impl<'a> Daemon<'a> {
                     self.setting.retry_s
                 }
             };
-            self.wait(wait_s, stop);
+            self.wait(wait_s.max(self.setting.poll_s), stop);
         }
         self.show_gallery()?;
         self.tell(Doing::Ended)?;
         Ok(self.summary.clone())
     }
 
-    /// Takes what is ready until nothing is.
-    fn pass(&mut self, quiet_s: f64, retry_s: f64, stop: &dyn Fn() -> bool) -> Result<(), DaemonError> {
+    /// Takes what is ready, oldest first, until nothing is or the schedule holds: then that turn.
+    fn pass(&mut self, quiet_s: f64, retry_s: f64, stop: &dyn Fn() -> bool) -> Result<Turn, DaemonError> {
         let inbox = self.folders.inbox();
         let mut number = 0;
-        loop {
+        let turn = 'all: loop {
             let now = self.clock.now();
             let mut ready = self.inbox.ready(&inbox, now, quiet_s)?;
+            let waiting = ready.len();
             ready.retain(|name| match self.resting.get(name) {
                 Some((look, until)) => *look != Look::at(&inbox.join(name)) || now >= *until,
                 None => true,
             });
             if ready.is_empty() {
-                break;
+                self.schedule.idle(waiting, &mut *self.restorer);
+                break Turn::Go;
             }
             let of = number + ready.len();
-            for name in ready {
+            for (taken, name) in ready.into_iter().enumerate() {
                 if stop() {
-                    return Ok(());
+                    return Ok(Turn::Stop);
+                }
+                let turn = self.schedule.before(waiting - taken, &mut *self.restorer);
+                if turn != Turn::Go {
+                    break 'all turn;
                 }
                 number += 1;
                 let shown = name.to_string_lossy().into_owned();
@@ -194,30 +219,33 @@ impl<'a> Daemon<'a> {
                     self.show_gallery()?;
                 }
             }
-        }
+        };
         if number > 0 {
             self.show_gallery()?;
             self.tell(Doing::Waiting)?;
         }
-        Ok(())
+        Ok(turn)
     }
 
     fn note(&mut self, name: OsString, verdict: Verdict, retry_s: f64) {
         match verdict {
-            Verdict::Restored(report) => {
+            Verdict::Restored { report, kept } => {
                 log::info!("{}", report.line());
+                self.schedule.after(Ended::Restored { report: &report, kept: &kept }, &mut *self.restorer);
                 self.summary.left.retain(|left| left.photo != report.photo);
                 self.gallery.add(&report);
                 self.summary.restored.push(*report);
             }
             Verdict::Failed(failed) => {
                 log::warn!("not restored: {}", failed.reason);
+                self.schedule.after(Ended::Failed(&failed), &mut *self.restorer);
                 self.summary.left.retain(|left| left.photo != failed.photo);
                 self.gallery.add_failed(failed.clone());
                 self.summary.failed.push(failed);
             }
             Verdict::Left(left) => {
                 log::warn!("left in the inbox: {}", left.reason);
+                self.schedule.after(Ended::Left(&left), &mut *self.restorer);
                 let look = Look::at(&self.folders.inbox().join(&name));
                 self.resting.insert(name, (look, Moment(self.clock.now().0 + retry_s)));
                 self.summary.left.retain(|other| other.photo != left.photo);
@@ -248,7 +276,7 @@ impl<'a> Daemon<'a> {
     fn wait(&self, wait_s: f64, stop: &dyn Fn() -> bool) {
         const STEP_S: f64 = 0.2;
         let until = self.clock.now().0 + wait_s;
-        while !stop() && self.clock.now().0 < until {
+        while !stop() && !self.schedule.wakes() && self.clock.now().0 < until {
             self.clock.wait_until(Moment((self.clock.now().0 + STEP_S).min(until)));
         }
     }

@@ -20,6 +20,11 @@ pub enum Doing {
         /// Its name.
         photo: String,
     },
+    /// Photos wait for their time: the button, the night.
+    Paused {
+        /// For what.
+        reason: String,
+    },
     /// Nothing goes on until the operator has helped.
     Held {
         /// Why.

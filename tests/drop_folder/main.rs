@@ -9,3 +9,4 @@ mod bed;
 mod files;
 mod remedies;
 mod stops;
+mod turns;

@@ -1,0 +1,117 @@
+//! A schedule decides when photos are taken, and hears what became of each.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use relens::daemon::{Daemon, Doing, Ended, Folders, Restorer, Schedule, State, Turn};
+use relens::picture::Format;
+
+use crate::bed::*;
+
+/// Answers from a list, the last one last; goes when the list is empty.
+#[derive(Default)]
+struct Script {
+    turns: Vec<Turn>,
+    heard: Rc<RefCell<Vec<String>>>,
+}
+
+impl Schedule for Script {
+    fn before(&mut self, waiting: usize, _: &mut dyn Restorer) -> Turn {
+        self.heard.borrow_mut().push(format!("before {waiting}"));
+        if self.turns.is_empty() { Turn::Go } else { self.turns.remove(0) }
+    }
+    fn after(&mut self, ended: Ended<'_>, _: &mut dyn Restorer) {
+        self.heard.borrow_mut().push(match ended {
+            Ended::Restored { report, kept } => format!("{} is {}", report.result, kept.to_string_lossy()),
+            Ended::Failed(failed) => format!("{} failed", failed.photo),
+            Ended::Left(left) => format!("{} left", left.photo),
+        });
+    }
+    fn idle(&mut self, _: usize, _: &mut dyn Restorer) {
+        self.heard.borrow_mut().push("idle".into());
+    }
+}
+
+fn hold(until: Option<f64>) -> Turn {
+    Turn::Hold { reason: "the night has not begun".into(), until: until.map(relens::rig::Moment) }
+}
+
+fn calendar() -> SystemTime {
+    UNIX_EPOCH + Duration::from_secs(1_700_000_000)
+}
+
+/// Three photos, the oldest named last, and a broken one, newest.
+fn inbox(root: &std::path::Path) {
+    for (age, name) in [(30, "c.png"), (20, "b.png"), (10, "a.png"), (5, "broken.png")] {
+        let bytes = if name == "broken.png" { b"no png".to_vec() } else { file(Format::Png, 8, RIG) };
+        drop_in(root, name, &bytes);
+        let opened = std::fs::File::options().write(true).open(root.join("inbox").join(name)).unwrap();
+        opened.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
+    }
+}
+
+#[test]
+fn photos_go_oldest_first_and_each_outcome_is_told() {
+    let root = fresh_root();
+    inbox(root.path());
+    let heard = Rc::default();
+    let script = Script { turns: vec![], heard: Rc::clone(&heard) };
+    let (clock, mut restorer) = (TestClock::default(), Brightener::default());
+    let folders = Folders::open(root.path()).unwrap();
+    let mut watcher = ();
+    let mut daemon =
+        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    daemon = daemon.scheduled(Box::new(script));
+    daemon.once().unwrap();
+    let told = ["before 4", "c.png is c.png", "before 3", "b.png is b.png", "before 2", "a.png is a.png"];
+    let told = told.iter().chain(&["before 1", "broken.png failed", "idle"]);
+    assert_eq!(*heard.borrow(), told.map(|s| (*s).to_owned()).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_hold_keeps_the_rest_in_the_inbox_and_goes_on_at_its_time() {
+    let root = fresh_root();
+    inbox(root.path());
+    let script =
+        Script { turns: vec![Turn::Go, hold(Some(1000.0)), hold(None), Turn::Go], ..Script::default() };
+    let (clock, mut restorer) = (TestClock::default(), Brightener::default());
+    let folders = Folders::open(root.path()).unwrap();
+    let mut watcher = ();
+    let mut daemon =
+        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    daemon = daemon.scheduled(Box::new(script));
+    let mut paused = vec![];
+    let summary = {
+        let stop = || {
+            let now = clock.0.get();
+            let state = State::read(root.path()).unwrap().unwrap();
+            if matches!(state.doing, Doing::Paused { .. }) {
+                paused.push(now);
+                assert!(!root.path().join("done/b.png").exists() && root.path().join("inbox/b.png").exists());
+            }
+            now > 1100.0
+        };
+        let stop = RefCell::new(stop);
+        daemon.run(&|| stop.borrow_mut()()).unwrap()
+    };
+    assert_eq!((summary.restored.len(), summary.failed.len()), (3, 1));
+    let (first, last) = (paused.first().unwrap(), paused.last().unwrap());
+    assert!(*first < 10.0 && (1000.0..1005.0).contains(last), "{first} to {last}");
+}
+
+#[test]
+fn a_schedule_can_end_the_daemon() {
+    let root = fresh_root();
+    inbox(root.path());
+    let script = Script { turns: vec![Turn::Go, Turn::Stop], ..Script::default() };
+    let (clock, mut restorer) = (TestClock::default(), Brightener::default());
+    let folders = Folders::open(root.path()).unwrap();
+    let mut watcher = ();
+    let mut daemon =
+        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    daemon = daemon.scheduled(Box::new(script));
+    let summary = daemon.run(&|| false).unwrap();
+    assert_eq!(summary.restored.len(), 1);
+    assert_eq!(State::read(root.path()).unwrap().unwrap().doing, Doing::Ended);
+}
