@@ -18,7 +18,7 @@ pub(super) fn run(out: &Path) -> Result<(), Trouble> {
     let rig = config::load(Path::new(RIG))?;
     let folders = Folders::open(&free(out))?;
     let root = folders.root().to_owned();
-    let (inbox, outbox) = (folders.inbox(), folders.outbox());
+    let (inbox, outbox) = (folders.inbox().to_owned(), folders.outbox().to_owned());
     say(&format!("1. photographing four scenes through the bad lens of {RIG} ({})", rig.photo.size()))?;
     let scenes = scenes::all(rig.photo.size())?;
     let (names, sharp): (Vec<_>, Vec<_>) = scenes.into_iter().unzip();

@@ -5,7 +5,9 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use relens::config::Rig;
-use relens::daemon::{Daemon, Folders, ProgressLine, Restorer, Setting, Summary, Watcher};
+use relens::daemon::{Daemon, Folders, ProgressLine, Reader, Restorer, Setting, Summary, Watcher};
+
+use relens::picture::worker::Worker;
 
 use super::clock::MachineClock;
 use super::{Trouble, rigged, say, single};
@@ -25,7 +27,8 @@ pub(super) fn run(rig: &Path, folder: &Path, once: bool) -> Result<(), Trouble> 
     let mut daemon =
         Daemon::open(folders, setting(&rig), &mut *restorer, &clock, &SystemTime::now, &mut *watcher)?;
     // The process is ended by a signal; whatever that interrupts, the next start takes up.
-    daemon.run(&|| false).map(|_| ()).map_err(Trouble::from)
+    daemon.run(&|| false);
+    Ok(())
 }
 
 /// Restores all that is in the inbox of `folders`.
@@ -48,7 +51,8 @@ fn watcher() -> Box<dyn Watcher> {
 }
 
 fn setting(rig: &Rig) -> Setting {
-    Setting::new(&rig.name, rig.photo.size(), rig.photo.curve)
+    let reader = Reader::Worker(Worker::of_this_program());
+    Setting { reader, ..Setting::new(&rig.name, rig.photo.size(), rig.photo.curve) }
 }
 
 fn conclude(summary: &Summary, gallery: &Path) -> Result<(), Trouble> {

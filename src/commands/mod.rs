@@ -13,15 +13,21 @@ mod single;
 mod status;
 mod trouble;
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::process::ExitCode;
+
+use relens::picture::worker;
 
 use arguments::{Command, Parsed};
 use trouble::Trouble;
 
 /// Runs the command in `words` (the program's name left out).
 pub(crate) fn run(words: impl Iterator<Item = OsString>) -> ExitCode {
+    let mut words = words.peekable();
+    if words.next_if(|word| word == worker::WORD).is_some() {
+        return read_photo(&words.next().unwrap_or_default());
+    }
     let parsed = match arguments::parse(words) {
         Ok(parsed) => parsed,
         Err(trouble) => return end(&trouble),
@@ -31,6 +37,14 @@ pub(crate) fn run(words: impl Iterator<Item = OsString>) -> ExitCode {
     match dispatch(parsed) {
         Ok(()) => ExitCode::SUCCESS,
         Err(trouble) => end(&trouble),
+    }
+}
+
+/// This process is the worker of a daemon: not for people, and mute.
+fn read_photo(ask: &OsStr) -> ExitCode {
+    match worker::serve(&ask.to_string_lossy()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(_) => ExitCode::FAILURE,
     }
 }
 

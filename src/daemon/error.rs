@@ -24,6 +24,26 @@ pub enum DaemonError {
         /// The root folder.
         path: PathBuf,
     },
+    /// The disk is nearly full; photos wait until there is room.
+    #[error(
+        "the disk of {path} is nearly full: found {found_mib} MiB free, allowed more than {floor_mib}; remove files, it then goes on by itself"
+    )]
+    Full {
+        /// A folder on it.
+        path: PathBuf,
+        /// Free by now.
+        found_mib: u64,
+        /// To be left free.
+        floor_mib: u64,
+    },
+    /// A folder of the daemon's lies in another: what goes into one would come out of the other for ever.
+    #[error("the folder {inner} lies in {outer}: found one inside the other, allowed five apart")]
+    Nested {
+        /// The one inside.
+        inner: PathBuf,
+        /// The one around it.
+        outer: PathBuf,
+    },
     /// The rig, or the way to it, needs a person.
     #[error("the operator is needed: {reason}")]
     Held {
@@ -48,7 +68,10 @@ impl Remediable for DaemonError {
                 PermissionDenied | ReadOnlyFilesystem => Remedy::CallOperator,
                 _ => Remedy::RetryLater,
             },
-            DaemonError::InUse { .. } | DaemonError::Held { .. } => Remedy::CallOperator,
+            DaemonError::Full { .. } => Remedy::RetryLater,
+            DaemonError::InUse { .. } | DaemonError::Nested { .. } | DaemonError::Held { .. } => {
+                Remedy::CallOperator
+            }
         }
     }
 }

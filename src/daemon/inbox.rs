@@ -1,82 +1,176 @@
-//! What is waiting in the inbox, and whether it has come to rest.
+//! What is waiting in the inbox, whether it has come to rest, and whether it is all there.
+//!
+//! The truth is a look at every file, again and again: events (see [`hints`](super::hints)) only make the next
+//! look come sooner. A photo is ready when it was quiet (size, time of change and inode the same for a while)
+//! *and* its content is whole. One that is quiet and not whole waits where it is, and is spoken about.
 
 use std::collections::HashMap;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
+use std::io::ErrorKind;
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::MetadataExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::rig::Moment;
 
 use super::DaemonError;
+use super::disk::{Disk, Kind, Look};
 
-/// What changes while a file is being written. Size alone does not: some copies set it first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Look {
-    size: u64,
-    changed: (i64, i64),
-    inode: u64,
+/// Folders within folders are looked into this deep. Guess: deeper ones are no way to hand in photos.
+const DEPTH_MAX: usize = 8;
+
+/// When a file counts as what it is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Patience {
+    /// A file is looked into when it has not changed for this long.
+    pub(super) quiet_s: f64,
+    /// One that is not whole is spoken about after this long without a change …
+    pub(super) mention_s: f64,
+    /// … and taken for what it is after this long: a broken file, to be set aside.
+    pub(super) unfinished_s: f64,
+    /// Seconds since 1970 by which a file's own record of its last change is believed, if there is no time to
+    /// watch it: the daemon is to empty the inbox once.
+    pub(super) by_its_record: Option<u64>,
 }
 
-impl Look {
-    /// A look at `path` itself, links not followed; `None` when it is gone.
-    pub(super) fn at(path: &Path) -> Option<Look> {
-        let about = path.symlink_metadata().ok()?;
-        Some(Look { size: about.len(), changed: (about.mtime(), about.mtime_nsec()), inode: about.ino() })
+/// What the inbox holds at one look.
+#[derive(Debug, Default)]
+pub(super) struct Waiting {
+    /// Ways from the inbox to photos that may be taken, oldest first.
+    pub(super) ready: Vec<PathBuf>,
+    /// Those that are quiet and not whole, to be spoken about, each with what is missing.
+    pub(super) unfinished: Vec<(PathBuf, String)>,
+}
+
+#[derive(Debug)]
+struct Seen {
+    look: Look,
+    since: Moment,
+    /// What is missing from the content that looks like `look`; `None` before anyone looked into it.
+    missing: Option<Option<String>>,
+}
+
+impl Seen {
+    /// What is missing from the file, if that is a reason to wait, and for how long it has not changed.
+    fn unfinished(&self, now: Moment, patience: Patience) -> Option<(f64, &str)> {
+        let missing = self.missing.as_ref()?.as_deref()?;
+        let unchanged_s = match patience.by_its_record {
+            // A record from the future is of a calendar that jumped, and proves nothing.
+            Some(now_unix_s) => (now_unix_s as f64 - self.look.touched_unix_s as f64).max(0.0),
+            None => now.0 - self.since.0,
+        };
+        (unchanged_s < patience.unfinished_s).then_some((unchanged_s, missing))
     }
 }
 
 /// Looks at the inbox over time.
 #[derive(Debug, Default)]
 pub(super) struct Inbox {
-    seen: HashMap<OsString, (Look, Moment)>,
-    /// Folders and the like that were already spoken about.
-    ignored: Vec<OsString>,
+    seen: HashMap<PathBuf, Seen>,
+    /// When the next file will have been quiet for long enough.
+    due: Option<Moment>,
 }
 
 impl Inbox {
-    /// The names of photos in `folder` that have not changed for `quiet_s`, oldest first.
+    /// What is in `folder` now. Photos are said to be ready as soon as they are quiet: whether one is whole is
+    /// asked of [`Inbox::may_be_taken`] when its turn comes, for it means reading it.
     ///
     /// # Errors
     /// When the folder cannot be read.
-    pub(super) fn ready(
+    pub(super) fn look(
         &mut self,
+        disk: &dyn Disk,
         folder: &Path,
         now: Moment,
-        quiet_s: f64,
-    ) -> Result<Vec<OsString>, DaemonError> {
-        let mut waiting = Vec::new();
-        let mut seen = HashMap::new();
-        let entries = std::fs::read_dir(folder).map_err(DaemonError::files("read the folder", folder))?;
-        for entry in entries.flatten() {
-            let name = entry.file_name();
-            if is_junk(&name) {
-                continue;
-            }
-            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-                if !self.ignored.contains(&name) {
-                    log::warn!(
-                        "inbox/{} is a folder and is left alone; drop the photos in it",
-                        name.to_string_lossy()
-                    );
-                    self.ignored.push(name);
-                }
-                continue;
-            }
-            let Some(look) = Look::at(&entry.path()) else { continue };
-            let since = match self.seen.get(&name) {
-                Some(&(before, since)) if before == look => since,
-                _ => now,
+        patience: Patience,
+    ) -> Result<Waiting, DaemonError> {
+        let mut files = Vec::new();
+        collect(disk, folder, Path::new(""), 0, &mut files)?;
+        let mut before = std::mem::take(&mut self.seen);
+        let (mut ready, mut unfinished) = (Vec::new(), Vec::new());
+        self.due = None;
+        for (way, look) in files {
+            let seen = match before.remove(&way) {
+                Some(seen) if seen.look == look => seen,
+                _ => Seen { look, since: now, missing: None },
             };
-            if now.0 - since.0 >= quiet_s {
-                waiting.push((look.changed, name.clone()));
+            if now.0 - seen.since.0 < patience.quiet_s {
+                let due = Moment(seen.since.0 + patience.quiet_s);
+                self.due = Some(self.due.filter(|&before| before <= due).unwrap_or(due));
+            } else {
+                match seen.unfinished(now, patience) {
+                    None => ready.push((look.changed, way.clone())),
+                    Some((unchanged_s, missing)) if unchanged_s >= patience.mention_s => {
+                        unfinished.push((way.clone(), missing.to_owned()));
+                    }
+                    Some(_) => {}
+                }
             }
-            seen.insert(name, (look, since));
+            self.seen.insert(way, seen);
         }
-        self.seen = seen;
-        waiting.sort();
-        Ok(waiting.into_iter().map(|(_, name)| name).collect())
+        ready.sort();
+        unfinished.sort();
+        Ok(Waiting { ready: ready.into_iter().map(|(_, way)| way).collect(), unfinished })
     }
+
+    /// Whether the photo at `way`, which was ready at the last look, is whole, or has been waited for long
+    /// enough. `missing` looks into it and says what it lacks; it is called once for as long as the file does
+    /// not change.
+    pub(super) fn may_be_taken(
+        &mut self,
+        way: &Path,
+        now: Moment,
+        patience: Patience,
+        missing: impl FnOnce() -> Option<String>,
+    ) -> bool {
+        let Some(seen) = self.seen.get_mut(way) else { return false };
+        // What is no file is no photo either, and is set aside by whoever takes it.
+        if seen.look.kind == Kind::File && seen.missing.is_none() {
+            seen.missing = Some(missing());
+        }
+        seen.unfinished(now, patience).is_none()
+    }
+
+    /// When a file that is there will have been quiet for long enough, if nothing happens before.
+    pub(super) fn due(&self) -> Option<Moment> {
+        self.due
+    }
+}
+
+/// Adds the files in `folder/way` and in the folders below it. A folder moved in brings one event and none for
+/// its files, so its files are looked for and not waited for.
+fn collect(
+    disk: &dyn Disk,
+    folder: &Path,
+    way: &Path,
+    depth: usize,
+    files: &mut Vec<(PathBuf, Look)>,
+) -> Result<(), DaemonError> {
+    let at = if depth == 0 { folder.to_owned() } else { folder.join(way) };
+    let found = match disk.list(&at) {
+        // Gone again, or changed into a link, since it was seen.
+        Err(_) if depth > 0 => return Ok(()),
+        found => found.map_err(DaemonError::files("read the folder", &at))?,
+    };
+    for (name, kind) in found {
+        if is_junk(&name) {
+            continue;
+        }
+        let way = way.join(&name);
+        if kind == Kind::Folder {
+            if depth < DEPTH_MAX {
+                collect(disk, folder, &way, depth + 1, files)?;
+            }
+            continue;
+        }
+        match disk.look(&folder.join(&way)) {
+            Ok(look) if look.kind != Kind::Folder => files.push((way, look)),
+            Ok(_) => {}
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            // A file that cannot even be looked at holds nobody else up.
+            Err(error) => log::debug!("{}: {error}", way.display()),
+        }
+    }
+    Ok(())
 }
 
 /// Names that begin with a dot.
@@ -86,18 +180,31 @@ pub(super) fn is_hidden(name: &OsStr) -> bool {
 
 /// Names that systems, shares and uploaders leave behind, and those of uploads under way.
 pub(super) fn is_junk(name: &OsStr) -> bool {
-    const NAMES: [&str; 8] = [
+    const NAMES: [&str; 10] = [
         "thumbs.db",
         "ehthumbs.db",
         "desktop.ini",
         "@eadir",
+        "@recycle",
+        "#recycle",
         "__macosx",
         "$recycle.bin",
         "system volume information",
         "lost+found",
     ];
-    const ENDINGS: [&str; 9] =
-        [".part", ".partial", ".tmp", ".temp", ".crdownload", ".download", ".filepart", ".swp", "~"];
+    const ENDINGS: [&str; 11] = [
+        ".part",
+        ".partial",
+        ".tmp",
+        ".temp",
+        ".crdownload",
+        ".download",
+        ".filepart",
+        ".tacitpart",
+        ".opdownload",
+        ".swp",
+        "~",
+    ];
     let lower = name.to_string_lossy().to_lowercase();
     is_hidden(name)
         || lower.starts_with("~$")
@@ -107,6 +214,7 @@ pub(super) fn is_junk(name: &OsStr) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::disk::LocalDisk;
     use super::*;
 
     #[test]
@@ -118,14 +226,31 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_ready_once_it_has_been_quiet() {
+    fn a_file_is_ready_once_it_has_been_quiet_and_whole() {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.jpg");
+        let folder = &folder.path().canonicalize().unwrap();
+        let disk = LocalDisk::new(vec![folder.clone()]);
+        let file = folder.join("a.jpg");
         std::fs::write(&file, b"one").unwrap();
         let mut inbox = Inbox::default();
-        let mut ready = |s: f64| inbox.ready(folder.path(), Moment(s), 5.0).unwrap().len();
-        assert_eq!((ready(0.0), ready(4.9)), (0, 0));
+        let patience = Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, by_its_record: None };
+        let looks = std::cell::Cell::new(0);
+        let mut at = |s: f64| {
+            let now = Moment(s);
+            let mut waiting = inbox.look(&disk, folder, now, patience).unwrap();
+            waiting.ready.retain(|way| {
+                inbox.may_be_taken(way, now, patience, || {
+                    looks.set(looks.get() + 1);
+                    let bytes = std::fs::read(folder.join(way)).unwrap();
+                    (!bytes.ends_with(b"two")).then(|| "its end".to_owned())
+                })
+            });
+            (waiting.ready.len(), waiting.unfinished.len())
+        };
+        assert_eq!((at(0.0), at(4.9), at(6.0), at(59.0)), ((0, 0), (0, 0), (0, 0), (0, 0)));
+        assert_eq!((at(60.0), at(899.0), at(900.0)), ((0, 1), (0, 1), (1, 0)));
+        assert_eq!(looks.get(), 1, "looked into once for as long as it stays as it is");
         std::fs::write(&file, b"one and two").unwrap();
-        assert_eq!((ready(5.0), ready(9.9), ready(10.1)), (0, 0, 1));
+        assert_eq!((at(901.0), at(905.9), at(906.1)), ((0, 0), (0, 0), (1, 0)));
     }
 }

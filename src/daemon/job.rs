@@ -1,26 +1,23 @@
 //! One photo from claim to outbox.
 
 use std::ffi::{OsStr, OsString};
+use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::picture::{Photo, PictureError, encode, preview};
+use crate::picture::{Growth, Photo, PictureError};
 use crate::remedy::{Remediable, Remedy, full_message};
 use crate::rig::Moment;
 
-use super::inbox::Look;
-use super::ledger::{ATTEMPTS_MAX, Ledger, id};
-use super::report::Circumstances;
+use super::disk::Kind;
+use super::ledger::{ATTEMPTS_MAX, Ledger};
 use super::run::Daemon;
 use super::{DaemonError, Failed, Report, Restored, Step, durable};
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
 const TRIES_MAX: u32 = 3;
 
-/// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
-const PREVIEW_PX: usize = 1280;
-
-/// How long a file that is not whole is watched for growth.
+/// How long a file that is damaged is watched for growth.
 const GROWTH_WATCH_S: f64 = 1.0;
 
 /// What became of a photo.
@@ -35,112 +32,144 @@ pub(super) enum Verdict {
     /// It is in `failed`.
     Failed(Failed),
     /// It is back in the inbox, to be tried later.
-    Left(Failed),
+    Left {
+        /// The way to it from the inbox.
+        way: PathBuf,
+        /// Why.
+        left: Failed,
+    },
     /// It was gone before it could be claimed.
     Gone,
 }
 
 /// Why a restoration has no picture.
-enum Refusal {
+pub(super) enum Refusal {
     Skip(String),
     Later(String),
     Hold(String),
+    /// Its worker died.
+    Died(String),
+}
+
+/// A photo in `working`.
+pub(super) struct Claimed {
+    pub(super) path: PathBuf,
+    pub(super) name: OsString,
+    pub(super) ledger: Ledger,
+}
+
+impl Claimed {
+    pub(super) fn shown(&self) -> String {
+        self.name.to_string_lossy().into_owned()
+    }
 }
 
 impl Daemon<'_> {
-    /// Takes the photo `name` from the inbox through the whole job.
+    /// Takes the photo at `way` from the inbox through the whole job.
     ///
     /// # Errors
     /// When the folders or the rig need help; the photo is then back in the inbox if that was possible, and
     /// in `working` otherwise, from where the next start takes it back.
-    pub(super) fn job(&mut self, name: &OsStr) -> Result<Verdict, DaemonError> {
-        let look = Look::at(&self.folders.inbox().join(name));
-        let stale = Ledger::of(&self.folders, name);
-        if stale.result().is_some() {
-            // Of a namesake that was delivered; a stop after the claim must not take this photo for it.
-            stale.close()?;
-        }
-        let path = match self.folders.claim(name) {
+    pub(super) fn job(&mut self, way: &Path) -> Result<Verdict, DaemonError> {
+        let path = match self.folders.claim(way) {
             Ok(path) => path,
-            Err(DaemonError::Files { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            Err(DaemonError::Files { source, .. }) if source.kind() == ErrorKind::NotFound => {
                 return Ok(Verdict::Gone);
             }
             Err(error) => return Err(error),
         };
         self.watcher.step(Step::Claimed);
-        let name = path.file_name().unwrap_or(name).to_owned();
-        let mut ledger = Ledger::of(&self.folders, &name);
-        if ledger.attempts() >= ATTEMPTS_MAX {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
+        let disk = self.folders.disk();
+        let look = disk.look(&path).map_err(DaemonError::files("look at", &path));
+        let ledger = look.and_then(|look| Ok((look, Ledger::of(&self.folders, &name, look)?)));
+        let (look, ledger) = match ledger {
+            Ok(found) => found,
+            Err(error) => {
+                let _ = durable::move_to(disk, &path, self.folders.inbox(), &name);
+                return Err(error);
+            }
+        };
+        let mut photo = Claimed { path, name, ledger };
+        if photo.ledger.attempts() >= ATTEMPTS_MAX {
             let reason = format!(
                 "{}: the program ended while it worked on this photo: found {} such attempts, allowed {ATTEMPTS_MAX}",
-                name.to_string_lossy(),
-                ledger.attempts()
+                photo.shown(),
+                photo.ledger.attempts()
             );
-            return self.fail(&path, &name, ledger, reason);
+            return self.fail(photo, reason);
         }
-        let result = ledger.begin().and_then(|()| {
-            self.watcher.step(Step::Recorded);
-            self.read_and_restore(&path, &name, look, &mut ledger)
-        });
+        let result = match look.kind {
+            Kind::File => self.attempt(&mut photo),
+            kind => Ok(Err(no_file(&photo, kind))),
+        };
         match result {
-            Ok(Ok(report)) => {
-                let kept = durable::move_to(&path, &self.folders.done(), &name)?;
-                self.watcher.step(Step::Moved);
-                ledger.close()?;
-                self.watcher.step(Step::Closed);
-                let kept = kept.file_name().unwrap_or(&name).to_owned();
-                Ok(Verdict::Restored { report: Box::new(report), kept })
-            }
-            Ok(Err(Refusal::Skip(reason))) => self.fail(&path, &name, ledger, reason),
+            Ok(Ok(report)) => self.close(photo, report),
+            Ok(Err(Refusal::Skip(reason) | Refusal::Died(reason))) => self.fail(photo, reason),
             Ok(Err(Refusal::Later(reason))) => {
-                self.put_back(&path, &name, ledger)?;
-                Ok(Verdict::Left(Failed { photo: name.to_string_lossy().into_owned(), reason }))
+                let left = Failed { photo: photo.shown(), reason };
+                Ok(Verdict::Left { way: self.put_back(photo)?, left })
             }
             Ok(Err(Refusal::Hold(reason))) => {
-                self.put_back(&path, &name, ledger)?;
+                self.put_back(photo)?;
                 Err(DaemonError::Held { reason })
             }
             Err(error) => {
                 // The first error is the one to tell; where the photo is, the next start finds out.
-                let _ = self.put_back(&path, &name, ledger);
+                let _ = self.put_back(photo);
                 Err(error)
             }
         }
     }
 
-    fn read_and_restore(
-        &mut self,
-        path: &Path,
-        name: &OsStr,
-        look: Option<Look>,
-        ledger: &mut Ledger,
-    ) -> Result<Result<Report, Refusal>, DaemonError> {
-        let read = Photo::read(path, self.setting.curve, &self.setting.limits)
-            .and_then(|photo| photo.fit(self.setting.photo_size));
-        let photo = match read {
-            Ok(photo) => photo,
-            Err(error) => return Ok(Err(self.refusal_of(&error, path, look))),
+    fn attempt(&mut self, photo: &mut Claimed) -> Result<Result<Report, Refusal>, DaemonError> {
+        // Whoever dropped it may not have waited until it was on the disk; from here on it is ours to keep.
+        let disk = self.folders.disk();
+        disk.sync_file(&photo.path).map_err(DaemonError::files("synchronise", &photo.path))?;
+        let read = loop {
+            photo.ledger.begin(&self.folders)?;
+            self.watcher.step(Step::Recorded);
+            match self.read(photo) {
+                Ok(read) => break read,
+                Err(Refusal::Died(words)) if photo.ledger.attempts() < ATTEMPTS_MAX => log::warn!("{words}"),
+                Err(Refusal::Died(words)) => {
+                    let attempts = photo.ledger.attempts();
+                    let reason = format!("{words}; found {attempts} such attempts, allowed {ATTEMPTS_MAX}");
+                    return Ok(Err(Refusal::Died(reason)));
+                }
+                Err(refusal) => return Ok(Err(refusal)),
+            }
         };
-        let restored = match self.restore_with_care(&photo) {
+        let restored = match self.restore_with_care(&read) {
             Ok(restored) => restored,
             Err(refusal) => return Ok(Err(refusal)),
         };
         self.watcher.step(Step::Restored);
-        let bytes = std::fs::read(path).map_err(DaemonError::files("read", path))?;
-        self.deliver(&photo, &restored, &bytes, name, ledger)
+        self.deliver(photo, &read, &restored)
     }
 
-    /// A file that is not whole may still be growing: then it is left, not failed.
-    fn refusal_of(&self, error: &PictureError, path: &Path, look: Option<Look>) -> Refusal {
-        let words = full_message(error);
-        if error.may_be_growing() {
+    fn read(&self, photo: &Claimed) -> Result<Photo, Refusal> {
+        let path = &photo.path;
+        let before = self.folders.disk().look(path).ok();
+        let opened = self.folders.disk().open(path);
+        let read = opened.map_err(|source| PictureError::Read { path: path.clone(), source });
+        let error = match read.and_then(|file| self.setting.reader.photo(&photo.shown(), file, &self.setting))
+        {
+            Ok(read) => return Ok(read),
+            Err(error) => error,
+        };
+        let words = full_message(&error);
+        if matches!(error, PictureError::Died { .. }) {
+            return Err(Refusal::Died(words));
+        }
+        if error.growth() != Growth::None {
             let now = self.clock.now();
             self.clock.wait_until(Moment(now.0 + GROWTH_WATCH_S));
-            if Look::at(path) != look {
-                return Refusal::Later(format!("{words} (it is still being written)"));
+            if self.folders.disk().look(path).ok() != before {
+                return Err(Refusal::Later(format!("{words} (it is still being written)")));
             }
         }
-        refusal(error.remedy(), words)
+        Err(refusal(error.remedy(), words))
     }
 
     /// Restores, and on a stumble of the rig does what the failure's remedy says and tries again.
@@ -181,93 +210,64 @@ impl Daemon<'_> {
         }
     }
 
-    /// Puts the result and all that belongs to it into the outbox; the result itself comes last.
-    fn deliver(
-        &mut self,
-        photo: &Photo,
-        restored: &Restored,
-        bytes: &[u8],
-        name: &OsStr,
-        ledger: &mut Ledger,
-    ) -> Result<Result<Report, Refusal>, DaemonError> {
-        let grey = photo.channels == crate::frame::Channels::Green;
-        let encoded = || -> Result<_, PictureError> {
-            let before = preview(&photo.name, &photo.light, &photo.manner, grey, PREVIEW_PX)?;
-            let after = preview(&photo.name, &restored.picture, &photo.manner, grey, PREVIEW_PX)?;
-            let result = match restored.untouched {
-                true => bytes.to_vec(),
-                false => encode(&photo.name, &restored.picture, &photo.manner, grey)?,
-            };
-            Ok((before, after, result))
-        };
-        let (before, after, result) = match encoded() {
-            Ok(all) => all,
-            Err(error) => return Ok(Err(refusal(error.remedy(), full_message(&error)))),
-        };
-        let outbox = self.folders.outbox();
-        let result_name = free_name(&outbox, name, photo.manner.format.extension());
-        ledger.name_result(&result_name)?;
-        self.watcher.step(Step::Named);
-        let picture = |what: &str| format!("{}-{what}.jpg", id(&result_name));
-        let folder = self.folders.previews();
-        durable::replace(&folder, picture("before").as_ref(), &before)?;
-        durable::replace(&folder, picture("after").as_ref(), &after)?;
-        let report = Report::new(
-            photo,
-            restored,
-            Circumstances {
-                rig: &self.setting.rig,
-                result: &result_name,
-                before: format!("gallery/{}", picture("before")),
-                after: format!("gallery/{}", picture("after")),
-                bytes,
-                finished_unix_s: self.unix_s(),
-            },
-        );
-        let json = serde_json::to_vec_pretty(&report).map_err(std::io::Error::other);
-        let json = json.map_err(DaemonError::files("write the report of", name.as_ref()))?;
-        durable::write_new(&outbox, &report_name(&result_name), &json)?;
-        self.watcher.step(Step::Reported);
-        durable::write_new(&outbox, &result_name, &result)?;
-        self.watcher.step(Step::Delivered);
-        Ok(Ok(report))
+    /// The result is safe: so is the original, and only then the record goes.
+    fn close(&mut self, photo: Claimed, report: Report) -> Result<Verdict, DaemonError> {
+        let (disk, done) = (self.folders.disk(), self.folders.done());
+        let kept = durable::move_to(disk, &photo.path, done, &photo.name)?;
+        self.watcher.step(Step::Moved);
+        // Before the record goes: without it the photo would be restored a second time.
+        durable::sync_folder(disk, done)?;
+        photo.ledger.close(&self.folders)?;
+        self.watcher.step(Step::Closed);
+        let kept = kept.file_name().unwrap_or(&photo.name).to_owned();
+        Ok(Verdict::Restored { report: Box::new(report), kept })
     }
 
     /// Sets the photo aside with its reason.
-    fn fail(
-        &self,
-        path: &Path,
-        name: &OsStr,
-        ledger: Ledger,
-        reason: String,
-    ) -> Result<Verdict, DaemonError> {
-        let failed = Failed { photo: name.to_string_lossy().into_owned(), reason };
-        let folder = self.folders.failed();
-        let mut number = 1;
+    fn fail(&self, photo: Claimed, reason: String) -> Result<Verdict, DaemonError> {
+        let failed = Failed { photo: photo.shown(), reason };
+        let (disk, folder) = (self.folders.disk(), self.folders.failed());
         // A note without its photo is what a cut left of us, and is written anew.
-        while folder.join(durable::numbered(name, number)).symlink_metadata().is_ok() {
-            number += 1;
-        }
-        let name = durable::numbered(name, number);
+        let taken = durable::Taken::of(disk, folder)?;
+        let free = |number: &u32| !taken.holds(&durable::numbered(&photo.name, *number));
+        let name = durable::numbered(&photo.name, (1..).find(free).unwrap_or(1));
         let mut note = name.clone();
         note.push(".txt");
-        durable::replace(&folder, &note, failed.note().as_bytes())?;
-        durable::move_to(path, &folder, &name)?;
-        ledger.close()?;
+        durable::replace(disk, folder, &note, failed.note().as_bytes())?;
+        // The reason first: a photo set aside without one would be a riddle.
+        durable::sync_folder(disk, folder)?;
+        durable::move_to(disk, &photo.path, folder, &name)?;
+        durable::sync_folder(disk, folder)?;
+        photo.ledger.close(&self.folders)?;
         Ok(Verdict::Failed(failed))
     }
 
-    fn put_back(&self, path: &Path, name: &OsStr, ledger: Ledger) -> Result<(), DaemonError> {
-        if let Some(result) = ledger.result() {
+    /// Puts the photo back into the inbox as if it had never been begun; the way to it.
+    fn put_back(&self, photo: Claimed) -> Result<PathBuf, DaemonError> {
+        let disk = self.folders.disk();
+        if let Some(result) = photo.ledger.result() {
             // Nothing was delivered; a report without a result is no use to anyone.
-            let _ = std::fs::remove_file(self.folders.outbox().join(report_name(&result)));
+            if disk.remove(&self.folders.outbox().join(report_name(&result))).is_ok() {
+                durable::sync_folder(disk, self.folders.outbox())?;
+            }
         }
-        durable::move_to(path, &self.folders.inbox(), name)?;
-        ledger.close()
+        let path = durable::move_to(disk, &photo.path, self.folders.inbox(), &photo.name)?;
+        photo.ledger.close(&self.folders)?;
+        Ok(PathBuf::from(path.file_name().unwrap_or(&photo.name)))
     }
 }
 
-fn refusal(remedy: Remedy, words: String) -> Refusal {
+/// A link, a pipe, a device: no photo, and nothing to open.
+fn no_file(photo: &Claimed, kind: Kind) -> Refusal {
+    let found = match kind {
+        Kind::Link => "a link",
+        Kind::Folder => "a folder",
+        Kind::File | Kind::Other => "a pipe or device",
+    };
+    Refusal::Skip(full_message(&PictureError::not_a_file(&photo.shown(), found)))
+}
+
+pub(super) fn refusal(remedy: Remedy, words: String) -> Refusal {
     match remedy {
         Remedy::SkipPhoto => Refusal::Skip(words),
         Remedy::RetryLater => Refusal::Later(words),
@@ -283,22 +283,4 @@ pub(super) fn report_name(result: &OsStr) -> OsString {
     let mut name = result.to_owned();
     name.push(".json");
     name
-}
-
-/// The photo's name, with an ending if it has none, and a number if result or report exist already.
-fn free_name(outbox: &Path, name: &OsStr, extension: &str) -> OsString {
-    let mut wanted = name.to_owned();
-    if Path::new(name).extension().is_none() {
-        wanted.push(".");
-        wanted.push(extension);
-    }
-    let taken = |name: &OsStr| outbox.join(name).symlink_metadata().is_ok();
-    let mut number = 1;
-    loop {
-        let name = durable::numbered(&wanted, number);
-        if !taken(&name) && !taken(&report_name(&name)) {
-            return name;
-        }
-        number += 1;
-    }
 }

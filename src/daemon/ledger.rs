@@ -1,23 +1,27 @@
 //! What is written down before a photo is touched, so that a stop at any instant can be made good.
 //!
-//! One small file a photo under way, in `working/`: how often it was begun, and the name its result will
-//! have. A photo that ends the program each time is set aside after [`ATTEMPTS_MAX`]; a result that was
-//! delivered is not made again.
+//! One small file a photo under way, in `working/`: which file it is, how often it was begun, and the name its
+//! result will have. A photo that ends the program or its worker each time is set aside after
+//! [`ATTEMPTS_MAX`]; a result that was delivered is not made again; a namesake dropped later is another photo.
 
 use std::ffi::{OsStr, OsString};
-use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::ErrorKind;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::disk::Look;
 use super::{DaemonError, Folders, durable};
 
-/// Attempts that may end with the program before a photo is set aside. Guess.
+/// Attempts that may end with the program or the worker before a photo is set aside. Guess.
 pub(super) const ATTEMPTS_MAX: u32 = 3;
 
 /// Beginning of the records' file names.
 const BEGINNING: &str = ".ledger-";
+
+/// No record is longer: two names of 255 bytes as lists of numbers.
+const BYTES_MAX: u64 = 8192;
 
 /// The record of one photo under way.
 #[derive(Debug)]
@@ -27,44 +31,61 @@ pub(super) struct Ledger {
     written: Written,
 }
 
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Written {
     /// The photo's name; names are bytes.
     photo: Vec<u8>,
+    file: Which,
     attempts: u32,
     result: Option<Vec<u8>>,
 }
 
+/// Which file a record is of. Moving a file changes none of this.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+struct Which {
+    inode: u64,
+    size: u64,
+    changed: (i64, i64),
+}
+
+impl From<Look> for Which {
+    fn from(look: Look) -> Which {
+        Which { inode: look.inode, size: look.size, changed: look.changed }
+    }
+}
+
 impl Ledger {
-    /// The record of the photo `name`, as found on the disk or new.
-    pub(super) fn of(folders: &Folders, name: &OsStr) -> Ledger {
-        let folder = folders.working();
+    /// The record of the photo `name`, which looks like `look`: as found on the disk, or new.
+    ///
+    /// # Errors
+    /// When the disk cannot say whether there is one: then nothing may be decided.
+    pub(super) fn of(folders: &Folders, name: &OsStr, look: Look) -> Result<Ledger, DaemonError> {
+        let folder = folders.working().to_owned();
         let file = OsString::from(format!("{BEGINNING}{}", id(name)));
-        let found = std::fs::read(folder.join(&file)).ok();
+        let found = durable::read(folders.disk(), &folder.join(&file), BYTES_MAX)?;
         let found = found.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
-        let written = found.filter(|w| w.photo == name.as_bytes());
-        let written =
-            written.unwrap_or_else(|| Written { photo: name.as_bytes().to_vec(), ..Written::default() });
-        Ledger { folder, file, written }
+        let written = found.filter(|w| w.photo == name.as_bytes() && w.file == Which::from(look));
+        let photo = name.as_bytes().to_vec();
+        let fresh = || Written { photo, file: look.into(), attempts: 0, result: None };
+        Ok(Ledger { folder, file, written: written.unwrap_or_else(fresh) })
     }
 
-    /// Removes the records of photos that have left: one dropped later under the same name is another one.
+    /// Removes the records of photos that wait nowhere any more.
     pub(super) fn sweep(folders: &Folders) -> Result<(), DaemonError> {
-        let folder = folders.working();
-        let entries = std::fs::read_dir(&folder).map_err(DaemonError::files("read the folder", &folder))?;
-        for entry in entries.flatten() {
-            if !entry.file_name().as_bytes().starts_with(BEGINNING.as_bytes()) {
+        let (disk, folder) = (folders.disk(), folders.working());
+        for (name, _) in disk.list(folder).map_err(DaemonError::files("read the folder", folder))? {
+            if !name.as_bytes().starts_with(BEGINNING.as_bytes()) {
                 continue;
             }
-            let path = entry.path();
-            let written = std::fs::read(&path).ok().and_then(|b| serde_json::from_slice::<Written>(&b).ok());
-            // A result still named was delivered: the record is of a photo that is in `done`.
-            let waits = |w: Written| {
+            let path = folder.join(&name);
+            let written = durable::read(disk, &path, BYTES_MAX)?;
+            let written = written.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
+            let waits = written.is_some_and(|w| {
                 let home = folders.inbox().join(OsString::from_vec(w.photo));
-                w.result.is_none() && home.symlink_metadata().is_ok()
-            };
-            if !written.is_some_and(waits) {
-                std::fs::remove_file(&path).map_err(DaemonError::files("remove", &path))?;
+                disk.look(&home).is_ok_and(|look| Which::from(look) == w.file)
+            });
+            if !waits {
+                disk.remove(&path).map_err(DaemonError::files("remove", &path))?;
             }
         }
         Ok(())
@@ -80,45 +101,58 @@ impl Ledger {
         self.written.result.clone().map(OsString::from_vec)
     }
 
-    /// Writes down that an attempt begins.
-    pub(super) fn begin(&mut self) -> Result<(), DaemonError> {
+    /// Writes down that an attempt begins, so that it is known whatever comes of it.
+    pub(super) fn begin(&mut self, folders: &Folders) -> Result<(), DaemonError> {
         self.written.attempts += 1;
         self.written.result = None;
-        self.write()
+        self.write(folders)
     }
 
     /// Writes down the name the result will have.
-    pub(super) fn name_result(&mut self, result: &OsStr) -> Result<(), DaemonError> {
+    pub(super) fn name_result(&mut self, folders: &Folders, result: &OsStr) -> Result<(), DaemonError> {
         self.written.result = Some(result.as_bytes().to_vec());
-        self.write()
+        self.write(folders)
     }
 
     /// Writes down that the result named was not delivered and never will be under this attempt.
-    pub(super) fn forget_result(&mut self) -> Result<(), DaemonError> {
+    pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), DaemonError> {
         self.written.result = None;
-        self.write()
+        self.write(folders)
     }
 
-    /// Removes the record; the photo has left `working`.
-    pub(super) fn close(self) -> Result<(), DaemonError> {
+    /// Removes the record; the photo has left `working` for good, or the attempts are forgiven.
+    pub(super) fn close(self, folders: &Folders) -> Result<(), DaemonError> {
         let path = self.folder.join(&self.file);
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+        match folders.disk().remove(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
                 Err(DaemonError::files("remove", &path)(error))
             }
             _ => Ok(()),
         }
     }
 
-    fn write(&self) -> Result<(), DaemonError> {
+    fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
         let bytes = serde_json::to_vec(&self.written).map_err(std::io::Error::other);
-        durable::replace(&self.folder, &self.file, &bytes.map_err(DaemonError::files("write", &self.folder))?)
+        let bytes = bytes.map_err(DaemonError::files("write", &self.folder))?;
+        durable::replace(folders.disk(), &self.folder, &self.file, &bytes)?;
+        durable::sync_folder(folders.disk(), &self.folder)
     }
 }
 
-/// A short name for a name: 16 hexadecimal digits.
+/// A short name for a name, the same for ever: 64-bit FNV-1a in 16 hexadecimal digits.
 pub(super) fn id(name: &OsStr) -> String {
-    let mut hasher = DefaultHasher::new();
-    name.as_bytes().hash(&mut hasher);
-    format!("{:016x}", hasher.finish())
+    // Fowler, Noll, Vo: offset basis and prime for 64 bits.
+    let step = |hash: u64, &byte: &u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+    format!("{:016x}", name.as_bytes().iter().fold(0xcbf2_9ce4_8422_2325, step))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_are_those_of_the_published_test_vectors() {
+        assert_eq!(id(OsStr::new("")), "cbf29ce484222325");
+        assert_eq!(id(OsStr::new("foobar")), "85944171f73967e8");
+    }
 }

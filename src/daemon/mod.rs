@@ -15,27 +15,35 @@
 //! [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`]; what decides when photos may be taken
 //! behind [`Schedule`].
 
+mod delivery;
+pub mod disk;
 mod durable;
 mod error;
 mod folders;
 mod gallery;
+mod hints;
 mod inbox;
 mod job;
 mod ledger;
 pub mod log_writer;
 pub mod on_rig;
+mod reader;
+mod recovery;
 mod report;
 mod restorer;
 mod run;
 mod schedule;
+mod setting;
 mod state;
 mod watcher;
 
 pub use error::DaemonError;
 pub use folders::Folders;
+pub use reader::Reader;
 pub use report::{Failed, Outcome, Report};
 pub use restorer::{Certificate, Iteration, Progress, Restored, Restorer};
-pub use run::{Daemon, Setting, Summary};
+pub use run::{Daemon, Summary};
 pub use schedule::{Ended, Schedule, Turn};
+pub use setting::Setting;
 pub use state::{Doing, State};
 pub use watcher::{ProgressLine, Step, Watcher};

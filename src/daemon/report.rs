@@ -81,8 +81,6 @@ pub(super) struct Circumstances<'a> {
     pub(super) result: &'a OsStr,
     pub(super) before: String,
     pub(super) after: String,
-    /// The photo's file.
-    pub(super) bytes: &'a [u8],
     pub(super) finished_unix_s: u64,
 }
 
@@ -108,8 +106,8 @@ impl Report {
             turned: photo.turned(),
             notes: photo.notes.iter().chain(&restored.notes).cloned().collect(),
             iterations: restored.iterations.clone(),
-            photo_crc32: format!("{:08x}", crc32fast::hash(about.bytes)),
-            photo_bytes: about.bytes.len() as u64,
+            photo_crc32: format!("{:08x}", photo.file.crc32),
+            photo_bytes: photo.file.bytes,
             finished_unix_s: about.finished_unix_s,
             before: about.before,
             after: about.after,
@@ -120,11 +118,7 @@ impl Report {
     pub fn single(rig: &str, photo: &Photo, restored: &Restored, out: &Path) -> Report {
         let result = out.file_name().unwrap_or(out.as_os_str());
         let (before, after) = (String::new(), String::new());
-        Report::new(
-            photo,
-            restored,
-            Circumstances { rig, result, before, after, bytes: &[], finished_unix_s: 0 },
-        )
+        Report::new(photo, restored, Circumstances { rig, result, before, after, finished_unix_s: 0 })
     }
 
     /// One line for the log.

@@ -1,59 +1,30 @@
 //! The loop: empty the inbox once, or watch it until told to stop.
 
-use std::collections::HashMap;
-use std::ffi::OsString;
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use crate::config::Curve;
-use crate::frame::Size;
-use crate::picture::Limits;
+use crate::picture::Growth;
+use crate::remedy::full_message;
 use crate::rig::{Clock, Moment};
 
+use super::disk::Look;
 use super::gallery::Gallery;
-use super::inbox::{Inbox, Look};
+use super::hints::Hints;
+use super::inbox::{Inbox, Patience};
 use super::job::Verdict;
 use super::schedule::{Ended, Schedule, Turn};
-use super::{DaemonError, Doing, Failed, Folders, Report, Restorer, State, Watcher};
+use super::{DaemonError, Doing, Failed, Folders, Report, Restorer, Setting, State, Watcher};
 
 /// Seconds between two writings of the gallery while photos come one after another. Guess: often enough to
 /// look on, seldom enough for a memory card.
 const GALLERY_PERIOD_S: f64 = 10.0;
 
-/// What the daemon is told once.
-#[derive(Debug, Clone)]
-pub struct Setting {
-    /// Name of the rig, for reports.
-    pub rig: String,
-    /// The rig's photo size.
-    pub photo_size: Size,
-    /// Curve of photos that carry no profile.
-    pub curve: Curve,
-    /// What one photo may ask of the box.
-    pub limits: Limits,
-    /// A photo is taken when it has not changed for this long.
-    pub quiet_s: f64,
-    /// Time between two looks at the inbox.
-    pub poll_s: f64,
-    /// Time after which a photo that was put back, or a rig that needed help, is tried again.
-    pub retry_s: f64,
-}
+/// A wait is made of steps of this length, after each of which a stop is heard.
+const STEP_S: f64 = 0.2;
 
-impl Setting {
-    /// The usual waits, which are guesses: 5 s quiet as paperless-ngx has it, a look a second, a minute
-    /// until a retry.
-    pub fn new(rig: &str, photo_size: Size, curve: Curve) -> Setting {
-        let (quiet_s, poll_s, retry_s) = (5.0, 1.0, 60.0);
-        Setting {
-            rig: rig.to_owned(),
-            photo_size,
-            curve,
-            limits: Limits::default(),
-            quiet_s,
-            poll_s,
-            retry_s,
-        }
-    }
-}
+/// A photo whose end is missing is spoken about after this long without a change. Guess.
+const MENTION_S: f64 = 60.0;
 
 /// What was done, since the daemon was opened.
 #[derive(Debug, Clone, Default)]
@@ -76,10 +47,13 @@ pub struct Daemon<'a> {
     pub(super) watcher: &'a mut dyn Watcher,
     schedule: Box<dyn Schedule + 'a>,
     inbox: Inbox,
+    hints: Hints,
     gallery: Gallery,
     gallery_written: Option<Moment>,
     /// Photos put back: not to be tried before this moment unless they change.
-    resting: HashMap<OsString, (Option<Look>, Moment)>,
+    resting: HashMap<PathBuf, (Option<Look>, Moment)>,
+    /// Photos that stay in the inbox for now, by the way to them, and why.
+    left: BTreeMap<PathBuf, Failed>,
     summary: Summary,
 }
 
@@ -98,6 +72,7 @@ impl<'a> Daemon<'a> {
         watcher: &'a mut dyn Watcher,
     ) -> Result<Daemon<'a>, DaemonError> {
         let gallery = Gallery::load(&folders)?;
+        let hints = if setting.hints { Hints::new() } else { Hints::none() };
         Ok(Daemon {
             folders,
             setting,
@@ -107,9 +82,11 @@ impl<'a> Daemon<'a> {
             watcher,
             schedule: Box::new(()),
             inbox: Inbox::default(),
+            hints,
             gallery,
             gallery_written: None,
             resting: HashMap::new(),
+            left: BTreeMap::new(),
             summary: Summary::default(),
         })
     }
@@ -121,55 +98,64 @@ impl<'a> Daemon<'a> {
         self
     }
 
-    /// Empties the inbox and returns what became of each photo. Files need not have been quiet: one that is
-    /// not whole and still grows is left, as are those for which the schedule holds.
+    /// Empties the inbox and returns what became of each photo. Files need not have been quiet; one whose end
+    /// is missing is left when it changed not long ago, as are those for which the schedule holds.
     ///
     /// # Errors
     /// When the folders or the rig need help; photos not begun are still in the inbox.
     pub fn once(&mut self) -> Result<Summary, DaemonError> {
-        let passed = self.pass(0.0, f64::INFINITY, &|| false);
+        let patience = Patience {
+            quiet_s: 0.0,
+            mention_s: 0.0,
+            unfinished_s: self.setting.unfinished_s,
+            by_its_record: Some(self.unix_s()),
+        };
+        let passed = self.pass(patience, f64::INFINITY, &|| false);
         let shown = self.show_gallery();
         self.tell(match &passed {
             Ok(_) => Doing::Ended,
-            Err(error) => Doing::Held { reason: crate::remedy::full_message(error) },
-        })?;
+            Err(error) => Doing::Held { reason: full_message(error) },
+        });
         passed.and(shown)?;
-        Ok(self.summary.clone())
+        Ok(self.summary())
     }
 
     /// Watches the inbox until `stop` says so, which is asked between photos and between looks. Needs of
-    /// the operator are said once, held, and tried again.
-    ///
-    /// # Errors
-    /// When not even the state can be written.
-    pub fn run(&mut self, stop: &dyn Fn() -> bool) -> Result<Summary, DaemonError> {
+    /// the operator are said once, held, and tried again, as is a disk that is full or gone.
+    pub fn run(&mut self, stop: &dyn Fn() -> bool) -> Summary {
+        let patience = Patience {
+            quiet_s: self.setting.quiet_s,
+            mention_s: MENTION_S,
+            unfinished_s: self.setting.unfinished_s,
+            by_its_record: None,
+        };
         let mut held: Option<String> = None;
-        self.tell(Doing::Waiting)?;
-        self.show_gallery()?;
+        self.tell(Doing::Waiting);
+        let _ = self.show_gallery().inspect_err(|error| log::warn!("{}", full_message(error)));
         while !stop() {
-            let wait_s = match self.pass(self.setting.quiet_s, self.setting.retry_s, stop) {
+            let wait_s = match self.pass(patience, self.setting.retry_s, stop) {
                 Ok(Turn::Stop) => break,
                 Ok(Turn::Go) => {
                     if held.take().is_some() {
                         log::info!("going on");
-                        self.tell(Doing::Waiting)?;
+                        self.tell(Doing::Waiting);
                     }
-                    self.setting.poll_s
+                    self.wait_for_photos(stop);
+                    continue;
                 }
                 Ok(Turn::Hold { reason, until }) => {
                     if held.as_ref() != Some(&reason) {
                         log::info!("not now: {reason}");
-                        self.tell(Doing::Paused { reason: reason.clone() })?;
+                        self.tell(Doing::Paused { reason: reason.clone() });
                     }
                     held = Some(reason);
                     until.map_or(self.setting.poll_s, |at| at.0 - self.clock.now().0)
                 }
                 Err(error) => {
-                    let reason = crate::remedy::full_message(&error);
+                    let reason = full_message(&error);
                     if held.as_ref() != Some(&reason) {
                         log::warn!("holding: {reason}");
-                        // A full disk must not end the daemon: it holds, and the log says why.
-                        let _ = self.tell(Doing::Held { reason: reason.clone() });
+                        self.tell(Doing::Held { reason: reason.clone() });
                     }
                     held = Some(reason);
                     self.setting.retry_s
@@ -177,43 +163,45 @@ impl<'a> Daemon<'a> {
             };
             self.wait(wait_s.max(self.setting.poll_s), stop);
         }
-        self.show_gallery()?;
-        self.tell(Doing::Ended)?;
-        Ok(self.summary.clone())
+        let _ = self.show_gallery().inspect_err(|error| log::warn!("{}", full_message(error)));
+        self.tell(Doing::Ended);
+        self.summary()
     }
 
     /// Takes what is ready, oldest first, until nothing is or the schedule holds: then that turn.
-    fn pass(&mut self, quiet_s: f64, retry_s: f64, stop: &dyn Fn() -> bool) -> Result<Turn, DaemonError> {
-        let inbox = self.folders.inbox();
+    fn pass(
+        &mut self,
+        patience: Patience,
+        retry_s: f64,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Turn, DaemonError> {
         let mut number = 0;
         let turn = 'all: loop {
-            let now = self.clock.now();
-            let mut ready = self.inbox.ready(&inbox, now, quiet_s)?;
-            let waiting = ready.len();
-            ready.retain(|name| match self.resting.get(name) {
-                Some((look, until)) => *look != Look::at(&inbox.join(name)) || now >= *until,
-                None => true,
-            });
+            let (ready, waiting) = self.look(patience)?;
             if ready.is_empty() {
                 self.schedule.idle(waiting, &mut *self.restorer);
                 break Turn::Go;
             }
             let of = number + ready.len();
-            for (taken, name) in ready.into_iter().enumerate() {
+            for (taken, way) in ready.into_iter().enumerate() {
                 if stop() {
                     return Ok(Turn::Stop);
                 }
+                if !self.may_be_taken(&way, patience) {
+                    continue;
+                }
+                self.folders.room(self.setting.floor_bytes)?;
                 let turn = self.schedule.before(waiting - taken, &mut *self.restorer);
                 if turn != Turn::Go {
                     break 'all turn;
                 }
                 number += 1;
-                let shown = name.to_string_lossy().into_owned();
-                self.tell(Doing::Restoring { photo: shown.clone() })?;
+                let shown = way.to_string_lossy().into_owned();
+                self.tell(Doing::Restoring { photo: shown.clone() });
                 self.watcher.begun(&shown, number, of);
-                let verdict = self.job(&name);
+                let verdict = self.job(&way);
                 self.watcher.ended();
-                self.note(name, verdict?, retry_s);
+                self.note(&way, verdict?, retry_s);
                 let due = self.gallery_written.is_none_or(|at| self.clock.now().0 - at.0 >= GALLERY_PERIOD_S);
                 if due {
                     self.show_gallery()?;
@@ -222,59 +210,109 @@ impl<'a> Daemon<'a> {
         };
         if number > 0 {
             self.show_gallery()?;
-            self.tell(Doing::Waiting)?;
+            self.tell(Doing::Waiting);
         }
         Ok(turn)
     }
 
-    fn note(&mut self, name: OsString, verdict: Verdict, retry_s: f64) {
+    /// One look at the inbox: the ways to photos that may be taken now, and how many wait in all.
+    fn look(&mut self, patience: Patience) -> Result<(Vec<PathBuf>, usize), DaemonError> {
+        let (now, disk, folder) = (self.clock.now(), self.folders.disk(), self.folders.inbox());
+        self.hints.listen(folder);
+        let found = self.inbox.look(disk, folder, now, patience)?;
+        let unfinished = found.unfinished;
+        self.resting.retain(|way, _| disk.look(&folder.join(way)).is_ok());
+        let resting = &self.resting;
+        self.left.retain(|way, _| resting.contains_key(way) || unfinished.iter().any(|(u, _)| u == way));
+        for (way, reason) in unfinished {
+            let reason = format!("{reason} (waiting for the rest of it)");
+            self.left.entry(way).or_insert_with_key(|way| {
+                log::warn!("left in the inbox: {reason}");
+                Failed { photo: way.to_string_lossy().into_owned(), reason }
+            });
+        }
+        let waiting = found.ready.len();
+        let ready = found.ready.into_iter().filter(|way| match resting.get(way) {
+            Some((look, until)) => *look != disk.look(&folder.join(way)).ok() || now >= *until,
+            None => true,
+        });
+        Ok((ready.collect(), waiting))
+    }
+
+    /// Whether the photo at `way` is all there, or never will be. Whatever else is wrong with it is the job's to
+    /// say.
+    fn may_be_taken(&mut self, way: &Path, patience: Patience) -> bool {
+        let (setting, disk, path) = (&self.setting, self.folders.disk(), self.folders.inbox().join(way));
+        self.inbox.may_be_taken(way, self.clock.now(), patience, || {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let lacking = setting.reader.whole(&name, disk.open(&path).ok()?, &setting.limits).err()?;
+            (lacking.growth() == Growth::Likely).then(|| full_message(&lacking))
+        })
+    }
+
+    fn note(&mut self, way: &Path, verdict: Verdict, retry_s: f64) {
+        self.left.remove(way);
+        self.resting.remove(way);
         match verdict {
             Verdict::Restored { report, kept } => {
                 log::info!("{}", report.line());
                 self.schedule.after(Ended::Restored { report: &report, kept: &kept }, &mut *self.restorer);
-                self.summary.left.retain(|left| left.photo != report.photo);
                 self.gallery.add(&report);
                 self.summary.restored.push(*report);
             }
             Verdict::Failed(failed) => {
                 log::warn!("not restored: {}", failed.reason);
                 self.schedule.after(Ended::Failed(&failed), &mut *self.restorer);
-                self.summary.left.retain(|left| left.photo != failed.photo);
                 self.gallery.add_failed(failed.clone());
                 self.summary.failed.push(failed);
             }
-            Verdict::Left(left) => {
+            Verdict::Left { way, left } => {
                 log::warn!("left in the inbox: {}", left.reason);
                 self.schedule.after(Ended::Left(&left), &mut *self.restorer);
-                let look = Look::at(&self.folders.inbox().join(&name));
-                self.resting.insert(name, (look, Moment(self.clock.now().0 + retry_s)));
-                self.summary.left.retain(|other| other.photo != left.photo);
-                self.summary.left.push(left);
+                let look = self.folders.disk().look(&self.folders.inbox().join(&way)).ok();
+                self.resting.insert(way.clone(), (look, Moment(self.clock.now().0 + retry_s)));
+                self.left.insert(way, left);
             }
             Verdict::Gone => {}
         }
     }
 
-    fn show_gallery(&mut self) -> Result<(), DaemonError> {
-        self.gallery_written = Some(self.clock.now());
-        self.gallery.write(&self.folders, &self.setting.rig, &self.summary.left, self.unix_s())
+    fn summary(&self) -> Summary {
+        Summary { left: self.left.values().cloned().collect(), ..self.summary.clone() }
     }
 
-    fn tell(&self, doing: Doing) -> Result<(), DaemonError> {
-        State {
+    fn show_gallery(&mut self) -> Result<(), DaemonError> {
+        self.gallery_written = Some(self.clock.now());
+        let left: Vec<Failed> = self.left.values().cloned().collect();
+        self.gallery.write(&self.folders, &self.setting.rig, &left, self.unix_s())
+    }
+
+    /// Writes the state file. That nobody can look on is no reason to stop.
+    fn tell(&self, doing: Doing) {
+        let state = State {
             rig: self.setting.rig.clone(),
             doing,
             restored: self.summary.restored.len(),
             failed: self.summary.failed.len(),
-            left: self.summary.left.len(),
+            left: self.left.len(),
             written_unix_s: self.unix_s(),
+        };
+        if let Err(error) = state.write(&self.folders) {
+            log::debug!("{}", full_message(&error));
         }
-        .write(&self.folders)
+    }
+
+    /// Waits for the next look at the inbox: until it is due, a file there will have been quiet for long
+    /// enough, or something happens.
+    fn wait_for_photos(&self, stop: &dyn Fn() -> bool) {
+        let now = self.clock.now().0;
+        let due = self.inbox.due().map_or(f64::INFINITY, |due| due.0 - now);
+        let soonest = self.setting.quiet_s.min(self.setting.poll_s).min(STEP_S);
+        self.wait(self.setting.poll_s.min(due.max(soonest)), &|| stop() || self.hints.heard());
     }
 
     /// Waits in short steps, so that a stop is heard.
     fn wait(&self, wait_s: f64, stop: &dyn Fn() -> bool) {
-        const STEP_S: f64 = 0.2;
         let until = self.clock.now().0 + wait_s;
         while !stop() && !self.schedule.wakes() && self.clock.now().0 < until {
             self.clock.wait_until(Moment((self.clock.now().0 + STEP_S).min(until)));

@@ -55,7 +55,8 @@ pub struct State {
 impl State {
     pub(super) fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
         let bytes = serde_json::to_vec_pretty(self).map_err(std::io::Error::other);
-        durable::replace(
+        durable::replace_for_now(
+            folders.disk(),
             folders.root(),
             NAME.as_ref(),
             &bytes.map_err(DaemonError::files("write", folders.root()))?,

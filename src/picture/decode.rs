@@ -1,13 +1,13 @@
 //! Bytes to samples, under limits and with the decoder's panics caught.
 //!
-//! [`decode`] is a pure function of the bytes, so that a worker process can stand here without anything
-//! else changing.
+//! [`decode`] is a pure function of the bytes; the daemon has it done in a [`worker`](super::worker).
 
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
 use image::{ColorType, ImageDecoder};
+use serde::{Deserialize, Serialize};
 
 use crate::frame::Size;
 
@@ -15,7 +15,7 @@ use super::kind::{Format, recognise};
 use super::{Flaw, Orientation, jpeg, png, tiff};
 
 /// How much one photo may ask of the box.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Limits {
     /// Longest file in bytes.
     pub bytes_max: u64,
@@ -34,7 +34,7 @@ impl Default for Limits {
 }
 
 /// What a pixel of the file is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Layout {
     /// One grey sample.
     Grey,
@@ -86,12 +86,17 @@ pub(super) struct Raster {
     pub(super) losses: Vec<String>,
 }
 
-/// Decodes a whole JPEG, PNG or TIFF.
+/// What a file says of itself, nothing decoded.
+pub(super) struct Heading {
+    format: Format,
+    losses: Vec<String>,
+}
+
+/// Walks a whole JPEG, PNG or TIFF to its end without decoding anything.
 ///
 /// # Errors
-/// The [`Flaw`] that keeps it from being a photo; nothing large is allocated before the header's size is
-/// found within `limits`.
-pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
+/// The [`Flaw`] that keeps it from being a photo, as far as that can be told without decoding.
+pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     if bytes.len() as u64 > limits.bytes_max {
         return Err(Flaw::TooLong { found: bytes.len() as u64, allowed: limits.bytes_max });
     }
@@ -124,6 +129,16 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
     if size.width as u64 * size.height as u64 > limits.pixels_max {
         return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
     }
+    Ok(Heading { format, losses })
+}
+
+/// Decodes a whole JPEG, PNG or TIFF.
+///
+/// # Errors
+/// The [`Flaw`] that keeps it from being a photo; nothing large is allocated before the header's size is
+/// found within `limits`.
+pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
+    let Heading { format, losses } = walk(bytes, limits)?;
     // Decoders may panic on hostile files, by their own notes.
     let decoded = catch_unwind(AssertUnwindSafe(|| {
         let input = Cursor::new(bytes);

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
+
 use crate::frame::Size;
 use crate::remedy::{Remediable, Remedy};
 
@@ -147,6 +149,29 @@ pub enum PictureError {
         #[source]
         flaw: Flaw,
     },
+    /// The same, told by the worker that read the file.
+    #[error("{words}")]
+    Told {
+        /// Its whole message.
+        words: String,
+        /// Whether more of the file may be to come.
+        growth: Growth,
+    },
+    /// The worker that read the file died of it.
+    #[error("{name}: reading this photo killed the worker that read it: {how}")]
+    Died {
+        /// The file's name.
+        name: String,
+        /// What is known of how it died.
+        how: String,
+    },
+    /// There is no worker to read the file.
+    #[error("cannot start a worker to read photos")]
+    NoWorker {
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
     /// The result could not be encoded, which is a bug of ours: it has the photo's own format.
     #[error("cannot encode the result for {name}")]
     Encode {
@@ -159,28 +184,53 @@ pub enum PictureError {
 }
 
 impl PictureError {
-    /// Whether the file may simply not be there in full yet, so that it is worth looking whether it is
-    /// still growing before it is set aside.
-    pub fn may_be_growing(&self) -> bool {
-        matches!(
-            self,
-            PictureError::Refused {
-                flaw: Flaw::Empty
-                    | Flaw::ZeroFilled { .. }
-                    | Flaw::Truncated { .. }
-                    | Flaw::Damaged { .. }
-                    | Flaw::Undecodable { .. },
-                ..
-            }
-        )
+    /// The refusal of something that is no plain file but `found`.
+    pub fn not_a_file(name: &str, found: &'static str) -> PictureError {
+        PictureError::Refused { name: name.to_owned(), flaw: Flaw::NotAFile { found } }
     }
+
+    /// Whether more of the file may be to come.
+    pub fn growth(&self) -> Growth {
+        match self {
+            PictureError::Refused { flaw, .. } => flaw.growth(),
+            PictureError::Told { growth, .. } => *growth,
+            PictureError::Read { .. }
+            | PictureError::Died { .. }
+            | PictureError::NoWorker { .. }
+            | PictureError::Encode { .. } => Growth::None,
+        }
+    }
+}
+
+impl Flaw {
+    fn growth(&self) -> Growth {
+        match self {
+            Flaw::Empty | Flaw::ZeroFilled { .. } | Flaw::Truncated { .. } => Growth::Likely,
+            Flaw::Damaged { .. } | Flaw::Undecodable { .. } => Growth::Possible,
+            _ => Growth::None,
+        }
+    }
+}
+
+/// Whether a file that was refused may simply not be there in full yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Growth {
+    /// It is what it is.
+    None,
+    /// Copies that fill a file in no order look like this for a moment; damaged files do for ever.
+    Possible,
+    /// Its end is missing: it is worth waiting for.
+    Likely,
 }
 
 impl Remediable for PictureError {
     fn remedy(&self) -> Remedy {
         match self {
-            PictureError::Read { .. } => Remedy::RetryLater,
-            PictureError::Refused { .. } | PictureError::Encode { .. } => Remedy::SkipPhoto,
+            PictureError::Read { .. } | PictureError::NoWorker { .. } => Remedy::RetryLater,
+            PictureError::Refused { .. }
+            | PictureError::Told { .. }
+            | PictureError::Died { .. }
+            | PictureError::Encode { .. } => Remedy::SkipPhoto,
         }
     }
 }

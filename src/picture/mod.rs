@@ -27,11 +27,12 @@ mod shape;
 mod tiff;
 mod tone;
 mod turn;
+pub mod worker;
 
 pub use decode::{Layout, Limits};
 pub use encode::{encode, preview};
-pub use flaw::{Flaw, PictureError};
+pub use flaw::{Flaw, Growth, PictureError};
 pub use kind::Format;
-pub use photo::{Manner, Photo, embedded};
+pub use photo::{FileFacts, Manner, Photo, embedded, whole};
 pub use tone::Tone;
 pub use turn::Orientation;

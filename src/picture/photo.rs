@@ -1,16 +1,18 @@
 //! A customer's photo in linear light, with all that its result must be given back.
 
+use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use rustix::fs::{Mode, OFlags};
+use serde::{Deserialize, Serialize};
 
 use crate::frame::resample::resize;
 use crate::frame::{Channels, Frame, Plane, Size, Work};
 
-use super::decode::{Limits, Raster, decode};
+use super::decode::{Limits, Raster, decode, walk};
 use super::kind::{Format, check_name};
-use super::{Flaw, Layout, Orientation, PictureError, Tone, shape, turn};
+use super::{Flaw, Growth, Layout, Orientation, PictureError, Tone, shape, turn};
 use crate::config::Curve;
 
 /// How a picture is written: format, depth, curve, and what the photo carried.
@@ -50,6 +52,15 @@ impl Manner {
     }
 }
 
+/// Which file a photo was made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileFacts {
+    /// CRC-32 of its bytes.
+    pub crc32: u32,
+    /// Its length.
+    pub bytes: u64,
+}
+
 /// A photo: **B** of the paper, in linear light.
 #[derive(Debug, Clone)]
 pub struct Photo {
@@ -63,6 +74,8 @@ pub struct Photo {
     pub manner: Manner,
     /// Width and height of the file's picture as stored, before any resampling.
     pub stored: Size,
+    /// Which file it was.
+    pub file: FileFacts,
     /// What the report should say about the file: resampled, metadata that cannot be carried, …
     pub notes: Vec<String>,
 }
@@ -76,8 +89,16 @@ impl Photo {
     /// [`PictureError::Read`] when the file cannot be had, [`PictureError::Refused`] with its [`Flaw`].
     pub fn read(path: &Path, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        let bytes = read_bytes(path, &name, limits)?;
-        Photo::from_bytes(&name, &bytes, curve, limits)
+        let file = open(path, &name)?;
+        Photo::of_file(&name, file, curve, limits)
+    }
+
+    /// The photo in the plain file `file`, called `name`.
+    ///
+    /// # Errors
+    /// As [`Photo::read`].
+    pub fn of_file(name: &str, file: File, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
+        Photo::from_bytes(name, &read_bytes(file, name, limits)?, curve, limits)
     }
 
     /// The photo in `bytes`, called `name`.
@@ -93,10 +114,11 @@ impl Photo {
         let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
         let raster = decode(bytes, limits).map_err(refused)?;
         check_name(name, raster.format).map_err(refused)?;
-        Ok(Photo::of_raster(name, raster, curve))
+        let file = FileFacts { crc32: crc32fast::hash(bytes), bytes: bytes.len() as u64 };
+        Ok(Photo::of_raster(name, raster, curve, file))
     }
 
-    fn of_raster(name: &str, raster: Raster, curve: Curve) -> Photo {
+    fn of_raster(name: &str, raster: Raster, curve: Curve, file: FileFacts) -> Photo {
         let Raster { format, size, layout, bits, samples, orientation, icc, mut exif, losses } = raster;
         let mut notes = losses;
         let tone = icc.as_deref().map(|icc| Tone::of_profile(icc, bits, layout.is_grey()));
@@ -140,6 +162,7 @@ impl Photo {
             channels: if grey { Channels::Green } else { Channels::Colour },
             manner: Manner { format, layout, bits, tone, orientation, icc, exif, alpha },
             stored: size,
+            file,
             notes,
         }
     }
@@ -196,28 +219,52 @@ pub fn embedded(bytes: &'static [u8]) -> [Plane; 3] {
     })
 }
 
-/// The bytes of a plain file no longer than the limit.
-fn read_bytes(path: &Path, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
-    let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
-    let read = |source: std::io::Error| PictureError::Read { path: path.to_owned(), source };
+/// Whether `file`, called `name`, is all there: a JPEG to its end marker, a PNG to its end chunk, a TIFF to its
+/// last strip, none with a hole of zeros in it. Whatever else may be wrong with it is no business of this.
+///
+/// # Errors
+/// [`PictureError::Refused`] with what is missing, always of [`Growth::Likely`]; [`PictureError::Read`].
+pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
+    let walked = read_bytes(file, name, limits).and_then(|bytes| {
+        walk(&bytes, limits).map_err(|flaw| PictureError::Refused { name: name.to_owned(), flaw })
+    });
+    match walked {
+        Err(error) if error.growth() == Growth::Likely || matches!(error, PictureError::Read { .. }) => {
+            Err(error)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Opens a plain file.
+fn open(path: &Path, name: &str) -> Result<File, PictureError> {
     // A pipe would block the open and a link may lead anywhere: neither is a photo.
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let file = match rustix::fs::open(path, flags, Mode::empty()) {
-        Ok(fd) => std::fs::File::from(fd),
-        Err(rustix::io::Errno::LOOP) => return Err(refused(Flaw::NotAFile { found: "a link" })),
-        Err(errno) => return Err(read(errno.into())),
-    };
+    match rustix::fs::open(path, flags, Mode::empty()) {
+        Ok(fd) => Ok(File::from(fd)),
+        Err(rustix::io::Errno::LOOP) => Err(PictureError::not_a_file(name, "a link")),
+        Err(errno) => Err(PictureError::Read { path: path.to_owned(), source: errno.into() }),
+    }
+}
+
+/// The bytes of a plain file no longer than the limit.
+fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
+    let read = |source: std::io::Error| PictureError::Read { path: name.into(), source };
     let about = file.metadata().map_err(read)?;
     if !about.is_file() {
         let found = if about.is_dir() { "a folder" } else { "a pipe or device" };
-        return Err(refused(Flaw::NotAFile { found }));
+        return Err(PictureError::not_a_file(name, found));
     }
+    let too_long = |found: u64| {
+        let flaw = Flaw::TooLong { found, allowed: limits.bytes_max };
+        PictureError::Refused { name: name.to_owned(), flaw }
+    };
     if about.len() > limits.bytes_max {
-        return Err(refused(Flaw::TooLong { found: about.len(), allowed: limits.bytes_max }));
+        return Err(too_long(about.len()));
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);
     file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
-    Ok(bytes)
+    if bytes.len() as u64 > limits.bytes_max { Err(too_long(bytes.len() as u64)) } else { Ok(bytes) }
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! The photo's transfer curve: codes to linear light 0..255, and back to the nearest code.
 
+use serde::{Deserialize, Serialize};
+
 use moxcms::{ColorProfile, DataColorSpace, ToneReprCurve};
 
 use crate::config::Curve;
@@ -16,11 +18,19 @@ fn light(curve: Curve, code: f64) -> f64 {
 }
 
 /// Tables from code to linear light, one a channel, strictly as deep as the file's samples.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tone {
     tables: [Vec<f32>; 3],
     /// Where the tables come from, for the report.
-    origin: &'static str,
+    origin: Origin,
+}
+
+/// Where a curve comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum Origin {
+    Srgb,
+    Linear,
+    Profile,
 }
 
 impl Tone {
@@ -28,8 +38,8 @@ impl Tone {
     pub fn of_curve(curve: Curve, bits: u8) -> Tone {
         let table = table(bits, |code| light(curve, code));
         let origin = match curve {
-            Curve::Srgb => "sRGB",
-            Curve::Linear => "linear",
+            Curve::Srgb => Origin::Srgb,
+            Curve::Linear => Origin::Linear,
         };
         Tone { tables: [table.clone(), table.clone(), table], origin }
     }
@@ -57,12 +67,22 @@ impl Tone {
             tables.push(profile_table(curve, bits)?);
         }
         let tables = <[Vec<f32>; 3]>::try_from(tables).map_err(|_| "it has no three curves")?;
-        Ok(Tone { tables, origin: "ICC profile" })
+        Ok(Tone { tables, origin: Origin::Profile })
     }
 
     /// Where the curve comes from: `sRGB`, `linear` or `ICC profile`.
     pub fn origin(&self) -> &'static str {
-        self.origin
+        match self.origin {
+            Origin::Srgb => "sRGB",
+            Origin::Linear => "linear",
+            Origin::Profile => "ICC profile",
+        }
+    }
+
+    /// Whether each of its tables has `steps` of light that rises from one to the next.
+    pub(super) fn has_steps(&self, steps: usize) -> bool {
+        let rises = |table: &Vec<f32>| table.windows(2).all(|w| w[0] <= w[1]);
+        self.tables.iter().all(|table| table.len() == steps && rises(table))
     }
 
     /// Linear light 0..255 of a sample `code` in channel `channel` (0..3).

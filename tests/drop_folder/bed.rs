@@ -17,6 +17,9 @@ use relens::rig::{Clock, Moment};
 
 pub const RIG: Size = Size::new(64, 48);
 
+/// The calendar of these tests, far in the future: whatever is in an inbox has been there for years.
+pub const CALENDAR_UNIX_S: u64 = 4_000_000_000;
+
 /// A clock that passes when waited on.
 #[derive(Default)]
 pub struct TestClock(pub Cell<f64>);
@@ -90,7 +93,7 @@ pub fn once_with(
     watcher: &mut dyn Watcher,
 ) -> Result<Summary, DaemonError> {
     let clock = TestClock::default();
-    let calendar = || UNIX_EPOCH + Duration::from_secs(1_700_000_000);
+    let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
     let folders = Folders::open(root)?;
     Daemon::open(folders, setting(), restorer, &clock, &calendar, watcher)?.once()
 }

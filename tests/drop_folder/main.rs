@@ -7,6 +7,7 @@
 
 mod bed;
 mod files;
+mod readiness;
 mod remedies;
 mod stops;
 mod turns;

@@ -4,8 +4,14 @@
 
 mod page;
 
+use std::collections::HashSet;
+use std::ffi::OsStr;
+
 use super::report::{Failed, Report};
 use super::{DaemonError, Folders, durable, inbox};
+
+/// Longer files are no reports or notes of ours.
+const REPORT_BYTES_MAX: u64 = 1 << 20;
 
 /// What the gallery shows.
 #[derive(Debug, Default)]
@@ -21,33 +27,28 @@ impl Gallery {
     /// When a folder cannot be read. A report that cannot is left out, with a warning.
     pub(super) fn load(folders: &Folders) -> Result<Gallery, DaemonError> {
         let mut gallery = Gallery::default();
-        let outbox = folders.outbox();
-        for entry in
-            std::fs::read_dir(&outbox).map_err(DaemonError::files("read the folder", &outbox))?.flatten()
-        {
-            let path = entry.path();
-            if path.extension().is_none_or(|e| e != "json") || !path.with_extension("").exists() {
+        let (disk, outbox, failed) = (folders.disk(), folders.outbox(), folders.failed());
+        let list = |folder| disk.list(folder).map_err(DaemonError::files("read the folder", folder));
+        let found = list(outbox)?;
+        let names: HashSet<&OsStr> = found.iter().map(|(name, _)| name.as_os_str()).collect();
+        for name in &names {
+            let path = outbox.join(name);
+            let result = path.file_stem().unwrap_or_default();
+            if path.extension().is_none_or(|e| e != "json") || !names.contains(result) {
                 continue;
             }
-            let read =
-                std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok());
-            match read {
+            let read = durable::read(disk, &path, REPORT_BYTES_MAX).ok().flatten();
+            match read.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok()) {
                 Some(report) => gallery.add(&report),
                 None => log::warn!("{} is no report of relens and is not in the gallery", path.display()),
             }
         }
-        let failed = folders.failed();
-        for entry in
-            std::fs::read_dir(&failed).map_err(DaemonError::files("read the folder", &failed))?.flatten()
-        {
-            let name = entry.file_name();
-            let note = failed.join({
-                let mut note = name.clone();
-                note.push(".txt");
-                note
-            });
-            let Ok(note) = std::fs::read_to_string(note) else { continue };
+        for (name, _) in list(failed)? {
+            let mut note = name.clone();
+            note.push(".txt");
+            let Ok(Some(note)) = durable::read(disk, &failed.join(note), REPORT_BYTES_MAX) else { continue };
             if !inbox::is_hidden(&name) {
+                let note = String::from_utf8_lossy(&note);
                 gallery.failed.push(Failed::of_note(name.to_string_lossy().into_owned(), &note));
             }
         }
@@ -78,6 +79,6 @@ impl Gallery {
         // Newest first.
         self.reports.sort_by(|a, b| (b.finished_unix_s, &a.photo).cmp(&(a.finished_unix_s, &b.photo)));
         let page = page::page(rig, &self.reports, &self.failed, left, now_unix_s);
-        durable::replace(&folders.outbox(), "index.html".as_ref(), page.as_bytes())
+        durable::replace(folders.disk(), folders.outbox(), "index.html".as_ref(), page.as_bytes())
     }
 }

@@ -1,0 +1,122 @@
+//! A restored photo on its way to the outbox: pictures for the gallery, report, and last the result itself.
+
+use std::ffi::{OsStr, OsString};
+use std::io::{ErrorKind, Read};
+use std::path::Path;
+
+use crate::frame::Channels;
+use crate::picture::{Photo, PictureError, encode, preview};
+use crate::remedy::{Remediable, full_message};
+
+use super::job::{Claimed, Refusal, refusal, report_name};
+use super::ledger::id;
+use super::report::Circumstances;
+use super::run::Daemon;
+use super::{DaemonError, Report, Restored, Step, durable};
+
+/// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
+const PREVIEW_PX: usize = 1280;
+
+/// A restored photo in the bytes of files.
+struct Encoded {
+    before: Vec<u8>,
+    after: Vec<u8>,
+    /// `None` when the photo's own file is the result.
+    result: Option<Vec<u8>>,
+}
+
+impl Daemon<'_> {
+    /// Puts the result and all that belongs to it into the outbox; the result itself comes last.
+    pub(super) fn deliver(
+        &mut self,
+        claimed: &mut Claimed,
+        photo: &Photo,
+        restored: &Restored,
+    ) -> Result<Result<Report, Refusal>, DaemonError> {
+        let encoded = match encoded(photo, restored) {
+            Ok(encoded) => encoded,
+            Err(error) => return Ok(Err(refusal(error.remedy(), full_message(&error)))),
+        };
+        loop {
+            let name = free_name(self, &claimed.name, photo.manner.format.extension())?;
+            match self.deliver_as(&name, claimed, photo, restored, &encoded) {
+                // Another box took the name since the look.
+                Err(DaemonError::Files { source, .. }) if source.kind() == ErrorKind::AlreadyExists => {}
+                delivered => return delivered.map(Ok),
+            }
+        }
+    }
+
+    fn deliver_as(
+        &mut self,
+        result: &OsStr,
+        claimed: &mut Claimed,
+        photo: &Photo,
+        restored: &Restored,
+        encoded: &Encoded,
+    ) -> Result<Report, DaemonError> {
+        claimed.ledger.name_result(&self.folders, result)?;
+        self.watcher.step(Step::Named);
+        let (disk, outbox, previews) = (self.folders.disk(), self.folders.outbox(), self.folders.previews());
+        let picture = |what: &str| format!("{}-{what}.jpg", id(result));
+        durable::replace(disk, previews, picture("before").as_ref(), &encoded.before)?;
+        durable::replace(disk, previews, picture("after").as_ref(), &encoded.after)?;
+        durable::sync_folder(disk, previews)?;
+        let report = Report::new(
+            photo,
+            restored,
+            Circumstances {
+                rig: &self.setting.rig,
+                result,
+                before: format!("gallery/{}", picture("before")),
+                after: format!("gallery/{}", picture("after")),
+                finished_unix_s: self.unix_s(),
+            },
+        );
+        let json = serde_json::to_vec_pretty(&report).map_err(std::io::Error::other);
+        let json = json.map_err(DaemonError::files("write the report of", result.as_ref()))?;
+        let report_name = report_name(result);
+        durable::write_new(disk, outbox, &report_name, &mut &json[..])?;
+        self.watcher.step(Step::Reported);
+        let mut original;
+        let mut bytes = encoded.result.as_deref().unwrap_or_default();
+        let content: &mut dyn Read = match encoded.result {
+            Some(_) => &mut bytes,
+            None => {
+                original = disk.open(&claimed.path).map_err(DaemonError::files("open", &claimed.path))?;
+                &mut original
+            }
+        };
+        durable::write_new(disk, outbox, result, content).inspect_err(|_| {
+            // A report without its result is no use to anyone.
+            let _ = disk.remove(&outbox.join(&report_name));
+        })?;
+        self.watcher.step(Step::Delivered);
+        Ok(report)
+    }
+}
+
+fn encoded(photo: &Photo, restored: &Restored) -> Result<Encoded, PictureError> {
+    let grey = photo.channels == Channels::Green;
+    Ok(Encoded {
+        before: preview(&photo.name, &photo.light, &photo.manner, grey, PREVIEW_PX)?,
+        after: preview(&photo.name, &restored.picture, &photo.manner, grey, PREVIEW_PX)?,
+        result: match restored.untouched {
+            true => None,
+            false => Some(encode(&photo.name, &restored.picture, &photo.manner, grey)?),
+        },
+    })
+}
+
+/// The photo's name, with an ending if it has none, and a number if result or report exist already.
+fn free_name(daemon: &Daemon<'_>, name: &OsStr, extension: &str) -> Result<OsString, DaemonError> {
+    let mut wanted = name.to_owned();
+    if Path::new(name).extension().is_none() {
+        wanted.push(".");
+        wanted.push(extension);
+    }
+    let taken = durable::Taken::of(daemon.folders.disk(), daemon.folders.outbox())?;
+    let names = (1..).map(|number| durable::numbered(&wanted, number));
+    let mut free = names.filter(|name| !taken.holds(name) && !taken.holds(&report_name(name)));
+    Ok(free.next().unwrap_or(wanted))
+}

@@ -1,0 +1,263 @@
+//! The machine's own disks, local or mounted over a network.
+//!
+//! Every name is reached from one of a few anchor folders, without following a link on the way (openat2 with
+//! RESOLVE_BENEATH and RESOLVE_NO_SYMLINKS), so that whoever may write to the inbox cannot lead the daemon out
+//! of it, not even by swapping a folder for a link between two calls.
+
+use std::ffi::{OsStr, OsString};
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{
+    AtFlags, CWD, Dir, FileType, Mode, OFlags, RenameFlags, ResolveFlags, Stat, linkat, mkdirat, openat,
+    openat2, renameat, renameat_with, statat, statvfs, unlinkat,
+};
+use rustix::io::Errno;
+
+use super::{Disk, Kind, Look, Written};
+
+/// Times an openat2 that met a rename on its way (EAGAIN) is begun again. Guess.
+const TRIES_MAX: usize = 16;
+
+/// The disk as seen from a few folders.
+#[derive(Debug, Clone)]
+pub struct LocalDisk {
+    anchors: Vec<PathBuf>,
+}
+
+impl LocalDisk {
+    /// A disk that reaches what lies beneath `anchors`, which are absolute and hold no links.
+    pub fn new(anchors: Vec<PathBuf>) -> LocalDisk {
+        LocalDisk { anchors }
+    }
+
+    /// The folder that `path` is reached from: the deepest anchor above it, and the way from there.
+    fn anchored<'a>(&'a self, path: &'a Path) -> io::Result<(&'a Path, &'a Path)> {
+        let above =
+            self.anchors.iter().filter_map(|anchor| Some((&**anchor, path.strip_prefix(anchor).ok()?)));
+        above.min_by_key(|(_, way)| way.as_os_str().len()).ok_or_else(|| {
+            let words = format!("{} is in none of the daemon's folders", path.display());
+            io::Error::new(io::ErrorKind::PermissionDenied, words)
+        })
+    }
+
+    fn folder(&self, folder: &Path) -> io::Result<OwnedFd> {
+        let (anchor, way) = self.anchored(folder)?;
+        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
+        let anchor = openat(CWD, anchor, flags, Mode::empty())?;
+        if way.as_os_str().is_empty() { Ok(anchor) } else { Ok(beneath(&anchor, way, flags)?) }
+    }
+
+    /// The folder that holds `path`, and its name there.
+    fn place<'a>(&self, path: &'a Path) -> io::Result<(OwnedFd, &'a OsStr)> {
+        match (path.parent(), path.file_name()) {
+            (Some(parent), Some(name)) => Ok((self.folder(parent)?, name)),
+            _ => Err(io::ErrorKind::InvalidInput.into()),
+        }
+    }
+}
+
+/// Opens `way` from `anchor` without leaving it and without following a link.
+fn beneath(anchor: &OwnedFd, way: &Path, flags: OFlags) -> rustix::io::Result<OwnedFd> {
+    let resolve = ResolveFlags::BENEATH | ResolveFlags::NO_SYMLINKS | ResolveFlags::NO_MAGICLINKS;
+    for _ in 0..TRIES_MAX {
+        match openat2(anchor, way, flags, Mode::empty(), resolve) {
+            Err(Errno::AGAIN) => {}
+            // Kernels before 5.6, and sandboxes that do not know the call.
+            Err(Errno::NOSYS | Errno::PERM) => return step_by_step(anchor, way, flags),
+            done => return done,
+        }
+    }
+    Err(Errno::AGAIN)
+}
+
+/// The same, one folder at a time.
+fn step_by_step(anchor: &OwnedFd, way: &Path, flags: OFlags) -> rustix::io::Result<OwnedFd> {
+    let mut names = way.iter().peekable();
+    let mut at = anchor.try_clone().map_err(|_| Errno::MFILE)?;
+    while let Some(name) = names.next() {
+        if name == OsStr::new("..") {
+            return Err(Errno::XDEV);
+        }
+        let last = names.peek().is_none();
+        let flags = if last { flags } else { OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC };
+        at = openat(&at, name, flags | OFlags::NOFOLLOW, Mode::empty())?;
+    }
+    Ok(at)
+}
+
+fn kind(of: FileType) -> Kind {
+    match of {
+        FileType::RegularFile => Kind::File,
+        FileType::Directory => Kind::Folder,
+        FileType::Symlink => Kind::Link,
+        _ => Kind::Other,
+    }
+}
+
+fn look(stat: &Stat) -> Look {
+    Look {
+        kind: kind(FileType::from_raw_mode(stat.st_mode)),
+        size: u64::try_from(stat.st_size).unwrap_or(0),
+        changed: (stat.st_mtime, stat.st_mtime_nsec as i64),
+        touched_unix_s: stat.st_ctime,
+        inode: stat.st_ino,
+    }
+}
+
+struct LocalFile(File);
+
+impl Written for LocalFile {
+    fn sync(self: Box<Self>) -> io::Result<()> {
+        self.0.sync_all()
+    }
+}
+
+impl Disk for LocalDisk {
+    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, Kind)>> {
+        let folder = self.folder(folder)?;
+        let mut found = Vec::new();
+        for entry in Dir::read_from(&folder)? {
+            let entry = entry?;
+            let name = OsStr::from_bytes(entry.file_name().to_bytes());
+            if name == "." || name == ".." {
+                continue;
+            }
+            let kind = match entry.file_type() {
+                // Some file systems do not say so in the listing.
+                FileType::Unknown => match statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW) {
+                    Ok(stat) => kind(FileType::from_raw_mode(stat.st_mode)),
+                    Err(Errno::NOENT) => continue,
+                    Err(errno) => return Err(errno.into()),
+                },
+                known => kind(known),
+            };
+            found.push((name.to_owned(), kind));
+        }
+        Ok(found)
+    }
+
+    fn look(&self, path: &Path) -> io::Result<Look> {
+        let (folder, name) = self.place(path)?;
+        Ok(look(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?))
+    }
+
+    fn open(&self, path: &Path) -> io::Result<File> {
+        let (folder, name) = self.place(path)?;
+        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
+        // Asked before opening, too: opening a device may do something, opening a file does not.
+        let no_file = || io::Error::new(io::ErrorKind::InvalidInput, "no plain file");
+        let before = look(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?);
+        if before.kind != Kind::File {
+            return Err(no_file());
+        }
+        let file = File::from(beneath(&folder, name.as_ref(), flags)?);
+        if file.metadata()?.is_file() { Ok(file) } else { Err(no_file()) }
+    }
+
+    fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
+        let about = statvfs(folder)?;
+        Ok(about.f_bavail.saturating_mul(about.f_frsize))
+    }
+
+    fn make_folder(&self, folder: &Path) -> io::Result<()> {
+        let (above, name) = self.place(folder)?;
+        match mkdirat(&above, name, Mode::from_raw_mode(0o777)) {
+            Err(Errno::EXIST) if self.look(folder)?.kind == Kind::Folder => Ok(()),
+            done => Ok(done?),
+        }
+    }
+
+    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>> {
+        let (folder, name) = self.place(path)?;
+        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let mut file = File::from(openat(&folder, name, flags, Mode::from_raw_mode(0o666))?);
+        io::copy(content, &mut file)?;
+        file.flush()?;
+        Ok(Box::new(LocalFile(file)))
+    }
+
+    fn sync_file(&self, path: &Path) -> io::Result<()> {
+        self.open(path)?.sync_all()
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        let ((source, from), (target, to)) = (self.place(from)?, self.place(to)?);
+        Ok(renameat(&source, from, &target, to)?)
+    }
+
+    fn rename_new(&self, from: &Path, to: &Path) -> io::Result<()> {
+        let ((source, from), (target, to)) = (self.place(from)?, self.place(to)?);
+        match renameat_with(&source, from, &target, to, RenameFlags::NOREPLACE) {
+            // File systems without the flag, some network and FUSE ones.
+            Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {}
+            done => return Ok(done?),
+        }
+        match linkat(&source, from, &target, to, AtFlags::empty()) {
+            Ok(()) => return Ok(unlinkat(&source, from, AtFlags::empty())?),
+            Err(Errno::EXIST) => return Err(Errno::EXIST.into()),
+            // No hard links either: a look first, which is as good as one daemon a folder makes it.
+            Err(_) => {}
+        }
+        match statat(&target, to, AtFlags::SYMLINK_NOFOLLOW) {
+            Ok(_) => Err(Errno::EXIST.into()),
+            Err(_) => Ok(renameat(&source, from, &target, to)?),
+        }
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        let (folder, name) = self.place(path)?;
+        Ok(unlinkat(&folder, name, AtFlags::empty())?)
+    }
+
+    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
+        match File::from(self.folder(folder)?).sync_all() {
+            // Network mounts that cannot synchronise a folder do so with every rename.
+            Err(error) if error.raw_os_error() == Some(Errno::INVAL.raw_os_error()) => Ok(()),
+            done => done,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_link_leads_out_and_nothing_blocks() {
+        let root = tempfile::tempdir().unwrap();
+        let root = root.path().canonicalize().unwrap();
+        let (inside, outside) = (root.join("inbox"), root.join("outside"));
+        for folder in [&inside, &outside] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        std::fs::write(outside.join("secret"), b"s").unwrap();
+        std::fs::write(inside.join("plain"), b"p").unwrap();
+        std::os::unix::fs::symlink(&outside, inside.join("way")).unwrap();
+        std::os::unix::fs::symlink(outside.join("secret"), inside.join("link")).unwrap();
+        let mode = Mode::RUSR | Mode::WUSR;
+        rustix::fs::mknodat(CWD, inside.join("pipe"), FileType::Fifo, mode, 0).unwrap();
+        let disk = LocalDisk::new(vec![inside.clone()]);
+        assert!(disk.open(&inside.join("plain")).is_ok());
+        for bad in ["way/secret", "link", "pipe", "way", "../outside/secret"] {
+            assert!(disk.open(&inside.join(bad)).is_err(), "{bad}");
+        }
+        assert!(disk.list(&inside.join("way")).is_err() && disk.open(&outside.join("secret")).is_err());
+        assert!(disk.rename(&inside.join("way/secret"), &inside.join("mine")).is_err());
+        let anchor = disk.folder(&inside).unwrap();
+        let flags = OFlags::RDONLY | OFlags::CLOEXEC;
+        assert!(step_by_step(&anchor, Path::new("plain"), flags).is_ok());
+        for bad in ["way/secret", "link", "../outside/secret"] {
+            assert!(step_by_step(&anchor, Path::new(bad), flags).is_err(), "{bad}");
+        }
+        let kinds: std::collections::BTreeMap<_, _> = disk.list(&inside).unwrap().into_iter().collect();
+        let kinds = |name: &str| kinds[OsStr::new(name)];
+        assert_eq!(
+            (kinds("plain"), kinds("way"), kinds("link"), kinds("pipe")),
+            (Kind::File, Kind::Link, Kind::Link, Kind::Other)
+        );
+    }
+}

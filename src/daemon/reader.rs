@@ -1,0 +1,45 @@
+//! How a photo's bytes become a photo: here, or in a process of their own.
+
+use std::fs::File;
+
+use crate::picture::worker::Worker;
+use crate::picture::{Limits, Photo, PictureError, whole};
+
+use super::Setting;
+
+/// Where photos are read.
+#[derive(Debug, Clone)]
+pub enum Reader {
+    /// In this process. For files that nobody could have tampered with.
+    Here,
+    /// In a worker for each.
+    Worker(Worker),
+}
+
+impl Reader {
+    /// Whether `file`, called `name`, is all there.
+    ///
+    /// # Errors
+    /// What it lacks; or that it could not be read.
+    pub(super) fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
+        match self {
+            Reader::Here => whole(name, file, limits),
+            Reader::Worker(worker) => worker.whole(name, file, limits),
+        }
+    }
+
+    /// The photo in `file`, called `name`, on the rig's grid.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub(super) fn photo(&self, name: &str, file: File, setting: &Setting) -> Result<Photo, PictureError> {
+        match self {
+            Reader::Here => {
+                Photo::of_file(name, file, setting.curve, &setting.limits)?.fit(setting.photo_size)
+            }
+            Reader::Worker(worker) => {
+                worker.photo(name, file, setting.curve, &setting.limits, setting.photo_size)
+            }
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Photo files read in a process of their own, which a hostile file may kill and no more.
+//!
+//! The worker is this same program, started anew for each file with the file at its standard input. Before it
+//! looks at a byte it bounds its own memory, processor time, open files and written files to what a photo
+//! needs (setrlimit(2)); a timer ends it when it sits still. The daemon gets linear light of the rig's size, and
+//! never parses a byte of the file itself.
+
+mod child;
+mod wire;
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::os::unix::process::ExitStatusExt;
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::{
+    Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create, timerfd_settime,
+};
+
+use super::{Limits, Photo, PictureError};
+use crate::config::Curve;
+use crate::frame::Size;
+use wire::{Answer, Ask};
+
+pub use child::serve;
+
+/// The word that makes the program a worker.
+pub const WORD: &str = "read-photo";
+
+/// Starts workers, and bounds them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Worker {
+    /// The program: this one.
+    pub program: PathBuf,
+    /// Most address space in bytes.
+    pub memory_bytes_max: u64,
+    /// Most processor time in seconds.
+    pub processor_s_max: u64,
+    /// Longest time from start to end in seconds.
+    pub wall_s_max: u64,
+}
+
+impl Worker {
+    /// Workers of the program that is running, whatever has its name by now. The bounds are guesses: a
+    /// 24-megapixel photo of 16 bits takes 1.0 GiB and 2 s of processor time on a desktop, a board is ten times
+    /// slower.
+    pub fn of_this_program() -> Worker {
+        Worker::of("/proc/self/exe".into())
+    }
+
+    /// Workers of the program `program`.
+    pub fn of(program: PathBuf) -> Worker {
+        Worker { program, memory_bytes_max: 1536 << 20, processor_s_max: 60, wall_s_max: 120 }
+    }
+
+    /// Whether `file`, called `name`, is all there.
+    ///
+    /// # Errors
+    /// As [`whole`](super::whole), or that the worker died.
+    pub fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
+        let ask = self.ask(name, limits, None);
+        match self.answer(&ask, file)? {
+            (Answer::Whole, _) => Ok(()),
+            (other, _) => Err(refusal(name, other)),
+        }
+    }
+
+    /// The photo in `file`, called `name`, on the grid `size`.
+    ///
+    /// # Errors
+    /// Why it is none; [`PictureError::Died`] when the worker died of it.
+    pub fn photo(
+        &self,
+        name: &str,
+        file: File,
+        curve: Curve,
+        limits: &Limits,
+        size: Size,
+    ) -> Result<Photo, PictureError> {
+        let ask = self.ask(name, limits, Some((curve, size)));
+        match self.answer(&ask, file)? {
+            (Answer::Photo(header), planes) => wire::read_photo(*header, &mut &planes[..], size)
+                .map_err(|how| died(name, format!("it gave {how}"))),
+            (other, _) => Err(refusal(name, other)),
+        }
+    }
+
+    fn ask(&self, name: &str, limits: &Limits, photo: Option<(Curve, Size)>) -> Ask {
+        let Worker { memory_bytes_max, processor_s_max, .. } = *self;
+        Ask { name: name.to_owned(), limits: *limits, photo, memory_bytes_max, processor_s_max }
+    }
+
+    /// The answer of one worker, and what follows it.
+    fn answer(&self, ask: &Ask, file: File) -> Result<(Answer, Vec<u8>), PictureError> {
+        let no_worker = |source| PictureError::NoWorker { source };
+        let words = serde_json::to_string(ask).map_err(|e| no_worker(e.into()))?;
+        let mut child = Command::new(&self.program)
+            .args([WORD, &words])
+            .env_clear()
+            // One thread is enough for one photo, and stacks of more would count as memory.
+            .env("RAYON_NUM_THREADS", "1")
+            .stdin(Stdio::from(file))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(no_worker)?;
+        let taken = self.take(&mut child, wire::bytes_max(ask));
+        if !matches!(taken, Ok(Taken::All(_))) {
+            let _ = child.kill();
+        }
+        let ended = child.wait().map_err(no_worker)?;
+        let bytes = match taken.map_err(no_worker)? {
+            Taken::All(bytes) if ended.success() => bytes,
+            Taken::All(_) => return Err(died(&ask.name, self.cause(ended))),
+            Taken::TooMuch => return Err(died(&ask.name, "it gave more than was asked for".to_owned())),
+            Taken::TooLate => {
+                return Err(died(&ask.name, format!("found no answer, allowed {} s", self.wall_s_max)));
+            }
+        };
+        let mut rest = &bytes[..];
+        let answer = wire::read(&mut rest).map_err(|how| died(&ask.name, format!("it gave {how}")))?;
+        let planes = rest.to_vec();
+        Ok((answer, planes))
+    }
+
+    /// All that `child` writes, if it ends in time.
+    fn take(&self, child: &mut Child, bytes_max: u64) -> io::Result<Taken> {
+        let Some(mut out) = child.stdout.take() else { return Ok(Taken::All(Vec::new())) };
+        let timer = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;
+        let zero = Timespec { tv_sec: 0, tv_nsec: 0 };
+        let end = Timespec { tv_sec: self.wall_s_max.cast_signed(), tv_nsec: 0 };
+        timerfd_settime(
+            &timer,
+            TimerfdTimerFlags::empty(),
+            &Itimerspec { it_interval: zero, it_value: end },
+        )?;
+        let (mut bytes, mut piece) = (Vec::new(), vec![0; 1 << 16]);
+        loop {
+            let mut watched = [PollFd::new(&out, PollFlags::IN), PollFd::new(&timer, PollFlags::IN)];
+            match poll(&mut watched, None) {
+                Err(rustix::io::Errno::INTR) => continue,
+                polled => polled?,
+            };
+            if !watched[1].revents().is_empty() {
+                return Ok(Taken::TooLate);
+            }
+            match out.read(&mut piece) {
+                Ok(0) => return Ok(Taken::All(bytes)),
+                Ok(length) if (bytes.len() + length) as u64 > bytes_max => return Ok(Taken::TooMuch),
+                Ok(length) => bytes.extend_from_slice(&piece[..length]),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Why a worker ended that should not have.
+    fn cause(&self, ended: ExitStatus) -> String {
+        match ended.signal() {
+            // Rust's answer to memory that is refused is to abort.
+            Some(6) => format!("it aborted; {} MiB of memory are allowed", self.memory_bytes_max >> 20),
+            Some(9 | 24) => {
+                format!("it was killed; {} s of processor time are allowed", self.processor_s_max)
+            }
+            Some(signal) => format!("signal {signal} ended it"),
+            None => format!("it gave up with {ended}"),
+        }
+    }
+}
+
+enum Taken {
+    All(Vec<u8>),
+    TooMuch,
+    TooLate,
+}
+
+fn died(name: &str, how: String) -> PictureError {
+    PictureError::Died { name: name.to_owned(), how }
+}
+
+fn refusal(name: &str, answer: Answer) -> PictureError {
+    match answer {
+        Answer::Refused { words, growth } => PictureError::Told { words, growth },
+        Answer::Unread { words } => PictureError::Read { path: name.into(), source: io::Error::other(words) },
+        Answer::Whole | Answer::Photo(_) => died(name, "it answered something else".to_owned()),
+    }
+}

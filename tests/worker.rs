@@ -1,0 +1,186 @@
+//! Photos read in processes of their own: the same photos, and walls around what a file may do to the box.
+//!
+//! One test, for it looks at the memory of its own process.
+
+// The functions below stop the test as it does itself.
+#![allow(clippy::unwrap_used)]
+
+use std::fs::File;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use relens::config::Curve;
+use relens::daemon::{Daemon, Folders, Progress, Reader, Restored, Restorer, Setting, Step, Watcher};
+use relens::frame::{Frame, Plane, Size, Work};
+use relens::picture::worker::Worker;
+use relens::picture::{Format, Layout, Limits, Manner, Photo, PictureError, encode};
+use relens::remedy::{AnyFailure, Remedy};
+use relens::rig::{Clock, Moment};
+
+const RIG: Size = Size::new(64, 48);
+
+fn worker() -> Worker {
+    Worker::of(env!("CARGO_BIN_EXE_relens").into())
+}
+
+fn picture(manner: &Manner, size: Size) -> Vec<u8> {
+    let scene: Frame<Work> =
+        Frame::from_fn(|c| Plane::from_fn(size, |x, y| ((x * 3 + y * 2 + 9 * c.index()) % 200) as f32));
+    encode("scene", &scene, manner, manner.layout.is_grey()).unwrap()
+}
+
+fn kept(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn read(worker: &Worker, path: &Path) -> Result<Photo, PictureError> {
+    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    worker.photo(&name, File::open(path).unwrap(), Curve::Srgb, &Limits::default(), RIG)
+}
+
+/// A JPEG of a few hundred bytes that claims 6400×4800 pixels and decodes to them.
+fn bomb() -> Vec<u8> {
+    let mut grey = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
+    grey.layout = Layout::Grey;
+    let mut bytes = picture(&grey, RIG);
+    let frame = bytes.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    bytes[frame + 5..frame + 9].copy_from_slice(&[0x12, 0xc0, 0x19, 0x00]);
+    bytes
+}
+
+/// Most memory this process ever had, in KiB.
+fn peak_kib() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
+    line.trim().trim_end_matches(" kB").trim().parse().unwrap()
+}
+
+/// Gives each photo back.
+struct Returner;
+
+impl Restorer for Returner {
+    fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+        Ok(Restored {
+            picture: photo.light.clone(),
+            untouched: true,
+            method: "none".into(),
+            rung: 0,
+            rung_reason: "told to".into(),
+            captures: 0,
+            seconds: 0.0,
+            certificate: None,
+            notes: vec![],
+            iterations: vec![],
+        })
+    }
+    fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
+        Ok(())
+    }
+}
+
+struct Still;
+
+impl Clock for Still {
+    fn now(&self) -> Moment {
+        Moment(0.0)
+    }
+    fn wait_until(&self, _: Moment) {}
+}
+
+/// Looks into `working` whenever an attempt was written down.
+struct Attempts(PathBuf, Vec<String>);
+
+impl Watcher for Attempts {
+    fn step(&mut self, step: Step) {
+        if step == Step::Recorded {
+            let records = std::fs::read_dir(&self.0).unwrap().flatten();
+            let records = records.filter(|e| e.file_name().to_string_lossy().starts_with(".ledger-"));
+            self.1.extend(records.map(|e| std::fs::read_to_string(e.path()).unwrap()));
+        }
+    }
+}
+
+#[test]
+fn a_file_may_kill_its_worker_and_no_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+
+    // Whatever comes back from a worker is what would have been read here, to the last bit.
+    let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
+    for (format, bits, layout) in [
+        (Format::Jpeg, 8, Layout::Rgb),
+        (Format::Png, 8, Layout::Grey),
+        (Format::Png, 16, Layout::RgbAlpha),
+        (Format::Tiff, 16, Layout::Rgb),
+    ] {
+        let mut manner = Manner::plain(format, bits, Curve::Srgb);
+        (manner.layout, manner.icc) = (layout, (bits == 16).then(|| icc.clone()));
+        for size in [RIG, Size::new(128, 96)] {
+            let path = kept(folder, &format!("a.{}", format.extension()), &picture(&manner, size));
+            let here = Photo::read(&path, Curve::Srgb, &Limits::default()).unwrap().fit(RIG).unwrap();
+            let there = read(&worker(), &path).unwrap();
+            assert_eq!(format!("{here:?}"), format!("{there:?}"), "{format:?} {bits} {layout:?} {size}");
+        }
+    }
+    let path = kept(folder, "half.jpg", &bomb()[..200]);
+    let here = Photo::read(&path, Curve::Srgb, &Limits::default()).unwrap_err();
+    let there = read(&worker(), &path).unwrap_err();
+    assert_eq!((here.to_string(), here.growth()), (there.to_string(), there.growth()));
+    let whole = |path: &Path| worker().whole("x", File::open(path).unwrap(), &Limits::default());
+    assert!(whole(&path).is_err() && whole(&kept(folder, "bomb.jpg", &bomb())).is_ok());
+
+    // A bomb that goes off needs half a gigabyte in its worker, and nothing here.
+    let before = peak_kib();
+    let photo = read(&worker(), &folder.join("bomb.jpg")).unwrap();
+    assert_eq!(photo.stored, Size::new(6400, 4800));
+    let grown = peak_kib() - before;
+    assert!(grown < 16 << 10, "the daemon's memory grew by {grown} KiB");
+    println!("a 30-megapixel bomb of {} bytes: the daemon grew by {grown} KiB", bomb().len());
+
+    // A file that kills its worker: three attempts, each written down before, then the next photo's turn.
+    let small = Worker { memory_bytes_max: 128 << 20, ..worker() };
+    let died = read(&small, &folder.join("bomb.jpg")).unwrap_err();
+    assert!(matches!(died, PictureError::Died { .. }), "{died}");
+    let root = folder.join("box");
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    kept(&root, "inbox/a-bomb.jpg", &bomb());
+    kept(&root, "inbox/b-good.png", &picture(&Manner::plain(Format::Png, 8, Curve::Srgb), RIG));
+    let setting = Setting { reader: Reader::Worker(small), ..Setting::new("test", RIG, Curve::Srgb) };
+    let (mut restorer, mut watcher) = (Returner, Attempts(root.join("working"), vec![]));
+    let calendar = || UNIX_EPOCH;
+    let folders = Folders::open(&root).unwrap();
+    let mut daemon = Daemon::open(folders, setting, &mut restorer, &Still, &calendar, &mut watcher).unwrap();
+    let summary = daemon.once().unwrap();
+    drop(daemon);
+    assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
+    let reason = &summary.failed[0].reason;
+    assert!(reason.contains("a-bomb.jpg") && reason.contains("found 3 such attempts, allowed 3"), "{reason}");
+    assert_eq!(watcher.1.iter().filter(|r| r.contains("\"attempts\":3")).count(), 1, "{:?}", watcher.1);
+    assert!(root.join("failed/a-bomb.jpg").is_file() && root.join("outbox/b-good.png").is_file());
+    let grown = peak_kib() - before;
+    assert!(grown < 24 << 10, "the daemon's memory grew by {grown} KiB");
+
+    // Workers that a file has taken over: one sits still, one lies, one never ends, one is not there.
+    for (script, wanted) in [
+        ("exec sleep 100", "found no answer, allowed 1 s"),
+        ("printf '\\005\\000\\000\\000abcde'", "an answer that cannot be read"),
+        ("exec cat /dev/zero", "more than was asked for"),
+        ("exit 3", "exit status: 3"),
+    ] {
+        let program = kept(folder, "taken-over", format!("#!/bin/sh\n{script}\n").as_bytes());
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let error = read(&Worker { wall_s_max: 1, ..Worker::of(program) }, &folder.join("bomb.jpg"));
+        let words = error.unwrap_err().to_string();
+        assert!(words.contains(wanted) && words.contains("bomb.jpg"), "{words}");
+    }
+    let error = read(&Worker::of(folder.join("nowhere")), &folder.join("bomb.jpg")).unwrap_err();
+    assert_eq!(relens::remedy::Remediable::remedy(&error), Remedy::RetryLater, "{error}");
+
+    // Last, for the peak stays: read here the same bomb does go off here.
+    let before = peak_kib();
+    Photo::read(&folder.join("bomb.jpg"), Curve::Srgb, &Limits::default()).unwrap();
+    assert!(peak_kib() - before > 100 << 10, "the measure of memory above measures something");
+}
