@@ -22,6 +22,7 @@
 //! |---|---|---|
 //! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
 //! | 1 | [`restore`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
+//! | 1 | [`disk`] | whatever is kept, behind a trait that tests stand in for |
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
 //! | 3 | [`light_path`], [`calibrate`], [`check`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing |
 //! | 4 | [`restoration`] | one photo restored on a calibrated rig |
@@ -34,6 +35,7 @@ pub mod calibration;
 pub mod check;
 pub mod config;
 pub mod daemon;
+pub mod disk;
 pub mod evaluate;
 pub mod frame;
 pub mod light_path;

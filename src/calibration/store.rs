@@ -6,11 +6,11 @@
 //! synchronised, renamed over the *other* slot, and the folder is synchronised: whenever the power goes,
 //! the old slot is whole.
 
-use std::fs::File;
-use std::io::Write;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use super::Calibration;
+use crate::disk::{Disk, LocalDisk, Written};
 use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
@@ -126,7 +126,15 @@ impl Remediable for StoreError {
 /// # Errors
 /// When there is none, and why.
 pub fn load(folder: &Path, rig: u64) -> Result<Calibration, StoreError> {
-    let slots = SLOTS.map(|name| read_slot(&folder.join(name)));
+    load_from(&LocalDisk::new(vec![folder.to_owned()]), folder, rig)
+}
+
+/// The same from any `disk`.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_from(disk: &dyn Disk, folder: &Path, rig: u64) -> Result<Calibration, StoreError> {
+    let slots = SLOTS.map(|name| read_slot(disk, &folder.join(name)));
     for (name, slot) in SLOTS.iter().zip(&slots) {
         match slot {
             Err(SlotFault::Missing) | Ok(_) => {}
@@ -157,9 +165,17 @@ pub fn load(folder: &Path, rig: u64) -> Result<Calibration, StoreError> {
 /// # Errors
 /// When it cannot be written; the other slot is then untouched.
 pub fn save(folder: &Path, calibration: &Calibration) -> Result<(), StoreError> {
+    save_to(&LocalDisk::new(vec![folder.to_owned()]), folder, calibration)
+}
+
+/// The same to any `disk`.
+///
+/// # Errors
+/// As [`save`].
+pub fn save_to(disk: &dyn Disk, folder: &Path, calibration: &Calibration) -> Result<(), StoreError> {
     let bytes = encode(calibration)?;
     // Worth of what a slot holds now: bad, another rig's, then by generation.
-    let worth = |name: &str| match read_slot(&folder.join(name)) {
+    let worth = |name: &str| match read_slot(disk, &folder.join(name)) {
         Ok(c) if c.rig == calibration.rig => (2, c.generation),
         Ok(_) => (1, 0),
         Err(_) => (0, 0),
@@ -170,10 +186,9 @@ pub fn save(folder: &Path, calibration: &Calibration) -> Result<(), StoreError> 
         let path = path.to_owned();
         move |source| StoreError::Write { path, source }
     };
-    let mut file = File::create(&fresh).map_err(failed(&fresh))?;
-    file.write_all(&bytes).and_then(|()| file.sync_all()).map_err(failed(&fresh))?;
-    std::fs::rename(&fresh, &path).map_err(failed(&path))?;
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(failed(folder))
+    disk.write(&fresh, &mut &bytes[..]).and_then(Written::sync).map_err(failed(&fresh))?;
+    disk.rename(&fresh, &path).map_err(failed(&path))?;
+    disk.sync_folder(folder).map_err(failed(folder))
 }
 
 /// The bytes of a slot.
@@ -193,16 +208,19 @@ fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
     Ok(bytes)
 }
 
-fn read_slot(path: &Path) -> Result<Calibration, SlotFault> {
+fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
     let unreadable = |e: std::io::Error| match e.kind() {
-        std::io::ErrorKind::NotFound => SlotFault::Missing,
+        ErrorKind::NotFound => SlotFault::Missing,
         _ => SlotFault::Unreadable(e.to_string()),
     };
-    let length = std::fs::metadata(path).map_err(unreadable)?.len();
+    let file = disk.open(path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
     if length > SLOT_BYTES_MAX {
         return Err(SlotFault::Length { found: length, allowed: SLOT_BYTES_MAX });
     }
-    decode(&std::fs::read(path).map_err(unreadable)?)
+    let mut bytes = Vec::with_capacity(length as usize);
+    file.take(SLOT_BYTES_MAX).read_to_end(&mut bytes).map_err(unreadable)?;
+    decode(&bytes)
 }
 
 /// The calibration in the bytes of a slot.

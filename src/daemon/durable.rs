@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::DaemonError;
-use super::disk::{Disk, Kind};
+use crate::disk::{Disk, Kind};
 
 /// Beginning and end of the names of temporary files; they never depend on a photo's name, which may be long.
 const TEMPORARY: (&str, &str) = (".relens-", ".tmp");
@@ -183,7 +183,7 @@ fn temporary_in(folder: &Path) -> PathBuf {
 
 fn write_temporary(disk: &dyn Disk, folder: &Path, content: &mut dyn Read) -> Result<PathBuf, DaemonError> {
     let path = temporary_in(folder);
-    if let Err(error) = disk.write(&path, content).and_then(super::disk::Written::sync) {
+    if let Err(error) = disk.write(&path, content).and_then(crate::disk::Written::sync) {
         let _ = disk.remove(&path);
         return Err(DaemonError::files("write", &path)(error));
     }
@@ -199,8 +199,8 @@ fn rename_over(disk: &dyn Disk, temporary: &Path, path: &Path) -> Result<(), Dae
 
 #[cfg(test)]
 mod tests {
-    use super::super::disk::LocalDisk;
     use super::*;
+    use crate::disk::LocalDisk;
 
     #[test]
     fn numbers_go_before_the_ending_and_names_stay_short_enough() {

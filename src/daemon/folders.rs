@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use rustix::fs::{FlockOperation, flock};
 
-use super::disk::{Disk, LocalDisk};
 use super::{DaemonError, durable, recovery};
+use crate::disk::{Disk, LocalDisk};
 
 /// `inbox/ working/ outbox/ done/ failed/` under one root. Each may be a link to a folder elsewhere on the same
 /// disk; within them no link is followed.

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use crate::rig::Moment;
 
 use super::DaemonError;
-use super::disk::{Disk, Kind, Look};
+use crate::disk::{Disk, Kind, Look};
 
 /// Folders within folders are looked into this deep. Guess: deeper ones are no way to hand in photos.
 const DEPTH_MAX: usize = 8;
@@ -214,8 +214,8 @@ pub(super) fn is_junk(name: &OsStr) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::disk::LocalDisk;
     use super::*;
+    use crate::disk::LocalDisk;
 
     #[test]
     fn junk_and_half_uploads_are_not_photos() {

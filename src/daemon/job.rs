@@ -9,10 +9,10 @@ use crate::picture::{Growth, Photo, PictureError};
 use crate::remedy::{Remediable, Remedy, full_message};
 use crate::rig::Moment;
 
-use super::disk::Kind;
 use super::ledger::{ATTEMPTS_MAX, Ledger};
 use super::run::Daemon;
 use super::{DaemonError, Failed, Report, Restored, Step, durable};
+use crate::disk::Kind;
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
 const TRIES_MAX: u32 = 3;

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::disk::Look;
 use super::{DaemonError, Folders, durable};
+use crate::disk::Look;
 
 /// Attempts that may end with the program or the worker before a photo is set aside. Guess.
 pub(super) const ATTEMPTS_MAX: u32 = 3;
@@ -114,10 +114,12 @@ impl Ledger {
         self.write(folders)
     }
 
-    /// Writes down that the result named was not delivered and never will be under this attempt.
+    /// Writes down that the result named was not delivered and never will be under this attempt. Should a cut
+    /// garble this, a record that cannot be read names no result either; should it be forgotten, the next start
+    /// comes to the same.
     pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), DaemonError> {
         self.written.result = None;
-        self.write(folders)
+        durable::replace_for_now(folders.disk(), &self.folder, &self.file, &self.bytes()?)
     }
 
     /// Removes the record; the photo has left `working` for good, or the attempts are forgiven.
@@ -132,10 +134,13 @@ impl Ledger {
     }
 
     fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
-        let bytes = serde_json::to_vec(&self.written).map_err(std::io::Error::other);
-        let bytes = bytes.map_err(DaemonError::files("write", &self.folder))?;
-        durable::replace(folders.disk(), &self.folder, &self.file, &bytes)?;
+        durable::replace(folders.disk(), &self.folder, &self.file, &self.bytes()?)?;
         durable::sync_folder(folders.disk(), &self.folder)
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, DaemonError> {
+        let bytes = serde_json::to_vec(&self.written).map_err(std::io::Error::other);
+        bytes.map_err(DaemonError::files("write", &self.folder))
     }
 }
 

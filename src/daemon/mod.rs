@@ -16,7 +16,6 @@
 //! behind [`Schedule`].
 
 mod delivery;
-pub mod disk;
 mod durable;
 mod error;
 mod folders;

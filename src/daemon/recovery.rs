@@ -4,9 +4,9 @@
 use std::ffi::OsStr;
 use std::io::ErrorKind;
 
-use super::disk::Kind;
 use super::ledger::Ledger;
 use super::{DaemonError, Folders, durable, inbox, job};
+use crate::disk::Kind;
 
 /// Finishes jobs whose result was delivered, and puts other photos back into the inbox.
 pub(super) fn recover(folders: &Folders) -> Result<(), DaemonError> {

@@ -8,13 +8,13 @@ use crate::picture::Growth;
 use crate::remedy::full_message;
 use crate::rig::{Clock, Moment};
 
-use super::disk::Look;
 use super::gallery::Gallery;
 use super::hints::Hints;
 use super::inbox::{Inbox, Patience};
 use super::job::Verdict;
 use super::schedule::{Ended, Schedule, Turn};
 use super::{DaemonError, Doing, Failed, Folders, Report, Restorer, Setting, State, Watcher};
+use crate::disk::Look;
 
 /// Seconds between two writings of the gallery while photos come one after another. Guess: often enough to
 /// look on, seldom enough for a memory card.

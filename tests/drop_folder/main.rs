@@ -7,7 +7,11 @@
 
 mod bed;
 mod files;
+mod model_disk;
+mod power;
+mod power_checks;
 mod readiness;
 mod remedies;
+mod slots;
 mod stops;
 mod turns;

@@ -116,7 +116,7 @@ fn emptied_once_an_unfinished_photo_that_changed_lately_stays() {
     for calendar in [SystemTime::now(), UNIX_EPOCH] {
         let calendar = || calendar;
         let folders = Folders::on(
-            std::sync::Arc::new(relens::daemon::disk::LocalDisk::new(vec![folders.root().to_owned()])),
+            std::sync::Arc::new(relens::disk::LocalDisk::new(vec![folders.root().to_owned()])),
             folders.root(),
         )
         .unwrap();

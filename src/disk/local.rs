@@ -39,7 +39,7 @@ impl LocalDisk {
         let above =
             self.anchors.iter().filter_map(|anchor| Some((&**anchor, path.strip_prefix(anchor).ok()?)));
         above.min_by_key(|(_, way)| way.as_os_str().len()).ok_or_else(|| {
-            let words = format!("{} is in none of the daemon's folders", path.display());
+            let words = format!("{} is in none of the folders in use", path.display());
             io::Error::new(io::ErrorKind::PermissionDenied, words)
         })
     }

@@ -1,7 +1,7 @@
-//! Everything the daemon asks of a disk, behind one small trait: what a test stands in for to cut the power
-//! between any two operations, to fill the disk, or to take it away.
+//! Everything that is asked of a disk to keep, behind one small trait: what a test stands in for to cut the
+//! power between any two operations, to fill the disk, or to take it away.
 //!
-//! The promises of the drop folder rest on this much, which POSIX file systems with a journal keep (ext4,
+//! The promises of the drop folder and of the calibration slots rest on this much, which POSIX file systems with a journal keep (ext4,
 //! f2fs, xfs, btrfs) and FAT does not: a rename is atomic, also from one folder to another; what a file holds
 //! is safe once [`Written::sync`] has returned, and not before; a name given, changed or taken away is safe
 //! once one of the folders concerned was synchronised with [`Disk::sync_folder`], and not before. Nothing is

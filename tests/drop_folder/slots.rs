@@ -1,0 +1,97 @@
+//! The calibration on flash against power cuts: after each, the old one or the new one, whole.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use relens::calibrate::calibrate;
+use relens::calibration::{Calibration, store};
+use relens::config;
+use relens::disk::Disk;
+use relens::rig::simulated;
+
+use crate::model_disk::{Contents, ModelDisk, Op, Survivors, Verdict};
+
+const FOLDER: &str = "/flash";
+
+/// Keeps `new` on `start`, leaving out the n-th operation if told to; every disk a cut may leave, with whether
+/// the keeping had come to its end, and the operations.
+fn keep(start: Contents, new: &Calibration, skip: Option<usize>) -> (Vec<(Survivors, bool)>, Vec<Op>) {
+    type Seen = (Vec<Contents>, Vec<Op>);
+    let seen: Arc<Mutex<Seen>> = Arc::default();
+    let watched = Arc::clone(&seen);
+    let disk = ModelDisk::new(
+        start,
+        Box::new(move |op, contents| {
+            let mut seen = watched.lock().unwrap();
+            seen.0.push(contents.clone());
+            seen.1.push(op.clone());
+            Ok(if skip == Some(seen.1.len() - 1) { Verdict::Skipped } else { Verdict::Done })
+        }),
+    );
+    store::save_to(&disk, Path::new(FOLDER), new).unwrap();
+    let (instants, ops) = std::mem::take(&mut *seen.lock().unwrap());
+    let instants = instants.into_iter().map(|c| (c, false)).chain([(disk.contents(), true)]);
+    let cuts = instants.flat_map(|(c, end)| c.cuts(&|_| false).into_iter().map(move |s| (s, end)));
+    (cuts.collect(), ops)
+}
+
+fn kept_on(survivors: &Survivors, rig: u64) -> Result<u32, String> {
+    let folders = BTreeSet::from([FOLDER.into()]);
+    let disk = ModelDisk::new(Contents::after(survivors, &folders), Box::new(|_, _| Ok(Verdict::Done)));
+    store::load_from(&disk, Path::new(FOLDER), rig).map(|c| c.generation).map_err(|e| e.to_string())
+}
+
+/// Keeps generation after generation, cut wherever it may be, and goes on from each disk that leaves.
+fn search(first: &Calibration, skip: Option<usize>) -> Result<(usize, usize), String> {
+    let empty = ModelDisk::new(Contents::default(), Box::new(|_, _| Ok(Verdict::Done)));
+    empty.make_folder(Path::new(FOLDER)).unwrap();
+    let generation = |generation| Calibration { generation, ..first.clone() };
+    store::save_to(&empty, Path::new(FOLDER), &generation(1)).unwrap();
+    let folders = empty.contents().folders().clone();
+    let mut level: BTreeSet<Survivors> = BTreeSet::from([empty.contents().now()]);
+    let (mut seen, mut ops) = (0, 0);
+    // Kept, cut; kept again on what that left, cut again; and a third time.
+    for next in 2..=4 {
+        let mut left = BTreeSet::new();
+        for survivors in &level {
+            let before = kept_on(survivors, first.rig)?;
+            let (cuts, done) = keep(Contents::after(survivors, &folders), &generation(next), skip);
+            ops = done.len();
+            for (survivors, end) in cuts {
+                seen += 1;
+                let found = kept_on(&survivors, first.rig)?;
+                if found != next && (end || found != before) {
+                    return Err(format!(
+                        "generation {found}, allowed {next} or, before it is kept, {before}"
+                    ));
+                }
+                left.insert(survivors);
+            }
+        }
+        // One disk of each kind is enough to go on from.
+        let mut kinds = BTreeSet::new();
+        left.retain(|s| {
+            kinds.insert(
+                s.iter().map(|(p, (_, b))| (p.clone(), b.len(), crc32fast::hash(b))).collect::<Vec<_>>(),
+            )
+        });
+        level = left;
+    }
+    Ok((seen, ops))
+}
+
+#[test]
+fn whenever_the_power_fails_a_whole_calibration_is_there() {
+    let config = config::load(Path::new("small.toml")).unwrap();
+    let (mut rig, _) = simulated::open(&config).unwrap();
+    let measured = calibrate(&mut rig, &config, None, &mut |_| {}).unwrap();
+    let (cuts, ops) = search(&measured, None).unwrap();
+    println!("{cuts} disks after cuts, {ops} operations a keeping");
+    for skip in 0..ops {
+        let harm = search(&measured, Some(skip));
+        println!("operation {skip} left out: {harm:?}");
+        // The first is the writing itself, which this disk never leaves out.
+        assert!(skip == 0 || harm.is_err(), "operation {skip} is there for nothing");
+    }
+}
