@@ -10,7 +10,8 @@ use relens::restore::backward_convolution::{Sign, backward_convolution};
 use relens::restore::computed_optics::ComputedOptics;
 use relens::restore::data_term::TRUSTED;
 use relens::restore::lens_model::{LensFunctions, LensModel};
-use relens::restore::method::digital::Digital;
+use relens::restore::level_norms::LevelNorms;
+use relens::restore::method::digital::{Colours, Digital};
 use relens::restore::method::hybrid::Hybrid;
 use relens::restore::method::paper::{Backward, Paper};
 use relens::restore::method::unmatched::Unmatched;
@@ -44,12 +45,14 @@ struct Case {
     photo: Frame<Work>,
     trust: Frame<Work, u8>,
     noise: f32,
+    level_norms: [LevelNorms; 3],
 }
 
 impl Case {
     fn new(photo: Plane, noise: f32) -> Self {
         let trust = Frame::filled(photo.size(), TRUSTED);
-        Case { photo: green_only(photo), trust, noise }
+        let level_norms = std::array::from_fn(|_| LevelNorms::uniform(2, 1.0));
+        Case { photo: green_only(photo), trust, noise, level_norms }
     }
 
     fn problem<'a>(&'a self, model: Option<&'a LensModel>) -> Problem<'a> {
@@ -61,6 +64,7 @@ impl Case {
             channels: Channels::Green,
             model,
             norm_squared: [1.0; 3],
+            level_norms: &self.level_norms,
             photo_noise: [self.noise; 3],
             capture_noise: [self.noise; 3],
             stopwatch: &|| 0.0,
@@ -189,7 +193,7 @@ fn the_printed_threshold_is_half_of_the_proximal_one() {
 
 fn digital() -> Digital {
     let strength = Strength { at_one_grey_level: 0.1 };
-    Digital { steps: 30, strength, levels: 2, cycle_spun: true }
+    Digital { steps: 30, strength, levels: 2, cycle_spun: true, colours: Colours::Together }
 }
 
 #[test]
@@ -204,6 +208,7 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
         captures_max: 3,
         defect_threshold: 2.0,
         defect_floor: 0.2,
+        carefulness: 25.0,
     };
     let unmatched = Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
     let methods: [(&dyn Method, usize); 3] = [(&digital(), 0), (&hybrid, 1), (&unmatched, 10)];
@@ -233,6 +238,7 @@ fn a_right_model_is_left_alone_and_a_wrong_one_is_corrected() {
         captures_max: 3,
         defect_threshold: 2.0,
         defect_floor: 0.2,
+        carefulness: 25.0,
     };
     let run = |model: &LensModel, method: &dyn Method| {
         let mut optics = ComputedOptics::new(&right, true);

@@ -29,6 +29,7 @@ use crate::config;
 use crate::frame::{Channel, Frame, Plane, Sensor};
 use crate::patterns::{self, Trial};
 use crate::restore::lens_model::LensFunctions;
+use crate::restore::level_norms::LevelNorms;
 use crate::rig::exposure::Rig;
 use session::{Session, difference, numbers};
 
@@ -124,6 +125,7 @@ fn blank(config: &config::Rig, geometry: [Geometry; 3]) -> Calibration {
             taps: [vec![1.0], vec![1.0], vec![1.0]],
         },
         norm_squared: [1.0; 3],
+        level_norms: std::array::from_fn(|_| LevelNorms::uniform(config.restore.levels, 1.0)),
         norm_squared_seen: 1.0,
         operator_error: [0.0; 3],
         captures: 0,

@@ -5,6 +5,7 @@ use super::surface::{Domain, Surface};
 use super::{Calibration, CrossChannel, Curve, Geometry, Noise};
 use crate::frame::Size;
 use crate::restore::lens_model::LensFunctions;
+use crate::restore::level_norms::LevelNorms;
 
 /// Photo of 40×30 with a margin of 4; the panel shows it enlarged by 1.25 and shifted; curves of power two,
 /// some mixing, a dark corner towards the right.
@@ -45,6 +46,7 @@ pub(crate) fn calibration() -> Calibration {
             taps: [vec![1.0], vec![1.0], vec![1.0]],
         },
         norm_squared: [1.0; 3],
+        level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
         norm_squared_seen: 1.0,
         operator_error: [1.0; 3],
         captures: 30,

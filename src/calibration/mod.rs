@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::Size;
 use crate::restore::lens_model::LensFunctions;
+use crate::restore::level_norms::LevelNorms;
 pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
 pub use curve::Curve;
@@ -64,7 +65,9 @@ pub struct Calibration {
     pub functions: LensFunctions,
     /// Largest squared singular value of the lens model, per channel.
     pub norm_squared: [f32; 3],
-    /// The same, asked of the light: what the rig makes of the model's dominant picture; green.
+    /// How much of each wavelet level the lens model lets through, per channel; for the rig file's levels.
+    pub level_norms: [LevelNorms; 3],
+    /// ‖K‖², asked of the light: what the rig makes of the model's dominant picture; green.
     pub norm_squared_seen: f32,
     /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel; capture noise included.
     pub operator_error: [f32; 3],
@@ -89,6 +92,9 @@ impl Calibration {
                 "counts per level of {:?}; positive numbers are allowed",
                 self.counts_per_level
             ));
+        }
+        if self.level_norms.iter().any(|norms| !norms.is_whole()) {
+            return Err(format!("level norms of {:?}; positive numbers are allowed", self.level_norms));
         }
         self.functions.check().map_err(|e| e.to_string())
     }

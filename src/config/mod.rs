@@ -17,7 +17,9 @@ pub use error::ConfigError;
 pub use hardware::{
     ButtonDevice, CameraDevice, ExposureBy, Hardware, LampDevices, Level, Line, PanelDevice, TriggerDevice,
 };
-pub use parts::{Calibration, Camera, Canvas, Curve, Geometry, Marks, Method, Panel, Paper, Photo, Restore};
+pub use parts::{
+    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, Panel, Paper, Photo, Restore,
+};
 pub use simulation::{
     Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, Simulation, Surface,
     Surround, Wavelength,

@@ -153,8 +153,20 @@ pub struct Restore {
     pub levels: usize,
     /// Whether the shrinkage is averaged over shifts (cycle spinning).
     pub cycle_spun: bool,
+    /// Whether the solver's prior sees the colours together.
+    pub colours: Colours,
     /// Defect corrections a photo may cost at the most; the first of them reuses the certificate's capture.
     pub corrections_max: usize,
+}
+
+/// How the colours of a photo are solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Colours {
+    /// Together: the prior sees brightness and colour differences.
+    Together,
+    /// Each channel for itself.
+    Apart,
 }
 
 /// The methods by name.

@@ -23,6 +23,7 @@ use crate::remedy::{Remediable, Remedy};
 use crate::restore::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::lens_model::{LensModel, LensModelError};
+use crate::restore::level_norms::LevelNorms;
 use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
 use crate::rig::exposure::Rig;
 
@@ -36,6 +37,7 @@ pub struct Bench {
     photo_side: PhotoSide,
     model: LensModel,
     norm_squared: [f32; 3],
+    level_norms: [LevelNorms; 3],
     capture_noise: [f32; 3],
     black_surround: bool,
 }
@@ -64,10 +66,15 @@ impl Bench {
     /// When the calibration does not fit the rig file.
     pub fn new(rig: &config::Rig, calibration: &Calibration) -> Result<Self, BenchError> {
         let layout = layout(rig);
+        let found = calibration.level_norms[0].levels();
+        if found != rig.restore.levels {
+            return Err(BenchError::Levels { found, wanted: rig.restore.levels });
+        }
         Ok(Bench {
             model: LensModel::new(layout.photo, layout.margin_px, &calibration.functions)?,
             photo_side: PhotoSide::new(calibration, &layout),
             norm_squared: calibration.norm_squared,
+            level_norms: calibration.level_norms.clone(),
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             correction: Correction::new(calibration, layout)?,
@@ -145,6 +152,7 @@ impl Bench {
             channels,
             model: Some(&self.model),
             norm_squared: self.norm_squared,
+            level_norms: &self.level_norms,
             photo_noise,
             capture_noise: self.capture_noise,
             stopwatch,
@@ -178,6 +186,16 @@ pub fn layout(rig: &config::Rig) -> Layout {
 /// Why a rig and a calibration do not go together.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
+    /// The lens was measured for another number of levels.
+    #[error(
+        "the calibration measured {found} wavelet levels of the lens; the rig file's [restore] levels is {wanted}"
+    )]
+    Levels {
+        /// Levels measured.
+        found: usize,
+        /// Levels wanted.
+        wanted: usize,
+    },
     /// The lens functions do not fit.
     #[error("the calibration's lens functions cannot be used")]
     Lens(#[from] LensModelError),

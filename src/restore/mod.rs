@@ -6,7 +6,7 @@
 //! | Eqs. 9–12: flip–FC–flip | [`backward_convolution`] over [`patches`] |
 //! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
-//! | Eqs. 4, 5, 7: the loop | [`method`] |
+//! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`opponent`] |
 
 pub mod backward_convolution;
 pub mod computed_optics;
@@ -14,7 +14,9 @@ pub mod data_term;
 pub mod forward_convolution;
 pub mod ladder;
 pub mod lens_model;
+pub mod level_norms;
 pub mod method;
+pub mod opponent;
 pub mod patches;
 pub mod quality;
 pub mod wavelet;

@@ -12,13 +12,15 @@
 
 use rayon::prelude::*;
 
-use super::digital::{Digital, model_residual, solve_all};
+use super::digital::{Digital, model_residual};
 use super::problem::Certificate;
 use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 use crate::restore::data_term::{self, MISSING, TRUSTED};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::restore::lens_model::LensModel;
+use crate::restore::level_norms::LevelNorms;
+use crate::restore::wavelet::{Details, Scratch, Sym8};
 use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 
 /// The method and its parameters.
@@ -35,14 +37,15 @@ pub struct Hybrid {
     pub defect_threshold: f32,
     /// Defect, as a share of the noise floor, below which the model counts as right.
     pub defect_floor: f32,
+    /// How much shorter a wrong model makes the steps of a correction: each level's α is at least this often
+    /// the defect's share of the picture's power.
+    pub carefulness: f32,
 }
 
 /// Longest step along a correction. Beyond it the line through two captures says more about their noise.
 const STEP_MAX: f64 = 1.5;
 /// Levels of the defect's shrinkage: what stays unshrunk is averaged over 16×16 pixels, far below its noise.
 const DEFECT_LEVELS: usize = 4;
-/// Shifts over which the defect's shrinkage is averaged: an even spread over those levels' periods.
-const DEFECT_SHIFTS: [(usize, usize); 4] = [(0, 0), (8, 4), (4, 8), (12, 12)];
 
 impl Method for Hybrid {
     fn name(&self) -> &'static str {
@@ -59,7 +62,7 @@ impl Method for Hybrid {
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
         let (mut picture, mut record) =
-            solve_all(&self.digital, problem, model, problem.photo, problem.photo);
+            self.digital.solve_for(problem, model, problem.photo, problem.photo, problem.level_norms);
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
@@ -119,7 +122,8 @@ impl Hybrid {
             data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
         }
         let correction = Digital { steps: self.correction_steps, ..self.digital };
-        let (corrected, steps) = solve_all(&correction, problem, model, &data, picture);
+        let norms = self.careful_norms(problem, picture, defect);
+        let (corrected, steps) = correction.solve_for(problem, model, &data, picture, &norms);
         let before = record.steps().last().copied();
         for step in steps.steps() {
             let (captures, seconds) = before.map_or((0, 0.0), |b| (b.captures, b.seconds));
@@ -127,6 +131,34 @@ impl Hybrid {
             record.push(Step { iteration, captures, seconds: seconds + step.seconds, ..*step });
         }
         corrected
+    }
+
+    /// The level norms for a correction: raised where the defect's power says that the model is wrong.
+    ///
+    /// With a wrong model a correction overshoots in the levels where (K − K̂) is not small against what K̂ lets
+    /// through. The defect over the picture, level by level, is how large it is.
+    fn careful_norms(
+        &self,
+        problem: &Problem<'_>,
+        picture: &Frame<Work>,
+        defect: &Frame<Work>,
+    ) -> [LevelNorms; 3] {
+        let transform = Sym8::new(problem.size(), self.digital.levels);
+        let powers = |plane: &Plane| {
+            let mut found = transform.zeros();
+            transform.analyse(plane, &mut found, &mut Scratch::default());
+            let power = |details: &mut Details| details.bands_mut().iter().map(|b| b.dot(b)).sum::<f64>();
+            found.details.iter_mut().map(power).collect::<Vec<f64>>()
+        };
+        let mut norms = problem.level_norms.clone();
+        for &c in problem.channels.list() {
+            let wrong = powers(defect.plane(c)).into_iter().zip(powers(picture.plane(c)));
+            let least: Vec<f32> = wrong
+                .map(|(wrong, shown)| self.carefulness * (wrong / shown.max(f64::MIN_POSITIVE)) as f32)
+                .collect();
+            norms[c.index()] = norms[c.index()].at_least(&least);
+        }
+        norms
     }
 }
 
@@ -151,7 +183,7 @@ fn new_defect(
             *p = if t == TRUSTED { y - *p - d } else { 0.0 };
         }
         let noise = data_term::noise_of(&plane);
-        shrinkage.shrink_spun(&mut plane, deviations * noise, &DEFECT_SHIFTS, &mut scratch);
+        shrinkage.shrink_everywhere(&mut plane, &[deviations * noise], 0, &mut scratch);
         problem.mask(c, &mut plane);
         (c, plane)
     });

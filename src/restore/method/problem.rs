@@ -7,6 +7,7 @@ use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::restore::data_term::{MISSING, rms_over_data};
 use crate::restore::lens_model::LensModel;
+use crate::restore::level_norms::LevelNorms;
 
 /// One photo to be solved.
 pub struct Problem<'a> {
@@ -22,6 +23,8 @@ pub struct Problem<'a> {
     pub model: Option<&'a LensModel>,
     /// ‖K‖² of each channel, an upper estimate; bounds the steps.
     pub norm_squared: [f32; 3],
+    /// How much of each wavelet level arrives, per channel; sets the steps of solves with the model.
+    pub level_norms: &'a [LevelNorms; 3],
     /// Standard deviation of the photo's noise per channel, grey levels.
     pub photo_noise: [f32; 3],
     /// Standard deviation of one capture's noise per channel, grey levels.

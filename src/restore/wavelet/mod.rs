@@ -57,6 +57,30 @@ pub struct Coefficients {
     pub details: Vec<Details>,
 }
 
+impl Coefficients {
+    /// Multiplies level by level: the details by `factors`, finest first, the approximation by the last of them.
+    ///
+    /// # Panics
+    /// When there is not one factor for each level and one for the approximation, which is a bug of the caller.
+    pub fn scale_levels(&mut self, factors: &[f32]) {
+        assert!(factors.len() == self.details.len() + 1, "a factor for each level and the approximation");
+        for (details, &factor) in self.details.iter_mut().zip(factors) {
+            for band in details.bands_mut() {
+                band.data_mut().iter_mut().for_each(|value| *value *= factor);
+            }
+        }
+        let last = factors[self.details.len()];
+        self.approximation.data_mut().iter_mut().for_each(|value| *value *= last);
+    }
+}
+
+impl Details {
+    /// The three bands.
+    pub fn bands_mut(&mut self) -> [&mut Plane; 3] {
+        [&mut self.horizontal, &mut self.vertical, &mut self.diagonal]
+    }
+}
+
 /// The transform of planes of one size.
 #[derive(Debug, Clone)]
 pub struct Sym8 {
@@ -136,7 +160,7 @@ impl Sym8 {
     }
 
     /// The coefficients of `plane` turned cyclically so that its pixel `shift` (column, row) comes first.
-    pub(super) fn analyse_shifted(
+    pub fn analyse_shifted(
         &self,
         plane: &Plane,
         shift: (usize, usize),
@@ -189,7 +213,7 @@ impl Sym8 {
     }
 
     /// Undoes [`Sym8::analyse_shifted`].
-    pub(super) fn synthesise_shifted(
+    pub fn synthesise_shifted(
         &self,
         coefficients: &Coefficients,
         shift: (usize, usize),

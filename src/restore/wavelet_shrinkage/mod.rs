@@ -1,0 +1,164 @@
+//! The prior: wavelet details are few and large (paper Eqs. 3 and 6), by soft thresholding, plain or cycle-spun, one by
+//! one or in clusters.
+//!
+//! Shrinking is done in whatever frame of the plane the shift says: the plane is thought turned cyclically by
+//! `shift`, transformed, shrunk and turned back. One shift a step, another at each step, is cycle spinning
+//! spread over the iteration; the mean over a set of shifts is cycle spinning proper (Coifman and Donoho,
+//! "Translation-invariant de-noising", 1995).
+
+mod clusters;
+mod spinning;
+
+use super::wavelet::{Coefficients, Scratch, Sym8};
+use crate::frame::{Plane, Size};
+use spinning::{Drawing, Spinning, SpinningScratch};
+
+/// A regulariser: what a candidate is drawn towards after each step.
+pub trait Prior: Send + Sync {
+    /// Replaces `plane` by its proximal point: the minimiser of ½‖x − plane‖² + `strength` · prior(x). A prior
+    /// that changes from step to step (cycle spinning) goes by `step_index`.
+    fn apply(&self, plane: &mut Plane, strength: f32, step_index: usize, scratch: &mut ShrinkageScratch);
+}
+
+/// Soft thresholding of the details of Symlets 8, one by one (the paper's) or in clusters; the approximation is left alone.
+#[derive(Debug, Clone)]
+pub struct Shrinkage {
+    transform: Sym8,
+    spinning: Spinning,
+    clustered: bool,
+    spin: Vec<(usize, usize)>,
+}
+
+/// Memory shrinking works in; any may be used with any [`Shrinkage`] of the same size, or `default()` to begin with.
+#[derive(Debug, Clone, Default)]
+pub struct ShrinkageScratch {
+    coefficients: Option<Coefficients>,
+    transform: Scratch,
+    rows: Vec<f32>,
+    spinning: [SpinningScratch; 2],
+}
+
+impl Shrinkage {
+    /// Shrinkage of planes of size `size` in `levels` levels, with no shift at any step (the paper's).
+    pub fn new(size: Size, levels: usize) -> Self {
+        Shrinkage {
+            transform: Sym8::new(size, levels),
+            spinning: Spinning::new(size, levels),
+            clustered: false,
+            spin: vec![(0, 0)],
+        }
+    }
+
+    /// The same with the shift drawn for each step of [`Prior::apply`] from the periods of all levels, in a fixed
+    /// order that spreads any few consecutive steps evenly over them.
+    #[must_use]
+    pub fn cycle_spun(mut self) -> Self {
+        let period = 1usize << self.transform.levels();
+        // Bit-reversed counting along both sides: the first 2ᵏ of them are the even spread of 2ᵏ shifts.
+        let reversed = |n: usize| {
+            let bits = self.transform.levels();
+            (0..bits).map(|b| (n >> b & 1) << (bits - 1 - b)).sum::<usize>()
+        };
+        self.spin = (0..period * period)
+            .map(|n| {
+                let (row, column) = interleaved(n);
+                (reversed(column ^ row), reversed(row))
+            })
+            .collect();
+        self
+    }
+
+    /// The same with details judged by their neighbourhood: an edge is a cluster of large details, noise is not.
+    #[must_use]
+    pub fn clustered(self) -> Self {
+        Shrinkage { clustered: true, ..self }
+    }
+
+    /// Size of the planes it shrinks.
+    pub fn size(&self) -> Size {
+        self.transform.size()
+    }
+
+    /// The shift (columns, rows) of step `step_index`.
+    pub fn shift(&self, step_index: usize) -> (usize, usize) {
+        self.spin[step_index % self.spin.len()]
+    }
+
+    /// Draws all details of `plane`, turned by `shift`, towards zero by `threshold` grey levels.
+    ///
+    /// # Panics
+    /// When the plane is of another size, which is a bug of the caller.
+    pub fn shrink(
+        &self,
+        plane: &mut Plane,
+        threshold: f32,
+        shift: (usize, usize),
+        scratch: &mut ShrinkageScratch,
+    ) {
+        self.shrink_levels(plane, &[threshold], shift, scratch);
+    }
+
+    /// [`Shrinkage::shrink`] with a threshold for each level, finest first; the last one holds for all coarser
+    /// levels.
+    pub fn shrink_levels(
+        &self,
+        plane: &mut Plane,
+        thresholds: &[f32],
+        shift: (usize, usize),
+        scratch: &mut ShrinkageScratch,
+    ) {
+        if thresholds.iter().all(|&threshold| threshold <= 0.0) {
+            return;
+        }
+        let fits = scratch.coefficients.take().filter(|c| self.transform.owns(c));
+        let mut coefficients = fits.unwrap_or_else(|| self.transform.zeros());
+        self.transform.analyse_shifted(plane, shift, &mut coefficients, &mut scratch.transform);
+        for (level, details) in coefficients.details.iter_mut().enumerate() {
+            let threshold = thresholds[level.min(thresholds.len() - 1)].max(0.0);
+            for band in details.bands_mut() {
+                draw(band, threshold, self.clustered, &mut scratch.rows);
+            }
+        }
+        self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
+        scratch.coefficients = Some(coefficients);
+    }
+
+    /// Replaces `plane` by the mean of its shrunk versions over all shifts of the finest levels and, of the coarser
+    /// ones, those whose turn it is at step `step_index` ([`spinning`]). `thresholds` as in [`Shrinkage::shrink_levels`].
+    pub fn shrink_everywhere(
+        &self,
+        plane: &mut Plane,
+        thresholds: &[f32],
+        step_index: usize,
+        scratch: &mut ShrinkageScratch,
+    ) {
+        if thresholds.iter().any(|&threshold| threshold > 0.0) {
+            let drawing = Drawing { thresholds, clustered: self.clustered, turn: step_index };
+            self.spinning.shrink(plane, drawing, &mut scratch.spinning);
+        }
+    }
+}
+
+/// Draws the details of `band` towards zero by `threshold`, one by one or in clusters.
+fn draw(band: &mut Plane, threshold: f32, clustered: bool, rows: &mut Vec<f32>) {
+    if clustered {
+        clusters::draw(band, threshold, rows);
+    } else {
+        band.data_mut().iter_mut().for_each(|value| *value -= value.clamp(-threshold, threshold));
+    }
+}
+
+impl Prior for Shrinkage {
+    fn apply(&self, plane: &mut Plane, strength: f32, step_index: usize, scratch: &mut ShrinkageScratch) {
+        self.shrink(plane, strength, self.shift(step_index), scratch);
+    }
+}
+
+/// The even and the odd bits of `n` as two numbers.
+fn interleaved(n: usize) -> (usize, usize) {
+    let every_second = |n: usize| (0..16).map(|b| (n >> (2 * b) & 1) << b).sum();
+    (every_second(n), every_second(n >> 1))
+}
+
+#[cfg(test)]
+mod tests;
