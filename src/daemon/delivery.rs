@@ -1,4 +1,4 @@
-//! A restored photo on its way to the outbox: pictures for the gallery, report, and last the result itself.
+//! A restored photo on its way to the outbox: report, pictures for the gallery, and last the result itself.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{ErrorKind, Read};
@@ -42,11 +42,12 @@ impl Daemon<'_> {
             match self.deliver_as(&name, claimed, photo, restored, &encoded) {
                 // Another box took the name since the look.
                 Err(DaemonError::Files { source, .. }) if source.kind() == ErrorKind::AlreadyExists => {}
-                delivered => return delivered.map(Ok),
+                delivered => return Ok(delivered?.ok_or(Refusal::Lost)),
             }
         }
     }
 
+    /// The report; none when the photo has become another box's.
     fn deliver_as(
         &mut self,
         result: &OsStr,
@@ -54,14 +55,14 @@ impl Daemon<'_> {
         photo: &Photo,
         restored: &Restored,
         encoded: &Encoded,
-    ) -> Result<Report, DaemonError> {
+    ) -> Result<Option<Report>, DaemonError> {
+        if !self.is_ours(claimed) {
+            return Ok(None);
+        }
         claimed.ledger.name_result(&self.folders, result)?;
         self.watcher.step(Step::Named);
         let (disk, outbox, previews) = (self.folders.disk(), self.folders.outbox(), self.folders.previews());
         let picture = |what: &str| format!("{}-{what}.jpg", id(result));
-        durable::replace(disk, previews, picture("before").as_ref(), &encoded.before)?;
-        durable::replace(disk, previews, picture("after").as_ref(), &encoded.after)?;
-        durable::sync_folder(disk, previews)?;
         let report = Report::new(
             photo,
             restored,
@@ -76,8 +77,16 @@ impl Daemon<'_> {
         let json = serde_json::to_vec_pretty(&report).map_err(std::io::Error::other);
         let json = json.map_err(DaemonError::files("write the report of", result.as_ref()))?;
         let report_name = report_name(result);
+        // The report comes first: it reserves the name, and the names of the pictures with it.
         durable::write_new(disk, outbox, &report_name, &mut &json[..])?;
+        durable::replace(disk, previews, picture("before").as_ref(), &encoded.before)?;
+        durable::replace(disk, previews, picture("after").as_ref(), &encoded.after)?;
+        durable::sync_folder(disk, previews)?;
         self.watcher.step(Step::Reported);
+        if !self.is_ours(claimed) {
+            disk.remove(&outbox.join(&report_name)).map_err(DaemonError::files("remove", outbox))?;
+            return Ok(None);
+        }
         let mut original;
         let mut bytes = encoded.result.as_deref().unwrap_or_default();
         let content: &mut dyn Read = match encoded.result {
@@ -92,7 +101,7 @@ impl Daemon<'_> {
             let _ = disk.remove(&outbox.join(&report_name));
         })?;
         self.watcher.step(Step::Delivered);
-        Ok(report)
+        Ok(Some(report))
     }
 }
 

@@ -19,10 +19,20 @@ pub enum DaemonError {
         source: std::io::Error,
     },
     /// Another daemon works on this folder.
-    #[error("the folder {path} is in use: found a running relens, allowed one at a time")]
+    #[error(
+        "the folder {path} is in use: found a running relens, allowed one at a time, or several that share it"
+    )]
     InUse {
         /// The root folder.
         path: PathBuf,
+    },
+    /// A box's name is to be the name of a folder.
+    #[error(
+        "a box cannot be called `{found}`, allowed is any name of a folder that does not begin with a dot"
+    )]
+    BoxName {
+        /// The name asked for.
+        found: String,
     },
     /// The disk is nearly full; photos wait until there is room.
     #[error(
@@ -69,9 +79,10 @@ impl Remediable for DaemonError {
                 _ => Remedy::RetryLater,
             },
             DaemonError::Full { .. } => Remedy::RetryLater,
-            DaemonError::InUse { .. } | DaemonError::Nested { .. } | DaemonError::Held { .. } => {
-                Remedy::CallOperator
-            }
+            DaemonError::BoxName { .. }
+            | DaemonError::InUse { .. }
+            | DaemonError::Nested { .. }
+            | DaemonError::Held { .. } => Remedy::CallOperator,
         }
     }
 }

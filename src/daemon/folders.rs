@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 
 use super::{DaemonError, durable, recovery};
-use crate::disk::{Disk, LocalDisk};
+use crate::disk::{Disk, Kind, LocalDisk};
 
 /// `inbox/ working/ outbox/ done/ failed/` under one root. Each may be a link to a folder elsewhere on the same
 /// disk; within them no link is followed.
@@ -16,13 +17,18 @@ pub struct Folders {
     disk: Arc<dyn Disk>,
     root: PathBuf,
     inbox: PathBuf,
+    /// Where this box works …
     working: PathBuf,
+    /// … and where all boxes do.
+    works: PathBuf,
+    /// This box's name, when it shares the folders.
+    name: Option<OsString>,
     outbox: PathBuf,
     done: PathBuf,
     failed: PathBuf,
     previews: PathBuf,
     /// Held for as long as this value lives.
-    _lock: Option<File>,
+    _locks: Arc<Vec<File>>,
 }
 
 impl std::fmt::Debug for Folders {
@@ -39,18 +45,41 @@ impl Folders {
     /// [`DaemonError::InUse`]; [`DaemonError::Nested`] when one folder lies in another, through links or not;
     /// [`DaemonError::Files`] when a folder cannot be made or is no folder.
     pub fn open(root: &Path) -> Result<Folders, DaemonError> {
-        let found = |path: &Path| path.canonicalize().map_err(DaemonError::files("find the folder", path));
-        std::fs::create_dir_all(root).map_err(DaemonError::files("make the folder", root))?;
-        let root = found(root)?;
-        let lock = lock(&root)?;
-        let mut places = Vec::with_capacity(NAMES.len());
-        for name in NAMES {
-            let path = root.join(name);
-            std::fs::create_dir_all(&path).map_err(DaemonError::files("make the folder", &path))?;
-            places.push(found(&path)?);
+        let root = made(root)?;
+        let path = root.join(LOCK);
+        let lock = opened(&path)?;
+        match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => {}
+            Err(Errno::WOULDBLOCK) => return Err(DaemonError::InUse { path: root }),
+            Err(errno) => return Err(DaemonError::files("lock", &path)(errno.into())),
         }
-        let anchors = places.iter().cloned().chain([root.clone()]).collect();
-        Folders::over(Arc::new(LocalDisk::new(anchors)), root, &places, Some(lock))
+        Folders::local(root, None, true, vec![lock])
+    }
+
+    /// The same for one box of several that share the folders, each under a name of its own.
+    ///
+    /// # Errors
+    /// As [`Folders::open`]; [`DaemonError::InUse`] when a box of that name, or a daemon that does not share,
+    /// works there.
+    pub fn open_shared(root: &Path, name: &OsStr) -> Result<Folders, DaemonError> {
+        let plain = Path::new(name).file_name() == Some(name) && !super::inbox::is_hidden(name);
+        if !plain {
+            return Err(DaemonError::BoxName { found: name.to_string_lossy().into_owned() });
+        }
+        let root = made(root)?;
+        let all = opened(&root.join(LOCK))?;
+        // Alone for a moment, which is when what others left half written may be swept away.
+        let alone = flock(&all, FlockOperation::NonBlockingLockExclusive).is_ok();
+        // On a mount without locks the names must differ by themselves.
+        if flock(&all, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK) {
+            return Err(DaemonError::InUse { path: root });
+        }
+        let own = root.join(format!("{LOCK}-{}", name.to_string_lossy()));
+        let lock = opened(&own)?;
+        if flock(&lock, FlockOperation::NonBlockingLockExclusive) == Err(Errno::WOULDBLOCK) {
+            return Err(DaemonError::InUse { path: root.join("working").join(name) });
+        }
+        Folders::local(root, Some(name.to_owned()), alone, vec![all, lock])
     }
 
     /// The same on any `disk`, where nobody else is and `root` is there.
@@ -59,14 +88,30 @@ impl Folders {
     /// [`DaemonError::Files`], as [`Folders::open`].
     pub fn on(disk: Arc<dyn Disk>, root: &Path) -> Result<Folders, DaemonError> {
         let places = NAMES.map(|name| root.join(name));
-        Folders::over(disk, root.to_owned(), &places, None)
+        Folders::over(disk, root.to_owned(), places, None, true, Vec::new())
+    }
+
+    fn local(
+        root: PathBuf,
+        name: Option<OsString>,
+        alone: bool,
+        locks: Vec<File>,
+    ) -> Result<Folders, DaemonError> {
+        let mut places = NAMES.map(|name| root.join(name));
+        for place in &mut places {
+            *place = made(place)?;
+        }
+        let disk = LocalDisk::new(places.iter().cloned().chain([root.clone()]).collect());
+        Folders::over(Arc::new(disk), root, places, name, alone, locks)
     }
 
     fn over(
         disk: Arc<dyn Disk>,
         root: PathBuf,
-        places: &[PathBuf],
-        lock: Option<File>,
+        places: [PathBuf; 5],
+        name: Option<OsString>,
+        alone: bool,
+        locks: Vec<File>,
     ) -> Result<Folders, DaemonError> {
         for (n, outer) in places.iter().enumerate() {
             if let Some((_, inner)) =
@@ -75,16 +120,34 @@ impl Folders {
                 return Err(DaemonError::Nested { inner: inner.clone(), outer: outer.clone() });
             }
         }
-        let [inbox, working, outbox, done, failed] =
-            <&[PathBuf; 5]>::try_from(places).map_err(|_| DaemonError::InUse { path: root.clone() })?.clone();
+        let all = places.clone();
+        let [inbox, works, outbox, done, failed] = places;
+        let working = name.as_ref().map_or_else(|| works.clone(), |name| works.join(name));
         let previews = outbox.join("gallery");
-        let folders = Folders { disk, root, inbox, working, outbox, done, failed, previews, _lock: lock };
+        let locks = Arc::new(locks);
+        let folders = Folders {
+            disk,
+            root,
+            inbox,
+            working,
+            works,
+            name,
+            outbox,
+            done,
+            failed,
+            previews,
+            _locks: locks,
+        };
         let disk = folders.disk();
-        for folder in places.iter().chain([&folders.previews]) {
+        for folder in all.iter().chain([&folders.working, &folders.previews]) {
             disk.make_folder(folder).map_err(DaemonError::files("make the folder", folder))?;
-            durable::sweep(disk, folder)?;
+            if alone || *folder == folders.working {
+                durable::sweep(disk, folder)?;
+            }
         }
-        durable::sweep(disk, &folders.root)?;
+        if alone {
+            durable::sweep(disk, &folders.root)?;
+        }
         durable::sync_folder(disk, &folders.root)?;
         durable::sync_folder(disk, &folders.outbox)?;
         recovery::recover(&folders)?;
@@ -112,7 +175,7 @@ impl Folders {
         &self.inbox
     }
 
-    /// Photos being restored.
+    /// Photos being restored by this box.
     pub fn working(&self) -> &Path {
         &self.working
     }
@@ -135,6 +198,42 @@ impl Folders {
     /// Pictures the gallery shows.
     pub fn previews(&self) -> &Path {
         &self.previews
+    }
+
+    /// Whether other boxes may work on these folders, too.
+    pub(super) fn shared(&self) -> bool {
+        self.name.is_some()
+    }
+
+    /// Names of the other boxes that ever worked here.
+    pub(super) fn others(&self) -> Result<Vec<OsString>, DaemonError> {
+        let all = &self.works;
+        let found = self.disk().list(all).map_err(DaemonError::files("read the folder", all))?;
+        let other = |name: &OsString| Some(name) != self.name.as_ref();
+        Ok(found
+            .into_iter()
+            .filter(|(_, kind)| *kind == Kind::Folder)
+            .map(|(n, _)| n)
+            .filter(other)
+            .collect())
+    }
+
+    /// The same folders as the box `name` has them.
+    pub(super) fn of_box(&self, name: &OsStr) -> Folders {
+        let Folders { disk, root, inbox, works, outbox, done, failed, previews, _locks, .. } = self;
+        Folders {
+            disk: Arc::clone(disk),
+            root: root.clone(),
+            inbox: inbox.clone(),
+            working: works.join(name),
+            works: works.clone(),
+            name: Some(name.to_owned()),
+            outbox: outbox.clone(),
+            done: done.clone(),
+            failed: failed.clone(),
+            previews: previews.clone(),
+            _locks: Arc::clone(_locks),
+        }
     }
 
     /// Whether the disk of the results has more than `floor_bytes` free. A disk that does not tell has.
@@ -168,18 +267,16 @@ const NAMES: [&str; 5] = ["inbox", "working", "outbox", "done", "failed"];
 /// Name of the lock file in the root.
 const LOCK: &str = ".relens-lock";
 
-fn lock(root: &Path) -> Result<File, DaemonError> {
-    let path = root.join(LOCK);
-    let lock = OpenOptions::new()
-        .create(true)
-        .truncate(false)
-        .write(true)
-        .open(&path)
-        .map_err(DaemonError::files("open", &path))?;
-    match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
-        Ok(()) => Ok(lock),
-        Err(_) => Err(DaemonError::InUse { path: root.to_owned() }),
-    }
+/// The folder `path`, made if need be, without links on the way to it.
+fn made(path: &Path) -> Result<PathBuf, DaemonError> {
+    std::fs::create_dir_all(path).map_err(DaemonError::files("make the folder", path))?;
+    path.canonicalize().map_err(DaemonError::files("find the folder", path))
+}
+
+/// A file to lock, made if need be.
+fn opened(path: &Path) -> Result<File, DaemonError> {
+    let mut how = OpenOptions::new();
+    how.create(true).truncate(false).write(true).open(path).map_err(DaemonError::files("open", path))
 }
 
 /// The name of a photo that lies in folders of the inbox: theirs and its own, joined with hyphens.

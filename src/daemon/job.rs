@@ -11,7 +11,7 @@ use crate::rig::Moment;
 
 use super::ledger::{ATTEMPTS_MAX, Ledger};
 use super::run::Daemon;
-use super::{DaemonError, Failed, Report, Restored, Step, durable};
+use super::{DaemonError, Failed, Report, Restored, Step, durable, recovery};
 use crate::disk::Kind;
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
@@ -49,6 +49,8 @@ pub(super) enum Refusal {
     Hold(String),
     /// Its worker died.
     Died(String),
+    /// Another box took it over.
+    Lost,
 }
 
 /// A photo in `working`.
@@ -109,6 +111,11 @@ impl Daemon<'_> {
             Ok(Err(Refusal::Later(reason))) => {
                 let left = Failed { photo: photo.shown(), reason };
                 Ok(Verdict::Left { way: self.put_back(photo)?, left })
+            }
+            Ok(Err(Refusal::Lost)) => {
+                log::warn!("{}: given up, for another box took it over meanwhile", photo.shown());
+                photo.ledger.close(&self.folders)?;
+                Ok(Verdict::Gone)
             }
             Ok(Err(Refusal::Hold(reason))) => {
                 self.put_back(photo)?;
@@ -176,10 +183,13 @@ impl Daemon<'_> {
     fn restore_with_care(&mut self, photo: &Photo) -> Result<Restored, Refusal> {
         let mut tries = 1;
         loop {
-            let watcher = &mut self.watcher;
-            let restorer = &mut self.restorer;
-            let restored =
-                catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut |p| watcher.progress(p))));
+            let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
+            let (lease, folders, clock) = (&self.lease, &self.folders, self.clock);
+            let mut told = |progress| {
+                lease.beat(folders, clock.now());
+                watcher.progress(progress);
+            };
+            let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut told)));
             let error = match restored {
                 Ok(Ok(restored)) if restored.picture.size() == photo.light.size() => return Ok(restored),
                 Ok(Ok(restored)) => {
@@ -223,20 +233,33 @@ impl Daemon<'_> {
         Ok(Verdict::Restored { report: Box::new(report), kept })
     }
 
+    /// Whether the photo is still this box's.
+    pub(super) fn is_ours(&self, photo: &Claimed) -> bool {
+        self.lease.is_good(&self.folders, self.clock.now()) && self.folders.disk().look(&photo.path).is_ok()
+    }
+
     /// Sets the photo aside with its reason.
     fn fail(&self, photo: Claimed, reason: String) -> Result<Verdict, DaemonError> {
         let failed = Failed { photo: photo.shown(), reason };
         let (disk, folder) = (self.folders.disk(), self.folders.failed());
         // A note without its photo is what a cut left of us, and is written anew.
         let taken = durable::Taken::of(disk, folder)?;
-        let free = |number: &u32| !taken.holds(&durable::numbered(&photo.name, *number));
-        let name = durable::numbered(&photo.name, (1..).find(free).unwrap_or(1));
-        let mut note = name.clone();
-        note.push(".txt");
-        durable::replace(disk, folder, &note, failed.note().as_bytes())?;
-        // The reason first: a photo set aside without one would be a riddle.
-        durable::sync_folder(disk, folder)?;
-        durable::move_to(disk, &photo.path, folder, &name)?;
+        for name in (1..).map(|number| durable::numbered(&photo.name, number)) {
+            if taken.holds(&name) {
+                continue;
+            }
+            let mut note = name.clone();
+            note.push(".txt");
+            durable::replace(disk, folder, &note, failed.note().as_bytes())?;
+            // The reason first: a photo set aside without one would be a riddle.
+            durable::sync_folder(disk, folder)?;
+            match disk.rename_new(&photo.path, &folder.join(&name)) {
+                Ok(()) => break,
+                // Another box set a namesake aside since the look.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(DaemonError::files("move", &photo.path)(error)),
+            }
+        }
         durable::sync_folder(disk, folder)?;
         photo.ledger.close(&self.folders)?;
         Ok(Verdict::Failed(failed))
@@ -246,10 +269,7 @@ impl Daemon<'_> {
     fn put_back(&self, photo: Claimed) -> Result<PathBuf, DaemonError> {
         let disk = self.folders.disk();
         if let Some(result) = photo.ledger.result() {
-            // Nothing was delivered; a report without a result is no use to anyone.
-            if disk.remove(&self.folders.outbox().join(report_name(&result))).is_ok() {
-                durable::sync_folder(disk, self.folders.outbox())?;
-            }
+            recovery::withdraw(&self.folders, &result, &photo.path)?;
         }
         let path = durable::move_to(disk, &photo.path, self.folders.inbox(), &photo.name)?;
         photo.ledger.close(&self.folders)?;

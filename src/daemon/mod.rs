@@ -23,6 +23,7 @@ mod gallery;
 mod hints;
 mod inbox;
 mod job;
+mod lease;
 mod ledger;
 pub mod log_writer;
 pub mod on_rig;

@@ -12,6 +12,7 @@ use super::gallery::Gallery;
 use super::hints::Hints;
 use super::inbox::{Inbox, Patience};
 use super::job::Verdict;
+use super::lease::{Lease, Neighbours};
 use super::schedule::{Ended, Schedule, Turn};
 use super::{DaemonError, Doing, Failed, Folders, Report, Restorer, Setting, State, Watcher};
 use crate::disk::Look;
@@ -47,6 +48,8 @@ pub struct Daemon<'a> {
     pub(super) watcher: &'a mut dyn Watcher,
     schedule: Box<dyn Schedule + 'a>,
     inbox: Inbox,
+    pub(super) lease: Lease,
+    neighbours: Neighbours,
     hints: Hints,
     gallery: Gallery,
     gallery_written: Option<Moment>,
@@ -72,6 +75,7 @@ impl<'a> Daemon<'a> {
         watcher: &'a mut dyn Watcher,
     ) -> Result<Daemon<'a>, DaemonError> {
         let gallery = Gallery::load(&folders)?;
+        let lease = Lease::new(setting.lease_s);
         let hints = if setting.hints { Hints::new() } else { Hints::none() };
         Ok(Daemon {
             folders,
@@ -82,6 +86,8 @@ impl<'a> Daemon<'a> {
             watcher,
             schedule: Box::new(()),
             inbox: Inbox::default(),
+            lease,
+            neighbours: Neighbours::default(),
             hints,
             gallery,
             gallery_written: None,
@@ -199,6 +205,7 @@ impl<'a> Daemon<'a> {
                 let shown = way.to_string_lossy().into_owned();
                 self.tell(Doing::Restoring { photo: shown.clone() });
                 self.watcher.begun(&shown, number, of);
+                self.lease.beat(&self.folders, self.clock.now());
                 let verdict = self.job(&way);
                 self.watcher.ended();
                 self.note(&way, verdict?, retry_s);
@@ -217,7 +224,10 @@ impl<'a> Daemon<'a> {
 
     /// One look at the inbox: the ways to photos that may be taken now, and how many wait in all.
     fn look(&mut self, patience: Patience) -> Result<(Vec<PathBuf>, usize), DaemonError> {
-        let (now, disk, folder) = (self.clock.now(), self.folders.disk(), self.folders.inbox());
+        let now = self.clock.now();
+        self.lease.beat(&self.folders, now);
+        self.neighbours.look(&self.folders, now, self.setting.lease_s);
+        let (disk, folder) = (self.folders.disk(), self.folders.inbox());
         self.hints.listen(folder);
         let found = self.inbox.look(disk, folder, now, patience)?;
         let unfinished = found.unfinished;
@@ -283,6 +293,9 @@ impl<'a> Daemon<'a> {
 
     fn show_gallery(&mut self) -> Result<(), DaemonError> {
         self.gallery_written = Some(self.clock.now());
+        if self.folders.shared() {
+            self.gallery = Gallery::load(&self.folders)?;
+        }
         let left: Vec<Failed> = self.left.values().cloned().collect();
         self.gallery.write(&self.folders, &self.setting.rig, &left, self.unix_s())
     }
@@ -315,6 +328,7 @@ impl<'a> Daemon<'a> {
     fn wait(&self, wait_s: f64, stop: &dyn Fn() -> bool) {
         let until = self.clock.now().0 + wait_s;
         while !stop() && !self.schedule.wakes() && self.clock.now().0 < until {
+            self.lease.beat(&self.folders, self.clock.now());
             self.clock.wait_until(Moment((self.clock.now().0 + STEP_S).min(until)));
         }
     }

@@ -8,6 +8,7 @@
 mod bed;
 mod files;
 mod model_disk;
+mod neighbours;
 mod power;
 mod power_checks;
 mod readiness;

@@ -1,0 +1,118 @@
+//! Several boxes on one set of folders: whose claim a photo in `working` is, and for how long.
+//!
+//! Each box works in a folder of its own, `working/NAME`, so that a photo is claimed by whoever renames it
+//! there first. A box that works changes its lease there every now and then, from the loop that does the work:
+//! one that hangs in a device loses its claims as one does that lost its power. The others watch whether the
+//! lease *changes*, each by its own clock, for the boxes' calendars may differ by years. A lease that stays
+//! as it is for [`Setting::lease_s`](super::Setting::lease_s) has run out, and any other box takes the photos
+//! over.
+//!
+//! A box that was only asleep may wake up then. Before it delivers, it looks whether its own lease can still be
+//! good and the photo is still where it claimed it, and gives up otherwise. Between that look and the delivery
+//! lie some milliseconds, against minutes of lease; a box that sleeps exactly there delivers a second result.
+
+use std::cell::Cell;
+use std::collections::HashMap;
+use std::ffi::{OsStr, OsString};
+
+use crate::remedy::full_message;
+use crate::rig::Moment;
+
+use super::{DaemonError, Folders, durable, recovery};
+
+/// Name of the lease in a box's folder.
+pub(super) const LEASE: &str = ".relens-lease";
+
+/// A lease is changed this many times before it runs out. Guess: nine may be lost to a slow network.
+const BEATS: f64 = 10.0;
+
+/// Longest lease file there is.
+const BYTES_MAX: u64 = 64;
+
+/// This box's own lease.
+#[derive(Debug)]
+pub(super) struct Lease {
+    lease_s: f64,
+    beaten: Cell<Option<Moment>>,
+    count: Cell<u64>,
+}
+
+impl Lease {
+    /// A lease that runs out when it has not been changed for `lease_s`.
+    pub(super) fn new(lease_s: f64) -> Lease {
+        Lease { lease_s, beaten: Cell::new(None), count: Cell::new(0) }
+    }
+
+    /// Changes the lease when it is time. A box alone on its folders needs none.
+    pub(super) fn beat(&self, folders: &Folders, now: Moment) {
+        let due = self.beaten.get().is_none_or(|at| now.0 - at.0 >= self.lease_s / BEATS);
+        if !folders.shared() || !due {
+            return;
+        }
+        let count = self.count.get() + 1;
+        let words = format!("{} {count}\n", std::process::id());
+        match durable::replace_for_now(folders.disk(), folders.working(), LEASE.as_ref(), words.as_bytes()) {
+            Ok(()) => {
+                self.beaten.set(Some(now));
+                self.count.set(count);
+            }
+            // It runs out, then; the photo under way will be given up.
+            Err(error) => log::debug!("{}", full_message(&error)),
+        }
+    }
+
+    /// Whether nobody can have taken this box for dead.
+    pub(super) fn is_good(&self, folders: &Folders, now: Moment) -> bool {
+        // Half: the others see a change later than it is made.
+        !folders.shared() || self.beaten.get().is_some_and(|at| now.0 - at.0 < self.lease_s / 2.0)
+    }
+}
+
+/// The other boxes' leases, as last seen to change.
+#[derive(Debug, Default)]
+pub(super) struct Neighbours(HashMap<OsString, (Option<Vec<u8>>, Moment)>);
+
+impl Neighbours {
+    /// Looks at the other boxes' leases and takes over what those leave that have run out.
+    pub(super) fn look(&mut self, folders: &Folders, now: Moment, lease_s: f64) {
+        let others = match folders.others() {
+            Ok(others) => others,
+            Err(error) => return log::debug!("{}", full_message(&error)),
+        };
+        self.0.retain(|name, _| others.contains(name));
+        for name in others {
+            let theirs = folders.of_box(&name);
+            // One that cannot be read for now says nothing new.
+            let Ok(lease) = durable::read(folders.disk(), &theirs.working().join(LEASE), BYTES_MAX) else {
+                continue;
+            };
+            let (seen, since) = self.0.entry(name.clone()).or_insert_with(|| (lease.clone(), now));
+            if *seen != lease {
+                (*seen, *since) = (lease, now);
+            } else if now.0 - since.0 >= lease_s
+                && let Err(error) = take_over(&theirs, &name)
+            {
+                log::warn!("{}", full_message(&error));
+            }
+        }
+    }
+}
+
+/// Finishes what the box `name` delivered, and puts the other photos it claimed back into the inbox.
+fn take_over(theirs: &Folders, name: &OsStr) -> Result<(), DaemonError> {
+    let photos = recovery::photos(theirs)?;
+    if !photos.is_empty() {
+        log::warn!(
+            "the box {} has not moved for too long; its photos are taken over",
+            name.to_string_lossy()
+        );
+    }
+    for photo in photos {
+        match recovery::recover_photo(theirs, &photo) {
+            // Another box was quicker.
+            Err(DaemonError::Files { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {}
+            recovered => recovered?,
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,147 @@
+//! Two boxes on one set of folders: each photo goes to exactly one, and none is lost with a box.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant, UNIX_EPOCH};
+
+use relens::daemon::{Daemon, Folders, Setting, Step, Summary, Watcher};
+use relens::picture::Format;
+use relens::rig::{Clock, Moment};
+
+use crate::bed::*;
+
+fn shared(root: &Path, name: &str) -> Folders {
+    Folders::open_shared(root, name.as_ref()).unwrap()
+}
+
+/// The time as it is: two boxes at once have no other in common.
+struct RealClock(Instant);
+
+impl Clock for RealClock {
+    fn now(&self) -> Moment {
+        Moment(self.0.elapsed().as_secs_f64())
+    }
+    fn wait_until(&self, moment: Moment) {
+        std::thread::sleep(Duration::from_secs_f64((moment.0 - self.now().0).max(0.0)));
+    }
+}
+
+/// One box working until `stop` says so, told the time.
+fn work(root: &Path, name: &str, watcher: &mut dyn Watcher, stop: &dyn Fn(f64) -> bool) -> (Summary, usize) {
+    work_by(&TestClock::default(), setting(), root, name, watcher, stop)
+}
+
+fn work_by(
+    clock: &dyn Clock,
+    setting: Setting,
+    root: &Path,
+    name: &str,
+    watcher: &mut dyn Watcher,
+    stop: &dyn Fn(f64) -> bool,
+) -> (Summary, usize) {
+    let mut restorer = Brightener::default();
+    let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
+    let setting = Setting { hints: false, ..setting };
+    let mut daemon =
+        Daemon::open(shared(root, name), setting, &mut restorer, clock, &calendar, watcher).unwrap();
+    let summary = daemon.run(&|| stop(clock.now().0));
+    drop(daemon);
+    (summary, restorer.restored)
+}
+
+fn all_done(root: &Path, photos: usize) {
+    assert_eq!(names(&root.join("done")).len(), photos);
+    let outbox = names(&root.join("outbox"));
+    assert_eq!(outbox.len(), 2 * photos, "a result and a report each: {outbox:?}");
+    for folder in ["inbox", "working/left", "working/right", "failed"] {
+        assert!(names(&root.join(folder)).is_empty(), "{folder}");
+    }
+}
+
+#[test]
+fn two_boxes_share_the_work_and_never_a_photo() {
+    const PHOTOS: usize = 60;
+    let root = fresh_root();
+    let root = root.path();
+    for n in 0..PHOTOS {
+        // Some of them namesakes by another case.
+        let name = if n % 10 == 9 { format!("P{}.PNG", n - 1) } else { format!("p{n}.png") };
+        drop_in(root, &name, &file(Format::Png, 8, RIG));
+    }
+    let restored = AtomicUsize::new(0);
+    let over = |_: f64| names(&root.join("done")).len() == PHOTOS;
+    std::thread::scope(|scope| {
+        for name in ["left", "right"] {
+            let (restored, over) = (&restored, &over);
+            scope.spawn(move || {
+                let setting = Setting { quiet_s: 0.0, poll_s: 0.01, ..setting() };
+                let (_, count) = work_by(&RealClock(Instant::now()), setting, root, name, &mut (), over);
+                restored.fetch_add(count, Ordering::SeqCst)
+            });
+        }
+    });
+    assert_eq!(restored.load(Ordering::SeqCst), PHOTOS, "none was restored twice");
+    all_done(root, PHOTOS);
+}
+
+/// Dies at a step, or does something first.
+struct At<'a>(Step, &'a dyn Fn());
+
+impl Watcher for At<'_> {
+    fn step(&mut self, step: Step) {
+        if step == self.0 {
+            (self.1)();
+        }
+    }
+}
+
+#[test]
+fn a_dead_boxs_photos_are_taken_over_when_its_lease_has_run_out() {
+    for step in Step::ALL {
+        let root = fresh_root();
+        let root = root.path();
+        drop_in(root, "a.png", &file(Format::Png, 8, RIG));
+        let die = || std::panic::resume_unwind(Box::new("the power fails"));
+        let died = catch_unwind(AssertUnwindSafe(|| work(root, "left", &mut At(step, &die), &|_| false)));
+        assert!(died.is_err(), "{step:?}");
+        let waits = !root.join("done/a.png").exists();
+        let (_, early) = work(root, "right", &mut (), &|now| now > 200.0);
+        assert_eq!(waits, !root.join("done/a.png").exists(), "{step:?}: not before the lease has run out");
+        let (_, late) = work(root, "right", &mut (), &|now| now > 400.0);
+        let delivered = step >= Step::Delivered;
+        assert_eq!(early + late, usize::from(!delivered), "{step:?}");
+        all_done(root, 1);
+    }
+}
+
+#[test]
+fn a_box_that_only_slept_gives_up_what_was_taken_over() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "a.png", &file(Format::Png, 8, RIG));
+    let other_works = || {
+        let (_, restored) = work(root, "right", &mut (), &|now| now > 400.0);
+        assert_eq!(restored, 1, "taken over while the other slept");
+    };
+    let (summary, restored) = work(root, "left", &mut At(Step::Restored, &other_works), &|now| now > 100.0);
+    assert_eq!((restored, summary.restored.len()), (1, 0), "restored and not delivered: {summary:?}");
+    all_done(root, 1);
+}
+
+#[test]
+fn names_of_boxes_are_held_to_one_box_each_and_a_box_alone_shares_with_nobody() {
+    let root = fresh_root();
+    let root = root.path();
+    for bad in ["", ".", "..", ".hidden", "a/b"] {
+        assert!(Folders::open_shared(root, bad.as_ref()).is_err(), "{bad}");
+    }
+    let left = shared(root, "left");
+    assert!(Folders::open_shared(root, "left".as_ref()).unwrap_err().to_string().contains("in use"));
+    assert!(Folders::open(root).unwrap_err().to_string().contains("in use"));
+    let right = shared(root, "right");
+    drop((left, right));
+    let alone = Folders::open(root).unwrap();
+    assert!(Folders::open_shared(root, "left".as_ref()).is_err());
+    drop(alone);
+}
