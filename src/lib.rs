@@ -24,8 +24,8 @@
 //! | 1 | [`restore`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
 //! | 1 | [`disk`] | whatever is kept, behind a trait that tests stand in for |
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
-//! | 3 | [`light_path`], [`calibrate`], [`check`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing |
-//! | 4 | [`restoration`] | one photo restored on a calibrated rig |
+//! | 3 | [`light_path`], [`calibrate`], [`check`], [`kiosk`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing; button, lamps, screens |
+//! | 4 | [`restoration`], [`nights`] | one photo restored on a calibrated rig; hours, clock trust, drift |
 //! | 5 | [`daemon`], [`evaluate`] | drop folder, jobs, reports; tables and charts made by the program |
 //!
 //! Start reading at [`restore`], then [`light_path`].
@@ -38,7 +38,9 @@ pub mod daemon;
 pub mod disk;
 pub mod evaluate;
 pub mod frame;
+pub mod kiosk;
 pub mod light_path;
+pub mod nights;
 pub mod patterns;
 pub mod picture;
 pub mod remedy;

@@ -5,7 +5,7 @@
 
 use crate::calibration::correction::Correction;
 use crate::frame::{Frame, Size, Work};
-use crate::remedy::AnyFailure;
+use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::rig::exposure::Rig;
 
@@ -16,6 +16,18 @@ pub struct LightPath<'a> {
     stopwatch: &'a (dyn Fn() -> f64 + Sync),
     waited_seconds: f64,
     pedestal: Option<(Frame<Work>, Seen)>,
+    interrupted: Option<&'a (dyn Fn() -> bool + Send + Sync)>,
+}
+
+/// Somebody asked that no more captures be made for this photo.
+#[derive(Debug, Clone, Copy, thiserror::Error)]
+#[error("given up when asked to")]
+pub struct Interrupted;
+
+impl Remediable for Interrupted {
+    fn remedy(&self) -> Remedy {
+        Remedy::RetryLater
+    }
 }
 
 impl<'a> LightPath<'a> {
@@ -26,7 +38,14 @@ impl<'a> LightPath<'a> {
         correction: &'a Correction,
         stopwatch: &'a (dyn Fn() -> f64 + Sync),
     ) -> Self {
-        LightPath { rig, correction, stopwatch, waited_seconds: 0.0, pedestal: None }
+        LightPath { rig, correction, stopwatch, waited_seconds: 0.0, pedestal: None, interrupted: None }
+    }
+
+    /// The same path, which makes no capture once `interrupted` says so.
+    #[must_use]
+    pub fn interruptible(mut self, interrupted: Option<&'a (dyn Fn() -> bool + Send + Sync)>) -> Self {
+        self.interrupted = interrupted;
+        self
     }
 
     /// Seconds on the stopwatch between giving the panel a picture and having its frame, so far.
@@ -41,6 +60,9 @@ impl ForwardConvolution for LightPath<'_> {
     }
 
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        if self.interrupted.is_some_and(|asked| asked()) {
+            return Err(Box::new(Interrupted));
+        }
         let codes = self.correction.show(shown);
         let begun = (self.stopwatch)();
         let exposed = self.rig.capture(&codes).map_err(|e| Box::new(e) as AnyFailure)?;

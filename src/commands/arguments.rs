@@ -27,6 +27,8 @@ pub(super) enum Command {
     Chart { rig: PathBuf, out: PathBuf, quick: bool },
     Check { rig: PathBuf, folder: PathBuf },
     Status { folder: PathBuf },
+    Screens { rig: PathBuf, out: PathBuf },
+    Press { folder: PathBuf, long: bool },
     Help { about: Option<String> },
     Version,
 }
@@ -57,7 +59,7 @@ const RIG: Option_ = ("rig", Some('r'), true, true);
 const FOLDER: Option_ = ("folder", Some('f'), true, false);
 const OUT: Option_ = ("out", Some('o'), true, true);
 
-const COMMANDS: [Known; 10] = [
+const COMMANDS: [Known; 12] = [
     Known { name: "demo", options: &[("out", Some('o'), true, false)], words: &[] },
     Known { name: "run", options: &[RIG, FOLDER, ("once", None, false, false)], words: &[] },
     Known { name: "calibrate", options: &[RIG, FOLDER], words: &[] },
@@ -70,6 +72,8 @@ const COMMANDS: [Known; 10] = [
     Known { name: "chart", options: &[RIG, OUT, ("quick", None, false, false)], words: &[] },
     Known { name: "check", options: &[RIG, FOLDER], words: &[] },
     Known { name: "status", options: &[FOLDER], words: &[] },
+    Known { name: "screens", options: &[RIG, OUT], words: &[] },
+    Known { name: "press", options: &[FOLDER, ("long", None, false, false)], words: &[] },
     Known { name: "help", options: &[], words: &[] },
     Known { name: "version", options: &[], words: &[] },
 ];
@@ -166,6 +170,7 @@ fn build(
     }
     let once = given.contains_key("once");
     let quick = given.contains_key("quick");
+    let long = given.contains_key("long");
     let mut path = |name: &str| given.remove(name).map(PathBuf::from);
     let (rig, out) = (path("rig").unwrap_or_default(), path("out"));
     let folder = path("folder").unwrap_or_else(|| PathBuf::from("."));
@@ -186,6 +191,8 @@ fn build(
         "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick },
         "check" => Command::Check { rig, folder },
         "status" => Command::Status { folder },
+        "screens" => Command::Screens { rig, out: out.unwrap_or_default() },
+        "press" => Command::Press { folder, long },
         _ => Command::Version,
     })
 }

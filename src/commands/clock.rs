@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use relens::rig::{Clock, Moment};
 
 /// Seconds since it was made.
+#[derive(Clone, Copy)]
 pub(super) struct MachineClock(Instant);
 
 impl MachineClock {

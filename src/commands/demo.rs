@@ -29,7 +29,7 @@ pub(super) fn run(out: &Path) -> Result<(), Trouble> {
             .map_err(|e| Trouble::writing(&path, &e))?;
     }
     say("2. calibrating the rig, from captures alone")?;
-    let mut restorer = rigged::restorer(&rig, &root, None, &mut |words| log::info!("{words}"))?;
+    let mut restorer = rigged::restorer(&rig, &root, None, None, &mut |words| log::info!("{words}"))?;
     say(&format!("3. restoring what was dropped into {}", inbox.display()))?;
     let summary = drop_folder::empty_inbox(&rig, folders, &mut *restorer)?;
     say(

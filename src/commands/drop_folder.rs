@@ -2,33 +2,143 @@
 
 use std::io::IsTerminal;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use relens::config::Rig;
-use relens::daemon::{Daemon, Folders, ProgressLine, Reader, Restorer, Setting, Summary, Watcher};
-
+use relens::daemon::service::Supervised;
+use relens::daemon::{
+    Attended, Daemon, Doing, Folders, Nightly, ProgressLine, Reader, Restorer, Schedule, Setting, State,
+    Summary, Times, Watcher, interruption,
+};
+use relens::kiosk::front::{self, Front};
 use relens::picture::worker::Worker;
+use relens::rig::{Clock, Moment};
 
 use super::clock::MachineClock;
-use super::{Trouble, rigged, say, single};
+use super::front_desk::FrontDesk;
+use super::{Trouble, rigged, say, service_manager, single};
+
+/// Seconds between two attempts to open a rig that cannot be opened.
+const OPEN_AGAIN_S: f64 = 30.0;
 
 /// Watches the inbox in `folder`, or empties it `once`.
 pub(super) fn run(rig: &Path, folder: &Path, once: bool) -> Result<(), Trouble> {
     let rig = single::rig(rig)?;
     let folders = Folders::open(folder)?;
-    let mut restorer = rigged::restorer(&rig, folders.root(), None, &mut |words| log::info!("{words}"))?;
     let gallery = folders.outbox().join("index.html");
+    let stopped = stop_flag()?;
     if once {
+        let front = Front::default();
+        let asked = interruption(front, Arc::clone(&stopped));
+        let mut restorer =
+            rigged::restorer(&rig, folders.root(), None, Some(asked), &mut |words| log::info!("{words}"))?;
         let summary = empty_inbox(&rig, folders, &mut *restorer)?;
         return conclude(&summary, &gallery);
     }
+    service_manager().ready();
+    let front = Front::default();
+    // Declared before all that it outlives: the lamps go dark last.
+    let _desk = FrontDesk::open(&rig, folders.root(), front.clone());
+    let clock = MachineClock::new();
+    let stop = || stopped.load(Ordering::Acquire);
+    let Some(mut restorer) = open_patiently(&rig, &folders, &front, &stopped, &clock)? else {
+        service_manager().stopping();
+        return Ok(());
+    };
     log::info!("watching {}; results are shown by {}", folders.inbox().display(), gallery.display());
-    let (clock, mut watcher) = (MachineClock::new(), watcher());
-    let mut daemon =
-        Daemon::open(folders, setting(&rig), &mut *restorer, &clock, &SystemTime::now, &mut *watcher)?;
-    // The process is ended by a signal; whatever that interrupts, the next start takes up.
-    daemon.run(&|| false);
+    let times = Times {
+        clock: &clock,
+        calendar: &SystemTime::now,
+        is_set: &clock_is_set,
+        temperature_c: &temperature_c,
+    };
+    let night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
+    let night: Box<dyn Schedule> = match night {
+        Some(night) => Box::new(night),
+        None => Box::new(()),
+    };
+    let schedule = Attended::new(front, rig.run.mode, &clock, night);
+    let mut watcher = Supervised::new(service_manager(), watcher());
+    let daemon =
+        Daemon::open(folders, setting(&rig), &mut *restorer, &clock, &SystemTime::now, &mut watcher)?;
+    daemon.scheduled(Box::new(schedule)).run(&stop);
     Ok(())
+}
+
+/// True once SIGTERM or SIGINT came: the photo under way is given up before its next capture, or finished.
+/// A second SIGINT ends the program at once, for those who sit before it.
+fn stop_flag() -> Result<Arc<AtomicBool>, Trouble> {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let stopped = Arc::new(AtomicBool::new(false));
+    let failed = |error: std::io::Error| Trouble::Failure {
+        words: format!("cannot listen to signals: {error}"),
+        remedy: relens::remedy::Remedy::CallOperator,
+    };
+    signal_hook::flag::register_conditional_shutdown(SIGINT, 130, Arc::clone(&stopped)).map_err(failed)?;
+    for signal in [SIGTERM, SIGINT] {
+        signal_hook::flag::register(signal, Arc::clone(&stopped)).map_err(failed)?;
+    }
+    Ok(stopped)
+}
+
+/// The restorer of `rig`, tried until it can be had; `None` when it was stopped before. What is wrong is said
+/// by lamps, log, state file and service manager, and by the panel if at least that can be had.
+fn open_patiently(
+    rig: &Rig,
+    folders: &Folders,
+    front: &Front,
+    stopped: &Arc<AtomicBool>,
+    clock: &MachineClock,
+) -> Result<Option<Box<dyn Restorer>>, Trouble> {
+    let mut told = String::new();
+    loop {
+        let asked = interruption(front.clone(), Arc::clone(stopped));
+        service_manager().status("opening the rig");
+        let tell = &mut |words: &str| log::info!("{words}");
+        let trouble = match rigged::restorer(rig, folders.root(), None, Some(asked), tell) {
+            Ok(restorer) => return Ok(Some(restorer)),
+            Err(trouble) => trouble,
+        };
+        let reason = relens::remedy::full_message(&trouble);
+        front.set(front::State::Trouble { reason: reason.clone() });
+        if told != reason {
+            log::warn!("holding: {reason}");
+            let doing = Doing::Held { reason: reason.clone() };
+            // A disk that is full is told of by the log.
+            let _ = State::new(&rig.name, doing, unix_s()).write(folders);
+            told = reason.clone();
+        }
+        service_manager().status(&format!("needs help: {reason}"));
+        let _panel = rigged::show_trouble(rig, &reason);
+        let until = clock.now().0 + OPEN_AGAIN_S;
+        while clock.now().0 < until {
+            if stopped.load(Ordering::Acquire) {
+                let _ = State::new(&rig.name, Doing::Ended, unix_s()).write(folders);
+                return Ok(None);
+            }
+            clock.wait_until(Moment(clock.now().0 + 0.2));
+        }
+        // An attempt was finished; one that hangs in a device feeds no watchdog.
+        service_manager().worked();
+    }
+}
+
+fn unix_s() -> u64 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
+
+/// Whether the network has set the clock: the kernel says so, or, where a service may not ask it, the mark
+/// that systemd-timesyncd leaves when it has (systemd-timesyncd.service(8)).
+fn clock_is_set() -> bool {
+    relens::rig::kernel_time::is_synchronised() || Path::new("/run/systemd/timesync/synchronized").exists()
+}
+
+/// Temperature of the board's first thermal zone, which on boards is the processor's.
+fn temperature_c() -> Option<f64> {
+    let text = std::fs::read_to_string("/sys/class/thermal/thermal_zone0/temp").ok()?;
+    Some(text.trim().parse::<f64>().ok()? / 1000.0)
 }
 
 /// Restores all that is in the inbox of `folders`.

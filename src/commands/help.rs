@@ -12,6 +12,8 @@ pub(super) fn text(about: Option<&str>) -> &'static str {
         Some("chart") => CHART,
         Some("check") => CHECK,
         Some("status") => STATUS,
+        Some("screens") => SCREENS,
+        Some("press") => PRESS,
         Some(_) => OVERVIEW,
     }
 }
@@ -30,6 +32,8 @@ its photograph is the photo.
   relens chart --rig RIG.toml -o DIR      speed against accuracy, and stability
   relens check --rig RIG.toml             devices, calibration, noise: what is wrong, what to do
   relens status                           what the daemon is doing
+  relens screens --rig RIG.toml -o DIR    what the panel shows between jobs, as pictures
+  relens press                            presses the button of a simulated rig
   relens help [COMMAND]                   more about a command
   relens version
 
@@ -92,3 +96,15 @@ const STATUS: &str = "\
 relens status [--folder DIR]
 
 What the daemon on DIR (this folder when not given) is doing, from its state file.";
+
+const SCREENS: &str = "\
+relens screens --rig RIG.toml --out DIR
+
+Draws one screen of each kind for the rig's panel, as PNG files in DIR: what the panel shows between jobs.";
+
+const PRESS: &str = "\
+relens press [--folder DIR] [--long]
+
+Presses the button of the simulated rig that a `relens run` works with on DIR (this folder when not given).
+
+  --long   holds it down: gives the job under way up; in maintenance, measures the lens anew";

@@ -4,11 +4,12 @@ mod arguments;
 mod clock;
 mod demo;
 mod drop_folder;
+mod front_desk;
 mod help;
-#[cfg(feature = "hardware")]
-mod lamped;
 mod rigged;
 mod scenes;
+mod screens;
+mod simulated_button;
 mod single;
 mod status;
 mod trouble;
@@ -16,10 +17,12 @@ mod trouble;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
 use relens::picture::worker;
 
 use arguments::{Command, Parsed};
+use relens::daemon::service::ServiceManager;
 use trouble::Trouble;
 
 /// Runs the command in `words` (the program's name left out).
@@ -58,9 +61,17 @@ fn dispatch(parsed: Parsed) -> Result<(), Trouble> {
         Command::Chart { rig, out, quick } => rigged::chart(&single::rig(&rig)?, &out, quick),
         Command::Check { rig, folder } => rigged::check(&single::rig(&rig)?, &folder),
         Command::Status { folder } => status::run(&folder),
+        Command::Screens { rig, out } => screens::run(&single::rig(&rig)?, &out),
+        Command::Press { folder, long } => simulated_button::press(&folder, long),
         Command::Help { about } => say(help::text(about.as_deref())),
         Command::Version => say(concat!("relens ", env!("CARGO_PKG_VERSION"))),
     }
+}
+
+/// The service manager that started this program, if one did.
+fn service_manager() -> &'static ServiceManager {
+    static MANAGER: OnceLock<ServiceManager> = OnceLock::new();
+    MANAGER.get_or_init(|| ServiceManager::at(std::env::var_os("NOTIFY_SOCKET").as_deref()))
 }
 
 /// Writes one line to standard output. A reader that went away is no trouble of ours.

@@ -6,15 +6,17 @@ use std::time::Instant;
 
 use relens::calibrate;
 use relens::calibration::store;
-#[cfg(feature = "hardware")]
-use relens::config::Kind;
 use relens::config::{Curve, Method, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
 use relens::evaluate;
 use relens::frame::{Frame, Work};
+#[cfg(feature = "hardware")]
+use relens::kiosk::screen::{Screen, draw};
 use relens::picture::{Format, Layout, Manner, encode};
 use relens::remedy::Remedy;
+use relens::restoration::Interruption;
+use relens::rig::Panel;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
 
@@ -29,6 +31,7 @@ pub(super) fn restorer(
     rig: &Rig,
     folder: &Path,
     method: Option<Method>,
+    interrupted: Option<Interruption>,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Box<dyn Restorer>, Trouble> {
     let mut devices = open(rig)?;
@@ -46,13 +49,11 @@ pub(super) fn restorer(
     let begun = Instant::now();
     let stopwatch = Box::new(move || begun.elapsed().as_secs_f64());
     let method = method.unwrap_or(rig.restore.method);
-    let restorer = Box::new(OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?);
-    #[cfg(feature = "hardware")]
-    if let Kind::Hardware(hardware) = &rig.kind {
-        let lamps = relens::rig::hardware::open_lamps(hardware).map_err(|e| Trouble::of(&e))?;
-        return Ok(Box::new(super::lamped::Lamped::new(restorer, lamps)));
-    }
-    Ok(restorer)
+    let restorer = OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?;
+    Ok(Box::new(match interrupted {
+        Some(interrupted) => restorer.interruptible(interrupted),
+        None => restorer,
+    }))
 }
 
 /// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the
@@ -95,13 +96,30 @@ fn open(rig: &Rig) -> Result<Devices, Trouble> {
     relens::rig::open(rig).map_err(|e| Trouble::of(&e))
 }
 
+/// Shows on the panel what keeps `rig` from being opened, if the panel alone can be had; until the value is
+/// dropped. A simulated panel nobody sees.
+pub(super) fn show_trouble(rig: &Rig, reason: &str) -> Option<Box<dyn Panel + Send>> {
+    #[cfg(feature = "hardware")]
+    if let relens::config::Kind::Hardware(hardware) = &rig.kind {
+        let to_do = "Look after camera, panel and their cables. The box tries again by itself.".to_owned();
+        let screen = Screen::Trouble { what: reason.to_owned(), to_do };
+        let mut panel = relens::rig::hardware::open_panel(rig, hardware).ok()?;
+        let codes = draw(&screen, panel.size(), None);
+        panel.show(&codes).ok()?;
+        return Some(panel);
+    }
+    log::debug!("{} has no panel to show it on: {reason}", rig.name);
+    None
+}
+
 /// Where the calibration is kept.
 fn slots(folder: &Path) -> PathBuf {
     folder.join("calibration")
 }
 
-/// The progress line of a calibration, on a terminal.
+/// The progress of a calibration: each capture is work done; a line on a terminal.
 fn calibrating(progress: calibrate::Progress) {
+    super::service_manager().worked();
     if std::io::stderr().is_terminal() {
         let calibrate::Progress { step, captures, total } = progress;
         let _ = write!(std::io::stderr(), "\r\x1b[2Kcalibrating: {step}, capture {captures} of {total}");

@@ -25,7 +25,8 @@ pub(super) fn restore(words: &RestoreWords) -> Result<(), Trouble> {
     let photo = Photo::read(&words.photo, rig.photo.curve, &Limits::default())
         .and_then(|photo| photo.fit(rig.photo.size()))
         .map_err(|e| Trouble::of(&e))?;
-    let mut restorer = rigged::restorer(&rig, &words.folder, method, &mut |words| log::info!("{words}"))?;
+    let mut restorer =
+        rigged::restorer(&rig, &words.folder, method, None, &mut |words| log::info!("{words}"))?;
     let mut line = std::io::stderr().is_terminal().then(|| ProgressLine::new(std::io::stderr()));
     if let Some(line) = &mut line {
         line.begun(&photo.name, 1, 1);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::appliance::check_appliance;
 use super::hardware::check_hardware;
 use super::simulation::{Display, Glare, Lens, Prescription, Primaries, Sensor, Simulation};
 use super::written::{KindWord, LensTable, Written};
@@ -58,6 +59,8 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
     check_sizes(&rules, &written)?;
     check_times(&rules, &written)?;
     check_methods(&rules, &written)?;
+    let (run, nights, keep) = (written.run.unwrap_or_default(), written.nights.clone(), written.keep);
+    check_appliance(&rules, run, nights.as_ref(), keep)?;
     let Written { rig, photo, panel, camera, canvas, marks, calibration, restore, paper, .. } = &written;
     let (rig_name, parts) = (rig.name.clone(), (photo.clone(), panel.clone(), camera.clone()));
     let geometry_parts = (
@@ -103,6 +106,9 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
         calibration,
         restore,
         paper,
+        run,
+        nights,
+        keep,
         identity,
     })
 }

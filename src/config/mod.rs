@@ -4,6 +4,7 @@
 //! the nearest known one, and rules across fields say what was found and what is allowed. The rig files
 //! of `rig-config/` are part of the program, so `--rig simulated.toml` works from any folder.
 
+mod appliance;
 mod blur;
 mod check;
 mod error;
@@ -12,6 +13,7 @@ mod parts;
 mod simulation;
 mod written;
 
+pub use appliance::{ClockSource, Keep, Mode, Nights, Run, Window};
 pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
@@ -61,6 +63,12 @@ pub struct Rig {
     pub restore: Restore,
     /// The paper's own parameters.
     pub paper: Paper,
+    /// Who says when photos are restored.
+    pub run: Run,
+    /// When, if only at night; and how drift is watched.
+    pub nights: Option<Nights>,
+    /// How long results are kept, if not for ever.
+    pub keep: Option<Keep>,
     /// A hash of everything a calibration depends on: a calibration of another identity is not this rig's.
     /// Seeds, faults, and how photos are restored are not part of it.
     pub identity: u64,

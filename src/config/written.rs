@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use super::ConfigError;
+use super::appliance::{Keep, Nights, Run};
 use super::hardware::Hardware;
 use super::parts::{Calibration, Camera, Canvas, Marks, Panel, Paper, Photo, Restore};
 use super::simulation::{Display, Faults, LensGeometry, Pose, Sensor, Surface, Surround};
@@ -20,6 +21,9 @@ pub(super) struct Written {
     pub(super) calibration: Calibration,
     pub(super) restore: Restore,
     pub(super) paper: Paper,
+    pub(super) run: Option<Run>,
+    pub(super) nights: Option<Nights>,
+    pub(super) keep: Option<Keep>,
     pub(super) simulation: Option<SimulationTable>,
     pub(super) lens: Option<LensTable>,
     pub(super) pose: Option<Pose>,

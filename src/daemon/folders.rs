@@ -160,6 +160,11 @@ impl Folders {
             .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockShared).is_err())
     }
 
+    /// The disk, for those who work beside the daemon.
+    pub(super) fn shared_disk(&self) -> Arc<dyn Disk> {
+        Arc::clone(&self.disk)
+    }
+
     /// The disk the folders are on.
     pub fn disk(&self) -> &dyn Disk {
         &*self.disk

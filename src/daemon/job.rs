@@ -11,6 +11,7 @@ use crate::rig::Moment;
 
 use super::ledger::{ATTEMPTS_MAX, Ledger};
 use super::run::Daemon;
+use super::withdrawal::Delivered;
 use super::{DaemonError, Failed, Report, Restored, Step, durable, recovery};
 use crate::disk::Kind;
 
@@ -26,8 +27,8 @@ pub(super) enum Verdict {
     Restored {
         /// The report beside it.
         report: Box<Report>,
-        /// Name of the original in `done`.
-        kept: OsString,
+        /// Name of the original in `done`, and of the result.
+        delivered: Delivered,
     },
     /// It is in `failed`.
     Failed(Failed),
@@ -227,10 +228,11 @@ impl Daemon<'_> {
         self.watcher.step(Step::Moved);
         // Before the record goes: without it the photo would be restored a second time.
         durable::sync_folder(disk, done)?;
+        let result = photo.ledger.result().unwrap_or_default();
         photo.ledger.close(&self.folders)?;
         self.watcher.step(Step::Closed);
-        let kept = kept.file_name().unwrap_or(&photo.name).to_owned();
-        Ok(Verdict::Restored { report: Box::new(report), kept })
+        let delivered = Delivered { kept: kept.file_name().unwrap_or(&photo.name).to_owned(), result };
+        Ok(Verdict::Restored { report: Box::new(report), delivered })
     }
 
     /// Whether the photo is still this box's.

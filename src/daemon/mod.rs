@@ -15,17 +15,21 @@
 //! [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`]; what decides when photos may be taken
 //! behind [`Schedule`].
 
+mod attended;
+mod baseline;
 mod delivery;
 mod durable;
 mod error;
 mod folders;
 mod gallery;
 mod hints;
+mod history;
 mod inbox;
 mod job;
 mod lease;
 mod ledger;
 pub mod log_writer;
+mod nightly;
 pub mod on_rig;
 mod reader;
 mod recovery;
@@ -33,12 +37,16 @@ mod report;
 mod restorer;
 mod run;
 mod schedule;
+pub mod service;
 mod setting;
 mod state;
 mod watcher;
+mod withdrawal;
 
+pub use attended::{Attended, interruption};
 pub use error::DaemonError;
 pub use folders::Folders;
+pub use nightly::{Nightly, Times};
 pub use reader::Reader;
 pub use report::{Failed, Outcome, Report};
 pub use restorer::{Certificate, Iteration, Progress, Restored, Restorer};
@@ -47,3 +55,4 @@ pub use schedule::{Ended, Schedule, Turn};
 pub use setting::Setting;
 pub use state::{Doing, State};
 pub use watcher::{ProgressLine, Step, Watcher};
+pub use withdrawal::Delivered;

@@ -1,15 +1,20 @@
 //! The restorer that stands on a calibrated rig.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use super::baseline;
 use super::restorer::{Certificate, Iteration, Progress, Restored, Restorer};
 use crate::calibrate::{self, calibrate};
 use crate::calibration::{Calibration, store};
 use crate::config;
 use crate::frame::{Channel, Frame, Work};
+use crate::kiosk::screen::{Screen, draw};
+use crate::light_path::LightPath;
+use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::Photo;
 use crate::remedy::{AnyFailure, Remediable, Remedy};
-use crate::restoration::{Bench, method};
+use crate::restoration::{Bench, Interruption, method};
 use crate::restore::ladder::{Rung, is_blank};
 use crate::restore::method::Step;
 use crate::rig::exposure::Rig;
@@ -23,6 +28,11 @@ pub struct OnRig {
     bench: Bench,
     stopwatch: Stopwatch,
     calibrating: fn(calibrate::Progress),
+    /// The pilot's reading right after the calibration.
+    baseline: Option<Reading>,
+    /// The photo restored last and its result, for the panel.
+    last: Option<(Frame<Work>, Frame<Work>)>,
+    interrupted: Option<Arc<dyn Fn() -> bool + Send + Sync>>,
 }
 
 /// Seconds on a clock of the caller's.
@@ -41,7 +51,21 @@ pub fn measure(
     let previous = store::load(slots, config.identity).ok();
     let measured = calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;
     store::save(slots, &measured).map_err(boxed)?;
+    let bench = Bench::new(config, &measured).map_err(boxed)?;
+    let reading = read_pilot(config, devices, &bench, &|| 0.0)?;
+    baseline::save(slots, measured.generation, &reading);
     Ok(measured)
+}
+
+/// One pilot, as it is.
+fn read_pilot(
+    config: &config::Rig,
+    devices: &mut Rig,
+    bench: &Bench,
+    stopwatch: &(dyn Fn() -> f64 + Sync),
+) -> Result<Reading, AnyFailure> {
+    let mut path = LightPath::new(devices, bench.correction(), stopwatch);
+    pilot::read(&mut path, bench.model(), config.photo_on_canvas())
 }
 
 fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
@@ -63,7 +87,29 @@ impl OnRig {
     ) -> Result<Self, AnyFailure> {
         let calibration = store::load(&slots, config.identity).map_err(boxed)?;
         let bench = Bench::new(config, &calibration).map_err(boxed)?;
-        Ok(OnRig { config: config.clone(), devices, slots, method, bench, stopwatch, calibrating })
+        let baseline = baseline::load(&slots, calibration.generation);
+        Ok(OnRig {
+            config: config.clone(),
+            devices,
+            slots,
+            method,
+            bench,
+            stopwatch,
+            calibrating,
+            baseline,
+            last: None,
+            interrupted: None,
+        })
+    }
+
+    /// The same restorer, which gives a photo up before its next capture once `interrupted` says so.
+    #[must_use]
+    pub fn interruptible(mut self, interrupted: Interruption) -> Self {
+        let interrupted: Arc<dyn Fn() -> bool + Send + Sync> = Arc::from(interrupted);
+        let asked = Arc::clone(&interrupted);
+        self.interrupted = Some(interrupted);
+        self.bench = self.bench.interruptible(Box::new(move || asked()));
+        self
     }
 
     fn untouched(&self, photo: &Photo, rung_reason: String, begun: f64) -> Restored {
@@ -115,6 +161,7 @@ impl Restorer for OnRig {
             let captures = restored.captures;
             return Ok(Restored { captures, ..self.untouched(photo, reason, begun) });
         }
+        self.last = Some((photo.light.clone(), restored.picture.clone()));
         let rung = Rung::of(&certificate);
         let green = Channel::Green.index();
         Ok(Restored {
@@ -147,10 +194,33 @@ impl Restorer for OnRig {
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         if remedy == Remedy::Recalibrate {
             let calibration = measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
-            self.bench = Bench::new(&self.config, &calibration).map_err(boxed)?;
+            let mut bench = Bench::new(&self.config, &calibration).map_err(boxed)?;
+            if let Some(interrupted) = self.interrupted.clone() {
+                bench = bench.interruptible(Box::new(move || interrupted()));
+            }
+            self.bench = bench;
+            self.baseline = baseline::load(&self.slots, calibration.generation);
         } else {
             self.devices.reopen().map_err(boxed)?;
         }
         Ok(())
+    }
+
+    fn show(&mut self, screen: &Screen) {
+        let pictures = self.last.as_ref().map(|(before, after)| (before, after));
+        let codes = draw(screen, self.devices.panel.size(), pictures);
+        if let Err(error) = self.devices.panel.show(&codes) {
+            log::debug!("the panel does not show the screen: {error}");
+        }
+    }
+
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        let reading = read_pilot(&self.config, &mut self.devices, &self.bench, &*self.stopwatch)?;
+        if self.baseline.is_none() {
+            // A calibration from before there were pilots: drift counts from now on.
+            let generation = store::load(&self.slots, self.config.identity).map_err(boxed)?.generation;
+            baseline::save(&self.slots, generation, &reading);
+        }
+        Ok(Some(reading.since(self.baseline.get_or_insert(reading))))
     }
 }

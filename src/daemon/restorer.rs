@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{Frame, Work};
+use crate::kiosk::screen::Screen;
+use crate::nights::pilot::Drift;
 use crate::picture::Photo;
 use crate::remedy::{AnyFailure, Remedy};
 
@@ -19,6 +21,20 @@ pub trait Restorer {
     /// # Errors
     /// When that fails, too; the daemon then calls the operator with this error's words.
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure>;
+
+    /// Shows `screen` until the next capture. A panel that cannot is told of by the next capture.
+    fn show(&mut self, screen: &Screen) {
+        let _ = screen;
+    }
+
+    /// Shows the pilot picture and tells how far the rig has drifted since it was calibrated; `None` when it
+    /// has no way to tell.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        Ok(None)
+    }
 }
 
 /// How far a restoration is.

@@ -1,6 +1,7 @@
 //! The loop: empty the inbox once, or watch it until told to stop.
 
 use std::collections::{BTreeMap, HashMap};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -20,6 +21,9 @@ use crate::disk::Look;
 /// Seconds between two writings of the gallery while photos come one after another. Guess: often enough to
 /// look on, seldom enough for a memory card.
 const GALLERY_PERIOD_S: f64 = 10.0;
+
+/// While the schedule holds, it is asked again after this long at the most.
+const HOLD_LOOK_S: f64 = 15.0;
 
 /// A wait is made of steps of this length, after each of which a stop is heard.
 const STEP_S: f64 = 0.2;
@@ -141,11 +145,12 @@ impl<'a> Daemon<'a> {
         while !stop() {
             let wait_s = match self.pass(patience, self.setting.retry_s, stop) {
                 Ok(Turn::Stop) => break,
-                Ok(Turn::Go) => {
+                Ok(Turn::Go | Turn::Again(_) | Turn::Help { .. }) => {
                     if held.take().is_some() {
                         log::info!("going on");
                         self.tell(Doing::Waiting);
                     }
+                    self.watcher.looked();
                     self.wait_for_photos(stop);
                     continue;
                 }
@@ -155,7 +160,8 @@ impl<'a> Daemon<'a> {
                         self.tell(Doing::Paused { reason: reason.clone() });
                     }
                     held = Some(reason);
-                    until.map_or(self.setting.poll_s, |at| at.0 - self.clock.now().0)
+                    // Whoever supervises the loop must see it come round.
+                    until.map_or(0.0, |at| at.0 - self.clock.now().0).min(HOLD_LOOK_S)
                 }
                 Err(error) => {
                     let reason = full_message(&error);
@@ -163,10 +169,12 @@ impl<'a> Daemon<'a> {
                         log::warn!("holding: {reason}");
                         self.tell(Doing::Held { reason: reason.clone() });
                     }
+                    self.schedule.held(&error, &mut *self.restorer);
                     held = Some(reason);
                     self.setting.retry_s
                 }
             };
+            self.watcher.looked();
             self.wait(wait_s.max(self.setting.poll_s), stop);
         }
         let _ = self.show_gallery().inspect_err(|error| log::warn!("{}", full_message(error)));
@@ -183,10 +191,17 @@ impl<'a> Daemon<'a> {
     ) -> Result<Turn, DaemonError> {
         let mut number = 0;
         let turn = 'all: loop {
+            if self.schedule.impatient() {
+                self.resting.clear();
+            }
             let (ready, waiting) = self.look(patience)?;
             if ready.is_empty() {
-                self.schedule.idle(waiting, &mut *self.restorer);
-                break Turn::Go;
+                match self.schedule.idle(waiting, &mut *self.restorer) {
+                    Turn::Again(photos) => self.withdraw(&photos)?,
+                    Turn::Help { reason } => return Err(DaemonError::Held { reason }),
+                    turn => break turn,
+                }
+                continue;
             }
             let of = number + ready.len();
             for (taken, way) in ready.into_iter().enumerate() {
@@ -198,14 +213,21 @@ impl<'a> Daemon<'a> {
                 }
                 self.folders.room(self.setting.floor_bytes)?;
                 let turn = self.schedule.before(waiting - taken, &mut *self.restorer);
-                if turn != Turn::Go {
-                    break 'all turn;
+                match turn {
+                    Turn::Go => {}
+                    Turn::Again(photos) => {
+                        self.withdraw(&photos)?;
+                        continue 'all;
+                    }
+                    Turn::Help { reason } => return Err(DaemonError::Held { reason }),
+                    other => break 'all other,
                 }
                 number += 1;
                 let shown = way.to_string_lossy().into_owned();
                 self.tell(Doing::Restoring { photo: shown.clone() });
                 self.watcher.begun(&shown, number, of);
                 self.lease.beat(&self.folders, self.clock.now());
+                self.schedule.begun(&shown, number, of, &mut *self.restorer);
                 let verdict = self.job(&way);
                 self.watcher.ended();
                 self.note(&way, verdict?, retry_s);
@@ -264,9 +286,10 @@ impl<'a> Daemon<'a> {
         self.left.remove(way);
         self.resting.remove(way);
         match verdict {
-            Verdict::Restored { report, kept } => {
+            Verdict::Restored { report, delivered } => {
                 log::info!("{}", report.line());
-                self.schedule.after(Ended::Restored { report: &report, kept: &kept }, &mut *self.restorer);
+                self.schedule
+                    .after(Ended::Restored { report: &report, delivered: &delivered }, &mut *self.restorer);
                 self.gallery.add(&report);
                 self.summary.restored.push(*report);
             }
@@ -287,6 +310,13 @@ impl<'a> Daemon<'a> {
         }
     }
 
+    /// A result is no longer in the outbox.
+    pub(super) fn forget(&mut self, result: &OsStr) {
+        let name = result.to_string_lossy();
+        self.gallery.remove(&name);
+        self.summary.restored.retain(|report| report.result != name);
+    }
+
     fn summary(&self) -> Summary {
         Summary { left: self.left.values().cloned().collect(), ..self.summary.clone() }
     }
@@ -301,7 +331,8 @@ impl<'a> Daemon<'a> {
     }
 
     /// Writes the state file. That nobody can look on is no reason to stop.
-    fn tell(&self, doing: Doing) {
+    fn tell(&mut self, doing: Doing) {
+        self.watcher.doing(&doing);
         let state = State {
             rig: self.setting.rig.clone(),
             doing,
@@ -327,7 +358,7 @@ impl<'a> Daemon<'a> {
     /// Waits in short steps, so that a stop is heard.
     fn wait(&self, wait_s: f64, stop: &dyn Fn() -> bool) {
         let until = self.clock.now().0 + wait_s;
-        while !stop() && !self.schedule.wakes() && self.clock.now().0 < until {
+        while !stop() && !self.schedule.impatient() && self.clock.now().0 < until {
             self.lease.beat(&self.folders, self.clock.now());
             self.clock.wait_until(Moment((self.clock.now().0 + STEP_S).min(until)));
         }

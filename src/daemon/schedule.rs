@@ -1,8 +1,7 @@
 //! When photos may be taken: asked before each one, told what became of each.
 
-use std::ffi::OsStr;
-
-use super::{Failed, Report, Restorer};
+use super::withdrawal::Delivered;
+use super::{DaemonError, Failed, Report, Restorer};
 use crate::rig::Moment;
 
 /// What may happen next.
@@ -14,9 +13,18 @@ pub enum Turn {
     Hold {
         /// Why, for the state file and the log.
         reason: String,
-        /// Not before this moment on the daemon's clock, if that is known.
+        /// When that will change on the daemon's clock, if it is known: it is asked again then, and before that
+        /// every quarter of a minute.
         until: Option<Moment>,
     },
+    /// Nothing goes on until somebody has helped; it is asked again after a while.
+    Help {
+        /// What is wrong.
+        reason: String,
+    },
+    /// These results cannot be stood by: withdrawn, and their photos put back into the inbox. Asked again
+    /// at once.
+    Again(Vec<Delivered>),
     /// The daemon is to end in good order.
     Stop,
 }
@@ -28,8 +36,8 @@ pub enum Ended<'a> {
     Restored {
         /// The report beside it.
         report: &'a Report,
-        /// Name of the original in `done`.
-        kept: &'a OsStr,
+        /// Name of the original in `done`, and of the result in the outbox.
+        delivered: &'a Delivered,
     },
     /// It is in `failed`.
     Failed(&'a Failed),
@@ -45,19 +53,30 @@ pub trait Schedule {
         Turn::Go
     }
 
+    /// Told that a photo is begun: its name, its number in this go and how many there are.
+    fn begun(&mut self, photo: &str, number: usize, of: usize, rig: &mut dyn Restorer) {
+        let _ = (photo, number, of, rig);
+    }
+
     /// Told what became of the photo taken last.
     fn after(&mut self, ended: Ended<'_>, rig: &mut dyn Restorer) {
         let _ = (ended, rig);
     }
 
-    /// Called at each look at the inbox that finds nothing to take; `waiting` photos rest until they are
+    /// Asked at each look at the inbox that finds nothing to take; `waiting` photos rest until they are
     /// tried again.
-    fn idle(&mut self, waiting: usize, rig: &mut dyn Restorer) {
+    fn idle(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
         let _ = (waiting, rig);
+        Turn::Go
     }
 
-    /// Whether to look again now, ahead of time. Asked several times a second.
-    fn wakes(&self) -> bool {
+    /// Told that nothing goes on until somebody has helped.
+    fn held(&mut self, error: &DaemonError, rig: &mut dyn Restorer) {
+        let _ = (error, rig);
+    }
+
+    /// Whether to look again now, ahead of time, and to try what rests. Asked several times a second.
+    fn impatient(&self) -> bool {
         false
     }
 }

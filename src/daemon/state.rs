@@ -53,7 +53,16 @@ pub struct State {
 }
 
 impl State {
-    pub(super) fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
+    /// The state of a daemon that has done nothing yet, on the rig called `rig`.
+    pub fn new(rig: &str, doing: Doing, written_unix_s: u64) -> State {
+        State { rig: rig.to_owned(), doing, restored: 0, failed: 0, left: 0, written_unix_s }
+    }
+
+    /// Writes the state down, whole.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
         let bytes = serde_json::to_vec_pretty(self).map_err(std::io::Error::other);
         durable::replace_for_now(
             folders.disk(),

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use super::Progress;
+use super::{Doing, Progress};
 
 /// The steps of a job at which the disk has changed. Between any two the power may fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,6 +55,12 @@ pub trait Watcher {
     }
     /// The photo begun last is over and its log line is about to be written.
     fn ended(&mut self) {}
+    /// The loop has come round: a look at the inbox is over, whatever it found.
+    fn looked(&mut self) {}
+    /// What the daemon does has changed.
+    fn doing(&mut self, doing: &Doing) {
+        let _ = doing;
+    }
 }
 
 /// Nobody looks on.

@@ -40,7 +40,11 @@ pub struct Bench {
     level_norms: [LevelNorms; 3],
     capture_noise: [f32; 3],
     black_surround: bool,
+    interrupted: Option<Interruption>,
 }
+
+/// Asked before each capture: whether the photo is to be given up.
+pub type Interruption = Box<dyn Fn() -> bool + Send + Sync>;
 
 /// A photo restored.
 #[derive(Debug, Clone)]
@@ -77,8 +81,16 @@ impl Bench {
             level_norms: calibration.level_norms.clone(),
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
+            interrupted: None,
             correction: Correction::new(calibration, layout)?,
         })
+    }
+
+    /// The same bench, which gives a photo up before its next capture once `interrupted` says so.
+    #[must_use]
+    pub fn interruptible(mut self, interrupted: Interruption) -> Self {
+        self.interrupted = Some(interrupted);
+        self
     }
 
     /// The measured lens.
@@ -140,7 +152,8 @@ impl Bench {
         stopwatch: &(dyn Fn() -> f64 + Sync),
         watch: &mut Watch<'_>,
     ) -> Result<Restored, MethodError> {
-        let mut path = LightPath::new(rig, &self.correction, stopwatch);
+        let interrupted = self.interrupted.as_deref();
+        let mut path = LightPath::new(rig, &self.correction, stopwatch).interruptible(interrupted);
         let (captures, seconds) = (path.captures(), path.seconds());
         let (placed, trust) = self.prepare(photo);
         let photo_noise = Channel::ALL.map(|c| data_term::noise_of(photo.plane(c)));

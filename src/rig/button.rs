@@ -34,6 +34,11 @@ impl Debounce {
         false
     }
 
+    /// Whether the button is down, as far as steady levels tell.
+    pub fn is_pressed(&self) -> bool {
+        self.pressed
+    }
+
     /// When the level should be read again though no edge came; `None` while nothing is open.
     pub fn look_again_at(&self) -> Option<Moment> {
         (self.level != self.pressed).then_some(Moment(self.since.0 + self.debounce_s))
@@ -83,6 +88,21 @@ mod line {
             let request = builder.request().map_err(failed("take its line"))?;
             let debounce = Debounce::new(debounce_ms, Monotonic.now());
             Ok(Button { request, offset: place.offset, debounce })
+        }
+
+        /// Waits for an edge until `deadline` at the longest, and returns the level read then.
+        ///
+        /// # Errors
+        /// When the line can no longer be read.
+        pub fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
+            let left_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
+            let waited = self.request.wait_edge_event(Duration::from_secs_f64(left_s));
+            if waited.map_err(failed("wait for its edges"))? {
+                let mut events = self.request.new_edge_event_buffer(EVENTS);
+                events.read_event().map_err(failed("read its edges"))?;
+            }
+            let level = self.request.value(self.offset).map_err(failed("read its level"))?;
+            Ok(level == Value::Active)
         }
 
         /// Waits for a press until `deadline`; true when there was one.

@@ -13,7 +13,7 @@ use super::pixel_format::PixelFormat;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
 use super::v4l2_camera::{CameraName, CameraSettings, V4l2Camera};
 use super::v4l2_controls::Exposure;
-use super::{RigError, Trigger};
+use super::{Panel, RigError, Trigger};
 use crate::config::{self, ExposureBy, Hardware, Level, TriggerDevice};
 
 /// Opens panel, trigger and camera, and finds the frame marks where the rig has room for them.
@@ -21,20 +21,27 @@ use crate::config::{self, ExposureBy, Hardware, Level, TriggerDevice};
 /// # Errors
 /// Whatever a device has to say: see its own file.
 pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Rig, RigError> {
-    let panel = KmsPanel::open(KmsSettings {
-        node: hardware.panel.node.clone(),
-        connector: hardware.panel.connector.clone(),
-        size: rig.panel.size(),
-        refresh_hz: rig.panel.refresh_hz,
-    })?;
+    let panel = open_panel(rig, hardware)?;
     let trigger = open_trigger(&hardware.trigger)?;
     let camera = V4l2Camera::open(camera_settings(rig, hardware)?)?;
-    let mut devices =
-        Rig::new(Box::new(panel), trigger, Box::new(camera), Box::new(Monotonic), Timing::of(rig));
+    let mut devices = Rig::new(panel, trigger, Box::new(camera), Box::new(Monotonic), Timing::of(rig));
     if let Some(place) = MarkPlace::of(rig) {
         devices.find_marks(place)?;
     }
     Ok(devices)
+}
+
+/// The panel alone, for saying what is wrong with the rest.
+///
+/// # Errors
+/// When there is no such panel, or another program has it.
+pub fn open_panel(rig: &config::Rig, hardware: &Hardware) -> Result<Box<dyn Panel + Send>, RigError> {
+    Ok(Box::new(KmsPanel::open(KmsSettings {
+        node: hardware.panel.node.clone(),
+        connector: hardware.panel.connector.clone(),
+        size: rig.panel.size(),
+        refresh_hz: rig.panel.refresh_hz,
+    })?))
 }
 
 /// The camera's settings alone, for whoever looks at the camera without the rest of the rig.

@@ -12,6 +12,7 @@ pub mod frame_mark;
 pub mod gpio_line;
 #[cfg(feature = "hardware")]
 pub mod hardware;
+pub mod kernel_time;
 #[cfg(feature = "hardware")]
 mod kms_card;
 #[cfg(feature = "hardware")]

@@ -5,6 +5,7 @@
 // One crate of a few files, which share by `pub`.
 #![allow(unreachable_pub)]
 
+mod attended;
 mod bed;
 mod files;
 mod model_disk;

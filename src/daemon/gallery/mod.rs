@@ -63,6 +63,11 @@ impl Gallery {
         self.reports.push(report);
     }
 
+    /// Leaves out the result `result`.
+    pub(super) fn remove(&mut self, result: &str) {
+        self.reports.retain(|report| report.result != result);
+    }
+
     /// Adds a photo without one.
     pub(super) fn add_failed(&mut self, failed: Failed) {
         self.failed.push(failed);

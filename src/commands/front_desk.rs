@@ -1,0 +1,113 @@
+//! The thread that hears the button and drives the lamps: of a board, or of a simulated rig.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
+use relens::config::{Kind, Rig};
+use relens::kiosk::desk::{Fingers, attend};
+use relens::kiosk::front::Front;
+
+use super::clock::MachineClock;
+use super::simulated_button::SimulatedButton;
+
+/// Debounce time of a simulated button, which does not bounce.
+const SIMULATED_DEBOUNCE_MS: f64 = 20.0;
+
+/// The desk, attended until this is dropped.
+pub(super) struct FrontDesk {
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl FrontDesk {
+    /// Attends to the button and lamps of `rig`, which works on `folder`.
+    pub(super) fn open(rig: &Rig, folder: &Path, front: Front) -> FrontDesk {
+        let ended = Arc::new(AtomicBool::new(false));
+        let asked = Arc::clone(&ended);
+        let (rig, folder) = (rig.clone(), folder.to_owned());
+        let begun = std::thread::Builder::new().name("desk".to_owned()).spawn(move || {
+            run(&rig, &folder, &front, &|| asked.load(Ordering::Acquire));
+        });
+        if let Err(error) = &begun {
+            log::warn!("there is no thread for button and lamps: {error}");
+        }
+        FrontDesk { ended, thread: begun.ok() }
+    }
+}
+
+impl Drop for FrontDesk {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic there was printed there.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn run(rig: &Rig, folder: &Path, front: &Front, ended: &dyn Fn() -> bool) {
+    let long_press_ms = rig.run.long_press_ms;
+    match &rig.kind {
+        Kind::Simulated(_) => {
+            let clock = MachineClock::new();
+            let mut button = SimulatedButton::new(folder, clock);
+            let fingers = Fingers { debounce_ms: SIMULATED_DEBOUNCE_MS, long_press_ms };
+            attend(front, Some(&mut button), &mut (), &clock, fingers, ended);
+        }
+        #[cfg(feature = "hardware")]
+        Kind::Hardware(hardware) => board::run(hardware, long_press_ms, front, ended),
+        #[cfg(not(feature = "hardware"))]
+        Kind::Hardware(_) => {}
+    }
+}
+
+#[cfg(feature = "hardware")]
+mod board {
+    use relens::config::Hardware;
+    use relens::kiosk::desk::{self, Fingers, attend};
+    use relens::kiosk::front::Front;
+    use relens::kiosk::lamp::Light;
+    use relens::remedy::full_message;
+    use relens::rig::lamps::Lamp;
+    use relens::rig::monotonic::Monotonic;
+    use relens::rig::{Moment, RigError, button, hardware, lamps};
+
+    struct Line(button::Button);
+
+    impl desk::Button for Line {
+        fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
+            self.0.level_by(deadline)
+        }
+    }
+
+    struct Bulbs(lamps::Lamps);
+
+    impl desk::Lamps for Bulbs {
+        fn show(&mut self, lit: &[Light]) -> Result<(), RigError> {
+            let lamp = |light: &Light| match light {
+                Light::Green => Lamp::Ready,
+                Light::White => Lamp::Busy,
+                Light::Red => Lamp::Trouble,
+            };
+            self.0.show(&lit.iter().map(lamp).collect::<Vec<_>>())
+        }
+    }
+
+    /// Button and lamps of a board; what it does not have, or cannot have, is done without.
+    pub(super) fn run(parts: &Hardware, long_press_ms: f64, front: &Front, ended: &dyn Fn() -> bool) {
+        let told = |error: RigError| log::warn!("{}", full_message(&error));
+        let mut bulbs = hardware::open_lamps(parts).map(Bulbs).map_err(told).ok();
+        let mut line = hardware::open_button(parts).map_err(told).ok().flatten().map(Line);
+        let debounce_ms = parts.button.as_ref().map_or(30.0, |button| button.debounce_ms);
+        let fingers = Fingers { debounce_ms, long_press_ms };
+        let button = line.as_mut().map(|line| line as &mut dyn desk::Button);
+        let mut none = ();
+        let lamps: &mut dyn desk::Lamps = match &mut bulbs {
+            Some(bulbs) => bulbs,
+            None => &mut none,
+        };
+        attend(front, button, lamps, &Monotonic, fingers, ended);
+    }
+}

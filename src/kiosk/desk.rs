@@ -1,0 +1,212 @@
+//! The desk: hears the button and drives the lamps, on a thread of its own, whatever else goes on.
+
+use super::front::Front;
+use super::lamp::{self, Light};
+use super::press::Presses;
+use crate::rig::{Clock, Moment, RigError};
+
+/// A change of state by the daemon is seen on the lamps after this long at the most.
+const LOOK_S: f64 = 0.05;
+
+/// Time between two looks at the least.
+const LOOK_MIN_S: f64 = 0.001;
+
+/// A button's level.
+pub trait Button {
+    /// Waits for the level to change, until `deadline` at the longest, and returns the level then read.
+    /// It may return early.
+    ///
+    /// # Errors
+    /// When the line can no longer be read.
+    fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError>;
+}
+
+/// The box's lamps.
+pub trait Lamps {
+    /// Lights `lit` and no other.
+    ///
+    /// # Errors
+    /// When a line cannot be set.
+    fn show(&mut self, lit: &[Light]) -> Result<(), RigError>;
+}
+
+/// A box without lamps.
+impl Lamps for () {
+    fn show(&mut self, _: &[Light]) -> Result<(), RigError> {
+        Ok(())
+    }
+}
+
+/// Times of the button.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fingers {
+    /// How long a level must hold to count.
+    pub debounce_ms: f64,
+    /// How long a long press lasts.
+    pub long_press_ms: f64,
+}
+
+/// Attends to button and lamps until `ended` says so, then leaves the lamps dark. A lamp or button that
+/// fails is told of once, and tried again: the photos do not need them.
+pub fn attend(
+    front: &Front,
+    mut button: Option<&mut (dyn Button + '_)>,
+    lamps: &mut dyn Lamps,
+    clock: &dyn Clock,
+    fingers: Fingers,
+    ended: &dyn Fn() -> bool,
+) {
+    let mut presses = Presses::new(fingers.debounce_ms, fingers.long_press_ms, clock.now());
+    let (mut change, mut since) = (front.state().1, clock.now());
+    let mut shown: Option<&[Light]> = None;
+    let (mut lamp_failed, mut button_failed) = (false, false);
+    while !ended() {
+        let now = clock.now();
+        let (state, number) = front.state();
+        if number != change {
+            (change, since) = (number, now);
+        }
+        let (lights, left_s) = lamp::lit(&state, now.0 - since.0);
+        if shown != Some(lights) {
+            shown = Some(lights);
+            once(lamps.show(lights), &mut lamp_failed);
+        }
+        let mut deadline = now.0 + left_s.min(LOOK_S);
+        if let Some(again) = presses.look_again_at() {
+            deadline = deadline.min(again.0);
+        }
+        let Some(button) = button.as_deref_mut() else {
+            clock.wait_until(Moment(deadline));
+            continue;
+        };
+        // Never in the past, whatever rounding says: the loop must not spin.
+        deadline = deadline.max(now.0 + LOOK_MIN_S);
+        match button.level_by(Moment(deadline)) {
+            Ok(level) => {
+                button_failed = false;
+                if let Some(press) = presses.read(level, clock.now()) {
+                    front.press(press);
+                }
+            }
+            failed => {
+                once(failed.map(|_| ()), &mut button_failed);
+                clock.wait_until(Moment(deadline));
+            }
+        }
+    }
+    let _ = lamps.show(&[]);
+}
+
+/// Logs a failure the first time of many.
+fn once(outcome: Result<(), RigError>, told: &mut bool) {
+    if let Err(error) = outcome
+        && !std::mem::replace(told, true)
+    {
+        log::warn!("{}", crate::remedy::full_message(&error));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::{Cell, RefCell};
+
+    use super::*;
+    use crate::kiosk::front::State;
+
+    #[derive(Default)]
+    struct TestClock(Cell<f64>);
+    impl Clock for TestClock {
+        fn now(&self) -> Moment {
+            Moment(self.0.get())
+        }
+        fn wait_until(&self, moment: Moment) {
+            self.0.set(self.0.get().max(moment.0));
+        }
+    }
+
+    /// Changes level at the times given; edges wake, unless they are lost.
+    struct Finger<'a> {
+        clock: &'a TestClock,
+        changes: &'a [(f64, bool)],
+        edges_lost: bool,
+    }
+    impl Button for Finger<'_> {
+        fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
+            let now = self.clock.0.get();
+            let next = self.changes.iter().map(|c| c.0).find(|&at| at > now && !self.edges_lost);
+            self.clock.0.set(next.map_or(deadline.0, |at| at.min(deadline.0)));
+            let now = self.clock.0.get();
+            Ok(self.changes.iter().rev().find(|c| c.0 <= now).is_some_and(|c| c.1))
+        }
+    }
+
+    struct Seen<'a>(&'a TestClock, &'a RefCell<Vec<(f64, Vec<Light>)>>);
+    impl Lamps for Seen<'_> {
+        fn show(&mut self, lit: &[Light]) -> Result<(), RigError> {
+            self.1.borrow_mut().push((self.0.0.get(), lit.to_vec()));
+            Ok(())
+        }
+    }
+
+    fn attended(
+        front: &Front,
+        changes: &[(f64, bool)],
+        edges_lost: bool,
+        until_s: f64,
+    ) -> Vec<(f64, Vec<Light>)> {
+        let (clock, seen) = (TestClock::default(), RefCell::default());
+        let mut finger = Finger { clock: &clock, changes, edges_lost };
+        let fingers = Fingers { debounce_ms: 30.0, long_press_ms: 1500.0 };
+        let ended = || clock.0.get() > until_s;
+        attend(front, Some(&mut finger), &mut Seen(&clock, &seen), &clock, fingers, &ended);
+        seen.into_inner()
+    }
+
+    #[test]
+    fn a_press_is_on_the_lamp_within_100_ms_of_the_debounced_edge() {
+        // Bounces for 12 ms; debounced 30 ms after the last bounce.
+        let bouncing = [(2.0, true), (2.004, false), (2.009, true), (2.5, false)];
+        for edges_lost in [false, true] {
+            let front = Front::default();
+            front.set(State::Waiting { photos: 1 });
+            let seen = attended(&front, &bouncing, edges_lost, 3.0);
+            let at = seen.iter().find(|(_, lit)| lit == &[Light::White]).map(|s| s.0).unwrap();
+            assert!((2.03..=2.139).contains(&at), "lit at {at}, edges lost: {edges_lost}");
+            assert!(front.take_wishes().go);
+        }
+    }
+
+    #[test]
+    fn the_lamps_end_dark_and_a_state_is_shown_soon() {
+        let front = Front::default();
+        front.set(State::Trouble { reason: "no camera".into() });
+        let seen = attended(&front, &[], false, 1.0);
+        assert_eq!(seen.first().unwrap().1, [Light::Red]);
+        assert!(seen.last().unwrap().1.is_empty());
+    }
+
+    #[test]
+    fn a_long_press_in_a_job_cancels_it_and_short_ones_do_not() {
+        let front = Front::default();
+        front.set(State::Working { photo: "a.jpg".into() });
+        attended(&front, &[(1.0, true), (1.2, false), (1.5, true), (1.7, false)], false, 3.0);
+        assert!(!front.cancelled());
+        attended(&front, &[(1.0, true), (4.0, false)], false, 5.0);
+        assert!(front.cancelled());
+    }
+
+    #[test]
+    fn a_dead_button_leaves_the_lamps_alive() {
+        struct Dead;
+        impl Button for Dead {
+            fn level_by(&mut self, _: Moment) -> Result<bool, RigError> {
+                Err(RigError::Gone { device: "button", what: "pulled off".into() })
+            }
+        }
+        let (clock, seen, front) = (TestClock::default(), RefCell::default(), Front::default());
+        let fingers = Fingers { debounce_ms: 30.0, long_press_ms: 1500.0 };
+        let ended = || clock.0.get() > 3.0;
+        attend(&front, Some(&mut Dead), &mut Seen(&clock, &seen), &clock, fingers, &ended);
+        assert!(seen.into_inner().len() > 2, "starting goes on flashing");
+    }
+}

@@ -1,0 +1,99 @@
+//! A sheet of panel codes to draw on.
+
+use super::lettering;
+use crate::frame::{Channel, Codes, FULL_SCALE, Frame, Size, Work};
+
+/// A colour in panel codes: red, green, blue.
+pub(super) type Colour = [u8; 3];
+
+/// What is drawn on.
+pub(super) struct Sheet {
+    codes: Codes,
+}
+
+impl Sheet {
+    /// A sheet of one colour.
+    pub(super) fn new(size: Size, ground: Colour) -> Sheet {
+        Sheet { codes: Frame::from_fn(|c| crate::frame::Plane::filled(size, ground[c.index()])) }
+    }
+
+    /// The sheet as the panel takes it.
+    pub(super) fn finish(self) -> Codes {
+        self.codes
+    }
+
+    /// Lays `share` (0..1) of `colour` over the pixel; nothing outside the sheet.
+    pub(super) fn blend(&mut self, x: i32, y: i32, colour: Colour, share: f32) {
+        let size = self.codes.size();
+        let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return };
+        if x >= size.width || y >= size.height {
+            return;
+        }
+        for c in Channel::ALL {
+            let plane = self.codes.plane_mut(c);
+            let under = f32::from(plane.at(x, y));
+            let over = under + (f32::from(colour[c.index()]) - under) * share;
+            plane.set(x, y, over.round() as u8);
+        }
+    }
+
+    /// Every pixel whose centre `inside` accepts, at (x, y) relative to the upper left corner of the box.
+    pub(super) fn shape(
+        &mut self,
+        (left, top): (i32, i32),
+        (width, height): (i32, i32),
+        colour: Colour,
+        inside: impl Fn(f32, f32) -> bool,
+    ) {
+        for y in 0..height {
+            for x in 0..width {
+                // Four samples a pixel are enough for edges without steps.
+                let hits = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
+                let hits = hits.iter().filter(|(dx, dy)| inside(x as f32 + dx, y as f32 + dy)).count();
+                if hits > 0 {
+                    self.blend(left + x, top + y, colour, hits as f32 / 4.0);
+                }
+            }
+        }
+    }
+
+    /// A filled rectangle.
+    pub(super) fn rectangle(&mut self, at: (i32, i32), size: (i32, i32), colour: Colour) {
+        self.shape(at, size, colour, |_, _| true);
+    }
+
+    /// One line of text with its upper left corner at `at`.
+    pub(super) fn line(&mut self, text: &str, at: (f32, f32), height_px: f32, colour: Colour) {
+        lettering::set(text, at, height_px, &mut |x, y, share| self.blend(x, y, colour, share));
+    }
+
+    /// `picture` (linear light 0..255) in the box, as large as it fits, centred; returns its place and size.
+    pub(super) fn picture(
+        &mut self,
+        picture: &Frame<Work>,
+        (left, top): (i32, i32),
+        (width, height): (i32, i32),
+    ) -> ((i32, i32), (i32, i32)) {
+        let size = picture.size();
+        let scale = (width as f32 / size.width as f32).min(height as f32 / size.height as f32);
+        let drawn = ((size.width as f32 * scale) as i32, (size.height as f32 * scale) as i32);
+        let place = (left + (width - drawn.0) / 2, top + (height - drawn.1) / 2);
+        for y in 0..drawn.1 {
+            for x in 0..drawn.0 {
+                let from = |at: i32, limit: usize| {
+                    (((at as f32 + 0.5) / scale) as usize).min(limit.saturating_sub(1))
+                };
+                let (u, v) = (from(x, size.width), from(y, size.height));
+                let colour = Channel::ALL.map(|c| code(picture.plane(c).at(u, v)));
+                self.blend(place.0 + x, place.1 + y, colour, 1.0);
+            }
+        }
+        (place, drawn)
+    }
+}
+
+/// The code of a light on an ordinary display (gamma 2.2; screens are for eyes, not for the camera).
+fn code(light: f32) -> u8 {
+    let share = (light / FULL_SCALE).clamp(0.0, 1.0);
+    (255.0 * share.powf(1.0 / 2.2)).round() as u8
+}

@@ -1,0 +1,339 @@
+//! What the panel shows between jobs: the state in large plain words. Never black without a reason.
+
+use super::drawing::{Colour, Sheet};
+use super::lettering;
+use crate::frame::{Codes, Frame, Size, Work};
+
+/// A screen. What the words are about is in their fields; [`draw`] knows the words.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Screen {
+    /// Devices are being opened.
+    Starting {
+        /// What is going on.
+        words: String,
+    },
+    /// Nothing waits.
+    Ready {
+        /// What one may do now.
+        hint: String,
+    },
+    /// Photos wait for the button.
+    Waiting {
+        /// How many.
+        photos: usize,
+    },
+    /// A photo is being read and computed; its captures will follow on this panel.
+    Working {
+        /// Its name.
+        photo: String,
+        /// Its number in this go, from 1.
+        number: usize,
+        /// How many there are in this go.
+        of: usize,
+    },
+    /// The photo restored last, before and after.
+    Result {
+        /// Its name.
+        photo: String,
+        /// The certificate in words, or why it was left as it was.
+        words: String,
+        /// What one may do now.
+        hint: String,
+    },
+    /// Photos wait for their time.
+    Resting {
+        /// For what.
+        words: String,
+        /// How many wait.
+        photos: usize,
+    },
+    /// Somebody is needed.
+    Trouble {
+        /// What is wrong.
+        what: String,
+        /// What to do.
+        to_do: String,
+    },
+    /// The button was held at the start.
+    Maintenance {
+        /// What is going on.
+        words: String,
+    },
+}
+
+/// The mark beside the title: a shape a state, so that no state is told by colour alone.
+#[derive(Clone, Copy)]
+enum Mark {
+    Disc,
+    Ring,
+    Triangle,
+    Bars,
+    Square,
+    Moon,
+}
+
+/// Everything a screen says.
+struct Said {
+    ground: Colour,
+    mark: (Mark, Colour),
+    title: String,
+    lines: Vec<(String, Colour)>,
+    progress: Option<f32>,
+}
+
+/// Dark, and clearly not black: a panel that is on looks on.
+const SLATE: Colour = [28, 38, 54];
+const RUST: Colour = [96, 24, 16];
+const NIGHT: Colour = [16, 22, 60];
+const PAPER: Colour = [245, 243, 236];
+const SOFT: Colour = [176, 186, 200];
+const GREEN: Colour = [96, 214, 140];
+const AMBER: Colour = [255, 194, 74];
+const SKY: Colour = [110, 190, 255];
+
+fn photos(count: usize) -> String {
+    if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
+}
+
+fn said(screen: &Screen) -> Said {
+    let plain = |mark, title: &str, lines: Vec<(String, Colour)>| Said {
+        ground: SLATE,
+        mark,
+        title: title.to_owned(),
+        lines,
+        progress: None,
+    };
+    match screen {
+        Screen::Starting { words } => plain((Mark::Ring, SKY), "One moment", vec![(words.clone(), PAPER)]),
+        Screen::Ready { hint } => plain((Mark::Disc, GREEN), "Ready", vec![(hint.clone(), PAPER)]),
+        Screen::Waiting { photos: count } => plain(
+            (Mark::Disc, GREEN),
+            "Press the button",
+            vec![(format!("{} to restore", photos(*count)), PAPER)],
+        ),
+        Screen::Working { photo, number, of } => Said {
+            progress: Some((number.saturating_sub(1)) as f32 / (*of).max(1) as f32),
+            ..plain(
+                (Mark::Bars, SKY),
+                &if *of > 1 { format!("Working: {number} of {of}") } else { "Working".to_owned() },
+                vec![
+                    (photo.clone(), PAPER),
+                    ("Test pictures will flicker here: that is the work.".to_owned(), SOFT),
+                ],
+            )
+        },
+        Screen::Result { photo, words, hint } => plain(
+            (Mark::Disc, GREEN),
+            "Done",
+            vec![(photo.clone(), PAPER), (words.clone(), SOFT), (hint.clone(), SOFT)],
+        ),
+        Screen::Resting { words, photos: count } => Said {
+            ground: NIGHT,
+            ..plain(
+                (Mark::Moon, AMBER),
+                &match count {
+                    0 => "Resting".to_owned(),
+                    1 => "1 photo waits".to_owned(),
+                    n => format!("{n} photos wait"),
+                },
+                vec![(words.clone(), PAPER)],
+            )
+        },
+        Screen::Trouble { what, to_do } => Said {
+            ground: RUST,
+            ..plain(
+                (Mark::Triangle, AMBER),
+                "Please help",
+                vec![
+                    (what.clone(), PAPER),
+                    (to_do.clone(), AMBER),
+                    ("This goes away by itself when it is well again. No photo is lost.".to_owned(), SOFT),
+                ],
+            )
+        },
+        Screen::Maintenance { words } => plain(
+            (Mark::Square, AMBER),
+            "Maintenance",
+            vec![
+                (words.clone(), PAPER),
+                (
+                    "Photos wait. Short press: back to work. Long press: measure the lens anew.".to_owned(),
+                    SOFT,
+                ),
+            ],
+        ),
+    }
+}
+
+/// Draws `screen` for a panel of `size`; `pictures` are the photo and its result for [`Screen::Result`].
+pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<Work>)>) -> Codes {
+    let Said { ground, mark, title, lines, progress } = said(screen);
+    let mut sheet = Sheet::new(size, ground);
+    let (width, height) = (size.width as f32, size.height as f32);
+    // All measures follow the panel's height; 0.05 of it keeps clear of the edges some panels cut.
+    let edge = (0.06 * height).max(2.0);
+    let pictures = pictures.filter(|_| matches!(screen, Screen::Result { .. }));
+    let (title_px, line_px, lines_max) = if pictures.is_some() {
+        (0.1 * height, 0.052 * height, 1)
+    } else {
+        (0.17 * height, 0.085 * height, 3)
+    };
+    let room = width - 2.0 * edge;
+    let side = title_px * 0.8;
+    draw_mark(&mut sheet, mark, (edge, edge + 0.1 * title_px), side);
+    let words_at = edge + side * 1.35;
+    // A title is one line, smaller if it must be.
+    let needed = lettering::width(&title, title_px);
+    let shrunk = title_px * ((width - edge - words_at) / needed.max(1.0)).min(1.0);
+    sheet.line(&title, (words_at, edge + (title_px - shrunk) / 2.0), shrunk, PAPER);
+    let mut y = edge + title_px * 1.3;
+    if let Some((before, after)) = pictures {
+        let half = (room - edge / 2.0) / 2.0;
+        let below = lines.len() as f32 * line_px * 1.2;
+        let tall = height - y - edge - below - line_px * 1.4;
+        for (n, (picture, word)) in [(before, "before"), (after, "after")].into_iter().enumerate() {
+            let left = edge + n as f32 * (half + edge / 2.0);
+            let (place, drawn) = sheet.picture(picture, (left as i32, y as i32), (half as i32, tall as i32));
+            let at = place.0 as f32 + (drawn.0 as f32 - lettering::width(word, line_px)) / 2.0;
+            sheet.line(word, (at, y + tall + 0.1 * line_px), line_px, PAPER);
+        }
+        y += tall + line_px * 1.4;
+    }
+    for (text, colour) in lines {
+        for line in lettering::wrapped(&text, line_px, room, lines_max) {
+            sheet.line(&line, (edge, y), line_px, colour);
+            y += line_px * 1.2;
+        }
+        if pictures.is_none() {
+            y += line_px * 0.35;
+        }
+    }
+    if let Some(share) = progress {
+        let (bar_y, thick) = ((height - edge - 0.05 * height) as i32, (0.05 * height) as i32);
+        sheet.rectangle((edge as i32, bar_y), (room as i32, thick), [60, 74, 98]);
+        sheet.rectangle((edge as i32, bar_y), ((room * share.clamp(0.0, 1.0)) as i32, thick), SKY);
+    }
+    sheet.finish()
+}
+
+fn draw_mark(sheet: &mut Sheet, (mark, colour): (Mark, Colour), (x, y): (f32, f32), side: f32) {
+    let unit = move |at: (f32, f32)| (at.0 / side, at.1 / side);
+    let from_centre = |(u, v): (f32, f32)| ((u - 0.5).powi(2) + (v - 0.5).powi(2)).sqrt();
+    let place = (x as i32, y as i32);
+    let whole = (side.ceil() as i32, side.ceil() as i32);
+    sheet.shape(place, whole, colour, |px, py| {
+        let (u, v) = unit((px, py));
+        match mark {
+            Mark::Disc => from_centre((u, v)) < 0.5,
+            Mark::Ring => (0.34..0.5).contains(&from_centre((u, v))),
+            Mark::Triangle => {
+                let inside = v < 0.95 && (u - 0.5).abs() < 0.53 * v;
+                // The exclamation mark in it.
+                let bar = (u - 0.5).abs() < 0.06 && (0.35..0.68).contains(&v);
+                let dot = (u - 0.5).abs() < 0.06 && (0.76..0.88).contains(&v);
+                inside && !bar && !dot
+            }
+            Mark::Bars => (u * 5.0) as i32 % 2 == 0 && v > [0.55, 0.0, 0.3, 0.0, 0.0][(u * 5.0) as usize % 5],
+            Mark::Square => (u - 0.5).abs().max((v - 0.5).abs()) > 0.32,
+            Mark::Moon => from_centre((u, v)) < 0.5 && from_centre((u - 0.22, v + 0.12)) > 0.42,
+        }
+    });
+}
+
+/// One screen of each kind, for looking at them.
+pub fn examples() -> Vec<(&'static str, Screen)> {
+    let text = str::to_owned;
+    vec![
+        ("starting", Screen::Starting { words: text("The camera and the panel are being looked for.") }),
+        ("ready", Screen::Ready { hint: text("Put photos into the inbox, then press the button.") }),
+        ("waiting", Screen::Waiting { photos: 12 }),
+        ("working", Screen::Working { photo: text("Sommer am Attersee, 1987.jpg"), number: 3, of: 12 }),
+        (
+            "result",
+            Screen::Result {
+                photo: text("Sommer am Attersee, 1987.jpg"),
+                words: text("Photographed through the lens again, this picture is your photo."),
+                hint: text("The result is in the outbox."),
+            },
+        ),
+        (
+            "resting",
+            Screen::Resting { words: text("The night begins at 22:00 (Europe/Vienna)."), photos: 4000 },
+        ),
+        (
+            "trouble",
+            Screen::Trouble {
+                what: text("The camera is gone: no frame came within 500 ms."),
+                to_do: text("Look at the camera's cable. The box tries again every minute."),
+            },
+        ),
+        ("maintenance", Screen::Maintenance { words: text("The box does no work until you say so.") }),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Channel, Plane};
+
+    fn example(name: &str) -> Screen {
+        examples().into_iter().find(|(n, _)| *n == name).expect("an example").1
+    }
+
+    /// Share of pixels that are not the colour of the corner.
+    fn inked(codes: &Codes) -> f64 {
+        let corner = Channel::ALL.map(|c| codes.plane(c).at(0, 0));
+        let size = codes.size();
+        let differs = |n: usize| Channel::ALL.iter().any(|&c| codes.plane(c).data()[n] != corner[c.index()]);
+        (0..size.area()).filter(|&n| differs(n)).count() as f64 / size.area() as f64
+    }
+
+    #[test]
+    fn no_screen_is_black_and_all_differ() {
+        let size = Size::new(480, 270);
+        let drawn: Vec<Codes> = examples().iter().map(|(_, screen)| draw(screen, size, None)).collect();
+        for (n, codes) in drawn.iter().enumerate() {
+            let brightest = Channel::ALL.map(|c| codes.plane(c).at(0, 0)).into_iter().max();
+            assert!(brightest > Some(40), "{n} has a black ground");
+            assert!(inked(codes) > 0.03, "{n} says nothing: {}", inked(codes));
+            assert!(drawn[n + 1..].iter().all(|other| other != codes), "{n} is drawn twice");
+        }
+    }
+
+    #[test]
+    fn screens_fit_every_panel_and_survive_hostile_words() {
+        let hostile = "x".repeat(5000) + "\u{202e}\u{0}漢字 \n\n";
+        for size in [Size::new(16, 16), Size::new(64, 480), Size::new(320, 240), Size::new(1920, 1080)] {
+            let screen = Screen::Trouble { what: hostile.clone(), to_do: hostile.clone() };
+            assert_eq!(draw(&screen, size, None).size(), size);
+            let screen = Screen::Working { photo: hostile.clone(), number: 3, of: 0 };
+            assert_eq!(draw(&screen, size, None).size(), size);
+        }
+    }
+
+    #[test]
+    fn the_result_shows_both_pictures() {
+        let (size, photo) = (Size::new(640, 360), Size::new(64, 48));
+        let red: Frame<Work> = Frame::from_fn(|c| Plane::filled(photo, [255.0, 0.0, 0.0][c.index()]));
+        let blue: Frame<Work> = Frame::from_fn(|c| Plane::filled(photo, [0.0, 0.0, 255.0][c.index()]));
+        let codes = draw(&example("result"), size, Some((&red, &blue)));
+        let count = |wanted: Colour| {
+            (0..size.area())
+                .filter(|&n| Channel::ALL.iter().all(|&c| codes.plane(c).data()[n] == wanted[c.index()]))
+                .count()
+        };
+        let (before, after) = (count([255, 0, 0]), count([0, 0, 255]));
+        assert!(before > size.area() / 8 && before.abs_diff(after) < before / 50, "{before}, {after}");
+    }
+
+    #[test]
+    fn progress_moves_with_the_photos() {
+        let size = Size::new(480, 270);
+        let at = |number| {
+            let codes = draw(&Screen::Working { photo: "a".into(), number, of: 10 }, size, None);
+            let row = codes.plane(Channel::Blue).row(245).to_vec();
+            row.iter().filter(|&&v| v == SKY[2]).count()
+        };
+        assert!(at(1) < 5 && at(6) > 180 && at(10) > at(6), "{} {} {}", at(1), at(6), at(10));
+    }
+}

@@ -1,0 +1,256 @@
+//! The pilot picture: one known picture, shown and seen, and what its captures say about the rig.
+//!
+//! The measured lens predicts the capture m. What was seen is fitted, per channel and by least squares over
+//! the photo, as y(x) = g·m(x − d) + o: to first order y = g·m + o − d·∇m. Two captures tell their noise.
+//! What counts is the change of g, o, d and noise since the calibration: the same fit, made right after it.
+
+use nalgebra::{Matrix4, Vector4};
+use serde::{Deserialize, Serialize};
+
+use crate::config::Nights;
+use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
+use crate::light_path::LightPath;
+use crate::remedy::AnyFailure;
+use crate::restore::forward_convolution::{ForwardConvolution, Seen};
+use crate::restore::lens_model::LensModel;
+
+/// Side of the pilot's squares in Work pixels: wide against the blur, so that their middles tell the
+/// brightness and their edges the place.
+const SQUARE_PX: usize = 16;
+
+/// The pilot's lights: away from black and white, where captures clip.
+const LIGHTS: (f32, f32) = (40.0, 200.0);
+
+/// What one pilot says of one channel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Fit {
+    /// Brightness over the prediction's.
+    pub gain: f64,
+    /// Light added, grey levels.
+    pub offset_levels: f64,
+    /// Displacement to the right, sensor pixels.
+    pub shift_x_px: f64,
+    /// Displacement downwards, sensor pixels.
+    pub shift_y_px: f64,
+    /// Noise of one capture, grey levels RMS.
+    pub noise_levels: f64,
+}
+
+/// What one pilot says, channel by channel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Reading(pub [Fit; 3]);
+
+/// How far the rig is from what it was; the worst channel of each.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Drift {
+    /// Displacement, sensor pixels.
+    pub shift_px: f64,
+    /// Brighter (or darker, negative), per cent.
+    pub gain_percent: f64,
+    /// Light added, grey levels.
+    pub offset_levels: f64,
+    /// Noise as a multiple of what it was.
+    pub noise_ratio: f64,
+}
+
+/// How far it may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Displacement, sensor pixels.
+    pub shift_max_px: f64,
+    /// Brighter or darker, per cent.
+    pub gain_max_percent: f64,
+    /// Light added or lost, grey levels.
+    pub offset_max_levels: f64,
+    /// Noise as a multiple of what it was.
+    pub noise_max_ratio: f64,
+}
+
+impl Limits {
+    /// The limits of a rig file.
+    pub fn of(nights: &Nights) -> Limits {
+        let &Nights { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio, .. } = nights;
+        Limits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio }
+    }
+}
+
+impl Reading {
+    /// What has changed since `before`.
+    pub fn since(&self, before: &Reading) -> Drift {
+        let worst = |of: &dyn Fn(&Fit, &Fit) -> f64| {
+            let each = self.0.iter().zip(&before.0).map(|(now, then)| of(now, then));
+            each.fold(0.0, |worst: f64, v| if v.abs() > worst.abs() { v } else { worst })
+        };
+        Drift {
+            shift_px: worst(&|now, then| {
+                (now.shift_x_px - then.shift_x_px).hypot(now.shift_y_px - then.shift_y_px)
+            }),
+            gain_percent: worst(&|now, then| 100.0 * (now.gain / then.gain.max(1e-9) - 1.0)),
+            // At the pilot's mean light, so that a change of gain is not told twice.
+            offset_levels: worst(&|now, then| now.offset_levels - then.offset_levels),
+            noise_ratio: worst(&|now, then| now.noise_levels / then.noise_levels.max(1e-9)),
+        }
+    }
+}
+
+impl Drift {
+    /// What is past its limit, in words; `None` when nothing is.
+    pub fn complaint(&self, limits: &Limits) -> Option<String> {
+        let mut said = Vec::new();
+        let mut hold = |found: f64, allowed: f64, words: String| {
+            // Not finite is past every limit.
+            if found.is_nan() || found.abs() > allowed {
+                said.push(words);
+            }
+        };
+        let Limits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio } = *limits;
+        let Drift { shift_px, gain_percent, offset_levels, noise_ratio } = *self;
+        hold(shift_px, shift_max_px, format!("displaced by {shift_px:.2} px, allowed {shift_max_px}"));
+        hold(
+            gain_percent,
+            gain_max_percent,
+            format!("brightness changed by {gain_percent:+.1} %, allowed {gain_max_percent}"),
+        );
+        hold(
+            offset_levels,
+            offset_max_levels,
+            format!("stray light changed by {offset_levels:+.1} grey levels, allowed {offset_max_levels}"),
+        );
+        hold(
+            noise_ratio,
+            noise_max_ratio,
+            format!("noise {noise_ratio:.1} times its own, allowed {noise_max_ratio}"),
+        );
+        (!said.is_empty()).then(|| said.join("; "))
+    }
+
+    /// The largest difference to `other`, each as a share of its limit.
+    pub fn difference(&self, other: &Drift, limits: &Limits) -> f64 {
+        [
+            (self.shift_px - other.shift_px) / limits.shift_max_px,
+            (self.gain_percent - other.gain_percent) / limits.gain_max_percent,
+            (self.offset_levels - other.offset_levels) / limits.offset_max_levels,
+            (self.noise_ratio - other.noise_ratio) / limits.noise_max_ratio,
+        ]
+        .into_iter()
+        .fold(0.0, |largest, v| largest.max(v.abs()))
+    }
+}
+
+/// The pilot picture for a canvas of `size`: squares of seeming chance, the same ones for ever.
+pub fn picture(size: Size) -> Frame<Work> {
+    Frame::from_fn(|c| {
+        Plane::from_fn(size, |x, y| {
+            // A multiplicative hash (Knuth) of the square's place; its top bits are well mixed.
+            let square = (x / SQUARE_PX) as u32 + 251 * (y / SQUARE_PX) as u32 + 65_521 * c.index() as u32;
+            let mixed = (square.wrapping_mul(2_654_435_761) ^ (square << 7)).wrapping_mul(2_246_822_519);
+            let share = (mixed >> 24) as f32 / 255.0;
+            LIGHTS.0 + share * (LIGHTS.1 - LIGHTS.0)
+        })
+    })
+}
+
+/// Shows the pilot twice and reads it over `photo`, the photo's part of the canvas.
+///
+/// # Errors
+/// When a capture fails.
+pub fn read(path: &mut LightPath<'_>, model: &LensModel, photo: Rect) -> Result<Reading, AnyFailure> {
+    let shown = picture(path.size());
+    let (first, second) = (path.forward(&shown)?, path.forward(&shown)?);
+    Ok(Reading(Channel::ALL.map(|c| {
+        let mut predicted = Plane::zeros(path.size());
+        model.forward(c, shown.plane(c), &mut predicted);
+        fit(&predicted, (&first, &second), c, photo)
+    })))
+}
+
+fn fit(predicted: &Plane, (first, second): (&Seen, &Seen), channel: Channel, photo: Rect) -> Fit {
+    let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
+    let (mut squared, mut count) = (0.0, 0.0);
+    // A pixel in from the border of the photo, for the slopes.
+    for y in photo.y.max(1)..(photo.y + photo.size.height).min(predicted.height().saturating_sub(1)) {
+        for x in photo.x.max(1)..(photo.x + photo.size.width).min(predicted.width().saturating_sub(1)) {
+            if first.trusted.plane(channel).at(x, y) == 0 || second.trusted.plane(channel).at(x, y) == 0 {
+                continue;
+            }
+            let at = |x: usize, y: usize| f64::from(predicted.at(x, y));
+            let slope_x = (at(x + 1, y) - at(x - 1, y)) / 2.0;
+            let slope_y = (at(x, y + 1) - at(x, y - 1)) / 2.0;
+            let row = Vector4::new(at(x, y), 1.0, -slope_x, -slope_y);
+            let (a, b) = (first.light.plane(channel).at(x, y), second.light.plane(channel).at(x, y));
+            let seen = f64::from(a + b) / 2.0;
+            normal += row * row.transpose();
+            right += row * seen;
+            squared += f64::from(a - b).powi(2);
+            count += 1.0;
+        }
+    }
+    // Nothing seen at all is past every limit.
+    let unknown = Vector4::from_element(f64::NAN);
+    let found = normal.lu().solve(&right).unwrap_or(unknown);
+    // g·m(x − d) has the slope term g·d.
+    Fit {
+        gain: found[0],
+        offset_levels: found[1],
+        shift_x_px: found[2] / found[0],
+        shift_y_px: found[3] / found[0],
+        noise_levels: f64::sqrt(squared / f64::max(count, 1.0) / 2.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size::new(96, 80);
+
+    /// A smooth picture, and the same one displaced, brighter, with light added.
+    fn seen(dx: f64, dy: f64, gain: f64, offset: f64, ripple: f32) -> (Plane, Seen) {
+        let light = |x: f64, y: f64| 100.0 + 50.0 * (x / 5.0).sin() * (y / 7.0).cos();
+        let predicted = Plane::from_fn(SIZE, |x, y| light(x as f64, y as f64) as f32);
+        let plane = Plane::from_fn(SIZE, |x, y| {
+            let sign = if (x + y) % 2 == 0 { ripple } else { -ripple };
+            (gain * light(x as f64 - dx, y as f64 - dy) + offset) as f32 + sign
+        });
+        let trusted = Frame::filled(SIZE, 1u8);
+        (predicted, Seen { light: Frame::from_fn(|_| plane.clone()), trusted })
+    }
+
+    #[test]
+    fn a_known_drift_is_read_back() {
+        let (predicted, once) = seen(0.2, -0.1, 1.04, 2.0, 0.5);
+        let (_, twice) = seen(0.2, -0.1, 1.04, 2.0, -0.5);
+        let photo = Rect { x: 0, y: 0, size: SIZE };
+        let fit = fit(&predicted, (&once, &twice), Channel::Green, photo);
+        assert!((fit.gain - 1.04).abs() < 0.002 && (fit.offset_levels - 2.0).abs() < 0.2, "{fit:?}");
+        assert!((fit.shift_x_px - 0.2).abs() < 0.005 && (fit.shift_y_px + 0.1).abs() < 0.005, "{fit:?}");
+        // ±0.5 against ∓0.5 differ by 1: as two captures with a noise of √½ do.
+        assert!((fit.noise_levels - 0.5f64.sqrt()).abs() < 1e-3, "{fit:?}");
+    }
+
+    #[test]
+    fn what_is_past_its_limit_is_said_with_what_is_allowed() {
+        let limits = Limits {
+            shift_max_px: 0.25,
+            gain_max_percent: 3.0,
+            offset_max_levels: 1.0,
+            noise_max_ratio: 1.5,
+        };
+        let fine = Drift { shift_px: 0.1, gain_percent: -2.0, offset_levels: 0.5, noise_ratio: 1.1 };
+        assert_eq!(fine.complaint(&limits), None);
+        let darker = Drift { gain_percent: -4.2, ..fine };
+        assert_eq!(darker.complaint(&limits).unwrap(), "brightness changed by -4.2 %, allowed 3");
+        assert!(Drift { shift_px: f64::NAN, ..fine }.complaint(&limits).is_some());
+    }
+
+    #[test]
+    fn the_pilot_is_coloured_and_keeps_away_from_black_and_white() {
+        let pilot = picture(SIZE);
+        for c in Channel::ALL {
+            assert!(pilot.plane(c).data().iter().all(|v| (LIGHTS.0..=LIGHTS.1).contains(v)));
+        }
+        assert!(pilot.plane(Channel::Red) != pilot.plane(Channel::Blue));
+    }
+}

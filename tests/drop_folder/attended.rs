@@ -1,0 +1,156 @@
+//! Somebody before the box: the button says when, the panel says what.
+
+use std::cell::RefCell;
+use std::path::Path;
+use std::rc::Rc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use relens::config::Mode;
+use relens::daemon::{Attended, Daemon, Folders, Progress, Restored, Restorer, Summary};
+use relens::kiosk::front::{Front, State};
+use relens::kiosk::press::Press;
+use relens::kiosk::screen::Screen;
+use relens::picture::{Format, Photo};
+use relens::remedy::{AnyFailure, Remedy};
+
+use crate::bed::*;
+
+/// Brightens, and remembers what it was asked to show.
+struct Shown {
+    inner: Brightener,
+    screens: Rc<RefCell<Vec<Screen>>>,
+}
+
+impl Restorer for Shown {
+    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+        self.inner.restore(photo, progress)
+    }
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
+        self.inner.mend(remedy)
+    }
+    fn show(&mut self, screen: &Screen) {
+        self.screens.borrow_mut().push(screen.clone());
+    }
+}
+
+/// Runs a box in `mode` over `root` until `until_s`, doing what `act` says at each look at the time.
+fn attended(
+    root: &Path,
+    mode: Mode,
+    inner: Brightener,
+    until_s: f64,
+    front: &Front,
+    act: impl FnMut(f64, &Front),
+) -> (Summary, Vec<Screen>, Vec<Remedy>) {
+    let calendar = || -> SystemTime { UNIX_EPOCH + Duration::from_secs(1_700_000_000) };
+    let screens = Rc::default();
+    let (clock, mut restorer) = (TestClock::default(), Shown { inner, screens: Rc::clone(&screens) });
+    let folders = Folders::open(root).unwrap();
+    let mut watcher = ();
+    let schedule = Attended::new(front.clone(), mode, &clock, Box::new(()));
+    let daemon = Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let act = RefCell::new(act);
+    let summary = daemon.scheduled(Box::new(schedule)).run(&|| {
+        act.borrow_mut()(clock.0.get(), front);
+        clock.0.get() > until_s
+    });
+    let screens = screens.borrow().clone();
+    (summary, screens, restorer.inner.mended)
+}
+
+fn photos(root: &Path, count: usize) {
+    for n in 0..count {
+        drop_in(root, &format!("{n}.png"), &file(Format::Png, 8, RIG));
+    }
+}
+
+/// Presses once at `at_s`.
+fn press_at(at_s: f64, press: Press) -> impl FnMut(f64, &Front) {
+    let mut done = false;
+    move |now, front| {
+        if now >= at_s && !std::mem::replace(&mut done, true) {
+            front.press(press);
+        }
+    }
+}
+
+#[test]
+fn photos_wait_for_the_button_and_one_press_restores_those_that_wait() {
+    let (root, front) = (fresh_root(), Front::default());
+    photos(root.path(), 3);
+    let (summary, screens, _) =
+        attended(root.path(), Mode::Button, Brightener::default(), 60.0, &front, |_, _| {});
+    assert!(summary.restored.is_empty() && screens.contains(&Screen::Waiting { photos: 3 }));
+    assert_eq!(front.state().0, State::Waiting { photos: 3 });
+    let press = press_at(20.0, Press::Down);
+    let (summary, screens, _) =
+        attended(root.path(), Mode::Button, Brightener::default(), 60.0, &front, press);
+    assert_eq!(summary.restored.len(), 3);
+    let working = |s: &&Screen| matches!(s, Screen::Working { of: 3, .. });
+    assert_eq!(screens.iter().filter(working).count(), 3, "{screens:?}");
+    assert!(matches!(screens.last(), Some(Screen::Result { .. })), "{screens:?}");
+}
+
+#[test]
+fn ten_presses_are_one_and_photos_that_come_later_wait_for_their_own() {
+    let (root, front) = (fresh_root(), Front::default());
+    photos(root.path(), 1);
+    let (mut dropped, mut presses) = (false, 0);
+    let (summary, ..) =
+        attended(root.path(), Mode::Button, Brightener::default(), 60.0, &front, |now, front| {
+            if now >= 10.0 && presses < 10 {
+                presses += 1;
+                front.press(Press::Down);
+            }
+            if now > 20.0 && !std::mem::replace(&mut dropped, true) {
+                drop_in(root.path(), "later.png", &file(Format::Png, 8, RIG));
+            }
+        });
+    assert_eq!(summary.restored.len(), 1);
+    assert!(root.path().join("inbox/later.png").exists());
+}
+
+#[test]
+fn a_press_with_nothing_to_do_ends_in_ready() {
+    let (root, front) = (fresh_root(), Front::default());
+    let press = press_at(5.0, Press::Down);
+    attended(root.path(), Mode::Button, Brightener::default(), 20.0, &front, press);
+    assert_eq!(front.state().0, State::Ready);
+}
+
+#[test]
+fn held_at_the_start_is_maintenance_until_a_short_press() {
+    let (root, front) = (fresh_root(), Front::default());
+    photos(root.path(), 2);
+    front.press(Press::HeldAtStart);
+    let mut presses = [(20.0, Press::Long), (40.0, Press::Short)].into_iter().peekable();
+    let (summary, screens, mended) =
+        attended(root.path(), Mode::Folder, Brightener::default(), 80.0, &front, |now, front| {
+            if let Some((_, press)) = presses.next_if(|(at, _)| now >= *at) {
+                assert!(root.path().join("inbox/0.png").exists(), "photos wait");
+                front.press(press);
+            }
+        });
+    assert_eq!((summary.restored.len(), mended), (2, vec![Remedy::Recalibrate]));
+    let said = |words: &str| {
+        screens.iter().any(|s| matches!(s, Screen::Maintenance { words: w } if w.contains(words)))
+    };
+    assert!(said("no work") && said("measured anew"), "{screens:?}");
+}
+
+#[test]
+fn trouble_is_on_the_panel_with_what_to_do_and_clears_itself() {
+    let (root, front) = (fresh_root(), Front::default());
+    photos(root.path(), 1);
+    let failing = Brightener { failures: vec![Remedy::CallOperator], ..Brightener::default() };
+    let mut trouble = false;
+    let (summary, screens, _) = attended(root.path(), Mode::Folder, failing, 120.0, &front, |_, front| {
+        trouble |= matches!(front.state().0, State::Trouble { .. });
+    });
+    assert!(
+        trouble
+            && screens.iter().any(|s| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains("cables")))
+    );
+    assert_eq!(summary.restored.len(), 1, "it went on by itself");
+    assert!(!matches!(front.state().0, State::Trouble { .. }));
+}
