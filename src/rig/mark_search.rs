@@ -3,6 +3,10 @@
 //! Runs before any frame can be proven, on a rig whose frames may be stale, torn or missing: so it asks for a
 //! majority at every step, and ends by reading marks it knows.
 
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_xoshiro::Xoshiro256PlusPlus;
+
 use super::RigError;
 use super::coarse_geometry::{CoarseGeometry, Place};
 use super::frame_mark::{FrameMarks, MarkPlace, Reading};
@@ -12,8 +16,8 @@ use crate::frame::{Codes, Counts, Plane, Size};
 const DOTS: [usize; 2] = [5, 4];
 /// Dots across and down the sensor, once it is known where it looks.
 const SENSOR_DOTS: [usize; 2] = [4, 3];
-/// Step from dot to dot; prime to the usual numbers of dots, so that every dot has its turn.
-const STRIDE: usize = 7;
+/// Seed of the order in which dots are shown.
+const ORDER_SEED: u64 = 20;
 /// A dot's side as a share of the panel's height: wider than any blur a lens worth restoring has.
 const DOT_SHARE: f64 = 0.05;
 /// A dot dimmer than this share of the brightest one is taken for glare.
@@ -121,19 +125,27 @@ fn fit_dots(
     fit: &Fit,
 ) -> Result<CoarseGeometry, RigError> {
     let side = (DOT_SHARE * panel.height as f64).max(4.0);
-    let stride = if places.len().is_multiple_of(STRIDE) { 1 } else { STRIDE };
     let mut dots: Vec<(Place, Place)> = Vec::new();
-    for _ in 0..ROUNDS {
+    for round in 0..ROUNDS {
         let mut frames = Vec::new();
-        for n in 0..places.len() {
-            // Out of order: frames that come one picture late must not look like a shifted panel.
-            let centre = places[(n * stride) % places.len()];
+        for n in shuffled(places.len(), round) {
+            let centre = places[n];
             if let Some(counts) = if_any(shoot(&dot(panel, centre, side)))? {
                 let [_, green, _] = counts.into_planes();
                 frames.push((centre, green));
             }
         }
-        dots.extend(spots(sensor, &frames));
+        let seen = spots(sensor, &frames);
+        for (at, spot) in &seen {
+            log::debug!(
+                "dot at panel {:.0}, {:.0} seen at sensor {:.1}, {:.1}",
+                at[0],
+                at[1],
+                spot[0],
+                spot[1]
+            );
+        }
+        dots.extend(seen);
         if let Some(geometry) = fit(&dots) {
             return Ok(geometry);
         }
@@ -149,6 +161,14 @@ fn fit_dots(
             dots.len()
         ),
     })
+}
+
+/// An order without any: frames that come one picture late must not look like a panel elsewhere, as they do when
+/// every dot is the same step away from the one before.
+fn shuffled(count: usize, round: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..count).collect();
+    order.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(ORDER_SEED + round as u64));
+    order
 }
 
 /// Where the dots shown are in their frames: panel place and sensor place of those seen whole.
@@ -201,5 +221,45 @@ impl Spot {
             }
         }
         (mass > 0.0).then(|| Spot { centre: [sum[0] / mass, sum[1] / mass], height: peak, whole })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera that sees the middle of the panel and delivers every frame `late` pictures late.
+    fn camera(late: usize) -> impl FnMut(&Codes) -> Result<Counts, RigError> {
+        let (panel, sensor) = (Size::new(240, 180), Size::new(160, 128));
+        let mut pipe = std::collections::VecDeque::from(vec![Codes::zeros(panel); late]);
+        move |codes| {
+            pipe.push_back(codes.clone());
+            let seen = pipe.pop_front().unwrap_or_else(|| codes.clone());
+            let counts = |plane: &Plane<u8>| {
+                Plane::from_fn(sensor, |x, y| {
+                    16 + u16::from(plane.at(35 + x * 107 / 100, 20 + y * 107 / 100))
+                })
+            };
+            let [red, green, blue] = seen.planes().each_ref().map(counts);
+            Ok(Counts::from_planes([red, green, blue]))
+        }
+    }
+
+    fn place() -> MarkPlace {
+        MarkPlace { sensor: Size::new(160, 128), from_edge_px: 2, height_px: 6, guard_px: 2 }
+    }
+
+    #[test]
+    fn marks_are_found_through_a_prompt_camera() {
+        find_marks(place(), Size::new(240, 180), &mut camera(0)).unwrap_or_else(|e| panic!("{e}"));
+    }
+
+    #[test]
+    fn frames_that_are_all_late_are_no_geometry() {
+        for late in 1..4 {
+            let found = find_marks(place(), Size::new(240, 180), &mut camera(late));
+            let Err(RigError::NoMarks { what }) = found else { panic!("{late} late: {found:?}") };
+            assert!(what.contains("no five of them lie as on a flat panel"), "{late} late: {what}");
+        }
     }
 }
