@@ -1,21 +1,38 @@
-# What the scenarios share: the physics process, the button, lamps, and a sentence that must be there.
+# What the scenarios share: the light, the button, lamps, and a sentence that must be there.
 LINES_BASE=$(for chip in /sys/class/gpio/gpiochip*; do [ "$(cat "$chip/label")" = relens-sim ] && cat "$chip/base"; done)
 RIG=/rigs/virtual.toml; export RELENS_RIG=$RIG
 
-start_physics() {
-  physics /rigs/truth.toml /dev/dri/card0 /dev/video0 "$LINES_BASE" > /tmp/physics.log 2>&1 &
-  PHYSICS=$!
-  for _ in $(seq 300); do grep -q ready /tmp/physics.log && return; sleep 0.2; done
-  cat /tmp/physics.log; fail "physics did not start"
+PORT=/dev/$(for port in /sys/class/virtio-ports/*; do [ "$(cat "$port/name")" = light ] && basename "$port"; done)
+
+open_window() {
+  window /rigs/truth.toml /dev/dri/card0 /dev/video0 "$LINES_BASE" "$PORT" > /tmp/window.log 2>&1 &
+  WINDOW=$!
+  for _ in $(seq 300); do grep -q "window is open" /tmp/window.log && return; sleep 0.2; done
+  cat /tmp/window.log; fail "no light"
 }
 
 fail() { echo "FAIL: $*"; exit 1; }
 press_button() { echo pull-up > "$LINES_DIR/sim_gpio1/pull"; sleep "${1:-0.2}"; echo pull-down > "$LINES_DIR/sim_gpio1/pull"; }
 lamp() { cat "$LINES_DIR/sim_gpio$1/value"; } # 2 ready, 3 busy, 4 trouble
+# each waits for at most so many seconds: appears FILE SECONDS, lit LAMP SECONDS, logged WORDS SECONDS (in daemon.log)
+within() { # SECONDS WHAT-FAILED COMMAND...
+  patience=$(($1 * 5)); what=$2; shift 2
+  for _ in $(seq $patience); do "$@" && return; sleep 0.2; done
+  tail -n 40 /tmp/daemon.log; tail -n 5 /tmp/window.log; fail "$what"
+}
+appears() { within "$2" "$1 did not come" test -s "$1"; echo "$(date +%T) $1 is there"; }
+is_lit() { [ "$(lamp "$1")" = 1 ]; }
+lit() { within "$2" "lamp $1 stays dark" is_lit "$1"; }
+logged() { within "$2" "the daemon did not say \"$1\"" grep -q "$1" /tmp/daemon.log; grep "$1" /tmp/daemon.log | head -n 1; }
 # says WORDS COMMAND...: the command must fail and say the words.
 says() {
   words=$1; shift
   "$@" > /tmp/said 2>&1 && { cat /tmp/said; fail "$* succeeded"; }
   grep -q "$words" /tmp/said || { cat /tmp/said; fail "$* did not say \"$words\""; }
   echo "told as it should be: $(grep "$words" /tmp/said | head -n1)"
+}
+# From the window's record: no exposure began before the picture had been up for the rig file's settle time.
+settled() {
+  awk '/ flip to / { flip = $1 } / exposure of / { n++; wait = $1 - flip; if (n == 1 || wait < least) least = wait }
+    END { printf "%d exposures, the earliest %.1f ms after its flip\n", n, least * 1e3; exit least < 0.04 }' /tmp/window.log
 }

@@ -1,0 +1,135 @@
+//! The virtual rig's panel glass and camera window: what is on scan-out when the trigger line rises goes out of the
+//! virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in by the camera's node.
+//!
+//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT` runs until it is killed. It knows nothing of the
+//! daemon: the trigger comes from the kernel's trace of GPIO values, the picture from the display driver. Two threads,
+//! so that light is caught at the moment of the trigger however long the lens takes to compute. Every flip, exposure
+//! and frame is a line of standard output, with its moment on `CLOCK_MONOTONIC`.
+#![allow(unsafe_code)] // mmap of the scanned-out buffer
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, unreachable_pub)] // a bench program: it says what failed and stops
+
+mod scanout;
+mod trace;
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Write};
+use std::path::Path;
+use std::sync::mpsc;
+
+use relens::config;
+use relens::frame::Codes;
+use relens::rig::monotonic::Monotonic;
+use relens::rig::{Clock, Moment};
+use v4l::video::Output;
+
+use self::scanout::{Card, Shown};
+use self::trace::{Event, Trace};
+
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// The camera's node, ready to take frames.
+fn camera(video: &str, truth: &config::Rig) -> Outcome<v4l::Device> {
+    let node = v4l::Device::with_path(video)?;
+    let size = truth.camera.size();
+    let wanted = v4l::Format::new(size.width as u32, size.height as u32, v4l::FourCC::new(b"RGB3"));
+    let got = Output::set_format(&node, &wanted)?;
+    if (got.width, got.height, got.fourcc) != (wanted.width, wanted.height, wanted.fourcc) {
+        return Err(format!("the camera's node takes {got}").into());
+    }
+    // Until a writer has streamed, a reader's STREAMON fails.
+    let kind = v4l::buffer::Type::VideoOutput as u32;
+    // SAFETY: VIDIOC_STREAMON takes a pointer to the buffer type.
+    unsafe {
+        let argument = std::ptr::from_ref(&kind).cast_mut().cast();
+        v4l::v4l2::ioctl(node.handle().fd(), v4l::v4l2::vidioc::VIDIOC_STREAMON, argument)?;
+    }
+    Ok(node)
+}
+
+/// Delivers each frame when its exposure and read-out have passed, or as soon after as it has been computed.
+fn deliver(truth: &config::Rig, video: &str, mut port: File, rises_s: mpsc::Receiver<f64>) -> Outcome<()> {
+    let mut node = camera(video, truth)?;
+    println!("the window is open");
+    let frame_s = (truth.camera.exposure_ms + truth.simulation().map_or(0.0, |s| s.sensor.readout_ms)) / 1e3;
+    let mut bytes = vec![0; truth.camera.size().area() * 3];
+    for rise_s in rises_s {
+        port.read_exact(&mut bytes)?;
+        Monotonic.wait_until(Moment(rise_s + frame_s));
+        if node.write(&bytes)? != bytes.len() {
+            return Err("the camera's node takes smaller frames".into());
+        }
+        let now_s = Monotonic.now().0;
+        println!(
+            "{now_s:.6} frame of the exposure at {rise_s:.6}, {:.0} ms after it",
+            (now_s - rise_s) * 1e3
+        );
+    }
+    Ok(())
+}
+
+/// What a picture looks like in a line of text: its mean code and a checksum.
+fn fingerprint(codes: &Codes) -> String {
+    let data = codes.planes()[1].data();
+    let mean = data.iter().map(|&code| f64::from(code)).sum::<f64>() / data.len() as f64;
+    format!("mean {mean:.2}, checksum {:08x}", crc32fast::hash(data))
+}
+
+fn look(
+    truth: &config::Rig,
+    card: &str,
+    line: &str,
+    mut port: File,
+    rises: &mpsc::Sender<f64>,
+) -> Outcome<()> {
+    let card = Card::open(Path::new(card))?;
+    let mut trace = Trace::start(line)?;
+    let mut shown = card.scanned_out()?;
+    loop {
+        let event = trace.next()?;
+        let late_ms = |at_s: f64| (Monotonic.now().0 - at_s) * 1e3;
+        match event {
+            Event::Flip { at_s } => {
+                // Taken here and not at the trigger: the kernel names a buffer before its scan-out began.
+                shown = card.scanned_out()?;
+                let number = shown.as_ref().map_or(0, |shown| shown.number);
+                println!("{at_s:.6} flip to {number}, seen {:.1} ms later", late_ms(at_s));
+            }
+            Event::Rise { at_s } => {
+                let codes = shown.as_ref().map_or_else(|| Codes::zeros(truth.panel.size()), Shown::codes);
+                let number = shown.as_ref().map_or(0, |shown| shown.number);
+                let seen = late_ms(at_s);
+                println!("{at_s:.6} exposure of {number} ({}), seen {seen:.1} ms later", fingerprint(&codes));
+                if codes.size() != truth.panel.size() {
+                    println!("the panel shows {}, the truth has {}", codes.size(), truth.panel.size());
+                    continue;
+                }
+                rises.send(at_s)?;
+                for plane in codes.planes() {
+                    port.write_all(plane.data())?;
+                }
+            }
+        }
+    }
+}
+
+fn main() -> Outcome<()> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [truth, card, video, line, port] = words.as_slice() else {
+        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT".into());
+    };
+    let truth = config::load(Path::new(truth))?;
+    let port = OpenOptions::new().read(true).write(true).open(port)?;
+    let answers = port.try_clone()?;
+    let (rises, rises_s) = mpsc::channel();
+    let truth = &truth;
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            if let Err(cause) = deliver(truth, video, answers, rises_s) {
+                println!("the window shuts: {cause}");
+                // A camera whose other half is dead must not look like a slow one.
+                std::process::exit(1);
+            }
+        });
+        look(truth, card, line, port, &rises)
+    })
+}
