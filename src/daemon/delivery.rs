@@ -1,7 +1,7 @@
 //! A restored photo on its way to the outbox: report, pictures for the gallery, and last the result itself.
 
 use std::ffi::{OsStr, OsString};
-use std::io::{ErrorKind, Read};
+use std::io::Read;
 use std::path::Path;
 
 use crate::frame::Channels;
@@ -41,7 +41,7 @@ impl Daemon<'_> {
             let name = free_name(self, &claimed.name, photo.manner.format.extension())?;
             match self.deliver_as(&name, claimed, photo, restored, &encoded) {
                 // Another box took the name since the look.
-                Err(DaemonError::Files { source, .. }) if source.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) if error.is_taken() => {}
                 delivered => return Ok(delivered?.ok_or(Refusal::Lost)),
             }
         }
@@ -96,10 +96,13 @@ impl Daemon<'_> {
                 &mut original
             }
         };
-        durable::write_new(disk, outbox, result, content).inspect_err(|_| {
-            // A report without its result is no use to anyone.
-            let _ = disk.remove(&outbox.join(&report_name));
+        durable::write_new(disk, outbox, result, content).inspect_err(|error| {
+            // Somebody put a file of that name there meanwhile: another name, and another report.
+            if error.is_taken() {
+                let _ = disk.remove(&outbox.join(&report_name));
+            }
         })?;
+        claimed.delivered = true;
         self.watcher.step(Step::Delivered);
         Ok(Some(report))
     }

@@ -70,6 +70,13 @@ impl DaemonError {
     }
 }
 
+impl DaemonError {
+    /// Whether a name was taken that should have been free.
+    pub(super) fn is_taken(&self) -> bool {
+        matches!(self, DaemonError::Files { source, .. } if source.kind() == std::io::ErrorKind::AlreadyExists)
+    }
+}
+
 impl Remediable for DaemonError {
     fn remedy(&self) -> Remedy {
         use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};

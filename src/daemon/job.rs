@@ -12,7 +12,7 @@ use crate::rig::Moment;
 use super::ledger::{ATTEMPTS_MAX, Ledger};
 use super::run::Daemon;
 use super::withdrawal::Delivered;
-use super::{DaemonError, Failed, Report, Restored, Step, durable, recovery};
+use super::{DaemonError, Failed, Report, Restored, Step, durable};
 use crate::disk::Kind;
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
@@ -59,6 +59,8 @@ pub(super) struct Claimed {
     pub(super) path: PathBuf,
     pub(super) name: OsString,
     pub(super) ledger: Ledger,
+    /// Its result is in the outbox, and safe.
+    pub(super) delivered: bool,
 }
 
 impl Claimed {
@@ -83,50 +85,47 @@ impl Daemon<'_> {
         };
         self.watcher.step(Step::Claimed);
         let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
-        let disk = self.folders.disk();
-        let look = disk.look(&path).map_err(DaemonError::files("look at", &path));
-        let ledger = look.and_then(|look| Ok((look, Ledger::of(&self.folders, &name, look)?)));
-        let (look, ledger) = match ledger {
-            Ok(found) => found,
-            Err(error) => {
-                let _ = durable::move_to(disk, &path, self.folders.inbox(), &name);
-                return Err(error);
+        let mut delivered = false;
+        self.work_on(path, &name, &mut delivered).inspect_err(|_| {
+            // The first error is the one to tell. If this meets another, it is tried again at the next look.
+            if self.settle(&name, delivered).is_err() {
+                self.unsettled.push((name.clone(), delivered));
             }
-        };
-        let mut photo = Claimed { path, name, ledger };
+        })
+    }
+
+    fn work_on(&mut self, path: PathBuf, name: &OsStr, delivered: &mut bool) -> Result<Verdict, DaemonError> {
+        let look = self.folders.disk().look(&path).map_err(DaemonError::files("look at", &path))?;
+        let ledger = Ledger::of(&self.folders, name, look)?;
+        let mut photo = Claimed { path, name: name.to_owned(), ledger, delivered: false };
         if photo.ledger.attempts() >= ATTEMPTS_MAX {
             let reason = format!(
                 "{}: the program ended while it worked on this photo: found {} such attempts, allowed {ATTEMPTS_MAX}",
                 photo.shown(),
                 photo.ledger.attempts()
             );
-            return self.fail(photo, reason);
+            return self.fail(&photo, reason);
         }
         let result = match look.kind {
             Kind::File => self.attempt(&mut photo),
             kind => Ok(Err(no_file(&photo, kind))),
         };
-        match result {
-            Ok(Ok(report)) => self.close(photo, report),
-            Ok(Err(Refusal::Skip(reason) | Refusal::Died(reason))) => self.fail(photo, reason),
-            Ok(Err(Refusal::Later(reason))) => {
+        *delivered = photo.delivered;
+        match result? {
+            Ok(report) => self.close(&photo, report),
+            Err(Refusal::Skip(reason) | Refusal::Died(reason)) => self.fail(&photo, reason),
+            Err(Refusal::Later(reason)) => {
                 let left = Failed { photo: photo.shown(), reason };
-                Ok(Verdict::Left { way: self.put_back(photo)?, left })
+                let way = self.settle(name, false)?.unwrap_or_else(|| PathBuf::from(name));
+                Ok(Verdict::Left { way, left })
             }
-            Ok(Err(Refusal::Lost)) => {
+            Err(Refusal::Lost) => {
                 log::warn!("{}: given up, for another box took it over meanwhile", photo.shown());
                 photo.ledger.close(&self.folders)?;
                 Ok(Verdict::Gone)
             }
-            Ok(Err(Refusal::Hold(reason))) => {
-                self.put_back(photo)?;
-                Err(DaemonError::Held { reason })
-            }
-            Err(error) => {
-                // The first error is the one to tell; where the photo is, the next start finds out.
-                let _ = self.put_back(photo);
-                Err(error)
-            }
+            // The error below puts it back.
+            Err(Refusal::Hold(reason)) => Err(DaemonError::Held { reason }),
         }
     }
 
@@ -222,7 +221,7 @@ impl Daemon<'_> {
     }
 
     /// The result is safe: so is the original, and only then the record goes.
-    fn close(&mut self, photo: Claimed, report: Report) -> Result<Verdict, DaemonError> {
+    fn close(&mut self, photo: &Claimed, report: Report) -> Result<Verdict, DaemonError> {
         let (disk, done) = (self.folders.disk(), self.folders.done());
         let kept = durable::move_to(disk, &photo.path, done, &photo.name)?;
         self.watcher.step(Step::Moved);
@@ -241,7 +240,7 @@ impl Daemon<'_> {
     }
 
     /// Sets the photo aside with its reason.
-    fn fail(&self, photo: Claimed, reason: String) -> Result<Verdict, DaemonError> {
+    fn fail(&self, photo: &Claimed, reason: String) -> Result<Verdict, DaemonError> {
         let failed = Failed { photo: photo.shown(), reason };
         let (disk, folder) = (self.folders.disk(), self.folders.failed());
         // A note without its photo is what a cut left of us, and is written anew.
@@ -265,17 +264,6 @@ impl Daemon<'_> {
         durable::sync_folder(disk, folder)?;
         photo.ledger.close(&self.folders)?;
         Ok(Verdict::Failed(failed))
-    }
-
-    /// Puts the photo back into the inbox as if it had never been begun; the way to it.
-    fn put_back(&self, photo: Claimed) -> Result<PathBuf, DaemonError> {
-        let disk = self.folders.disk();
-        if let Some(result) = photo.ledger.result() {
-            recovery::withdraw(&self.folders, &result, &photo.path)?;
-        }
-        let path = durable::move_to(disk, &photo.path, self.folders.inbox(), &photo.name)?;
-        photo.ledger.close(&self.folders)?;
-        Ok(PathBuf::from(path.file_name().unwrap_or(&photo.name)))
     }
 }
 

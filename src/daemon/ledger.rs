@@ -123,7 +123,7 @@ impl Ledger {
     }
 
     /// Removes the record; the photo has left `working` for good, or the attempts are forgiven.
-    pub(super) fn close(self, folders: &Folders) -> Result<(), DaemonError> {
+    pub(super) fn close(&self, folders: &Folders) -> Result<(), DaemonError> {
         let path = self.folder.join(&self.file);
         match folders.disk().remove(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {

@@ -39,6 +39,7 @@ mod run;
 mod schedule;
 pub mod service;
 mod setting;
+mod settling;
 mod state;
 mod watcher;
 mod withdrawal;

@@ -54,14 +54,29 @@ pub(super) fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), Daemo
 
 /// Removes the report of the photo at `path` for the result named, if that was not delivered: it is no use to
 /// anyone, and another photo may want the name. The name may be another photo's by now; its report stays.
-pub(super) fn withdraw(folders: &Folders, result: &OsStr, path: &Path) -> Result<(), DaemonError> {
-    let (disk, outbox) = (folders.disk(), folders.outbox());
-    if exists(disk, &outbox.join(result))? || !reported(folders, result, path)? {
+fn withdraw(folders: &Folders, result: &OsStr, path: &Path) -> Result<(), DaemonError> {
+    match exists(folders.disk(), &folders.outbox().join(result))? {
+        true => Ok(()),
+        false => take_back(folders, result, path),
+    }
+}
+
+/// The same, and the result too if it is there: nobody can say whether it is safe.
+pub(super) fn take_back(folders: &Folders, result: &OsStr, path: &Path) -> Result<(), DaemonError> {
+    if !reported(folders, result, path)? {
         return Ok(());
     }
-    let report = outbox.join(job::report_name(result));
-    disk.remove(&report).map_err(DaemonError::files("remove", &report))?;
-    durable::sync_folder(disk, outbox)
+    let (disk, outbox) = (folders.disk(), folders.outbox());
+    // The result first: without it the report is what a cut may leave.
+    for path in [outbox.join(result), outbox.join(job::report_name(result))] {
+        match disk.remove(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(DaemonError::files("remove", &path)(error));
+            }
+            _ => durable::sync_folder(disk, outbox)?,
+        }
+    }
+    Ok(())
 }
 
 fn exists(disk: &dyn Disk, path: &Path) -> Result<bool, DaemonError> {

@@ -1,7 +1,7 @@
 //! The loop: empty the inbox once, or watch it until told to stop.
 
 use std::collections::{BTreeMap, HashMap};
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -62,6 +62,8 @@ pub struct Daemon<'a> {
     /// Photos that stay in the inbox for now, by the way to them, and why.
     left: BTreeMap<PathBuf, Failed>,
     summary: Summary,
+    /// Photos in `working` that an error left there, and whether their result was delivered.
+    pub(super) unsettled: Vec<(OsString, bool)>,
 }
 
 impl<'a> Daemon<'a> {
@@ -98,6 +100,7 @@ impl<'a> Daemon<'a> {
             resting: HashMap::new(),
             left: BTreeMap::new(),
             summary: Summary::default(),
+            unsettled: Vec::new(),
         })
     }
 
@@ -248,6 +251,7 @@ impl<'a> Daemon<'a> {
     fn look(&mut self, patience: Patience) -> Result<(Vec<PathBuf>, usize), DaemonError> {
         let now = self.clock.now();
         self.lease.beat(&self.folders, now);
+        self.settle_all()?;
         self.neighbours.look(&self.folders, now, self.setting.lease_s);
         let (disk, folder) = (self.folders.disk(), self.folders.inbox());
         self.hints.listen(folder);

@@ -37,7 +37,8 @@ impl Daemon<'_> {
                 // The photo first: whatever the power does, it is somewhere.
                 durable::sync_folder(disk, inbox)?;
             }
-            for name in [report_name(result), result.clone()] {
+            // The result first: one without its report would be nobody's.
+            for name in [result.clone(), report_name(result)] {
                 let path = outbox.join(&name);
                 if disk.look(&path).is_ok() {
                     durable::move_to(disk, &path, &withdrawn, &name)?;

@@ -7,7 +7,9 @@
 
 mod attended;
 mod bed;
+mod faults;
 mod files;
+mod hostile;
 mod model_disk;
 mod neighbours;
 mod power;
@@ -15,5 +17,6 @@ mod power_checks;
 mod readiness;
 mod remedies;
 mod slots;
+mod soak;
 mod stops;
 mod turns;

@@ -10,9 +10,11 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use relens::disk::{Disk, Kind, Look, Written};
 
-/// One operation that changes the disk or makes it last.
+/// One operation.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Op {
+    /// A look at names or content.
+    Read(PathBuf),
     Write(PathBuf),
     Sync(PathBuf),
     Rename(PathBuf, PathBuf),
@@ -82,6 +84,28 @@ impl Unsafe {
 }
 
 impl Contents {
+    /// Makes safe whatever changes names that `concern` somebody, and what came before it on the same names.
+    fn make_safe(&mut self, concern: &dyn Fn(&Path) -> bool) {
+        let Contents { pending, kept, .. } = self;
+        let mut names: BTreeSet<PathBuf> = BTreeSet::new();
+        let mut safe = vec![false; pending.len()];
+        for (n, change) in pending.iter().enumerate().rev() {
+            let touched = change.names();
+            if touched.iter().any(|path| concern(path) || names.contains(*path)) {
+                names.extend(touched.into_iter().cloned());
+                safe[n] = true;
+            }
+        }
+        let mut safe = safe.into_iter();
+        pending.retain(|change| {
+            let safe = safe.next() == Some(true);
+            if safe {
+                apply(change, kept);
+            }
+            !safe
+        });
+    }
+
     /// A disk that holds `survivors` in `folders`.
     pub fn after(survivors: &Survivors, folders: &BTreeSet<PathBuf>) -> Contents {
         let mut contents = Contents { folders: folders.clone(), ..Contents::default() };
@@ -172,7 +196,7 @@ fn apply(change: &Change, names: &mut BTreeMap<PathBuf, u64>) {
     }
 }
 
-/// Called before each operation, with what the disk holds: may look, refuse, or have it left out.
+/// Called before each operation, with what the disk holds: may look on, refuse, or have it left out.
 pub type Guard = Box<dyn FnMut(&Op, &Contents) -> io::Result<Verdict> + Send>;
 
 /// What becomes of an operation.
@@ -203,10 +227,19 @@ impl ModelDisk {
 
     /// Puts a file there, all safe, as a customer does who takes care.
     pub fn drop_in(&self, path: &Path, bytes: &[u8], inode: u64) {
-        let mut inside = self.inside();
-        inside.contents.inodes.insert(inode, Inode { holds: bytes.into(), safe: true });
-        inside.contents.names.insert(path.to_owned(), inode);
-        inside.contents.kept.insert(path.to_owned(), inode);
+        let contents = &mut self.inside().contents;
+        contents.make_safe(&|changed| changed == path);
+        contents.inodes.insert(inode, Inode { holds: bytes.into(), safe: true });
+        contents.names.insert(path.to_owned(), inode);
+        contents.kept.insert(path.to_owned(), inode);
+    }
+
+    /// Takes a file away for good, as a customer does who takes care.
+    pub fn take_away(&self, path: &Path) {
+        let contents = &mut self.inside().contents;
+        contents.make_safe(&|changed| changed == path);
+        contents.names.remove(path);
+        contents.kept.remove(path);
     }
 
     /// Asked of nobody in particular from now on.
@@ -250,7 +283,7 @@ impl Written for Handle {
 
 impl Disk for ModelDisk {
     fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, Kind)>> {
-        let inside = self.inside();
+        let (inside, _) = self.ask(&Op::Read(folder.to_owned()))?;
         let Contents { folders, names, .. } = &inside.contents;
         if !folders.contains(folder) {
             return Err(not_found());
@@ -262,7 +295,7 @@ impl Disk for ModelDisk {
     }
 
     fn look(&self, path: &Path) -> io::Result<Look> {
-        let inside = self.inside();
+        let (inside, _) = self.ask(&Op::Read(path.to_owned()))?;
         let inode = *inside.contents.names.get(path).ok_or_else(not_found)?;
         let size = inside.contents.inodes[&inode].holds.len() as u64;
         let (changed, touched_unix_s) = ((inode as i64, 0), inode as i64);
@@ -270,7 +303,7 @@ impl Disk for ModelDisk {
     }
 
     fn open(&self, path: &Path) -> io::Result<File> {
-        let inside = self.inside();
+        let (inside, _) = self.ask(&Op::Read(path.to_owned()))?;
         let inode = inside.contents.names.get(path).ok_or_else(not_found)?;
         let memory = rustix::fs::memfd_create("model", rustix::fs::MemfdFlags::CLOEXEC)?;
         let mut file = File::from(memory);
@@ -347,25 +380,7 @@ impl Disk for ModelDisk {
     fn sync_folder(&self, folder: &Path) -> io::Result<()> {
         let (mut inside, done) = self.ask(&Op::SyncFolder(folder.to_owned()))?;
         if done {
-            let Contents { pending, kept, .. } = &mut inside.contents;
-            // Safe is whatever touches this folder, and what came before it on the same names.
-            let mut names: BTreeSet<PathBuf> = BTreeSet::new();
-            let mut safe = vec![false; pending.len()];
-            for (n, change) in pending.iter().enumerate().rev() {
-                let touched = change.names();
-                if touched.iter().any(|path| holds(folder, path) || names.contains(*path)) {
-                    names.extend(touched.into_iter().cloned());
-                    safe[n] = true;
-                }
-            }
-            let mut safe = safe.into_iter();
-            pending.retain(|change| {
-                let safe = safe.next() == Some(true);
-                if safe {
-                    apply(change, kept);
-                }
-                !safe
-            });
+            inside.contents.make_safe(&|path| holds(folder, path));
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ use crate::model_disk::Survivors;
 pub const ROOT: &str = "/box";
 
 /// What was dropped, what its result is to be, and whether it can have one.
+#[derive(Clone)]
 pub struct Dropped {
     pub name: &'static str,
     pub bytes: Vec<u8>,
@@ -61,7 +62,8 @@ pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), Str
             continue;
         }
         if !dropped.iter().any(|photo| photo.result.as_deref() == Some(&holds[..])) {
-            return Err(format!("outbox/{name} is not whole"));
+            let report = at(&format!("outbox/{name}.json")).map(|r| String::from_utf8_lossy(r).into_owned());
+            return Err(format!("outbox/{name} ({} bytes) is not whole: {report:?}", holds.len()));
         }
         let report = at(&format!("outbox/{name}.json")).ok_or(format!("outbox/{name} has no report"))?;
         let report: Report =

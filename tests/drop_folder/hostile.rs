@@ -1,0 +1,194 @@
+//! Bytes that mean harm, wherever bytes come in: photos of each format, the rig file, the calibration slots, the
+//! record of a photo under way. A seed each, a bounded number of mutations: cuts, flips, runs, splices, and numbers
+//! at their limits. Nothing may panic, hang or be believed that is not so.
+
+use std::path::Path;
+
+use relens::calibration::store::{self, StoreError};
+use relens::config::{self, Curve};
+use relens::frame::Size;
+use relens::picture::{Format, Limits, Photo};
+
+use crate::bed::*;
+
+/// Numerical Recipes' linear congruential generator; any will do.
+pub struct Mischief(pub u64);
+
+impl Mischief {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % n.max(1)
+    }
+
+    /// `bytes` changed in one to four ways.
+    fn changed(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        for _ in 0..=self.below(4) {
+            if bytes.is_empty() {
+                break;
+            }
+            // Headers are where the harm is.
+            let reach = if self.below(3) == 0 { bytes.len() } else { bytes.len().min(200) };
+            let at = self.below(reach);
+            let run = (1 + self.below(8)).min(bytes.len() - at);
+            match self.below(7) {
+                0 => bytes[at] ^= 1 << self.below(8),
+                1 => bytes[at] = self.below(256) as u8,
+                2 => bytes[at..at + run].fill(0xff),
+                3 => bytes[at..at + run].fill(0),
+                4 => bytes.truncate(at),
+                5 => {
+                    let piece = bytes[at..at + run].to_vec();
+                    let to = self.below(bytes.len());
+                    bytes.splice(to..to, piece);
+                }
+                _ => {
+                    let limits: [&[u8]; 4] =
+                        [&[0x7f, 0xff, 0xff, 0xff], &[0xff, 0xff], &[0, 0, 0, 0], &[0x80, 0, 0, 0]];
+                    for (byte, limit) in bytes[at..].iter_mut().zip(limits[self.below(4)]) {
+                        *byte = *limit;
+                    }
+                }
+            }
+        }
+        bytes
+    }
+}
+
+#[test]
+fn photos_of_every_format_that_mean_harm_bring_a_sentence_or_a_photo() {
+    let limits = Limits { pixels_max: 200_000, decoder_bytes_max: 8 << 20, ..Limits::default() };
+    let mut told = [0; 2];
+    for (seed, (name, format, bits)) in [
+        ("a.jpg", Format::Jpeg, 8),
+        ("a.png", Format::Png, 8),
+        ("a.png", Format::Png, 16),
+        ("a.tif", Format::Tiff, 8),
+        ("a.tif", Format::Tiff, 16),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let whole = file(format, bits, Size::new(32, 24));
+        let mut mischief = Mischief(seed as u64);
+        for _ in 0..1500 {
+            let bytes = mischief.changed(&whole);
+            match Photo::from_bytes(name, &bytes, Curve::Srgb, &limits).and_then(|photo| photo.fit(RIG)) {
+                Ok(photo) => {
+                    told[0] += 1;
+                    assert!(
+                        photo.light.size() == RIG
+                            && photo.light.planes()[1].data().iter().all(|v| v.is_finite())
+                    );
+                }
+                Err(error) => {
+                    told[1] += 1;
+                    let words = relens::remedy::full_message(&error);
+                    assert!(words.contains(name) && words.contains("allowed"), "{words}");
+                }
+            }
+        }
+    }
+    println!("{} photos, {} sentences", told[0], told[1]);
+    assert!(told[0] > 100 && told[1] > 1000, "{told:?}");
+}
+
+#[test]
+fn rig_files_that_mean_harm_are_read_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rig.toml");
+    let mut told = [0; 2];
+    for (seed, name) in ["small.toml", "simulated.toml", "raspberry-pi-5.toml"].into_iter().enumerate() {
+        let whole =
+            std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config").join(name)).unwrap();
+        let text = String::from_utf8(whole.clone()).unwrap();
+        let numbers =
+            ["0", "-1", "1e308", "nan", "inf", "18446744073709551616", "9223372036854775807", "\"\"", "[]"];
+        let mut mischief = Mischief(seed as u64);
+        for n in 0..300 {
+            let bytes = match n % 3 {
+                0 => mischief.changed(&whole),
+                // One value for another.
+                _ => {
+                    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+                    let valued: Vec<usize> = (0..lines.len()).filter(|&i| lines[i].contains(" = ")).collect();
+                    let at = valued[mischief.below(valued.len())];
+                    let key = lines[at].split(" = ").next().unwrap_or_default().to_owned();
+                    lines[at] = format!("{key} = {}", numbers[mischief.below(numbers.len())]);
+                    lines.join("\n").into_bytes()
+                }
+            };
+            std::fs::write(&path, &bytes).unwrap();
+            told[usize::from(config::load(&path).is_err())] += 1;
+        }
+    }
+    println!("{} rigs, {} sentences", told[0], told[1]);
+    assert!(told[1] > 300, "{told:?}");
+}
+
+#[test]
+fn slots_that_mean_harm_are_not_believed() {
+    // A slot's header around a payload that is none: every field at every limit.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("calibration-a.slot");
+    let mut header = b"relenscl".to_vec();
+    header.extend(1u32.to_le_bytes());
+    header.extend(7u64.to_le_bytes());
+    header.extend(1u32.to_le_bytes());
+    header.extend(64u32.to_le_bytes());
+    let mut mischief = Mischief(5);
+    for n in 0..2000 {
+        let mut bytes = header.clone();
+        bytes.extend((0..64).map(|_| mischief.below(256) as u8));
+        if n % 2 == 0 {
+            bytes = mischief.changed(&bytes);
+        }
+        // With a checksum that is right, so that the payload is looked at.
+        let crc = crc32fast::hash(&bytes);
+        bytes.extend(crc.to_le_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        let refused = store::load(folder.path(), 7).unwrap_err();
+        assert!(matches!(refused, StoreError::BothBad { .. }), "{refused}");
+    }
+}
+
+#[test]
+fn records_that_mean_harm_cost_no_photo() {
+    let root = fresh_root();
+    let root = root.path();
+    let bytes = file(Format::Png, 8, RIG);
+    drop_in(root, "a.png", &bytes);
+    // What a record of this photo looks like.
+    let record = std::cell::RefCell::new(Vec::new());
+    struct Look<'a>(&'a Path, &'a std::cell::RefCell<Vec<u8>>);
+    impl relens::daemon::Watcher for Look<'_> {
+        fn step(&mut self, step: relens::daemon::Step) {
+            if step == relens::daemon::Step::Named {
+                let found = std::fs::read_dir(self.0.join("working")).unwrap().flatten();
+                let found = found.map(|e| e.path()).find(|p| p.to_string_lossy().contains(".ledger-"));
+                *self.1.borrow_mut() = std::fs::read(found.unwrap()).unwrap();
+            }
+        }
+    }
+    once_with(root, &mut Brightener::default(), &mut Look(root, &record)).unwrap();
+    let record = record.into_inner();
+    let mut mischief = Mischief(9);
+    for n in 0..150 {
+        let root = fresh_root();
+        let root = root.path();
+        std::fs::create_dir_all(root.join("working")).unwrap();
+        std::fs::create_dir_all(root.join("outbox")).unwrap();
+        // A foreign result of that name, too.
+        std::fs::write(root.join("outbox/a.png"), b"somebody else's").unwrap();
+        std::fs::write(root.join("working/a.png"), &bytes).unwrap();
+        // FNV-1a of the name, as the ledger has it.
+        let hash = b"a.png"
+            .iter()
+            .fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
+        std::fs::write(root.join(format!("working/.ledger-{hash:016x}")), mischief.changed(&record)).unwrap();
+        let summary = once(root);
+        assert_eq!(summary.restored.len(), 1, "{n}: {summary:?}");
+        assert_eq!(std::fs::read(root.join("outbox/a.png")).unwrap(), b"somebody else's");
+        assert!(root.join("outbox/a-2.png").is_file() && root.join("done/a.png").is_file());
+    }
+}
