@@ -20,7 +20,7 @@ pub(super) struct Parsed {
 #[derive(Debug, PartialEq)]
 pub(super) enum Command {
     Demo { out: PathBuf },
-    Run { rig: PathBuf, folder: PathBuf, once: bool },
+    Run { rig: PathBuf, folder: PathBuf, once: bool, share_as: Option<OsString> },
     Calibrate { rig: PathBuf, folder: PathBuf },
     Restore(RestoreWords),
     Photograph { rig: PathBuf, scene: PathBuf, photo: PathBuf },
@@ -61,7 +61,11 @@ const OUT: Option_ = ("out", Some('o'), true, true);
 
 const COMMANDS: [Known; 12] = [
     Known { name: "demo", options: &[("out", Some('o'), true, false)], words: &[] },
-    Known { name: "run", options: &[RIG, FOLDER, ("once", None, false, false)], words: &[] },
+    Known {
+        name: "run",
+        options: &[RIG, FOLDER, ("once", None, false, false), ("box", None, true, false)],
+        words: &[],
+    },
     Known { name: "calibrate", options: &[RIG, FOLDER], words: &[] },
     Known {
         name: "restore",
@@ -171,13 +175,14 @@ fn build(
     let once = given.contains_key("once");
     let quick = given.contains_key("quick");
     let long = given.contains_key("long");
+    let share_as = given.remove("box");
     let mut path = |name: &str| given.remove(name).map(PathBuf::from);
     let (rig, out) = (path("rig").unwrap_or_default(), path("out"));
     let folder = path("folder").unwrap_or_else(|| PathBuf::from("."));
     let word = plain.into_iter().next().map(PathBuf::from).unwrap_or_default();
     Ok(match known.name {
         "demo" => Command::Demo { out: out.unwrap_or_else(|| PathBuf::from("relens-demo")) },
-        "run" => Command::Run { rig, folder, once },
+        "run" => Command::Run { rig, folder, once, share_as },
         "calibrate" => Command::Calibrate { rig, folder },
         "restore" => Command::Restore(RestoreWords {
             rig,
@@ -246,7 +251,7 @@ mod tests {
 
     #[test]
     fn right_words_are_understood_in_any_order() {
-        let run = Command::Run { rig: "a.toml".into(), folder: "box".into(), once: true };
+        let run = Command::Run { rig: "a.toml".into(), folder: "box".into(), once: true, share_as: None };
         assert_eq!(words("run --once -f box --rig=a.toml").unwrap(), Parsed { command: run, verbose: false });
         let Command::Restore(restore) =
             words("restore in.jpg -r a.toml -o out.jpg -m paper").unwrap().command

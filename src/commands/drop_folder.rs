@@ -1,5 +1,6 @@
 //! `relens run`: the daemon over a drop folder.
 
+use std::ffi::OsStr;
 use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
@@ -23,17 +24,20 @@ use super::{Trouble, rigged, say, service_manager, single};
 /// Seconds between two attempts to open a rig that cannot be opened.
 const OPEN_AGAIN_S: f64 = 30.0;
 
-/// Watches the inbox in `folder`, or empties it `once`.
-pub(super) fn run(rig: &Path, folder: &Path, once: bool) -> Result<(), Trouble> {
+/// Watches the inbox in `folder`, or empties it `once`; alone, or as one box of several.
+pub(super) fn run(rig: &Path, folder: &Path, once: bool, share_as: Option<&OsStr>) -> Result<(), Trouble> {
     let rig = single::rig(rig)?;
-    let folders = Folders::open(folder)?;
+    let folders = match share_as {
+        None => Folders::open(folder)?,
+        Some(name) => Folders::open_shared(folder, name)?,
+    };
     let gallery = folders.outbox().join("index.html");
     let stopped = stop_flag()?;
     if once {
         let front = Front::default();
         let asked = interruption(front, Arc::clone(&stopped));
         let mut restorer =
-            rigged::restorer(&rig, folders.root(), None, Some(asked), &mut |words| log::info!("{words}"))?;
+            rigged::restorer(&rig, &folders.home(), None, Some(asked), &mut |words| log::info!("{words}"))?;
         let summary = empty_inbox(&rig, folders, &mut *restorer)?;
         return conclude(&summary, &gallery);
     }
@@ -97,7 +101,7 @@ fn open_patiently(
         let asked = interruption(front.clone(), Arc::clone(stopped));
         service_manager().status("opening the rig");
         let tell = &mut |words: &str| log::info!("{words}");
-        let trouble = match rigged::restorer(rig, folders.root(), None, Some(asked), tell) {
+        let trouble = match rigged::restorer(rig, &folders.home(), None, Some(asked), tell) {
             Ok(restorer) => return Ok(Some(restorer)),
             Err(trouble) => trouble,
         };
@@ -162,7 +166,8 @@ fn watcher() -> Box<dyn Watcher> {
 
 fn setting(rig: &Rig) -> Setting {
     let reader = Reader::Worker(Worker::of_this_program());
-    Setting { reader, ..Setting::new(&rig.name, rig.photo.size(), rig.photo.curve) }
+    let floor_bytes = (rig.disk.floor_mib * f64::from(1 << 20)) as u64;
+    Setting { reader, floor_bytes, ..Setting::new(&rig.name, rig.photo.size(), rig.photo.curve) }
 }
 
 fn conclude(summary: &Summary, gallery: &Path) -> Result<(), Trouble> {

@@ -49,7 +49,7 @@ them, and prints how much nearer to the scenes they came. DIR (relens-demo when 
 number if that is taken) then holds the folders; open DIR/outbox/index.html to see before and after.";
 
 const RUN: &str = "\
-relens run --rig RIG.toml [--folder DIR] [--once]
+relens run --rig RIG.toml [--folder DIR] [--once] [--box NAME]
 
 Works on the folders inbox, working, outbox, done and failed in DIR (this folder when not given), which
 are made if need be. Photos put into the inbox are restored into the outbox, with a report beside each
@@ -57,9 +57,13 @@ and a page, outbox/index.html, that shows all before and after. The originals go
 with a note that says why. Nothing is ever overwritten or lost, whenever the power fails.
 
   --once   empty the inbox and end
+  --box    work as one box of several with the same lens that share DIR, which may be a network folder: a
+           photo is restored by one of them, and taken over when that one dies. A box's own things are in
+           DIR/box-NAME; give that folder to `calibrate`, `check` and `status`
 
-JPEG, PNG and TIFF are read, 8 or 16 bits, of the rig's shape; other sizes of it are resampled. A
-simulated rig without a calibration calibrates itself first.";
+A photo is taken when it is all there; one whose end is missing waits in the inbox. JPEG, PNG and TIFF
+are read, 8 or 16 bits, of the rig's shape; other sizes of it are resampled. A simulated rig without a
+calibration calibrates itself first.";
 
 const CALIBRATE: &str = "\
 relens calibrate --rig RIG.toml [--folder DIR]

@@ -54,7 +54,9 @@ fn read_photo(ask: &OsStr) -> ExitCode {
 fn dispatch(parsed: Parsed) -> Result<(), Trouble> {
     match parsed.command {
         Command::Demo { out } => demo::run(&out),
-        Command::Run { rig, folder, once } => drop_folder::run(&rig, &folder, once),
+        Command::Run { rig, folder, once, share_as } => {
+            drop_folder::run(&rig, &folder, once, share_as.as_deref())
+        }
         Command::Calibrate { rig, folder } => rigged::calibrate(&single::rig(&rig)?, &folder),
         Command::Restore(words) => single::restore(&words),
         Command::Photograph { rig, scene, photo } => single::photograph(&rig, &scene, &photo),

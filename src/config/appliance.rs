@@ -1,4 +1,4 @@
-//! The tables of a box that is left alone: `[run]`, `[nights]`, `[keep]`. Each may be left out; in one that is
+//! The tables of a box that is left alone: `[run]`, `[nights]`, `[keep]`, `[disk]`. Each may be left out; in one that is
 //! there, every number is.
 
 use serde::{Deserialize, Serialize};
@@ -79,6 +79,21 @@ pub struct Keep {
     pub gigabytes_max: f64,
 }
 
+/// `[disk]`: what is asked of the disk.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Disk {
+    /// Left free on the disk of the results, MiB: photos wait while there is less.
+    pub floor_mib: f64,
+}
+
+impl Default for Disk {
+    /// A quarter of a gigabyte, so that whoever is to help can still log in. Guess.
+    fn default() -> Disk {
+        Disk { floor_mib: 256.0 }
+    }
+}
+
 /// The night's first and last minute, counted from midnight; `None` for `always`.
 pub type Window = Option<(u16, u16)>;
 
@@ -105,7 +120,9 @@ pub(super) fn check_appliance(
     run: Run,
     nights: Option<&Nights>,
     keep: Option<Keep>,
+    disk: Disk,
 ) -> Result<(), ConfigError> {
+    rules.within("disk.floor-mib", disk.floor_mib, 0.0, 1e6)?;
     rules.within("run.long-press-ms", run.long_press_ms, 300.0, 10_000.0)?;
     if let Some(keep) = keep {
         rules.within("keep.days-max", keep.days_max, 0.01, 36_500.0)?;

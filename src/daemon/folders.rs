@@ -74,8 +74,9 @@ impl Folders {
         if flock(&all, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK) {
             return Err(DaemonError::InUse { path: root });
         }
-        let own = root.join(format!("{LOCK}-{}", name.to_string_lossy()));
-        let lock = opened(&own)?;
+        let mut home = OsString::from(HOME);
+        home.push(name);
+        let lock = opened(&made(&root.join(home))?.join(LOCK))?;
         if flock(&lock, FlockOperation::NonBlockingLockExclusive) == Err(Errno::WOULDBLOCK) {
             return Err(DaemonError::InUse { path: root.join("working").join(name) });
         }
@@ -175,6 +176,15 @@ impl Folders {
         &self.root
     }
 
+    /// Where what is this box's alone is kept, its calibration and its state: the root, or `box-NAME` in it when
+    /// the folders are shared.
+    pub fn home(&self) -> PathBuf {
+        let Some(name) = &self.name else { return self.root.clone() };
+        let mut home = OsString::from(HOME);
+        home.push(name);
+        self.root.join(home)
+    }
+
     /// Where photos are dropped.
     pub fn inbox(&self) -> &Path {
         &self.inbox
@@ -269,7 +279,10 @@ impl Folders {
 /// The folders of a root, in the order of [`Folders`]' fields.
 const NAMES: [&str; 5] = ["inbox", "working", "outbox", "done", "failed"];
 
-/// Name of the lock file in the root.
+/// Beginning of the name of a box's own folder, when several share a root.
+const HOME: &str = "box-";
+
+/// Name of the lock file in the root, and in a box's own folder.
 const LOCK: &str = ".relens-lock";
 
 /// The folder `path`, made if need be, without links on the way to it.

@@ -104,7 +104,7 @@ pub struct Nightly<'a> {
 impl<'a> Nightly<'a> {
     /// The nights of a rig file over `folders`; `None` when they could not be read, which its check rules out.
     pub fn new(nights: &Nights, folders: &Folders, times: Times<'a>) -> Option<Nightly<'a>> {
-        let root = folders.root().to_owned();
+        let root = folders.home();
         let read = durable::read(folders.disk(), &root.join(NAME), BYTES_MAX).ok().flatten();
         let record: Record = read.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
         Some(Nightly {

@@ -25,6 +25,9 @@ const GALLERY_PERIOD_S: f64 = 10.0;
 /// While the schedule holds, it is asked again after this long at the most.
 const HOLD_LOOK_S: f64 = 15.0;
 
+/// Outcomes of either kind that a daemon that watches still has to tell at its end.
+const SUMMARY_MAX: usize = 1000;
+
 /// A wait is made of steps of this length, after each of which a stop is heard.
 const STEP_S: f64 = 0.2;
 
@@ -62,6 +65,8 @@ pub struct Daemon<'a> {
     /// Photos that stay in the inbox for now, by the way to them, and why.
     left: BTreeMap<PathBuf, Failed>,
     summary: Summary,
+    /// Photos restored and set aside since it was opened.
+    counts: (usize, usize),
     /// Photos in `working` that an error left there, and whether their result was delivered.
     pub(super) unsettled: Vec<(OsString, bool)>,
 }
@@ -100,6 +105,7 @@ impl<'a> Daemon<'a> {
             resting: HashMap::new(),
             left: BTreeMap::new(),
             summary: Summary::default(),
+            counts: (0, 0),
             unsettled: Vec::new(),
         })
     }
@@ -134,7 +140,8 @@ impl<'a> Daemon<'a> {
     }
 
     /// Watches the inbox until `stop` says so, which is asked between photos and between looks. Needs of
-    /// the operator are said once, held, and tried again, as is a disk that is full or gone.
+    /// the operator are said once, held, and tried again, as is a disk that is full or gone. The summary is of
+    /// the last thousand of either kind.
     pub fn run(&mut self, stop: &dyn Fn() -> bool) -> Summary {
         let patience = Patience {
             quiet_s: self.setting.quiet_s,
@@ -146,6 +153,10 @@ impl<'a> Daemon<'a> {
         self.tell(Doing::Waiting);
         let _ = self.show_gallery().inspect_err(|error| log::warn!("{}", full_message(error)));
         while !stop() {
+            // A box runs for a year; what it did is in the outbox and not in its memory.
+            let Summary { restored, failed, .. } = &mut self.summary;
+            restored.drain(..restored.len().saturating_sub(SUMMARY_MAX));
+            failed.drain(..failed.len().saturating_sub(SUMMARY_MAX));
             let wait_s = match self.pass(patience, self.setting.retry_s, stop) {
                 Ok(Turn::Stop) => break,
                 Ok(Turn::Go | Turn::Again(_) | Turn::Help { .. }) => {
@@ -295,12 +306,14 @@ impl<'a> Daemon<'a> {
                 self.schedule
                     .after(Ended::Restored { report: &report, delivered: &delivered }, &mut *self.restorer);
                 self.gallery.add(&report);
+                self.counts.0 += 1;
                 self.summary.restored.push(*report);
             }
             Verdict::Failed(failed) => {
                 log::warn!("not restored: {}", failed.reason);
                 self.schedule.after(Ended::Failed(&failed), &mut *self.restorer);
                 self.gallery.add_failed(failed.clone());
+                self.counts.1 += 1;
                 self.summary.failed.push(failed);
             }
             Verdict::Left { way, left } => {
@@ -340,8 +353,8 @@ impl<'a> Daemon<'a> {
         let state = State {
             rig: self.setting.rig.clone(),
             doing,
-            restored: self.summary.restored.len(),
-            failed: self.summary.failed.len(),
+            restored: self.counts.0,
+            failed: self.counts.1,
             left: self.left.len(),
             written_unix_s: self.unix_s(),
         };

@@ -66,7 +66,7 @@ impl State {
         let bytes = serde_json::to_vec_pretty(self).map_err(std::io::Error::other);
         durable::replace_for_now(
             folders.disk(),
-            folders.root(),
+            &folders.home(),
             NAME.as_ref(),
             &bytes.map_err(DaemonError::files("write", folders.root()))?,
         )
