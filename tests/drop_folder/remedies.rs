@@ -2,7 +2,7 @@
 
 use std::time::UNIX_EPOCH;
 
-use relens::daemon::{Daemon, Doing, Folders, State};
+use relens::daemon::{Daemon, Doing, Folders, Setting, State};
 use relens::picture::Format;
 use relens::remedy::Remedy;
 use relens::rig::Clock;
@@ -94,4 +94,30 @@ fn watching_takes_a_photo_once_it_is_quiet_and_stops_when_told() {
     drop(daemon);
     assert_eq!((summary.restored.len(), restorer.restored), (1, 1));
     assert!(clock.now().0 > 65.0, "quiet first, then held: {}", clock.now().0);
+}
+
+#[test]
+fn a_disk_at_its_floor_holds_with_its_reason_and_goes_on_by_itself() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "a.png", &file(Format::Png, 8, RIG));
+    let calendar = || UNIX_EPOCH;
+    let (mut restorer, mut watcher) = (Brightener::default(), ());
+    for (floor_bytes, wanted) in [(u64::MAX, 0), (0, 1)] {
+        let (clock, folders) = (TestClock::default(), Folders::open(root).unwrap());
+        let setting = Setting { floor_bytes, ..setting() };
+        let mut daemon =
+            Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+        let reasons = std::cell::RefCell::new(vec![]);
+        let summary = daemon.run(&|| {
+            if let Some(State { doing: Doing::Held { reason }, .. }) = State::read(root).unwrap() {
+                reasons.borrow_mut().push(reason);
+            }
+            clock.now().0 > 100.0
+        });
+        assert_eq!((summary.restored.len(), summary.failed.len()), (wanted, 0));
+        let told = reasons.borrow().iter().any(|r| r.contains("nearly full") && r.contains("by itself"));
+        assert_eq!(told, wanted == 0, "{reasons:?}");
+    }
+    assert!(root.join("done/a.png").is_file());
 }

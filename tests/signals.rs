@@ -1,0 +1,94 @@
+//! The built program, killed and asked to stop while it works: every photo in one place, each done once.
+
+// The functions below stop the test as it does itself.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+const PHOTOS: [&str; 4] = ["a.png", "b.png", "c.png", "d.png"];
+
+fn relens(words: &[&str], folder: &Path) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
+    command.args(words).current_dir(folder).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+fn empty_inbox(folder: &Path) -> Child {
+    relens(&["run", "--rig", "small.toml", "--once"], folder)
+}
+
+/// Every photo is in exactly one place; where.
+fn homes(folder: &Path) -> Vec<&'static str> {
+    let home = |photo: &str| {
+        let homes = ["inbox", "working", "done", "failed"];
+        let found: Vec<_> = homes.into_iter().filter(|home| folder.join(home).join(photo).exists()).collect();
+        let [home] = found[..] else { panic!("{photo} is in {found:?}") };
+        assert!(
+            home != "done" || folder.join("outbox").join(photo).is_file(),
+            "{photo}: done means delivered"
+        );
+        home
+    };
+    PHOTOS.map(home).to_vec()
+}
+
+fn ended_within(child: &mut Child, seconds: u64) -> bool {
+    let begun = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if begun.elapsed() > Duration::from_secs(seconds) {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    true
+}
+
+#[test]
+fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("inbox")).unwrap();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+    let photo = ["photograph", "--rig", "small.toml", scene, "-o", "inbox/a.png"];
+    assert!(relens(&photo, folder).wait().unwrap().success());
+    for other in &PHOTOS[1..] {
+        std::fs::copy(folder.join("inbox/a.png"), folder.join("inbox").join(other)).unwrap();
+    }
+    assert!(relens(&["calibrate", "--rig", "small.toml"], folder).wait().unwrap().success());
+
+    // Killed at whatever it does by then.
+    for n in 0..5 {
+        let mut child = empty_inbox(folder);
+        std::thread::sleep(Duration::from_millis(150 + 170 * n));
+        let _ = child.kill();
+        child.wait().unwrap();
+        homes(folder);
+    }
+
+    // Asked to stop: it gives the photo under way back, or finishes it, and says that it ended in good order.
+    for n in 0..3 {
+        let mut child = empty_inbox(folder);
+        std::thread::sleep(Duration::from_millis(300 + 250 * n));
+        // It may have ended by itself.
+        let _ = kill_process(Pid::from_child(&child), Signal::TERM);
+        // A third of the unit's TimeoutStopSec.
+        assert!(ended_within(&mut child, 30), "still there after 30 s");
+        assert!(!homes(folder).contains(&"working"), "{:?}", homes(folder));
+    }
+
+    let mut last = empty_inbox(folder);
+    assert!(ended_within(&mut last, 120));
+    let homes = homes(folder);
+    println!("{homes:?}");
+    let outbox = std::fs::read_dir(folder.join("outbox")).unwrap().flatten();
+    let results = outbox.filter(|e| e.file_name().to_string_lossy().ends_with(".png")).count();
+    assert_eq!(results, homes.iter().filter(|home| **home == "done").count(), "one result each");
+    for (photo, home) in PHOTOS.iter().zip(homes) {
+        // One that was killed three times is taken for a killer.
+        let note = std::fs::read_to_string(folder.join(format!("failed/{photo}.txt"))).unwrap_or_default();
+        assert!(home == "done" || note.contains("found 3 such attempts"), "{photo} is in {home}: {note}");
+    }
+}
