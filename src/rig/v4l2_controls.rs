@@ -29,7 +29,7 @@ impl Exposure {
 
 /// Control names (as `v4l2-ctl` prints them, in today's spelling and the one before Linux 6.0) and the value
 /// that stops the camera from adapting. Auto exposure 1 is "manual mode" (V4L2_EXPOSURE_MANUAL).
-const STEADY: [(&str, i32); 12] = [
+const STEADY: [(&str, i32); 15] = [
     ("auto_exposure", 1),
     ("exposure_auto", 1),
     ("exposure_dynamic_framerate", 0),
@@ -42,6 +42,10 @@ const STEADY: [(&str, i32); 12] = [
     ("backlight_compensation", 0),
     ("power_line_frequency", 0),
     ("sharpness", i32::MIN),
+    // The Imaging Source's own, once its extension is loaded (tiscamera, data/uvc-extensions/usb33.json).
+    ("auto_shutter", 0),
+    ("gain_auto", 0),
+    ("highlight_reduction", 0),
 ];
 
 /// Sets the steady values, the exposure and the file's own `wanted` controls, in this order, and reads each back.

@@ -23,6 +23,9 @@ within() { # SECONDS WHAT-FAILED COMMAND...
 appears() { within "$2" "$1 did not come" test -s "$1"; echo "$(date +%T) $1 is there"; }
 is_lit() { [ "$(lamp "$1")" = 1 ]; }
 lit() { within "$2" "lamp $1 stays dark" is_lit "$1"; }
+exposures() { grep -c ' exposure of ' /tmp/window.log; }
+more_than() { [ "$(exposures)" -gt "$1" ]; }
+exposed() { within "$2" "no $1 more exposures" more_than $(($(exposures) + $1)); } # COUNT SECONDS
 logged() { within "$2" "the daemon did not say \"$1\"" grep -q "$1" /tmp/daemon.log; grep "$1" /tmp/daemon.log | head -n 1; }
 # says WORDS COMMAND...: the command must fail and say the words.
 says() {
