@@ -34,8 +34,9 @@ says() {
   grep -q "$words" /tmp/said || { cat /tmp/said; fail "$* did not say \"$words\""; }
   echo "told as it should be: $(grep "$words" /tmp/said | head -n1)"
 }
-# From the window's record: no exposure began before the picture had been up for the rig file's settle time.
+# From the window's record: no exposure began before its picture had been up. The rig file's settle time is 40 ms from
+# the vblank; the record has the moment at which the driver got round to it, up to a refresh later.
 settled() {
   awk '/ flip to / { flip = $1 } / exposure of / { n++; wait = $1 - flip; if (n == 1 || wait < least) least = wait }
-    END { printf "%d exposures, the earliest %.1f ms after its flip\n", n, least * 1e3; exit least < 0.04 }' /tmp/window.log
+    END { printf "%d exposures, the earliest %.1f ms after its flip\n", n, least * 1e3; exit least < 0.023 }' /tmp/window.log
 }
