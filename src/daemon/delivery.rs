@@ -17,10 +17,15 @@ use super::{DaemonError, Report, Restored, Step, durable};
 /// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
 const PREVIEW_PX: usize = 1280;
 
+/// Longest side of the small pictures by which one finds a photo.
+const SMALL_PX: usize = 160;
+
 /// A restored photo in the bytes of files.
 struct Encoded {
     before: Vec<u8>,
     after: Vec<u8>,
+    /// The result in the size of a stamp.
+    small: Vec<u8>,
     /// `None` when the photo's own file is the result.
     result: Option<Vec<u8>>,
 }
@@ -82,6 +87,8 @@ impl Daemon<'_> {
         durable::replace(disk, previews, picture("before").as_ref(), &encoded.before)?;
         durable::replace(disk, previews, picture("after").as_ref(), &encoded.after)?;
         durable::sync_folder(disk, previews)?;
+        // Nobody is harmed when the power takes it.
+        durable::replace_for_now(disk, previews, picture("small").as_ref(), &encoded.small)?;
         self.watcher.step(Step::Reported);
         if !self.is_ours(claimed) {
             disk.remove(&outbox.join(&report_name)).map_err(DaemonError::files("remove", outbox))?;
@@ -113,6 +120,7 @@ fn encoded(photo: &Photo, restored: &Restored) -> Result<Encoded, PictureError> 
     Ok(Encoded {
         before: preview(&photo.name, &photo.light, &photo.manner, grey, PREVIEW_PX)?,
         after: preview(&photo.name, &restored.picture, &photo.manner, grey, PREVIEW_PX)?,
+        small: preview(&photo.name, &restored.picture, &photo.manner, grey, SMALL_PX)?,
         result: match restored.untouched {
             true => None,
             false => Some(encode(&photo.name, &restored.picture, &photo.manner, grey)?),

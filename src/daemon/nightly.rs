@@ -197,7 +197,8 @@ impl<'a> Nightly<'a> {
     fn end(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         let session = self.session.take()?;
         log::info!("the night is over: {} photos since the last pilot", session.photos);
-        let turn = if session.photos > 0 { self.prove(rig) } else { None };
+        let proven = self.record.unproven.is_empty() || session.warm_up.is_some();
+        let turn = if proven { None } else { self.prove(rig) };
         self.keep();
         turn
     }
@@ -337,10 +338,12 @@ impl Schedule for Nightly<'_> {
         }
         let now = self.now();
         let since = *self.lull_since.get_or_insert(now);
-        let unproven = self.session.as_ref().is_some_and(|session| session.photos > 0);
-        if unproven && now.0 - since.0 >= LULL_S {
-            return self.prove(rig).unwrap_or(Turn::Go);
+        if self.record.unproven.is_empty() || now.0 - since.0 < LULL_S {
+            return Turn::Go;
         }
-        Turn::Go
+        // After a reboot the rig is cold, and what it says is not to be held against the photos.
+        let cold = self.session.as_ref().is_some_and(|session| session.warm_up.is_some());
+        let turn = if cold { self.warm_up(rig) } else { self.prove(rig) };
+        turn.unwrap_or(Turn::Go)
     }
 }

@@ -18,10 +18,6 @@ use super::schedule::{Ended, Schedule, Turn};
 use super::{DaemonError, Doing, Failed, Folders, Report, Restorer, Setting, State, Watcher};
 use crate::disk::Look;
 
-/// Seconds between two writings of the gallery while photos come one after another. Guess: often enough to
-/// look on, seldom enough for a memory card.
-const GALLERY_PERIOD_S: f64 = 10.0;
-
 /// While the schedule holds, it is asked again after this long at the most.
 const HOLD_LOOK_S: f64 = 15.0;
 
@@ -245,7 +241,9 @@ impl<'a> Daemon<'a> {
                 let verdict = self.job(&way);
                 self.watcher.ended();
                 self.note(&way, verdict?, retry_s);
-                let due = self.gallery_written.is_none_or(|at| self.clock.now().0 - at.0 >= GALLERY_PERIOD_S);
+                let due = self
+                    .gallery_written
+                    .is_none_or(|at| self.clock.now().0 - at.0 >= self.gallery.period_s());
                 if due {
                     self.show_gallery()?;
                 }

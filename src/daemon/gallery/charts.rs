@@ -27,11 +27,8 @@ pub(super) fn charts(reports: &[Report], pilots: &[Entry]) -> String {
     for report in reports.iter().filter(|r| recent(r.finished_unix_s)) {
         bars[((report.finished_unix_s as f64 - oldest) / BAR_S) as usize] += 3600.0 / BAR_S;
     }
-    let throughput: Vec<(f64, f64)> = bars
-        .iter()
-        .enumerate()
-        .map(|(n, &v)| (oldest + n as f64 * BAR_S, v))
-        .collect();
+    let throughput: Vec<(f64, f64)> =
+        bars.iter().enumerate().map(|(n, &v)| (oldest + n as f64 * BAR_S, v)).collect();
     let line = |of: &dyn Fn(&Entry) -> Option<f64>| -> Vec<(f64, f64)> {
         pilots.iter().filter(|p| recent(p.unix_s)).filter_map(|p| Some((p.unix_s as f64, of(p)?))).collect()
     };
@@ -53,11 +50,18 @@ pub(super) fn charts(reports: &[Report], pilots: &[Entry]) -> String {
     html
 }
 
-fn chart(html: &mut String, (title, unit): (&str, &str), points: &[(f64, f64)], span: (f64, f64), bars: bool) {
+fn chart(
+    html: &mut String,
+    (title, unit): (&str, &str),
+    points: &[(f64, f64)],
+    span: (f64, f64),
+    bars: bool,
+) {
     let finite = points.iter().map(|p| p.1).filter(|v| v.is_finite());
     // Zero belongs to every one of them but temperature, which is near nothing.
     let about = if unit == "°C" { f64::INFINITY } else { 0.0 };
-    let (mut low, mut high) = finite.fold((about, if bars { 1.0 } else { -about }), |(l, h), v| (l.min(v), h.max(v)));
+    let (mut low, mut high) =
+        finite.fold((about, if bars { 1.0 } else { -about }), |(l, h), v| (l.min(v), h.max(v)));
     if high - low < 1e-9 {
         (low, high) = (low - 0.5, high + 0.5);
     }
@@ -66,7 +70,7 @@ fn chart(html: &mut String, (title, unit): (&str, &str), points: &[(f64, f64)], 
     // Writing to a string cannot fail.
     let _ = write!(
         html,
-        "<figure><figcaption>{title}</figcaption><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
+        "<figure><figcaption>{title} <small>{unit}</small></figcaption><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
          aria-label=\"{title}, {low:.1} to {high:.1} {unit}\">\
          <text x=\"{0}\" y=\"12\" text-anchor=\"end\">{high:.1}</text>\
          <text x=\"{0}\" y=\"{1:.0}\" text-anchor=\"end\">{low:.1}</text>\
@@ -99,8 +103,9 @@ fn chart(html: &mut String, (title, unit): (&str, &str), points: &[(f64, f64)], 
         let anchor = ["start", "middle", "middle", "middle", "end"][quarter as usize];
         let _ = write!(
             html,
-            "<text class=\"hour\" x=\"{:.1}\" y=\"{HEIGHT}\" text-anchor=\"{anchor}\" data-hour=\"{at:.0}\"></text>",
-            x(at)
+            "<text class=\"hour\" x=\"{:.1}\" y=\"{:.0}\" text-anchor=\"{anchor}\" data-hour=\"{at:.0}\"></text>",
+            x(at),
+            HEIGHT - 4.0
         );
     }
     html.push_str("</svg></figure>\n");

@@ -2,13 +2,16 @@
 //!
 //! The page holds words; the pictures lie beside it as files and are loaded when scrolled to.
 
+mod charts;
 mod page;
 
 use std::collections::HashSet;
 use std::ffi::OsStr;
 
+use serde::Serialize;
+
 use super::report::{Failed, Report};
-use super::{DaemonError, Folders, durable, inbox};
+use super::{DaemonError, Folders, durable, history, inbox};
 
 /// Longer files are no reports or notes of ours.
 const REPORT_BYTES_MAX: u64 = 1 << 20;
@@ -18,6 +21,8 @@ const REPORT_BYTES_MAX: u64 = 1 << 20;
 pub(super) struct Gallery {
     reports: Vec<Report>,
     failed: Vec<Failed>,
+    /// Checksums of the photo pages as written.
+    written: Vec<u32>,
 }
 
 impl Gallery {
@@ -73,7 +78,12 @@ impl Gallery {
         self.failed.push(failed);
     }
 
-    /// Writes the page, whole.
+    /// Seconds between two writings while photos come one after another: more of them take longer to write.
+    pub(super) fn period_s(&self) -> f64 {
+        10.0 + 0.05 * self.reports.len() as f64
+    }
+
+    /// Writes the pages that have changed, and the data beside them.
     pub(super) fn write(
         &mut self,
         folders: &Folders,
@@ -81,9 +91,59 @@ impl Gallery {
         left: &[Failed],
         now_unix_s: u64,
     ) -> Result<(), DaemonError> {
+        let (disk, outbox) = (folders.disk(), folders.outbox());
+        // Oldest first, sixty a page: a full page does not change any more.
+        self.reports.sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
+        let pages = self.reports.len().div_ceil(page::PHOTOS);
+        self.written.resize(pages, 0);
+        for (n, reports) in self.reports.chunks(page::PHOTOS).enumerate() {
+            let html = page::photo_page(rig, n + 1, pages, reports);
+            let sum = crc32fast::hash(html.as_bytes());
+            if pages > 1 && self.written[n] != sum {
+                let name = page::page_address(n + 1);
+                let path = outbox.join(&name);
+                let (folder, name) = (path.parent().unwrap_or(outbox), path.file_name().unwrap_or_default());
+                durable::replace(disk, folder, name, html.as_bytes())?;
+                self.written[n] = sum;
+            }
+        }
+        let pilots = history::load(disk, folders.previews());
+        let data = Data {
+            rig,
+            written_unix_s: now_unix_s,
+            photos: &self.reports,
+            failed: &self.failed,
+            left,
+            pilots: &pilots,
+        };
+        let json = serde_json::to_vec(&data).map_err(std::io::Error::other);
+        let json = json.map_err(DaemonError::files("write", outbox))?;
+        durable::replace_for_now(disk, folders.previews(), "report.json".as_ref(), &json)?;
         // Newest first.
-        self.reports.sort_by(|a, b| (b.finished_unix_s, &a.photo).cmp(&(a.finished_unix_s, &b.photo)));
-        let page = page::page(rig, &self.reports, &self.failed, left, now_unix_s);
-        durable::replace(folders.disk(), folders.outbox(), "index.html".as_ref(), page.as_bytes())
+        let newest: Vec<Report> = self.reports.iter().rev().cloned().collect();
+        let html = page::first_page(&page::Overview {
+            rig,
+            reports: &newest,
+            failed: &self.failed,
+            left,
+            pilots: &pilots,
+            now_unix_s,
+        });
+        durable::replace(disk, outbox, "index.html".as_ref(), html.as_bytes())
     }
 }
+
+/// The report as data, for other programs.
+#[derive(Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Data<'a> {
+    rig: &'a str,
+    written_unix_s: u64,
+    photos: &'a [Report],
+    failed: &'a [Failed],
+    left: &'a [Failed],
+    pilots: &'a [history::Entry],
+}
+
+#[cfg(test)]
+mod tests;

@@ -23,3 +23,6 @@ if (find) {
     for (const card of document.querySelectorAll("article")) card.hidden = !card.dataset.name.includes(wanted);
   });
 }
+for (const hour of document.querySelectorAll("[data-hour]")) {
+  hour.textContent = new Date(Number(hour.dataset.hour) * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+}

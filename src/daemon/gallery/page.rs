@@ -1,15 +1,31 @@
 //! The gallery's HTML. Whatever comes from a file's name or an error is escaped.
 
+use super::super::history::Entry;
 use super::super::report::{Failed, Outcome, Report};
+use super::charts;
 
-/// The whole page.
-pub(super) fn page(
-    rig: &str,
-    reports: &[Report],
-    failed: &[Failed],
-    left: &[Failed],
-    now_unix_s: u64,
-) -> String {
+/// Photos on one page.
+pub(super) const PHOTOS: usize = 60;
+
+/// Address of the `n`-th page, from 1, of `pages`, from the outbox.
+pub(super) fn page_address(n: usize) -> String {
+    format!("gallery/photos-{n}.html")
+}
+
+/// Everything the first page says beside its photos.
+pub(super) struct Overview<'a> {
+    pub(super) rig: &'a str,
+    /// All photos with a result.
+    pub(super) reports: &'a [Report],
+    pub(super) failed: &'a [Failed],
+    pub(super) left: &'a [Failed],
+    pub(super) pilots: &'a [Entry],
+    pub(super) now_unix_s: u64,
+}
+
+/// The first page: the summary, the charts, what was not restored, and the newest photos.
+pub(super) fn first_page(overview: &Overview<'_>) -> String {
+    let &Overview { rig, reports, failed, left, pilots, now_unix_s } = overview;
     let restored = reports.iter().filter(|r| r.outcome == Outcome::Restored).count();
     let mut counts = vec![format!("<b>{restored}</b> restored")];
     for (n, words) in [
@@ -21,34 +37,93 @@ pub(super) fn page(
             counts.push(format!("<b>{n}</b> {words}"));
         }
     }
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>relens: restored photos</title>\n\
-         <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>relens</h1>\n\
-         <p>{} · rig {} · <time data-unix=\"{now_unix_s}\"></time></p>\n",
-        include_str!("page.css"),
+    let summary = format!(
+        "<p>{} · rig {} · <time data-unix=\"{now_unix_s}\"></time> · <a href=\"gallery/report.json\">as data</a></p>\n",
         counts.join(" · "),
         escape(rig),
     );
-    if reports.len() > 12 {
-        html.push_str(
-            "<input id=\"find\" type=\"search\" placeholder=\"Find a name\" aria-label=\"Find a name\">\n",
-        );
-    }
-    html.push_str("</header>\n<main>\n");
+    let pages = reports.len().div_ceil(PHOTOS);
+    let mut html = head(&summary, "", reports.len() > 12);
     list(&mut html, "Not restored", "in the folder <code>failed</code>, unchanged", failed);
     list(&mut html, "Waiting", "still in the inbox, to be tried again", left);
+    html.push_str(&charts::charts(reports, pilots));
     if reports.is_empty() {
         html.push_str("<p class=\"empty\">No photo has been restored yet. Drop one into the inbox.</p>\n");
     }
-    html.push_str("<div class=\"cards\">\n");
-    for report in reports {
-        card(&mut html, report);
+    pager(&mut html, pages);
+    photos(&mut html, reports.iter().take(PHOTOS));
+    foot(html)
+}
+
+/// The `n`-th page, from 1 with the oldest photos, of `pages`, with these `reports`. It names its neighbours
+/// only, so that it does not change with every page that is added.
+pub(super) fn photo_page(rig: &str, n: usize, pages: usize, reports: &[Report]) -> String {
+    let summary = format!("<p>rig {} · page <b>{n}</b></p>\n", escape(rig));
+    // Addresses are those of the first page, which lies one folder up.
+    let mut html = head(&summary, "<base href=\"../\">\n", reports.len() > 12);
+    html.push_str("<nav><a href=\"index.html\">newest</a>");
+    let neighbours = [(n < pages, n + 1, "newer"), (n > 1, n.saturating_sub(1), "older")];
+    for (_, other, word) in neighbours.into_iter().filter(|(is, ..)| *is) {
+        html.push_str(&format!("<a href=\"{}\">{word}</a>", page_address(other)));
     }
-    html.push_str("</div>\n</main>\n<script>\n");
+    html.push_str("</nav>\n");
+    photos(&mut html, reports.iter());
+    foot(html)
+}
+
+/// Links to all pages, the newest first.
+fn pager(html: &mut String, pages: usize) {
+    if pages < 2 {
+        return;
+    }
+    html.push_str("<nav><a href=\"index.html\" aria-current=\"page\">newest</a>");
+    for n in (1..=pages).rev() {
+        html.push_str(&format!("<a href=\"{}\">{n}</a>", page_address(n)));
+    }
+    html.push_str("</nav>\n");
+}
+
+/// The photos' small pictures, and a card for each.
+fn photos<'a>(html: &mut String, reports: impl Iterator<Item = &'a Report> + Clone) {
+    if reports.clone().count() > 6 {
+        html.push_str("<div class=\"small\">\n");
+        for (n, report) in reports.clone().enumerate() {
+            let name = escape(&report.photo);
+            let small = escape(&report.after.replace("-after.", "-small."));
+            html.push_str(&format!(
+                "<a href=\"#photo-{n}\" title=\"{name}\" onclick=\"document.getElementById('photo-{n}').scrollIntoView();return false\"><img src=\"{small}\" alt=\"{name}\" loading=\"lazy\"></a>\n"
+            ));
+        }
+        html.push_str("</div>\n");
+    }
+    html.push_str("<div class=\"cards\">\n");
+    for (n, report) in reports.enumerate() {
+        card(html, n, report);
+    }
+    html.push_str("</div>\n");
+}
+
+fn foot(mut html: String) -> String {
+    html.push_str("</main>\n<script>\n");
     html.push_str(include_str!("page.js"));
     html.push_str("</script>\n</body>\n</html>\n");
+    html
+}
+
+fn head(summary: &str, base: &str, find: bool) -> String {
+    let mut html = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>relens: restored photos</title>\n{base}\
+         <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>relens</h1>\n{summary}",
+        include_str!("page.css"),
+    );
+    if find {
+        html.push_str(
+            "<input id=\"find\" type=\"search\" placeholder=\"Find a name on this page\" aria-label=\"Find a name on this page\">\n",
+        );
+    }
+    html.push_str("</header>\n<main>\n");
     html
 }
 
@@ -68,14 +143,14 @@ fn list(html: &mut String, title: &str, where_they_are: &str, photos: &[Failed])
     html.push_str("</ul></details>\n");
 }
 
-fn card(html: &mut String, report: &Report) {
+fn card(html: &mut String, n: usize, report: &Report) {
     let name = escape(&report.photo);
     let (mut width, mut height) = (report.size.width, report.size.height);
     if report.turned.is_some_and(|tag| tag >= 5) {
         (width, height) = (height, width);
     }
     html.push_str(&format!(
-        "<article data-name=\"{}\">\n<div class=\"pair\" style=\"aspect-ratio:{width}/{height}\">\n\
+        "<article id=\"photo-{n}\" data-name=\"{}\">\n<div class=\"pair\" style=\"aspect-ratio:{width}/{height}\">\n\
          <img src=\"{}\" alt=\"{name}, restored\" loading=\"lazy\" draggable=\"false\">\n\
          <img class=\"before\" src=\"{}\" alt=\"{name}, as it was\" loading=\"lazy\" draggable=\"false\">\n\
          <span class=\"tag left\">photo</span><span class=\"tag right\">{}</span><i></i>\n\
@@ -201,11 +276,20 @@ mod tests {
         }
     }
 
+    fn overview<'a>(
+        rig: &'a str,
+        reports: &'a [Report],
+        failed: &'a [Failed],
+        left: &'a [Failed],
+    ) -> Overview<'a> {
+        Overview { rig, reports, failed, left, pilots: &[], now_unix_s: 0 }
+    }
+
     #[test]
     fn the_page_says_all_that_a_customer_asks() {
         let failed =
             [Failed { photo: "b.jpg".into(), reason: "b.jpg: the file is empty: found 0 bytes".into() }];
-        let html = page("small", &[report("a.jpg")], &failed, &[], 0);
+        let html = first_page(&overview("small", &[report("a.jpg")], &failed, &[]));
         for wanted in [
             "gallery/1-before.jpg",
             "gallery/1-after.jpg",
@@ -231,7 +315,7 @@ mod tests {
     fn hostile_names_stay_words() {
         let name = "\"><script>alert(1)</script>' onload=x \u{202e}gpj.jpg";
         let failed = [Failed { photo: name.into(), reason: format!("{name}: <img src=x>") }];
-        let html = page("<b>rig", &[report(name)], &failed, &failed, 0);
+        let html = first_page(&overview("<b>rig", &[report(name)], &failed, &failed));
         assert_eq!(html.matches("<script>").count(), 1, "the page's own");
         assert!(!html.contains("<img src=x>") && !html.contains("<b>rig") && !html.contains('\u{202e}'));
         assert!(!html.contains("\"><script"));

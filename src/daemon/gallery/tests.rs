@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
 
 use super::*;
 use crate::daemon::{Certificate, Outcome};
@@ -15,7 +14,7 @@ fn report(n: u64) -> Report {
         photo: name.clone(),
         result: name.clone(),
         result_address: super::super::report::address(name.as_ref()),
-        outcome: if n % 7 == 0 { Outcome::Untouched } else { Outcome::Restored },
+        outcome: if n.is_multiple_of(7) { Outcome::Untouched } else { Outcome::Restored },
         rig: "small".into(),
         method: "hybrid".into(),
         rung: 3,
@@ -34,6 +33,142 @@ fn report(n: u64) -> Report {
         finished_unix_s: 1_700_000_000 + 7 * n,
         before: "gallery/a-before.jpg".into(),
         after: "gallery/a-after.jpg".into(),
-        ..blank()
+        photo_crc32: "0".into(),
+        photo_bytes: 1,
+    }
+}
+
+/// An outbox with `count` photos, two failures and a night of pilots; the pictures are one red and one blue.
+fn morning(root: &Path, count: u64) -> PathBuf {
+    let folders = Folders::open(root).unwrap();
+    let picture = |rgb: [f32; 3], px: usize| {
+        use crate::config::Curve;
+        use crate::frame::{Frame, Plane, Work};
+        use crate::picture::{Format, Manner, preview};
+        let light: Frame<Work> = Frame::from_fn(|c| Plane::filled(Size::new(256, 192), rgb[c.index()]));
+        preview("a", &light, &Manner::plain(Format::Jpeg, 8, Curve::Srgb), false, px).unwrap()
+    };
+    let previews = folders.previews().to_owned();
+    std::fs::write(previews.join("a-before.jpg"), picture([0.0, 0.0, 255.0], 256)).unwrap();
+    std::fs::write(previews.join("a-after.jpg"), picture([255.0, 0.0, 0.0], 256)).unwrap();
+    std::fs::write(previews.join("a-small.jpg"), picture([0.0, 255.0, 0.0], 160)).unwrap();
+    let mut gallery = Gallery::default();
+    (0..count).for_each(|n| gallery.add(&report(n)));
+    for name in ["cut.jpg", "empty.jpg"] {
+        gallery.add_failed(Failed { photo: name.into(), reason: format!("{name}: it is no photo") });
+    }
+    for n in 0..50u64 {
+        let drift = Drift { gain_percent: -0.05 * n as f64, shift_px: 0.002 * n as f64, ..Drift::default() };
+        let verdict = history::Verdict::Good;
+        let entry = history::Entry {
+            unix_s: 1_700_000_000 + 560 * n,
+            drift,
+            verdict,
+            temperature_c: Some(45.0 + (n as f64 / 9.0).sin()),
+        };
+        history::add(folders.disk(), folders.previews(), entry).unwrap();
+    }
+    gallery.write(&folders, "small", &[], 1_700_030_000).unwrap();
+    folders.outbox().to_owned()
+}
+
+#[test]
+fn four_thousand_photos_are_on_pages_and_every_one_is_on_one() {
+    let root = tempfile::tempdir().unwrap();
+    let outbox = morning(root.path(), 4000);
+    let index = std::fs::read_to_string(outbox.join("index.html")).unwrap();
+    assert!(index.len() < 500_000, "the first page has {} bytes", index.len());
+    for wanted in ["<b>3428</b> restored", "<b>572</b> left as they were", "<b>2</b> not restored", "cut.jpg"]
+    {
+        assert!(index.contains(wanted), "{wanted}");
+    }
+    assert_eq!(index.matches("<polyline").count(), 3 + 1, "brightness, displacement, light, temperature");
+    let mut found = 0;
+    for page in 1..=67 {
+        let html = std::fs::read_to_string(outbox.join(page::page_address(page))).unwrap();
+        found += html.matches("<article").count();
+    }
+    assert_eq!(found, 4000);
+    let data: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(outbox.join("gallery/report.json")).unwrap()).unwrap();
+    assert_eq!(data["photos"].as_array().unwrap().len(), 4000);
+    assert_eq!(data["failed"][1]["photo"], "empty.jpg");
+}
+
+#[test]
+fn full_pages_are_not_written_again() {
+    let root = tempfile::tempdir().unwrap();
+    let folders = Folders::open(root.path()).unwrap();
+    let mut gallery = Gallery::default();
+    (0..130).for_each(|n| gallery.add(&report(n)));
+    gallery.write(&folders, "small", &[], 0).unwrap();
+    let first = folders.outbox().join(page::page_address(1));
+    std::fs::remove_file(&first).unwrap();
+    gallery.add(&report(130));
+    gallery.write(&folders, "small", &[], 0).unwrap();
+    assert!(!first.exists() && folders.outbox().join(page::page_address(3)).exists());
+}
+
+/// The browser there is; `None`, loudly, when there is none and that is allowed.
+fn browser() -> Option<&'static str> {
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let found = names.into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
+    if found.is_none() {
+        let skip = std::env::var_os("CI").is_none() || std::env::var_os("RELENS_NO_BROWSER").is_some();
+        assert!(skip, "no browser (apt-get install chromium), and RELENS_NO_BROWSER is not set");
+        log::warn!("*** THE REPORT WAS NOT LOOKED AT IN A BROWSER: there is none. ***");
+    }
+    found
+}
+
+fn run(browser: &str, profile: &Path, arguments: &[&str], page: &Path) -> Vec<u8> {
+    let out = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1280,1400"])
+        .args(["--virtual-time-budget=8000", "--run-all-compositor-stages-before-draw"])
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .args(arguments)
+        .arg(format!("file://{}", page.display()))
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    out.stdout
+}
+
+#[test]
+fn a_browser_shows_the_morning_after_four_thousand_photos() {
+    let Some(browser) = browser() else { return };
+    let (root, profile) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let outbox = morning(root.path(), 4000);
+    let shot = root.path().join("shot.png");
+    for (page, photos) in [("index.html".to_owned(), 60), (page::page_address(67), 40)] {
+        let argument = format!("--screenshot={}", shot.display());
+        run(browser, profile.path(), &[&argument], &outbox.join(&page));
+        let read =
+            crate::picture::Photo::read(&shot, crate::config::Curve::Linear, &Default::default()).unwrap();
+        let count = |rgb: [bool; 3]| {
+            let [red, green, blue] = read.light.planes();
+            let pixels = red.data().iter().zip(green.data()).zip(blue.data());
+            let is = |value: &f32, on: bool| if on { *value > 200.0 } else { *value < 60.0 };
+            pixels.filter(|((r, g), b)| is(r, rgb[0]) && is(g, rgb[1]) && is(b, rgb[2])).count()
+        };
+        let small = count([false, true, false]);
+        // Sixty stamps of about 83×62 pixels.
+        assert!(small > photos * 83 * 62 / 2, "{page}: {small} pixels of small pictures");
+        let dom =
+            String::from_utf8(run(browser, profile.path(), &["--dump-dom"], &outbox.join(&page))).unwrap();
+        assert_eq!(dom.matches("<article").count(), photos, "{page}");
+        let hours = dom.matches("data-hour").count();
+        assert!(page != "index.html" || hours > 10, "the charts have their hours");
+        if page != "index.html" {
+            assert!(
+                count([true, false, false]) > 5000 && count([false, false, true]) > 5000,
+                "before and after"
+            );
+        }
+    }
+    if let Some(keep) = std::env::var_os("RELENS_KEEP_SCREENSHOT") {
+        let argument = format!("--screenshot={}", shot.display());
+        run(browser, profile.path(), &[&argument], &outbox.join("index.html"));
+        std::fs::copy(&shot, keep).unwrap();
     }
 }

@@ -1,0 +1,290 @@
+//! Nights on the small simulated rig: what drifts is noticed by captures alone, and put right.
+
+// The functions that the tests share stop a test as the tests themselves do.
+#![allow(clippy::unwrap_used)]
+// What was measured is printed beside what is asserted; `--nocapture` shows it.
+#![allow(clippy::print_stdout)]
+
+use std::cell::{Cell, RefCell};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use relens::config::{self, ClockSource, Nights};
+use relens::daemon::on_rig::{self, OnRig};
+use relens::daemon::{
+    Daemon, Doing, Folders, Nightly, Progress, Reader, Restored, Restorer, Setting, State, Summary, Times,
+};
+use relens::frame::{Frame, Plane, Work};
+use relens::nights::pilot::{Drift, Limits};
+use relens::picture::{Format, Manner, Photo, encode};
+use relens::remedy::{AnyFailure, Remedy};
+use relens::rig::simulated::{self, Witness};
+use relens::rig::{Clock, Moment};
+
+const LIMITS: Limits =
+    Limits { shift_max_px: 0.25, gain_max_percent: 3.0, offset_max_levels: 1.0, noise_max_ratio: 1.5 };
+
+/// A clock that passes when waited on.
+#[derive(Default)]
+struct TestClock(Cell<f64>);
+
+impl Clock for TestClock {
+    fn now(&self) -> Moment {
+        Moment(self.0.get())
+    }
+    fn wait_until(&self, moment: Moment) {
+        self.0.set(self.0.get().max(moment.0));
+    }
+}
+
+fn rig(slots: &Path) -> (config::Rig, OnRig, Witness) {
+    let config = config::load(Path::new("small.toml")).unwrap();
+    let (mut devices, witness) = simulated::open(&config).unwrap();
+    on_rig::measure(&config, &mut devices, slots, |_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let method = config::Method::Digital;
+    let restorer = OnRig::new(&config, devices, slots.to_owned(), method, Box::new(|| 0.0), |_| {});
+    let restorer = restorer.unwrap_or_else(|e| panic!("{e}"));
+    (config, restorer, witness)
+}
+
+#[test]
+fn the_pilot_reads_what_was_done_to_the_rig() {
+    let slots = tempfile::tempdir().unwrap();
+    let (_, mut restorer, mut witness) = rig(slots.path());
+    let mut pilot = || restorer.pilot().unwrap_or_else(|e| panic!("{e}")).unwrap();
+    let at_rest = pilot();
+    println!("at rest: {at_rest:?}");
+    assert_eq!(at_rest.complaint(&LIMITS), None);
+    assert!(at_rest.shift_px < 0.02 && at_rest.gain_percent.abs() < 0.3 && at_rest.offset_levels.abs() < 0.3);
+    assert!((0.9..1.1).contains(&at_rest.noise_ratio));
+
+    witness.knock_panel(0.4, -0.3);
+    let knocked = pilot();
+    println!("knocked by 0.5 px: {knocked:?}");
+    assert!((knocked.shift_px - 0.5).abs() < 0.05);
+    witness.knock_panel(-0.4, 0.3);
+
+    // Small.toml has 0.78.
+    witness.set_white_share(0.78 * 0.95);
+    let darker = pilot();
+    println!("darker by 5 %: {darker:?}");
+    assert!((darker.gain_percent + 5.0).abs() < 0.5);
+    witness.set_white_share(0.78);
+
+    witness.set_ambient_levels([3.4, 3.5, 3.6]);
+    let lit = pilot();
+    println!("3 levels of light in the room: {lit:?}");
+    assert!((lit.offset_levels - 3.0).abs() < 0.5);
+    witness.set_ambient_levels([0.4, 0.5, 0.6]);
+
+    witness.set_read_noise_levels(3.0);
+    let noisy = pilot();
+    println!("noise of 3 levels: {noisy:?}");
+    assert!(noisy.noise_ratio > 2.0);
+    for (drift, words) in [
+        (knocked, "displaced by"),
+        (darker, "brightness changed"),
+        (lit, "stray light changed"),
+        (noisy, "noise"),
+    ] {
+        assert!(drift.complaint(&LIMITS).unwrap().contains(words));
+    }
+}
+
+/// A restorer that brightens, with pilots that a script tells.
+struct Scripted<'a> {
+    pilots: &'a RefCell<Vec<f64>>,
+    log: &'a RefCell<Vec<String>>,
+}
+
+impl Restorer for Scripted<'_> {
+    fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+        self.log.borrow_mut().push(photo.name.clone());
+        Ok(Restored {
+            picture: Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 1.0)),
+            untouched: false,
+            method: "brighten".into(),
+            rung: 2,
+            rung_reason: "told to".into(),
+            captures: 1,
+            seconds: 1.0,
+            certificate: None,
+            notes: vec![],
+            iterations: vec![],
+        })
+    }
+    fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
+        self.log.borrow_mut().push("calibrated".into());
+        Ok(())
+    }
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        let mut pilots = self.pilots.borrow_mut();
+        let gain_percent = if pilots.is_empty() { 0.0 } else { pilots.remove(0) };
+        self.log.borrow_mut().push(format!("pilot {gain_percent}"));
+        Ok(Some(Drift { gain_percent, noise_ratio: 1.0, ..Drift::default() }))
+    }
+}
+
+fn nights(window: &str) -> Nights {
+    Nights {
+        window: window.into(),
+        time_zone: "Europe/Vienna".into(),
+        clock: ClockSource::Network,
+        pilot_every_photos: 3,
+        warm_up_max_min: 60.0,
+        recalibrate: true,
+        shift_max_px: 0.25,
+        gain_max_percent: 3.0,
+        offset_max_levels: 1.0,
+        noise_max_ratio: 1.5,
+    }
+}
+
+fn photos(root: &Path, count: usize) {
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    let size = relens::frame::Size::new(64, 48);
+    for n in 0..count {
+        let light: Frame<Work> = Frame::from_fn(|_| Plane::from_fn(size, |x, y| (x + y + n) as f32));
+        let manner = Manner::plain(Format::Png, 8, config::Curve::Srgb);
+        let path = root.join("inbox").join(format!("{n}.png"));
+        std::fs::write(&path, encode("n", &light, &manner, false).unwrap()).unwrap();
+        let aged = SystemTime::now() - Duration::from_secs(1000 - n as u64);
+        std::fs::File::options().write(true).open(&path).unwrap().set_modified(aged).unwrap();
+    }
+}
+
+/// What a night is made of.
+struct Night<'a> {
+    root: &'a Path,
+    nights: Nights,
+    /// Pilots to come; none left means no drift.
+    pilots: Vec<f64>,
+    /// 2026-01-10 at this many seconds after noon in Vienna.
+    begins_s: f64,
+    /// Ends after so many seconds more.
+    lasts_s: f64,
+    is_set: bool,
+}
+
+/// Lives through it; what was done, the summary, and the state seen last.
+fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
+    let Night { root, nights, pilots, begins_s, lasts_s, is_set } = night;
+    let (clock, pilots, log) = (TestClock::default(), RefCell::new(pilots), RefCell::default());
+    let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
+    let calendar = || noon + Duration::from_secs_f64(begins_s + clock.0.get());
+    let set = || is_set;
+    let times = Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &|| Some(40.0) };
+    let folders = Folders::open(root).unwrap();
+    let schedule = Nightly::new(&nights, &folders, times).unwrap();
+    let mut restorer = Scripted { pilots: &pilots, log: &log };
+    let size = relens::frame::Size::new(64, 48);
+    let setting = Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
+    let mut watcher = ();
+    let seen: RefCell<Vec<Doing>> = RefCell::default();
+    let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let summary = daemon.scheduled(Box::new(schedule)).run(&|| {
+        if let Ok(Some(state)) = State::read(root)
+            && seen.borrow().last() != Some(&state.doing)
+        {
+            seen.borrow_mut().push(state.doing);
+        }
+        clock.0.get() > lasts_s
+    });
+    (log.into_inner(), summary, seen.into_inner())
+}
+
+fn night(root: &Path) -> Night<'_> {
+    let nights = nights("22:00-06:00");
+    // At 21:50, for twenty minutes.
+    Night { root, nights, pilots: vec![], begins_s: 35_400.0, lasts_s: 1200.0, is_set: true }
+}
+
+fn in_folder(root: &Path, folder: &str) -> usize {
+    let hidden = |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
+    let entries = std::fs::read_dir(root.join(folder)).unwrap().flatten().map(|e| e.path());
+    entries.filter(|p| p.extension().is_some_and(|e| e == "png") && !hidden(p)).count()
+}
+
+#[test]
+fn photos_wait_for_the_night_the_rig_warms_up_and_pilots_come_between() {
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 7);
+    let (log, summary, seen) = live(night(root.path()));
+    assert_eq!(summary.restored.len(), 7);
+    let warm_up = ["pilot 0", "pilot 0", "pilot 0"];
+    let wanted = warm_up.into_iter().chain(["0.png", "1.png", "2.png", "pilot 0", "3.png", "4.png", "5.png"]);
+    let wanted: Vec<&str> = wanted.chain(["pilot 0", "6.png", "pilot 0"]).collect();
+    assert_eq!(log, wanted);
+    let paused =
+        |words: &str| seen.iter().any(|d| matches!(d, Doing::Paused { reason } if reason.contains(words)));
+    assert!(paused("the night begins at 22:00") && paused("warming up"), "{seen:?}");
+}
+
+#[test]
+fn drift_past_its_limit_calibrates_and_restores_anew_what_came_since_the_last_good_pilot() {
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 5);
+    // Warm-up, then 4 % too bright at the pilot after three photos.
+    let pilots = vec![0.0, 0.0, 0.0, 4.0];
+    let (log, summary, _) = live(Night { pilots, ..night(root.path()) });
+    let wanted =
+        ["pilot 0", "pilot 0", "pilot 0", "0.png", "1.png", "2.png", "pilot 4", "calibrated", "pilot 0"];
+    assert_eq!(log[..9], wanted);
+    let times = |name: &str| log.iter().filter(|l| *l == name).count();
+    assert_eq!([0, 1, 2, 3, 4].map(|n| times(&format!("{n}.png"))), [2, 2, 2, 1, 1], "{log:?}");
+    assert_eq!(summary.restored.len(), 5);
+    assert_eq!((in_folder(root.path(), "done"), in_folder(root.path(), "outbox")), (5, 5));
+    assert_eq!(in_folder(root.path(), "outbox/withdrawn"), 3);
+}
+
+#[test]
+fn a_rig_that_may_not_be_calibrated_is_held_and_calls() {
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 5);
+    let nights = Nights { recalibrate: false, ..nights("22:00-06:00") };
+    let pilots = std::iter::repeat_n(0.0, 3).chain(std::iter::repeat_n(-9.0, 1000)).collect();
+    let (log, summary, seen) = live(Night { nights, pilots, ..night(root.path()) });
+    assert!(!log.contains(&"calibrated".to_owned()) && summary.restored.len() == 3);
+    assert!(
+        seen.iter()
+            .any(|d| matches!(d, Doing::Held { reason } if reason.contains("brightness changed by -9.0 %"))),
+        "{seen:?}"
+    );
+}
+
+#[test]
+fn after_a_reboot_the_first_pilot_speaks_for_the_photos_before_it() {
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 2);
+    // The power fails before the pilot after the last photo.
+    let begun = night(root.path());
+    let (log, ..) = live(Night { begins_s: 36_000.0, lasts_s: 100.0, ..begun });
+    assert_eq!(log.len(), 5, "{log:?}");
+    assert_eq!(in_folder(root.path(), "done"), 2);
+    // After it the rig has been knocked.
+    let pilots = vec![7.0, 7.0, 7.0, 0.0];
+    let (log, summary, _) = live(Night { begins_s: 37_000.0, pilots, ..night(root.path()) });
+    assert_eq!(log[..5], ["pilot 7", "pilot 7", "pilot 7", "calibrated", "pilot 0"]);
+    assert_eq!(summary.restored.len(), 2, "{log:?}");
+    assert_eq!((in_folder(root.path(), "done"), in_folder(root.path(), "outbox")), (2, 2));
+}
+
+#[test]
+fn a_clock_nobody_has_set_begins_no_night() {
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 2);
+    let (log, summary, seen) = live(Night { is_set: false, ..night(root.path()) });
+    assert!(log.is_empty() && summary.restored.is_empty());
+    assert!(
+        seen.iter().any(|d| matches!(d, Doing::Paused { reason } if reason.contains("no network has set")))
+    );
+}
+
+#[test]
+fn after_the_night_photos_wait_for_the_next_one() {
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 4);
+    let (log, summary, _) = live(Night { begins_s: 65_100.0, ..night(root.path()) });
+    assert!(log.is_empty() && summary.restored.is_empty(), "06:05 is after the night");
+    assert_eq!(in_folder(root.path(), "inbox"), 4);
+}
