@@ -1,4 +1,4 @@
-//! The tables of a box that is left alone: `[run]`, `[nights]`, `[keep]`, `[disk]`. Each may be left out; in one that is
+//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`. Each may be left out; in one that is
 //! there, every number is.
 
 use serde::{Deserialize, Serialize};
@@ -69,16 +69,6 @@ pub enum ClockSource {
     Battery,
 }
 
-/// `[keep]`: how long results and originals are kept. Left out, for ever.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Keep {
-    /// Results and their originals older than this are removed.
-    pub days_max: f64,
-    /// The oldest are removed beyond this many gigabytes (10⁹ bytes), results and originals together.
-    pub gigabytes_max: f64,
-}
-
 /// `[disk]`: what is asked of the disk.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -119,15 +109,10 @@ pub(super) fn check_appliance(
     rules: &Rules,
     run: Run,
     nights: Option<&Nights>,
-    keep: Option<Keep>,
     disk: Disk,
 ) -> Result<(), ConfigError> {
     rules.within("disk.floor-mib", disk.floor_mib, 0.0, 1e6)?;
     rules.within("run.long-press-ms", run.long_press_ms, 300.0, 10_000.0)?;
-    if let Some(keep) = keep {
-        rules.within("keep.days-max", keep.days_max, 0.01, 36_500.0)?;
-        rules.within("keep.gigabytes-max", keep.gigabytes_max, 0.01, 1e6)?;
-    }
     let Some(nights) = nights else { return Ok(()) };
     let readable = nights.minutes().is_some();
     rules.hold(readable, "nights.window", &nights.window, "two different times as 22:00-06:00, or always")?;
@@ -156,9 +141,9 @@ mod tests {
         gain-max-percent = 3.0\noffset-max-levels = 1.0\nnoise-max-ratio = 1.5\n";
 
     #[test]
-    fn a_rig_file_without_them_takes_photos_as_they_come_and_keeps_everything() {
+    fn a_rig_file_without_them_takes_photos_as_they_come() {
         let rig = small_and("").unwrap();
-        assert_eq!((rig.run.mode, rig.nights, rig.keep), (Mode::Folder, None, None));
+        assert_eq!((rig.run.mode, rig.nights), (Mode::Folder, None));
     }
 
     #[test]

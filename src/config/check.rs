@@ -59,9 +59,9 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
     check_sizes(&rules, &written)?;
     check_times(&rules, &written)?;
     check_methods(&rules, &written)?;
-    let (run, nights, keep) = (written.run.unwrap_or_default(), written.nights.clone(), written.keep);
+    let (run, nights) = (written.run.unwrap_or_default(), written.nights.clone());
     let disk = written.disk.unwrap_or_default();
-    check_appliance(&rules, run, nights.as_ref(), keep, disk)?;
+    check_appliance(&rules, run, nights.as_ref(), disk)?;
     let Written { rig, photo, panel, camera, canvas, marks, calibration, restore, paper, .. } = &written;
     let (rig_name, parts) = (rig.name.clone(), (photo.clone(), panel.clone(), camera.clone()));
     let geometry_parts = (
@@ -109,7 +109,6 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
         paper,
         run,
         nights,
-        keep,
         disk,
         identity,
     })

@@ -13,7 +13,7 @@ mod parts;
 mod simulation;
 mod written;
 
-pub use appliance::{ClockSource, Disk, Keep, Mode, Nights, Run, Window};
+pub use appliance::{ClockSource, Disk, Mode, Nights, Run, Window};
 pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
@@ -67,8 +67,6 @@ pub struct Rig {
     pub run: Run,
     /// When, if only at night; and how drift is watched.
     pub nights: Option<Nights>,
-    /// How long results are kept, if not for ever.
-    pub keep: Option<Keep>,
     /// How much of the disk is left free.
     pub disk: Disk,
     /// A hash of everything a calibration depends on: a calibration of another identity is not this rig's.

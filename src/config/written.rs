@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::ConfigError;
-use super::appliance::{Disk, Keep, Nights, Run};
+use super::appliance::{Disk, Nights, Run};
 use super::hardware::Hardware;
 use super::parts::{Calibration, Camera, Canvas, Marks, Panel, Paper, Photo, Restore};
 use super::simulation::{Display, Faults, LensGeometry, Pose, Sensor, Surface, Surround};
@@ -23,7 +23,6 @@ pub(super) struct Written {
     pub(super) paper: Paper,
     pub(super) run: Option<Run>,
     pub(super) nights: Option<Nights>,
-    pub(super) keep: Option<Keep>,
     pub(super) disk: Option<Disk>,
     pub(super) simulation: Option<SimulationTable>,
     pub(super) lens: Option<LensTable>,
