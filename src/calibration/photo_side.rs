@@ -50,9 +50,12 @@ impl PhotoSide {
     #[must_use]
     pub fn line_up_colours(&self, picture: &Frame<Work>) -> Frame<Work> {
         let mut lined_up = picture.clone();
-        for (c, (x, y)) in [Channel::Red, Channel::Blue].into_iter().zip(&self.fringes) {
-            warp(picture.plane(c), x, y, Outside::Edge, lined_up.plane_mut(c));
-        }
+        let [red, _, blue] = lined_up.planes_mut();
+        let [of_red, of_blue] = &self.fringes;
+        let line_up = |c: Channel, (x, y): &(Plane, Plane), plane: &mut Plane| {
+            warp(picture.plane(c), x, y, Outside::Edge, plane);
+        };
+        rayon::join(|| line_up(Channel::Red, of_red, red), || line_up(Channel::Blue, of_blue, blue));
         lined_up
     }
 }

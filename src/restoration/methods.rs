@@ -3,12 +3,13 @@
 use crate::config::{self, Rig};
 use crate::restore::method::Method;
 use crate::restore::method::Strength;
-use crate::restore::method::baselines::{RichardsonLucy, Wiener};
 use crate::restore::method::digital::{Colours, Digital};
 use crate::restore::method::hybrid::Hybrid;
 use crate::restore::method::paper::{Backward, Paper};
 use crate::restore::method::residual::Residual;
+use crate::restore::method::richardson_lucy::RichardsonLucy;
 use crate::restore::method::unmatched::Unmatched;
+use crate::restore::method::wiener::Wiener;
 use crate::restore::patches::PatchShape;
 
 /// Iterations of `residual`: 25 captures, where the study compares it.

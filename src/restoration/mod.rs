@@ -156,7 +156,10 @@ impl Bench {
         let mut path = LightPath::new(rig, &self.correction, stopwatch).interruptible(interrupted);
         let (captures, seconds) = (path.captures(), path.seconds());
         let (placed, trust) = self.prepare(photo);
-        let photo_noise = Channel::ALL.map(|c| data_term::noise_of(photo.plane(c)));
+        let of = |c: Channel| data_term::noise_of(photo.plane(c));
+        let (red, (green, blue)) =
+            rayon::join(|| of(Channel::Red), || rayon::join(|| of(Channel::Green), || of(Channel::Blue)));
+        let photo_noise = [red, green, blue];
         let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
         let problem = Problem {
             photo: &placed,

@@ -78,10 +78,9 @@ impl LevelNorms {
         self.0.len() > 1 && self.0.iter().all(|norm| norm.is_finite() && *norm > 0.0)
     }
 
-    /// Divides the coefficients by α, level by level.
-    pub fn divide(&self, coefficients: &mut Coefficients) {
-        let factors: Vec<f32> = self.0.iter().map(|norm| 1.0 / norm).collect();
-        coefficients.scale_levels(&factors);
+    /// 1/α: the step of each level, and of the approximation.
+    pub fn steps(&self) -> Vec<f32> {
+        self.0.iter().map(|norm| 1.0 / norm).collect()
     }
 }
 

@@ -1,5 +1,6 @@
 //! Repeated captures of one picture, averaged: less noise for more time.
 
+use super::{Method, MethodError, Problem, Solution, Watch};
 use crate::frame::{Channel, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
@@ -50,5 +51,30 @@ impl ForwardConvolution for Averaging<'_> {
 
     fn seconds(&self) -> f64 {
         self.optics.seconds()
+    }
+}
+
+/// A method whose captures are each the mean of several: slower, and less noisy.
+pub struct Averaged {
+    /// The method.
+    pub method: Box<dyn Method + Send + Sync>,
+    /// Captures averaged for each it asks for, at least 1.
+    pub times: u32,
+}
+
+impl Method for Averaged {
+    fn name(&self) -> &'static str {
+        self.method.name()
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let quieter = 1.0 / (self.times.max(1) as f32).sqrt();
+        let problem = Problem { capture_noise: problem.capture_noise.map(|n| n * quieter), ..*problem };
+        self.method.solve(&problem, &mut Averaging::new(optics, self.times), watch)
     }
 }

@@ -61,8 +61,7 @@ impl Method for Hybrid {
         let model = problem.needs_model("hybrid")?;
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
-        let (mut picture, mut record) =
-            self.digital.solve_for(problem, model, problem.photo, problem.photo, problem.level_norms);
+        let (mut picture, mut record) = self.digital.solve_photo(problem, model);
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
@@ -82,14 +81,13 @@ impl Method for Hybrid {
             if last && self.captures_max > 1 {
                 break;
             }
-            let news = new_defect(problem, model, &picture, &seen, &defect, self.defect_threshold);
-            let size = news.plane(Channel::Green).rms() as f32 / certificate.noise_floor;
+            let mut known = new_defect(problem, model, &picture, &seen, &defect, self.defect_threshold);
+            let size = known.plane(Channel::Green).rms() as f32 / certificate.noise_floor;
             if size <= self.defect_floor {
                 break;
             }
-            let mut known = defect.clone();
             for &channel in problem.channels.list() {
-                known.plane_mut(channel).add_scaled(1.0, news.plane(channel));
+                known.plane_mut(channel).add_scaled(1.0, defect.plane(channel));
             }
             let corrected = self.corrected(problem, model, &picture, &known, &mut record);
             certificate.corrections += 1;
@@ -150,14 +148,16 @@ impl Hybrid {
             let power = |details: &mut Details| details.bands_mut().iter().map(|b| b.dot(b)).sum::<f64>();
             found.details.iter_mut().map(power).collect::<Vec<f64>>()
         };
-        let mut norms = problem.level_norms.clone();
-        for &c in problem.channels.list() {
+        let raised = problem.channels.list().par_iter().map(|&c| {
             let wrong = powers(defect.plane(c)).into_iter().zip(powers(picture.plane(c)));
             let least: Vec<f32> = wrong
                 .map(|(wrong, shown)| self.carefulness * (wrong / shown.max(f64::MIN_POSITIVE)) as f32)
                 .collect();
-            norms[c.index()] = norms[c.index()].at_least(&least);
-        }
+            (c, problem.level_norms[c.index()].at_least(&least))
+        });
+        let raised: Vec<(Channel, LevelNorms)> = raised.collect();
+        let mut norms = problem.level_norms.clone();
+        raised.into_iter().for_each(|(c, raised)| norms[c.index()] = raised);
         norms
     }
 }

@@ -7,7 +7,7 @@
 //! | [`unmatched`] | n | lens model backward, optics forward |
 //! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; the default |
 //! | [`digital`] | 0 | lens model only |
-//! | [`baselines`] | 0 | Wiener and Richardson–Lucy, what people use today |
+//! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
 //!
 //! Where the paper leaves a choice, and what is done here (each held by a test in `tests/method.rs`):
 //!
@@ -18,12 +18,14 @@
 //! * **Margin and border patches**: see [`super::patches`].
 
 pub mod averaging;
-pub mod baselines;
 pub mod digital;
 pub mod hybrid;
 pub mod paper;
 pub mod residual;
+pub mod richardson_lucy;
+pub mod total_variation;
 pub mod unmatched;
+pub mod wiener;
 
 mod momentum;
 mod problem;

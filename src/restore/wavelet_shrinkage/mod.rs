@@ -35,7 +35,7 @@ pub struct ShrinkageScratch {
     coefficients: Option<Coefficients>,
     transform: Scratch,
     rows: Vec<f32>,
-    spinning: [SpinningScratch; 2],
+    spinning: SpinningScratch,
 }
 
 impl Shrinkage {
@@ -110,8 +110,7 @@ impl Shrinkage {
         if thresholds.iter().all(|&threshold| threshold <= 0.0) {
             return;
         }
-        let fits = scratch.coefficients.take().filter(|c| self.transform.owns(c));
-        let mut coefficients = fits.unwrap_or_else(|| self.transform.zeros());
+        let mut coefficients = self.coefficients(scratch);
         self.transform.analyse_shifted(plane, shift, &mut coefficients, &mut scratch.transform);
         for (level, details) in coefficients.details.iter_mut().enumerate() {
             let threshold = thresholds[level.min(thresholds.len() - 1)].max(0.0);
@@ -121,6 +120,31 @@ impl Shrinkage {
         }
         self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
         scratch.coefficients = Some(coefficients);
+    }
+
+    /// Multiplies the levels of `plane`, turned by `shift`: the details by `factors`, finest first, the approximation by the
+    /// last of them.
+    ///
+    /// # Panics
+    /// When there is not one factor for each level and one more, which is a bug of the caller.
+    pub fn scale_levels(
+        &self,
+        plane: &mut Plane,
+        factors: &[f32],
+        shift: (usize, usize),
+        scratch: &mut ShrinkageScratch,
+    ) {
+        let mut coefficients = self.coefficients(scratch);
+        self.transform.analyse_shifted(plane, shift, &mut coefficients, &mut scratch.transform);
+        coefficients.scale_levels(factors);
+        self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
+        scratch.coefficients = Some(coefficients);
+    }
+
+    /// Coefficients to work in: those kept, if they fit.
+    fn coefficients(&self, scratch: &mut ShrinkageScratch) -> Coefficients {
+        let fits = scratch.coefficients.take().filter(|c| self.transform.owns(c));
+        fits.unwrap_or_else(|| self.transform.zeros())
     }
 
     /// Replaces `plane` by the mean of its shrunk versions over all shifts of the finest levels and, of the coarser

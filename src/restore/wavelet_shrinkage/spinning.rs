@@ -5,6 +5,10 @@
 //! for every spun level: over 16 shifts for the price of seven whole ones. What is spun this way does not see where
 //! the grid lies; no choice of shifts is left to do well or badly.
 
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
 use super::draw;
 use crate::frame::{Plane, Size};
 use crate::restore::wavelet::{Coefficients, Scratch, Sym8};
@@ -12,8 +16,8 @@ use crate::restore::wavelet::{Coefficients, Scratch, Sym8};
 /// Levels spun over all their shifts. Coarser ones turn with the step.
 pub(super) const EVERYWHERE: usize = 2;
 
-/// The four shifts of one level, in halves that two cores can take: each half is a quincunx.
-const SHIFTS: [[(usize, usize); 2]; 2] = [[(0, 0), (1, 1)], [(1, 0), (0, 1)]];
+/// The four shifts of one level; any two neighbours make a quincunx or complete it.
+const SHIFTS: [(usize, usize); 4] = [(0, 0), (1, 1), (1, 0), (0, 1)];
 
 /// The levels' transforms, each of one level, the plane's own first.
 #[derive(Debug, Clone)]
@@ -21,10 +25,17 @@ pub(super) struct Spinning {
     levels: Vec<Sym8>,
 }
 
-/// Memory of one level and of those below it.
-#[derive(Debug, Clone, Default)]
+/// Memory to spin in: the plane shrunk at each of the four shifts, and as many sets of levels as threads ask for.
+#[derive(Debug, Default)]
 pub(super) struct SpinningScratch {
-    levels: Vec<LevelScratch>,
+    shrunk: Vec<Plane>,
+    free: Mutex<Vec<Vec<LevelScratch>>>,
+}
+
+impl Clone for SpinningScratch {
+    fn clone(&self) -> Self {
+        SpinningScratch::default()
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -57,21 +68,29 @@ impl Spinning {
         Spinning { levels: levels.collect() }
     }
 
-    /// Replaces `plane` by the mean of its shrunk versions; two halves of it run side by side.
-    pub(super) fn shrink(&self, plane: &mut Plane, drawing: Drawing<'_>, scratch: &mut [SpinningScratch; 2]) {
+    /// Replaces `plane` by the mean of its shrunk versions; the four shifts of the finest level run side by side.
+    pub(super) fn shrink(&self, plane: &mut Plane, drawing: Drawing<'_>, scratch: &mut SpinningScratch) {
         if self.levels.is_empty() {
             return;
         }
-        let [first, second] = scratch;
-        self.fit(first);
-        self.fit(second);
-        let of = |shifts: &[(usize, usize)], scratch: &mut SpinningScratch| {
-            self.sum_shrunk(0, plane, drawing, shifts, &mut scratch.levels);
-        };
-        rayon::join(|| of(&SHIFTS[0], first), || of(&SHIFTS[1], second));
-        let share = 1.0 / 4.0;
-        let sums = first.levels[0].sum.data().iter().zip(second.levels[0].sum.data());
-        plane.data_mut().iter_mut().zip(sums).for_each(|(value, (a, b))| *value = (a + b) * share);
+        let (shrunk, free) = (&mut scratch.shrunk, &scratch.free);
+        if shrunk.first().is_none_or(|first| first.size() != plane.size()) {
+            *shrunk = SHIFTS.map(|_| Plane::zeros(plane.size())).into();
+        }
+        let source = &*plane;
+        shrunk.par_iter_mut().zip(SHIFTS).for_each(|(shrunk, shift)| {
+            // A set of levels is only put back whole, so a poisoned list is as good as any.
+            let mut levels = free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+            self.fit(&mut levels);
+            std::mem::swap(&mut levels[0].sum, shrunk);
+            self.sum_shrunk(0, source, drawing, &[shift], &mut levels);
+            std::mem::swap(&mut levels[0].sum, shrunk);
+            free.lock().unwrap_or_else(PoisonError::into_inner).push(levels);
+        });
+        plane.data_mut().fill(0.0);
+        for shrunk in &*shrunk {
+            plane.add_scaled(0.25, shrunk);
+        }
     }
 
     /// `scratch[0].sum` = the sum of `plane`, of level `level`, shrunk at each of `shifts`.
@@ -94,12 +113,12 @@ impl Spinning {
             if deeper_exists {
                 let approximation = &mut here.coefficients.approximation;
                 if level + 1 < EVERYWHERE {
-                    self.sum_shrunk(level + 1, approximation, drawing, SHIFTS.as_flattened(), deeper);
+                    self.sum_shrunk(level + 1, approximation, drawing, &SHIFTS, deeper);
                     let sums = deeper[0].sum.data().iter();
                     approximation.data_mut().iter_mut().zip(sums).for_each(|(a, sum)| *a = sum * 0.25);
                 } else {
                     let turn = drawing.turn + k;
-                    let shift = SHIFTS.as_flattened()[(turn >> (2 * (level + 1 - EVERYWHERE))) % 4];
+                    let shift = SHIFTS[(turn >> (2 * (level + 1 - EVERYWHERE))) % 4];
                     self.sum_shrunk(level + 1, approximation, drawing, &[shift], deeper);
                     std::mem::swap(approximation, &mut deeper[0].sum);
                 }
@@ -124,18 +143,19 @@ impl Spinning {
         }
     }
 
-    fn fit(&self, scratch: &mut SpinningScratch) {
-        let fits = scratch.levels.len() == self.levels.len()
-            && self.levels.iter().zip(&scratch.levels).all(|(t, level)| t.size() == level.sum.size());
+    fn fit(&self, scratch: &mut Vec<LevelScratch>) {
+        let fits = scratch.len() == self.levels.len()
+            && self.levels.iter().zip(&*scratch).all(|(t, level)| t.size() == level.sum.size());
         if !fits {
-            let made = self.levels.iter().map(|transform| LevelScratch {
+            let made = self.levels.iter().enumerate().map(|(level, transform)| LevelScratch {
                 coefficients: transform.zeros(),
                 sum: Plane::zeros(transform.size()),
-                one: Plane::zeros(transform.size()),
+                // Each task sees one shift of the finest level.
+                one: Plane::zeros(if level == 0 { Size::new(0, 0) } else { transform.size() }),
                 transform: Scratch::default(),
                 rows: Vec::new(),
             });
-            scratch.levels = made.collect();
+            *scratch = made.collect();
         }
     }
 }
