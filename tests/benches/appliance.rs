@@ -1,0 +1,224 @@
+//! What a photo costs the box itself: computing time, where it goes, and peak memory of the default method on the
+//! default rig (1024×768, colour), the simulator not counted.
+//!
+//! One process photographs, calibrates and restores on the simulated rig and keeps every frame its camera delivered; a
+//! second one, which has no simulator, restores the same photo from the kept frames. Its clock and its peak resident
+//! memory (`VmHWM`) are what is printed.
+//!
+//! Run: `cargo bench --bench appliance`
+
+// A failed unwrap ends the measurement.
+#![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stdout)]
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use relens::calibrate::calibrate;
+use relens::calibration::Calibration;
+use relens::config;
+use relens::evaluate::scenes::Scene;
+use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
+use relens::picture::Tone;
+use relens::restoration::{Bench, method};
+use relens::rig::exposure::{Rig, Timing};
+use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
+
+/// Names the folder of the kept frames to the second process.
+const KEPT: &str = "RELENS_BENCH_KEPT";
+
+fn main() {
+    match std::env::var_os(KEPT) {
+        Some(folder) => alone(Path::new(&folder)),
+        None => whole(),
+    }
+}
+
+fn rig() -> config::Rig {
+    config::parse(include_str!("../../rig-config/simulated.toml"), "simulated.toml", Path::new(".")).unwrap()
+}
+
+/// Seconds since the program began.
+fn seconds() -> f64 {
+    static BEGUN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    BEGUN.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
+
+fn whole() {
+    let rig = rig();
+    let folder = tempfile::tempdir().unwrap();
+    let (mut devices, witness) = simulated::open(&rig).unwrap();
+    let calibration = calibrate(&mut devices, &rig, None, &mut |_| {}).unwrap();
+    std::fs::write(folder.path().join("calibration"), postcard::to_allocvec(&calibration).unwrap()).unwrap();
+    let tone = Tone::of_curve(rig.photo.curve, 8);
+    let codes = Scene::Astronaut.codes(rig.photo.size());
+    let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
+    let light: Frame<Work> = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
+    let codes = witness.photograph(&light, 1);
+    let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+    keep(&folder.path().join("photo"), photo.planes());
+
+    let frames = Arc::new(Mutex::new(Vec::new()));
+    let nothing: Box<dyn Camera + Send> =
+        Box::new(Kept { frames: Vec::new(), next: 0, clock: Steps::default() });
+    let inner = std::mem::replace(&mut devices.camera, nothing);
+    devices.camera = Box::new(Keeping { inner, frames: Arc::clone(&frames) });
+    restore(&rig, &calibration, &photo, &mut devices);
+    for (n, counts) in frames.lock().unwrap().iter().enumerate() {
+        let planes: Vec<Plane> = counts.planes().iter().map(|p| p.map(f32::from)).collect();
+        keep(&folder.path().join(format!("frame-{n}")), &planes);
+    }
+    drop(devices);
+    let program = std::env::current_exe().unwrap();
+    let ended = std::process::Command::new(program).env(KEPT, folder.path()).status().unwrap();
+    assert!(ended.success());
+}
+
+fn alone(folder: &Path) {
+    let rig = rig();
+    let calibration: Calibration =
+        postcard::from_bytes(&std::fs::read(folder.join("calibration")).unwrap()).unwrap();
+    let photo = Frame::from_planes(kept(&folder.join("photo"), rig.photo.size()));
+    let mut frames = Vec::new();
+    while let Some(path) = Some(folder.join(format!("frame-{}", frames.len()))).filter(|p| p.exists()) {
+        let planes = kept(&path, rig.camera.size());
+        frames.push(Counts::from_planes(planes.map(|p| p.map(|v: f32| v as u16))));
+    }
+    let clock = Steps::default();
+    let camera = Kept { frames, next: 0, clock: clock.clone() };
+    let panel = Wall { size: rig.panel.size(), clock: clock.clone() };
+    let mut devices = Rig::new(
+        Box::new(panel),
+        Box::new(clock.clone()),
+        Box::new(camera),
+        Box::new(clock),
+        Timing::of(&rig),
+    );
+    let before = memory();
+    let (computing, captures, processor) = restore(&rig, &calibration, &photo, &mut devices);
+    println!("default method, {} in colour, {captures} captures, no simulator", rig.photo.size());
+    println!("computing          {computing:6.2} s ({processor:.2} s of processor time)");
+    println!("peak memory        {:6.0} MiB ({before:.0} MiB with photo and frames read)", memory());
+}
+
+/// Restores and tells seconds of computing, captures and seconds of processor time.
+fn restore(
+    rig: &config::Rig,
+    calibration: &Calibration,
+    photo: &Frame<Work>,
+    devices: &mut Rig,
+) -> (f64, usize, f64) {
+    let before = memory();
+    let bench = Bench::new(rig, calibration).unwrap();
+    println!("the lens model and the corrections take {:.0} MiB", memory() - before);
+    let solver = method(rig, rig.restore.method);
+    let (begun, processor) = (seconds(), processor_seconds());
+    let mut watch = |_: &relens::restore::method::Step, _: &Frame<Work>| {};
+    let restored = bench.restore(devices, photo, Channels::Colour, &*solver, &seconds, &mut watch).unwrap();
+    (seconds() - begun - restored.waited_seconds, restored.captures, processor_seconds() - processor)
+}
+
+/// Peak resident memory so far, MiB.
+fn memory() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmHWM")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap() / 1024.0
+}
+
+/// User and system time of all threads, seconds (proc(5): fields 14 and 15, in ticks of 1/100 s).
+fn processor_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
+    let after_name = stat.rsplit(')').next().unwrap();
+    let ticks = |n: usize| after_name.split_whitespace().nth(n).unwrap().parse::<f64>().unwrap();
+    (ticks(11) + ticks(12)) / 100.0
+}
+
+fn keep(path: &Path, planes: &[Plane]) {
+    let bytes = planes.iter().flat_map(|p| p.data()).flat_map(|v| v.to_le_bytes());
+    std::fs::write(PathBuf::from(path), bytes.collect::<Vec<u8>>()).unwrap();
+}
+
+fn kept(path: &Path, size: Size) -> [Plane; 3] {
+    let bytes = std::fs::read(path).unwrap();
+    let values: Vec<f32> =
+        bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    let mut planes = values.chunks_exact(size.area()).map(|v| Plane::from_vec(size, v.to_vec()).unwrap());
+    std::array::from_fn(|_| planes.next().unwrap())
+}
+
+/// A camera that keeps what another one delivers.
+struct Keeping {
+    inner: Box<dyn Camera + Send>,
+    frames: Arc<Mutex<Vec<Counts>>>,
+}
+
+impl Camera for Keeping {
+    fn size(&self) -> Size {
+        self.inner.size()
+    }
+    fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
+        let exposed = self.inner.frame(deadline)?;
+        self.frames.lock().unwrap().push(exposed.counts.clone());
+        Ok(exposed)
+    }
+    fn reopen(&mut self) -> Result<(), RigError> {
+        self.inner.reopen()
+    }
+}
+
+/// A camera that delivers kept frames, the last one for ever.
+struct Kept {
+    frames: Vec<Counts>,
+    next: usize,
+    clock: Steps,
+}
+
+impl Camera for Kept {
+    fn size(&self) -> Size {
+        self.frames[0].size()
+    }
+    fn frame(&mut self, _: Moment) -> Result<Exposed, RigError> {
+        let counts = self.frames[self.next.min(self.frames.len() - 1)].clone();
+        self.next += 1;
+        Ok(Exposed { counts, sequence: self.next as u32, at: self.clock.now() })
+    }
+    fn reopen(&mut self) -> Result<(), RigError> {
+        Ok(())
+    }
+}
+
+/// A panel nobody looks at.
+struct Wall {
+    size: Size,
+    clock: Steps,
+}
+
+impl Panel for Wall {
+    fn size(&self) -> Size {
+        self.size
+    }
+    fn show(&mut self, _: &Codes) -> Result<Flip, RigError> {
+        Ok(Flip { at: self.clock.now(), vblank: 0 })
+    }
+}
+
+/// A clock that stands still but for waiting, and a trigger on it.
+#[derive(Clone, Default)]
+struct Steps(Arc<Mutex<f64>>);
+
+impl Clock for Steps {
+    fn now(&self) -> Moment {
+        Moment(*self.0.lock().unwrap())
+    }
+    fn wait_until(&self, moment: Moment) {
+        let mut now = self.0.lock().unwrap();
+        *now = now.max(moment.0);
+    }
+}
+
+impl Trigger for Steps {
+    fn fire(&mut self) -> Result<Moment, RigError> {
+        Ok(self.now())
+    }
+}
