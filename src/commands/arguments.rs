@@ -24,7 +24,7 @@ pub(super) enum Command {
     Calibrate { rig: PathBuf, folder: PathBuf },
     Restore(RestoreWords),
     Photograph { rig: PathBuf, scene: PathBuf, photo: PathBuf },
-    Chart { rig: PathBuf, out: PathBuf, quick: bool },
+    Chart { rig: PathBuf, out: PathBuf, quick: bool, conditions: bool },
     Check { rig: PathBuf, folder: PathBuf },
     Status { folder: PathBuf },
     Screens { rig: PathBuf, out: PathBuf },
@@ -73,7 +73,11 @@ const COMMANDS: [Known; 12] = [
         words: &["photo"],
     },
     Known { name: "photograph", options: &[RIG, OUT], words: &["sharp picture"] },
-    Known { name: "chart", options: &[RIG, OUT, ("quick", None, false, false)], words: &[] },
+    Known {
+        name: "chart",
+        options: &[RIG, OUT, ("quick", None, false, false), ("conditions", None, false, false)],
+        words: &[],
+    },
     Known { name: "check", options: &[RIG, FOLDER], words: &[] },
     Known { name: "status", options: &[FOLDER], words: &[] },
     Known { name: "screens", options: &[RIG, OUT], words: &[] },
@@ -174,6 +178,7 @@ fn build(
     }
     let once = given.contains_key("once");
     let quick = given.contains_key("quick");
+    let conditions = given.contains_key("conditions");
     let long = given.contains_key("long");
     let share_as = given.remove("box");
     let mut path = |name: &str| given.remove(name).map(PathBuf::from);
@@ -193,7 +198,7 @@ fn build(
             method: given.remove("method").map(|m| m.to_string_lossy().into_owned()),
         }),
         "photograph" => Command::Photograph { rig, scene: word, photo: out.unwrap_or_default() },
-        "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick },
+        "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick, conditions },
         "check" => Command::Check { rig, folder },
         "status" => Command::Status { folder },
         "screens" => Command::Screens { rig, out: out.unwrap_or_default() },

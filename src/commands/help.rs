@@ -87,9 +87,12 @@ The photo that this rig's camera would take of the picture SHARP. Simulated rigs
 the rig's shape. PHOTO must not exist yet; its ending tells the format.";
 
 const CHART: &str = "\
-relens chart --rig RIG.toml --out DIR [--quick]
+relens chart --rig RIG.toml --out DIR [--quick] [--conditions]
 
-Restores known scenes with every method and under every trouble, and draws speed against accuracy.";
+Restores known scenes with every method and several settings of each, and draws speed against accuracy:
+DIR gets the drawing (SVG), the table (Markdown) and its numbers (CSV). With --conditions it compares the
+methods as the rig file sets them, scene by scene; a rig with linear photos also without noise, with glare and
+with a poor lens model. --quick leaves out most settings of the methods that lose.";
 
 const CHECK: &str = "\
 relens check --rig RIG.toml [--folder DIR]

@@ -60,7 +60,9 @@ fn dispatch(parsed: Parsed) -> Result<(), Trouble> {
         Command::Calibrate { rig, folder } => rigged::calibrate(&single::rig(&rig)?, &folder),
         Command::Restore(words) => single::restore(&words),
         Command::Photograph { rig, scene, photo } => single::photograph(&rig, &scene, &photo),
-        Command::Chart { rig, out, quick } => rigged::chart(&single::rig(&rig)?, &out, quick),
+        Command::Chart { rig, out, quick, conditions } => {
+            rigged::chart(&single::rig(&rig)?, &out, quick, conditions)
+        }
         Command::Check { rig, folder } => rigged::check(&single::rig(&rig)?, &folder),
         Command::Status { folder } => status::run(&folder),
         Command::Screens { rig, out } => screens::run(&single::rig(&rig)?, &out),

@@ -136,12 +136,13 @@ fn wipe_line() {
 ///
 /// # Errors
 /// When the rig cannot be opened, or the tables cannot be written.
-pub(super) fn chart(rig: &Rig, out: &Path, quick: bool) -> Result<(), Trouble> {
+pub(super) fn chart(rig: &Rig, out: &Path, quick: bool, conditions: bool) -> Result<(), Trouble> {
     if rig.simulation().is_none() {
         return Err(Trouble::NotYet("charting a rig of devices"));
     }
     std::fs::create_dir_all(out).map_err(|e| Trouble::writing(out, &e))?;
-    let made = evaluate::chart::chart(rig, quick, super::clock::seconds, &mut |score| {
+    let measure = if conditions { evaluate::chart::conditions } else { evaluate::chart::trade };
+    let made = measure(rig, quick, super::clock::seconds, &mut |score| {
         log::info!(
             "{} {}: SSIM {:.4}, PSNR {:.2} dB",
             score.scene.name(),
@@ -159,6 +160,9 @@ pub(super) fn chart(rig: &Rig, out: &Path, quick: bool) -> Result<(), Trouble> {
         write(format!("{name}.md"), table.markdown().as_bytes())?;
         write(format!("{name}.csv"), table.csv().as_bytes())?;
         say(&table.markdown())?;
+    }
+    for (name, drawing) in &made.drawings {
+        write(format!("{name}.svg"), drawing.as_bytes())?;
     }
     let manner = Manner { layout: Layout::Grey, ..Manner::plain(Format::Png, 8, Curve::Linear) };
     for (name, plane) in &made.pictures {

@@ -1,10 +1,12 @@
 //! `relens chart`: what the methods make of known scenes on this rig, as tables and pictures.
 
+use super::scatter;
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::{self, Condition, table};
 use super::table::Table;
-use crate::config;
+use super::trade::{self, BALANCED_WITHIN, FAST_WITHIN};
+use crate::config::{self, Curve};
 use crate::frame::{Channel, Plane};
 use crate::restoration::{method, paper};
 
@@ -13,26 +15,68 @@ use crate::restoration::{method, paper};
 pub struct Chart {
     /// File stem and table.
     pub tables: Vec<(String, Table)>,
+    /// File stem and drawing in SVG.
+    pub drawings: Vec<(String, String)>,
     /// File stem and grey picture, 0..255.
     pub pictures: Vec<(String, Plane)>,
+}
+
+/// Speed against accuracy on the simulated rig of `rig`: every method with several settings. `quick` leaves out most
+/// of the settings of the methods that lose.
+///
+/// # Errors
+/// When the rig cannot be opened or calibrated, or a method fails.
+pub fn trade(
+    rig: &config::Rig,
+    quick: bool,
+    stopwatch: Stopwatch,
+    each: &mut dyn FnMut(&Score),
+) -> Result<Chart, StandError> {
+    let scenes: &[Scene] =
+        if rig.photo.curve == Curve::Linear { &Scene::STUDY_PHOTOGRAPHS } else { &Scene::ALL };
+    let trade = trade::measure(rig, quick, scenes, stopwatch, each)?;
+    let stem = format!("{}-speed-accuracy", rig.name);
+    let chosen = |name: &str, within| {
+        let point = trade.operating_point(within).map(|n| &trade.points[n]);
+        point.map_or(String::new(), |p| {
+            format!(" {name}: {}, {} ({:.2} s, {:.4}).", p.family, p.setting, p.seconds(), p.ssim)
+        })
+    };
+    let caption = format!(
+        "Rig {}, {}; the blurred photos have {:.4}/{:.2} dB.{}{}{}",
+        rig.name,
+        rig.photo.size(),
+        trade.photo_ssim,
+        trade.photo_psnr_db,
+        chosen("Fast", FAST_WITHIN),
+        chosen("Balanced", BALANCED_WITHIN),
+        chosen("Best", 0.0)
+    );
+    let title = format!("Speed against accuracy on rig {}", rig.name);
+    let scores = table(format!("Rig {}, scene by scene.", rig.name), &trade.scores);
+    Ok(Chart {
+        drawings: vec![(stem.clone(), scatter::svg(&trade, &title))],
+        tables: vec![(stem, trade.table(caption)), (format!("{}-by-scene", rig.name), scores)],
+        pictures: Vec::new(),
+    })
 }
 
 /// Charts the simulated rig of `rig`; `quick` leaves out all but the photographs and the model-based
 /// methods. `each` is called with every score as it comes.
 ///
-/// The study's rig is charted under the study's conditions in green; any other in colour, in luminance of
-/// display values.
+/// A rig whose photos are linear, as the study's, is charted under the study's conditions in green; any other in
+/// colour, in luminance of display values.
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
-pub fn chart(
+pub fn conditions(
     rig: &config::Rig,
     quick: bool,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
 ) -> Result<Chart, StandError> {
     let mut chart = Chart::default();
-    if rig.name == "study" {
+    if rig.photo.curve == Curve::Linear {
         let scenes: &[Scene] = &[Scene::Astronaut, Scene::Coffee, Scene::Chart];
         let scenes = if quick { &scenes[..2] } else { scenes };
         for condition in Condition::STUDY {
