@@ -173,4 +173,12 @@ mod tests {
                 .contains("300 to 10000")
         );
     }
+
+    #[test]
+    fn the_readme_s_tables_are_read() {
+        let readme = include_str!("../../README.md");
+        let tables = readme.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+        let rig = small_and(tables).unwrap();
+        assert_eq!((rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib), (Mode::Button, true, 256.0));
+    }
 }

@@ -188,7 +188,14 @@ fn notes(out: &mut String, trade: &Trade, axes: &Axes) -> std::fmt::Result {
             "<circle cx=\"{x:.1}\" cy=\"{:.1}\" r=\"10\" fill=\"none\" stroke=\"#d55e00\"/>",
             y - 4.0
         )?;
-        text(out, x, y - 20.0, "middle", 12, &format!("the paper, 11 iterations{below}"))?;
+        text(
+            out,
+            x.min(FIELD[1] - 100.0),
+            y - 20.0,
+            "middle",
+            12,
+            &format!("the paper, 11 iterations{below}"),
+        )?;
     }
     if let Some(n) = trade.operating_point(BALANCED_WITHIN) {
         let point = &trade.points[n];
