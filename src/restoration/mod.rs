@@ -13,9 +13,9 @@ mod methods;
 
 pub use methods::{digital, hybrid, method, paper};
 
-use crate::calibration::Calibration;
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
+use crate::calibration::{Calibration, Noise};
 use crate::config;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
 use crate::light_path::LightPath;
@@ -31,6 +31,9 @@ use crate::rig::exposure::Rig;
 /// code below it is kept as data).
 const SATURATION_SHARE: f32 = 0.998;
 
+/// Of so many pixels one is looked at for the photo's median level; prime, so that no pattern is met in step.
+const NOISE_SAMPLE: usize = 31;
+
 /// Everything that a calibrated rig needs to restore photos, made once and used for many.
 pub struct Bench {
     correction: Correction,
@@ -39,6 +42,7 @@ pub struct Bench {
     norm_squared: [f32; 3],
     level_norms: [LevelNorms; 3],
     capture_noise: [f32; 3],
+    noise: [Noise; 3],
     black_surround: bool,
     interrupted: Option<Interruption>,
 }
@@ -79,6 +83,7 @@ impl Bench {
             photo_side: PhotoSide::new(calibration, &layout),
             norm_squared: calibration.norm_squared,
             level_norms: calibration.level_norms.clone(),
+            noise: calibration.noise,
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             interrupted: None,
@@ -123,6 +128,15 @@ impl Bench {
         (placed, trust)
     }
 
+    /// The photo's noise in one channel, grey levels: as measured, and at least what this camera has at the photo's median
+    /// level. A JPEG's noise is flattened where it is measured and still in the picture.
+    fn noise_of(&self, channel: Channel, photo: &Plane) -> f32 {
+        let mut sample: Vec<f32> = photo.data().iter().step_by(NOISE_SAMPLE).copied().collect();
+        let middle = sample.len() / 2;
+        let median = *sample.select_nth_unstable_by(middle, f32::total_cmp).1;
+        data_term::noise_of(photo).max(self.noise[channel.index()].sigma(median))
+    }
+
     /// RMS(K̂B − B): how far the lens would take the prepared photo from itself, green channel, grey levels.
     pub fn untouched_residual(&self, placed: &Frame<Work>, trust: &Frame<Work, u8>) -> f32 {
         let green = Channel::Green;
@@ -156,7 +170,7 @@ impl Bench {
         let mut path = LightPath::new(rig, &self.correction, stopwatch).interruptible(interrupted);
         let (captures, seconds) = (path.captures(), path.seconds());
         let (placed, trust) = self.prepare(photo);
-        let of = |c: Channel| data_term::noise_of(photo.plane(c));
+        let of = |c: Channel| self.noise_of(c, photo.plane(c));
         let (red, (green, blue)) =
             rayon::join(|| of(Channel::Red), || rayon::join(|| of(Channel::Green), || of(Channel::Blue)));
         let photo_noise = [red, green, blue];
