@@ -7,10 +7,13 @@ use std::path::Path;
 use relens::calibrate::{CalibrateError, calibrate, captures, layout};
 use relens::calibration::{Calibration, Correction};
 use relens::config;
-use relens::frame::{Channel, Frame, Plane, Work, resample::resize};
+use relens::evaluate::scenes::Scene;
+use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::patterns;
 use relens::remedy::full_message;
+use relens::restoration::{Bench, method};
 use relens::restore::lens_model::LensModel;
+use relens::restore::quality::psnr;
 use relens::rig::exposure::Rig;
 use relens::rig::simulated::{self, Light, Witness};
 
@@ -74,24 +77,6 @@ fn on_canvas(config: &config::Rig, scene: [Plane; 3]) -> Frame<Work> {
             if rim { 0.0 } else { scene.at(at(x, scene.width()), at(y, scene.height())) }
         })
     }))
-}
-
-/// A photograph as linear light, cropped to the rig's shape.
-fn photograph(config: &config::Rig, name: &str) -> [Plane; 3] {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes").join(name);
-    let picture = image::open(path).expect("a test scene").to_rgb8();
-    let (w, h) = (picture.width(), picture.height());
-    let wide = w.min(h * 4 / 3);
-    let high = wide * 3 / 4;
-    let (left, top) = ((w - wide) / 2, (h - high) / 2);
-    [0, 1, 2].map(|c| {
-        let cropped = Plane::from_fn(relens::frame::Size::new(wide as usize, high as usize), |x, y| {
-            let code = f32::from(picture.get_pixel(left + x as u32, top + y as u32).0[c]) / 255.0;
-            let light = if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) };
-            255.0 * light
-        });
-        resize(&cropped, config.photo.size()).map(|v| v.clamp(0.0, 255.0))
-    })
 }
 
 struct Errors {
@@ -175,11 +160,12 @@ fn score_operator(
     factor: f64,
 ) {
     let chart = patterns::chart(config.photo.size());
+    let photograph = |scene: Scene| scene.light(config.photo.size()).into_planes();
     let scenes = [
         ("chart", [chart.clone(), chart.clone(), chart], 2.0),
-        ("astronaut", photograph(config, "astronaut.png"), 1.0),
-        ("coffee", photograph(config, "coffee.png"), 1.0),
-        ("rocket", photograph(config, "rocket.jpg"), 1.0),
+        ("astronaut", photograph(Scene::Astronaut), 1.0),
+        ("coffee", photograph(Scene::Coffee), 1.0),
+        ("rocket", photograph(Scene::Rocket), 1.0),
     ];
     let noisy = operator_error(config, rig, witness, calibration, scenes[0].1.clone());
     println!("chart, one capture with noise: operator {:.2?}", noisy.operator);
@@ -263,6 +249,71 @@ fn what_keeps_a_rig_from_being_calibrated_is_told_apart() {
     assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
     let error = failure(|w| w.knock_panel(2000.0, 0.0));
     assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
+}
+
+/// small.toml without tilt, its lens replaced by a measured blur: Gaussians of deviation `sigma_px`, wider towards
+/// the right, in a file beside the rig file.
+fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::Rig {
+    const SUPPORT: i32 = 31;
+    let mut taps = Vec::new();
+    for column in 0..3 {
+        let sigma = sigma_px * (1.0 + 0.1 * f64::from(column));
+        let one = |t: i32| {
+            let (x, y) = (f64::from(t % SUPPORT - SUPPORT / 2), f64::from(t / SUPPORT - SUPPORT / 2));
+            (-(x * x + y * y) / (2.0 * sigma * sigma)).exp()
+        };
+        let function: Vec<f64> = (0..SUPPORT * SUPPORT).map(one).collect();
+        let total: f64 = function.iter().sum();
+        (0..3).for_each(|_| taps.extend(function.iter().map(|tap| (tap / total) as f32)));
+    }
+    let shape =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3, 3, {SUPPORT}, {SUPPORT}), }}");
+    let header = format!("{shape:<117}\n");
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend((header.len() as u16).to_le_bytes());
+    file.extend(header.as_bytes());
+    file.extend(taps.iter().flat_map(|tap| tap.to_le_bytes()));
+    std::fs::write(folder.join("grid.npy"), file).expect("a file in the test's folder");
+    let text = include_str!("../rig-config/small.toml");
+    let (before, rest) = text.split_once("[lens]").expect("a lens");
+    let (_, after) = rest.split_once("[pose]").expect("a pose");
+    let after = after
+        .replace("tilt-x-deg = 0.6", "tilt-x-deg = 0.0")
+        .replace("tilt-y-deg = -0.9", "tilt-y-deg = 0.0");
+    let lens = "[lens]\nblur = \"grid.npy\"\nglare-share = 0.0\nglare-radius-px = 10.0\n";
+    config::parse(&format!("{before}{lens}\n[pose]{after}"), "measured.toml", folder).expect("a rig")
+}
+
+#[test]
+fn a_rig_out_of_focus_is_told_so() {
+    // A little out of focus corners are still found, and the lens functions say it; far out no corner is.
+    let folder = tempfile::tempdir().expect("a folder");
+    for sigma_px in [4.0, 12.0] {
+        let config = with_measured_blur(folder.path(), sigma_px);
+        let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
+        let error = calibrate(&mut rig, &config, None, &mut |_| {}).expect_err("a rig out of focus");
+        println!("{sigma_px} px: {}", full_message(&error));
+        assert!(matches!(error, CalibrateError::WrongFocus { .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = with_measured_blur(folder.path(), 1.3);
+    let (mut rig, witness, calibration) = calibrated(&config);
+    score(&config, &witness, &calibration);
+    let scene = Scene::Astronaut.light(config.photo.size());
+    let tone = relens::picture::Tone::of_curve(config.photo.curve, 8);
+    let codes = witness.photograph(&scene, 7);
+    let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+    let bench = Bench::new(&config, &calibration).expect("a bench");
+    let solver = method(&config, config.restore.method);
+    let restored = bench.restore(&mut rig, &photo, Channels::Colour, &*solver, &|| 0.0, &mut |_, _| {});
+    let picture = restored.expect("a picture").picture;
+    let green = |frame: &Frame<Work>| psnr(frame.plane(Channel::Green), scene.plane(Channel::Green));
+    println!("green: photo {:.2} dB, restored {:.2} dB", green(&photo), green(&picture));
+    assert!(green(&picture) >= green(&photo) + 2.5, "{} after {}", green(&picture), green(&photo));
 }
 
 #[test]

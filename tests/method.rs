@@ -83,7 +83,7 @@ fn relative_distance(a: &Plane, b: &Plane) -> f64 {
 }
 
 fn paper(iterations: u32, tau: f32, backward: Backward) -> Paper {
-    Paper { iterations, tau, lambda: 3.0, backward, levels: 2 }
+    Paper { iterations, tau, lambda: 3.0, backward, levels: 2, bounded: false }
 }
 
 /// Runs `method` on the golden photo with the golden lens as optics, unrounded.

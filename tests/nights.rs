@@ -95,11 +95,15 @@ fn the_pilot_reads_what_was_done_to_the_rig() {
 struct Scripted<'a> {
     pilots: &'a RefCell<Vec<f64>>,
     log: &'a RefCell<Vec<String>>,
+    clock: &'a TestClock,
+    /// How long a photo takes.
+    photo_s: f64,
 }
 
 impl Restorer for Scripted<'_> {
     fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
         self.log.borrow_mut().push(photo.name.clone());
+        self.clock.0.set(self.clock.0.get() + self.photo_s);
         Ok(Restored {
             picture: Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 1.0)),
             untouched: false,
@@ -164,11 +168,12 @@ struct Night<'a> {
     /// Ends after so many seconds more.
     lasts_s: f64,
     is_set: bool,
+    photo_s: f64,
 }
 
 /// Lives through it; what was done, the summary, and the state seen last.
 fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
-    let Night { root, nights, pilots, begins_s, lasts_s, is_set } = night;
+    let Night { root, nights, pilots, begins_s, lasts_s, is_set, photo_s } = night;
     let (clock, pilots, log) = (TestClock::default(), RefCell::new(pilots), RefCell::default());
     let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
     let calendar = || noon + Duration::from_secs_f64(begins_s + clock.0.get());
@@ -176,7 +181,7 @@ fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
     let times = Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &|| Some(40.0) };
     let folders = Folders::open(root).unwrap();
     let schedule = Nightly::new(&nights, &folders, times).unwrap();
-    let mut restorer = Scripted { pilots: &pilots, log: &log };
+    let mut restorer = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s };
     let size = relens::frame::Size::new(64, 48);
     let setting = Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
     let mut watcher = ();
@@ -196,7 +201,7 @@ fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
 fn night(root: &Path) -> Night<'_> {
     let nights = nights("22:00-06:00");
     // At 21:50, for twenty minutes.
-    Night { root, nights, pilots: vec![], begins_s: 35_400.0, lasts_s: 1200.0, is_set: true }
+    Night { root, nights, pilots: vec![], begins_s: 35_400.0, lasts_s: 1200.0, is_set: true, photo_s: 1.0 }
 }
 
 fn in_folder(root: &Path, folder: &str) -> usize {
@@ -287,4 +292,40 @@ fn after_the_night_photos_wait_for_the_next_one() {
     let (log, summary, _) = live(Night { begins_s: 65_100.0, ..night(root.path()) });
     assert!(log.is_empty() && summary.restored.is_empty(), "06:05 is after the night");
     assert_eq!(in_folder(root.path(), "inbox"), 4);
+}
+
+#[test]
+fn a_batch_that_the_morning_cuts_short_goes_on_the_next_night() {
+    const HOUR: f64 = 3600.0;
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 7);
+    // At 05:50, a photo every four minutes: the morning comes in the middle of the batch, the evening long after.
+    let begun = Night { begins_s: 17.0 * HOUR + 50.0 * 60.0, photo_s: 240.0, ..night(root.path()) };
+    let (log, summary, seen) = live(Night { lasts_s: 17.0 * HOUR, ..begun });
+    let warm_up = ["pilot 0"; 3];
+    // The photo begun before the end is finished; then the pilot that proves the three of them.
+    let first = warm_up.into_iter().chain(["0.png", "1.png", "2.png", "pilot 0"]);
+    let second = warm_up.into_iter().chain(["3.png", "4.png", "5.png", "pilot 0", "6.png", "pilot 0"]);
+    let wanted: Vec<&str> = first.chain(second).collect();
+    assert_eq!(log, wanted);
+    assert_eq!((summary.restored.len(), in_folder(root.path(), "done")), (7, 7));
+    let waited =
+        |d: &Doing| matches!(d, Doing::Paused { reason } if reason.contains("the night begins at 22:00"));
+    assert!(seen.iter().any(waited), "{seen:?}");
+}
+
+#[test]
+fn a_batch_goes_on_after_a_reboot_in_the_night_and_after_one_in_the_day() {
+    let root = tempfile::tempdir().unwrap();
+    photos(root.path(), 7);
+    let at = |begins_s: f64, lasts_s: f64| {
+        let (log, ..) = live(Night { begins_s, lasts_s, photo_s: 240.0, ..night(root.path()) });
+        log.into_iter().filter(|line| line.ends_with(".png")).collect::<Vec<_>>()
+    };
+    // From 22:00 for six minutes, again for six, at noon for an hour, and the next night.
+    let lives = [at(36_000.0, 360.0), at(37_000.0, 360.0), at(86_400.0, 3600.0), at(122_400.0, 3600.0)];
+    assert!(!lives[0].is_empty() && !lives[1].is_empty() && lives[2].is_empty(), "{lives:?}");
+    let all: Vec<String> = (0..7).map(|n| format!("{n}.png")).collect();
+    assert_eq!(lives.concat(), all, "none twice, none missed, the oldest first: {lives:?}");
+    assert_eq!((in_folder(root.path(), "done"), in_folder(root.path(), "outbox")), (7, 7));
 }

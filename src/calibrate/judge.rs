@@ -166,17 +166,18 @@ pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), Calibrate
     Ok(())
 }
 
-/// Judges focus by the sharpest lens function: its RMS radius must fit its support.
+/// Judges focus by the sharpest lens function: its RMS radius must fit the `support_px` it was looked for in. The rig file
+/// has functions of `written_px`.
 ///
 /// # Errors
 /// Wrong focus.
-pub(super) fn focus(radius_px: f64, support_px: usize) -> Result<(), CalibrateError> {
+pub(super) fn focus(radius_px: f64, support_px: f64, written_px: usize) -> Result<(), CalibrateError> {
     // A bell of this RMS radius has 98 % of its light within half the support.
-    let allowed = support_px as f64 / 2.0 / 1.98;
+    let allowed = support_px / 2.0 / 1.98;
     if radius_px > allowed {
         return Err(CalibrateError::WrongFocus {
             found: format!("the lens blurs to {radius_px:.1} px RMS where it is sharpest"),
-            allowed: format!("{allowed:.1} px are (function-support-px of the rig file is {support_px})"),
+            allowed: format!("{allowed:.1} px are (function-support-px of the rig file is {written_px})"),
         });
     }
     Ok(())

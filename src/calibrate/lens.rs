@@ -56,6 +56,9 @@ pub(super) fn measure(
             let correction = correction(session, calibration)?;
             let series = shoot(session, &correction, CENTRING_PATTERNS, 100 + round as u64, pixel_px)?;
             let functions = functions(session, &series, ROUNDS.0, pixel_px, support_px)?;
+            // Far out of focus centroids are noise, and whatever is fitted to them would be blamed instead.
+            let (pixel, support) = (pixel_px as f64, session.config.calibration.function_support_px);
+            judge::focus(pixel * sharpest_px(&functions), pixel * support_px as f64, support)?;
             recentre(session, calibration, &functions, pixel_px)?;
         }
     }
@@ -66,15 +69,19 @@ pub(super) fn measure(
     let mut functions = functions(session, &series, ROUNDS.1, 1, support_px)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before they are scaled to 1");
-    // The sharpest function of the channel in focus: a lens may be bad in its corners.
-    let sharpest = (0..functions.rows * functions.columns)
-        .map(|n| functions.function(Channel::Green, n / functions.columns, n % functions.columns))
-        .map(|taps| lens_blur::moments(taps, functions.support_px).1)
-        .fold(f64::INFINITY, f64::min);
-    judge::focus(sharpest, functions.support_px)?;
+    judge::focus(sharpest_px(&functions), support_px as f64, support_px)?;
     calibration.functions = functions;
     session.step("checks");
     check(session, calibration, &correction, &series.first, board)
+}
+
+/// RMS radius of the sharpest function of the channel in focus: a lens may be bad in its corners. Infinite when no function
+/// has a radius.
+fn sharpest_px(functions: &LensFunctions) -> f64 {
+    (0..functions.rows * functions.columns)
+        .map(|n| functions.function(Channel::Green, n / functions.columns, n % functions.columns))
+        .map(|taps| lens_blur::moments(taps, functions.support_px).1)
+        .fold(f64::INFINITY, f64::min)
 }
 
 fn correction(session: &Session<'_>, calibration: &Calibration) -> Result<Correction, CalibrateError> {

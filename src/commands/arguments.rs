@@ -24,7 +24,7 @@ pub(super) enum Command {
     Calibrate { rig: PathBuf, folder: PathBuf },
     Restore(RestoreWords),
     Photograph { rig: PathBuf, scene: PathBuf, photo: PathBuf },
-    Chart { rig: PathBuf, out: PathBuf, quick: bool, conditions: bool },
+    Chart { rig: PathBuf, out: PathBuf, quick: bool, what: Charted, peers: Option<PathBuf> },
     Check { rig: PathBuf, folder: PathBuf },
     Status { folder: PathBuf },
     Screens { rig: PathBuf, out: PathBuf },
@@ -32,6 +32,32 @@ pub(super) enum Command {
     Help { about: Option<String> },
     Version,
 }
+
+/// What `relens chart` measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Charted {
+    /// Speed against accuracy.
+    Trade,
+    /// The methods side by side under the study's conditions.
+    Conditions,
+    /// Where the methods fail, and who notices.
+    Stability,
+    /// The paper's figures.
+    Figures,
+    /// The rungs that a varied set of scenes takes.
+    Ladder,
+    /// Nothing: photos and scenes are written for programs from outside.
+    Captures,
+}
+
+/// The options of `relens chart` that ask for something else than speed against accuracy.
+const CHARTED: [(&str, Charted); 5] = [
+    ("conditions", Charted::Conditions),
+    ("stability", Charted::Stability),
+    ("figures", Charted::Figures),
+    ("ladder", Charted::Ladder),
+    ("captures", Charted::Captures),
+];
 
 /// The words of `relens restore`.
 #[derive(Debug, PartialEq)]
@@ -75,7 +101,17 @@ const COMMANDS: [Known; 12] = [
     Known { name: "photograph", options: &[RIG, OUT], words: &["sharp picture"] },
     Known {
         name: "chart",
-        options: &[RIG, OUT, ("quick", None, false, false), ("conditions", None, false, false)],
+        options: &[
+            RIG,
+            OUT,
+            ("quick", None, false, false),
+            ("conditions", None, false, false),
+            ("stability", None, false, false),
+            ("figures", None, false, false),
+            ("ladder", None, false, false),
+            ("captures", None, false, false),
+            ("peers", None, true, false),
+        ],
         words: &[],
     },
     Known { name: "check", options: &[RIG, FOLDER], words: &[] },
@@ -178,7 +214,15 @@ fn build(
     }
     let once = given.contains_key("once");
     let quick = given.contains_key("quick");
-    let conditions = given.contains_key("conditions");
+    let mut asked = CHARTED.iter().filter(|(option, _)| given.contains_key(option));
+    let what = asked.next().map_or(Charted::Trade, |(_, what)| *what);
+    if let Some((other, _)) = asked.next() {
+        let all = CHARTED.map(|(option, _)| format!("--{option}")).join(", ");
+        return Err(usage(&format!("found --{other} beside another of its kind, allowed is one of {all}")));
+    }
+    if given.contains_key("peers") && what != Charted::Trade {
+        return Err(usage("found --peers with another chart, allowed with speed against accuracy only"));
+    }
     let long = given.contains_key("long");
     let share_as = given.remove("box");
     let mut path = |name: &str| given.remove(name).map(PathBuf::from);
@@ -198,7 +242,7 @@ fn build(
             method: given.remove("method").map(|m| m.to_string_lossy().into_owned()),
         }),
         "photograph" => Command::Photograph { rig, scene: word, photo: out.unwrap_or_default() },
-        "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick, conditions },
+        "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick, what, peers: path("peers") },
         "check" => Command::Check { rig, folder },
         "status" => Command::Status { folder },
         "screens" => Command::Screens { rig, out: out.unwrap_or_default() },
@@ -281,6 +325,9 @@ mod tests {
             ("run --rig a inbox", "does not know what to do with `inbox`"),
             ("restore -r a -o b", "needs the photo"),
             ("--once run", "before any command"),
+            ("chart -r a -o b --stability --conditions", "allowed is one of --conditions, --stability"),
+            ("chart -r a -o b --figures --captures", "--figures, --ladder, --captures"),
+            ("chart -r a -o b --figures --peers c", "speed against accuracy only"),
             ("status --rig a", "`status` has no option --rig, allowed are --folder"),
         ] {
             assert!(complaint(line).contains(wanted), "{line}: {}", complaint(line));

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use relens::config;
 use relens::daemon::Folders;
-use relens::frame::{Channel, Frame, Plane, Work};
-use relens::picture::{Format, Limits, Photo};
+use relens::evaluate::scenes::Scene;
+use relens::evaluate::stand::display_luminance;
+use relens::picture::{Format, Limits, Photo, Tone};
 use relens::restore::quality::{psnr, ssim};
 
-use super::{Trouble, drop_folder, rigged, say, scenes, single};
+use super::{Trouble, drop_folder, rigged, say, single};
 
 /// The rig of the demo.
 const RIG: &str = "simulated.toml";
@@ -20,8 +21,8 @@ pub(super) fn run(out: &Path) -> Result<(), Trouble> {
     let root = folders.root().to_owned();
     let (inbox, outbox) = (folders.inbox().to_owned(), folders.outbox().to_owned());
     say(&format!("1. photographing four scenes through the bad lens of {RIG} ({})", rig.photo.size()))?;
-    let scenes = scenes::all(rig.photo.size())?;
-    let (names, sharp): (Vec<_>, Vec<_>) = scenes.into_iter().unzip();
+    let names = Scene::ALL.map(Scene::file_name);
+    let sharp = Scene::ALL.map(|scene| scene.light(rig.photo.size()));
     for (name, codes) in names.iter().zip(rigged::photograph(&rig, &sharp)?) {
         let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
         let path = inbox.join(name);
@@ -40,8 +41,8 @@ pub(super) fn run(out: &Path) -> Result<(), Trouble> {
         let of = |path: PathBuf| -> Result<[f64; 2], Trouble> {
             let photo =
                 Photo::read(&path, rig.photo.curve, &Limits::default()).map_err(|e| Trouble::of(&e))?;
-            let (is, ought) =
-                (display_luminance(&photo.light, grey(&photo)), display_luminance(scene, false));
+            let tone = Tone::of_curve(config::Curve::Srgb, 8);
+            let [is, ought] = [&photo.in_colour(), scene].map(|light| display_luminance(&tone, light));
             Ok([ssim(&is, &ought), psnr(&is, &ought)])
         };
         let (before, after) = (of(root.join("done").join(name))?, of(outbox.join(&report.result))?);
@@ -58,21 +59,6 @@ pub(super) fn run(out: &Path) -> Result<(), Trouble> {
         0 => Ok(()),
         failed => Err(Trouble::SomeFailed { failed, all: names.len() }),
     }
-}
-
-fn grey(photo: &Photo) -> bool {
-    photo.channels.list().len() == 1
-}
-
-/// Luminance of display values 0..255: the sRGB codes' sum by Rec. 709's weights, as screens show it.
-fn display_luminance(light: &Frame<Work>, grey: bool) -> Plane {
-    let tone = relens::picture::Tone::of_curve(config::Curve::Srgb, 8);
-    let mut sum = Plane::zeros(light.size());
-    for (channel, weight) in Channel::ALL.into_iter().zip([0.2126, 0.7152, 0.0722]) {
-        let source = light.plane(if grey { Channel::Green } else { channel });
-        sum.add_scaled(weight, &tone.display(channel, source));
-    }
-    sum
 }
 
 /// `wanted`, or with the first number that is free if there is something already.

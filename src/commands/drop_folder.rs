@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-use relens::config::Rig;
+use relens::config::{ClockSource, Rig};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
     Attended, Daemon, Doing, Folders, Nightly, ProgressLine, Reader, Restorer, Schedule, Setting, State,
@@ -63,11 +63,14 @@ pub(super) fn run(rig: &Path, folder: &Path, once: bool, share_as: Option<&OsStr
         Some(night) => Box::new(night),
         None => Box::new(()),
     };
+    // As for the nights: a box with a battery clock need not wait for a network.
+    let battery = rig.nights.as_ref().is_some_and(|nights| nights.clock == ClockSource::Battery);
+    let believed = || battery || clock_is_set();
     let schedule = Attended::new(front, rig.run.mode, &clock, night);
     let mut watcher = Supervised::new(service_manager(), watcher());
     let daemon =
         Daemon::open(folders, setting(&rig), &mut *restorer, &clock, &SystemTime::now, &mut watcher)?;
-    daemon.scheduled(Box::new(schedule)).run(&stop);
+    daemon.scheduled(Box::new(schedule)).keeping(rig.keep, &believed).run(&stop);
     Ok(())
 }
 

@@ -87,12 +87,21 @@ The photo that this rig's camera would take of the picture SHARP. Simulated rigs
 the rig's shape. PHOTO must not exist yet; its ending tells the format.";
 
 const CHART: &str = "\
-relens chart --rig RIG.toml --out DIR [--quick] [--conditions]
+relens chart --rig RIG.toml --out DIR [--quick]
+             [--peers ROWS.csv | --conditions | --stability | --figures | --ladder | --captures]
 
 Restores known scenes with every method and several settings of each, and draws speed against accuracy:
-DIR gets the drawing (SVG), the table (Markdown) and its numbers (CSV). With --conditions it compares the
+DIR gets the drawing (SVG and PNG), the table (Markdown) and its numbers (CSV). With --conditions it compares the
 methods as the rig file sets them, scene by scene; a rig with linear photos also without noise, with glare and
-with a poor lens model. --quick leaves out most settings of the methods that lose.";
+with a poor lens model. With --stability it puts every fault on rig, photo and
+method in turn, in growing strengths, and draws where each method harms and whether the box noticed. --quick
+leaves out most settings of the methods that lose, and most strengths.
+
+  --ladder     show which rung of the ladder each of a varied set of scenes takes, and what the next would gain
+  --figures    measure the paper's figures 7 to 12 again, on a rig with linear photos such as study.toml:
+               DIR/README.md shows them, with what agrees with the paper and what does not
+  --captures   write the photos and scenes for other programs to try, as tests/benches/outside.py does
+  --peers      take what other programs made of them, rows from that script, into the chart";
 
 const CHECK: &str = "\
 relens check --rig RIG.toml [--folder DIR]

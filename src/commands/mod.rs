@@ -7,7 +7,6 @@ mod drop_folder;
 mod front_desk;
 mod help;
 mod rigged;
-mod scenes;
 mod screens;
 mod simulated_button;
 mod single;
@@ -60,8 +59,8 @@ fn dispatch(parsed: Parsed) -> Result<(), Trouble> {
         Command::Calibrate { rig, folder } => rigged::calibrate(&single::rig(&rig)?, &folder),
         Command::Restore(words) => single::restore(&words),
         Command::Photograph { rig, scene, photo } => single::photograph(&rig, &scene, &photo),
-        Command::Chart { rig, out, quick, conditions } => {
-            rigged::chart(&single::rig(&rig)?, &out, quick, conditions)
+        Command::Chart { rig, out, quick, what, peers } => {
+            rigged::chart(&single::rig(&rig)?, &out, quick, what, peers.as_deref())
         }
         Command::Check { rig, folder } => rigged::check(&single::rig(&rig)?, &folder),
         Command::Status { folder } => status::run(&folder),

@@ -10,6 +10,8 @@ use relens::config::{Curve, Method, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
 use relens::evaluate;
+use relens::evaluate::chart::Chart;
+use relens::evaluate::stand::Score;
 use relens::frame::{Frame, Work};
 #[cfg(feature = "hardware")]
 use relens::kiosk::screen::{Screen, draw};
@@ -20,6 +22,7 @@ use relens::rig::Panel;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
 
+use super::arguments::Charted;
 use super::{Trouble, say};
 
 /// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig that has none
@@ -132,26 +135,90 @@ fn wipe_line() {
     }
 }
 
+/// Pixels of a PNG for a unit of a drawing: fine enough for print.
+const PIXELS_A_UNIT: f64 = 2.0;
+
 /// `relens chart`.
 ///
 /// # Errors
 /// When the rig cannot be opened, or the tables cannot be written.
-pub(super) fn chart(rig: &Rig, out: &Path, quick: bool, conditions: bool) -> Result<(), Trouble> {
+pub(super) fn chart(
+    rig: &Rig,
+    out: &Path,
+    quick: bool,
+    what: Charted,
+    peers: Option<&Path>,
+) -> Result<(), Trouble> {
     if rig.simulation().is_none() {
         return Err(Trouble::NotYet("charting a rig of devices"));
     }
+    let grey_light = matches!(what, Charted::Figures | Charted::Captures) || peers.is_some();
+    if grey_light && rig.photo.curve != Curve::Linear {
+        let found = &rig.name;
+        return Err(Trouble::Usage(format!(
+            "figures and peers are for rigs with linear photos, found {found}, allowed for instance study.toml"
+        )));
+    }
+    let read = |path: &Path| {
+        let unreadable = |e| Trouble::Usage(format!("cannot read {}: {e}", path.display()));
+        std::fs::read_to_string(path).map_err(unreadable)
+    };
+    let rows = peers.map(read).transpose()?;
     std::fs::create_dir_all(out).map_err(|e| Trouble::writing(out, &e))?;
-    let measure = if conditions { evaluate::chart::conditions } else { evaluate::chart::trade };
-    let made = measure(rig, quick, super::clock::seconds, &mut |score| {
-        log::info!(
-            "{} {}: SSIM {:.4}, PSNR {:.2} dB",
-            score.scene.name(),
-            score.method,
-            score.ssim,
-            score.psnr_db
-        );
-    })
-    .map_err(|e| Trouble::of(&e))?;
+    let mut each = |score: &Score| {
+        let (scene, method) = (score.scene.name(), &score.method);
+        log::info!("{scene} {method}: SSIM {:.4}, PSNR {:.2} dB", score.ssim, score.psnr_db);
+    };
+    let clock = super::clock::seconds;
+    let made = match what {
+        Charted::Trade => evaluate::chart::trade(rig, quick, rows.as_deref(), clock, &mut each),
+        Charted::Conditions => evaluate::chart::conditions(rig, quick, clock, &mut each),
+        Charted::Stability => evaluate::stability::chart(rig, quick, clock, &mut |run| {
+            let ((fault, unit), method) = (run.fault.name(), run.contestant.name());
+            let gain = run.ssim - run.photo_ssim;
+            let noticed = if run.verdict.noticed() { ", noticed" } else { "" };
+            log::info!("{fault} {} {unit}, {method}, {}: {gain:+.4}{noticed}", run.strength, run.view.name());
+        }),
+        Charted::Figures => return figures(rig, out),
+        Charted::Ladder => evaluate::ladder::chart(rig, clock, &mut |climb| {
+            log::info!("{}: rung {}, SSIM {:.4}", climb.name, climb.taken, climb.delivered_ssim);
+        }),
+        Charted::Captures => evaluate::chart::captures(rig, clock),
+    };
+    let made = made.map_err(|e| Trouble::of(&e))?;
+    write_chart(&made, out)?;
+    made.tables.iter().try_for_each(|(_, table)| say(&table.markdown()))?;
+    say(&format!("written to {}", out.display()))
+}
+
+/// The paper's figures, each written as soon as it is measured; one that fails is left out, told, and makes the command
+/// fail in the end.
+fn figures(rig: &Rig, out: &Path) -> Result<(), Trouble> {
+    let (mut made, mut failed) = (Vec::new(), None);
+    for (name, measure) in evaluate::figures::ALL {
+        log::info!("{name}");
+        match measure(rig, super::clock::seconds) {
+            Ok(figure) => {
+                write_chart(&evaluate::chart::figure(&figure), out)?;
+                say(&format!("Figure {}. {} {}\n", figure.number, figure.agreement.words(), figure.text))?;
+                made.push(figure);
+            }
+            Err(error) => {
+                log::warn!("{name}: {}", relens::remedy::full_message(&error));
+                failed = failed.or(Some(Trouble::of(&error)));
+            }
+        }
+    }
+    let command = format!("relens chart --rig {}.toml --figures --out DIR", rig.name);
+    let page = evaluate::figures::page(&made, &rig.name, &command);
+    let path = out.join("README.md");
+    std::fs::write(&path, page).map_err(|e| Trouble::writing(&path, &e))?;
+    say(&format!("written to {}", out.display()))?;
+    failed.map_or(Ok(()), Err)
+}
+
+/// Writes all that a chart is made of into the folder `out`.
+fn write_chart(made: &Chart, out: &Path) -> Result<(), Trouble> {
     let write = |name: String, bytes: &[u8]| {
         let path = out.join(name);
         std::fs::write(&path, bytes).map_err(|e| Trouble::writing(&path, &e))
@@ -159,17 +226,22 @@ pub(super) fn chart(rig: &Rig, out: &Path, quick: bool, conditions: bool) -> Res
     for (name, table) in &made.tables {
         write(format!("{name}.md"), table.markdown().as_bytes())?;
         write(format!("{name}.csv"), table.csv().as_bytes())?;
-        say(&table.markdown())?;
     }
+    for (name, bytes) in &made.files {
+        write(name.clone(), bytes)?;
+    }
+    let plain = Manner::plain(Format::Png, 8, Curve::Linear);
     for (name, drawing) in &made.drawings {
-        write(format!("{name}.svg"), drawing.as_bytes())?;
+        write(format!("{name}.svg"), drawing.svg().as_bytes())?;
+        let pixels = drawing.pixels(PIXELS_A_UNIT);
+        write(format!("{name}.png"), &encode(name, &pixels, &plain, false).map_err(|e| Trouble::of(&e))?)?;
     }
-    let manner = Manner { layout: Layout::Grey, ..Manner::plain(Format::Png, 8, Curve::Linear) };
+    let manner = Manner { layout: Layout::Grey, ..plain };
     for (name, plane) in &made.pictures {
         let picture: Frame<Work> = Frame::from_fn(|_| plane.clone());
         write(format!("{name}.png"), &encode(name, &picture, &manner, true).map_err(|e| Trouble::of(&e))?)?;
     }
-    say(&format!("written to {}", out.display()))
+    Ok(())
 }
 
 /// `relens check`: opens every device, measures the rig's timing, looks for its calibration.

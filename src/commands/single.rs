@@ -5,11 +5,12 @@ use std::path::Path;
 
 use relens::config::{self, Method, Rig};
 use relens::daemon::{ProgressLine, Watcher};
+use relens::evaluate::scenes::cut;
 use relens::frame::{Channels, Frame, Work};
 use relens::picture::{Format, Limits, Manner, Photo, encode};
 
 use super::arguments::RestoreWords;
-use super::{Trouble, rigged, say, scenes};
+use super::{Trouble, rigged, say};
 
 /// The rig in the file `path`.
 pub(super) fn rig(path: &Path) -> Result<Rig, Trouble> {
@@ -70,7 +71,7 @@ pub(super) fn photograph(rig_path: &Path, scene: &Path, out: &Path) -> Result<()
     let format = format_of(out)?;
     must_be_new(out)?;
     let sharp = Photo::read(scene, rig.photo.curve, &Limits::default()).map_err(|e| Trouble::of(&e))?;
-    let taken = rigged::photograph(&rig, &[scenes::cut(&sharp, rig.photo.size())])?;
+    let taken = rigged::photograph(&rig, &[cut(&sharp.in_colour(), rig.photo.size())])?;
     let bytes = file_of(&rig, &taken[0], format, &sharp.name)?;
     write_new(out, &bytes)
 }

@@ -1,4 +1,4 @@
-//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`. Each may be left out; in one that is
+//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`, `[keep]`. Each may be left out; in one that is
 //! there, every number is.
 
 use serde::{Deserialize, Serialize};
@@ -84,6 +84,29 @@ impl Default for Disk {
     }
 }
 
+/// `[keep]`: how long results and originals are kept, and how much of them; `inf` is for ever. What waits, is under
+/// way or could not be restored is kept whatever is written here.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Keep {
+    /// A result is removed from the outbox when it is older, days.
+    pub results_days_max: f64,
+    /// The oldest results are removed while all of them together are larger, MiB.
+    pub results_mib_max: f64,
+    /// An original is removed from `done` when it has been there for longer, days.
+    pub originals_days_max: f64,
+    /// The oldest originals are removed while all of them together are larger, MiB.
+    pub originals_mib_max: f64,
+}
+
+impl Default for Keep {
+    /// Everything, for ever.
+    fn default() -> Keep {
+        let [results_days_max, results_mib_max, originals_days_max, originals_mib_max] = [f64::INFINITY; 4];
+        Keep { results_days_max, results_mib_max, originals_days_max, originals_mib_max }
+    }
+}
+
 /// The night's first and last minute, counted from midnight; `None` for `always`.
 pub type Window = Option<(u16, u16)>;
 
@@ -110,9 +133,15 @@ pub(super) fn check_appliance(
     run: Run,
     nights: Option<&Nights>,
     disk: Disk,
+    keep: Keep,
 ) -> Result<(), ConfigError> {
     rules.within("disk.floor-mib", disk.floor_mib, 0.0, 1e6)?;
     rules.within("run.long-press-ms", run.long_press_ms, 300.0, 10_000.0)?;
+    // Less than a day, or than a handful of photos, would take results away from whoever was about to fetch them.
+    rules.within("keep.results-days-max", keep.results_days_max, 1.0, f64::INFINITY)?;
+    rules.within("keep.results-mib-max", keep.results_mib_max, 100.0, f64::INFINITY)?;
+    rules.within("keep.originals-days-max", keep.originals_days_max, 1.0, f64::INFINITY)?;
+    rules.within("keep.originals-mib-max", keep.originals_mib_max, 100.0, f64::INFINITY)?;
     let Some(nights) = nights else { return Ok(()) };
     let readable = nights.minutes().is_some();
     rules.hold(readable, "nights.window", &nights.window, "two different times as 22:00-06:00, or always")?;
@@ -129,7 +158,7 @@ pub(super) fn check_appliance(
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Mode, Rig, parse};
+    use crate::config::{Keep, Mode, Rig, parse};
 
     fn small_and(tables: &str) -> Result<Rig, String> {
         let text = format!("{}\n{tables}", include_str!("../../rig-config/small.toml"));
@@ -143,7 +172,24 @@ mod tests {
     #[test]
     fn a_rig_file_without_them_takes_photos_as_they_come() {
         let rig = small_and("").unwrap();
-        assert_eq!((rig.run.mode, rig.nights), (Mode::Folder, None));
+        assert_eq!((rig.run.mode, rig.nights, rig.keep), (Mode::Folder, None, Keep::default()));
+    }
+
+    #[test]
+    fn what_is_kept_has_a_limit_or_none() {
+        let keep = "[keep]\nresults-days-max = 30.0\nresults-mib-max = inf\noriginals-days-max = 90.0\n\
+            originals-mib-max = 20000.0\n";
+        let rig = small_and(keep).unwrap();
+        assert_eq!((rig.keep.results_days_max, rig.keep.results_mib_max), (30.0, f64::INFINITY));
+        assert_eq!(rig.identity, small_and("").unwrap().identity, "the calibration stays good");
+        for (from, to, wanted) in [
+            ("= 30.0", "= 0.5", "allowed 1 to inf"),
+            ("= 20000.0", "= nan", "allowed 100 to inf"),
+            ("originals-mib-max = 20000.0\n", "", "missing key `originals-mib-max`"),
+        ] {
+            let complaint = small_and(&keep.replace(from, to)).unwrap_err();
+            assert!(complaint.contains(wanted), "{complaint}");
+        }
     }
 
     #[test]
@@ -180,5 +226,6 @@ mod tests {
         let tables = readme.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
         let rig = small_and(tables).unwrap();
         assert_eq!((rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib), (Mode::Button, true, 256.0));
+        assert_eq!(rig.keep.results_days_max, 90.0);
     }
 }

@@ -13,7 +13,7 @@ mod parts;
 mod simulation;
 mod written;
 
-pub use appliance::{ClockSource, Disk, Mode, Nights, Run, Window};
+pub use appliance::{ClockSource, Disk, Keep, Mode, Nights, Run, Window};
 pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
@@ -69,6 +69,8 @@ pub struct Rig {
     pub nights: Option<Nights>,
     /// How much of the disk is left free.
     pub disk: Disk,
+    /// How long results and originals are kept.
+    pub keep: Keep,
     /// A hash of everything a calibration depends on: a calibration of another identity is not this rig's.
     /// Seeds, faults, and how photos are restored are not part of it.
     pub identity: u64,

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::ConfigError;
-use super::appliance::{Disk, Nights, Run};
+use super::appliance::{Disk, Keep, Nights, Run};
 use super::hardware::Hardware;
 use super::parts::{Calibration, Camera, Canvas, Marks, Panel, Paper, Photo, Restore};
 use super::simulation::{Display, Faults, LensGeometry, Pose, Sensor, Surface, Surround};
@@ -24,6 +24,7 @@ pub(super) struct Written {
     pub(super) run: Option<Run>,
     pub(super) nights: Option<Nights>,
     pub(super) disk: Option<Disk>,
+    pub(super) keep: Option<Keep>,
     pub(super) simulation: Option<SimulationTable>,
     pub(super) lens: Option<LensTable>,
     pub(super) pose: Option<Pose>,

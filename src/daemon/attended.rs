@@ -5,6 +5,7 @@
 use std::sync::Arc;
 
 use super::schedule::{Ended, Schedule, Turn};
+use super::withdrawal::Delivered;
 use super::{DaemonError, Outcome, Restorer};
 use crate::config::Mode;
 use crate::kiosk::front::{Front, State};
@@ -167,6 +168,10 @@ impl Schedule for Attended<'_> {
         let screen = Screen::Trouble { what: what.clone(), to_do: to_do(error).to_owned() };
         self.show(screen, State::Trouble { reason: what }, rig);
         self.inner.held(error, rig);
+    }
+
+    fn unproven(&self) -> &[Delivered] {
+        self.inner.unproven()
     }
 
     fn impatient(&self) -> bool {

@@ -67,7 +67,7 @@ impl Daemon<'_> {
         claimed.ledger.name_result(&self.folders, result)?;
         self.watcher.step(Step::Named);
         let (disk, outbox, previews) = (self.folders.disk(), self.folders.outbox(), self.folders.previews());
-        let picture = |what: &str| format!("{}-{what}.jpg", id(result));
+        let picture = |what: &str| picture(result, what);
         let report = Report::new(
             photo,
             restored,
@@ -87,7 +87,7 @@ impl Daemon<'_> {
         durable::replace(disk, previews, picture("before").as_ref(), &encoded.before)?;
         durable::replace(disk, previews, picture("after").as_ref(), &encoded.after)?;
         durable::sync_folder(disk, previews)?;
-        // Nobody is harmed when the power takes it.
+        // Not synchronised: where a cut has taken it, the page shows the large one instead.
         durable::replace_for_now(disk, previews, picture("small").as_ref(), &encoded.small)?;
         self.watcher.step(Step::Reported);
         if !self.is_ours(claimed) {
@@ -126,6 +126,11 @@ fn encoded(photo: &Photo, restored: &Restored) -> Result<Encoded, PictureError> 
             false => Some(encode(&photo.name, &restored.picture, &photo.manner, grey)?),
         },
     })
+}
+
+/// Name of the gallery's picture of the result `name`: `before`, `after` or `small`.
+pub(super) fn picture(name: &OsStr, what: &str) -> String {
+    format!("{}-{what}.jpg", id(name))
 }
 
 /// The photo's name, with an ending if it has none, and a number if result or report exist already.

@@ -91,6 +91,20 @@ impl Ledger {
         Ok(())
     }
 
+    /// Names of the results that photos under way have been promised.
+    pub(super) fn promised(folders: &Folders) -> Result<Vec<OsString>, DaemonError> {
+        let (disk, folder) = (folders.disk(), folders.working());
+        let mut promised = Vec::new();
+        for (name, _) in disk.list(folder).map_err(DaemonError::files("read the folder", folder))? {
+            if name.as_bytes().starts_with(BEGINNING.as_bytes()) {
+                let written = durable::read(disk, &folder.join(&name), BYTES_MAX)?;
+                let written = written.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
+                promised.extend(written.and_then(|w| w.result).map(OsString::from_vec));
+            }
+        }
+        Ok(promised)
+    }
+
     /// Attempts begun so far.
     pub(super) fn attempts(&self) -> u32 {
         self.written.attempts

@@ -29,6 +29,7 @@ mod hints;
 mod history;
 mod inbox;
 mod job;
+mod keeping;
 mod lease;
 mod ledger;
 pub mod log_writer;

@@ -17,6 +17,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 
 use super::history::{self, Entry, Verdict};
+use super::job::report_name;
 use super::schedule::{Ended, Schedule, Turn};
 use super::{DaemonError, Delivered, Folders, Restorer, durable};
 use crate::config::Nights;
@@ -70,6 +71,13 @@ struct Record {
     doubted: bool,
     /// They are being put back.
     again: bool,
+}
+
+/// Photos and results that the night of the box at `home` may still ask back, as far as the disk knows.
+pub(super) fn unproven_at(disk: &dyn Disk, home: &Path) -> Result<Vec<Delivered>, DaemonError> {
+    let read = durable::read(disk, &home.join(NAME), BYTES_MAX)?;
+    let record = read.and_then(|bytes| serde_json::from_slice::<Record>(&bytes).ok());
+    Ok(record.unwrap_or_default().unproven)
 }
 
 /// One night under way.
@@ -270,7 +278,12 @@ impl<'a> Nightly<'a> {
             return None;
         }
         let in_place = |folder: &Path, name: &OsStr| self.disk.look(&folder.join(name)).is_ok();
-        let left = |d: &&Delivered| in_place(&self.done, &d.kept) || in_place(&self.outbox, &d.result);
+        let left = |d: &&Delivered| {
+            // The report alone is what a cut may have left.
+            in_place(&self.done, &d.kept)
+                || in_place(&self.outbox, &d.result)
+                || in_place(&self.outbox, &report_name(&d.result))
+        };
         let left: Vec<Delivered> = self.record.unproven.iter().filter(left).cloned().collect();
         if !left.is_empty() {
             return Some(Turn::Again(left));
@@ -330,6 +343,10 @@ impl Schedule for Nightly<'_> {
             }
             self.keep();
         }
+    }
+
+    fn unproven(&self) -> &[Delivered] {
+        &self.record.unproven
     }
 
     fn idle(&mut self, _: usize, rig: &mut dyn Restorer) -> Turn {

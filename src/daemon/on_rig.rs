@@ -14,9 +14,9 @@ use crate::light_path::LightPath;
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::Photo;
 use crate::remedy::{AnyFailure, Remediable, Remedy};
-use crate::restoration::{Bench, Interruption, method};
-use crate::restore::ladder::{Rung, is_blank};
-use crate::restore::method::Step;
+use crate::restoration::{Bench, Interruption, Judged, Verdict, method, second_opinion};
+use crate::restore::ladder::Rung;
+use crate::restore::method::{Method, Step};
 use crate::rig::exposure::Rig;
 
 /// A rig, its calibration on flash, and the method its photos are restored with.
@@ -132,8 +132,7 @@ impl Restorer for OnRig {
     fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
         let begun = (self.stopwatch)();
         let channels = photo.channels;
-        let (placed, trust) = self.bench.prepare(&photo.light);
-        if channels.list().iter().all(|&c| is_blank(placed.plane(c), trust.plane(c))) {
+        if self.bench.is_blank(&photo.light, channels) {
             return Ok(self.untouched(photo, Rung::LeaveIt.reason().to_owned(), begun));
         }
         let solver = method(&self.config, self.method);
@@ -144,30 +143,44 @@ impl Restorer for OnRig {
             let done = 0.5 + 0.5 * captures as f32 / captures_max.max(captures) as f32;
             progress(Progress { done, doing: "showing and seeing", captures });
         };
-        let restored = self
+        let lens_alone = second_opinion(&self.config);
+        let Judged { restored, verdict } = self
             .bench
-            .restore(&mut self.devices, &photo.light, channels, &*solver, &*self.stopwatch, &mut watch)
+            .restore_judged(
+                &mut self.devices,
+                &photo.light,
+                channels,
+                &*solver,
+                &lens_alone,
+                &*self.stopwatch,
+                &mut watch,
+            )
             .map_err(boxed)?;
-        let certificate = restored.solution.certificate;
-        // No harm: what the lens makes of the result must be nearer to the photo than what it makes of the
-        // photo itself, or there was nothing to gain.
-        let untouched_residual = self.bench.untouched_residual(&placed, &trust);
-        if let Some(residual) = certificate.optical_residual
-            && residual > untouched_residual
-        {
-            let reason = format!(
-                "the result's photograph is {residual:.1} grey levels from the photo, the photo's own would be {untouched_residual:.1}: the photo is returned untouched"
-            );
-            let captures = restored.captures;
-            return Ok(Restored { captures, ..self.untouched(photo, reason, begun) });
+        // No harm: what harms is not delivered.
+        let mut notes = Vec::new();
+        let mut method = solver.name();
+        match verdict {
+            Verdict::Sound => {}
+            Verdict::Repaired(reason) => {
+                method = lens_alone.name();
+                notes.push(reason);
+            }
+            Verdict::Untouched(reason) => {
+                let captures = restored.captures;
+                return Ok(Restored { captures, ..self.untouched(photo, reason, begun) });
+            }
         }
+        let certificate = restored.solution.certificate;
         self.last = Some((photo.light.clone(), restored.picture.clone()));
         let rung = Rung::of(&certificate);
-        let green = Channel::Green.index();
+        notes.push(format!(
+            "noise of the photo: {:.2} grey levels",
+            restored.photo_noise[Channel::Green.index()]
+        ));
         Ok(Restored {
             picture: restored.picture,
             untouched: false,
-            method: solver.name().to_owned(),
+            method: method.to_owned(),
             rung: rung.number(),
             rung_reason: rung.reason().to_owned(),
             captures: restored.captures,
@@ -176,7 +189,7 @@ impl Restorer for OnRig {
                 residual_grey_levels: residual.into(),
                 floor_grey_levels: certificate.noise_floor.into(),
             }),
-            notes: vec![format!("noise of the photo: {:.2} grey levels", restored.photo_noise[green])],
+            notes,
             iterations: restored
                 .solution
                 .record

@@ -13,6 +13,7 @@ use super::gallery::Gallery;
 use super::hints::Hints;
 use super::inbox::{Inbox, Patience};
 use super::job::Verdict;
+use super::keeping::Keeping;
 use super::lease::{Lease, Neighbours};
 use super::schedule::{Ended, Schedule, Turn};
 use super::{DaemonError, Doing, Failed, Folders, Report, Restorer, Setting, State, Watcher};
@@ -49,13 +50,16 @@ pub struct Daemon<'a> {
     pub(super) clock: &'a dyn Clock,
     calendar: &'a dyn Fn() -> SystemTime,
     pub(super) watcher: &'a mut dyn Watcher,
-    schedule: Box<dyn Schedule + 'a>,
+    pub(super) schedule: Box<dyn Schedule + 'a>,
+    pub(super) keeping: Option<Keeping<'a>>,
     inbox: Inbox,
     pub(super) lease: Lease,
     neighbours: Neighbours,
     hints: Hints,
-    gallery: Gallery,
+    pub(super) gallery: Gallery,
     gallery_written: Option<Moment>,
+    /// Results that it shows were removed.
+    pub(super) gallery_stale: bool,
     /// Photos put back: not to be tried before this moment unless they change.
     resting: HashMap<PathBuf, (Option<Look>, Moment)>,
     /// Photos that stay in the inbox for now, by the way to them, and why.
@@ -92,12 +96,14 @@ impl<'a> Daemon<'a> {
             calendar,
             watcher,
             schedule: Box::new(()),
+            keeping: None,
             inbox: Inbox::default(),
             lease,
             neighbours: Neighbours::default(),
             hints,
             gallery,
             gallery_written: None,
+            gallery_stale: false,
             resting: HashMap::new(),
             left: BTreeMap::new(),
             summary: Summary::default(),
@@ -221,7 +227,7 @@ impl<'a> Daemon<'a> {
                 if !self.may_be_taken(&way, patience) {
                     continue;
                 }
-                self.folders.room(self.setting.floor_bytes)?;
+                self.make_room()?;
                 let turn = self.schedule.before(waiting - taken, &mut *self.restorer);
                 match turn {
                     Turn::Go => {}
@@ -249,8 +255,10 @@ impl<'a> Daemon<'a> {
                 }
             }
         };
-        if number > 0 {
+        if number > 0 || self.gallery_stale {
             self.show_gallery()?;
+        }
+        if number > 0 {
             self.tell(Doing::Waiting);
         }
         Ok(turn)
@@ -261,6 +269,7 @@ impl<'a> Daemon<'a> {
         let now = self.clock.now();
         self.lease.beat(&self.folders, now);
         self.settle_all()?;
+        self.keep_within_limits();
         self.neighbours.look(&self.folders, now, self.setting.lease_s);
         let (disk, folder) = (self.folders.disk(), self.folders.inbox());
         self.hints.listen(folder);
@@ -337,7 +346,7 @@ impl<'a> Daemon<'a> {
     }
 
     fn show_gallery(&mut self) -> Result<(), DaemonError> {
-        self.gallery_written = Some(self.clock.now());
+        (self.gallery_written, self.gallery_stale) = (Some(self.clock.now()), false);
         if self.folders.shared() {
             self.gallery = Gallery::load(&self.folders)?;
         }

@@ -70,6 +70,11 @@ pub trait Schedule {
         Turn::Go
     }
 
+    /// Photos and results that may still be asked back with [`Turn::Again`]: not to be removed.
+    fn unproven(&self) -> &[Delivered] {
+        &[]
+    }
+
     /// Told that nothing goes on until somebody has helped.
     fn held(&mut self, error: &DaemonError, rig: &mut dyn Restorer) {
         let _ = (error, rig);

@@ -2,12 +2,17 @@
 //! on a rig that had drifted is done again.
 
 use std::ffi::OsString;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::job::report_name;
 use super::run::Daemon;
 use super::{DaemonError, durable};
+use crate::disk::Disk;
+
+/// The folder in the outbox for results that were withdrawn.
+pub(super) const WITHDRAWN: &str = "withdrawn";
 
 /// A photo done and its result; names are bytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -27,31 +32,49 @@ impl Daemon<'_> {
     pub(super) fn withdraw(&mut self, photos: &[Delivered]) -> Result<(), DaemonError> {
         let disk = self.folders.disk();
         let (inbox, outbox, done) = (self.folders.inbox(), self.folders.outbox(), self.folders.done());
-        let withdrawn = outbox.join("withdrawn");
+        let withdrawn = outbox.join(WITHDRAWN);
         disk.make_folder(&withdrawn).map_err(DaemonError::files("make the folder", &withdrawn))?;
         durable::sync_folder(disk, outbox)?;
-        for Delivered { kept, result } in photos {
+        let there = |path: &Path| disk.look(path).is_ok();
+        for Delivered { kept, .. } in photos {
             let original = done.join(kept);
-            if disk.look(&original).is_ok() {
+            if there(&original) {
                 durable::move_to(disk, &original, inbox, kept)?;
-                // The photo first: whatever the power does, it is somewhere.
-                durable::sync_folder(disk, inbox)?;
-            }
-            // The result first: one without its report would be nobody's.
-            for name in [result.clone(), report_name(result)] {
-                let path = outbox.join(&name);
-                if disk.look(&path).is_ok() {
-                    durable::move_to(disk, &path, &withdrawn, &name)?;
-                }
             }
         }
-        for folder in [done, &withdrawn, outbox] {
-            durable::sync_folder(disk, folder)?;
+        // The photos first: one that is done has a result.
+        durable::sync_folder(disk, inbox)?;
+        let mut reports = Vec::new();
+        for Delivered { result, .. } in photos {
+            let taken = durable::Taken::of(disk, &withdrawn)?;
+            let (from, report) = (outbox.join(result), outbox.join(report_name(result)));
+            let moves = there(&from);
+            // One number for the two of them. Where a cut came between, the report's is the first that is free.
+            let free = |name: &OsString| !(taken.holds(&report_name(name)) || moves && taken.holds(name));
+            let Some(name) = (1..).map(|number| durable::numbered(result, number)).find(free) else {
+                continue;
+            };
+            if moves {
+                rename(disk, &from, &withdrawn.join(&name))?;
+            }
+            if there(&report) {
+                reports.push((report, withdrawn.join(report_name(&name))));
+            }
         }
+        // Then the results: one without its report would be nobody's.
+        durable::sync_folder(disk, &withdrawn)?;
+        for (from, to) in &reports {
+            rename(disk, from, to)?;
+        }
+        durable::sync_folder(disk, &withdrawn)?;
         for Delivered { result, .. } in photos {
             self.forget(result);
         }
         log::info!("{} photos go back into the inbox, their results were withdrawn", photos.len());
         Ok(())
     }
+}
+
+fn rename(disk: &dyn Disk, from: &Path, to: &Path) -> Result<(), DaemonError> {
+    disk.rename_new(from, to).map_err(DaemonError::files("move", from))
 }

@@ -89,6 +89,21 @@ fn step_by_step(anchor: &OwnedFd, way: &Path, flags: OFlags) -> rustix::io::Resu
     Ok(at)
 }
 
+/// Gives a file a name that must be free, on file systems that cannot do it in one step. A cut between the two steps
+/// leaves it under both names.
+fn rename_in_steps(source: &OwnedFd, from: &OsStr, target: &OwnedFd, to: &OsStr) -> rustix::io::Result<()> {
+    match linkat(source, from, target, to, AtFlags::empty()) {
+        Ok(()) => return unlinkat(source, from, AtFlags::empty()),
+        Err(Errno::EXIST) => return Err(Errno::EXIST),
+        // No hard links either: a look first, which is as good as one daemon a folder makes it.
+        Err(_) => {}
+    }
+    match statat(target, to, AtFlags::SYMLINK_NOFOLLOW) {
+        Ok(_) => Err(Errno::EXIST),
+        Err(_) => renameat(source, from, target, to),
+    }
+}
+
 fn kind(of: FileType) -> Kind {
     match of {
         FileType::RegularFile => Kind::File,
@@ -196,16 +211,7 @@ impl Disk for LocalDisk {
             Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {}
             done => return Ok(done?),
         }
-        match linkat(&source, from, &target, to, AtFlags::empty()) {
-            Ok(()) => return Ok(unlinkat(&source, from, AtFlags::empty())?),
-            Err(Errno::EXIST) => return Err(Errno::EXIST.into()),
-            // No hard links either: a look first, which is as good as one daemon a folder makes it.
-            Err(_) => {}
-        }
-        match statat(&target, to, AtFlags::SYMLINK_NOFOLLOW) {
-            Ok(_) => Err(Errno::EXIST.into()),
-            Err(_) => Ok(renameat(&source, from, &target, to)?),
-        }
+        Ok(rename_in_steps(&source, from, &target, to)?)
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
@@ -259,5 +265,26 @@ mod tests {
             (kinds("plain"), kinds("way"), kinds("link"), kinds("pipe")),
             (Kind::File, Kind::Link, Kind::Link, Kind::Other)
         );
+    }
+
+    #[test]
+    fn a_mount_that_cannot_rename_without_overwriting_overwrites_nothing_either() {
+        let root = tempfile::tempdir().unwrap();
+        let root = root.path().canonicalize().unwrap();
+        let folder = LocalDisk::new(vec![root.clone()]).folder(&root).unwrap();
+        let rename = |from: &str, to: &str| rename_in_steps(&folder, from.as_ref(), &folder, to.as_ref());
+        for (name, holds) in [("a", "first"), ("b", "second")] {
+            std::fs::write(root.join(name), holds).unwrap();
+        }
+        assert_eq!(rename("a", "b"), Err(Errno::EXIST));
+        rename("a", "c").unwrap();
+        // A folder has no second name anywhere: the look comes first, as where there are no links at all.
+        std::fs::create_dir(root.join("d")).unwrap();
+        assert_eq!(rename("d", "b"), Err(Errno::EXIST));
+        rename("d", "e").unwrap();
+        let mut names: Vec<_> = std::fs::read_dir(&root).unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["b", "c", "e"]);
+        assert_eq!(std::fs::read(root.join("c")).unwrap(), b"first");
     }
 }

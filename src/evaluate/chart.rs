@@ -1,5 +1,8 @@
 //! `relens chart`: what the methods make of known scenes on this rig, as tables and pictures.
 
+use super::drawing::Drawing;
+use super::figures::Figure;
+use super::peers;
 use super::scatter;
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError, Stopwatch};
@@ -15,26 +18,29 @@ use crate::restoration::{method, paper};
 pub struct Chart {
     /// File stem and table.
     pub tables: Vec<(String, Table)>,
-    /// File stem and drawing in SVG.
-    pub drawings: Vec<(String, String)>,
+    /// File stem and drawing.
+    pub drawings: Vec<(String, Drawing)>,
     /// File stem and grey picture, 0..255.
     pub pictures: Vec<(String, Plane)>,
+    /// File name and content of whatever else there is.
+    pub files: Vec<(String, Vec<u8>)>,
 }
 
 /// Speed against accuracy on the simulated rig of `rig`: every method with several settings. `quick` leaves out most
-/// of the settings of the methods that lose.
+/// of the settings of the methods that lose. `peers` are rows of programs from outside, see [`super::peers`].
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
 pub fn trade(
     rig: &config::Rig,
     quick: bool,
+    peers: Option<&str>,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
 ) -> Result<Chart, StandError> {
     let scenes: &[Scene] =
         if rig.photo.curve == Curve::Linear { &Scene::STUDY_PHOTOGRAPHS } else { &Scene::ALL };
-    let trade = trade::measure(rig, quick, scenes, stopwatch, each)?;
+    let trade = trade::measure(rig, quick, scenes, peers, stopwatch, each)?;
     let stem = format!("{}-speed-accuracy", rig.name);
     let chosen = |name: &str, within| {
         let point = trade.operating_point(within).map(|n| &trade.points[n]);
@@ -43,22 +49,43 @@ pub fn trade(
         })
     };
     let caption = format!(
-        "Rig {}, {}; the blurred photos have {:.4}/{:.2} dB.{}{}{}",
+        "Rig {}, {}; the blurred photos have {:.4}/{:.2} dB.{}{}{}{}",
         rig.name,
         rig.photo.size(),
         trade.photo_ssim,
         trade.photo_psnr_db,
         chosen("Fast", FAST_WITHIN),
         chosen("Balanced", BALANCED_WITHIN),
-        chosen("Best", 0.0)
+        chosen("Best", 0.0),
+        peers.map_or("", |_| " The peers' seconds are from a run of their own on the same machine.")
     );
     let title = format!("Speed against accuracy on rig {}", rig.name);
     let scores = table(format!("Rig {}, scene by scene.", rig.name), &trade.scores);
     Ok(Chart {
-        drawings: vec![(stem.clone(), scatter::svg(&trade, &title))],
+        drawings: vec![(stem.clone(), scatter::draw(&trade, &title))],
         tables: vec![(stem, trade.table(caption)), (format!("{}-by-scene", rig.name), scores)],
-        pictures: Vec::new(),
+        ..Chart::default()
     })
+}
+
+/// A figure's files: its numbers, drawings and pictures.
+pub fn figure(figure: &Figure) -> Chart {
+    let named = |suffix: &str| format!("{}{suffix}", figure.stem);
+    let (drawings, pictures) = (figure.drawings.iter(), figure.pictures.iter());
+    Chart {
+        files: vec![(named(".csv"), figure.table.csv().into_bytes())],
+        drawings: drawings.map(|(suffix, drawing)| (named(suffix), drawing.clone())).collect(),
+        pictures: pictures.map(|(suffix, _, picture)| (named(suffix), picture.clone())).collect(),
+        ..Chart::default()
+    }
+}
+
+/// What programs from outside need to restore the same photos, see [`super::peers`].
+///
+/// # Errors
+/// When the rig cannot be opened or calibrated.
+pub fn captures(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Chart, StandError> {
+    Ok(Chart { files: peers::captures(rig, &Scene::STUDY_PHOTOGRAPHS, stopwatch)?, ..Chart::default() })
 }
 
 /// Charts the simulated rig of `rig`; `quick` leaves out all but the photographs and the model-based

@@ -1,8 +1,13 @@
 //! Tables and drawings made by the program: methods against each other on scenes whose truth is known.
 
 pub mod chart;
+pub mod drawing;
+pub mod figures;
+pub mod ladder;
+pub mod peers;
 pub mod scatter;
 pub mod scenes;
+pub mod stability;
 pub mod stand;
 pub mod study;
 pub mod table;

@@ -1,24 +1,25 @@
-//! The chart of seconds against SSIM, as a drawing in SVG that needs nothing else.
+//! The chart of seconds against SSIM.
 
-use std::fmt::Write;
-
+use super::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Mark, Stroke};
 use super::trade::{BALANCED_WITHIN, Point, Trade};
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 640.0;
 /// Left, right, top and bottom of the field that is drawn into.
 const FIELD: [f64; 4] = [80.0, 790.0, 56.0, 570.0];
+const PAPER: Colour = Colour(0xd5, 0x5e, 0x00);
 /// One colour for each family, told apart by the colour-blind too (Okabe & Ito 2008).
-const COLOURS: [(&str, &str); 9] = [
-    ("paper", "#d55e00"),
-    ("residual", "#e69f00"),
-    ("unmatched", "#cc79a7"),
-    ("digital", "#56b4e9"),
-    ("hybrid", "#0072b2"),
-    ("wiener", "#999999"),
-    ("richardson-lucy", "#009e73"),
-    ("total-variation", "#8c6d1f"),
-    ("as filed", "#000000"),
+const COLOURS: [(&str, Colour); 10] = [
+    ("paper", PAPER),
+    ("residual", Colour(0xe6, 0x9f, 0x00)),
+    ("unmatched", Colour(0xcc, 0x79, 0xa7)),
+    ("digital", Colour(0x56, 0xb4, 0xe9)),
+    ("hybrid", Colour(0x00, 0x72, 0xb2)),
+    ("wiener", Colour(0x99, 0x99, 0x99)),
+    ("richardson-lucy", Colour(0x00, 0x9e, 0x73)),
+    ("total-variation", Colour(0x8c, 0x6d, 0x1f)),
+    ("scikit-image", Colour(0x7a, 0x33, 0x99)),
+    ("as filed", Colour(0x00, 0x00, 0x00)),
 ];
 
 /// Where things go.
@@ -47,54 +48,40 @@ impl Axes {
         let share = (ssim - self.ssim[0]) / (self.ssim[1] - self.ssim[0]);
         FIELD[3] - share.clamp(0.0, 1.0) * (FIELD[3] - FIELD[2])
     }
+
+    fn place(&self, point: &Point) -> [f64; 2] {
+        [self.x(point.seconds()), self.y(point.ssim)]
+    }
 }
 
 /// The chart of `trade`, headed `title`.
-pub fn svg(trade: &Trade, title: &str) -> String {
+pub fn draw(trade: &Trade, title: &str) -> Drawing {
     let axes = Axes::of(trade);
-    let mut out = String::new();
-    // Writing to a string does not fail.
-    let _ = draw(&mut out, trade, title, &axes);
-    out
-}
-
-fn draw(out: &mut String, trade: &Trade, title: &str, axes: &Axes) -> std::fmt::Result {
-    writeln!(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" \
-         font-size=\"13\"><rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"white\"/>"
-    )?;
-    text(out, FIELD[0], 28.0, "start", 18, &escaped(title))?;
-    frame(out, trade, axes)?;
-    front(out, trade, axes)?;
+    let mut sheet = Drawing::new(WIDTH, HEIGHT);
+    sheet.words(title, [FIELD[0], 28.0], Anchor::Start, 18.0);
+    frame(&mut sheet, trade, &axes);
+    front(&mut sheet, trade, &axes);
     for &(family, colour) in &COLOURS {
         for point in trade.points.iter().filter(|p| p.family == family) {
-            marker(out, axes, point, colour)?;
+            sheet.marks.push(marker(&axes, point, colour));
         }
     }
-    notes(out, trade, axes)?;
-    legend(out, trade)?;
-    out.push_str("</svg>\n");
-    Ok(())
-}
-
-fn text(out: &mut String, x: f64, y: f64, anchor: &str, size: u32, words: &str) -> std::fmt::Result {
-    writeln!(
-        out,
-        "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size}\">{words}</text>"
-    )
+    notes(&mut sheet, trade, &axes);
+    legend(&mut sheet, trade);
+    sheet
 }
 
 /// Axes, their labels, and the floor.
-fn frame(out: &mut String, trade: &Trade, axes: &Axes) -> std::fmt::Result {
+fn frame(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
     let [left, right, top, bottom] = FIELD;
     for decade in -3..5 {
         for step in [1.0, 2.0, 5.0] {
             let seconds = step * 10f64.powi(decade);
             if (axes.seconds[0]..=axes.seconds[1]).contains(&seconds) {
                 let x = axes.x(seconds);
-                writeln!(out, "<path d=\"M{x:.1} {top}V{bottom}\" stroke=\"#eee\"/>")?;
-                text(out, x, bottom + 18.0, "middle", 12, &format!("{seconds}"))?;
+                sheet.line([[x, top], [x, bottom]], Stroke::new(FAINT, 1.0));
+                let decimals = (-decade).max(0) as usize;
+                sheet.words(format!("{seconds:.decimals$}"), [x, bottom + 18.0], Anchor::Middle, 12.0);
             }
         }
     }
@@ -103,58 +90,41 @@ fn frame(out: &mut String, trade: &Trade, axes: &Axes) -> std::fmt::Result {
     let mut tick = (axes.ssim[0] / step).ceil() * step;
     while tick <= axes.ssim[1] {
         let y = axes.y(tick);
-        writeln!(out, "<path d=\"M{left} {y:.1}H{right}\" stroke=\"#eee\"/>")?;
-        text(out, left - 8.0, y + 4.0, "end", 12, &format!("{tick:.3}"))?;
+        sheet.line([[left, y], [right, y]], Stroke::new(FAINT, 1.0));
+        sheet.words(format!("{tick:.3}"), [left - 8.0, y + 4.0], Anchor::End, 12.0);
         tick += step;
     }
-    writeln!(out, "<path d=\"M{left} {top}V{bottom}H{right}\" fill=\"none\" stroke=\"#333\"/>")?;
-    text(
-        out,
-        (left + right) / 2.0,
-        bottom + 42.0,
-        "middle",
-        14,
-        "seconds a photo: captures and computing (logarithmic)",
-    )?;
-    let middle = (top + bottom) / 2.0;
-    writeln!(
-        out,
-        "<text transform=\"translate(22 {middle}) rotate(-90)\" text-anchor=\"middle\" font-size=\"14\">SSIM, mean of \
-         the scenes</text>"
-    )?;
+    sheet.line([[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
+    let seconds = "seconds a photo: captures and computing (logarithmic)";
+    sheet.words(seconds, [(left + right) / 2.0, bottom + 42.0], Anchor::Middle, 14.0);
+    let middle = [22.0, (top + bottom) / 2.0];
+    sheet.marks.push(Mark::Upwards("SSIM, mean of the scenes".to_owned(), middle, 14.0));
     let floor = axes.y(trade.photo_ssim);
-    writeln!(
-        out,
-        "<rect x=\"{left}\" y=\"{floor:.1}\" width=\"{}\" height=\"{:.1}\" fill=\"#d55e00\" opacity=\"0.08\"/>\
-         <path d=\"M{left} {floor:.1}H{right}\" stroke=\"#a33\" stroke-dasharray=\"6 4\"/>",
-        right - left,
-        bottom - floor
-    )?;
+    sheet.rectangle([left, floor], [right, bottom], PAPER, 0.08);
+    sheet.line([[left, floor], [right, floor]], Stroke::new(HARM, 1.0).dashed());
     let words = format!("the blurred photo, {:.3}: below, a method does harm", trade.photo_ssim);
-    text(out, right - 6.0, floor + 16.0, "end", 12, &words)
+    sheet.words(words, [right - 6.0, floor + 16.0], Anchor::End, 12.0);
 }
 
 /// The line through what nothing beats.
-fn front(out: &mut String, trade: &Trade, axes: &Axes) -> std::fmt::Result {
-    let mut path = String::new();
-    let mut height = None;
+fn front(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
+    let mut steps: Vec<[f64; 2]> = Vec::new();
     for n in trade.front() {
-        let (x, y) = (axes.x(trade.points[n].seconds()), axes.y(trade.points[n].ssim));
-        match height {
-            None => write!(path, "M{x:.1} {y:.1}")?,
-            Some(_) => write!(path, "H{x:.1}V{y:.1}")?,
+        let [x, y] = axes.place(&trade.points[n]);
+        if let Some(&[_, height]) = steps.last() {
+            steps.push([x, height]);
         }
-        height = Some(y);
+        steps.push([x, y]);
     }
-    if height.is_some() {
-        write!(path, "H{}", FIELD[1])?;
+    if let Some(&[_, height]) = steps.last() {
+        steps.push([FIELD[1], height]);
     }
-    writeln!(out, "<path d=\"{path}\" fill=\"none\" stroke=\"#333\" stroke-width=\"1.5\"/>")
+    sheet.line(steps, Stroke::new(INK, 1.5));
 }
 
-fn marker(out: &mut String, axes: &Axes, point: &Point, colour: &str) -> std::fmt::Result {
-    let (x, y) = (axes.x(point.seconds()), axes.y(point.ssim));
-    let title = escaped(&format!(
+fn marker(axes: &Axes, point: &Point, colour: Colour) -> Mark {
+    let [x, y] = axes.place(point);
+    let words = format!(
         "{}, {}: {:.2} s ({:.1} captures), SSIM {:.4}, {:.2} dB",
         point.family,
         point.setting,
@@ -162,68 +132,43 @@ fn marker(out: &mut String, axes: &Axes, point: &Point, colour: &str) -> std::fm
         point.captures,
         point.ssim,
         point.psnr_db
-    ));
+    );
     if point.ssim < axes.ssim[0] {
         // Off the chart: an arrow at the edge.
-        let (a, b, c) = (x - 5.0, x + 5.0, y - 9.0);
-        return writeln!(
-            out,
-            "<path d=\"M{a:.1} {c:.1}H{b:.1}L{x:.1} {y:.1}Z\" fill=\"{colour}\"><title>{title}</title></path>"
-        );
+        return Mark::Area(vec![[x - 5.0, y - 9.0], [x + 5.0, y - 9.0], [x, y]], colour, 1.0, words);
     }
-    writeln!(
-        out,
-        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"{colour}\"><title>{title}</title></circle>"
-    )
+    Mark::Disc([x, y], 5.0, colour, words)
 }
 
 /// The operating point and the paper's own setting.
-fn notes(out: &mut String, trade: &Trade, axes: &Axes) -> std::fmt::Result {
+fn notes(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
     if let Some(point) = trade.points.iter().find(|p| p.printed) {
-        let (x, y) = (axes.x(point.seconds()), axes.y(point.ssim));
+        let [x, y] = axes.place(point);
         let below =
             if point.ssim < axes.ssim[0] { format!(", SSIM {:.2}", point.ssim) } else { String::new() };
-        writeln!(
-            out,
-            "<circle cx=\"{x:.1}\" cy=\"{:.1}\" r=\"10\" fill=\"none\" stroke=\"#d55e00\"/>",
-            y - 4.0
-        )?;
-        text(
-            out,
-            x.min(FIELD[1] - 100.0),
-            y - 20.0,
-            "middle",
-            12,
-            &format!("the paper, 11 iterations{below}"),
-        )?;
+        sheet.marks.push(Mark::Ring([x, y - 4.0], 10.0, Stroke::new(PAPER, 1.0)));
+        let words = format!("the paper, 11 iterations{below}");
+        sheet.words(words, [x.min(FIELD[1] - 100.0), y - 20.0], Anchor::Middle, 12.0);
     }
     if let Some(n) = trade.operating_point(BALANCED_WITHIN) {
         let point = &trade.points[n];
-        let (x, y) = (axes.x(point.seconds()), axes.y(point.ssim));
-        writeln!(
-            out,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"11\" fill=\"none\" stroke=\"black\" stroke-width=\"2\"/>"
-        )?;
+        let [x, y] = axes.place(point);
+        sheet.marks.push(Mark::Ring([x, y], 11.0, Stroke::new(Colour(0, 0, 0), 2.0)));
         let words = format!("operating point: {}, {}", point.family, point.setting);
-        text(out, x.min(FIELD[1] - 160.0), y - 18.0, "middle", 13, &escaped(&words))?;
+        sheet.words(words, [x.min(FIELD[1] - 160.0), y - 18.0], Anchor::Middle, 13.0);
     }
-    Ok(())
 }
 
-fn legend(out: &mut String, trade: &Trade) -> std::fmt::Result {
+fn legend(sheet: &mut Drawing, trade: &Trade) {
     let mut y = FIELD[2] + 10.0;
     for &(family, colour) in &COLOURS {
         if trade.points.iter().any(|p| p.family == family) {
-            writeln!(out, "<circle cx=\"812\" cy=\"{:.1}\" r=\"5\" fill=\"{colour}\"/>", y - 4.0)?;
-            text(out, 824.0, y, "start", 13, family)?;
+            sheet.marks.push(Mark::Disc([812.0, y - 4.0], 5.0, colour, String::new()));
+            sheet.words(family, [824.0, y], Anchor::Start, 13.0);
             y += 22.0;
         }
     }
-    writeln!(out, "<path d=\"M806 {:.1}h12\" stroke=\"#333\" stroke-width=\"1.5\"/>", y - 4.0)?;
-    text(out, 824.0, y, "start", 13, "nothing beats these")?;
-    text(out, 806.0, y + 24.0, "start", 11, "triangles: below the chart")
-}
-
-fn escaped(words: &str) -> String {
-    words.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+    sheet.line([[806.0, y - 4.0], [818.0, y - 4.0]], Stroke::new(INK, 1.5));
+    sheet.words("nothing beats these", [824.0, y], Anchor::Start, 13.0);
+    sheet.words("triangles: below the chart", [806.0, y + 24.0], Anchor::Start, 11.0);
 }

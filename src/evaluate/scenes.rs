@@ -2,10 +2,11 @@
 //!
 //! Origins: see `tests/scenes/README.md`.
 
+use crate::config::Curve;
 use crate::frame::resample::resize;
-use crate::frame::{Frame, Plane, Rect, Size, Work};
+use crate::frame::{FULL_SCALE, Frame, Plane, Rect, Size, Work};
 use crate::patterns::chart;
-use crate::picture;
+use crate::picture::{self, Tone};
 
 /// A scene to be photographed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,6 +37,16 @@ impl Scene {
         }
     }
 
+    /// The name of its file; the chart, which is drawn, has one too.
+    pub const fn file_name(self) -> &'static str {
+        match self {
+            Scene::Astronaut => "astronaut.png",
+            Scene::Coffee => "coffee.png",
+            Scene::Rocket => "rocket.jpg",
+            Scene::Chart => "chart.png",
+        }
+    }
+
     fn file(self) -> Option<&'static [u8]> {
         match self {
             Scene::Astronaut => Some(include_bytes!("../../tests/scenes/astronaut.png")),
@@ -56,6 +67,14 @@ impl Scene {
         Frame::from_planes(planes.map(|plane| resize(&plane.crop(centred(plane.size(), size)), size)))
     }
 
+    /// The scene in colour as linear light 0..255, cut to the shape of `size` and resized as light is.
+    pub fn light(self, size: Size) -> Frame<Work> {
+        let Some(file) = self.file() else { return self.codes(size) };
+        let tone = Tone::of_curve(Curve::Srgb, 8);
+        let codes = Frame::<Work>::from_planes(picture::embedded(file));
+        cut(&Frame::from_fn(|c| tone.plane(c, &codes.plane(c).map(|code: f32| code as u8))), size)
+    }
+
     /// The scene in grey as code values 0..255 (Rec. 709 weights), resized bilinearly as the study did.
     pub fn grey(self, size: Size) -> Plane {
         let planes = match self.file() {
@@ -68,6 +87,12 @@ impl Scene {
         }
         grey
     }
+}
+
+/// The largest part of `light` about its centre that has the shape of `size`, at that size.
+pub fn cut(light: &Frame<Work>, size: Size) -> Frame<Work> {
+    let part = centred(light.size(), size);
+    Frame::from_fn(|c| resize(&light.plane(c).crop(part), size).map(|v: f32| v.clamp(0.0, FULL_SCALE)))
 }
 
 /// `plane` at `size` by bilinear interpolation between pixel centres, edges repeated.
@@ -89,9 +114,23 @@ fn bilinear(plane: &Plane, size: Size) -> Plane {
 fn centred(have: Size, want: Size) -> Rect {
     let wide = have.width * want.height > have.height * want.width;
     let size = if wide {
-        Size::new(have.height * want.width / want.height, have.height)
+        Size::new((have.height * want.width / want.height).max(1), have.height)
     } else {
-        Size::new(have.width, have.width * want.height / want.width)
+        Size::new(have.width, (have.width * want.height / want.width).max(1))
     };
     Rect { x: (have.width - size.width) / 2, y: (have.height - size.height) / 2, size }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scene_has_the_size_asked_for_and_something_in_it() {
+        for scene in Scene::ALL {
+            let light = scene.light(Size::new(96, 72));
+            assert_eq!(light.size(), Size::new(96, 72));
+            assert!(light.planes().iter().all(|p| p.rms() > 3.0), "{}", scene.name());
+        }
+    }
 }

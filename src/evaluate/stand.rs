@@ -1,13 +1,16 @@
 //! A simulated rig with its witness, opened, calibrated and ready to be scored.
 
+use super::peers::PeerError;
 use super::scenes::Scene;
 use crate::calibrate::{CalibrateError, calibrate};
 use crate::calibration::Calibration;
 use crate::config;
 use crate::frame::{Channel, Channels, Frame, Plane, Work};
+use crate::light_path::LightPath;
 use crate::picture::Tone;
 use crate::remedy::{Remediable, Remedy};
 use crate::restoration::{Bench, BenchError, Restored};
+use crate::restore::lens_model::{LensModel, LensModelError};
 use crate::restore::method::{Method, MethodError, Watch};
 use crate::restore::quality::{psnr, ssim};
 use crate::rig::RigError;
@@ -80,6 +83,30 @@ impl Stand {
         Frame::from_fn(|c| tone.plane(c, codes.plane(c)))
     }
 
+    /// The witness to the rig: for scores, and for changing the rig while it runs.
+    pub(super) fn witness(&self) -> &Witness {
+        &self.witness
+    }
+
+    /// The lens as measured.
+    pub(super) fn model(&self) -> &LensModel {
+        self.bench.model()
+    }
+
+    /// Forward convolution through the rig as calibrated.
+    pub(super) fn light_path(&mut self) -> LightPath<'_> {
+        LightPath::new(&mut self.rig, self.bench.correction(), &self.stopwatch)
+    }
+
+    /// The grey `scene` in light, and the photo taken of it in green alone.
+    pub(super) fn take_grey(&self, scene: Scene) -> (Plane, Frame<Work>) {
+        let truth = scene.grey(self.config.photo.size());
+        let mut light = Frame::zeros(truth.size());
+        *light.plane_mut(Channel::Green) = truth.clone();
+        let photo = self.photograph(scene, &light);
+        (truth, photo)
+    }
+
     /// `method` on the grey `scene` in the green channel alone, scored in light as the study did.
     ///
     /// # Errors
@@ -99,10 +126,7 @@ impl Stand {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<Score, StandError> {
-        let truth = scene.grey(self.config.photo.size());
-        let mut light = Frame::zeros(truth.size());
-        *light.plane_mut(Channel::Green) = truth.clone();
-        let photo = self.photograph(scene, &light);
+        let (truth, photo) = self.take_grey(scene);
         let (restored, computing_seconds) = self.run(&photo, Channels::Green, method, watch)?;
         let shown = |frame: &Frame<Work>| frame.plane(Channel::Green).map(|v: f32| v.clamp(0.0, 255.0));
         Ok(Score {
@@ -134,14 +158,8 @@ impl Stand {
         });
         let photo = self.photograph(scene, &light);
         let (restored, computing_seconds) = self.run(&photo, Channels::Colour, method, &mut |_, _| {})?;
-        let luminance = |frame: &Frame<Work>| {
-            let mut sum = Plane::zeros(frame.size());
-            for (c, weight) in Channel::ALL.into_iter().zip(LUMINANCE) {
-                sum.add_scaled(weight, &tone.display(c, frame.plane(c)));
-            }
-            sum
-        };
-        let (truth, before, after) = (luminance(&light), luminance(&photo), luminance(&restored.picture));
+        let [truth, before, after] =
+            [&light, &photo, &restored.picture].map(|frame| display_luminance(&tone, frame));
         Ok(Score {
             scene,
             method: name.to_owned(),
@@ -155,7 +173,10 @@ impl Stand {
     }
 
     /// Restores and times; the time of simulating the captures is taken out.
-    fn run(
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub(super) fn run(
         &mut self,
         photo: &Frame<Work>,
         channels: Channels,
@@ -169,8 +190,14 @@ impl Stand {
     }
 }
 
-/// Rec. 709 weights of red, green and blue.
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+/// Luminance of display values 0..255: the codes' sum by the weights of Rec. 709, as screens show it.
+pub fn display_luminance(tone: &Tone, light: &Frame<Work>) -> Plane {
+    let mut sum = Plane::zeros(light.size());
+    for (c, weight) in Channel::ALL.into_iter().zip([0.2126, 0.7152, 0.0722]) {
+        sum.add_scaled(weight, &tone.display(c, light.plane(c)));
+    }
+    sum
+}
 
 /// Why a stand gave no score.
 #[derive(Debug, thiserror::Error)]
@@ -184,9 +211,18 @@ pub enum StandError {
     /// Rig file and calibration.
     #[error("the calibration does not fit the rig file")]
     Bench(#[from] BenchError),
+    /// The functions of a lens.
+    #[error("the lens's functions make no operator")]
+    Lens(#[from] LensModelError),
+    /// What peers from outside made.
+    #[error("the peers' rows cannot be taken")]
+    Peers(#[from] PeerError),
     /// The method.
     #[error("the method gave no picture")]
     Method(#[from] MethodError),
+    /// The photo as a JPEG.
+    #[error("the photo cannot be made a JPEG")]
+    Jpeg(#[from] image::ImageError),
 }
 
 impl Remediable for StandError {
@@ -195,7 +231,10 @@ impl Remediable for StandError {
             StandError::Rig(error) => error.remedy(),
             StandError::Calibrate(error) => error.remedy(),
             StandError::Bench(error) => error.remedy(),
+            StandError::Lens(error) => error.remedy(),
+            StandError::Peers(error) => error.remedy(),
             StandError::Method(error) => error.remedy(),
+            StandError::Jpeg(_) => Remedy::SkipPhoto,
         }
     }
 }

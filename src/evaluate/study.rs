@@ -94,11 +94,11 @@ impl Condition {
     }
 }
 
-/// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more.
+/// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more; nothing holds it back.
 pub fn whole_frame(rig: &config::Rig) -> Paper {
     let patch_px = rig.photo.width_px.max(rig.photo.height_px);
     let shape = PatchShape { patch_px, margin_px: rig.paper.margin_px };
-    Paper { backward: Backward::Light(shape), ..paper(rig) }
+    Paper { backward: Backward::Light(shape), bounded: false, ..paper(rig) }
 }
 
 /// The paper's loop with nothing sewn around the patches.

@@ -1,9 +1,11 @@
 //! Speed against accuracy: every method with several settings on the same scenes, and which of them to choose.
 
+use super::peers;
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::table::Table;
 use crate::config::{self, Curve};
+use crate::frame::Channel;
 use crate::restoration::{digital, hybrid, method, paper};
 use crate::restore::method::Method;
 use crate::restore::method::Strength;
@@ -71,7 +73,8 @@ pub struct Trade {
     pub scores: Vec<Score>,
 }
 
-/// Runs every contestant on `scenes` on the rig of `rig`, and the model-based ones also with fewer functions.
+/// Runs every contestant on `scenes` on the rig of `rig`, and the model-based ones also with fewer functions; `peers` are
+/// rows of programs from outside, see [`peers`].
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
@@ -79,11 +82,17 @@ pub fn measure(
     rig: &config::Rig,
     quick: bool,
     scenes: &[Scene],
+    peers: Option<&str>,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
 ) -> Result<Trade, StandError> {
     let mut trade = Trade::default();
     let mut stand = Stand::open(rig.clone(), stopwatch)?;
+    let mut outside = Vec::new();
+    if let Some(rows) = peers {
+        let green = |scene: &Scene| (*scene, stand.take_grey(*scene).1.plane(Channel::Green).clone());
+        outside = peers::read(rows, &scenes.iter().map(green).collect::<Vec<_>>())?;
+    }
     for contestant in contestants(rig, quick) {
         trade.run(&mut stand, scenes, &contestant, each)?;
     }
@@ -102,6 +111,7 @@ pub fn measure(
             }
         }
     }
+    trade.points.extend(outside);
     Ok(trade)
 }
 
@@ -141,7 +151,12 @@ impl Trade {
 
     /// Which points no other beats in both seconds and SSIM, fastest first.
     pub fn front(&self) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.points.len()).collect();
+        self.front_of(&|_| true)
+    }
+
+    /// Which of the points that `are` no other of these beats, fastest first.
+    fn front_of(&self, are: &dyn Fn(&Point) -> bool) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.points.len()).filter(|&n| are(&self.points[n])).collect();
         order.sort_by(|&a, &b| {
             let (a, b) = (&self.points[a], &self.points[b]);
             a.seconds().total_cmp(&b.seconds()).then(b.ssim.total_cmp(&a.ssim))
@@ -155,9 +170,9 @@ impl Trade {
         order
     }
 
-    /// The point to choose: the best one, or the cheapest that is `within` of its SSIM.
+    /// The point to choose: the best one, or the cheapest that is `within` of its SSIM; a peer from outside is no choice.
     pub fn operating_point(&self, within: f64) -> Option<usize> {
-        let front = self.front();
+        let front = self.front_of(&|point| point.family != peers::FAMILY);
         let best = self.points[*front.last()?].ssim;
         front.into_iter().find(|&n| self.points[n].ssim >= best - within)
     }
@@ -299,5 +314,8 @@ mod tests {
         assert_eq!(trade.operating_point(0.002), Some(3));
         assert_eq!(trade.operating_point(0.05), Some(1));
         assert_eq!(Trade::default().operating_point(0.1), None);
+        let mut outside = trade;
+        outside.points.push(Point { family: peers::FAMILY, ..point(0.5, 0.95) });
+        assert_eq!((outside.front(), outside.operating_point(0.0)), (vec![4], Some(0)));
     }
 }

@@ -12,7 +12,7 @@ pub mod resample;
 mod space;
 
 pub use channel::{Channel, Channels};
-pub use npy::{NpyError, read_npy_f32};
+pub use npy::{NpyError, npy_f32, read_npy_f32};
 pub use plane::{Plane, Rect, Size};
 pub use space::{Codes, Counts, Frame, Panel, Sensor, Work};
 

@@ -1,4 +1,5 @@
-//! Reads `f32` arrays in NumPy's format: a measured blur grid, and the golden arrays of the tests.
+//! `f32` arrays in NumPy's format: a measured blur grid and the golden arrays of the tests are read, photos for programs
+//! from outside are written.
 
 use std::path::{Path, PathBuf};
 
@@ -42,5 +43,34 @@ pub fn read_npy_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>), NpyError> {
         "<f4" => Ok((shape, npy.into_vec::<f32>().map_err(read)?)),
         "<f8" => Ok((shape, npy.into_vec::<f64>().map_err(read)?.into_iter().map(|v| v as f32).collect())),
         other => Err(wrong(format!("elements of type {other}"))),
+    }
+}
+
+/// An array file of `values` with `shape` (`f32`, C order).
+pub fn npy_f32(shape: &[usize], values: &[f32]) -> Vec<u8> {
+    use npyz::WriterBuilder;
+    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+    let mut bytes = Vec::new();
+    let written = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd();
+    // Writing to memory does not fail, and a caller whose values do not fill the shape has a bug.
+    let written = written.and_then(|mut array| {
+        array.extend(values)?;
+        array.finish()
+    });
+    debug_assert!(written.is_ok(), "{} values fill {shape:?}", values.len());
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        let values = [0.0, 1.5, -2.0, 1e9, 5.0, 6.0];
+        std::fs::write(&path, npy_f32(&[2, 3], &values)).unwrap();
+        assert_eq!(read_npy_f32(&path).unwrap(), (vec![2, 3], values.to_vec()));
     }
 }

@@ -18,14 +18,14 @@ fn face() -> Option<&'static FontRef<'static>> {
 }
 
 /// Width in pixels of `text` in letters `height_px` high (ascent to descent).
-pub(super) fn width(text: &str, height_px: f32) -> f32 {
+pub fn width(text: &str, height_px: f32) -> f32 {
     let Some(face) = face() else { return 0.0 };
     let face = face.as_scaled(PxScale::from(height_px));
     text.chars().map(|c| face.h_advance(face.glyph_id(c))).sum()
 }
 
 /// Sets `text` with its upper left corner at (`x`, `y`): calls `ink` with place and coverage, 0..1, of each pixel.
-pub(super) fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i32, i32, f32)) {
+pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i32, i32, f32)) {
     let Some(face) = face() else { return };
     let scaled = face.as_scaled(PxScale::from(height_px));
     let (mut x, base) = (x, y + scaled.ascent());
@@ -44,7 +44,7 @@ pub(super) fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn 
 
 /// `text` in lines no wider than `width_px` and at most `lines_max` of them; what does not fit ends in `…`.
 /// A word too long for a line is cut in its middle, so that the ending of a file's name stays.
-pub(super) fn wrapped(text: &str, height_px: f32, width_px: f32, lines_max: usize) -> Vec<String> {
+pub fn wrapped(text: &str, height_px: f32, width_px: f32, lines_max: usize) -> Vec<String> {
     let fits = |line: &str| width(line, height_px) <= width_px;
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace().take(WORDS_MAX) {

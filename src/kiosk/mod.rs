@@ -17,4 +17,4 @@ pub mod press;
 pub mod screen;
 
 mod drawing;
-mod lettering;
+pub mod lettering;

@@ -8,7 +8,7 @@ use rustix::fs::{Mode, OFlags};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::resample::resize;
-use crate::frame::{Channels, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Channels, Frame, Plane, Size, Work};
 
 use super::decode::{Limits, Raster, decode, walk};
 use super::kind::{Format, check_name};
@@ -99,6 +99,12 @@ impl Photo {
     /// As [`Photo::read`].
     pub fn of_file(name: &str, file: File, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
         Photo::from_bytes(name, &read_bytes(file, name, limits)?, curve, limits)
+    }
+
+    /// Its light in three channels: a grey photo's green plane in all of them.
+    pub fn in_colour(&self) -> Frame<Work> {
+        let source = |c| if self.channels == Channels::Green { Channel::Green } else { c };
+        Frame::from_fn(|c| self.light.plane(source(c)).clone())
     }
 
     /// The photo in `bytes`, called `name`.

@@ -9,9 +9,13 @@
 //! | placed on the canvas | light from outside the frame fell into it |
 //! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
 
+mod evidence;
 mod methods;
+mod verdict;
 
-pub use methods::{digital, hybrid, method, paper};
+pub use evidence::{Evidence, Residuals, distance};
+pub use methods::{digital, hybrid, method, paper, second_opinion};
+pub use verdict::{Judged, Verdict};
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
@@ -22,6 +26,7 @@ use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
 use crate::restore::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::restore::forward_convolution::ForwardConvolution;
+use crate::restore::ladder::is_blank;
 use crate::restore::lens_model::{LensModel, LensModelError};
 use crate::restore::level_norms::LevelNorms;
 use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
@@ -81,7 +86,7 @@ impl Bench {
         Ok(Bench {
             model: LensModel::new(layout.photo, layout.margin_px, &calibration.functions)?,
             photo_side: PhotoSide::new(calibration, &layout),
-            norm_squared: calibration.norm_squared,
+            norm_squared: norm_bound(calibration),
             level_norms: calibration.level_norms.clone(),
             noise: calibration.noise,
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
@@ -137,13 +142,11 @@ impl Bench {
         data_term::noise_of(photo).max(self.noise[channel.index()].sigma(median))
     }
 
-    /// RMS(K̂B − B): how far the lens would take the prepared photo from itself, green channel, grey levels.
-    pub fn untouched_residual(&self, placed: &Frame<Work>, trust: &Frame<Work, u8>) -> f32 {
-        let green = Channel::Green;
-        let mut predicted = Plane::zeros(placed.size());
-        self.model.forward(green, placed.plane(green), &mut predicted);
-        data_term::residual_in_place(&mut predicted, placed.plane(green), trust.plane(green));
-        data_term::rms_over_data(&predicted, trust.plane(green))
+    /// Whether nothing in `photo` rises above its noise.
+    pub fn is_blank(&self, photo: &Frame<Work>, channels: Channels) -> bool {
+        let (placed, trust) = self.prepare(photo);
+        let of = |&c: &Channel| (placed.plane(c), trust.plane(c), self.noise_of(c, photo.plane(c)));
+        is_blank(&channels.list().iter().map(of).collect::<Vec<_>>())
     }
 
     fn finished(&self, picture: &Frame<Work>, channels: Channels) -> Frame<Work> {
@@ -198,6 +201,13 @@ impl Bench {
             solution,
         })
     }
+}
+
+/// ‖K‖² of each channel with its uncertainty on top: by as much as the light's own ‖K‖² differs from the model's.
+fn norm_bound(calibration: &Calibration) -> [f32; 3] {
+    let of_model = calibration.norm_squared[Channel::Green.index()].max(f32::MIN_POSITIVE);
+    let uncertainty = (calibration.norm_squared_seen / of_model - 1.0).abs();
+    calibration.norm_squared.map(|norm| norm * (1.0 + uncertainty))
 }
 
 /// The devices' sizes of a rig file, as a calibration needs them.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::data_term::{MISSING, noise_of};
+use super::calm::Calm;
 use super::method::Certificate;
 use crate::frame::Plane;
 
@@ -43,43 +43,10 @@ impl Rung {
     }
 }
 
-/// Deviation from its own broad shading, in standard deviations of noise, up to which a photo is blank.
-const BLANK_DEVIATIONS: f32 = 4.0;
-/// Side of the blocks whose means are compared, pixels: wide enough to average the noise away.
-const BLOCK_PX: usize = 8;
-
-/// Whether nothing in `photo` rises above its noise: the means of its blocks differ from their
-/// neighbours' by no more than noise explains.
-pub fn is_blank(photo: &Plane, trust: &Plane<u8>) -> bool {
-    let noise = noise_of(photo).max(0.29);
-    let (columns, rows) = (photo.width() / BLOCK_PX, photo.height() / BLOCK_PX);
-    let mut means = vec![None; columns * rows];
-    for row in 0..rows {
-        for column in 0..columns {
-            let (mut sum, mut count) = (0.0f64, 0u32);
-            for y in row * BLOCK_PX..(row + 1) * BLOCK_PX {
-                for x in column * BLOCK_PX..(column + 1) * BLOCK_PX {
-                    if trust.at(x, y) != MISSING {
-                        sum += f64::from(photo.at(x, y));
-                        count += 1;
-                    }
-                }
-            }
-            if count as usize == BLOCK_PX * BLOCK_PX {
-                means[row * columns + column] = Some(sum / f64::from(count));
-            }
-        }
-    }
-    // The difference of two block means has √2 the deviation of one, noise / BLOCK_PX.
-    let limit = f64::from(BLANK_DEVIATIONS * noise) * std::f64::consts::SQRT_2 / BLOCK_PX as f64;
-    let quiet = |a: Option<f64>, b: Option<f64>| a.zip(b).is_none_or(|(a, b)| (a - b).abs() <= limit);
-    (0..rows).all(|row| {
-        (0..columns).all(|column| {
-            let here = means[row * columns + column];
-            (column + 1 == columns || quiet(here, means[row * columns + column + 1]))
-                && (row + 1 == rows || quiet(here, means[(row + 1) * columns + column]))
-        })
-    })
+/// Whether nothing in a photo of `planes`, each with its trust and its noise in grey levels, rises above its noise: calm
+/// everywhere, whatever its broad shading.
+pub fn is_blank(planes: &[(&Plane, &Plane<u8>, f32)]) -> bool {
+    Calm::of(planes, 1).is_everywhere()
 }
 
 #[cfg(test)]
@@ -101,11 +68,11 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_wall_is_blank_and_a_faint_disc_is_not() {
-        let (wall, trust) = noisy(|_, _| 90.0);
-        assert!(is_blank(&wall, &trust));
+    fn a_shaded_wall_is_blank_and_a_faint_disc_is_not() {
+        let (wall, trust) = noisy(|x, y| 90.0 + 0.05 * (x + y) as f32);
+        assert!(is_blank(&[(&wall, &trust, 1.0)]));
         let (disc, trust) =
             noisy(|x, y| if (x as f32 - 80.0).hypot(y as f32 - 60.0) < 20.0 { 94.0 } else { 90.0 });
-        assert!(!is_blank(&disc, &trust));
+        assert!(!is_blank(&[(&wall, &trust, 1.0), (&disc, &trust, 1.0)]));
     }
 }

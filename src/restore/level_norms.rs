@@ -59,6 +59,12 @@ impl LevelNorms {
         self.0[level]
     }
 
+    /// All times `factor`.
+    #[must_use]
+    pub fn scaled(&self, factor: f32) -> LevelNorms {
+        LevelNorms(self.0.iter().map(|norm| factor * norm).collect())
+    }
+
     /// The larger of both, level by level.
     #[must_use]
     pub fn or_larger(&self, other: &LevelNorms) -> LevelNorms {

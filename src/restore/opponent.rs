@@ -4,7 +4,12 @@
 //! differences costs a prior once instead of three times. The usual transform of colour denoising (Dabov et al. 2007,
 //! "Color image denoising via sparse 3D collaborative filtering", use the same three axes).
 
+use rayon::prelude::*;
+
 use crate::frame::Plane;
+
+/// Pixels changed at a time, one stretch a task.
+const STRETCH: usize = 1 << 15;
 
 /// (R+G+B)/√3, (R−B)/√2, (R−2G+B)/√6, in place of R, G, B.
 ///
@@ -27,12 +32,16 @@ fn weights() -> (f32, f32, f32) {
     (1.0 / 3.0f32.sqrt(), 1.0 / 2.0f32.sqrt(), 1.0 / 6.0f32.sqrt())
 }
 
-fn change(planes: &mut [Plane; 3], to: impl Fn(f32, f32, f32) -> (f32, f32, f32)) {
+fn change(planes: &mut [Plane; 3], to: impl Fn(f32, f32, f32) -> (f32, f32, f32) + Sync) {
     assert!(planes.iter().all(|p| p.size() == planes[0].size()), "planes of one size");
     let [a, b, c] = planes;
-    for ((a, b), c) in a.data_mut().iter_mut().zip(b.data_mut()).zip(c.data_mut()) {
-        (*a, *b, *c) = to(*a, *b, *c);
-    }
+    let a = a.data_mut().par_chunks_mut(STRETCH);
+    let stretches = a.zip(b.data_mut().par_chunks_mut(STRETCH)).zip(c.data_mut().par_chunks_mut(STRETCH));
+    stretches.for_each(|((a, b), c)| {
+        for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+            (*a, *b, *c) = to(*a, *b, *c);
+        }
+    });
 }
 
 #[cfg(test)]

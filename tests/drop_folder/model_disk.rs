@@ -140,7 +140,9 @@ impl Contents {
     /// damaged.
     pub fn cuts(&self, spared: &dyn Fn(&Path) -> bool) -> Vec<Survivors> {
         // What is written anew at each start concerns nobody, and would only multiply the choices.
-        let dull = |path: &&PathBuf| path.file_name().is_some_and(|name| name == ".relens-state.json");
+        let dull = |path: &&PathBuf| {
+            path.file_name().is_some_and(|name| name == ".relens-state.json" || name == "removed.json")
+        };
         let dull: BTreeSet<&PathBuf> = (self.pending.iter())
             .filter(|change| change.names().iter().any(dull))
             .flat_map(Change::names)

@@ -11,8 +11,10 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
-use relens::config::Curve;
-use relens::daemon::{Daemon, DaemonError, Folders, Setting, Step, Summary, Watcher};
+use relens::config::{ClockSource, Curve, Keep, Nights};
+use relens::daemon::{
+    Daemon, DaemonError, Folders, Nightly, Schedule, Setting, Step, Summary, Times, Watcher,
+};
 use relens::disk::Disk;
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::{Format, Manner, encode};
@@ -25,7 +27,7 @@ pub const TINY: Size = Size::new(8, 6);
 
 /// An operation by what it is for: the part of the job, the operation without the numbers in its names, and which
 /// of its like it is.
-type Label = (&'static str, String, usize);
+pub type Label = (&'static str, String, usize);
 
 /// Names of photos.
 type Begun = BTreeSet<OsString>;
@@ -42,11 +44,11 @@ impl Watcher for Poison {
 }
 
 /// One life of the daemon, from start to an empty inbox.
-struct Life {
+pub struct Life {
     /// What the disk held before each operation and at the end, and which photos had been begun by then.
-    instants: Vec<(Contents, Begun)>,
+    pub instants: Vec<(Contents, Begun)>,
     labels: Vec<Label>,
-    end: Result<Summary, DaemonError>,
+    pub end: Result<Summary, DaemonError>,
 }
 
 fn without_numbers(op: &Op) -> String {
@@ -57,6 +59,7 @@ fn without_numbers(op: &Op) -> String {
             name if name.starts_with(".ledger-") => "record".to_owned(),
             name if name.ends_with("-before.jpg") => "before".to_owned(),
             name if name.ends_with("-after.jpg") => "after".to_owned(),
+            name if name.ends_with("-small.jpg") => "small".to_owned(),
             name => name,
         };
         let folder = path.parent().and_then(|p| p.strip_prefix("/").ok()).unwrap_or(Path::new(""));
@@ -72,8 +75,45 @@ fn without_numbers(op: &Op) -> String {
     }
 }
 
+/// When it is, and what is kept.
+#[derive(Debug, Clone, Copy)]
+pub struct Age {
+    pub calendar_unix_s: u64,
+    pub keep: Keep,
+    /// Whether it is a box with nights. It is day, so that no photo is begun.
+    pub nights: bool,
+}
+
+impl Default for Age {
+    /// Everything, for ever.
+    fn default() -> Age {
+        Age { calendar_unix_s: CALENDAR_UNIX_S, keep: Keep::default(), nights: false }
+    }
+}
+
+/// Nights, of which it is none by this model's calendar: photos wait.
+fn nights() -> Nights {
+    Nights {
+        window: "22:00-06:00".into(),
+        time_zone: "UTC".into(),
+        clock: ClockSource::Battery,
+        pilot_every_photos: 50,
+        warm_up_max_min: 60.0,
+        recalibrate: true,
+        shift_max_px: 0.25,
+        gain_max_percent: 3.0,
+        offset_max_levels: 1.0,
+        noise_max_ratio: 1.5,
+    }
+}
+
 /// Lives once on `contents`, leaving out the operation `skip`.
 fn live(contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
+    live_at(Age::default(), contents, skip, poisoned)
+}
+
+/// The same at another time.
+pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
     type Seen = (Vec<(Contents, Begun)>, Vec<Label>);
     let seen: Arc<Mutex<Seen>> = Arc::default();
     let (mut part, mut counts) = ("start", BTreeMap::<String, usize>::new());
@@ -107,11 +147,17 @@ fn live(contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
     );
     let (mut restorer, mut watcher) = (Brightener::default(), Poison(poisoned));
     let clock = TestClock::default();
-    let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
+    let calendar = || UNIX_EPOCH + Duration::from_secs(age.calendar_unix_s);
     let setting = Setting { hints: false, ..Setting::new("test rig", TINY, Curve::Srgb) };
     let lived = catch_unwind(AssertUnwindSafe(|| {
         let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT))?;
-        Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher)?.once()
+        let times = Times { clock: &clock, calendar: &calendar, is_set: &|| true, temperature_c: &|| None };
+        let schedule = (age.nights.then(|| Nightly::new(&nights(), &folders, times)).flatten())
+            .map(|night| Box::new(night) as Box<dyn Schedule>);
+        let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher)?;
+        let daemon = daemon.keeping(age.keep, &|| true);
+        let mut daemon = if let Some(schedule) = schedule { daemon.scheduled(schedule) } else { daemon };
+        daemon.once()
     }));
     let end = lived.unwrap_or_else(|_| Ok(Summary::default()));
     disk.guarded_by(Box::new(|_, _| Ok(Verdict::Done)));
@@ -124,7 +170,7 @@ fn live(contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
 /// The same state under the same names: what the next start sweeps away, writes anew or overwrites unread is left
 /// out (temporary files, state, gallery, previews of no result), and inodes other than the photos' are numbered
 /// by name.
-fn canonical(disk: Survivors) -> Survivors {
+pub fn canonical(disk: Survivors) -> Survivors {
     let mut canonical = Survivors::new();
     let delivered: String = disk
         .iter()
@@ -136,7 +182,10 @@ fn canonical(disk: Survivors) -> Survivors {
     for (path, (inode, holds)) in disk {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let preview = path.starts_with("/box/outbox/gallery") && !delivered.contains(&name);
-        if [".relens-state.json", "index.html"].contains(&&*name) || name.ends_with(".tmp") || preview {
+        if [".relens-state.json", "index.html", "removed.json"].contains(&&*name)
+            || name.ends_with(".tmp")
+            || preview
+        {
             continue;
         }
         let inode = if inode < 100 { inode } else { 100 + canonical.len() as u64 };
@@ -146,7 +195,7 @@ fn canonical(disk: Survivors) -> Survivors {
 }
 
 /// A box whose five folders are there, with `dropped` in the inbox that nobody synchronised.
-fn filled(dropped: &[Dropped], before: Option<&Contents>) -> Contents {
+pub fn filled(dropped: &[Dropped], before: Option<&Contents>) -> Contents {
     let empty = ModelDisk::new(Contents::default(), Box::new(|_, _| Ok(Verdict::Done)));
     empty.make_folder(Path::new(ROOT)).unwrap();
     Folders::on(Arc::new(empty.clone()), Path::new(ROOT)).unwrap();
@@ -172,10 +221,10 @@ fn filled(dropped: &[Dropped], before: Option<&Contents>) -> Contents {
 
 /// What the search found on its way.
 #[derive(Debug, Default)]
-struct Found {
-    states: usize,
-    cuts: usize,
-    labels: BTreeSet<Label>,
+pub struct Found {
+    pub states: usize,
+    pub cuts: usize,
+    pub labels: BTreeSet<Label>,
 }
 
 impl Found {
@@ -187,19 +236,33 @@ impl Found {
 
 /// Visits every state that any number of power cuts can lead to from `starts`.
 fn search(starts: Vec<Contents>, dropped: &[Dropped], skip: Option<&Label>) -> Result<Found, String> {
+    search_at(Age::default(), starts, dropped, skip, &|_, _| Ok(()))
+}
+
+/// The same at another time; `also` must be true of the disk at every instant, and whether it is the end.
+pub fn search_at(
+    age: Age,
+    starts: Vec<Contents>,
+    dropped: &[Dropped],
+    skip: Option<&Label>,
+    also: &dyn Fn(&Survivors, bool) -> Result<(), String>,
+) -> Result<Found, String> {
     let mut found = Found::default();
     let mut visited: BTreeSet<Survivors> = BTreeSet::new();
     let mut waiting = starts;
     while let Some(contents) = waiting.pop() {
         let folders = contents.folders().clone();
-        let life = live(contents, skip, false);
+        let life = live_at(age, contents, skip, false);
         found.states += 1;
         found.labels.extend(life.labels);
         let summary = life.end.map_err(|error| format!("the daemon stopped: {error}"))?;
         let last = life.instants.len() - 1;
         for (n, (contents, begun)) in life.instants.into_iter().enumerate() {
             if n == last {
-                in_the_end(&contents.now(), dropped)?;
+                if !age.nights {
+                    in_the_end(&contents.now(), dropped)?;
+                }
+                also(&contents.now(), true)?;
             }
             // A copy that nobody synchronised and nobody has begun is the customer's to lose.
             let spared = |path: &Path| {
@@ -209,6 +272,7 @@ fn search(starts: Vec<Contents>, dropped: &[Dropped], skip: Option<&Label>) -> R
             for survivors in contents.cuts(&spared) {
                 found.cuts += 1;
                 at_every_instant(&survivors, dropped)?;
+                also(&survivors, false)?;
                 if n == last {
                     settled(&survivors, &summary)?;
                 }
@@ -264,7 +328,7 @@ fn search_poison(start: Contents, dropped: &[Dropped], skip: Option<&Label>) -> 
 pub fn good(name: &'static str, level: f32) -> Dropped {
     let light: Frame<Work> = Frame::from_fn(|_| Plane::from_fn(TINY, |x, y| level + (x * y) as f32));
     let bytes = encode(name, &light, &Manner::plain(Format::Png, 8, Curve::Srgb), false).unwrap();
-    let dropped = [Dropped { name, bytes: bytes.clone(), result: None }];
+    let dropped = [Dropped { name, bytes: bytes.clone(), result: None, past_limits: false }];
     let life = live(filled(&dropped, None), None, false);
     let end = life.instants.last().unwrap().0.now();
     assert!(
@@ -274,13 +338,14 @@ pub fn good(name: &'static str, level: f32) -> Dropped {
         end.keys()
     );
     let result = end[&Path::new(ROOT).join("outbox").join(name)].1.to_vec();
-    Dropped { name, bytes, result: Some(result) }
+    Dropped { name, bytes, result: Some(result), past_limits: false }
 }
 
 /// The whole search: a good photo and a bad one; a namesake dropped when the first was just done, whatever was
 /// forgotten of that; a photo that is never survived.
 fn everything(skip: Option<&Label>) -> Result<Found, String> {
-    let bad = [Dropped { name: "b.png", bytes: b"Dear Sir or Madam".to_vec(), result: None }];
+    let bad =
+        [Dropped { name: "b.png", bytes: b"Dear Sir or Madam".to_vec(), result: None, past_limits: false }];
     let dropped = [good("a.png", 30.0)];
     search_poison(filled(&dropped, None), &dropped, skip)?;
     let mut found = search(vec![filled(&dropped, None)], &dropped, skip)?;

@@ -17,6 +17,8 @@ pub struct Dropped {
     pub name: &'static str,
     pub bytes: Vec<u8>,
     pub result: Option<Vec<u8>>,
+    /// Done long ago, and past the limits of what is kept.
+    pub past_limits: bool,
 }
 
 fn folder(path: &Path) -> &str {
@@ -39,6 +41,9 @@ pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), Str
             })
             .map(|(path, _)| path)
             .collect();
+        if photo.past_limits && homes.iter().all(|home| folder(home) == "done") && homes.len() < 2 {
+            continue;
+        }
         let [home] = homes[..] else { return Err(format!("{} is in {homes:?}", photo.name)) };
         if folder(home) == "done" && results(disk, photo).is_empty() {
             return Err(format!("{} is done and its result is nowhere", photo.name));
@@ -88,6 +93,19 @@ fn results<'a>(disk: &'a Survivors, photo: &Dropped) -> Vec<&'a PathBuf> {
     disk.iter().filter(is).map(|(path, _)| path).collect()
 }
 
+/// No picture, and no report, of a result that is no more.
+pub fn nothing_is_orphaned(disk: &Survivors) -> Result<(), String> {
+    let reports = disk.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "json"));
+    let known: String = reports.map(|(_, (_, report))| String::from_utf8_lossy(report)).collect();
+    let picture = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "jpg");
+    // Named by the same beginning.
+    let owned = |path: &&PathBuf| known.contains(name(path).split('-').next().unwrap_or_default());
+    match disk.keys().filter(picture).find(|path| !owned(path)) {
+        Some(path) => Err(format!("{} is of no result", path.display())),
+        None => Ok(()),
+    }
+}
+
 /// Nothing waits, nothing is under way, nothing of ours lies about; each photo is done with one result, or set
 /// aside with none.
 pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
@@ -102,7 +120,9 @@ pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
         let home = home.map_or("", |(path, _)| folder(path));
         let results = results(disk, photo);
         match (home, &photo.result, results.len()) {
-            ("done", Some(_), 1) | ("failed", None, 0) => {}
+            ("", Some(_), 0) if photo.past_limits => {}
+            ("done", Some(_), 1) if !photo.past_limits => {}
+            ("failed", None, 0) => {}
             ("failed", Some(_), 0) if interrupted => {}
             (home, ..) => return Err(format!("{} is in {home} with the results {results:?}", photo.name)),
         }

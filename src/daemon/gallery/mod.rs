@@ -10,6 +10,7 @@ use std::ffi::OsStr;
 
 use serde::Serialize;
 
+use super::keeping::{self, Removed};
 use super::report::{Failed, Report};
 use super::{DaemonError, Folders, durable, history, inbox};
 
@@ -23,6 +24,8 @@ pub(super) struct Gallery {
     failed: Vec<Failed>,
     /// Checksums of the photo pages as written.
     written: Vec<u32>,
+    /// Number of the last photo page there is.
+    last_page: usize,
 }
 
 impl Gallery {
@@ -48,6 +51,8 @@ impl Gallery {
                 None => log::warn!("{} is no report of relens and is not in the gallery", path.display()),
             }
         }
+        let pages = list(folders.previews())?;
+        gallery.last_page = pages.iter().filter_map(|(name, _)| page::number(name)).max().unwrap_or(0);
         for (name, _) in list(failed)? {
             let mut note = name.clone();
             note.push(".txt");
@@ -107,6 +112,13 @@ impl Gallery {
                 self.written[n] = sum;
             }
         }
+        // Results that were removed leave fewer.
+        let last_page = if pages > 1 { pages } else { 0 };
+        for n in last_page + 1..=self.last_page {
+            let _ = disk.remove(&outbox.join(page::page_address(n)));
+        }
+        self.last_page = last_page;
+        let removed = keeping::removed(disk, folders.previews());
         let pilots = history::load(disk, folders.previews());
         let data = Data {
             rig,
@@ -114,6 +126,7 @@ impl Gallery {
             photos: &self.reports,
             failed: &self.failed,
             left,
+            removed,
             pilots: &pilots,
         };
         let json = serde_json::to_vec(&data).map_err(std::io::Error::other);
@@ -126,6 +139,7 @@ impl Gallery {
             reports: &newest,
             failed: &self.failed,
             left,
+            removed,
             pilots: &pilots,
             now_unix_s,
         });
@@ -142,6 +156,7 @@ struct Data<'a> {
     photos: &'a [Report],
     failed: &'a [Failed],
     left: &'a [Failed],
+    removed: Removed,
     pilots: &'a [history::Entry],
 }
 

@@ -1,4 +1,10 @@
 "use strict";
+// A small picture that a power cut has taken: the large one in its place.
+for (const small of document.querySelectorAll("img[data-large]")) {
+  const large = () => { if (small.dataset.large) small.src = small.dataset.large; delete small.dataset.large; };
+  small.addEventListener("error", large, { once: true });
+  if (small.complete && small.naturalWidth === 0 && small.currentSrc) large();
+}
 for (const input of document.querySelectorAll(".pair input")) {
   const move = () => input.parentElement.style.setProperty("--at", input.value + "%");
   input.addEventListener("input", move);

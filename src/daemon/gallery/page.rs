@@ -1,6 +1,9 @@
 //! The gallery's HTML. Whatever comes from a file's name or an error is escaped.
 
+use std::ffi::OsStr;
+
 use super::super::history::Entry;
+use super::super::keeping::Removed;
 use super::super::report::{Failed, Outcome, Report};
 use super::charts;
 
@@ -12,6 +15,11 @@ pub(super) fn page_address(n: usize) -> String {
     format!("gallery/photos-{n}.html")
 }
 
+/// The number of the photo page whose file is called `name`.
+pub(super) fn number(name: &OsStr) -> Option<usize> {
+    name.to_str()?.strip_prefix("photos-")?.strip_suffix(".html")?.parse().ok()
+}
+
 /// Everything the first page says beside its photos.
 pub(super) struct Overview<'a> {
     pub(super) rig: &'a str,
@@ -19,13 +27,14 @@ pub(super) struct Overview<'a> {
     pub(super) reports: &'a [Report],
     pub(super) failed: &'a [Failed],
     pub(super) left: &'a [Failed],
+    pub(super) removed: Removed,
     pub(super) pilots: &'a [Entry],
     pub(super) now_unix_s: u64,
 }
 
 /// The first page: the summary, the charts, what was not restored, and the newest photos.
 pub(super) fn first_page(overview: &Overview<'_>) -> String {
-    let &Overview { rig, reports, failed, left, pilots, now_unix_s } = overview;
+    let &Overview { rig, reports, failed, left, removed, pilots, now_unix_s } = overview;
     let restored = reports.iter().filter(|r| r.outcome == Outcome::Restored).count();
     let mut counts = vec![format!("<b>{restored}</b> restored")];
     for (n, words) in [
@@ -51,6 +60,16 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
         html.push_str("<p class=\"empty\">No photo has been restored yet. Drop one into the inbox.</p>\n");
     }
     pager(&mut html, pages);
+    if removed != Removed::default() {
+        html.push_str(&format!(
+            "<p class=\"removed\">Removed by the limits of this box so far: {} of the results, {} of the originals, {} MiB; the last \
+             <time data-unix=\"{}\"></time>.</p>\n",
+            removed.results,
+            removed.originals,
+            removed.bytes >> 20,
+            removed.last_unix_s,
+        ));
+    }
     photos(&mut html, reports.iter().take(PHOTOS));
     foot(html)
 }
@@ -89,9 +108,9 @@ fn photos<'a>(html: &mut String, reports: impl Iterator<Item = &'a Report> + Clo
         html.push_str("<div class=\"small\">\n");
         for (n, report) in reports.clone().enumerate() {
             let name = escape(&report.photo);
-            let small = escape(&report.after.replace("-after.", "-small."));
+            let (small, large) = (escape(&report.after.replace("-after.", "-small.")), escape(&report.after));
             html.push_str(&format!(
-                "<a href=\"#photo-{n}\" title=\"{name}\" onclick=\"document.getElementById('photo-{n}').scrollIntoView();return false\"><img src=\"{small}\" alt=\"{name}\" loading=\"lazy\"></a>\n"
+                "<a href=\"#photo-{n}\" title=\"{name}\" onclick=\"document.getElementById('photo-{n}').scrollIntoView();return false\"><img src=\"{small}\" data-large=\"{large}\" alt=\"{name}\" loading=\"lazy\"></a>\n"
             ));
         }
         html.push_str("</div>\n");
@@ -282,7 +301,7 @@ mod tests {
         failed: &'a [Failed],
         left: &'a [Failed],
     ) -> Overview<'a> {
-        Overview { rig, reports, failed, left, pilots: &[], now_unix_s: 0 }
+        Overview { rig, reports, failed, left, removed: Removed::default(), pilots: &[], now_unix_s: 0 }
     }
 
     #[test]

@@ -109,6 +109,23 @@ fn full_pages_are_not_written_again() {
     assert!(!first.exists() && folders.outbox().join(page::page_address(3)).exists());
 }
 
+#[test]
+fn pages_that_are_no_more_are_removed_also_by_the_next_daemon() {
+    let root = tempfile::tempdir().unwrap();
+    let folders = Folders::open(root.path()).unwrap();
+    let mut gallery = Gallery::default();
+    (0..130).for_each(|n| gallery.add(&report(n)));
+    gallery.write(&folders, "small", &[], 0).unwrap();
+    let page = |n| folders.outbox().join(page::page_address(n)).exists();
+    assert_eq!([1, 2, 3].map(page), [true; 3]);
+    (0..30).for_each(|n| gallery.remove(&report(n).result));
+    gallery.write(&folders, "small", &[], 0).unwrap();
+    assert_eq!([1, 2, 3].map(page), [true, true, false]);
+    // The results are not there, so a daemon that starts now finds none.
+    Gallery::load(&folders).unwrap().write(&folders, "small", &[], 0).unwrap();
+    assert_eq!([1, 2, 3].map(page), [false; 3]);
+}
+
 /// The browser there is; `None`, loudly, when there is none and that is allowed.
 fn browser() -> Option<&'static str> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
@@ -166,6 +183,10 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
             );
         }
     }
+    // What a cut may leave of a small picture that nobody synchronised.
+    std::fs::write(outbox.join("gallery/a-small.jpg"), [0; 100]).unwrap();
+    let dom = String::from_utf8(run(browser, profile.path(), &["--dump-dom"], &outbox.join("index.html")));
+    assert!(dom.unwrap().contains("<img src=\"gallery/a-after.jpg\" alt"), "the large one in its place");
     if let Some(keep) = std::env::var_os("RELENS_KEEP_SCREENSHOT") {
         let argument = format!("--screenshot={}", shot.display());
         run(browser, profile.path(), &[&argument], &outbox.join("index.html"));

@@ -203,7 +203,7 @@ pub(super) struct Forward<'a> {
 
 impl Kernel for Forward<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Forward { cells, spectra, x, row, band, spill, work } = self;
         band.fill(0.0);
         spill.fill(0.0);
@@ -223,7 +223,7 @@ impl Kernel for Forward<'_> {
                         let (found, _) = cell.along(half, group, b, data, spare);
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
                         for ((total, &light), &p) in sum[..nx].iter_mut().zip(&*found).zip(function) {
-                            *total += light.product(p);
+                            *total = light.product_plus::<FUSED>(p, *total);
                         }
                     }
                 }
@@ -266,7 +266,7 @@ pub(super) struct Adjoint<'a> {
 
 impl Kernel for Adjoint<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Adjoint { cells, spectra, y, row, band, work } = self;
         let canvas_width = y.width();
         for (along_y, along_x, of) in cells.row(row) {
@@ -286,14 +286,14 @@ impl Kernel for Adjoint<'_> {
                     for b in 0..along_x.functions.len() {
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
                         for ((product, &l), &p) in sum[..nx].iter_mut().zip(&*light).zip(function) {
-                            *product = l.product_conjugate(p);
+                            *product = l.product_conjugate::<FUSED>(p);
                         }
                         let (found, _) = cell.fx.run::<true>(sum, free);
                         for ((value, &l), &u) in row.iter_mut().zip(&*found).zip(cell.u) {
                             if b == 0 {
                                 *value = l * (1.0 - u);
                             } else {
-                                *value += l * u;
+                                *value = l.times_plus::<FUSED>(u, *value);
                             }
                         }
                     }
@@ -307,7 +307,7 @@ impl Kernel for Adjoint<'_> {
                 let both = up(cell.fy, (upper, column), (lower, column), pitch, data, spare);
                 let columns = LANES.min(width - column);
                 for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
-                    let values = light.re * (1.0 - v) + light.im * v;
+                    let values = light.im.times_plus::<FUSED>(Lanes::all(v), light.re * (1.0 - v));
                     let row = &mut band[i * canvas_width + along_x.start + column..][..columns];
                     row.copy_from_slice(&values.0[..columns]);
                 }

@@ -74,14 +74,14 @@ struct Passes<'a, const INVERSE: bool> {
 
 impl<const INVERSE: bool> Kernel for Passes<'_, INVERSE> {
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let (mut from, mut to) = (self.data, self.spare);
         for pass in self.passes {
             match pass.radix {
-                2 => pass.run::<2, INVERSE>(from, to),
-                3 => pass.run::<3, INVERSE>(from, to),
-                4 => pass.run::<4, INVERSE>(from, to),
-                _ => pass.run::<5, INVERSE>(from, to),
+                2 => pass.run::<2, INVERSE, FUSED>(from, to),
+                3 => pass.run::<3, INVERSE, FUSED>(from, to),
+                4 => pass.run::<4, INVERSE, FUSED>(from, to),
+                _ => pass.run::<5, INVERSE, FUSED>(from, to),
             }
             std::mem::swap(&mut from, &mut to);
         }
@@ -90,7 +90,11 @@ impl<const INVERSE: bool> Kernel for Passes<'_, INVERSE> {
 
 impl Pass {
     #[inline(always)]
-    fn run<const RADIX: usize, const INVERSE: bool>(&self, from: &[Complex], to: &mut [Complex]) {
+    fn run<const RADIX: usize, const INVERSE: bool, const FUSED: bool>(
+        &self,
+        from: &[Complex],
+        to: &mut [Complex],
+    ) {
         let (groups, stride) = (self.groups, self.stride);
         let apart = groups * stride;
         let from = &from[..RADIX * apart];
@@ -104,10 +108,12 @@ impl Pass {
                 for (j, value) in values.iter_mut().enumerate() {
                     *value = from[p * stride + q + j * apart];
                 }
-                butterfly::<RADIX, INVERSE>(&mut values);
+                butterfly::<RADIX, INVERSE, FUSED>(&mut values);
                 out[q] = values[0];
                 for j in 1..RADIX {
-                    out[q + j * stride] = values[j].times(factors[j]);
+                    // The first butterflies' factors, and all of the last pass's, are one.
+                    out[q + j * stride] =
+                        if p == 0 { values[j] } else { values[j].times::<FUSED>(factors[j]) };
                 }
             }
         }
@@ -116,13 +122,13 @@ impl Pass {
 
 /// The transform of `RADIX` numbers.
 #[inline(always)]
-fn butterfly<const RADIX: usize, const INVERSE: bool>(v: &mut [Complex; RADIX]) {
+fn butterfly<const RADIX: usize, const INVERSE: bool, const FUSED: bool>(v: &mut [Complex; RADIX]) {
     let sign = if INVERSE { 1.0 } else { -1.0 };
     match RADIX {
         2 => (v[0], v[1]) = (v[0] + v[1], v[0] - v[1]),
         3 => {
             let (sum, difference) = (v[1] + v[2], v[1] - v[2]);
-            let middle = v[0] + sum * -0.5;
+            let middle = sum.times_plus::<FUSED>(-0.5, v[0]);
             let side = (difference * (sign * HALF_ROOT_3)).times_i();
             (v[0], v[1], v[2]) = (v[0] + sum, middle + side, middle - side);
         }
@@ -140,12 +146,12 @@ fn butterfly<const RADIX: usize, const INVERSE: bool>(v: &mut [Complex; RADIX]) 
         _ => {
             let (near_sum, near_difference) = (v[1] + v[4], v[1] - v[4]);
             let (far_sum, far_difference) = (v[2] + v[3], v[2] - v[3]);
-            let first = v[0] + near_sum * COS_72 + far_sum * COS_144;
-            let second = v[0] + near_sum * COS_144 + far_sum * COS_72;
-            let first_side =
-                (near_difference * (sign * SIN_72) + far_difference * (sign * SIN_144)).times_i();
+            let first = far_sum.times_plus::<FUSED>(COS_144, near_sum.times_plus::<FUSED>(COS_72, v[0]));
+            let second = far_sum.times_plus::<FUSED>(COS_72, near_sum.times_plus::<FUSED>(COS_144, v[0]));
+            let (sin_72, sin_144) = (sign * SIN_72, sign * SIN_144);
+            let first_side = far_difference.times_plus::<FUSED>(sin_144, near_difference * sin_72).times_i();
             let second_side =
-                (near_difference * (sign * SIN_144) - far_difference * (sign * SIN_72)).times_i();
+                far_difference.times_plus::<FUSED>(-sin_72, near_difference * sin_144).times_i();
             v[0] = v[0] + near_sum + far_sum;
             (v[1], v[4]) = (first + first_side, first - first_side);
             (v[2], v[3]) = (second + second_side, second - second_side);

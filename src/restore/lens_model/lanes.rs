@@ -3,7 +3,9 @@
 //! Plain arrays and loops of fixed length, which compile to vector instructions
 //! ([`crate::frame::instructions`]).
 
-use std::ops::{Add, AddAssign, Mul, Sub};
+use std::ops::{Add, Mul, Sub};
+
+use crate::frame::instructions::multiply_add;
 
 /// Numbers side by side.
 pub(super) const LANES: usize = 8;
@@ -57,6 +59,32 @@ impl Mul<f32> for Lanes {
     }
 }
 
+impl Lanes {
+    /// self · other + sum.
+    #[inline(always)]
+    pub(super) fn times_plus<const FUSED: bool>(mut self, other: Lanes, sum: Lanes) -> Lanes {
+        for i in 0..LANES {
+            self.0[i] = multiply_add::<FUSED>(self.0[i], other.0[i], sum.0[i]);
+        }
+        self
+    }
+
+    /// sum − self · other.
+    #[inline(always)]
+    pub(super) fn times_from<const FUSED: bool>(mut self, other: Lanes, sum: Lanes) -> Lanes {
+        for i in 0..LANES {
+            self.0[i] = multiply_add::<FUSED>(-self.0[i], other.0[i], sum.0[i]);
+        }
+        self
+    }
+
+    /// The same number eight times.
+    #[inline(always)]
+    pub(super) fn all(value: f32) -> Lanes {
+        Lanes([value; LANES])
+    }
+}
+
 /// Eight complex numbers.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
@@ -68,8 +96,22 @@ pub(super) struct Complex {
 impl Complex {
     /// Times the complex number `w`.
     #[inline(always)]
-    pub(super) fn times(self, w: [f32; 2]) -> Complex {
-        Complex { re: self.re * w[0] - self.im * w[1], im: self.re * w[1] + self.im * w[0] }
+    pub(super) fn times<const FUSED: bool>(self, w: [f32; 2]) -> Complex {
+        let (re, im) = (Lanes::all(w[0]), Lanes::all(w[1]));
+        Complex {
+            re: self.im.times_from::<FUSED>(im, self.re * re),
+            im: self.im.times_plus::<FUSED>(re, self.re * im),
+        }
+    }
+
+    /// self · factor + sum, the factor real.
+    #[inline(always)]
+    pub(super) fn times_plus<const FUSED: bool>(self, factor: f32, sum: Complex) -> Complex {
+        let factor = Lanes::all(factor);
+        Complex {
+            re: self.re.times_plus::<FUSED>(factor, sum.re),
+            im: self.im.times_plus::<FUSED>(factor, sum.im),
+        }
     }
 
     /// Times i.
@@ -78,16 +120,24 @@ impl Complex {
         Complex { re: Lanes::default() - self.im, im: self.re }
     }
 
-    /// Lane by lane the product with `other`.
+    /// `sum` and lane by lane the product with `other`.
     #[inline(always)]
-    pub(super) fn product(self, other: Complex) -> Complex {
-        Complex { re: self.re * other.re - self.im * other.im, im: self.re * other.im + self.im * other.re }
+    pub(super) fn product_plus<const FUSED: bool>(self, other: Complex, sum: Complex) -> Complex {
+        let re = self.re.times_plus::<FUSED>(other.re, sum.re);
+        let im = self.re.times_plus::<FUSED>(other.im, sum.im);
+        Complex {
+            re: self.im.times_from::<FUSED>(other.im, re),
+            im: self.im.times_plus::<FUSED>(other.re, im),
+        }
     }
 
     /// Lane by lane the product with the conjugate of `other`.
     #[inline(always)]
-    pub(super) fn product_conjugate(self, other: Complex) -> Complex {
-        Complex { re: self.re * other.re + self.im * other.im, im: self.im * other.re - self.re * other.im }
+    pub(super) fn product_conjugate<const FUSED: bool>(self, other: Complex) -> Complex {
+        Complex {
+            re: self.im.times_plus::<FUSED>(other.im, self.re * other.re),
+            im: self.re.times_from::<FUSED>(other.im, self.im * other.re),
+        }
     }
 }
 
@@ -96,13 +146,6 @@ impl Add for Complex {
     #[inline(always)]
     fn add(self, other: Complex) -> Complex {
         Complex { re: self.re + other.re, im: self.im + other.im }
-    }
-}
-
-impl AddAssign for Complex {
-    #[inline(always)]
-    fn add_assign(&mut self, other: Complex) {
-        *self = *self + other;
     }
 }
 

@@ -26,7 +26,7 @@ struct Transform<'a> {
 
 impl Kernel for Transform<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Transform { taps, k, fx, fy, spectrum } = self;
         let (nx, ny) = (fx.length(), fy.length());
         // Once for storing this function doubled, once for storing the picture doubled.
@@ -65,7 +65,7 @@ pub(super) struct Correlate<'a> {
 
 impl Kernel for Correlate<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let Correlate { cells, x, residual, taps, work } = self;
         let k = cells.support_px;
         for (along_y, along_x, of) in cells.iter() {
@@ -85,7 +85,7 @@ impl Kernel for Correlate<'_> {
                     for b in 0..along_x.functions.len() {
                         let (shown, free) = cell.along(half, group, b, data, spare);
                         for (value, seen) in shown.iter_mut().zip(sum.iter()) {
-                            *value = seen.product_conjugate(*value);
+                            *value = seen.product_conjugate::<FUSED>(*value);
                         }
                         let (found, _) = cell.fx.run::<true>(shown, free);
                         let row = &mut corners[2 * a + b][group * pitch..][..pitch];

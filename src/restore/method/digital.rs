@@ -11,6 +11,8 @@
 //!   of the last shift; the mean over all shifts leaves none but costs many transforms. So the first steps turn, and
 //!   the last [`SETTLING_STEPS`] spin.
 
+use std::sync::{Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 use super::problem::Certificate;
@@ -19,6 +21,7 @@ use super::{
     IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch,
 };
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
+use crate::restore::calm::Calm;
 use crate::restore::data_term;
 use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::lens_model::LensModel;
@@ -73,7 +76,7 @@ impl Method for Digital {
     ) -> Result<Solution, MethodError> {
         let model = problem.needs_model("digital")?;
         let begun = (problem.stopwatch)();
-        let (picture, record) = self.solve_photo(problem, model);
+        let (picture, record) = self.solve_photo(problem, model, &self.calm(problem));
         if let Some(&last) = record.steps().last() {
             watch(&Step { seconds: (problem.stopwatch)() - begun, ..last }, &picture);
         }
@@ -89,32 +92,38 @@ impl Digital {
         &self,
         problem: &Problem<'_>,
         model: &LensModel,
+        calm: &Calm,
     ) -> (Frame<Work>, IterationRecord) {
         let start = Wiener { noise_to_signal: START_NOISE_TO_SIGNAL }.start(problem, model);
-        self.solve_for(problem, model, problem.photo, &start, problem.level_norms)
+        self.solve_for(problem, model, (problem.photo, calm), &start, problem.level_norms)
     }
 
-    /// All channels of `problem` with `data` in place of B, from `start`, by steps as `norms` allow; the record is
+    /// Where the photo of `problem` is calm.
+    pub(super) fn calm(&self, problem: &Problem<'_>) -> Calm {
+        let of =
+            |&c: &Channel| (problem.photo.plane(c), problem.trust.plane(c), problem.photo_noise[c.index()]);
+        Calm::of(&problem.channels.list().iter().map(of).collect::<Vec<_>>(), self.levels)
+    }
+
+    /// All channels of `problem` with `data` in place of B and no detail looked for where it is calm, from `start`, by steps as `norms` allow; the record is
     /// the green channel's.
     pub(super) fn solve_for(
         &self,
         problem: &Problem<'_>,
         model: &LensModel,
-        data: &Frame<Work>,
+        (data, calm): (&Frame<Work>, &Calm),
         start: &Frame<Work>,
         norms: &[LevelNorms; 3],
     ) -> (Frame<Work>, IterationRecord) {
         let begun = (problem.stopwatch)();
-        let mut prior = ColourPrior::new(self, problem, norms);
+        let mut prior = ColourPrior::new(self, problem, calm, norms);
         let mut solves: Vec<ChannelSolve> =
             problem.channels.list().iter().map(|&c| ChannelSolve::new(c, start)).collect();
         let mut record = IterationRecord::default();
         let settling = if self.cycle_spun { SETTLING_STEPS.min(self.steps / 2) } else { 0 };
         for iteration in 1..=self.steps {
             let turn = prior.shrinkage.shift(iteration as usize);
-            solves
-                .par_iter_mut()
-                .for_each(|solve| solve.descend(problem, model, data, norms, &prior.shrinkage, turn));
+            solves.par_iter_mut().for_each(|solve| solve.descend(problem, model, data, norms, &prior, turn));
             prior.apply(&mut solves, iteration as usize, iteration + settling > self.steps);
             solves.par_iter_mut().for_each(ChannelSolve::look_ahead);
             if let Some(green) = solves.iter().find(|solve| solve.channel == Channel::Green) {
@@ -142,7 +151,6 @@ struct ChannelSolve {
     momentum: Momentum,
     /// RMS of the residual before the step.
     residual: f32,
-    scratch: ShrinkageScratch,
 }
 
 impl ChannelSolve {
@@ -155,7 +163,6 @@ impl ChannelSolve {
             stepped: start.clone(),
             momentum: Momentum::new(start),
             residual: 0.0,
-            scratch: ShrinkageScratch::default(),
         }
     }
 
@@ -166,7 +173,7 @@ impl ChannelSolve {
         model: &LensModel,
         data: &Frame<Work>,
         norms: &[LevelNorms; 3],
-        shrinkage: &Shrinkage,
+        prior: &ColourPrior<'_>,
         shift: (usize, usize),
     ) {
         let (c, trust) = (self.channel, problem.trust.plane(self.channel));
@@ -177,7 +184,7 @@ impl ChannelSolve {
         }
         model.adjoint(c, &self.predicted, &mut self.stepped);
         let steps = norms[c.index()].steps();
-        shrinkage.scale_levels(&mut self.stepped, &steps, shift, &mut self.scratch);
+        prior.lend(|scratch| prior.shrinkage.scale_levels(&mut self.stepped, &steps, shift, scratch));
         let pairs = self.stepped.data_mut().iter_mut().zip(self.looked_at.data());
         pairs.for_each(|(s, y)| *s = y - *s);
     }
@@ -190,16 +197,20 @@ impl ChannelSolve {
 }
 
 /// The prior over all channels of a photo.
-struct ColourPrior {
+struct ColourPrior<'a> {
     shrinkage: Shrinkage,
     /// Per solved channel, or per opponent colour: the threshold of each level.
     thresholds: Vec<Vec<f32>>,
     together: bool,
+    calm: &'a Calm,
+    /// For spinning.
     scratch: ShrinkageScratch,
+    /// For single shifts; there come to be as many as threads ask at once.
+    free: Mutex<Vec<ShrinkageScratch>>,
 }
 
-impl ColourPrior {
-    fn new(digital: &Digital, problem: &Problem<'_>, norms: &[LevelNorms; 3]) -> Self {
+impl<'a> ColourPrior<'a> {
+    fn new(digital: &Digital, problem: &Problem<'_>, calm: &'a Calm, norms: &[LevelNorms; 3]) -> Self {
         let channels = problem.channels.list();
         let together = digital.colours == Colours::Together && channels.len() == Channel::ALL.len();
         let noise = |c: Channel| problem.photo_noise[c.index()];
@@ -218,7 +229,23 @@ impl ColourPrior {
             channels.iter().map(|&c| levels_of(noise(c), norms(c))).collect()
         };
         let shrinkage = super::shrinkage(problem.size(), digital.levels, digital.cycle_spun).clustered();
-        ColourPrior { shrinkage, thresholds, together, scratch: ShrinkageScratch::default() }
+        ColourPrior {
+            shrinkage,
+            thresholds,
+            together,
+            calm,
+            scratch: ShrinkageScratch::default(),
+            free: Mutex::default(),
+        }
+    }
+
+    /// Lends memory to `work`.
+    fn lend(&self, work: impl FnOnce(&mut ShrinkageScratch)) {
+        // Whatever is in it will do, so a poisoned list is as good as any.
+        let free = || self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut scratch = free().pop().unwrap_or_default();
+        work(&mut scratch);
+        free().push(scratch);
     }
 
     /// Draws the stepped pictures towards the prior, spun or at the shift of the step.
@@ -229,13 +256,21 @@ impl ColourPrior {
         if spun {
             // One plane after the other: spinning needs much memory, and keeps all cores busy by itself.
             for (solve, thresholds) in solves.iter_mut().zip(&self.thresholds) {
-                self.shrinkage.shrink_everywhere(&mut solve.stepped, thresholds, step, &mut self.scratch);
+                self.shrinkage.shrink_everywhere(
+                    &mut solve.stepped,
+                    thresholds,
+                    Some(self.calm),
+                    step,
+                    &mut self.scratch,
+                );
             }
         } else {
             let shift = self.shrinkage.shift(step);
             solves.par_iter_mut().zip(&self.thresholds).for_each(|(solve, thresholds)| {
-                let (plane, scratch) = (&mut solve.stepped, &mut solve.scratch);
-                self.shrinkage.shrink_levels(plane, thresholds, shift, scratch);
+                self.lend(|scratch| {
+                    let (plane, calm) = (&mut solve.stepped, Some(self.calm));
+                    self.shrinkage.shrink_levels(plane, thresholds, calm, shift, scratch);
+                });
             });
         }
         if self.together {

@@ -16,6 +16,7 @@ use super::digital::{Digital, model_residual};
 use super::problem::Certificate;
 use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
+use crate::restore::calm::Calm;
 use crate::restore::data_term::{self, MISSING, TRUSTED};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::restore::lens_model::LensModel;
@@ -61,13 +62,14 @@ impl Method for Hybrid {
         let model = problem.needs_model("hybrid")?;
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
-        let (mut picture, mut record) = self.digital.solve_photo(problem, model);
+        let calm = self.digital.calm(problem);
+        let (mut picture, mut record) = self.digital.solve_photo(problem, model, &calm);
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
-            certificate.optical_residual = Some(optical);
+            certificate.look(problem, &seen.light);
             let step = Step {
                 iteration: record.steps().len() as u32 + 1,
                 residual: optical,
@@ -82,14 +84,14 @@ impl Method for Hybrid {
                 break;
             }
             let mut known = new_defect(problem, model, &picture, &seen, &defect, self.defect_threshold);
-            let size = known.plane(Channel::Green).rms() as f32 / certificate.noise_floor;
+            let size = known.plane(Channel::Green).rms() as f32 / problem.noise_floor(Channel::Green);
             if size <= self.defect_floor {
                 break;
             }
             for &channel in problem.channels.list() {
                 known.plane_mut(channel).add_scaled(1.0, defect.plane(channel));
             }
-            let corrected = self.corrected(problem, model, &picture, &known, &mut record);
+            let corrected = self.corrected(problem, (model, &calm), &picture, &known, &mut record);
             certificate.corrections += 1;
             if last {
                 picture = corrected;
@@ -110,7 +112,7 @@ impl Hybrid {
     fn corrected(
         &self,
         problem: &Problem<'_>,
-        model: &LensModel,
+        (model, calm): (&LensModel, &Calm),
         picture: &Frame<Work>,
         defect: &Frame<Work>,
         record: &mut IterationRecord,
@@ -121,7 +123,7 @@ impl Hybrid {
         }
         let correction = Digital { steps: self.correction_steps, ..self.digital };
         let norms = self.careful_norms(problem, picture, defect);
-        let (corrected, steps) = correction.solve_for(problem, model, &data, picture, &norms);
+        let (corrected, steps) = correction.solve_for(problem, model, (&data, calm), picture, &norms);
         let before = record.steps().last().copied();
         for step in steps.steps() {
             let (captures, seconds) = before.map_or((0, 0.0), |b| (b.captures, b.seconds));
@@ -167,29 +169,30 @@ impl Hybrid {
 fn new_defect(
     problem: &Problem<'_>,
     model: &LensModel,
-    shown: &Frame<Work>,
+    candidate: &Frame<Work>,
     seen: &Seen,
     known: &Frame<Work>,
     deviations: f32,
 ) -> Frame<Work> {
     let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
-    let made = problem.channels.list().par_iter().map(|&c| {
-        let mut scratch = ShrinkageScratch::default();
+    let shown = problem.channels.list().par_iter().map(|&c| {
         let mut plane = Plane::zeros(problem.size());
-        model.forward(c, shown.plane(c), &mut plane);
+        model.forward(c, candidate.plane(c), &mut plane);
         let captured = seen.light.plane(c).data().iter().zip(seen.trusted.plane(c).data());
         let values = plane.data_mut().iter_mut().zip(known.plane(c).data());
         for ((p, d), (&y, &t)) in values.zip(captured) {
             *p = if t == TRUSTED { y - *p - d } else { 0.0 };
         }
         let noise = data_term::noise_of(&plane);
-        shrinkage.shrink_everywhere(&mut plane, &[deviations * noise], 0, &mut scratch);
-        problem.mask(c, &mut plane);
-        (c, plane)
+        (c, plane, noise)
     });
-    let made: Vec<(Channel, Plane)> = made.collect();
+    let made: Vec<(Channel, Plane, f32)> = shown.collect();
     let mut news = Frame::zeros(problem.size());
-    for (channel, plane) in made {
+    let mut scratch = ShrinkageScratch::default();
+    // One plane after the other: spinning needs much memory, and keeps all cores busy by itself.
+    for (channel, mut plane, noise) in made {
+        shrinkage.shrink_everywhere(&mut plane, &[deviations * noise], None, 0, &mut scratch);
+        problem.mask(channel, &mut plane);
         *news.plane_mut(channel) = plane;
     }
     news

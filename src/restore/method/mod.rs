@@ -27,6 +27,7 @@ pub mod total_variation;
 pub mod unmatched;
 pub mod wiener;
 
+mod brake;
 mod momentum;
 mod problem;
 mod record;
@@ -39,7 +40,7 @@ pub use strength::Strength;
 
 use super::forward_convolution::{ForwardConvolution, Seen};
 use super::wavelet_shrinkage::Shrinkage;
-use crate::frame::{Frame, Size, Work};
+use crate::frame::{Channel, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
 /// Called after each step with the step's record and the picture as it is now.
@@ -66,6 +67,11 @@ pub trait Method {
 fn shrinkage(size: Size, levels: usize, cycle_spun: bool) -> Shrinkage {
     let plain = Shrinkage::new(size, levels);
     if cycle_spun { plain.cycle_spun() } else { plain }
+}
+
+/// The momentum of each channel, from `start`.
+fn momenta(channels: &[Channel], start: &Frame<Work>) -> Vec<Momentum> {
+    channels.iter().map(|&c| Momentum::new(start.plane(c))).collect()
 }
 
 /// The optics when there are none: every capture fails.

@@ -5,6 +5,7 @@
 //! of noise in every capture it does harm, because the noise of the backward captures enters L unfiltered
 //! and that of BC(B) is added again in each iteration.
 
+use super::brake::Brake;
 use super::problem::Certificate;
 use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
 use crate::frame::{Frame, Work};
@@ -35,9 +36,20 @@ pub struct Paper {
     pub backward: Backward,
     /// Wavelet levels.
     pub levels: usize,
+    /// Whether τ is kept below 1/‖K‖², and a step that takes the light further from the photo taken back. The paper
+    /// has neither; with its own τ and patches neither comes into play.
+    pub bounded: bool,
 }
 
+/// Share of 1/‖K‖², the limit with the factor 2 of Eq. 7 kept, that τ may have.
+const STABLE_SHARE: f32 = 0.95;
+
 impl Paper {
+    /// τ, for a ‖K‖² of `norm_squared`.
+    fn tau_of(&self, norm_squared: f32) -> f32 {
+        if self.bounded { self.tau.min(STABLE_SHARE / norm_squared) } else { self.tau }
+    }
+
     fn backward(
         &self,
         problem: &Problem<'_>,
@@ -80,20 +92,23 @@ impl Method for Paper {
         let mut photo = problem.photo.clone();
         channels.list().iter().for_each(|&c| problem.mask(c, photo.plane_mut(c)));
 
-        let mut record = IterationRecord::default();
+        let (mut record, mut brake) = (IterationRecord::default(), Brake::new());
         let mut picture: Frame<Work> = problem.photo.clone();
         let backward_photo = self.backward(problem, optics, &photo)?;
         for iteration in 1..=self.iterations {
             let mut seen = optics.forward(&picture)?.light;
             let green = crate::frame::Channel::Green;
             let residual = problem.residual_rms(green, seen.plane(green));
-            channels.list().iter().for_each(|&c| problem.mask(c, seen.plane_mut(c)));
-            let backward = self.backward(problem, optics, &seen)?;
-            for &channel in channels.list() {
-                let plane = picture.plane_mut(channel);
-                plane.add_scaled(-2.0 * self.tau, backward.plane(channel));
-                plane.add_scaled(2.0 * self.tau, backward_photo.plane(channel));
-                shrinkage.shrink(plane, self.lambda * self.tau / 2.0, (0, 0), &mut scratch);
+            if !(self.bounded && brake.turned_up(residual, &mut picture)) {
+                channels.list().iter().for_each(|&c| problem.mask(c, seen.plane_mut(c)));
+                let backward = self.backward(problem, optics, &seen)?;
+                for &channel in channels.list() {
+                    let tau = brake.step() * self.tau_of(problem.norm_squared[channel.index()]);
+                    let plane = picture.plane_mut(channel);
+                    plane.add_scaled(-2.0 * tau, backward.plane(channel));
+                    plane.add_scaled(2.0 * tau, backward_photo.plane(channel));
+                    shrinkage.shrink(plane, self.lambda * tau / 2.0, (0, 0), &mut scratch);
+                }
             }
             let step = Step {
                 iteration,

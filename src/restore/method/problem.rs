@@ -56,6 +56,12 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// What noise alone leaves of FC(L) − B in one channel: √(photo² + capture²), grey levels.
+    pub fn noise_floor(&self, channel: Channel) -> f32 {
+        let least = |noise: [f32; 3]| noise[channel.index()].max(ROUNDING);
+        least(self.photo_noise).hypot(least(self.capture_noise))
+    }
+
     /// RMS over the photo of `predicted − B` in one channel, grey levels.
     pub fn residual_rms(&self, channel: Channel, predicted: &Plane) -> f32 {
         let mut difference = Plane::zeros(self.size());
@@ -76,15 +82,16 @@ pub struct Solution {
     pub certificate: Certificate,
 }
 
-/// Is the picture's photograph the photo? Residuals in grey levels, green channel.
+/// Is the picture's photograph the photo? Residuals in grey levels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Certificate {
-    /// RMS(FC(L) − B) of the returned picture, when it was photographed.
+    /// RMS(FC(L) − B) of the returned picture, when it was photographed; of the channel that is worst over its floor.
     pub optical_residual: Option<f32>,
-    /// RMS(K̂L − B) of the returned picture, when there is a lens model.
+    /// RMS(K̂L − B) of the returned picture, when there is a lens model; green channel.
     pub model_residual: Option<f32>,
-    /// What the optical residual would be from noise alone: √(photo² + capture²).
+    /// What the optical residual would be from noise alone, √(photo² + capture²), in that channel; green before any
+    /// was measured.
     pub noise_floor: f32,
     /// Corrections from captures that went into the picture.
     pub corrections: u32,
@@ -96,10 +103,18 @@ const ROUNDING: f32 = 0.289;
 impl Certificate {
     /// Nothing measured but what noise alone would leave.
     pub fn uncertified(problem: &Problem<'_>) -> Self {
-        let green = Channel::Green.index();
-        let least = |noise: f32| noise.max(ROUNDING);
-        let noise_floor = least(problem.photo_noise[green]).hypot(least(problem.capture_noise[green]));
-        Certificate { noise_floor, ..Certificate::default() }
+        Certificate { noise_floor: problem.noise_floor(Channel::Green), ..Certificate::default() }
+    }
+
+    /// Takes down what is `seen` of the picture.
+    pub fn look(&mut self, problem: &Problem<'_>, seen: &Frame<Work>) {
+        let worst = problem.channels.list().iter().map(|&c| {
+            let residual = problem.residual_rms(c, seen.plane(c));
+            (residual, problem.noise_floor(c))
+        });
+        if let Some((residual, floor)) = worst.max_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1))) {
+            (self.optical_residual, self.noise_floor) = (Some(residual), floor);
+        }
     }
 
     /// Optical residual over the noise floor; 1 is perfect.

@@ -4,10 +4,9 @@
 //! The gain grows as the residual shrinks, so the noise of the backward captures shrinks with it. Momentum
 //! with restart. 5·n captures, and one of the bare pedestal, which does not depend on the photo.
 
+use super::brake::Brake;
 use super::problem::Certificate;
-use super::{
-    IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch,
-};
+use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength, Watch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 use crate::restore::backward_convolution::{Sign, backward_convolution};
 use crate::restore::data_term;
@@ -57,14 +56,13 @@ impl Method for Residual {
         let grid = PatchGrid::new(size, problem.rect, self.patches);
         let shrinkage = super::shrinkage(size, self.levels, self.cycle_spun);
         let mut scratch = ShrinkageScratch::default();
-        let mut record = IterationRecord::default();
+        let (mut record, mut brake) = (IterationRecord::default(), Brake::new());
 
         let pedestal_seen = optics.pedestal(&pedestal(problem))?.light;
         let pedestal_captures = optics.captures() - captures_before;
         let mut picture = problem.photo.clone();
         let mut looked_at = problem.photo.clone();
-        let mut momenta: Vec<Momentum> =
-            channels.list().iter().map(|&c| Momentum::new(problem.photo.plane(c))).collect();
+        let mut momenta = super::momenta(channels.list(), problem.photo);
         for iteration in 1..=self.iterations {
             let seen = optics.forward(&looked_at)?.light;
             let mut signed: Frame<Work> = Frame::zeros(size);
@@ -76,17 +74,21 @@ impl Method for Residual {
             }
             let green = Channel::Green;
             let residual = data_term::rms_over_data(signed.plane(green), problem.trust.plane(green));
-            let sign = Sign::Pedestal { level: PEDESTAL_LEVEL, gain };
-            let gradient =
-                backward_convolution(optics, &signed, &grid, channels, sign, Some(&pedestal_seen))?;
-            for (&c, momentum) in channels.list().iter().zip(&mut momenta) {
-                let stepped = picture.plane_mut(c);
-                stepped.clone_from(looked_at.plane(c));
-                stepped.add_scaled(-1.0 / problem.norm_squared[c.index()], gradient.plane(c));
-                let threshold = self.strength.threshold(problem.photo_noise[c.index()]);
-                shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
-                stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
-                momentum.next(looked_at.plane_mut(c), stepped);
+            if brake.turned_up(residual, &mut looked_at) {
+                momenta = super::momenta(channels.list(), &looked_at);
+            } else {
+                let sign = Sign::Pedestal { level: PEDESTAL_LEVEL, gain };
+                let gradient =
+                    backward_convolution(optics, &signed, &grid, channels, sign, Some(&pedestal_seen))?;
+                for (&c, momentum) in channels.list().iter().zip(&mut momenta) {
+                    let stepped = picture.plane_mut(c);
+                    stepped.clone_from(looked_at.plane(c));
+                    stepped.add_scaled(-brake.step() / problem.norm_squared[c.index()], gradient.plane(c));
+                    let threshold = brake.step() * self.strength.threshold(problem.photo_noise[c.index()]);
+                    shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
+                    stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+                    momentum.next(looked_at.plane_mut(c), stepped);
+                }
             }
             let step = Step {
                 iteration,

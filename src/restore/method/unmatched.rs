@@ -4,10 +4,9 @@
 //! backward convolutions under noise. The adjoint need not match the optics exactly (Zeng & Gullberg 2000):
 //! the fixed point is where K̂ᵀ(KL − B) vanishes.
 
+use super::brake::Brake;
 use super::problem::Certificate;
-use super::{
-    IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch,
-};
+use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength, Watch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 use crate::restore::data_term;
 use crate::restore::forward_convolution::ForwardConvolution;
@@ -44,29 +43,29 @@ impl Method for Unmatched {
         let channels = problem.channels.list();
         let shrinkage = super::shrinkage(size, self.levels, self.cycle_spun);
         let mut scratch = ShrinkageScratch::default();
-        let mut record = IterationRecord::default();
+        let (mut record, mut brake) = (IterationRecord::default(), Brake::new());
         let mut picture: Frame<Work> = problem.photo.clone();
         let mut looked_at = problem.photo.clone();
-        let mut momenta: Vec<Momentum> =
-            channels.iter().map(|&c| Momentum::new(problem.photo.plane(c))).collect();
+        let mut momenta = super::momenta(channels, problem.photo);
         let (mut signed, mut gradient) = (Plane::zeros(size), Plane::zeros(size));
         for iteration in 1..=self.iterations {
             let seen = optics.forward(&looked_at)?.light;
-            let mut residual = 0.0;
-            for (&c, momentum) in channels.iter().zip(&mut momenta) {
-                let trust = problem.trust.plane(c);
-                data_term::residual(seen.plane(c), problem.photo.plane(c), trust, &mut signed);
-                if c == Channel::Green {
-                    residual = data_term::rms_over_data(&signed, trust);
+            let residual = problem.residual_rms(Channel::Green, seen.plane(Channel::Green));
+            if brake.turned_up(residual, &mut looked_at) {
+                momenta = super::momenta(channels, &looked_at);
+            } else {
+                for (&c, momentum) in channels.iter().zip(&mut momenta) {
+                    let trust = problem.trust.plane(c);
+                    data_term::residual(seen.plane(c), problem.photo.plane(c), trust, &mut signed);
+                    model.adjoint(c, &signed, &mut gradient);
+                    let stepped = picture.plane_mut(c);
+                    stepped.clone_from(looked_at.plane(c));
+                    stepped.add_scaled(-brake.step() / problem.norm_squared[c.index()], &gradient);
+                    let threshold = brake.step() * self.strength.threshold(problem.photo_noise[c.index()]);
+                    shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
+                    stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+                    momentum.next(looked_at.plane_mut(c), stepped);
                 }
-                model.adjoint(c, &signed, &mut gradient);
-                let stepped = picture.plane_mut(c);
-                stepped.clone_from(looked_at.plane(c));
-                stepped.add_scaled(-1.0 / problem.norm_squared[c.index()], &gradient);
-                let threshold = self.strength.threshold(problem.photo_noise[c.index()]);
-                shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
-                stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
-                momentum.next(looked_at.plane_mut(c), stepped);
             }
             let step = Step {
                 iteration,

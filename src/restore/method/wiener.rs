@@ -79,41 +79,69 @@ fn filter_tiles(functions: &LensFunctions, channel: Channel, problem: &Problem<'
     );
     // Twice the tile for the cosine, and the blur's reach on both sides so that nothing wraps around.
     let reach = functions.support_px / 2;
-    let transform = Transform2::new(Size::new(2 * tile.width + 2 * reach, 2 * tile.height + 2 * reach));
-    let mut picture: Plane = Plane::zeros(size);
-    // A ring of tiles around the photo's completes the cosines to one everywhere.
-    for row in -1..=functions.rows as isize {
+    let length = |tile: usize| smooth_length(2 * tile + 2 * reach);
+    let transform = Transform2::new(Size::new(length(tile.width), length(tile.height)));
+    let along = |tile: usize| (0..2 * tile).map(|at| cosine(at, tile)).collect::<Vec<f32>>();
+    let (along_x, along_y) = (along(tile.width), along(tile.height));
+    let corner = |place: isize, first: usize, tile: usize| {
+        first as isize + place * tile as isize - (tile / 2) as isize
+    };
+    let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
+    // One row of tiles, which overlaps the next by half.
+    let filtered_row = |row: isize| {
+        let mut strip = Plane::zeros(Size::new(size.width, 2 * tile.height));
+        let y0 = corner(row, rect.y, tile.height);
         for column in -1..=functions.columns as isize {
-            let nearest_row = row.clamp(0, functions.rows as isize - 1) as usize;
-            let nearest_column = column.clamp(0, functions.columns as isize - 1) as usize;
-            let (x0, y0) = (
-                rect.x as isize + column * tile.width as isize - (tile.width / 2) as isize,
-                rect.y as isize + row * tile.height as isize - (tile.height / 2) as isize,
-            );
-            let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
+            let x0 = corner(column, rect.x, tile.width);
             let cut = Plane::from_fn(transform.size, |x, y| {
                 let (x, y) = (x0 + x as isize - reach as isize, y0 + y as isize - reach as isize);
                 photo.at(clamped(x, size.width), clamped(y, size.height))
             });
-            let taps = functions.function(channel, nearest_row, nearest_column);
+            let taps =
+                functions.function(channel, clamped(row, functions.rows), clamped(column, functions.columns));
             let filtered = transform.filtered(&cut, taps, functions.support_px, ratio);
-            for y in 0..2 * tile.height {
-                for x in 0..2 * tile.width {
-                    let (to_x, to_y) = (x0 + x as isize, y0 + y as isize);
-                    let inside =
-                        (0..size.width as isize).contains(&to_x) && (0..size.height as isize).contains(&to_y);
-                    if inside {
-                        let weight = cosine(x, tile.width) * cosine(y, tile.height);
-                        let value = weight * filtered.at(x + reach, y + reach);
-                        let (to_x, to_y) = (to_x as usize, to_y as usize);
-                        picture.set(to_x, to_y, picture.at(to_x, to_y) + value);
+            let inside = 0..size.width as isize;
+            for (y, weight) in along_y.iter().enumerate() {
+                let (from, to) = (&filtered.row(y + reach)[reach..], strip.row_mut(y));
+                for (x, value) in from[..2 * tile.width].iter().enumerate() {
+                    let to_x = x0 + x as isize;
+                    if inside.contains(&to_x) {
+                        to[to_x as usize] += weight * along_x[x] * value;
                     }
                 }
+            }
+        }
+        (y0, strip)
+    };
+    // A ring of tiles around the photo's completes the cosines to one everywhere.
+    let rows: Vec<isize> = (-1..=functions.rows as isize).collect();
+    let strips: Vec<(isize, Plane)> = rows.into_par_iter().map(filtered_row).collect();
+    let mut picture: Plane = Plane::zeros(size);
+    for (y0, strip) in &strips {
+        for y in 0..strip.height() {
+            let to_y = y0 + y as isize;
+            if (0..size.height as isize).contains(&to_y) {
+                let pairs = picture.row_mut(to_y as usize).iter_mut().zip(strip.row(y));
+                pairs.for_each(|(sum, value)| *sum += value);
             }
         }
     }
     picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
     picture
+}
+
+/// The next product of 2, 3 and 5: other lengths transform several times slower.
+fn smooth_length(least: usize) -> usize {
+    let smooth = |n: usize| {
+        let without = |mut n: usize, factor: usize| {
+            while n.is_multiple_of(factor) {
+                n /= factor;
+            }
+            n
+        };
+        [2, 3, 5].into_iter().fold(n, without) == 1
+    };
+    (least.max(1)..).find(|&n| smooth(n)).unwrap_or(least)
 }
 
 /// Raised cosine over two tiles; neighbours a tile apart add up to one.

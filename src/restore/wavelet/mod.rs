@@ -254,8 +254,12 @@ impl Sym8 {
                 shift.1,
                 &mut scratch.high,
             );
-            approximation.resize(to.area(), 0.0);
-            let output = if level == 0 { out.data_mut() } else { &mut approximation[..] };
+            let output = if level == 0 {
+                out.data_mut()
+            } else {
+                approximation.resize(to.area(), 0.0);
+                &mut approximation[..]
+            };
             self.rows_together(from.width, to, shift.0, scratch, output);
         }
         scratch.approximation = approximation;

@@ -2,7 +2,7 @@
 //!
 //! Analysis and synthesis, along rows and along columns, all come down to it.
 
-use crate::frame::instructions::{Kernel, run_fastest};
+use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 
 /// `out[c][i]` = Σⱼ `taps[c][j]` · `rows[j][i]` for c = 0, 1. Rows must be at least as long as the outputs, which have
 /// one length.
@@ -22,7 +22,7 @@ const LANES: usize = 16;
 
 impl Kernel for TwoSums<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<const FUSED: bool>(self) {
         let TwoSums { rows, taps, first, second } = self;
         let length = first.len();
         let second = &mut second[..length];
@@ -33,8 +33,8 @@ impl Kernel for TwoSums<'_> {
             for j in 0..16 {
                 let row = &rows[j][start..start + LANES];
                 for lane in 0..LANES {
-                    sums[0][lane] += taps[0][j] * row[lane];
-                    sums[1][lane] += taps[1][j] * row[lane];
+                    sums[0][lane] = multiply_add::<FUSED>(taps[0][j], row[lane], sums[0][lane]);
+                    sums[1][lane] = multiply_add::<FUSED>(taps[1][j], row[lane], sums[1][lane]);
                 }
             }
             first[start..start + LANES].copy_from_slice(&sums[0]);
@@ -43,8 +43,8 @@ impl Kernel for TwoSums<'_> {
         for i in whole..length {
             let mut sums = [0.0f32; 2];
             for j in 0..16 {
-                sums[0] += taps[0][j] * rows[j][i];
-                sums[1] += taps[1][j] * rows[j][i];
+                sums[0] = multiply_add::<FUSED>(taps[0][j], rows[j][i], sums[0]);
+                sums[1] = multiply_add::<FUSED>(taps[1][j], rows[j][i], sums[1]);
             }
             (first[i], second[i]) = (sums[0], sums[1]);
         }

@@ -9,6 +9,7 @@
 mod clusters;
 mod spinning;
 
+use super::calm::Calm;
 use super::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Plane, Size};
 use spinning::{Drawing, Spinning, SpinningScratch};
@@ -95,15 +96,16 @@ impl Shrinkage {
         shift: (usize, usize),
         scratch: &mut ShrinkageScratch,
     ) {
-        self.shrink_levels(plane, &[threshold], shift, scratch);
+        self.shrink_levels(plane, &[threshold], None, shift, scratch);
     }
 
     /// [`Shrinkage::shrink`] with a threshold for each level, finest first; the last one holds for all coarser
-    /// levels.
+    /// levels. Where details are judged in clusters, thresholds grow by `calm`.
     pub fn shrink_levels(
         &self,
         plane: &mut Plane,
         thresholds: &[f32],
+        calm: Option<&Calm>,
         shift: (usize, usize),
         scratch: &mut ShrinkageScratch,
     ) {
@@ -115,7 +117,8 @@ impl Shrinkage {
         for (level, details) in coefficients.details.iter_mut().enumerate() {
             let threshold = thresholds[level.min(thresholds.len() - 1)].max(0.0);
             for band in details.bands_mut() {
-                draw(band, threshold, self.clustered, &mut scratch.rows);
+                let factors = calm.and_then(|calm| calm.factors(level));
+                draw(band, threshold, self.clustered, factors, &mut scratch.rows);
             }
         }
         self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
@@ -148,25 +151,26 @@ impl Shrinkage {
     }
 
     /// Replaces `plane` by the mean of its shrunk versions over all shifts of the finest levels and, of the coarser
-    /// ones, those whose turn it is at step `step_index` ([`spinning`]). `thresholds` as in [`Shrinkage::shrink_levels`].
+    /// ones, those whose turn it is at step `step_index` ([`spinning`]). `thresholds` and `calm` as in [`Shrinkage::shrink_levels`].
     pub fn shrink_everywhere(
         &self,
         plane: &mut Plane,
         thresholds: &[f32],
+        calm: Option<&Calm>,
         step_index: usize,
         scratch: &mut ShrinkageScratch,
     ) {
         if thresholds.iter().any(|&threshold| threshold > 0.0) {
-            let drawing = Drawing { thresholds, clustered: self.clustered, turn: step_index };
+            let drawing = Drawing { thresholds, clustered: self.clustered, calm, turn: step_index };
             self.spinning.shrink(plane, drawing, &mut scratch.spinning);
         }
     }
 }
 
 /// Draws the details of `band` towards zero by `threshold`, one by one or in clusters.
-fn draw(band: &mut Plane, threshold: f32, clustered: bool, rows: &mut Vec<f32>) {
+fn draw(band: &mut Plane, threshold: f32, clustered: bool, factors: Option<&Plane>, rows: &mut Vec<f32>) {
     if clustered {
-        clusters::draw(band, threshold, rows);
+        clusters::draw(band, threshold, factors, rows);
     } else {
         band.data_mut().iter_mut().for_each(|value| *value -= value.clamp(-threshold, threshold));
     }

@@ -11,10 +11,14 @@ use rayon::prelude::*;
 
 use super::draw;
 use crate::frame::{Plane, Size};
+use crate::restore::calm::Calm;
 use crate::restore::wavelet::{Coefficients, Scratch, Sym8};
 
 /// Levels spun over all their shifts. Coarser ones turn with the step.
 pub(super) const EVERYWHERE: usize = 2;
+
+/// Pixels averaged at a time, one stretch a task.
+const STRETCH: usize = 1 << 15;
 
 /// The four shifts of one level; any two neighbours make a quincunx or complete it.
 const SHIFTS: [(usize, usize); 4] = [(0, 0), (1, 1), (1, 0), (0, 1)];
@@ -53,6 +57,7 @@ pub(super) struct Drawing<'a> {
     /// Threshold of each level, finest first; the last one holds for all coarser ones.
     pub(super) thresholds: &'a [f32],
     pub(super) clustered: bool,
+    pub(super) calm: Option<&'a Calm>,
     /// Which shift of the levels that are not spun everywhere.
     pub(super) turn: usize,
 }
@@ -87,10 +92,13 @@ impl Spinning {
             std::mem::swap(&mut levels[0].sum, shrunk);
             free.lock().unwrap_or_else(PoisonError::into_inner).push(levels);
         });
-        plane.data_mut().fill(0.0);
-        for shrunk in &*shrunk {
-            plane.add_scaled(0.25, shrunk);
-        }
+        let [a, b, c, d] = &shrunk[..] else { return };
+        let stretches = plane.data_mut().par_chunks_mut(STRETCH).enumerate();
+        stretches.for_each(|(n, mean)| {
+            let [a, b, c, d] = [a, b, c, d].map(|shrunk| &shrunk.data()[n * STRETCH..][..mean.len()]);
+            let four = (a.iter().zip(b)).zip(c.iter().zip(d));
+            mean.iter_mut().zip(four).for_each(|(m, ((a, b), (c, d)))| *m = 0.25 * ((a + b) + (c + d)));
+        });
     }
 
     /// `scratch[0].sum` = the sum of `plane`, of level `level`, shrunk at each of `shifts`.
@@ -108,7 +116,13 @@ impl Spinning {
             transform.analyse_shifted(plane, shift, &mut here.coefficients, &mut here.transform);
             let threshold = drawing.thresholds[level.min(drawing.thresholds.len() - 1)].max(0.0);
             for band in here.coefficients.details[0].bands_mut() {
-                draw(band, threshold, drawing.clustered, &mut here.rows);
+                draw(
+                    band,
+                    threshold,
+                    drawing.clustered,
+                    drawing.calm.and_then(|c| c.factors(level)),
+                    &mut here.rows,
+                );
             }
             if deeper_exists {
                 let approximation = &mut here.coefficients.approximation;

@@ -48,17 +48,17 @@ fn spinning_everywhere_is_the_mean_over_all_shifts() {
         let shrinkage = if clustered { plain.clustered() } else { plain };
         let mut scratch = ShrinkageScratch::default();
         let mut spun = x.clone();
-        shrinkage.shrink_everywhere(&mut spun, &[3.0, 2.0], 5, &mut scratch);
+        shrinkage.shrink_everywhere(&mut spun, &[3.0, 2.0], None, 5, &mut scratch);
         let mut mean = Plane::zeros(x.size());
         for shift in 0..16 {
             let mut one = x.clone();
-            shrinkage.shrink_levels(&mut one, &[3.0, 2.0], (shift % 4, shift / 4), &mut scratch);
+            shrinkage.shrink_levels(&mut one, &[3.0, 2.0], None, (shift % 4, shift / 4), &mut scratch);
             mean.add_scaled(1.0 / 16.0, &one);
         }
         assert!(largest_difference(&spun, &mean) < 1e-3);
         // And so it does not see where the picture lies.
         let mut moved = turned(&x, (1, 2));
-        shrinkage.shrink_everywhere(&mut moved, &[3.0, 2.0], 5, &mut scratch);
+        shrinkage.shrink_everywhere(&mut moved, &[3.0, 2.0], None, 5, &mut scratch);
         assert!(largest_difference(&turned(&spun, (1, 2)), &moved) < 1e-3);
     }
 }
@@ -68,8 +68,8 @@ fn coarser_levels_turn_with_the_step() {
     let x = golden("sym8_x.npy");
     let (shrinkage, mut scratch) = (Shrinkage::new(x.size(), 4), ShrinkageScratch::default());
     let mut spun = [x.clone(), x];
-    shrinkage.shrink_everywhere(&mut spun[0], &[2.0], 0, &mut scratch);
-    shrinkage.shrink_everywhere(&mut spun[1], &[2.0], 1, &mut scratch);
+    shrinkage.shrink_everywhere(&mut spun[0], &[2.0], None, 0, &mut scratch);
+    shrinkage.shrink_everywhere(&mut spun[1], &[2.0], None, 1, &mut scratch);
     let apart = largest_difference(&spun[0], &spun[1]);
     assert!(apart > 0.01 && apart < 4.0, "{apart}");
 }
@@ -79,7 +79,7 @@ fn scratch_of_another_size_does_no_harm() {
     let x = golden("sym8_x.npy");
     let mut scratch = ShrinkageScratch::default();
     let mut small = Plane::filled(Size::new(7, 5), 3.0);
-    Shrinkage::new(small.size(), 4).shrink_everywhere(&mut small, &[1.0], 0, &mut scratch);
+    Shrinkage::new(small.size(), 4).shrink_everywhere(&mut small, &[1.0], None, 0, &mut scratch);
     assert!(small.data().iter().all(|&v| (v - 3.0).abs() < 1e-4));
     let (mut a, mut b) = (x.clone(), x);
     let shrinkage = Shrinkage::new(a.size(), 3);
@@ -114,7 +114,7 @@ fn a_lone_coefficient_goes_and_a_cluster_of_the_same_size_stays() {
 fn clusters_are_their_definition() {
     let band = golden("sym8_x.npy").map(|v: f32| v - 120.0);
     let mut found = band.clone();
-    clusters::draw(&mut found, 20.0, &mut Vec::new());
+    clusters::draw(&mut found, 20.0, None, &mut Vec::new());
     let (width, height) = (band.width() as isize, band.height() as isize);
     for y in 0..height {
         for x in 0..width {

@@ -12,6 +12,7 @@ use super::faults::{self, Fault};
 use super::optics::{Light, Optics};
 use super::panel::{self, Projection, approach};
 use super::sensor::Sensor;
+use super::wear::Wear;
 use crate::config::{Camera, Display, Faults, Panel};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
 use crate::rig::{Exposed, Flip, Moment, RigError};
@@ -39,6 +40,11 @@ pub(super) struct Bench {
     pub(super) camera: Camera,
     pub(super) display: Display,
     pub(super) seed: u64,
+    wear: Wear,
+    /// When the wear began.
+    worn_s: f64,
+    dead_pixels: Vec<usize>,
+    dust: Option<Plane>,
     now_s: f64,
     before: Picture,
     now: Picture,
@@ -80,6 +86,10 @@ impl Bench {
             camera,
             display,
             seed,
+            wear: Wear::default(),
+            worn_s: 0.0,
+            dead_pixels: Vec::new(),
+            dust: None,
             now_s: 0.0,
             before: black.clone(),
             now: black,
@@ -103,6 +113,21 @@ impl Bench {
     /// Everything computed for the panel's old place is void.
     pub(super) fn set_projection(&mut self, projection: Projection) {
         self.projection = projection;
+        self.forget_light();
+    }
+
+    /// From now on the panel is worn like this.
+    pub(super) fn set_wear(&mut self, wear: Wear) {
+        (self.wear, self.worn_s) = (wear, self.now_s);
+        self.dead_pixels = wear.dead_pixels(self.panel.size(), self.seed);
+        self.dust = wear.dust(self.optics.sensor, self.seed);
+        let mut display = self.display.clone();
+        display.gamma.iter_mut().for_each(|gamma| *gamma *= wear.gamma_factor);
+        self.response = [0, 1, 2].map(|channel| panel::response(&display, channel));
+        self.forget_light();
+    }
+
+    fn forget_light(&mut self) {
         self.flat = [None, None, None];
         self.before.light = None;
         self.now.light = None;
@@ -209,7 +234,22 @@ impl Bench {
         } else {
             Arc::new(self.mixed_light(share))
         };
+        let light = if self.wear.is_unsteady() { Arc::new(self.unsteady(&light, number)) } else { light };
         self.sensor.expose(&light, self.optics.dark_corner(Light::Panel), self.seed, number)
+    }
+
+    /// `light` as the panel gives it in exposure `number`.
+    fn unsteady(&self, light: &[Plane; 3], number: u64) -> [Plane; 3] {
+        let since_s = self.now_s - self.worn_s;
+        light.each_ref().map(|plane| {
+            let mut plane = plane.clone();
+            let rows = plane.height();
+            for y in 0..rows {
+                let share = self.wear.row_share(y, rows, since_s, self.seed, number);
+                plane.row_mut(y).iter_mut().for_each(|v| *v *= share);
+            }
+            plane
+        })
     }
 
     fn mixed_light(&mut self, share: f64) -> [Plane; 3] {
@@ -272,12 +312,22 @@ impl Bench {
 
     fn through(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
         let optics = &self.optics;
-        let on_grid = self.projection.light(codes, &self.response[channel.index()]);
+        let response = &self.response[channel.index()];
+        let on_grid = if self.dead_pixels.is_empty() {
+            self.projection.light(codes, response)
+        } else {
+            let mut codes = codes.clone();
+            self.dead_pixels.iter().for_each(|&n| codes.data_mut()[n] = 0);
+            self.projection.light(&codes, response)
+        };
         let blurred = optics.through_lens(Light::Panel, channel, &on_grid);
         let mut seen = blurred.crop(Rect { x: optics.pad, y: optics.pad, size: optics.sensor });
         let falloff = &optics.dark_corner(Light::Panel)[channel.index()];
         for (value, share) in seen.data_mut().iter_mut().zip(falloff.data()) {
             *value *= share;
+        }
+        if let Some(dust) = &self.dust {
+            seen.data_mut().iter_mut().zip(dust.data()).for_each(|(value, passed)| *value *= passed);
         }
         seen
     }

@@ -18,9 +18,11 @@ mod pose;
 mod prescription;
 mod sensor;
 mod trace;
+mod wear;
 mod witness;
 
 pub use optics::Light;
+pub use wear::Wear;
 pub use witness::Witness;
 
 use std::sync::Arc;

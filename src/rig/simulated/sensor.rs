@@ -21,6 +21,7 @@ pub(super) enum Stream {
     Capture = 1,
     Photograph = 2,
     Fault = 3,
+    Wear = 4,
 }
 
 /// The generator of one stream: the same seed and numbers give the same values on any number of threads.

@@ -9,6 +9,7 @@ use super::optics::{Light, Optics};
 use super::panel::Projection;
 use super::photograph::{surrounded, take};
 use super::pose::Map;
+use super::wear::Wear;
 use crate::config::{Curve, Faults, Pose, Surround};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
@@ -139,6 +140,11 @@ impl Witness {
     /// From now on white fills this share of the sensor's range: a longer or shorter exposure.
     pub fn set_white_share(&self, share: f64) {
         self.shared.bench().sensor.config.white_share = share;
+    }
+
+    /// From now on the panel is worn like this; [`Wear::default`] makes it new again.
+    pub fn set_wear(&self, wear: Wear) {
+        self.shared.bench().set_wear(wear);
     }
 
     /// Pulls the camera's plug for `faults.unplugged-ms`.

@@ -5,8 +5,10 @@ RIG=/rigs/virtual.toml; export RELENS_RIG=$RIG
 PORT=/dev/$(for port in /sys/class/virtio-ports/*; do [ "$(cat "$port/name")" = light ] && basename "$port"; done)
 
 open_window() {
+  # An earlier scenario's is as good.
+  WINDOW=$(cat /tmp/window.pid 2>/dev/null) && kill -0 "$WINDOW" 2>/dev/null && return
   window /rigs/truth.toml /dev/dri/card0 /dev/video0 "$LINES_BASE" "$PORT" > /tmp/window.log 2>&1 &
-  WINDOW=$!
+  WINDOW=$!; echo $WINDOW > /tmp/window.pid
   for _ in $(seq 300); do grep -q "window is open" /tmp/window.log && return; sleep 0.2; done
   cat /tmp/window.log; fail "no light"
 }
@@ -23,6 +25,11 @@ within() { # SECONDS WHAT-FAILED COMMAND...
 appears() { within "$2" "$1 did not come" test -s "$1"; echo "$(date +%T) $1 is there"; }
 is_lit() { [ "$(lamp "$1")" = 1 ]; }
 lit() { within "$2" "lamp $1 stays dark" is_lit "$1"; }
+# The box with a calibration, measured here unless an earlier scenario has.
+calibrated() {
+  BOX=/tmp/box; mkdir -p $BOX/inbox
+  [ -d $BOX/calibration ] || relens calibrate --rig $RIG --folder $BOX 2>&1 || fail "calibrate"
+}
 exposures() { grep -c ' exposure of ' /tmp/window.log; }
 more_than() { [ "$(exposures)" -gt "$1" ]; }
 exposed() { within "$2" "no $1 more exposures" more_than $(($(exposures) + $1)); } # COUNT SECONDS

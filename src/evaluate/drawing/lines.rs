@@ -1,0 +1,159 @@
+//! Curves over a common axis, drawn with axes, ticks and a legend.
+
+use super::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
+
+/// Left, right, top and bottom of the field that is drawn into.
+const FIELD: [f64; 4] = [78.0, 640.0, 48.0, 400.0];
+const WIDTH: f64 = 910.0;
+const HEIGHT: f64 = 460.0;
+
+/// How a number becomes a place on the axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// Proportional.
+    Linear,
+    /// Logarithmic above the number given, proportional below it, so that 0 has a place.
+    LogAbove(f64),
+}
+
+impl Scale {
+    fn place(self, value: f64) -> f64 {
+        match self {
+            Scale::Linear => value,
+            Scale::LogAbove(knee) if value <= knee => value / knee,
+            Scale::LogAbove(knee) => 1.0 + (value / knee).ln(),
+        }
+    }
+}
+
+/// One curve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// Its name in the legend.
+    pub name: String,
+    /// Its colour.
+    pub colour: Colour,
+    /// In dashes.
+    pub dashed: bool,
+    /// Its points.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// Curves over a common axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LineChart {
+    /// Above the drawing.
+    pub title: String,
+    /// What x is.
+    pub x_label: String,
+    /// What y is.
+    pub y_label: String,
+    /// How x is laid out.
+    pub x_scale: Scale,
+    /// Numbers marked on the x axis.
+    pub x_ticks: Vec<f64>,
+    /// The least y shown; what lies below is drawn at the edge. The least of all points when not given.
+    pub y_least: Option<f64>,
+    /// A level below which harm is done, and its name.
+    pub floor: Option<(f64, String)>,
+    /// The curves, in the order of the legend.
+    pub series: Vec<Series>,
+}
+
+impl LineChart {
+    /// The chart drawn.
+    pub fn draw(&self) -> Drawing {
+        let mut sheet = Drawing::new(WIDTH, HEIGHT);
+        let [left, right, top, bottom] = FIELD;
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let ends = |of: &mut dyn Iterator<Item = f64>| {
+            of.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+        };
+        let (x0, x1) = ends(&mut points().map(|p| self.x_scale.place(p[0])));
+        let floor = self.floor.iter().map(|(level, _)| *level);
+        let (low, high) = ends(&mut points().map(|p| p[1]).chain(floor));
+        let low = self.y_least.unwrap_or(low);
+        let room = 0.06 * (high - low).max(1e-6);
+        let (y0, y1) = (low - room, high + room);
+        let x = |v: f64| left + (self.x_scale.place(v) - x0) / (x1 - x0).max(1e-9) * (right - left);
+        let y = |v: f64| bottom - ((v - y0) / (y1 - y0)).clamp(0.0, 1.0) * (bottom - top);
+
+        sheet.words(&self.title, [left, 26.0], Anchor::Start, 16.0);
+        for &tick in &self.x_ticks {
+            sheet.line([[x(tick), top], [x(tick), bottom]], Stroke::new(FAINT, 1.0));
+            sheet.words(format!("{tick}"), [x(tick), bottom + 18.0], Anchor::Middle, 12.0);
+        }
+        let steps = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
+        let step = steps.into_iter().find(|step| (y1 - y0) / step < 9.0).unwrap_or(10.0);
+        let decimals = if step < 0.01 {
+            3
+        } else if step < 1.0 {
+            2
+        } else {
+            0
+        };
+        let mut tick = (y0 / step).ceil() * step;
+        while tick <= y1 {
+            sheet.line([[left, y(tick)], [right, y(tick)]], Stroke::new(FAINT, 1.0));
+            sheet.words(format!("{tick:.decimals$}"), [left - 8.0, y(tick) + 4.0], Anchor::End, 12.0);
+            tick += step;
+        }
+        if let Some((level, name)) = &self.floor {
+            sheet.line([[left, y(*level)], [right, y(*level)]], Stroke::new(HARM, 1.2).dashed());
+            sheet.words(name, [right - 6.0, y(*level) - 5.0], Anchor::End, 12.0);
+        }
+        sheet.line([[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
+        sheet.words(&self.x_label, [(left + right) / 2.0, bottom + 42.0], Anchor::Middle, 14.0);
+        sheet.marks.push(super::Mark::Upwards(self.y_label.clone(), [22.0, (top + bottom) / 2.0], 14.0));
+        for (n, series) in self.series.iter().enumerate() {
+            let stroke = Stroke::new(series.colour, 2.0);
+            let stroke = if series.dashed { stroke.dashed() } else { stroke };
+            let line: Vec<[f64; 2]> = series.points.iter().map(|p| [x(p[0]), y(p[1])]).collect();
+            for &place in &line {
+                sheet.marks.push(super::Mark::Disc(place, 2.6, series.colour, String::new()));
+            }
+            sheet.line(line, stroke);
+            let at = top + 12.0 + 21.0 * n as f64;
+            sheet.line([[right + 16.0, at - 4.0], [right + 40.0, at - 4.0]], stroke);
+            sheet.words(&series.name, [right + 46.0, at], Anchor::Start, 12.0);
+        }
+        sheet
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Mark;
+    use super::*;
+
+    #[test]
+    fn curves_lie_in_the_field_and_higher_values_lie_higher() {
+        let series = Series {
+            name: "a".to_owned(),
+            colour: INK,
+            dashed: false,
+            points: vec![[0.0, 0.2], [1.0, 0.9], [45.0, -4.0]],
+        };
+        let chart = LineChart {
+            title: String::new(),
+            x_label: String::new(),
+            y_label: String::new(),
+            x_scale: Scale::LogAbove(1.0),
+            x_ticks: vec![0.0, 1.0, 45.0],
+            y_least: Some(0.0),
+            floor: None,
+            series: vec![series],
+        };
+        let discs: Vec<[f64; 2]> = chart
+            .draw()
+            .marks
+            .iter()
+            .filter_map(|m| match m {
+                Mark::Disc(at, ..) => Some(*at),
+                _ => None,
+            })
+            .collect();
+        assert_eq!((discs[0][0], discs[2]), (FIELD[0], [FIELD[1], FIELD[3]]));
+        assert!(discs[1][1] < discs[0][1] && discs[0][0] < discs[1][0]);
+    }
+}

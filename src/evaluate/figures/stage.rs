@@ -1,0 +1,265 @@
+//! What the figures are measured on: a calibrated simulated rig with its true lens beside it.
+
+use super::super::scenes::Scene;
+use super::super::stand::{Stand, StandError, Stopwatch};
+use crate::config::{self, Kind, Lens};
+use crate::frame::{Channel, Channels, Frame, Plane, Rect, Work};
+use crate::restoration::paper;
+use crate::restore::data_term;
+use crate::restore::forward_convolution::ForwardConvolution;
+use crate::restore::lens_model::{LensFunctions, LensModel};
+use crate::restore::method::paper::{Backward, Paper};
+use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
+use crate::restore::patches::PatchShape;
+use crate::restore::quality::{psnr, ssim};
+use crate::rig::simulated::{Light, Witness};
+
+/// Width that sizes in the paper refer to.
+const PAPER_WIDTH_PX: usize = 1024;
+/// Functions of the true lens, at most, along the longer and the shorter side: 192 are within 0.4 to 0.7 grey levels of
+/// the light (study), and an operator of 768 takes many times as long.
+const TRUE_FUNCTIONS: (usize, usize) = (16, 12);
+
+/// A rig and its true lens.
+pub(super) struct Stage {
+    pub(super) stand: Stand,
+    pub(super) truth: LensModel,
+}
+
+/// A scene and the photo taken of it, green, photo-sized.
+pub(super) struct Taken {
+    pub(super) truth: Plane,
+    pub(super) photo: Frame<Work>,
+}
+
+impl Taken {
+    /// The photo as it is shown.
+    pub(super) fn blurred(&self) -> Plane {
+        shown(self.photo.plane(Channel::Green))
+    }
+
+    /// SSIM and PSNR (dB) of the untouched photo.
+    pub(super) fn floor(&self) -> (f64, f64) {
+        (ssim(&self.blurred(), &self.truth), psnr(&self.blurred(), &self.truth))
+    }
+}
+
+/// How a picture came about: SSIM and PSNR (dB) after every step, and the pictures asked for.
+pub(super) struct Course {
+    pub(super) ssim: Vec<f64>,
+    pub(super) psnr_db: Vec<f64>,
+    pub(super) pictures: Vec<(u32, Plane)>,
+    pub(super) last: Plane,
+    pub(super) captures: usize,
+    pub(super) certificate: Option<f32>,
+}
+
+impl Course {
+    /// SSIM after `iteration`; of the last one when there were fewer.
+    pub(super) fn ssim_at(&self, iteration: usize) -> f64 {
+        self.ssim.get(iteration - 1).or(self.ssim.last()).copied().unwrap_or(0.0)
+    }
+
+    /// PSNR (dB) after `iteration`; of the last one when there were fewer.
+    pub(super) fn psnr_at(&self, iteration: usize) -> f64 {
+        self.psnr_db.get(iteration - 1).or(self.psnr_db.last()).copied().unwrap_or(0.0)
+    }
+
+    /// SSIM and PSNR of the finished picture against `truth`.
+    pub(super) fn end(&self, truth: &Plane) -> (f64, f64) {
+        (ssim(&self.last, truth), psnr(&self.last, truth))
+    }
+}
+
+impl Stage {
+    /// The rig of `rig` as it is, calibrated from its own captures.
+    ///
+    /// # Errors
+    /// When the rig cannot be opened or calibrated.
+    pub(super) fn open(rig: config::Rig, stopwatch: Stopwatch) -> Result<Stage, StandError> {
+        let stand = Stand::open(rig, stopwatch)?;
+        let truth = true_lens(stand.config(), stand.witness())?;
+        Ok(Stage { stand, truth })
+    }
+
+    /// The photo that the rig's camera takes of `scene`.
+    pub(super) fn take(&self, scene: Scene) -> Taken {
+        let (truth, photo) = self.stand.take_grey(scene);
+        Taken { truth, photo }
+    }
+
+    /// `method` on a photo, every step scored, the pictures after the `wanted` iterations kept.
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub(super) fn solve(
+        &mut self,
+        taken: &Taken,
+        method: &dyn Method,
+        wanted: &[u32],
+    ) -> Result<Course, StandError> {
+        let rect = self.stand.config().photo_on_canvas();
+        let (mut ssims, mut psnrs, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
+        let (restored, _) = self.stand.run(&taken.photo, Channels::Green, method, &mut |step, picture| {
+            let seen = shown(&picture.plane(Channel::Green).crop(rect));
+            ssims.push(ssim(&seen, &taken.truth));
+            psnrs.push(psnr(&seen, &taken.truth));
+            if wanted.contains(&step.iteration) {
+                pictures.push((step.iteration, seen));
+            }
+        })?;
+        Ok(Course {
+            ssim: ssims,
+            psnr_db: psnrs,
+            pictures,
+            last: shown(restored.picture.plane(Channel::Green)),
+            captures: restored.captures,
+            certificate: restored.solution.certificate.ratio(),
+        })
+    }
+
+    /// KᵀX by the true lens and by the light with patches of `shape`, both photo-sized, and how often it was shown.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    pub(super) fn backward(&mut self, x: &Plane, shape: PatchShape) -> Result<(Plane, Plane), StandError> {
+        use crate::restore::backward_convolution::{Sign, backward_convolution};
+        use crate::restore::patches::PatchGrid;
+        let margin = self.stand.config().canvas.margin_px;
+        let (canvas, rect) = data_term::canvas_of(x.size(), margin);
+        let mut shown = Frame::zeros(canvas);
+        *shown.plane_mut(Channel::Green) = data_term::place(x, canvas, rect, 0.0);
+        let mut exact = Plane::zeros(canvas);
+        self.truth.adjoint(Channel::Green, shown.plane(Channel::Green), &mut exact);
+        let grid = PatchGrid::new(canvas, rect, shape);
+        let mut path = self.stand.light_path();
+        let light = backward_convolution(&mut path, &shown, &grid, Channels::Green, Sign::Unsigned, None)
+            .map_err(MethodError::from)?;
+        Ok((exact.crop(rect), light.plane(Channel::Green).crop(rect)))
+    }
+
+    /// RMS in grey levels between the true lens as computed here and the light itself, on `x`.
+    pub(super) fn truth_error(&self, x: &Plane) -> f64 {
+        let margin = self.stand.config().canvas.margin_px;
+        let (canvas, rect) = data_term::canvas_of(x.size(), margin);
+        let mut scene = Frame::zeros(canvas);
+        *scene.plane_mut(Channel::Green) = data_term::place(x, canvas, rect, 0.0);
+        let mut difference = Plane::zeros(canvas);
+        self.truth.forward(Channel::Green, scene.plane(Channel::Green), &mut difference);
+        let light = self.stand.witness().forward(&scene, Light::Panel);
+        difference.add_scaled(-1.0, light.plane(Channel::Green));
+        difference.crop(rect).rms()
+    }
+}
+
+/// Clipped to what a screen shows.
+pub(super) fn shown(plane: &Plane) -> Plane {
+    plane.map(|v: f32| v.clamp(0.0, 255.0))
+}
+
+/// `px` of the paper's 1024 on a photo as wide as that of `rig`.
+pub(super) fn scaled(rig: &config::Rig, px: usize) -> usize {
+    (px * rig.photo.width_px / PAPER_WIDTH_PX).max(1)
+}
+
+/// The paper's loop as printed, nothing holding it back.
+pub(super) fn printed(rig: &config::Rig) -> Paper {
+    Paper { bounded: false, ..paper(rig) }
+}
+
+/// The paper's loop with patches of `patch_px` (for a photo 1024 wide).
+pub(super) fn with_patches(rig: &config::Rig, patch_px: usize) -> Paper {
+    let shape = PatchShape { patch_px: scaled(rig, patch_px), margin_px: rig.paper.margin_px };
+    Paper { backward: Backward::Light(shape), ..printed(rig) }
+}
+
+/// `rig` with `change` made to its lens.
+pub(super) fn with_lens(mut rig: config::Rig, change: impl FnOnce(&mut config::Prescription)) -> config::Rig {
+    if let Kind::Simulated(simulation) = &mut rig.kind
+        && let Lens::Prescription(prescription, _) = &mut simulation.lens
+    {
+        change(prescription);
+    }
+    rig
+}
+
+/// `rig` at half its size: the same field on pixels twice as large.
+pub(super) fn half(rig: &config::Rig) -> config::Rig {
+    let mut rig = with_lens(rig.clone(), |lens| {
+        lens.pixel_pitch_um *= 2.0;
+        lens.support_px = (lens.support_px / 2) | 1;
+        (lens.node_columns, lens.node_rows) = (lens.node_columns / 2, lens.node_rows / 2);
+    });
+    let photo = &mut rig.photo;
+    let sizes =
+        [&mut photo.width_px, &mut photo.height_px, &mut rig.panel.width_px, &mut rig.panel.height_px];
+    sizes.into_iter().for_each(|px| *px /= 2);
+    let camera = &mut rig.camera;
+    let places =
+        [&mut camera.width_px, &mut camera.height_px, &mut camera.photo_x_px, &mut camera.photo_y_px];
+    places.into_iter().for_each(|px| *px /= 2);
+    rig.calibration.checker_square_px /= 2;
+    rig.calibration.function_support_px = (rig.calibration.function_support_px / 2) | 1;
+    rig.paper.patch_px /= 2;
+    rig.paper.margin_px /= 2;
+    rig.canvas.margin_px /= 2;
+    rig
+}
+
+/// The paper's loop with the "accurate numerical calculation" of §4.1 for its backward step: the adjoint of the true
+/// lens. Forward it uses the light, as always.
+pub(super) struct Exact<'a> {
+    pub(super) paper: Paper,
+    pub(super) lens: &'a LensModel,
+}
+
+impl Method for Exact<'_> {
+    fn name(&self) -> &'static str {
+        "paper, exact adjoint"
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let known = Problem {
+            photo: problem.photo,
+            trust: problem.trust,
+            rect: problem.rect,
+            channels: problem.channels,
+            model: Some(self.lens),
+            norm_squared: problem.norm_squared,
+            level_norms: problem.level_norms,
+            photo_noise: problem.photo_noise,
+            capture_noise: problem.capture_noise,
+            stopwatch: problem.stopwatch,
+        };
+        Paper { backward: Backward::Model, ..self.paper }.solve(&known, optics, watch)
+    }
+}
+
+/// The true lens of a simulated rig as an operator, from the witness's functions.
+fn true_lens(rig: &config::Rig, witness: &Witness) -> Result<LensModel, StandError> {
+    let (columns, rows) = TRUE_FUNCTIONS;
+    let Rect { x, y, size } = rig.photo_on_sensor();
+    let centre = |n: usize, of: usize, length: usize, start: usize| {
+        (n as f64 + 0.5) * length as f64 / of as f64 - 0.5 + start as f64
+    };
+    let mut support_px = 1;
+    let taps = Channel::ALL.map(|channel| {
+        let mut taps = Vec::new();
+        for row in 0..rows {
+            for column in 0..columns {
+                let at = [centre(column, columns, size.width, x), centre(row, rows, size.height, y)];
+                let function = witness.function(Light::Panel, channel, at);
+                support_px = function.width();
+                taps.extend(function.into_vec());
+            }
+        }
+        taps
+    });
+    let functions = LensFunctions { rows, columns, support_px, taps };
+    Ok(LensModel::new(rig.photo.size(), rig.canvas.margin_px, &functions)?)
+}

@@ -1,0 +1,168 @@
+//! No harm: a result is judged before it is delivered. What harms is replaced by the second opinion, what total variation
+//! makes of the photo with the measured lens, and where that harms too, by the photo itself.
+//!
+//! The limits were set on 2026-11-21 on `small.toml`: all faults of [`crate::evaluate`]'s sweep on the scenes coffee and
+//! chart, seed 1, and astronaut and rocket without a fault. `relens chart --stability` measures the rates of false
+//! alarms and of harm caught, on quarters of astronaut and rocket with other seeds.
+
+use super::evidence::{Evidence, distance};
+use super::{Bench, Restored};
+use crate::frame::{Channels, Frame, Work};
+use crate::restore::method::{Method, MethodError, Watch};
+use crate::rig::exposure::Rig;
+
+/// Unexplained by any scene: the second opinion's model residual over the photo's noise. Healthy 1.3 to 2.4; from a sharper
+/// lens 5.7 to 16.
+const FOREIGN_NOISES: f32 = 2.0;
+/// The same over the untouched photo's residual. Healthy 0.11 to 0.29; from a sharper lens 0.67 to 0.92.
+const FOREIGN_SHARE: f32 = 0.38;
+/// Distance from the second opinion at which a result harms. Without a fault results that gain are at 0.23 to 1.26 (the
+/// latter where captures take out glare that no model holds), those that harm at 1.13 to 6.7.
+const APART: f64 = 1.3;
+/// The same for a result whose photograph is the photo, its certificate at most [`CERTIFIED_RATIO`]: where the model misses much,
+/// captures rightly lead far from it (the virtual rig's photo, past 1.3, gains 0.11 SSIM more than the second opinion). Guess.
+const APART_CERTIFIED: f64 = 2.0;
+/// Optical residual over its floor; the virtual rig's photo is at 1.3.
+const CERTIFIED_RATIO: f32 = 1.5;
+/// How much rougher than the photo's the quiet parts of a result may be. Without a fault results that gain are at 0.1 to
+/// 2.3, but one of 4.3; those that harm at 1.8 to 9.
+const ROUGHER: f32 = 2.7;
+/// A method that begins with the lens model is compared with the second opinion only when the model leaves this share of
+/// what it leaves of the untouched photo unexplained: without a fault 0.27 at most, harm 0.50 and more;
+const SUSPECT_SHARE: f32 = 0.4;
+/// or its certificate is this far above its floor: without a fault 2.1 at most;
+const SUSPECT_RATIO: f32 = 3.0;
+/// or its quiet parts are this much rougher: where there is gain 1.6 at most, harm 1.8 and more.
+const SUSPECT_ROUGHER: f32 = 1.7;
+
+/// What became of a result.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// It is delivered.
+    Sound,
+    /// The second opinion is delivered in its place; why.
+    Repaired(String),
+    /// The photo itself is delivered; why.
+    Untouched(String),
+}
+
+impl Verdict {
+    /// Whether the box noticed something.
+    pub fn noticed(&self) -> bool {
+        *self != Verdict::Sound
+    }
+}
+
+/// A result as it may be delivered.
+#[derive(Debug, Clone)]
+pub struct Judged {
+    /// What is delivered; the method's own result where the photo itself is.
+    pub restored: Restored,
+    /// Whose it is.
+    pub verdict: Verdict,
+}
+
+/// Whether no scene gives this photo through the lens, as the `second` opinion tells; in words.
+fn foreign(second: &Evidence) -> Option<String> {
+    let (noises, share) = second.unexplained();
+    // Not a number is past every limit.
+    let fine = noises <= FOREIGN_NOISES || share <= FOREIGN_SHARE;
+    (!fine).then(|| {
+        format!(
+            "the measured lens does not explain the photo: {noises:.1} times its noise is left, allowed {FOREIGN_NOISES}; \
+             it may come from another lens, have been sharpened or compressed: the photo is returned untouched"
+        )
+    })
+}
+
+/// What is wrong with a result that lies `apart` from the second opinion and is so much `rougher`; in words.
+fn harmful(apart: f64, allowed: f64, rougher: f32) -> Option<String> {
+    if apart > allowed || apart.is_nan() {
+        return Some(format!(
+            "the result is {:.0} % as far from what the measured lens alone makes of the photo as the photo itself is, \
+             allowed {:.0}: that is returned in its place",
+            100.0 * apart,
+            100.0 * allowed
+        ));
+    }
+    (rougher > ROUGHER || rougher.is_nan()).then(|| {
+        format!(
+            "the quiet parts of the result are {rougher:.1} times as noisy as the photo's, allowed {ROUGHER}: what the \
+             measured lens alone makes of the photo is returned in its place"
+        )
+    })
+}
+
+impl Bench {
+    /// Whether what the method called `method` made of `photo` calls for a second opinion. One that begins with the lens
+    /// model is believed while light and model say nothing against it.
+    pub fn is_suspect(
+        &self,
+        photo: &Frame<Work>,
+        channels: Channels,
+        method: &str,
+        restored: &Restored,
+    ) -> bool {
+        let evidence = self.evidence(photo, channels, restored);
+        let (noises, share) = evidence.unexplained();
+        let believed = matches!(method, "hybrid" | "digital")
+            && (noises <= FOREIGN_NOISES || share <= SUSPECT_SHARE)
+            && restored.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
+            && evidence.rougher <= SUSPECT_ROUGHER;
+        !believed
+    }
+
+    /// Judges `restored`, made of `photo`, by the `second` opinion.
+    pub fn judge(
+        &self,
+        photo: &Frame<Work>,
+        channels: Channels,
+        restored: &Restored,
+        second: &Restored,
+    ) -> Verdict {
+        let of_second = self.evidence(photo, channels, second);
+        if let Some(reason) = foreign(&of_second) {
+            return Verdict::Untouched(reason);
+        }
+        let rougher = self.evidence(photo, channels, restored).rougher;
+        let apart = distance(photo, &restored.picture, &second.picture, channels);
+        let certified = restored.solution.certificate.ratio().is_some_and(|ratio| ratio <= CERTIFIED_RATIO);
+        harmful(apart, if certified { APART_CERTIFIED } else { APART }, rougher)
+            .map_or(Verdict::Sound, Verdict::Repaired)
+    }
+
+    /// [`Bench::restore`] and judged; `lens_alone` makes the second opinion, where one is needed.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    #[expect(clippy::too_many_arguments, reason = "those of restore, and the second opinion")]
+    pub fn restore_judged(
+        &self,
+        rig: &mut Rig,
+        photo: &Frame<Work>,
+        channels: Channels,
+        method: &dyn Method,
+        lens_alone: &dyn Method,
+        stopwatch: &(dyn Fn() -> f64 + Sync),
+        watch: &mut Watch<'_>,
+    ) -> Result<Judged, MethodError> {
+        let mut restored = self.restore(rig, photo, channels, method, stopwatch, watch)?;
+        if !self.is_suspect(photo, channels, method.name(), &restored) {
+            return Ok(Judged { restored, verdict: Verdict::Sound });
+        }
+        let mut second = self.restore(rig, photo, channels, lens_alone, stopwatch, &mut |_, _| {})?;
+        let verdict = self.judge(photo, channels, &restored, &second);
+        match verdict {
+            Verdict::Sound => {}
+            Verdict::Repaired(_) => {
+                let (captures, seconds) = (restored.captures, restored.capture_seconds);
+                let waited = restored.waited_seconds;
+                (second.captures, second.capture_seconds, second.waited_seconds) =
+                    (captures, seconds, waited);
+                restored = second;
+            }
+            Verdict::Untouched(_) => {}
+        }
+        Ok(Judged { restored, verdict })
+    }
+}

@@ -1,0 +1,167 @@
+//! Every method, led astray as far as a rig can lead it: nothing runs away.
+
+// A failed unwrap is a failed test, also in the functions the tests share.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
+use relens::remedy::AnyFailure;
+use relens::restore::computed_optics::ComputedOptics;
+use relens::restore::data_term::TRUSTED;
+use relens::restore::forward_convolution::{ForwardConvolution, Seen};
+use relens::restore::lens_model::{LensFunctions, LensModel};
+use relens::restore::level_norms::LevelNorms;
+use relens::restore::method::digital::{Colours, Digital};
+use relens::restore::method::hybrid::Hybrid;
+use relens::restore::method::paper::{Backward, Paper};
+use relens::restore::method::residual::Residual;
+use relens::restore::method::richardson_lucy::RichardsonLucy;
+use relens::restore::method::total_variation::TotalVariation;
+use relens::restore::method::unmatched::Unmatched;
+use relens::restore::method::wiener::Wiener;
+use relens::restore::method::{Method, Problem, ResidualOf, Strength};
+use relens::restore::patches::PatchShape;
+
+const SIZE: Size = Size::new(128, 96);
+const GREEN: Channel = Channel::Green;
+
+fn golden(name: &str) -> (Vec<usize>, Vec<f32>) {
+    read_npy_f32(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)).unwrap()
+}
+
+/// The lens's functions, those of `from` in green.
+fn functions(from: Channel) -> LensFunctions {
+    let (shape, values) = golden("psf_grid.npy");
+    let mut functions = LensFunctions::from_npy(&shape, &values).unwrap();
+    functions.taps[GREEN.index()] = functions.taps[from.index()].clone();
+    functions
+}
+
+/// Optics whose light is brighter than it was, displaced, and noisy.
+struct Astray<'a> {
+    optics: ComputedOptics<'a>,
+    gain: f32,
+    shift_px: usize,
+    noise: f32,
+    random: Xoshiro256PlusPlus,
+}
+
+impl ForwardConvolution for Astray<'_> {
+    fn size(&self) -> Size {
+        SIZE
+    }
+
+    fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        let mut seen = self.optics.forward(shown)?;
+        let light = seen.light.plane(GREEN).clone();
+        *seen.light.plane_mut(GREEN) = Plane::from_fn(SIZE, |x, y| {
+            let noise: f32 = StandardNormal.sample(&mut self.random);
+            self.gain * light.at(x.saturating_sub(self.shift_px), y) + self.noise * noise
+        });
+        Ok(seen)
+    }
+
+    fn captures(&self) -> usize {
+        self.optics.captures()
+    }
+
+    fn seconds(&self) -> f64 {
+        0.0
+    }
+}
+
+fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
+    let strength = Strength { at_one_grey_level: 0.1 };
+    let digital = Digital { steps: 40, strength, levels: 2, cycle_spun: true, colours: Colours::Together };
+    let patches = PatchShape { patch_px, margin_px: 8 };
+    vec![
+        Box::new(Paper {
+            iterations: 40,
+            tau: 16.0,
+            lambda: 3.0,
+            backward: Backward::Light(patches),
+            levels: 2,
+            bounded: true,
+        }),
+        Box::new(Residual { iterations: 40, strength, patches, levels: 2, cycle_spun: true }),
+        Box::new(Unmatched { iterations: 40, strength, levels: 2, cycle_spun: true }),
+        Box::new(digital),
+        Box::new(Hybrid {
+            digital,
+            correction_steps: 20,
+            captures_max: 12,
+            defect_threshold: 2.0,
+            defect_floor: 0.25,
+            carefulness: 25.0,
+        }),
+        Box::new(Wiener { noise_to_signal: 1e-6 }),
+        Box::new(RichardsonLucy { steps: 200 }),
+        Box::new(TotalVariation { steps: 40, strength }),
+    ]
+}
+
+/// What is wrong in one case.
+#[derive(Debug, Clone, Copy)]
+struct Wrong {
+    /// ‖K‖ is thought this much smaller than it is.
+    norms: f32,
+    /// Whose functions the light has.
+    lens: Channel,
+    gain: f32,
+    shift_px: usize,
+    noise: f32,
+    patch_px: usize,
+}
+
+#[test]
+fn no_method_runs_away_whatever_is_wrong() {
+    let right = Wrong { norms: 1.0, lens: GREEN, gain: 1.0, shift_px: 0, noise: 0.0, patch_px: 16 };
+    let model = LensModel::new(SIZE, 0, &functions(GREEN)).unwrap();
+    let level_norms = LevelNorms::measure(&model, GREEN, 2, 12, 1);
+    let (_, blurred) = golden("ist_b.npy");
+    let mut photo = Frame::zeros(SIZE);
+    *photo.plane_mut(GREEN) = Plane::from_vec(SIZE, blurred).unwrap();
+    let trust = Frame::filled(SIZE, TRUSTED);
+    for wrong in [
+        Wrong { norms: 16.0, ..right },
+        Wrong { gain: 2.0, ..right },
+        Wrong { patch_px: 128, ..right },
+        Wrong { shift_px: 4, ..right },
+        Wrong { noise: 20.0, ..right },
+        Wrong { norms: 4.0, lens: Channel::Blue, gain: 1.5, shift_px: 2, noise: 8.0, patch_px: 128 },
+    ] {
+        let norms = std::array::from_fn(|_| level_norms.scaled(1.0 / wrong.norms));
+        let problem = Problem {
+            photo: &photo,
+            trust: &trust,
+            rect: Rect { x: 0, y: 0, size: SIZE },
+            channels: Channels::Green,
+            model: Some(&model),
+            norm_squared: [1.0 / wrong.norms; 3],
+            level_norms: &norms,
+            photo_noise: [0.3; 3],
+            capture_noise: [0.3; 3],
+            stopwatch: &|| 0.0,
+        };
+        let lens = LensModel::new(SIZE, 0, &functions(wrong.lens)).unwrap();
+        for method in methods(wrong.patch_px) {
+            let random = Xoshiro256PlusPlus::seed_from_u64(7);
+            let (optics, Wrong { gain, shift_px, noise, .. }) = (ComputedOptics::new(&lens, true), wrong);
+            let mut astray = Astray { optics, gain, shift_px, noise, random };
+            let solution = method.solve(&problem, &mut astray, &mut |_, _| {}).unwrap();
+            let name = method.name();
+            let rms = solution.picture.plane(GREEN).rms();
+            assert!(rms < 255.0, "{name}, {wrong:?}: RMS {rms}");
+            // The light says of no later picture that it is much worse than the first.
+            let optical = solution.record.steps().iter().filter(|s| s.of == ResidualOf::Optics);
+            let optical: Vec<f32> = optical.map(|s| s.residual).collect();
+            if let (Some(first), Some(last)) = (optical.first(), optical.last()) {
+                assert!(*last < 2.0 * first, "{name}, {wrong:?}: residuals {optical:?}");
+            }
+        }
+    }
+}
