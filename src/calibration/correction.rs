@@ -149,17 +149,31 @@ impl Correction {
     /// # Panics
     /// When the picture has not the canvas's size, which is a bug of the caller.
     pub fn show(&self, picture: &Frame<Work>) -> Codes {
+        self.show_by(picture, |channel| channel)
+    }
+
+    /// The codes that put a `scene` (light, 0..255, canvas-sized) on the panel as an object is in the world: its colours lie
+    /// on each other there, and the lens pulls them apart. Green is seen where the scene has it.
+    ///
+    /// # Panics
+    /// When the scene has not the canvas's size, which is a bug of the caller.
+    pub fn show_scene(&self, scene: &Frame<Work>) -> Codes {
+        self.show_by(scene, |_| Channel::Green)
+    }
+
+    /// The codes of `picture`, each channel at the places of the channel that `place` gives.
+    fn show_by(&self, picture: &Frame<Work>, place: impl Fn(Channel) -> Channel + Sync) -> Codes {
         assert!(picture.size() == self.layout.canvas(), "what is shown has the canvas's size");
         let made: Vec<Plane<u8>> =
-            Channel::ALL.par_iter().map(|&c| self.show_plane(c, picture.plane(c))).collect();
+            Channel::ALL.par_iter().map(|&c| self.show_plane(c, place(c), picture.plane(c))).collect();
         let mut made = made.into_iter();
         Frame::from_fn(|_| made.next().unwrap_or_else(|| Plane::zeros(self.layout.panel)))
     }
 
-    fn show_plane(&self, channel: Channel, picture: &Plane) -> Plane<u8> {
+    fn show_plane(&self, channel: Channel, place: Channel, picture: &Plane) -> Plane<u8> {
         let panel = self.layout.panel;
         let padded = padded(picture);
-        let map = &self.geometry[channel.index()].panel_to_work;
+        let map = &self.geometry[place.index()].panel_to_work;
         let seen = map.x.domain();
         // Columns and rows that are warped.
         let first = |at: f64, limit: usize| ((at - FRINGE_PX).max(0.0) as usize).min(limit - 1);

@@ -36,6 +36,16 @@ impl PhotoSide {
 
     /// Divides the dark corner out of `photo` (photo-sized), as the light path does with captures.
     pub fn undo_dark_corner(&self, photo: &mut Frame<Work>) {
+        self.scale_by_corner(photo, |v, share| v / share);
+    }
+
+    /// Puts the dark corner into `light` (photo-sized), as a photo has it.
+    pub fn put_dark_corner(&self, light: &mut Frame<Work>) {
+        self.scale_by_corner(light, |v, share| v * share);
+    }
+
+    /// Each value of `photo` changed by the share of light that arrives there against the middle.
+    fn scale_by_corner(&self, photo: &mut Frame<Work>, change: impl Fn(f32, f32) -> f32 + Sync) {
         for c in Channel::ALL {
             let (surface, plane) = (&self.dark_corner[c.index()], photo.plane_mut(c));
             let (width, height) = (plane.width(), plane.height());
@@ -47,7 +57,9 @@ impl PhotoSide {
                 |shares, (y, row)| {
                     surface.row(y as f64, 0.0, 1.0, shares);
                     let darkest = DARKEST * middle;
-                    row.iter_mut().zip(&*shares).for_each(|(v, share)| *v *= middle / share.max(darkest));
+                    row.iter_mut()
+                        .zip(&*shares)
+                        .for_each(|(v, share)| *v = change(*v, share.max(darkest) / middle));
                 },
             );
         }

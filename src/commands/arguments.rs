@@ -24,7 +24,7 @@ pub(super) enum Command {
     Calibrate { rig: PathBuf, folder: PathBuf },
     Restore(RestoreWords),
     Photograph { rig: PathBuf, scene: PathBuf, photo: PathBuf },
-    Chart { rig: PathBuf, out: PathBuf, quick: bool, what: Charted, peers: Option<PathBuf> },
+    Chart { rig: PathBuf, out: PathBuf, quick: bool, what: Charted, peers: Option<PathBuf>, folder: PathBuf },
     Check { rig: PathBuf, folder: PathBuf },
     Status { folder: PathBuf },
     Screens { rig: PathBuf, out: PathBuf },
@@ -104,6 +104,7 @@ const COMMANDS: [Known; 12] = [
         options: &[
             RIG,
             OUT,
+            FOLDER,
             ("quick", None, false, false),
             ("conditions", None, false, false),
             ("stability", None, false, false),
@@ -242,7 +243,9 @@ fn build(
             method: given.remove("method").map(|m| m.to_string_lossy().into_owned()),
         }),
         "photograph" => Command::Photograph { rig, scene: word, photo: out.unwrap_or_default() },
-        "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick, what, peers: path("peers") },
+        "chart" => {
+            Command::Chart { rig, out: out.unwrap_or_default(), quick, what, peers: path("peers"), folder }
+        }
         "check" => Command::Check { rig, folder },
         "status" => Command::Status { folder },
         "screens" => Command::Screens { rig, out: out.unwrap_or_default() },

@@ -69,7 +69,11 @@ const CALIBRATE: &str = "\
 relens calibrate --rig RIG.toml [--folder DIR]
 
 Shows patterns, sees them, fits what the rig is, judges whether that is good, and keeps it in
-DIR/calibration. A calibration that is no good is not kept; the old one stays.";
+DIR/calibration. A calibration that is no good is not kept; the old one stays.
+
+With operating-point = \"fast\", \"balanced\" or \"best\" in [restore] of the rig file it then shows known scenes, restores
+them with several settings, and keeps the chosen one in DIR/calibration/operating-point.toml: the best, or the
+fastest within 0.002 (balanced) or 0.01 (fast) of its SSIM. Photos are restored with that from then on.";
 
 const RESTORE: &str = "\
 relens restore --rig RIG.toml PHOTO -o RESULT [--method NAME] [--report REPORT.json] [--folder DIR]
@@ -87,11 +91,12 @@ The photo that this rig's camera would take of the picture SHARP. Simulated rigs
 the rig's shape. PHOTO must not exist yet; its ending tells the format.";
 
 const CHART: &str = "\
-relens chart --rig RIG.toml --out DIR [--quick]
+relens chart --rig RIG.toml --out DIR [--quick] [--folder DIR]
              [--peers ROWS.csv | --conditions | --stability | --figures | --ladder | --captures]
 
 Restores known scenes with every method and several settings of each, and draws speed against accuracy:
-DIR gets the drawing (SVG and PNG), the table (Markdown) and its numbers (CSV). With --conditions it compares the
+DIR gets the drawing (SVG and PNG), the table (Markdown) and its numbers (CSV). On a rig of devices the scenes are
+shown on its panel; its calibration is looked for in --folder. The rest is for simulated rigs. With --conditions it compares the
 methods as the rig file sets them, scene by scene; a rig with linear photos also without noise, with glare and
 with a poor lens model. With --stability it puts every fault on rig, photo and
 method in turn, in growing strengths, and draws where each method harms and whether the box noticed. --quick

@@ -59,8 +59,8 @@ fn dispatch(parsed: Parsed) -> Result<(), Trouble> {
         Command::Calibrate { rig, folder } => rigged::calibrate(&single::rig(&rig)?, &folder),
         Command::Restore(words) => single::restore(&words),
         Command::Photograph { rig, scene, photo } => single::photograph(&rig, &scene, &photo),
-        Command::Chart { rig, out, quick, what, peers } => {
-            rigged::chart(&single::rig(&rig)?, &out, quick, what, peers.as_deref())
+        Command::Chart { rig, out, quick, what, peers, folder } => {
+            rigged::chart(&single::rig(&rig)?, &out, quick, what, peers.as_deref(), &folder)
         }
         Command::Check { rig, folder } => rigged::check(&single::rig(&rig)?, &folder),
         Command::Status { folder } => status::run(&folder),

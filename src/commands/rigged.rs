@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use relens::calibrate;
-use relens::calibration::store;
-use relens::config::{Curve, Method, Rig};
+use relens::calibration::{Calibration, store};
+use relens::config::{Curve, Method, OperatingPoint, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
 use relens::evaluate;
 use relens::evaluate::chart::Chart;
-use relens::evaluate::stand::Score;
+use relens::evaluate::operating_point;
+use relens::evaluate::stand::{Score, Stand};
 use relens::frame::{Frame, Work};
 #[cfg(feature = "hardware")]
 use relens::kiosk::screen::{Screen, draw};
@@ -51,7 +52,6 @@ pub(super) fn restorer(
     }
     let begun = Instant::now();
     let stopwatch = Box::new(move || begun.elapsed().as_secs_f64());
-    let method = method.unwrap_or(rig.restore.method);
     let restorer = OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?;
     Ok(Box::new(match interrupted {
         Some(interrupted) => restorer.interruptible(interrupted),
@@ -91,7 +91,37 @@ pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
         kept.display(),
         calibration.generation,
         calibration.captures,
-    ))
+    ))?;
+    match rig.restore.operating_point {
+        Some(wanted) => choose(rig, devices, calibration, &kept, wanted),
+        None => Ok(()),
+    }
+}
+
+/// Chooses the operating point `wanted` by scenes shown on the rig, and keeps it beside the calibration.
+fn choose(
+    rig: &Rig,
+    devices: Devices,
+    calibration: Calibration,
+    kept: &Path,
+    wanted: OperatingPoint,
+) -> Result<(), Trouble> {
+    let mut stand =
+        Stand::on(rig.clone(), devices, calibration, super::clock::seconds).map_err(|e| Trouble::of(&e))?;
+    let (mut done, total) = (0, operating_point::restorations(rig));
+    let chosen = operating_point::choose(&mut stand, wanted, &mut |score| {
+        done += 1;
+        log::debug!("{} {}: SSIM {:.4}", score.scene.name(), score.method, score.ssim);
+        super::service_manager().worked();
+        if std::io::stderr().is_terminal() {
+            let _ = write!(std::io::stderr(), "\r\x1b[2Kchoosing the operating point: {done} of {total}");
+        }
+    });
+    wipe_line();
+    let nothing = || Trouble::Usage("found no setting with a score, allowed at least one".to_owned());
+    let chosen = chosen.map_err(|e| Trouble::of(&e))?.ok_or_else(nothing)?;
+    relens::daemon::operating_point::save(kept, rig, &chosen).map_err(|e| Trouble::of(&e))?;
+    say(&format!("operating point {chosen}"))
 }
 
 /// The devices of `rig`.
@@ -148,9 +178,14 @@ pub(super) fn chart(
     quick: bool,
     what: Charted,
     peers: Option<&Path>,
+    folder: &Path,
 ) -> Result<(), Trouble> {
-    if rig.simulation().is_none() {
-        return Err(Trouble::NotYet("charting a rig of devices"));
+    if rig.simulation().is_none() && (what != Charted::Trade || peers.is_some()) {
+        return Err(Trouble::Usage(format!(
+            "found the rig {}, made of devices, allowed there is the chart of speed against accuracy alone: lenses and \
+             faults cannot be changed on it",
+            rig.name
+        )));
     }
     let grey_light = matches!(what, Charted::Figures | Charted::Captures) || peers.is_some();
     if grey_light && rig.photo.curve != Curve::Linear {
@@ -171,6 +206,11 @@ pub(super) fn chart(
     };
     let clock = super::clock::seconds;
     let made = match what {
+        Charted::Trade if rig.simulation().is_none() => {
+            let calibration = store::load(&slots(folder), rig.identity).map_err(|e| Trouble::of(&e))?;
+            Stand::on(rig.clone(), open(rig)?, calibration, clock)
+                .and_then(|stand| evaluate::chart::trade_on(stand, quick, &mut each))
+        }
         Charted::Trade => evaluate::chart::trade(rig, quick, rows.as_deref(), clock, &mut each),
         Charted::Conditions => evaluate::chart::conditions(rig, quick, clock, &mut each),
         Charted::Stability => evaluate::stability::chart(rig, quick, clock, &mut |run| {
@@ -270,6 +310,10 @@ pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
         }
     };
     say(&format!("{:<28}{calibration}", "calibration"))?;
+    match relens::daemon::operating_point::load(&slots(folder), rig) {
+        Ok(chosen) => chosen.map_or(Ok(()), |chosen| say(&format!("{:<28}{chosen}", "operating point")))?,
+        Err(reason) => complaints.push(format!("no operating point: {reason}; run `relens calibrate`")),
+    }
     match complaints.is_empty() {
         true => say("all is well"),
         false => Err(Trouble::Failure { words: complaints.join("; "), remedy: Remedy::CallOperator }),

@@ -15,9 +15,6 @@ pub(super) enum Trouble {
     /// The rig file was not taken.
     #[error(transparent)]
     RigFile(#[from] ConfigError),
-    /// A part of the program that does not exist yet.
-    #[error("{0} is not in this build yet")]
-    NotYet(&'static str),
     /// Some photos were not restored; they were listed.
     #[error("{failed} of {all} photos were not restored")]
     SomeFailed {
@@ -47,7 +44,7 @@ impl Trouble {
             Remedy::Recalibrate | Remedy::ReopenRig | Remedy::CallOperator => 3,
         };
         match self {
-            Trouble::Usage(_) | Trouble::RigFile(_) | Trouble::NotYet(_) => 2,
+            Trouble::Usage(_) | Trouble::RigFile(_) => 2,
             Trouble::SomeFailed { .. } => 1,
             Trouble::Folder(error) => of(error.remedy()),
             Trouble::Failure { remedy, .. } => of(*remedy),

@@ -20,7 +20,8 @@ pub use hardware::{
     ButtonDevice, CameraDevice, ExposureBy, Hardware, LampDevices, Level, Line, PanelDevice, TriggerDevice,
 };
 pub use parts::{
-    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, Panel, Paper, Photo, Restore,
+    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, OperatingPoint, Panel, Paper,
+    Photo, Restore,
 };
 pub use simulation::{
     Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, Simulation, Surface,

@@ -157,6 +157,31 @@ pub struct Restore {
     pub colours: Colours,
     /// Defect corrections a photo may cost at the most; the first of them reuses the certificate's capture.
     pub corrections_max: usize,
+    /// What `relens calibrate` is to choose method, steps and corrections by. Left out, they are as this file has them.
+    pub operating_point: Option<OperatingPoint>,
+}
+
+/// What a setting is chosen by, of those that no other beats in both seconds and SSIM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OperatingPoint {
+    /// The fastest within 0.01 SSIM of the best.
+    Fast,
+    /// The fastest within 0.002 SSIM of the best.
+    Balanced,
+    /// The best, whatever it costs.
+    Best,
+}
+
+impl OperatingPoint {
+    /// The word in rig files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            OperatingPoint::Fast => "fast",
+            OperatingPoint::Balanced => "balanced",
+            OperatingPoint::Best => "best",
+        }
+    }
 }
 
 /// How the colours of a photo are solved.
@@ -187,6 +212,21 @@ pub enum Method {
     Wiener,
     /// Richardson–Lucy.
     RichardsonLucy,
+}
+
+impl Method {
+    /// The word in rig files, tables and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Method::Paper => "paper",
+            Method::Residual => "residual",
+            Method::Unmatched => "unmatched",
+            Method::Hybrid => "hybrid",
+            Method::Digital => "digital",
+            Method::Wiener => "wiener",
+            Method::RichardsonLucy => "richardson-lucy",
+        }
+    }
 }
 
 /// `[paper]`: the paper's own parameters (§4).

@@ -35,6 +35,7 @@ mod ledger;
 pub mod log_writer;
 mod nightly;
 pub mod on_rig;
+pub mod operating_point;
 mod reader;
 mod recovery;
 mod report;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::baseline;
 use super::restorer::{Certificate, Iteration, Progress, Restored, Restorer};
+use super::{baseline, operating_point};
 use crate::calibrate::{self, calibrate};
 use crate::calibration::{Calibration, store};
 use crate::config;
@@ -14,17 +14,17 @@ use crate::light_path::LightPath;
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::Photo;
 use crate::remedy::{AnyFailure, Remediable, Remedy};
-use crate::restoration::{Bench, Interruption, Judged, Verdict, method, second_opinion};
+use crate::restoration::{Bench, Interruption, Judged, Setting, Verdict, second_opinion};
 use crate::restore::ladder::Rung;
 use crate::restore::method::{Method, Step};
 use crate::rig::exposure::Rig;
 
-/// A rig, its calibration on flash, and the method its photos are restored with.
+/// A rig, its calibration on flash, and how its photos are restored.
 pub struct OnRig {
     config: config::Rig,
     devices: Rig,
     slots: PathBuf,
-    method: config::Method,
+    setting: Setting,
     bench: Bench,
     stopwatch: Stopwatch,
     calibrating: fn(calibrate::Progress),
@@ -73,7 +73,8 @@ fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
 }
 
 impl OnRig {
-    /// The restorer of `devices`, described by `config`, with the calibration kept in `slots`.
+    /// The restorer of `devices`, described by `config`, with the calibration kept in `slots`; by `method`, or by the
+    /// operating point.
     ///
     /// # Errors
     /// When there is no whole calibration of this rig.
@@ -81,18 +82,19 @@ impl OnRig {
         config: &config::Rig,
         devices: Rig,
         slots: PathBuf,
-        method: config::Method,
+        method: Option<config::Method>,
         stopwatch: Stopwatch,
         calibrating: fn(calibrate::Progress),
     ) -> Result<Self, AnyFailure> {
         let calibration = store::load(&slots, config.identity).map_err(boxed)?;
         let bench = Bench::new(config, &calibration).map_err(boxed)?;
         let baseline = baseline::load(&slots, calibration.generation);
+        let setting = operating_point::setting(&slots, config, method);
         Ok(OnRig {
             config: config.clone(),
             devices,
             slots,
-            method,
+            setting,
             bench,
             stopwatch,
             calibrating,
@@ -135,9 +137,9 @@ impl Restorer for OnRig {
         if self.bench.is_blank(&photo.light, channels) {
             return Ok(self.untouched(photo, Rung::LeaveIt.reason().to_owned(), begun));
         }
-        let solver = method(&self.config, self.method);
+        let solver = self.setting.method(&self.config);
         progress(Progress { done: 0.0, doing: "solving", captures: 0 });
-        let captures_max = 1 + self.config.restore.corrections_max;
+        let captures_max = self.setting.captures_max as usize;
         let mut watch = |step: &Step, _: &Frame<Work>| {
             let captures = step.captures as usize;
             let done = 0.5 + 0.5 * captures as f32 / captures_max.max(captures) as f32;

@@ -8,7 +8,7 @@ use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::{self, Condition, table};
 use super::table::Table;
-use super::trade::{self, BALANCED_WITHIN, FAST_WITHIN};
+use super::trade::{self, BALANCED_WITHIN, FAST_WITHIN, Trade};
 use crate::config::{self, Curve};
 use crate::frame::{Channel, Plane};
 use crate::restoration::{method, paper};
@@ -38,9 +38,29 @@ pub fn trade(
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
 ) -> Result<Chart, StandError> {
-    let scenes: &[Scene] =
-        if rig.photo.curve == Curve::Linear { &Scene::STUDY_PHOTOGRAPHS } else { &Scene::ALL };
-    let trade = trade::measure(rig, quick, scenes, peers, stopwatch, each)?;
+    let trade = trade::measure(rig, quick, scenes_for(rig), peers, stopwatch, each)?;
+    let from_outside =
+        peers.map_or("", |_| " The peers' seconds are from a run of their own on the same machine.");
+    Ok(trade_chart(rig, &trade, from_outside))
+}
+
+/// The same on the rig that `stand` is on, which need not be simulated: scenes are shown to it.
+///
+/// # Errors
+/// When a scene cannot be shown, or a method fails.
+pub fn trade_on(mut stand: Stand, quick: bool, each: &mut dyn FnMut(&Score)) -> Result<Chart, StandError> {
+    let rig = stand.config().clone();
+    let mut trade = Trade::default();
+    trade.run_all(&mut stand, quick, scenes_for(&rig), each)?;
+    Ok(trade_chart(&rig, &trade, " The scenes were shown on the rig's own panel."))
+}
+
+/// The scenes that a rig's photos are charted by.
+fn scenes_for(rig: &config::Rig) -> &'static [Scene] {
+    if rig.photo.curve == Curve::Linear { &Scene::STUDY_PHOTOGRAPHS } else { &Scene::ALL }
+}
+
+fn trade_chart(rig: &config::Rig, trade: &Trade, remark: &str) -> Chart {
     let stem = format!("{}-speed-accuracy", rig.name);
     let chosen = |name: &str, within| {
         let point = trade.operating_point(within).map(|n| &trade.points[n]);
@@ -57,15 +77,15 @@ pub fn trade(
         chosen("Fast", FAST_WITHIN),
         chosen("Balanced", BALANCED_WITHIN),
         chosen("Best", 0.0),
-        peers.map_or("", |_| " The peers' seconds are from a run of their own on the same machine.")
+        remark
     );
     let title = format!("Speed against accuracy on rig {}", rig.name);
     let scores = table(format!("Rig {}, scene by scene.", rig.name), &trade.scores);
-    Ok(Chart {
-        drawings: vec![(stem.clone(), scatter::draw(&trade, &title))],
+    Chart {
+        drawings: vec![(stem.clone(), scatter::draw(trade, &title))],
         tables: vec![(stem, trade.table(caption)), (format!("{}-by-scene", rig.name), scores)],
         ..Chart::default()
-    })
+    }
 }
 
 /// A figure's files: its numbers, drawings and pictures.

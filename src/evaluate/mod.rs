@@ -4,6 +4,7 @@ pub mod chart;
 pub mod drawing;
 pub mod figures;
 pub mod ladder;
+pub mod operating_point;
 pub mod peers;
 pub mod scatter;
 pub mod scenes;

@@ -61,11 +61,11 @@ pub fn captures(
     scenes: &[Scene],
     stopwatch: Stopwatch,
 ) -> Result<Vec<(String, Vec<u8>)>, StandError> {
-    let stand = Stand::open(rig.clone(), stopwatch)?;
+    let mut stand = Stand::open(rig.clone(), stopwatch)?;
     let array = |plane: &Plane| npy_f32(&[plane.height(), plane.width()], plane.data());
     let mut files = Vec::new();
     for &scene in scenes {
-        let (truth, photo) = stand.take_grey(scene);
+        let (truth, photo) = stand.take_grey(scene)?;
         files.push((format!("{}-truth.npy", scene.name()), array(&truth)));
         files.push((format!("{}-photo.npy", scene.name()), array(photo.plane(Channel::Green))));
     }

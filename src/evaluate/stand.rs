@@ -1,4 +1,7 @@
-//! A simulated rig with its witness, opened, calibrated and ready to be scored.
+//! A calibrated rig, ready to be scored on scenes whose truth is known: photographed by the witness to a simulated rig, or
+//! shown on the panel of any rig and photographed there.
+
+use std::sync::Arc;
 
 use super::peers::PeerError;
 use super::scenes::Scene;
@@ -23,14 +26,22 @@ const PHOTO_SEED: u64 = 20_261_121;
 /// Seconds on a clock of the caller's.
 pub type Stopwatch = fn() -> f64;
 
-/// A calibrated simulated rig and the witness to it.
+/// A calibrated rig.
 pub struct Stand {
     stopwatch: Stopwatch,
     config: config::Rig,
     rig: Rig,
-    witness: Witness,
+    photos: Photos,
     calibration: Calibration,
     bench: Bench,
+}
+
+/// Where photos of scenes come from.
+enum Photos {
+    /// The scene lies in front of the camera of a simulated rig.
+    Witnessed(Arc<Witness>),
+    /// The panel shows the scene, and the camera of the rig photographs it.
+    Shown,
 }
 
 /// One method on one scene, scored against the scene.
@@ -60,10 +71,42 @@ impl Stand {
     /// # Errors
     /// When the rig cannot be opened or calibrated.
     pub fn open(config: config::Rig, stopwatch: Stopwatch) -> Result<Stand, StandError> {
+        Stand::open_witnessed(config, stopwatch).map(|(stand, _)| stand)
+    }
+
+    /// [`Stand::open`], and the witness: for scores, and for changing the rig while it runs.
+    ///
+    /// # Errors
+    /// When the rig cannot be opened or calibrated.
+    pub(super) fn open_witnessed(
+        config: config::Rig,
+        stopwatch: Stopwatch,
+    ) -> Result<(Stand, Arc<Witness>), StandError> {
         let (mut rig, witness) = open(&config)?;
         let calibration = calibrate(&mut rig, &config, None, &mut |_| {})?;
+        let mut stand = Stand::on(config, rig, calibration, stopwatch)?;
+        let witness = Arc::new(witness);
+        stand.photos = Photos::Witnessed(Arc::clone(&witness));
+        Ok((stand, witness))
+    }
+
+    /// A stand on the open devices `rig`, of which nothing is known but their `calibration`: scenes are shown to them.
+    ///
+    /// # Errors
+    /// When the calibration does not fit the rig file.
+    pub fn on(
+        config: config::Rig,
+        rig: Rig,
+        calibration: Calibration,
+        stopwatch: Stopwatch,
+    ) -> Result<Stand, StandError> {
         let bench = Bench::new(&config, &calibration)?;
-        Ok(Stand { stopwatch, config, rig, witness, calibration, bench })
+        Ok(Stand { stopwatch, config, rig, photos: Photos::Shown, calibration, bench })
+    }
+
+    /// The devices, when all is done.
+    pub fn into_devices(self) -> Rig {
+        self.rig
     }
 
     /// The rig file.
@@ -77,15 +120,19 @@ impl Stand {
     }
 
     /// The photo the rig's camera takes of `scene` (linear light, photo-sized), as linear light.
-    pub fn photograph(&self, scene: Scene, light: &Frame<Work>) -> Frame<Work> {
-        let codes = self.witness.photograph(light, PHOTO_SEED + scene as u64);
+    ///
+    /// # Errors
+    /// When the scene is shown and its capture fails.
+    pub fn photograph(&mut self, scene: Scene, light: &Frame<Work>) -> Result<Frame<Work>, StandError> {
         let tone = Tone::of_curve(self.config.photo.curve, 8);
-        Frame::from_fn(|c| tone.plane(c, codes.plane(c)))
-    }
-
-    /// The witness to the rig: for scores, and for changing the rig while it runs.
-    pub(super) fn witness(&self) -> &Witness {
-        &self.witness
+        let codes = match &self.photos {
+            Photos::Witnessed(witness) => witness.photograph(light, PHOTO_SEED + scene as u64),
+            Photos::Shown => {
+                let taken = self.bench.photograph(&mut self.rig, light).map_err(StandError::Shown)?;
+                Frame::from_fn(|c| tone.display(c, taken.plane(c)).map(|v: f32| v.round() as u8))
+            }
+        };
+        Ok(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
     }
 
     /// The lens as measured.
@@ -99,12 +146,15 @@ impl Stand {
     }
 
     /// The grey `scene` in light, and the photo taken of it in green alone.
-    pub(super) fn take_grey(&self, scene: Scene) -> (Plane, Frame<Work>) {
+    ///
+    /// # Errors
+    /// When the scene is shown and its capture fails.
+    pub(super) fn take_grey(&mut self, scene: Scene) -> Result<(Plane, Frame<Work>), StandError> {
         let truth = scene.grey(self.config.photo.size());
         let mut light = Frame::zeros(truth.size());
         *light.plane_mut(Channel::Green) = truth.clone();
-        let photo = self.photograph(scene, &light);
-        (truth, photo)
+        let photo = self.photograph(scene, &light)?;
+        Ok((truth, photo))
     }
 
     /// `method` on the grey `scene` in the green channel alone, scored in light as the study did.
@@ -126,7 +176,7 @@ impl Stand {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<Score, StandError> {
-        let (truth, photo) = self.take_grey(scene);
+        let (truth, photo) = self.take_grey(scene)?;
         let (restored, computing_seconds) = self.run(&photo, Channels::Green, method, watch)?;
         let shown = |frame: &Frame<Work>| frame.plane(Channel::Green).map(|v: f32| v.clamp(0.0, 255.0));
         Ok(Score {
@@ -156,7 +206,7 @@ impl Stand {
         let light = Frame::from_fn(|c| {
             tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8))
         });
-        let photo = self.photograph(scene, &light);
+        let photo = self.photograph(scene, &light)?;
         let (restored, computing_seconds) = self.run(&photo, Channels::Colour, method, &mut |_, _| {})?;
         let [truth, before, after] =
             [&light, &photo, &restored.picture].map(|frame| display_luminance(&tone, frame));
@@ -217,6 +267,9 @@ pub enum StandError {
     /// What peers from outside made.
     #[error("the peers' rows cannot be taken")]
     Peers(#[from] PeerError),
+    /// A scene on the panel.
+    #[error("a scene was shown and not photographed")]
+    Shown(#[source] RigError),
     /// The method.
     #[error("the method gave no picture")]
     Method(#[from] MethodError),
@@ -228,7 +281,7 @@ pub enum StandError {
 impl Remediable for StandError {
     fn remedy(&self) -> Remedy {
         match self {
-            StandError::Rig(error) => error.remedy(),
+            StandError::Rig(error) | StandError::Shown(error) => error.remedy(),
             StandError::Calibrate(error) => error.remedy(),
             StandError::Bench(error) => error.remedy(),
             StandError::Lens(error) => error.remedy(),

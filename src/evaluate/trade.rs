@@ -90,12 +90,13 @@ pub fn measure(
     let mut stand = Stand::open(rig.clone(), stopwatch)?;
     let mut outside = Vec::new();
     if let Some(rows) = peers {
-        let green = |scene: &Scene| (*scene, stand.take_grey(*scene).1.plane(Channel::Green).clone());
-        outside = peers::read(rows, &scenes.iter().map(green).collect::<Vec<_>>())?;
+        let mut photos = Vec::new();
+        for &scene in scenes {
+            photos.push((scene, stand.take_grey(scene)?.1.plane(Channel::Green).clone()));
+        }
+        outside = peers::read(rows, &photos)?;
     }
-    for contestant in contestants(rig, quick) {
-        trade.run(&mut stand, scenes, &contestant, each)?;
-    }
+    trade.run_all(&mut stand, quick, scenes, each)?;
     if !quick {
         for (columns, rows) in [(1, 1), (4, 3)] {
             let mut fewer = rig.clone();
@@ -116,7 +117,20 @@ pub fn measure(
 }
 
 impl Trade {
-    fn run(
+    /// Every contestant on `scenes`, on the rig that `stand` is on.
+    pub(super) fn run_all(
+        &mut self,
+        stand: &mut Stand,
+        quick: bool,
+        scenes: &[Scene],
+        each: &mut dyn FnMut(&Score),
+    ) -> Result<(), StandError> {
+        let rig = stand.config().clone();
+        contestants(&rig, quick).iter().try_for_each(|contestant| self.run(stand, scenes, contestant, each))
+    }
+
+    /// One contestant on `scenes`.
+    pub(super) fn run(
         &mut self,
         stand: &mut Stand,
         scenes: &[Scene],

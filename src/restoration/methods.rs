@@ -26,7 +26,7 @@ const RICHARDSON_LUCY_STEPS: u32 = 20;
 const WIENER_NOISE_TO_SIGNAL: f32 = 0.01;
 /// Proximal steps of each correction. Measured 2026-11-21 on study.toml, mean SSIM/PSNR of the photographs for 6, 8, 10
 /// and 12 steps: 0.939/32.9, 0.940/33.0, 0.940/33.1, 0.937/33.1 (with an earlier spinning).
-const CORRECTION_STEPS: u32 = 10;
+pub(super) const CORRECTION_STEPS: u32 = 10;
 /// Shrinkage of the measured defect, in standard deviations of its noise. Measured 2026-11-21 on the study's
 /// photographs, mean SSIM with 0, 1 and 2 deviations: 0.9259, 0.9297, 0.9301.
 const DEFECT_THRESHOLD: f32 = 2.0;

@@ -11,10 +11,13 @@
 
 mod evidence;
 mod methods;
+mod setting;
+mod shown;
 mod verdict;
 
 pub use evidence::{Evidence, Residuals, distance};
 pub use methods::{digital, hybrid, method, paper, second_opinion};
+pub use setting::{Chosen, Setting};
 pub use verdict::{Judged, Verdict};
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};

@@ -56,7 +56,7 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     let (mut cells, mut crossed) = (Vec::new(), Vec::new());
     for scene in [Scene::Chart, Scene::Coffee] {
         for photo in [0, 1] {
-            let taken = stages[photo].take(scene);
+            let taken = stages[photo].take(scene)?;
             let (blurred, blurred_db) = taken.floor();
             for panel in [0, 1] {
                 for (name, method) in &methods {

@@ -60,7 +60,7 @@ impl Zones {
 /// When the rig cannot be opened or calibrated, or a capture fails.
 pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, StandError> {
     let mut stage = Stage::open(Condition::NoNoise.apply(rig.clone()), stopwatch)?;
-    let taken = stage.take(Scene::Chart);
+    let taken = stage.take(Scene::Chart)?;
     let border_px = stage.truth.functions().support_px / 2;
     let mut head = vec!["patch"];
     head.extend(ZONES.iter().flat_map(|_| ["mean", "99 %"]));

@@ -28,7 +28,7 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
         [(Condition::NoNoise, "without noise", ""), (Condition::AsFiled, "with the rig's noise", "-noise")];
     for (n, (condition, name, suffix)) in conditions.into_iter().enumerate() {
         let mut stage = Stage::open(condition.apply(rig.clone()), stopwatch)?;
-        let taken = stage.take(Scene::Astronaut);
+        let taken = stage.take(Scene::Astronaut)?;
         let (blurred, blurred_db) = taken.floor();
         let course = stage.solve(&taken, &printed(rig), &SHOWN)?;
         let mut row = vec![name.to_owned(), format!("{blurred:.4}/{blurred_db:.2}")];

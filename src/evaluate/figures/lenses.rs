@@ -92,7 +92,7 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
             let mut stage = Stage::open(changed, stopwatch)?;
             let spots = spots_px(&stage.truth);
             for scene in [Scene::Astronaut, Scene::Coffee] {
-                let taken = stage.take(scene);
+                let taken = stage.take(scene)?;
                 let (blurred, blurred_db) = taken.floor();
                 let mut courses = vec![("paper", stage.solve(&taken, &printed(rig), &[])?)];
                 courses.push(("hybrid", stage.solve(&taken, &hybrid(rig), &[])?));

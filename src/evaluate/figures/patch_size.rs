@@ -36,7 +36,7 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     let mut drawn = Vec::new();
     let mut pictures = Vec::new();
     for scene in [Scene::Chart, Scene::Coffee] {
-        let taken = stage.take(scene);
+        let taken = stage.take(scene)?;
         let (blurred_ssim, _) = taken.floor();
         let mut details = vec![taken.truth.clone(), taken.blurred()];
         let mut courses: Vec<(String, Course)> = Vec::new();

@@ -70,8 +70,8 @@ pub(super) fn measure(rig: &Rig, stopwatch: Stopwatch) -> Result<Figure, StandEr
     let (mut rows, mut details) = (Vec::new(), Vec::new());
     for scene in [Scene::Chart, Scene::Coffee] {
         for variance in VARIANCES {
-            stage.stand.witness().set_read_noise_levels(variance.sqrt());
-            let taken = stage.take(scene);
+            stage.witness.set_read_noise_levels(variance.sqrt());
+            let taken = stage.take(scene)?;
             let (blurred, _) = taken.floor();
             let shows = scene == Scene::Chart && variance == PRINTED.0;
             if shows {

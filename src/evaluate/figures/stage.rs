@@ -1,5 +1,7 @@
 //! What the figures are measured on: a calibrated simulated rig with its true lens beside it.
 
+use std::sync::Arc;
+
 use super::super::scenes::Scene;
 use super::super::stand::{Stand, StandError, Stopwatch};
 use crate::config::{self, Kind, Lens};
@@ -23,6 +25,7 @@ const TRUE_FUNCTIONS: (usize, usize) = (16, 12);
 /// A rig and its true lens.
 pub(super) struct Stage {
     pub(super) stand: Stand,
+    pub(super) witness: Arc<Witness>,
     pub(super) truth: LensModel,
 }
 
@@ -77,15 +80,18 @@ impl Stage {
     /// # Errors
     /// When the rig cannot be opened or calibrated.
     pub(super) fn open(rig: config::Rig, stopwatch: Stopwatch) -> Result<Stage, StandError> {
-        let stand = Stand::open(rig, stopwatch)?;
-        let truth = true_lens(stand.config(), stand.witness())?;
-        Ok(Stage { stand, truth })
+        let (stand, witness) = Stand::open_witnessed(rig, stopwatch)?;
+        let truth = true_lens(stand.config(), &witness)?;
+        Ok(Stage { stand, witness, truth })
     }
 
     /// The photo that the rig's camera takes of `scene`.
-    pub(super) fn take(&self, scene: Scene) -> Taken {
-        let (truth, photo) = self.stand.take_grey(scene);
-        Taken { truth, photo }
+    ///
+    /// # Errors
+    /// None on a simulated rig.
+    pub(super) fn take(&mut self, scene: Scene) -> Result<Taken, StandError> {
+        let (truth, photo) = self.stand.take_grey(scene)?;
+        Ok(Taken { truth, photo })
     }
 
     /// `method` on a photo, every step scored, the pictures after the `wanted` iterations kept.
@@ -146,7 +152,7 @@ impl Stage {
         *scene.plane_mut(Channel::Green) = data_term::place(x, canvas, rect, 0.0);
         let mut difference = Plane::zeros(canvas);
         self.truth.forward(Channel::Green, scene.plane(Channel::Green), &mut difference);
-        let light = self.stand.witness().forward(&scene, Light::Panel);
+        let light = self.witness.forward(&scene, Light::Panel);
         difference.add_scaled(-1.0, light.plane(Channel::Green));
         difference.crop(rect).rms()
     }

@@ -30,15 +30,8 @@ impl Contestant {
 
     /// The word in tables.
     pub const fn name(self) -> &'static str {
-        use config::Method::{Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener};
         match self {
-            Contestant::Named(Paper) => "paper",
-            Contestant::Named(Residual) => "residual",
-            Contestant::Named(Unmatched) => "unmatched",
-            Contestant::Named(Hybrid) => "hybrid",
-            Contestant::Named(Digital) => "digital",
-            Contestant::Named(Wiener) => "wiener",
-            Contestant::Named(RichardsonLucy) => "richardson-lucy",
+            Contestant::Named(method) => method.name(),
             Contestant::TotalVariation => "total-variation",
         }
     }

@@ -1,0 +1,87 @@
+//! The operating point of a rig: settings of the methods worth having, tried on scenes shown on that very rig.
+
+use super::scenes::Scene;
+use super::stand::{Score, Stand, StandError};
+use super::trade::{BALANCED_WITHIN, Contestant, FAST_WITHIN, Trade};
+use crate::config::{Method, OperatingPoint, Rig};
+use crate::restoration::{Chosen, Setting};
+
+/// What is shown: photographs of a portrait, a still life and a night.
+const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
+
+/// The settings tried, the rig file's own first: those on or near the front of `relens chart` on every simulated rig.
+fn candidates(rig: &Rig) -> Vec<Setting> {
+    let filed = Setting::as_filed(rig, rig.restore.method);
+    let digital = |steps| Setting { method: Method::Digital, steps, ..filed };
+    let hybrid = |steps, correction_steps, captures_max| Setting {
+        method: Method::Hybrid,
+        steps,
+        correction_steps,
+        captures_max,
+    };
+    let mut all = vec![filed];
+    for more in [
+        digital(4),
+        digital(8),
+        digital(16),
+        digital(32),
+        hybrid(8, 6, 1),
+        hybrid(16, 10, 1),
+        hybrid(16, 10, 2),
+        hybrid(32, 20, 2),
+    ] {
+        if !all.contains(&more) {
+            all.push(more);
+        }
+    }
+    all
+}
+
+/// How many restorations [`choose`] makes.
+pub fn restorations(rig: &Rig) -> usize {
+    candidates(rig).len() * SCENES.len()
+}
+
+/// The operating point `wanted` of the rig that `stand` is on; `each` is told of every restoration. `None` when none gives
+/// a number.
+///
+/// # Errors
+/// When a scene cannot be shown or a capture fails.
+pub fn choose(
+    stand: &mut Stand,
+    wanted: OperatingPoint,
+    each: &mut dyn FnMut(&Score),
+) -> Result<Option<Chosen>, StandError> {
+    let rig = stand.config().clone();
+    let settings = candidates(&rig);
+    let mut trade = Trade::default();
+    for setting in &settings {
+        let contestant = Contestant {
+            family: setting.method.name(),
+            setting: setting.to_string(),
+            method: setting.method(&rig),
+            printed: false,
+        };
+        trade.run(stand, &SCENES, &contestant, each)?;
+    }
+    let within = match wanted {
+        OperatingPoint::Fast => FAST_WITHIN,
+        OperatingPoint::Balanced => BALANCED_WITHIN,
+        OperatingPoint::Best => 0.0,
+    };
+    let (best, chosen) = (trade.operating_point(0.0), trade.operating_point(within));
+    Ok(best.zip(chosen).map(|(best, n)| Chosen {
+        operating_point: wanted,
+        setting: settings[n],
+        seconds: rounded(trade.points[n].seconds()),
+        ssim: rounded(trade.points[n].ssim),
+        psnr_db: rounded(trade.points[n].psnr_db),
+        best_ssim: rounded(trade.points[best].ssim),
+        photo_ssim: rounded(trade.photo_ssim),
+    }))
+}
+
+/// To four digits behind the point, as people read it.
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
+}

@@ -1,0 +1,96 @@
+//! A method with the numbers that are chosen for a rig, and what the choice was made by.
+
+use serde::{Deserialize, Serialize};
+
+use super::methods::{CORRECTION_STEPS, digital, hybrid, method};
+use crate::config::{self, OperatingPoint, Rig};
+use crate::restore::method::Method;
+use crate::restore::method::digital::Digital;
+use crate::restore::method::hybrid::Hybrid;
+
+/// What is chosen for a rig; all else is as its file says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Setting {
+    /// The method.
+    pub method: config::Method,
+    /// Steps of the solve with the lens model.
+    pub steps: u32,
+    /// Steps of each correction; only the hybrid corrects.
+    pub correction_steps: u32,
+    /// Captures a photo may cost, at least 1; only the hybrid takes it into account.
+    pub captures_max: u32,
+}
+
+impl Setting {
+    /// `method` with the numbers of the rig file.
+    pub fn as_filed(rig: &Rig, method: config::Method) -> Setting {
+        Setting {
+            method,
+            steps: rig.restore.steps as u32,
+            correction_steps: CORRECTION_STEPS,
+            captures_max: 1 + rig.restore.corrections_max as u32,
+        }
+    }
+
+    /// The method so set.
+    pub fn method(&self, rig: &Rig) -> Box<dyn Method + Send + Sync> {
+        let digital = Digital { steps: self.steps, ..digital(rig) };
+        match self.method {
+            config::Method::Digital => Box::new(digital),
+            config::Method::Hybrid => Box::new(Hybrid {
+                digital,
+                correction_steps: self.correction_steps,
+                captures_max: self.captures_max,
+                ..hybrid(rig)
+            }),
+            other => method(rig, other),
+        }
+    }
+}
+
+impl std::fmt::Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Setting { method, steps, correction_steps, captures_max } = self;
+        match method {
+            config::Method::Digital => write!(f, "digital, {steps} steps"),
+            config::Method::Hybrid => {
+                let captures = if *captures_max == 1 { "capture" } else { "captures" };
+                write!(f, "hybrid, {steps}+{correction_steps} steps, {captures_max} {captures} at most")
+            }
+            other => write!(f, "{}", other.name()),
+        }
+    }
+}
+
+/// A rig's operating point: what was asked for, what was chosen, and what it makes of scenes shown on that rig.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Chosen {
+    /// What the rig file asked for.
+    pub operating_point: OperatingPoint,
+    /// What is restored with.
+    pub setting: Setting,
+    /// Seconds a photo, captures and computing.
+    pub seconds: f64,
+    /// Mean SSIM of the scenes.
+    pub ssim: f64,
+    /// Mean PSNR of the scenes, dB.
+    pub psnr_db: f64,
+    /// Mean SSIM of the best setting tried.
+    pub best_ssim: f64,
+    /// Mean SSIM of the untouched photos.
+    pub photo_ssim: f64,
+}
+
+impl std::fmt::Display for Chosen {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Chosen { operating_point, setting, seconds, ssim, psnr_db, best_ssim, photo_ssim } = self;
+        write!(
+            f,
+            "{}: {setting}; {seconds:.2} s a photo, SSIM {ssim:.4} (best {best_ssim:.4}, untouched {photo_ssim:.4}), \
+             PSNR {psnr_db:.2} dB on scenes shown on this rig",
+            operating_point.name()
+        )
+    }
+}

@@ -1,0 +1,44 @@
+//! The operating point of a rig, chosen by scenes that are shown on it, holds for photos taken with it.
+
+// A failed unwrap is a failed test, also in the functions the tests share.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use relens::calibrate::calibrate;
+use relens::config::{self, OperatingPoint};
+use relens::evaluate::operating_point::{choose, restorations};
+use relens::evaluate::scenes::Scene;
+use relens::evaluate::stand::Stand;
+use relens::restoration::Setting;
+use relens::rig::simulated;
+
+/// No clock: every setting costs its captures alone.
+fn no_clock() -> f64 {
+    0.0
+}
+
+#[test]
+fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
+    let rig = config::load(Path::new("small.toml")).unwrap();
+    // A rig of which nothing is known but what its camera sees.
+    let (mut devices, _) = simulated::open(&rig).unwrap();
+    let calibration = calibrate(&mut devices, &rig, None, &mut |_| {}).unwrap();
+    let mut stand = Stand::on(rig.clone(), devices, calibration, no_clock).unwrap();
+    let mut tried = 0;
+    let best = choose(&mut stand, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();
+    assert_eq!(tried, restorations(&rig));
+    assert!(best.ssim == best.best_ssim && best.ssim > best.photo_ssim + 0.02, "{best}");
+    let fast = choose(&mut stand, OperatingPoint::Fast, &mut |_| {}).unwrap().unwrap();
+    assert!(fast.ssim >= best.ssim - 0.01 && fast.seconds <= best.seconds, "{fast}; {best}");
+
+    let mut stand = Stand::open(rig.clone(), no_clock).unwrap();
+    let filed = Setting::as_filed(&rig, rig.restore.method);
+    let mut mean = |setting: &Setting| {
+        let of = |scene| stand.score_colour(scene, "", &*setting.method(&rig)).unwrap().ssim;
+        Scene::STUDY_PHOTOGRAPHS.map(of).iter().sum::<f64>() / 2.0
+    };
+    let (of_best, of_fast, of_filed) = (mean(&best.setting), mean(&fast.setting), mean(&filed));
+    assert!(of_best > of_filed - 0.002, "best {of_best:.4}, as filed {of_filed:.4}");
+    assert!(of_fast > of_filed - 0.012, "fast {of_fast:.4}, as filed {of_filed:.4}");
+}
