@@ -9,6 +9,7 @@
 use std::path::Path;
 
 use relens::config;
+use relens::evaluate::regimes::{self, Regime};
 use relens::evaluate::scenes::Scene;
 use relens::evaluate::stand::{Score, Stand};
 use relens::evaluate::study::{self, Condition};
@@ -138,4 +139,16 @@ fn with_one_function_the_light_makes_up_for_the_poor_model() {
     let hybrid = scores(&mut stand, &PHOTOGRAPHS, &*solver);
     let gain = mean(&hybrid, |s| s.psnr_db) - mean(&digital, |s| s.psnr_db);
     assert!(gain >= 1.0, "{gain:.2} dB");
+}
+
+#[test]
+fn the_light_earns_its_place_with_a_lens_that_was_touched_or_slid_since_it_was_measured() {
+    let rig = config::load(Path::new("study.toml")).unwrap();
+    let regimes = [Regime::Decentred(0.1), Regime::Dirty(0.15)];
+    let rows = regimes::measure(&rig, &regimes, &PHOTOGRAPHS, || 0.0, &mut |_, _| {}).unwrap();
+    for row in rows {
+        assert!(row.gain_db() >= 1.0, "{}: {:+.2} dB", row.regime.name(), row.gain_db());
+        let [digital, _, hybrid] = row.methods;
+        assert!(hybrid.ssim > digital.ssim, "{}: {} {}", row.regime.name(), hybrid.ssim, digital.ssim);
+    }
 }

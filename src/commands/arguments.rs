@@ -42,6 +42,8 @@ pub(super) enum Charted {
     Conditions,
     /// Where the methods fail, and who notices.
     Stability,
+    /// Where light earns its place over the measured lens.
+    Regimes,
     /// The paper's figures.
     Figures,
     /// The rungs that a varied set of scenes takes.
@@ -51,9 +53,10 @@ pub(super) enum Charted {
 }
 
 /// The options of `relens chart` that ask for something else than speed against accuracy.
-const CHARTED: [(&str, Charted); 5] = [
+const CHARTED: [(&str, Charted); 6] = [
     ("conditions", Charted::Conditions),
     ("stability", Charted::Stability),
+    ("regimes", Charted::Regimes),
     ("figures", Charted::Figures),
     ("ladder", Charted::Ladder),
     ("captures", Charted::Captures),
@@ -108,6 +111,7 @@ const COMMANDS: [Known; 12] = [
             ("quick", None, false, false),
             ("conditions", None, false, false),
             ("stability", None, false, false),
+            ("regimes", None, false, false),
             ("figures", None, false, false),
             ("ladder", None, false, false),
             ("captures", None, false, false),

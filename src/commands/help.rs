@@ -92,7 +92,7 @@ the rig's shape. PHOTO must not exist yet; its ending tells the format.";
 
 const CHART: &str = "\
 relens chart --rig RIG.toml --out DIR [--quick] [--folder DIR]
-             [--peers ROWS.csv | --conditions | --stability | --figures | --ladder | --captures]
+             [--peers ROWS.csv | --conditions | --stability | --regimes | --figures | --ladder | --captures]
 
 Restores known scenes with every method and several settings of each, and draws speed against accuracy:
 DIR gets the drawing (SVG and PNG), the table (Markdown) and its numbers (CSV). On a rig of devices the scenes are
@@ -102,6 +102,8 @@ with a poor lens model. With --stability it puts every fault on rig, photo and
 method in turn, in growing strengths, and draws where each method harms and whether the box noticed. --quick
 leaves out most settings of the methods that lose, and most strengths.
 
+  --regimes    compare the default method with the measured lens alone where that measurement falls short: glare, one
+               function, another distance, a lens off centre or dirty
   --ladder     show which rung of the ladder each of a varied set of scenes takes, and what the next would gain
   --figures    measure the paper's figures 7 to 12 again, on a rig with linear photos such as study.toml:
                DIR/README.md shows them, with what agrees with the paper and what does not

@@ -187,11 +187,12 @@ pub(super) fn chart(
             rig.name
         )));
     }
-    let grey_light = matches!(what, Charted::Figures | Charted::Captures) || peers.is_some();
+    let grey_light =
+        matches!(what, Charted::Figures | Charted::Captures | Charted::Regimes) || peers.is_some();
     if grey_light && rig.photo.curve != Curve::Linear {
         let found = &rig.name;
         return Err(Trouble::Usage(format!(
-            "figures and peers are for rigs with linear photos, found {found}, allowed for instance study.toml"
+            "figures, regimes and peers are for rigs with linear photos, found {found}, allowed for instance study.toml"
         )));
     }
     let read = |path: &Path| {
@@ -218,6 +219,10 @@ pub(super) fn chart(
             let gain = run.ssim - run.photo_ssim;
             let noticed = if run.verdict.noticed() { ", noticed" } else { "" };
             log::info!("{fault} {} {unit}, {method}, {}: {gain:+.4}{noticed}", run.strength, run.view.name());
+        }),
+        Charted::Regimes => evaluate::chart::regimes(rig, clock, &mut |regime, score| {
+            let (scene, method, captures) = (score.scene.name(), &score.method, score.restored.captures);
+            log::info!("{}: {scene} {method}, {captures} captures: {:.2} dB", regime.name(), score.psnr_db);
         }),
         Charted::Figures => return figures(rig, out),
         Charted::Ladder => evaluate::ladder::chart(rig, clock, &mut |climb| {

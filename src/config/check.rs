@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::appliance::check_appliance;
 use super::hardware::check_hardware;
-use super::simulation::{Display, Glare, Lens, Prescription, Primaries, Sensor, Simulation};
+use super::simulation::{Display, Glare, Lens, LensGeometry, Prescription, Primaries, Sensor, Simulation};
 use super::written::{KindWord, LensTable, Written};
 use super::{BlurGrid, ConfigError, Geometry, Kind, Rig};
 
@@ -284,7 +284,17 @@ fn check_lens(rules: &Rules, table: LensTable, base_dir: &Path) -> Result<Lens, 
         node_rows: rules.needed("lens.node-rows", table.node_rows)?,
         geometry: rules.needed("lens.geometry", table.geometry)?,
         dark_corner: rules.needed("lens.dark-corner", table.dark_corner)?,
+        axis_offset_px: table.axis_offset_px.unwrap_or_default(),
     };
+    for offset in lens.axis_offset_px {
+        rules.within("lens.axis-offset-px", offset, -1e4, 1e4)?;
+    }
+    rules.hold(
+        lens.axis_offset_px == [0.0; 2] || lens.geometry == LensGeometry::Centred,
+        "lens.axis-offset-px",
+        format!("{:?} of a lens that distorts", lens.axis_offset_px),
+        "with geometry = \"centred\" alone",
+    )?;
     rules.hold(
         lens.stop_at_surface < lens.surfaces.len()
             && lens.surfaces[..lens.stop_at_surface]

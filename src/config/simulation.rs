@@ -83,6 +83,9 @@ pub struct Prescription {
     pub geometry: LensGeometry,
     /// Whether light falls off towards the corners as the trace says.
     pub dark_corner: bool,
+    /// From the sensor's middle to where the optical axis meets it, columns and rows: a lens that is not centred blurs, and
+    /// darkens, about another place. Only of a lens whose functions keep their place.
+    pub axis_offset_px: [f64; 2],
 }
 
 /// One surface of a lens.

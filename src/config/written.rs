@@ -70,6 +70,7 @@ pub(super) struct LensTable {
     pub(super) node_rows: Option<usize>,
     pub(super) geometry: Option<LensGeometry>,
     pub(super) dark_corner: Option<bool>,
+    pub(super) axis_offset_px: Option<[f64; 2]>,
     pub(super) glare_share: f32,
     #[serde(alias = "glare-radius")]
     pub(super) glare_radius_px: f32,

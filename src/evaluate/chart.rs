@@ -3,6 +3,7 @@
 use super::drawing::Drawing;
 use super::figures::Figure;
 use super::peers;
+use super::regimes::{self, Regime};
 use super::scatter;
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError, Stopwatch};
@@ -86,6 +87,22 @@ fn trade_chart(rig: &config::Rig, trade: &Trade, remark: &str) -> Chart {
         tables: vec![(stem, trade.table(caption)), (format!("{}-by-scene", rig.name), scores)],
         ..Chart::default()
     }
+}
+
+/// Where light earns its place over the measured lens, on a rig with linear photos.
+///
+/// # Errors
+/// When a rig cannot be opened or calibrated, or a method fails.
+pub fn regimes(
+    rig: &config::Rig,
+    stopwatch: Stopwatch,
+    each: &mut dyn FnMut(Regime, &Score),
+) -> Result<Chart, StandError> {
+    let rows = regimes::measure(rig, &Regime::ALL, &Scene::STUDY_PHOTOGRAPHS, stopwatch, each)?;
+    Ok(Chart {
+        tables: vec![(format!("{}-regimes", rig.name), regimes::table(rig, &rows))],
+        ..Chart::default()
+    })
 }
 
 /// A figure's files: its numbers, drawings and pictures.

@@ -6,6 +6,7 @@ pub mod figures;
 pub mod ladder;
 pub mod operating_point;
 pub mod peers;
+pub mod regimes;
 pub mod scatter;
 pub mod scenes;
 pub mod stability;

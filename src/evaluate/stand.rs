@@ -90,6 +90,22 @@ impl Stand {
         Ok((stand, witness))
     }
 
+    /// The simulated rig of `now` with the calibration that it had when it was as `then`.
+    ///
+    /// # Errors
+    /// When either cannot be opened, or `then` not calibrated.
+    pub(super) fn open_changed(
+        then: &config::Rig,
+        now: config::Rig,
+        stopwatch: Stopwatch,
+    ) -> Result<Stand, StandError> {
+        let calibration = calibrate(&mut open(then)?.0, then, None, &mut |_| {})?;
+        let (rig, witness) = open(&now)?;
+        let mut stand = Stand::on(now, rig, calibration, stopwatch)?;
+        stand.photos = Photos::Witnessed(Arc::new(witness));
+        Ok(stand)
+    }
+
     /// A stand on the open devices `rig`, of which nothing is known but their `calibration`: scenes are shown to them.
     ///
     /// # Errors

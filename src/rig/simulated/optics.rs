@@ -46,7 +46,9 @@ impl Traced {
             lens.image_z
         );
         let half = (prescription.support_px / 2) as f64;
-        let reach_px = (sensor.width as f64 / 2.0 + half).hypot(sensor.height as f64 / 2.0 + half);
+        let [aside, down] = prescription.axis_offset_px.map(f64::abs);
+        let reach_px =
+            (sensor.width as f64 / 2.0 + half + aside).hypot(sensor.height as f64 / 2.0 + half + down);
         let radial =
             Radial::new(&lens, prescription, &filters, reach_px * prescription.pixel_pitch_um / 1000.0);
         let panel = Fan::new(&lens, prescription, &radial, &simulation.display.primaries);
@@ -143,9 +145,14 @@ impl Optics {
         }
     }
 
-    /// Sensor place `at` from where the optical axis meets the sensor, its centre.
+    /// Sensor place `at` from where the optical axis meets the sensor.
     fn relative_to_axis(&self, at: [f64; 2]) -> [f64; 2] {
-        [at[0] - (self.sensor.width as f64 - 1.0) / 2.0, at[1] - (self.sensor.height as f64 - 1.0) / 2.0]
+        let offset = match &self.functions {
+            Functions::Traced(traced) => traced.prescription.axis_offset_px,
+            Functions::Measured(_) => [0.0; 2],
+        };
+        let middle = [self.sensor.width, self.sensor.height].map(|side| (side as f64 - 1.0) / 2.0);
+        [at[0] - middle[0] - offset[0], at[1] - middle[1] - offset[1]]
     }
 
     /// How far the light of `channel` seen at sensor place `at` in the green geometry really is from there.
@@ -194,8 +201,10 @@ impl Optics {
                     return Plane::filled(self.sensor, 1.0);
                 };
                 // Smooth over the field: looked up by radius, half a pixel apart.
-                let corner = self.relative_to_axis([0.0, 0.0]);
-                let radii = (corner[0].hypot(corner[1]) * 2.0) as usize + 2;
+                let (right, bottom) = (self.sensor.width as f64 - 1.0, self.sensor.height as f64 - 1.0);
+                let corners = [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];
+                let reach = corners.map(|at| self.relative_to_axis(at)).map(|[dx, dy]| dx.hypot(dy));
+                let radii = (reach.into_iter().fold(0.0, f64::max) * 2.0) as usize + 2;
                 let fan = traced.fan(light);
                 let table: Vec<f32> =
                     (0..radii).map(|n| fan.relative_light(channel, n as f64 / 2.0) as f32).collect();
