@@ -14,8 +14,8 @@ use crate::disk::{Disk, LocalDisk, Written};
 use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
-/// Goes up with every change of [`Calibration`]'s layout.
-const VERSION: u32 = 2;
+/// The format of slots; goes up with every change of [`Calibration`]'s layout.
+pub const VERSION: u32 = 2;
 const HEADER_BYTES: usize = 28;
 const CRC_BYTES: usize = 4;
 const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];

@@ -113,8 +113,11 @@ impl Surface {
     /// Whether the parts fit together; data read from flash is checked with it.
     pub fn is_whole(&self) -> bool {
         let d = self.domain;
-        self.columns > 0
-            && self.rows > 0
+        // No panel or sensor reaches as far, and no fit has as many intervals.
+        let on_a_device = |at: f64| at.abs() <= f64::from(1 << 16);
+        [d.left, d.top, d.right, d.bottom].into_iter().all(on_a_device)
+            && (1..=1 << 10).contains(&self.columns)
+            && (1..=1 << 10).contains(&self.rows)
             && d.right > d.left
             && d.bottom > d.top
             && self.coefficients.len() == (self.columns + 3) * (self.rows + 3)
@@ -348,6 +351,16 @@ mod tests {
         for &(x, y) in &[(0.0, 0.0), (200.0, -50.0), (-70.0, 300.0)] {
             assert!((s.at(x, y) - (1.5 + 0.25 * x - 2.0 * y)).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn a_surface_whose_numbers_mean_harm_is_not_whole() {
+        let whole = Surface::plane(DOMAIN, 1.5, 0.25, -2.0);
+        assert!(whole.is_whole());
+        let far = Domain { right: f64::INFINITY, ..DOMAIN };
+        assert!(!Surface { domain: far, ..whole.clone() }.is_whole());
+        assert!(!Surface { columns: usize::MAX, ..whole.clone() }.is_whole());
+        assert!(!Surface { columns: usize::MAX - 2, rows: 13, ..whole }.is_whole());
     }
 
     #[test]

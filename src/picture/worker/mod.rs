@@ -61,9 +61,9 @@ impl Worker {
     /// As [`whole`](super::whole), or that the worker died.
     pub fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
         let ask = self.ask(name, limits, None);
-        match self.answer(&ask, file)? {
-            (Answer::Whole, _) => Ok(()),
-            (other, _) => Err(refusal(name, other)),
+        match read(name, &mut &self.answer(&ask, file)?[..])? {
+            Answer::Whole => Ok(()),
+            other => Err(refusal(name, other)),
         }
     }
 
@@ -80,11 +80,7 @@ impl Worker {
         size: Size,
     ) -> Result<Photo, PictureError> {
         let ask = self.ask(name, limits, Some((curve, size)));
-        match self.answer(&ask, file)? {
-            (Answer::Photo(header), planes) => wire::read_photo(*header, &mut &planes[..], size)
-                .map_err(|how| died(name, format!("it gave {how}"))),
-            (other, _) => Err(refusal(name, other)),
-        }
+        photo_of_answer(name, &self.answer(&ask, file)?, size)
     }
 
     fn ask(&self, name: &str, limits: &Limits, photo: Option<(Curve, Size)>) -> Ask {
@@ -92,8 +88,8 @@ impl Worker {
         Ask { name: name.to_owned(), limits: *limits, photo, memory_bytes_max, processor_s_max }
     }
 
-    /// The answer of one worker, and what follows it.
-    fn answer(&self, ask: &Ask, file: File) -> Result<(Answer, Vec<u8>), PictureError> {
+    /// All that one worker answers.
+    fn answer(&self, ask: &Ask, file: File) -> Result<Vec<u8>, PictureError> {
         let no_worker = |source| PictureError::NoWorker { source };
         let words = serde_json::to_string(ask).map_err(|e| no_worker(e.into()))?;
         let mut child = Command::new(&self.program)
@@ -111,18 +107,12 @@ impl Worker {
             let _ = child.kill();
         }
         let ended = child.wait().map_err(no_worker)?;
-        let bytes = match taken.map_err(no_worker)? {
-            Taken::All(bytes) if ended.success() => bytes,
-            Taken::All(_) => return Err(died(&ask.name, self.cause(ended))),
-            Taken::TooMuch => return Err(died(&ask.name, "it gave more than was asked for".to_owned())),
-            Taken::TooLate => {
-                return Err(died(&ask.name, format!("found no answer, allowed {} s", self.wall_s_max)));
-            }
-        };
-        let mut rest = &bytes[..];
-        let answer = wire::read(&mut rest).map_err(|how| died(&ask.name, format!("it gave {how}")))?;
-        let planes = rest.to_vec();
-        Ok((answer, planes))
+        match taken.map_err(no_worker)? {
+            Taken::All(bytes) if ended.success() => Ok(bytes),
+            Taken::All(_) => Err(died(&ask.name, self.cause(ended))),
+            Taken::TooMuch => Err(died(&ask.name, "it gave more than was asked for".to_owned())),
+            Taken::TooLate => Err(died(&ask.name, format!("found no answer, allowed {} s", self.wall_s_max))),
+        }
     }
 
     /// All that `child` writes, if it ends in time.
@@ -168,6 +158,25 @@ impl Worker {
             None => format!("it gave up with {ended}"),
         }
     }
+}
+
+/// The photo called `name` in all that a worker answered when it was asked for one on the grid `size`. The worker is
+/// trusted in nothing: the file may have taken it over.
+///
+/// # Errors
+/// Why it is none: as [`Worker::photo`].
+pub fn photo_of_answer(name: &str, answer: &[u8], size: Size) -> Result<Photo, PictureError> {
+    let mut rest = answer;
+    match read(name, &mut rest)? {
+        Answer::Photo(header) => {
+            wire::read_photo(*header, &mut rest, size).map_err(|how| died(name, format!("it gave {how}")))
+        }
+        other => Err(refusal(name, other)),
+    }
+}
+
+fn read(name: &str, answer: &mut &[u8]) -> Result<Answer, PictureError> {
+    wire::read(answer).map_err(|how| died(name, format!("it gave {how}")))
 }
 
 enum Taken {

@@ -76,7 +76,9 @@ impl LensFunctions {
         if self.support_px.is_multiple_of(2) {
             return Err(LensModelError::Support { found: self.support_px });
         }
-        let wanted = self.rows * self.columns * self.support_px * self.support_px;
+        let factors = [self.rows, self.columns, self.support_px, self.support_px];
+        // Numbers read from flash: as many taps as no memory holds, then, and not what is left of an overflow.
+        let wanted = factors.into_iter().fold(1, usize::saturating_mul);
         for channel in Channel::ALL {
             let taps = &self.taps[channel.index()];
             if taps.len() != wanted {

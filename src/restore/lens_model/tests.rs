@@ -181,3 +181,10 @@ fn the_fast_form_is_the_plain_one() {
         assert!(far < 1e-4, "{photo}: {far}");
     }
 }
+
+#[test]
+fn grids_whose_numbers_of_taps_overflow_are_refused() {
+    let functions =
+        LensFunctions { rows: 1 << 32, columns: 1 << 32, support_px: 1, taps: [vec![], vec![], vec![]] };
+    assert!(matches!(functions.check(), Err(LensModelError::Taps { found: 0, .. })));
+}

@@ -1,0 +1,169 @@
+//! What fuzzing starts from: `seeds PROGRAM DIR` writes a small file or two of every kind for each target of
+//! `tests/fuzz` into `DIR/TARGET`. Each is made by the program itself and is one that it takes.
+#![allow(clippy::unwrap_used, missing_docs)] // a bench program: it says what failed and stops
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use relens::calibration::geometric::Geometry;
+use relens::calibration::surface::{Domain, Surface};
+use relens::calibration::{Calibration, CrossChannel, Curve, Noise, store};
+use relens::config;
+use relens::frame::{Frame, Plane, Size, Work};
+use relens::picture::{Format, Layout, Limits, Manner, Photo, encode, worker};
+use relens::restore::lens_model::LensFunctions;
+use relens::restore::level_norms::LevelNorms;
+
+/// A few files of each format, depth and layout, with and without a profile; a photo of a scene.
+fn photos(folder: &Path) {
+    let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
+    let scene: Frame<Work> = Frame::from_fn(|c| {
+        Plane::from_fn(Size::new(16, 12), |x, y| ((9 * x + 5 * y) % 200 + 20 * c.index()) as f32)
+    });
+    for (n, (format, bits, layout, profile)) in [
+        (Format::Jpeg, 8, Layout::Rgb, true),
+        (Format::Jpeg, 8, Layout::Grey, false),
+        (Format::Png, 8, Layout::Rgb, true),
+        (Format::Png, 16, Layout::RgbAlpha, false),
+        (Format::Png, 8, Layout::GreyAlpha, false),
+        (Format::Tiff, 8, Layout::Grey, false),
+        (Format::Tiff, 16, Layout::Rgb, true),
+        (Format::Tiff, 8, Layout::RgbAlpha, false),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let mut manner = Manner::plain(format, bits, config::Curve::Srgb);
+        (manner.layout, manner.icc) = (layout, profile.then(|| icc.clone()));
+        let bytes = encode("seed", &scene, &manner, layout.is_grey()).unwrap();
+        Photo::from_bytes("seed", &bytes, config::Curve::Srgb, &Limits::default()).unwrap();
+        fs::write(folder.join(format!("{n}.{}", format.extension())), bytes).unwrap();
+    }
+}
+
+/// What a worker of `program` answers about two photos.
+fn answers(program: &Path, photos: &Path, folder: &Path) {
+    let size = Size::new(16, 12);
+    for name in ["1.jpg", "2.png", "no-photo"] {
+        let path = photos.join(name);
+        let file = File::open(if path.exists() { &path } else { program }).unwrap();
+        let ask = format!(
+            r#"{{"name":"{name}","limits":{{"bytes_max":1000000000,"pixels_max":10000,"decoder_bytes_max":1000000}},
+            "photo":["srgb",{{"width":{},"height":{}}}],"memory_bytes_max":1000000000,"processor_s_max":10}}"#,
+            size.width, size.height
+        );
+        let out = Command::new(program).args([worker::WORD, &ask]).stdin(Stdio::from(file)).output().unwrap();
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        assert_eq!(worker::photo_of_answer(name, &out.stdout, size).is_ok(), path.exists(), "{name}");
+        fs::write(folder.join(name), out.stdout).unwrap();
+    }
+}
+
+/// The program's own rig files, and the README's tables for an appliance.
+fn rig_files(from: &Path, folder: &Path) {
+    for entry in fs::read_dir(from).unwrap().flatten() {
+        let text = fs::read_to_string(entry.path()).unwrap();
+        // Comments are nothing to a fuzzer but bytes.
+        let bare: Vec<&str> = text
+            .lines()
+            .map(|line| line.split(" #").next().unwrap_or(line))
+            .filter(|l| !l.starts_with('#'))
+            .collect();
+        let bare = bare.join("\n");
+        // One of devices is read to its end as well, and then refused by a program without them.
+        if let Err(refused) = config::parse(&bare, "seed", from) {
+            assert!(
+                refused.to_string().contains("a rig of real devices"),
+                "{}: {refused}",
+                entry.path().display()
+            );
+        }
+        fs::write(folder.join(entry.file_name()), bare).unwrap();
+    }
+}
+
+/// A calibration of the rig and the photo that the target has.
+fn calibration(folder: &Path) {
+    let canvas = Domain { left: -4.0, top: -4.0, right: 43.0, bottom: 33.0 };
+    let geometry = Geometry::one_to_one(canvas, 5.0, 5.0);
+    let identity = [[1.0, 0.1, 0.0], [0.0, 1.0, 0.1], [0.1, 0.0, 1.0]];
+    let calibration = Calibration {
+        rig: 7,
+        generation: 3,
+        photo: Size::new(40, 30),
+        margin_px: 4,
+        geometry: [geometry.clone(), geometry.clone(), geometry],
+        dark_corner: [1.0, 1.1, 0.9].map(|d| Surface::plane(canvas, d, -0.005, 0.0)),
+        cross_channel: CrossChannel { c: identity },
+        curves: [Curve::linear(), Curve::linear(), Curve::linear()],
+        black: [64.0, 65.0, 66.0].map(|b| Surface::constant(canvas, b)),
+        counts_per_level: [3.0, 3.2, 2.9],
+        noise: [Noise { at_black: 0.04, per_level: 0.008 }; 3],
+        functions: LensFunctions {
+            rows: 1,
+            columns: 2,
+            support_px: 1,
+            taps: [vec![1.0; 2], vec![1.0; 2], vec![1.0; 2]],
+        },
+        norm_squared: [1.0; 3],
+        level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
+        norm_squared_seen: 1.0,
+        operator_error: [1.0; 3],
+        captures: 30,
+    };
+    store::save(folder, &calibration).unwrap();
+    assert_eq!(store::load(folder, 7).unwrap(), calibration);
+}
+
+/// What the daemon writes for itself; `@file`, `@crc` and `@bytes` are put in by the target, which knows the photo.
+fn records(folder: &Path) {
+    let name = "[97,46,112,110,103]";
+    let ledger = |attempts: u32, result: &str| {
+        format!(r#"{{"photo":{name},"file":@file,"attempts":{attempts},"result":{result}}}"#)
+    };
+    let delivered = r#"{"kept":{"Unix":[99,46,112,110,103]},"result":{"Unix":[99,46,112,110,103]}}"#;
+    let night = |again: bool| {
+        format!(r#"{{"floor_unix_s":1.0,"unproven":[{delivered}],"doubted":{again},"again":{again}}}"#)
+    };
+    let pilots = r#"[{"unix-s":1,"drift":{"shift-px":0.1,"gain-percent":0.0,"offset-levels":0.0,"noise-ratio":1.0},"verdict":"good","temperature-c":40.0}]"#;
+    let report = r#"{"photo":"a.png","result":"a.png","result-address":"a.png","outcome":"untouched","rig":"test",
+        "method":"none","rung":0,"rung-reason":"","captures":0,"seconds":0.0,"certificate":null,"meaning":null,
+        "size":{"width":16,"height":12},"stored":{"width":16,"height":12},"curve":"sRGB","grey":true,"turned":null,
+        "notes":[],"iterations":[],"photo-crc32":"@crc","photo-bytes":@bytes,"finished-unix-s":1,
+        "before":"gallery/1-before.jpg","after":"gallery/1-after.jpg"}"#;
+    serde_json::from_str::<relens::daemon::Report>(&report.replace("@bytes", "1")).unwrap();
+    let note = "d.png was not restored.\n\nd.png: it is no photo\n\nThe file lies beside this note.\n";
+    let state = r#"{"rig":"test","doing":{"is":"restoring","photo":"a.png"},"restored":1,"failed":0,"left":0,"written-unix-s":1}"#;
+    serde_json::from_str::<relens::daemon::State>(state).unwrap();
+    let all = [
+        ("begun", [ledger(1, "null"), night(false), pilots.into(), String::new(), note.into(), state.into()]),
+        (
+            "delivered",
+            [ledger(1, name), night(false), String::new(), report.into(), note.into(), "the result".into()],
+        ),
+        ("again", [ledger(9, name), night(true), String::new(), report.into(), String::new(), String::new()]),
+    ];
+    for (name, sections) in all {
+        let mut text = sections.join("\0");
+        if name == "delivered" {
+            text.push_str("\0the result");
+        }
+        fs::write(folder.join(name), text).unwrap();
+    }
+}
+
+fn main() {
+    let words: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let [program, seeds] = words.as_slice() else { panic!("seeds PROGRAM DIR") };
+    let folder = |target: &str| {
+        let folder = seeds.join(target);
+        fs::create_dir_all(&folder).unwrap();
+        folder
+    };
+    photos(&folder("photo"));
+    answers(program, &folder("photo"), &folder("answer"));
+    rig_files(Path::new("rig-config"), &folder("rig-file"));
+    calibration(&folder("calibration"));
+    records(&folder("records"));
+}
