@@ -11,7 +11,7 @@ use relens::config::{ClockSource, Rig};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
     Attended, Daemon, Doing, Folders, Nightly, ProgressLine, Reader, Restorer, Schedule, Setting, State,
-    Summary, Times, Watcher, interruption,
+    Summary, Times, Watcher, interruption, write_report,
 };
 use relens::kiosk::front::{self, Front};
 use relens::picture::worker::Worker;
@@ -47,18 +47,18 @@ pub(super) fn run(rig: &Path, folder: &Path, once: bool, share_as: Option<&OsStr
     let _desk = FrontDesk::open(&rig, folders.root(), front.clone());
     let clock = MachineClock::new();
     let stop = || stopped.load(Ordering::Acquire);
-    let Some(mut restorer) = open_patiently(&rig, &folders, &front, &stopped, &clock)? else {
-        service_manager().stopping();
-        return Ok(());
-    };
-    log::info!("watching {}; results are shown by {}", folders.inbox().display(), gallery.display());
     let times = Times {
         clock: &clock,
         calendar: &SystemTime::now,
         is_set: &clock_is_set,
         temperature_c: &temperature_c,
     };
-    let night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
+    let mut night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
+    let Some(mut restorer) = open_patiently(&rig, &folders, &front, &stopped, &clock, night.as_mut())? else {
+        service_manager().stopping();
+        return Ok(());
+    };
+    log::info!("watching {}; results are shown by {}", folders.inbox().display(), gallery.display());
     let night: Box<dyn Schedule> = match night {
         Some(night) => Box::new(night),
         None => Box::new(()),
@@ -98,8 +98,9 @@ fn open_patiently(
     front: &Front,
     stopped: &Arc<AtomicBool>,
     clock: &MachineClock,
+    mut night: Option<&mut Nightly<'_>>,
 ) -> Result<Option<Box<dyn Restorer>>, Trouble> {
-    let mut told = String::new();
+    let mut told = (String::new(), Vec::new());
     loop {
         let asked = interruption(front.clone(), Arc::clone(stopped));
         service_manager().status("opening the rig");
@@ -110,12 +111,25 @@ fn open_patiently(
         };
         let reason = relens::remedy::full_message(&trouble);
         front.set(front::State::Trouble { reason: reason.clone() });
-        if told != reason {
+        let attention = night.as_deref_mut().map_or(Vec::new(), |night| {
+            night.shut_out(&reason);
+            night.attention()
+        });
+        if told.0 != reason {
             log::warn!("holding: {reason}");
+        }
+        if told.1 != attention {
+            attention.iter().for_each(|words| log::warn!("{words}"));
+            let written = write_report(folders, &rig.name, &attention, unix_s());
+            let _ = written.inspect_err(|error| log::debug!("{}", relens::remedy::full_message(error)));
+        }
+        let now = (reason.clone(), attention);
+        if told != now {
             let doing = Doing::Held { reason: reason.clone() };
             // A disk that is full is told of by the log.
-            let _ = State::new(&rig.name, doing, unix_s()).write(folders);
-            told = reason.clone();
+            let state = State { attention: now.1.clone(), ..State::new(&rig.name, doing, unix_s()) };
+            let _ = state.write(folders);
+            told = now;
         }
         service_manager().status(&format!("needs help: {reason}"));
         let _panel = rigged::show_trouble(rig, &reason);

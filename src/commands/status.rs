@@ -33,9 +33,10 @@ fn words(state: &State, running: bool, now_unix_s: u64) -> String {
                 .to_owned()
         }
     };
+    let attention: String = state.attention.iter().map(|words| format!("\nattention: {words}")).collect();
     let ago = now_unix_s.saturating_sub(state.written_unix_s);
     format!(
-        "{doing}\nrig {}; {} restored, {} failed, {} left in the inbox; last word {} ago",
+        "{doing}{attention}\nrig {}; {} restored, {} failed, {} left in the inbox; last word {} ago",
         state.rig,
         state.restored,
         state.failed,
@@ -65,6 +66,7 @@ mod tests {
             restored: 3,
             failed: 1,
             left: 0,
+            attention: Vec::new(),
             written_unix_s: 100,
         };
         assert!(words(&state, true, 160).starts_with("waiting for photos\n"));
@@ -75,5 +77,7 @@ mod tests {
         assert!(words(&state, false, 160).contains("did not end in good order"));
         state.doing = Doing::Ended;
         assert!(words(&state, false, 160).contains("ended in good order"));
+        state.attention.push("no photo was restored".into());
+        assert!(words(&state, true, 160).contains("\nattention: no photo was restored\n"));
     }
 }

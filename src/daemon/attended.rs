@@ -5,6 +5,7 @@
 use std::sync::Arc;
 
 use super::schedule::{Ended, Schedule, Turn};
+use super::vigil::Missed;
 use super::withdrawal::Delivered;
 use super::{DaemonError, Outcome, Restorer};
 use crate::config::Mode;
@@ -94,14 +95,24 @@ impl<'a> Attended<'a> {
         if let Some(first) = words.get(..1).map(str::to_uppercase) {
             words.replace_range(..1, &first);
         }
-        let screen = Screen::Resting { words: words + ".", photos: waiting };
-        self.show(screen, State::Resting { reason: reason.to_owned() }, rig);
+        let (screen, state) = match self.inner.missed() {
+            Some(missed) => {
+                let state = State::Trouble { reason: missed.to_string() };
+                (Screen::Missed { what: missed.what, why: missed.why, photos: waiting }, state)
+            }
+            None => (
+                Screen::Resting { words: words + ".", photos: waiting },
+                State::Resting { reason: reason.to_owned() },
+            ),
+        };
+        self.show(screen, state, rig);
     }
 }
 
 impl Schedule for Attended<'_> {
     fn before(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
         if self.answer(waiting, rig) {
+            self.inner.kept_waiting(waiting, "the box is in maintenance");
             return Turn::Hold { reason: "maintenance".to_owned(), until: None };
         }
         if self.mode == Mode::Button && self.asked == 0 {
@@ -145,6 +156,7 @@ impl Schedule for Attended<'_> {
 
     fn idle(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
         if self.answer(waiting, rig) {
+            self.inner.kept_waiting(waiting, "the box is in maintenance");
             return Turn::Hold { reason: "maintenance".to_owned(), until: None };
         }
         self.asked = 0;
@@ -172,6 +184,18 @@ impl Schedule for Attended<'_> {
 
     fn unproven(&self) -> &[Delivered] {
         self.inner.unproven()
+    }
+
+    fn kept_waiting(&mut self, waiting: usize, why: &str) {
+        self.inner.kept_waiting(waiting, why);
+    }
+
+    fn missed(&self) -> Option<Missed> {
+        self.inner.missed()
+    }
+
+    fn attention(&self) -> Vec<String> {
+        self.inner.attention()
     }
 
     fn impatient(&self) -> bool {

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::history::{self, Entry, Verdict};
 use super::job::report_name;
 use super::schedule::{Ended, Schedule, Turn};
+use super::vigil::{Kept, Missed, Time, Vigil};
 use super::{DaemonError, Delivered, Folders, Restorer, durable};
 use crate::config::Nights;
 use crate::disk::Disk;
@@ -71,6 +72,9 @@ struct Record {
     doubted: bool,
     /// They are being put back.
     again: bool,
+    /// Photos that wait, and what keeps them.
+    #[serde(default)]
+    vigil: Kept,
 }
 
 /// Photos and results that the night of the box at `home` may still ask back, as far as the disk knows.
@@ -95,9 +99,13 @@ pub struct Nightly<'a> {
     limits: Limits,
     window: Window,
     calendar: Calendar,
+    /// The last look at it.
+    belief: Belief,
+    vigil: Vigil,
     times: Times<'a>,
     disk: Arc<dyn Disk>,
     root: PathBuf,
+    inbox: PathBuf,
     done: PathBuf,
     outbox: PathBuf,
     pilots: PathBuf,
@@ -120,9 +128,12 @@ impl<'a> Nightly<'a> {
             limits: Limits::of(nights),
             window: Window::new(nights)?,
             calendar: Calendar::new(nights.clock, record.floor_unix_s),
+            belief: Belief::NotSet,
+            vigil: Vigil::new(record.vigil.clone()),
             times,
             disk: folders.shared_disk(),
             root,
+            inbox: folders.inbox().to_owned(),
             done: folders.done().to_owned(),
             outbox: folders.outbox().to_owned(),
             pilots: folders.previews().to_owned(),
@@ -145,6 +156,7 @@ impl<'a> Nightly<'a> {
     /// Writes down what must survive a reboot. A disk that is full is told of by the photos.
     fn keep(&mut self) {
         self.record.floor_unix_s = self.calendar.floor_unix_s();
+        self.record.vigil = self.vigil.kept();
         let written = serde_json::to_vec(&self.record).map_err(std::io::Error::other);
         let kept = written
             .map_err(DaemonError::files("write", &self.root))
@@ -155,15 +167,49 @@ impl<'a> Nightly<'a> {
         }
     }
 
+    /// Looks at the calendar, and at whether `waiting` photos wait for too long; `None` when nobody knows how many do.
+    fn look(&mut self, waiting: Option<usize>) {
+        let (now, unix_s) = (self.now(), self.unix_s());
+        self.belief = self.calendar.look(unix_s, now.0, (self.times.is_set)());
+        if let Belief::Believed { jumped_s: Some(jump) } = self.belief {
+            log::warn!("the clock was changed by {jump:+.0} s");
+        }
+        let time = self.time(now, unix_s);
+        if self.vigil.look(time, waiting, &self.window) {
+            self.keep();
+        }
+    }
+
+    /// The clocks at `now`, as far as the last look believed them.
+    fn time(&self, now: Moment, unix_s: f64) -> Time {
+        match self.belief {
+            Belief::Believed { jumped_s } => Time { now, unix_s: Some(unix_s), jumped_s },
+            Belief::NotSet | Belief::Before { .. } => Time { now, unix_s: None, jumped_s: None },
+        }
+    }
+
+    /// Writes down what keeps photos from being restored, should the whole night pass like this.
+    fn hindered(&mut self, why: &str) {
+        let time = self.time(self.now(), self.unix_s());
+        if self.vigil.hindered(time.unix_s, why) {
+            self.keep();
+        }
+    }
+
+    /// Told while there is no rig to ask for anything, and why there is none.
+    pub fn shut_out(&mut self, why: &str) {
+        let waits = |name: &OsStr| !super::inbox::is_hidden(name);
+        let waiting = self.disk.list(&self.inbox).map(|found| found.iter().filter(|(n, _)| waits(n)).count());
+        self.look(waiting.ok());
+        self.hindered(why);
+    }
+
     /// Whether photos may be taken at this hour; the night is begun or ended as it is time.
     fn hours(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         let (now, unix_s) = (self.now(), self.unix_s());
         let hold = |reason: String, until| Some(Turn::Hold { reason, until });
-        match self.calendar.look(unix_s, now.0, (self.times.is_set)()) {
-            Belief::Believed { jumped_s: Some(jump) } => {
-                log::warn!("the clock was changed by {jump:+.0} s");
-            }
-            Belief::Believed { jumped_s: None } => {}
+        match self.belief {
+            Belief::Believed { .. } => {}
             Belief::NotSet => {
                 self.session = None;
                 let reason = "the time is not known: no network has set the clock yet";
@@ -199,6 +245,12 @@ impl<'a> Nightly<'a> {
                 None
             }
         }
+    }
+
+    /// Whether this is no hour for photos, by a calendar that is believed.
+    fn is_closed(&self) -> bool {
+        let believed = matches!(self.belief, Belief::Believed { .. });
+        believed && matches!(self.window.at(self.unix_s()), Hours::Closed { .. })
     }
 
     /// Ends the night, with the pilot after the last photo.
@@ -328,28 +380,41 @@ impl<'a> Nightly<'a> {
 }
 
 impl Schedule for Nightly<'_> {
-    fn before(&mut self, _: usize, rig: &mut dyn Restorer) -> Turn {
+    fn before(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
         self.lull_since = None;
+        self.look(Some(waiting));
         let turn = self.putting_back().or_else(|| self.hours(rig)).or_else(|| self.warm_up(rig));
         let due = self.session.as_ref().is_some_and(|s| s.photos >= self.nights.pilot_every_photos);
-        turn.or_else(|| if due { self.prove(rig) } else { None }).unwrap_or(Turn::Go)
+        let turn = turn.or_else(|| if due { self.prove(rig) } else { None }).unwrap_or(Turn::Go);
+        if let Turn::Hold { reason, .. } = &turn
+            && !self.is_closed()
+        {
+            self.hindered(reason);
+        }
+        turn
     }
 
     fn after(&mut self, ended: Ended<'_>, _: &mut dyn Restorer) {
+        let time = self.time(self.now(), self.unix_s());
+        if let Ended::Left(left) = ended {
+            return self.hindered(&left.reason);
+        }
+        self.vigil.served(time);
         if let Ended::Restored { delivered, .. } = ended {
             self.record.unproven.push(delivered.clone());
             if let Some(session) = &mut self.session {
                 session.photos += 1;
             }
-            self.keep();
         }
+        self.keep();
     }
 
     fn unproven(&self) -> &[Delivered] {
         &self.record.unproven
     }
 
-    fn idle(&mut self, _: usize, rig: &mut dyn Restorer) -> Turn {
+    fn idle(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
+        self.look(Some(waiting));
         if let Some(turn) = self.putting_back().or_else(|| self.hours(rig)) {
             return turn;
         }
@@ -362,5 +427,21 @@ impl Schedule for Nightly<'_> {
         let cold = self.session.as_ref().is_some_and(|session| session.warm_up.is_some());
         let turn = if cold { self.warm_up(rig) } else { self.prove(rig) };
         turn.unwrap_or(Turn::Go)
+    }
+
+    fn held(&mut self, error: &DaemonError, _: &mut dyn Restorer) {
+        self.look(None);
+        self.hindered(&full_message(error));
+    }
+
+    fn kept_waiting(&mut self, waiting: usize, why: &str) {
+        self.look(Some(waiting));
+        if waiting > 0 {
+            self.hindered(why);
+        }
+    }
+
+    fn missed(&self) -> Option<Missed> {
+        self.vigil.missed().cloned()
     }
 }

@@ -67,6 +67,10 @@ pub struct Daemon<'a> {
     summary: Summary,
     /// Photos restored and set aside since it was opened.
     counts: (usize, usize),
+    /// What was told last.
+    doing: Doing,
+    /// What the operator should know, as told last.
+    attention: Vec<String>,
     /// Photos in `working` that an error left there, and whether their result was delivered.
     pub(super) unsettled: Vec<(OsString, bool)>,
 }
@@ -108,6 +112,8 @@ impl<'a> Daemon<'a> {
             left: BTreeMap::new(),
             summary: Summary::default(),
             counts: (0, 0),
+            doing: Doing::Waiting,
+            attention: Vec::new(),
             unsettled: Vec::new(),
         })
     }
@@ -159,7 +165,12 @@ impl<'a> Daemon<'a> {
             let Summary { restored, failed, .. } = &mut self.summary;
             restored.drain(..restored.len().saturating_sub(SUMMARY_MAX));
             failed.drain(..failed.len().saturating_sub(SUMMARY_MAX));
-            let wait_s = match self.pass(patience, self.setting.retry_s, stop) {
+            let passed = self.pass(patience, self.setting.retry_s, stop);
+            if let Err(error) = &passed {
+                self.schedule.held(error, &mut *self.restorer);
+            }
+            self.call_attention();
+            let wait_s = match passed {
                 Ok(Turn::Stop) => break,
                 Ok(Turn::Go | Turn::Again(_) | Turn::Help { .. }) => {
                     if held.take().is_some() {
@@ -185,7 +196,6 @@ impl<'a> Daemon<'a> {
                         log::warn!("holding: {reason}");
                         self.tell(Doing::Held { reason: reason.clone() });
                     }
-                    self.schedule.held(&error, &mut *self.restorer);
                     held = Some(reason);
                     self.setting.retry_s
                 }
@@ -351,18 +361,35 @@ impl<'a> Daemon<'a> {
             self.gallery = Gallery::load(&self.folders)?;
         }
         let left: Vec<Failed> = self.left.values().cloned().collect();
-        self.gallery.write(&self.folders, &self.setting.rig, &left, self.unix_s())
+        self.gallery.write(&self.folders, &self.setting.rig, &left, &self.attention, self.unix_s())
+    }
+
+    /// Says once what the operator should know, and that there is nothing more to know.
+    fn call_attention(&mut self) {
+        let attention = self.schedule.attention();
+        if attention == self.attention {
+            return;
+        }
+        attention
+            .iter()
+            .filter(|words| !self.attention.contains(words))
+            .for_each(|words| log::warn!("{words}"));
+        self.attention = attention;
+        self.tell(self.doing.clone());
+        let _ = self.show_gallery().inspect_err(|error| log::warn!("{}", full_message(error)));
     }
 
     /// Writes the state file. That nobody can look on is no reason to stop.
     fn tell(&mut self, doing: Doing) {
         self.watcher.doing(&doing);
+        self.doing = doing.clone();
         let state = State {
             rig: self.setting.rig.clone(),
             doing,
             restored: self.counts.0,
             failed: self.counts.1,
             left: self.left.len(),
+            attention: self.attention.clone(),
             written_unix_s: self.unix_s(),
         };
         if let Err(error) = state.write(&self.folders) {

@@ -1,5 +1,6 @@
 //! When photos may be taken: asked before each one, told what became of each.
 
+use super::vigil::Missed;
 use super::withdrawal::Delivered;
 use super::{DaemonError, Failed, Report, Restorer};
 use crate::rig::Moment;
@@ -78,6 +79,21 @@ pub trait Schedule {
     /// Told that nothing goes on until somebody has helped.
     fn held(&mut self, error: &DaemonError, rig: &mut dyn Restorer) {
         let _ = (error, rig);
+    }
+
+    /// Told that `waiting` photos wait for something that is not this schedule's to say, and for what.
+    fn kept_waiting(&mut self, waiting: usize, why: &str) {
+        let _ = (waiting, why);
+    }
+
+    /// A whole night that passed without a photo being restored though photos wait, until one is.
+    fn missed(&self) -> Option<Missed> {
+        None
+    }
+
+    /// What the operator should know though work goes on or waits, in a sentence each.
+    fn attention(&self) -> Vec<String> {
+        self.missed().iter().map(Missed::to_string).collect()
     }
 
     /// Whether to look again now, ahead of time, and to try what rests. Asked several times a second.

@@ -48,6 +48,9 @@ pub struct State {
     pub failed: usize,
     /// Photos put back into the inbox to be tried later.
     pub left: usize,
+    /// What the operator should know though the box goes on: a night that was missed, a button that hangs; a sentence each.
+    #[serde(default)]
+    pub attention: Vec<String>,
     /// When this was written, seconds since 1970 UTC by the box's calendar.
     pub written_unix_s: u64,
 }
@@ -55,7 +58,15 @@ pub struct State {
 impl State {
     /// The state of a daemon that has done nothing yet, on the rig called `rig`.
     pub fn new(rig: &str, doing: Doing, written_unix_s: u64) -> State {
-        State { rig: rig.to_owned(), doing, restored: 0, failed: 0, left: 0, written_unix_s }
+        State {
+            rig: rig.to_owned(),
+            doing,
+            restored: 0,
+            failed: 0,
+            left: 0,
+            attention: Vec::new(),
+            written_unix_s,
+        }
     }
 
     /// Writes the state down, whole.

@@ -47,6 +47,15 @@ pub enum Screen {
         /// How many wait.
         photos: usize,
     },
+    /// Photos wait for their time, and the last night passed them by.
+    Missed {
+        /// Since when, and what passed.
+        what: String,
+        /// Why.
+        why: String,
+        /// How many wait.
+        photos: usize,
+    },
     /// Somebody is needed.
     Trouble {
         /// What is wrong.
@@ -95,6 +104,21 @@ fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }
 
+fn wait(count: usize) -> String {
+    match count {
+        0 => "Resting".to_owned(),
+        1 => "1 photo waits".to_owned(),
+        n => format!("{n} photos wait"),
+    }
+}
+
+/// With a capital and a full stop.
+fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+    format!("{first}{}.", letters.as_str().trim_end_matches('.'))
+}
+
 fn said(screen: &Screen) -> Said {
     let plain = |mark, title: &str, lines: Vec<(String, Colour)>| Said {
         ground: SLATE,
@@ -127,16 +151,15 @@ fn said(screen: &Screen) -> Said {
             "Done",
             vec![(photo.clone(), PAPER), (words.clone(), SOFT), (hint.clone(), SOFT)],
         ),
-        Screen::Resting { words, photos: count } => Said {
-            ground: NIGHT,
+        Screen::Resting { words, photos: count } => {
+            Said { ground: NIGHT, ..plain((Mark::Moon, AMBER), &wait(*count), vec![(words.clone(), PAPER)]) }
+        }
+        Screen::Missed { what, why, photos: count } => Said {
+            ground: RUST,
             ..plain(
-                (Mark::Moon, AMBER),
-                &match count {
-                    0 => "Resting".to_owned(),
-                    1 => "1 photo waits".to_owned(),
-                    n => format!("{n} photos wait"),
-                },
-                vec![(words.clone(), PAPER)],
+                (Mark::Triangle, AMBER),
+                &wait(*count),
+                vec![(sentence(what), PAPER), (sentence(why), AMBER)],
             )
         },
         Screen::Trouble { what, to_do } => Said {
@@ -259,6 +282,16 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
         (
             "resting",
             Screen::Resting { words: text("The night begins at 22:00 (Europe/Vienna)."), photos: 4000 },
+        ),
+        (
+            "missed",
+            Screen::Missed {
+                what: text(
+                    "no photo was restored in the night up to 2026-01-11 06:00 (Europe/Vienna), though photos wait since 2026-01-10 21:50 (Europe/Vienna)",
+                ),
+                why: text("the time is not known: no network has set the clock yet"),
+                photos: 4000,
+            },
         ),
         (
             "trouble",

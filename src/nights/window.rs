@@ -6,6 +6,11 @@ use jiff::{Timestamp, ToSpan, Zoned};
 
 use crate::config::{self, Nights};
 
+const DAY_S: f64 = 86_400.0;
+
+/// Days that are looked back for whole windows: photos that wait for longer are spoken of as waiting for this long.
+const DAYS_MAX: i64 = 400;
+
 /// Hours in a time zone; through daylight saving they are what the clock on the wall says.
 #[derive(Debug, Clone)]
 pub struct Window {
@@ -61,6 +66,48 @@ impl Window {
             }
         }
         self.closed(opens_in_s.min(2.0 * 86_400.0), from)
+    }
+
+    /// How many whole windows lie between two moments, seconds since 1970 UTC, and where the last one begins and ends;
+    /// `None` when none does. A window that is always open counts by days of 24 hours.
+    pub fn whole_between(&self, from_unix_s: f64, to_unix_s: f64) -> Option<(usize, (f64, f64))> {
+        let Some((from, to)) = self.minutes else {
+            let days = ((to_unix_s - from_unix_s) / DAY_S).floor();
+            let last = from_unix_s + days * DAY_S;
+            return (days >= 1.0).then_some((days as usize, (last - DAY_S, last)));
+        };
+        let now = Timestamp::from_millisecond((to_unix_s * 1e3) as i64).ok()?.to_zoned(self.zone.clone());
+        let mut found = None;
+        let mut nights = 0;
+        for day in (-DAYS_MAX..=0).rev() {
+            let begins = self.on_wall(&now, day, from)?;
+            let ends = self.on_wall(&now, day + i64::from(to <= from), to)?;
+            if begins < from_unix_s {
+                break;
+            }
+            if ends <= to_unix_s {
+                nights += 1;
+                found = found.or(Some((begins, ends)));
+            }
+        }
+        found.map(|last| (nights, last))
+    }
+
+    /// How long the window lasts at most, seconds; daylight saving may add an hour. Each day more holds a whole one.
+    pub fn longest_s(&self) -> f64 {
+        let minutes = self.minutes.map_or(0, |(from, to)| (1440 + to - from) % 1440);
+        f64::from(minutes + 60) * 60.0
+    }
+
+    /// The moment `unix_s` in words: date, time of day and zone.
+    pub fn on_the_wall(&self, unix_s: f64) -> String {
+        match Timestamp::from_millisecond((unix_s * 1e3) as i64) {
+            Ok(stamp) => {
+                let zoned = stamp.to_zoned(self.zone.clone());
+                format!("{} ({})", zoned.strftime("%Y-%m-%d %H:%M"), self.zone_name)
+            }
+            Err(_) => "a time beyond all calendars".to_owned(),
+        }
     }
 
     fn closed(&self, opens_in_s: f64, from: u16) -> Hours {
@@ -139,6 +186,25 @@ mod tests {
         assert!(open_hours(&hour, "2026-03-28T12:00:00Z", "2026-03-29T12:00:00Z") <= 0.5);
         assert_eq!(open_hours(&hour, "2026-10-24T12:00:00Z", "2026-10-25T12:00:00Z"), 0.5);
         assert_eq!(open_hours(&hour, "2026-06-01T12:00:00Z", "2026-06-02T12:00:00Z"), 0.5);
+    }
+
+    #[test]
+    fn whole_windows_are_counted_and_the_last_is_named() {
+        let vienna = window("22:00-06:00", "Europe/Vienna");
+        let between = |from: &str, to: &str| vienna.whole_between(unix(from), unix(to));
+        let night = (unix("2026-01-10T21:00:00Z"), unix("2026-01-11T05:00:00Z"));
+        assert_eq!(between("2026-01-10T20:00:00Z", "2026-01-11T05:00:00Z"), Some((1, night)));
+        assert_eq!(between("2026-01-10T20:00:00Z", "2026-01-11T04:59:00Z"), None, "it is not over");
+        assert_eq!(between("2026-01-10T21:01:00Z", "2026-01-11T20:59:00Z"), None, "it had begun");
+        assert_eq!(between("2026-01-08T12:00:00Z", "2026-01-11T12:00:00Z"), Some((3, night)));
+        assert_eq!(between("2026-01-11T12:00:00Z", "2026-01-10T12:00:00Z"), None);
+        // Through the night in which the clocks change.
+        assert_eq!(between("2026-03-28T12:00:00Z", "2026-03-29T04:00:00Z").map(|(n, _)| n), Some(1));
+        let always = window("always", "UTC");
+        assert_eq!(always.whole_between(0.0, 86_399.0), None);
+        assert_eq!(always.whole_between(0.0, 200_000.0), Some((2, (86_400.0, 172_800.0))));
+        assert_eq!(vienna.on_the_wall(night.1), "2026-01-11 06:00 (Europe/Vienna)");
+        assert_eq!([vienna.longest_s(), always.longest_s()], [9.0 * 3600.0, 3600.0]);
     }
 
     #[test]

@@ -94,6 +94,7 @@ impl Gallery {
         folders: &Folders,
         rig: &str,
         left: &[Failed],
+        attention: &[String],
         now_unix_s: u64,
     ) -> Result<(), DaemonError> {
         let (disk, outbox) = (folders.disk(), folders.outbox());
@@ -126,6 +127,7 @@ impl Gallery {
             photos: &self.reports,
             failed: &self.failed,
             left,
+            attention,
             removed,
             pilots: &pilots,
         };
@@ -139,12 +141,27 @@ impl Gallery {
             reports: &newest,
             failed: &self.failed,
             left,
+            attention,
             removed,
             pilots: &pilots,
             now_unix_s,
         });
         durable::replace(disk, outbox, "index.html".as_ref(), html.as_bytes())
     }
+}
+
+/// Writes the report of the rig called `rig` over `folders` while there is no daemon to do it: what lies there, and
+/// what the operator should know, a sentence each.
+///
+/// # Errors
+/// When a folder cannot be read or written.
+pub fn write_report(
+    folders: &Folders,
+    rig: &str,
+    attention: &[String],
+    now_unix_s: u64,
+) -> Result<(), DaemonError> {
+    Gallery::load(folders)?.write(folders, rig, &[], attention, now_unix_s)
 }
 
 /// The report as data, for other programs.
@@ -156,6 +173,7 @@ struct Data<'a> {
     photos: &'a [Report],
     failed: &'a [Failed],
     left: &'a [Failed],
+    attention: &'a [String],
     removed: Removed,
     pilots: &'a [history::Entry],
 }

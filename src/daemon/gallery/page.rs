@@ -27,6 +27,8 @@ pub(super) struct Overview<'a> {
     pub(super) reports: &'a [Report],
     pub(super) failed: &'a [Failed],
     pub(super) left: &'a [Failed],
+    /// What the operator should know, a sentence each.
+    pub(super) attention: &'a [String],
     pub(super) removed: Removed,
     pub(super) pilots: &'a [Entry],
     pub(super) now_unix_s: u64,
@@ -34,7 +36,7 @@ pub(super) struct Overview<'a> {
 
 /// The first page: the summary, the charts, what was not restored, and the newest photos.
 pub(super) fn first_page(overview: &Overview<'_>) -> String {
-    let &Overview { rig, reports, failed, left, removed, pilots, now_unix_s } = overview;
+    let &Overview { rig, reports, failed, left, attention, removed, pilots, now_unix_s } = overview;
     let restored = reports.iter().filter(|r| r.outcome == Outcome::Restored).count();
     let mut counts = vec![format!("<b>{restored}</b> restored")];
     for (n, words) in [
@@ -53,6 +55,12 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
     );
     let pages = reports.len().div_ceil(PHOTOS);
     let mut html = head(&summary, "", reports.len() > 12);
+    for words in attention {
+        html.push_str(&format!(
+            "<p class=\"attention\">Attention: {}.</p>\n",
+            escape(words.trim_end_matches('.'))
+        ));
+    }
     list(&mut html, "Not restored", "in the folder <code>failed</code>, unchanged", failed);
     list(&mut html, "Waiting", "still in the inbox, to be tried again", left);
     html.push_str(&charts::charts(reports, pilots));
@@ -301,7 +309,16 @@ mod tests {
         failed: &'a [Failed],
         left: &'a [Failed],
     ) -> Overview<'a> {
-        Overview { rig, reports, failed, left, removed: Removed::default(), pilots: &[], now_unix_s: 0 }
+        Overview {
+            rig,
+            reports,
+            failed,
+            left,
+            attention: &[],
+            removed: Removed::default(),
+            pilots: &[],
+            now_unix_s: 0,
+        }
     }
 
     #[test]
@@ -336,6 +353,12 @@ mod tests {
         let failed = [Failed { photo: name.into(), reason: format!("{name}: <img src=x>") }];
         let html = first_page(&overview("<b>rig", &[report(name)], &failed, &failed));
         assert_eq!(html.matches("<script>").count(), 1, "the page's own");
+        let overview = Overview {
+            attention: &["no photo was restored: <img src=x>".to_owned()],
+            ..overview("small", &[], &[], &[])
+        };
+        let html = html + &first_page(&overview);
+        assert!(html.contains("Attention: no photo was restored: &lt;img"));
         assert!(!html.contains("<img src=x>") && !html.contains("<b>rig") && !html.contains('\u{202e}'));
         assert!(!html.contains("\"><script"));
     }

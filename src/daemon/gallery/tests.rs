@@ -68,7 +68,7 @@ fn morning(root: &Path, count: u64) -> PathBuf {
         };
         history::add(folders.disk(), folders.previews(), entry).unwrap();
     }
-    gallery.write(&folders, "small", &[], 1_700_030_000).unwrap();
+    gallery.write(&folders, "small", &[], &[], 1_700_030_000).unwrap();
     folders.outbox().to_owned()
 }
 
@@ -101,11 +101,11 @@ fn full_pages_are_not_written_again() {
     let folders = Folders::open(root.path()).unwrap();
     let mut gallery = Gallery::default();
     (0..130).for_each(|n| gallery.add(&report(n)));
-    gallery.write(&folders, "small", &[], 0).unwrap();
+    gallery.write(&folders, "small", &[], &[], 0).unwrap();
     let first = folders.outbox().join(page::page_address(1));
     std::fs::remove_file(&first).unwrap();
     gallery.add(&report(130));
-    gallery.write(&folders, "small", &[], 0).unwrap();
+    gallery.write(&folders, "small", &[], &[], 0).unwrap();
     assert!(!first.exists() && folders.outbox().join(page::page_address(3)).exists());
 }
 
@@ -115,14 +115,14 @@ fn pages_that_are_no_more_are_removed_also_by_the_next_daemon() {
     let folders = Folders::open(root.path()).unwrap();
     let mut gallery = Gallery::default();
     (0..130).for_each(|n| gallery.add(&report(n)));
-    gallery.write(&folders, "small", &[], 0).unwrap();
+    gallery.write(&folders, "small", &[], &[], 0).unwrap();
     let page = |n| folders.outbox().join(page::page_address(n)).exists();
     assert_eq!([1, 2, 3].map(page), [true; 3]);
     (0..30).for_each(|n| gallery.remove(&report(n).result));
-    gallery.write(&folders, "small", &[], 0).unwrap();
+    gallery.write(&folders, "small", &[], &[], 0).unwrap();
     assert_eq!([1, 2, 3].map(page), [true, true, false]);
     // The results are not there, so a daemon that starts now finds none.
-    Gallery::load(&folders).unwrap().write(&folders, "small", &[], 0).unwrap();
+    Gallery::load(&folders).unwrap().write(&folders, "small", &[], &[], 0).unwrap();
     assert_eq!([1, 2, 3].map(page), [false; 3]);
 }
 

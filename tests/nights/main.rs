@@ -5,6 +5,8 @@
 // What was measured is printed beside what is asserted; `--nocapture` shows it.
 #![allow(clippy::print_stdout)]
 
+mod missed;
+
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
