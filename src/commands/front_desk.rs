@@ -8,12 +8,16 @@ use std::thread::JoinHandle;
 use relens::config::{Kind, Rig};
 use relens::kiosk::desk::{Fingers, attend};
 use relens::kiosk::front::Front;
+use relens::rig::{Clock, Moment};
 
 use super::clock::MachineClock;
 use super::simulated_button::SimulatedButton;
 
 /// Debounce time of a simulated button, which does not bounce.
 const SIMULATED_DEBOUNCE_MS: f64 = 20.0;
+
+/// The desk ends within this time, or hangs: its loop comes round many times a second. Guess.
+const END_S: f64 = 2.0;
 
 /// The desk, attended until this is dropped.
 pub(super) struct FrontDesk {
@@ -27,6 +31,7 @@ impl FrontDesk {
         let ended = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&ended);
         let (rig, folder) = (rig.clone(), folder.to_owned());
+        front.comes_round();
         let begun = std::thread::Builder::new().name("desk".to_owned()).spawn(move || {
             run(&rig, &folder, &front, &|| asked.load(Ordering::Acquire));
         });
@@ -38,9 +43,15 @@ impl FrontDesk {
 }
 
 impl Drop for FrontDesk {
+    /// Waits for the lamps to go dark; not for a desk that hangs, whose end the program's end is.
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
+        let Some(thread) = self.thread.take() else { return };
+        let clock = MachineClock::new();
+        while !thread.is_finished() && clock.now().0 < END_S {
+            clock.wait_until(Moment(clock.now().0 + 0.01));
+        }
+        if thread.is_finished() {
             // A panic there was printed there.
             let _ = thread.join();
         }

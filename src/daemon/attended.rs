@@ -20,6 +20,12 @@ const RESULT_S: f64 = 120.0;
 /// A screen is shown again after this long: a panel that was switched off and on has forgotten it.
 const SHOW_AGAIN_S: f64 = 60.0;
 
+/// A desk that has not come round for this long hangs, or has ended: it comes round many times a second. Guess.
+const STILL_S: f64 = 30.0;
+
+/// What is said of it.
+const STILL: &str = "the button and the lamps do not answer: what attends to them hangs or has ended; switch the box off and on";
+
 /// Button, lamps and panel around another schedule.
 pub struct Attended<'a> {
     front: Front,
@@ -31,12 +37,26 @@ pub struct Attended<'a> {
     maintenance: Option<String>,
     result: Option<(String, String, Moment)>,
     shown: Option<(Screen, Moment)>,
+    /// The desk's rounds when they were last seen to change.
+    rounds: Option<(u64, Moment)>,
+    desk_is_still: bool,
 }
 
 impl<'a> Attended<'a> {
     /// The schedule of a box in `mode`, whose desk is at `front`.
     pub fn new(front: Front, mode: Mode, clock: &'a dyn Clock, inner: Box<dyn Schedule + 'a>) -> Self {
-        Attended { front, mode, clock, inner, asked: 0, maintenance: None, result: None, shown: None }
+        Attended {
+            front,
+            mode,
+            clock,
+            inner,
+            asked: 0,
+            maintenance: None,
+            result: None,
+            shown: None,
+            rounds: None,
+            desk_is_still: false,
+        }
     }
 
     fn show(&mut self, screen: Screen, state: State, rig: &mut dyn Restorer) {
@@ -47,6 +67,28 @@ impl<'a> Attended<'a> {
             rig.show(&screen);
             self.shown = Some((screen, now));
         }
+    }
+
+    /// Whether the desk still comes round.
+    fn watch_desk(&mut self) {
+        let Some(rounds) = self.front.rounds() else { return };
+        let now = self.clock.now();
+        match self.rounds {
+            Some((seen, since)) if seen == rounds => self.desk_is_still = now.0 - since.0 > STILL_S,
+            _ => {
+                self.rounds = Some((rounds, now));
+                self.desk_is_still = false;
+            }
+        }
+    }
+
+    /// The screen of a box that waits to be told: that nobody will hear it, if so.
+    fn or_still(&self, screen: Screen) -> Screen {
+        if !self.desk_is_still {
+            return screen;
+        }
+        let what = "the button and the lamps do not answer".to_owned();
+        Screen::Trouble { what, to_do: "Switch the box off and on.".to_owned() }
     }
 
     /// What the button asked for. Returns whether the box is in maintenance.
@@ -111,6 +153,7 @@ impl<'a> Attended<'a> {
 
 impl Schedule for Attended<'_> {
     fn before(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
+        self.watch_desk();
         if self.answer(waiting, rig) {
             self.inner.kept_waiting(waiting, "the box is in maintenance");
             return Turn::Hold { reason: "maintenance".to_owned(), until: None };
@@ -121,7 +164,7 @@ impl Schedule for Attended<'_> {
                 n => format!("{n} photos wait: press the button."),
             };
             let screen = self.fresh_result(hint).unwrap_or(Screen::Waiting { photos: waiting });
-            self.show(screen, State::Waiting { photos: waiting }, rig);
+            self.show(self.or_still(screen), State::Waiting { photos: waiting }, rig);
             return Turn::Hold { reason: "photos wait for the button".to_owned(), until: None };
         }
         let turn = self.inner.before(waiting, rig);
@@ -155,6 +198,7 @@ impl Schedule for Attended<'_> {
     }
 
     fn idle(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
+        self.watch_desk();
         if self.answer(waiting, rig) {
             self.inner.kept_waiting(waiting, "the box is in maintenance");
             return Turn::Hold { reason: "maintenance".to_owned(), until: None };
@@ -171,11 +215,13 @@ impl Schedule for Attended<'_> {
         };
         let hint = hint.to_owned();
         let screen = self.fresh_result("The result is in the outbox.".to_owned());
-        self.show(screen.unwrap_or(Screen::Ready { hint }), State::Ready, rig);
+        let screen = self.or_still(screen.unwrap_or(Screen::Ready { hint }));
+        self.show(screen, State::Ready, rig);
         turn
     }
 
     fn held(&mut self, error: &DaemonError, rig: &mut dyn Restorer) {
+        self.watch_desk();
         let what = full_message(error);
         let screen = Screen::Trouble { what: what.clone(), to_do: to_do(error).to_owned() };
         self.show(screen, State::Trouble { reason: what }, rig);
@@ -195,7 +241,8 @@ impl Schedule for Attended<'_> {
     }
 
     fn attention(&self) -> Vec<String> {
-        self.inner.attention()
+        let still = self.desk_is_still.then(|| STILL.to_owned());
+        still.into_iter().chain(self.inner.attention()).collect()
     }
 
     fn impatient(&self) -> bool {

@@ -61,6 +61,7 @@ pub fn attend(
     let mut shown: Option<&[Light]> = None;
     let (mut lamp_failed, mut button_failed) = (false, false);
     while !ended() {
+        front.comes_round();
         let now = clock.now();
         let (state, number) = front.state();
         if number != change {

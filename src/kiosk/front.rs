@@ -1,6 +1,6 @@
 //! What the desk and the daemon tell each other: the state one way, presses the other.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::press::Press;
@@ -65,12 +65,14 @@ struct Inner {
 pub struct Front {
     inner: Arc<Mutex<Inner>>,
     cancel: Arc<AtomicBool>,
+    /// Rounds of the desk's loop, from 1; 0 for a box whose desk nobody attends.
+    rounds: Arc<AtomicU64>,
 }
 
 impl Default for Front {
     fn default() -> Self {
         let inner = Inner { state: State::Starting, change: 0, wishes: Wishes::default() };
-        Front { inner: Arc::new(Mutex::new(inner)), cancel: Arc::default() }
+        Front { inner: Arc::new(Mutex::new(inner)), cancel: Arc::default(), rounds: Arc::default() }
     }
 }
 
@@ -78,6 +80,17 @@ impl Front {
     /// Also after a panic elsewhere: each value is whole at any time.
     fn inner(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The desk's side: its loop comes round once more. Called for the first time before the desk's devices are opened,
+    /// which may hang as well.
+    pub fn comes_round(&self) {
+        self.rounds.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How often the desk's loop came round; `None` for a box whose desk nobody attends.
+    pub fn rounds(&self) -> Option<u64> {
+        Some(self.rounds.load(Ordering::Relaxed)).filter(|&rounds| rounds > 0)
     }
 
     /// The state and the number of its last change.

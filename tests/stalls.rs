@@ -1,0 +1,423 @@
+//! Whatever hangs: the service manager's watchdog is no longer fed, or the trouble has a name. Never a box that looks
+//! alive.
+//!
+//! What the daemon's own thread may hang in: a capture or a solve, a pilot, a calibration, a picture for the panel,
+//! the disk, the worker that reads a photo. Beside it there is the desk's thread (button and lamps), and the threads that
+//! compute, for which it waits.
+
+// The functions that the tests share stop a test as the tests themselves do.
+#![allow(clippy::unwrap_used)]
+
+use std::io::{self, Read};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixDatagram;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant, SystemTime};
+
+use relens::config::{Curve, Mode};
+use relens::daemon::service::{ServiceManager, Supervised};
+use relens::daemon::{
+    Attended, Daemon, Folders, Progress, Reader, Restored, Restorer, Schedule, Setting, State, Turn,
+};
+use relens::disk::{Disk, Kind, LocalDisk, Look, Written};
+use relens::frame::{Frame, Plane, Size, Work};
+use relens::kiosk::desk::{self, Fingers, Lamps, attend};
+use relens::kiosk::front::Front;
+use relens::kiosk::lamp::Light;
+use relens::kiosk::screen::Screen;
+use relens::picture::worker::Worker;
+use relens::picture::{Format, Manner, Photo, encode};
+use relens::remedy::{AnyFailure, Remediable, Remedy};
+use relens::rig::{Clock, Moment, RigError};
+
+const RIG: Size = Size::new(64, 48);
+
+/// Long enough for a daemon that is not hung to come round a few times, on a busy machine as well.
+const WHILE: Duration = Duration::from_millis(1500);
+
+/// Something that hangs while it is shut.
+#[derive(Clone, Default)]
+struct Gate(Arc<(Mutex<(bool, bool)>, Condvar)>);
+
+impl Gate {
+    /// Passes through, as soon as it is open.
+    fn pass(&self) {
+        let (state, changed) = &*self.0;
+        let mut state = state.lock().unwrap();
+        while state.0 {
+            state.1 = true;
+            changed.notify_all();
+            state = changed.wait(state).unwrap();
+        }
+    }
+    fn set_shut(&self, shut: bool) {
+        let (state, changed) = &*self.0;
+        state.lock().unwrap().0 = shut;
+        changed.notify_all();
+    }
+    /// Waits until somebody hangs in it.
+    fn hold_somebody(&self) {
+        let (state, changed) = &*self.0;
+        let (state, waited) =
+            changed.wait_timeout_while(state.lock().unwrap(), Duration::from_secs(60), |s| !s.1).unwrap();
+        assert!(!waited.timed_out() && state.1, "nobody came to the gate");
+    }
+}
+
+/// Real time, for real threads.
+struct Wall(Instant);
+
+impl Clock for Wall {
+    fn now(&self) -> Moment {
+        Moment(self.0.elapsed().as_secs_f64())
+    }
+    fn wait_until(&self, moment: Moment) {
+        let left = moment.0 - self.now().0;
+        std::thread::sleep(Duration::from_secs_f64(left.clamp(0.0, 0.02)));
+    }
+}
+
+/// Where a stall is put.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Place {
+    Restore,
+    Mend,
+    Pilot,
+    Panel,
+    Disk,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("the rig has to be measured anew")]
+struct Stale;
+
+impl Remediable for Stale {
+    fn remedy(&self) -> Remedy {
+        Remedy::Recalibrate
+    }
+}
+
+struct Rig {
+    place: Place,
+    gate: Gate,
+    mended: bool,
+}
+
+impl Rig {
+    fn pass(&self, place: Place) {
+        if self.place == place {
+            self.gate.pass();
+        }
+    }
+}
+
+impl Restorer for Rig {
+    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+        progress(Progress { done: 0.5, doing: "capturing", captures: 1 });
+        self.pass(Place::Restore);
+        if self.place == Place::Mend && !self.mended {
+            return Err(Box::new(Stale));
+        }
+        Ok(Restored {
+            picture: photo.light.clone(),
+            untouched: true,
+            method: "none".into(),
+            rung: 0,
+            rung_reason: "told to".into(),
+            captures: 1,
+            seconds: 0.0,
+            certificate: None,
+            notes: vec![],
+            iterations: vec![],
+        })
+    }
+    fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
+        self.pass(Place::Mend);
+        self.mended = true;
+        Ok(())
+    }
+    fn pilot(&mut self) -> Result<Option<relens::nights::pilot::Drift>, AnyFailure> {
+        self.pass(Place::Pilot);
+        Ok(None)
+    }
+    fn show(&mut self, _: &Screen) {
+        self.pass(Place::Panel);
+    }
+}
+
+/// Asks for a pilot before each photo.
+struct Piloted;
+
+impl Schedule for Piloted {
+    fn before(&mut self, _: usize, rig: &mut dyn Restorer) -> Turn {
+        rig.pilot().unwrap();
+        Turn::Go
+    }
+}
+
+/// A disk that hangs when it is asked for a folder's names.
+struct Hanging(LocalDisk, Option<Gate>);
+
+impl Disk for Hanging {
+    fn list(&self, folder: &Path) -> io::Result<Vec<(std::ffi::OsString, Kind)>> {
+        if let Some(gate) = &self.1 {
+            gate.pass();
+        }
+        self.0.list(folder)
+    }
+    fn look(&self, path: &Path) -> io::Result<Look> {
+        self.0.look(path)
+    }
+    fn open(&self, path: &Path) -> io::Result<std::fs::File> {
+        self.0.open(path)
+    }
+    fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
+        self.0.free_bytes(folder)
+    }
+    fn make_folder(&self, folder: &Path) -> io::Result<()> {
+        self.0.make_folder(folder)
+    }
+    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>> {
+        self.0.write(path, content)
+    }
+    fn sync_file(&self, path: &Path) -> io::Result<()> {
+        self.0.sync_file(path)
+    }
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.0.rename(from, to)
+    }
+    fn rename_new(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.0.rename_new(from, to)
+    }
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        self.0.remove(path)
+    }
+    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
+        self.0.sync_folder(folder)
+    }
+}
+
+fn photo(root: &Path) {
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    let light: Frame<Work> = Frame::from_fn(|_| Plane::from_fn(RIG, |x, y| (x + y) as f32));
+    let bytes = encode("a", &light, &Manner::plain(Format::Png, 8, Curve::Srgb), false).unwrap();
+    std::fs::write(root.join("inbox/a.png"), bytes).unwrap();
+}
+
+fn setting() -> Setting {
+    Setting { quiet_s: 0.0, poll_s: 0.05, retry_s: 0.1, ..Setting::new("test", RIG, Curve::Srgb) }
+}
+
+/// How often the watchdog was fed since this was last asked.
+fn fed(socket: &UnixDatagram) -> usize {
+    let (mut fed, mut buffer) = (0, [0; 4096]);
+    while let Ok(length) = socket.recv(&mut buffer) {
+        fed += usize::from(&buffer[..length] == b"WATCHDOG=1");
+    }
+    fed
+}
+
+/// A daemon lives on a thread of its own and hangs in `place`: nobody feeds the watchdog until it is released.
+fn starves(place: Place) {
+    let root = tempfile::tempdir().unwrap();
+    let root = &root.path().canonicalize().unwrap();
+    let address = root.join("notify");
+    let socket = UnixDatagram::bind(&address).unwrap();
+    socket.set_nonblocking(true).unwrap();
+    let (gate, stop) = (Gate::default(), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let manager = ServiceManager::at(Some(address.as_os_str()));
+            let mut watcher = Supervised::new(&manager, Box::new(()));
+            let names = ["inbox", "working", "outbox", "done", "failed"].map(|name| root.join(name));
+            let local = LocalDisk::new(names.into_iter().chain([root.clone()]).collect());
+            let disk = Hanging(local, (place == Place::Disk).then(|| gate.clone()));
+            let folders = Folders::on(Arc::new(disk), root).unwrap();
+            let clock = Wall(Instant::now());
+            let mut rig = Rig { place, gate: gate.clone(), mended: false };
+            let inner: Box<dyn Schedule> =
+                if place == Place::Pilot { Box::new(Piloted) } else { Box::new(()) };
+            let schedule = Attended::new(Front::default(), Mode::Folder, &clock, inner);
+            let daemon =
+                Daemon::open(folders, setting(), &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
+            daemon.scheduled(Box::new(schedule)).run(&|| stop.load(Ordering::Acquire));
+        });
+        let until_fed = || {
+            let begun = Instant::now();
+            while fed(&socket) == 0 {
+                assert!(begun.elapsed() < Duration::from_secs(60), "{place:?}: the watchdog is never fed");
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        };
+        until_fed();
+        gate.set_shut(true);
+        photo(root);
+        gate.hold_somebody();
+        fed(&socket);
+        std::thread::sleep(WHILE);
+        let hungry = fed(&socket);
+        gate.set_shut(false);
+        until_fed();
+        let begun = Instant::now();
+        while !root.join("done/a.png").exists() && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        stop.store(true, Ordering::Release);
+        assert_eq!(hungry, 0, "{place:?}: hung, and the watchdog was fed");
+        assert!(root.join("done/a.png").exists(), "{place:?}: released, it goes on");
+    });
+}
+
+#[test]
+fn a_capture_or_solve_that_hangs_starves_the_watchdog() {
+    starves(Place::Restore);
+}
+
+#[test]
+fn a_calibration_that_hangs_starves_the_watchdog() {
+    starves(Place::Mend);
+}
+
+#[test]
+fn a_pilot_that_hangs_starves_the_watchdog() {
+    starves(Place::Pilot);
+}
+
+#[test]
+fn a_panel_that_hangs_starves_the_watchdog() {
+    starves(Place::Panel);
+}
+
+#[test]
+fn a_disk_that_hangs_starves_the_watchdog() {
+    starves(Place::Disk);
+}
+
+#[test]
+fn a_worker_that_hangs_is_ended_and_its_photo_has_a_reason() {
+    let root = tempfile::tempdir().unwrap();
+    let root = root.path();
+    photo(root);
+    let program = root.join("hangs");
+    std::fs::write(&program, "#!/bin/sh\nexec sleep 100\n").unwrap();
+    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    let reader = Reader::Worker(Worker { wall_s_max: 1, ..Worker::of(program) });
+    let gate = Gate::default();
+    let mut rig = Rig { place: Place::Restore, gate, mended: false };
+    let (clock, mut watcher) = (Wall(Instant::now()), ());
+    let folders = Folders::open(root).unwrap();
+    let setting = Setting { reader, ..setting() };
+    let mut daemon =
+        Daemon::open(folders, setting, &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
+    let summary = daemon.once().unwrap();
+    let told: Vec<_> = summary.failed.iter().chain(&summary.left).collect();
+    assert!(told.len() == 1 && told[0].reason.contains("found no answer, allowed 1 s"), "{summary:?}");
+}
+
+/// Lamps on a bus that hangs, or that bring the desk's thread to its end.
+struct Wire(Gate, bool);
+
+impl Lamps for Wire {
+    fn show(&mut self, _: &[Light]) -> Result<(), RigError> {
+        self.0.pass();
+        assert!(!self.1, "told to");
+        Ok(())
+    }
+}
+
+/// A button that hangs.
+struct Stuck(Gate);
+
+impl desk::Button for Stuck {
+    fn level_by(&mut self, _: Moment) -> Result<bool, RigError> {
+        self.0.pass();
+        std::thread::sleep(Duration::from_millis(1));
+        Ok(false)
+    }
+}
+
+/// A clock that goes as fast as it is waited on: half a minute is nothing.
+struct Quick(Mutex<f64>);
+
+impl Clock for Quick {
+    fn now(&self) -> Moment {
+        Moment(*self.0.lock().unwrap())
+    }
+    fn wait_until(&self, moment: Moment) {
+        // A desk that is well comes round in between.
+        std::thread::sleep(Duration::from_millis(4));
+        let mut now = self.0.lock().unwrap();
+        *now = now.max(moment.0);
+    }
+}
+
+/// A box for `lasts_s` seconds beside a desk with these lamps and this button: what it calls attention to in the end, and
+/// the last screen.
+fn beside_a_desk(
+    mut lamps: Wire,
+    mut button: Stuck,
+    mode: Mode,
+    lasts_s: f64,
+) -> (Vec<String>, Option<Screen>) {
+    struct Panel(Option<Screen>);
+    impl Restorer for Panel {
+        fn restore(&mut self, _: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+            Err(Box::new(Stale))
+        }
+        fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
+            Ok(())
+        }
+        fn show(&mut self, screen: &Screen) {
+            self.0 = Some(screen.clone());
+        }
+    }
+    let root = tempfile::tempdir().unwrap();
+    let (front, ended) = (Front::default(), AtomicBool::new(false));
+    let gates = [lamps.0.clone(), button.0.clone()];
+    let mut panel = Panel(None);
+    front.comes_round();
+    std::thread::scope(|scope| {
+        let desk = scope.spawn(|| {
+            let fingers = Fingers { debounce_ms: 20.0, long_press_ms: 1500.0 };
+            let clock = Wall(Instant::now());
+            let ended = || ended.load(Ordering::Acquire);
+            attend(&front, Some(&mut button), &mut lamps, &clock, fingers, &ended);
+        });
+        let (clock, mut watcher) = (Quick(Mutex::new(0.0)), ());
+        let folders = Folders::open(root.path()).unwrap();
+        let schedule = Attended::new(front.clone(), mode, &clock, Box::new(()));
+        let setting = Setting { poll_s: 5.0, hints: false, ..setting() };
+        let daemon =
+            Daemon::open(folders, setting, &mut panel, &clock, &SystemTime::now, &mut watcher).unwrap();
+        daemon.scheduled(Box::new(schedule)).run(&|| clock.now().0 > lasts_s);
+        ended.store(true, Ordering::Release);
+        gates.iter().for_each(|gate| gate.set_shut(false));
+        // One that was told to end in a panic did.
+        let _ = desk.join();
+    });
+    (State::read(root.path()).unwrap().unwrap().attention, panel.0)
+}
+
+#[test]
+fn a_desk_that_hangs_or_ends_is_called_by_its_name() {
+    let shut = Gate::default();
+    shut.set_shut(true);
+    let open = Gate::default;
+    let (attention, screen) = beside_a_desk(Wire(open(), false), Stuck(open()), Mode::Button, 60.0);
+    assert!(attention.is_empty() && matches!(screen, Some(Screen::Ready { .. })), "{attention:?} {screen:?}");
+    for (lamps, button) in [
+        (Wire(shut.clone(), false), Stuck(open())),
+        (Wire(open(), false), Stuck(shut.clone())),
+        (Wire(open(), true), Stuck(open())),
+    ] {
+        shut.set_shut(true);
+        let (attention, screen) = beside_a_desk(lamps, button, Mode::Button, 60.0);
+        assert!(
+            attention.len() == 1 && attention[0].contains("the button and the lamps do not answer"),
+            "{attention:?}"
+        );
+        assert!(matches!(screen, Some(Screen::Trouble { .. })), "{screen:?}");
+    }
+}
