@@ -17,6 +17,7 @@ use drm::control::{
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 
+use super::display_link::{Display, Link, Look, unplugged};
 use super::kms_card::{Card, failed};
 use super::kms_honest::{Pipe, light_up, light_up_legacy};
 use super::monotonic::{Monotonic, left_until};
@@ -61,7 +62,7 @@ pub struct KmsPanel {
     /// The buffer that is on the panel or about to be.
     front: usize,
     /// Whether the mode has to be set again before the next picture.
-    dark: bool,
+    link: Link,
     before: Option<crtc::Info>,
     interval_s: f64,
     /// One packed row in ordinary memory: buffers are write-combined on Arm, and want whole rows in order.
@@ -117,7 +118,7 @@ impl KmsPanel {
             picture_property,
             buffers,
             front: 0,
-            dark: true,
+            link: Link::default(),
             before,
             interval_s,
             row,
@@ -132,36 +133,12 @@ impl KmsPanel {
         self.interval_s
     }
 
-    fn light(&mut self) -> Result<(), RigError> {
-        let picture = self.buffers[self.front].picture;
-        match self.picture_property {
-            Some(_) => light_up(&self.card, self.pipe, &self.mode, picture)?,
-            None => light_up_legacy(&self.card, self.pipe, &self.mode, picture)?,
-        }
-        self.dark = false;
-        Ok(())
-    }
-
     /// Looks at cable and link, and sets the mode again after a loss.
     fn keep_lit(&mut self) -> Result<(), RigError> {
-        let connector =
-            self.card.get_connector(self.pipe.connector, false).map_err(failed("ask the connector"))?;
-        if connector.state() != connector::State::Connected {
-            self.dark = true;
-            plugged_in(&connector)?;
-        }
-        let link = self.card.properties(self.pipe.connector)?;
-        // 0 is "Good" in the kernel's enumeration of this property.
-        if link.get("link-status").is_some_and(|(_, value)| value != 0) {
-            self.dark = true;
-        }
-        if self.dark {
-            // Whoever took the display meanwhile may have given it back.
-            if self.card.acquire_master_lock().is_err() {
-                return Err(commit_failed(Errno::ACCESS.into()));
-            }
-            plugged_in(&self.card.connector(&self.settings.connector, true)?)?;
-            self.light()?;
+        let mut link = std::mem::take(&mut self.link);
+        let kept = link.keep(self);
+        self.link = link;
+        if kept? {
             log::info!("panel: {} lit again", self.settings.connector);
         }
         Ok(())
@@ -217,7 +194,7 @@ impl KmsPanel {
                 Ok(())
             }
             Err(cause) => {
-                self.dark = true;
+                self.link.lose();
                 Err(commit_failed(cause))
             }
         }
@@ -233,7 +210,7 @@ impl KmsPanel {
             let mut waiting = [PollFd::new(&self.card, PollFlags::IN)];
             match poll(&mut waiting, Some(&left_until(deadline))) {
                 Ok(0) => {
-                    self.dark = true;
+                    self.link.lose();
                     let what = "the display stopped refreshing (no flip event)".to_owned();
                     return Err(RigError::Gone { device: "panel", what });
                 }
@@ -279,6 +256,37 @@ impl KmsPanel {
     }
 }
 
+impl Display for KmsPanel {
+    fn name(&self) -> &str {
+        &self.settings.connector
+    }
+
+    fn look(&mut self) -> Result<Look, RigError> {
+        let connector =
+            self.card.get_connector(self.pipe.connector, false).map_err(failed("ask the connector"))?;
+        let properties = self.card.properties(self.pipe.connector)?;
+        let link_status = properties.get("link-status").map(|(_, value)| value);
+        Ok(Look { plugged_in: connector.state() == connector::State::Connected, link_status })
+    }
+
+    fn probe(&mut self) -> Result<bool, RigError> {
+        let connector = self.card.connector(&self.settings.connector, true)?;
+        Ok(connector.state() == connector::State::Connected)
+    }
+
+    fn take(&mut self) -> Result<(), RigError> {
+        self.card.acquire_master_lock().map_err(|_| commit_failed(Errno::ACCESS.into()))
+    }
+
+    fn light(&mut self) -> Result<(), RigError> {
+        let picture = self.buffers[self.front].picture;
+        match self.picture_property {
+            Some(_) => light_up(&self.card, self.pipe, &self.mode, picture),
+            None => light_up_legacy(&self.card, self.pipe, &self.mode, picture),
+        }
+    }
+}
+
 impl Panel for KmsPanel {
     fn size(&self) -> Size {
         self.settings.size
@@ -314,7 +322,7 @@ impl Drop for KmsPanel {
 fn plugged_in(connector: &connector::Info) -> Result<(), RigError> {
     match connector.state() {
         connector::State::Connected => Ok(()),
-        _ => Err(RigError::Gone { device: "panel", what: format!("nothing is plugged into {connector}") }),
+        _ => Err(unplugged(&connector.to_string())),
     }
 }
 

@@ -6,6 +6,8 @@
 pub mod bayer;
 pub mod button;
 pub mod coarse_geometry;
+#[cfg(any(test, feature = "hardware"))]
+mod display_link;
 pub mod exposure;
 pub mod frame_mark;
 #[cfg(feature = "hardware")]
