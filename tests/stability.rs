@@ -71,3 +71,15 @@ fn faults_at_random_do_no_harm() {
     let rates = Rates::of(runs.iter());
     assert_eq!(rates.harm_delivered, 0, "{:#?}", told(&runs));
 }
+
+#[test]
+fn a_jpeg_is_restored_with_the_errors_of_its_coding_in_mind() {
+    let views = [View::whole(Scene::Astronaut), View::quarter(Scene::Rocket, 1)];
+    let methods = [DEFAULT, Contestant::Named(config::Method::Digital)];
+    // Qualities 95, 85 and 70.
+    let runs = swept(&[Fault::Jpeg], &[1, 2, 3], &methods, &views, 18);
+    assert!(runs.iter().all(|r| !r.harms_delivered()), "{:#?}", told(&runs));
+    let gain =
+        |runs: &[Run]| runs.iter().map(|r| r.delivered_ssim - r.photo_ssim).sum::<f64>() / runs.len() as f64;
+    assert!(gain(&runs) > 0.03, "{:#?}", told(&runs));
+}

@@ -27,6 +27,7 @@ use crate::config;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
+use crate::restore::blocking::blocking_of;
 use crate::restore::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::ladder::is_blank;
@@ -137,12 +138,15 @@ impl Bench {
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera has at the photo's median
-    /// level. A JPEG's noise is flattened where it is measured and still in the picture.
+    /// level. A JPEG's noise is flattened where it is measured and still in the picture, and its coding adds to it:
+    /// without that, the hybrid's mean SSIM of four scenes on small.toml is 0.829 at quality 70 in place of 0.878, and 0.917 at 95
+    /// in place of 0.940; the photos have 0.805 and 0.826 (2026-11-21).
     fn noise_of(&self, channel: Channel, photo: &Plane) -> f32 {
         let mut sample: Vec<f32> = photo.data().iter().step_by(NOISE_SAMPLE).copied().collect();
         let middle = sample.len() / 2;
         let median = *sample.select_nth_unstable_by(middle, f32::total_cmp).1;
-        data_term::noise_of(photo).max(self.noise[channel.index()].sigma(median))
+        let of_light = data_term::noise_of(photo).max(self.noise[channel.index()].sigma(median));
+        of_light.hypot(blocking_of(photo))
     }
 
     /// Whether nothing in `photo` rises above its noise.

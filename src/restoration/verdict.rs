@@ -19,6 +19,9 @@ const FOREIGN_SHARE: f32 = 0.38;
 /// Distance from the second opinion at which a result harms. Without a fault results that gain are at 0.23 to 1.26 (the
 /// latter where captures take out glare that no model holds), those that harm at 1.13 to 6.7.
 const APART: f64 = 1.3;
+/// The same for a method that does not begin with the lens model: past 1 the photo itself is nearer to the second opinion; a
+/// little more is left to chance.
+const APART_OF_OTHERS: f64 = 1.05;
 /// The same for a result whose photograph is the photo, its certificate at most [`CERTIFIED_RATIO`]: where the model misses much,
 /// captures rightly lead far from it (the virtual rig's photo, past 1.3, gains 0.11 SSIM more than the second opinion). Guess.
 const APART_CERTIFIED: f64 = 2.0;
@@ -34,6 +37,11 @@ const SUSPECT_SHARE: f32 = 0.4;
 const SUSPECT_RATIO: f32 = 3.0;
 /// or its quiet parts are this much rougher: where there is gain 1.6 at most, harm 1.8 and more.
 const SUSPECT_ROUGHER: f32 = 1.7;
+
+/// Whether the method called `method` begins with the lens model and its prior.
+fn begins_with_the_lens(method: &str) -> bool {
+    matches!(method, "hybrid" | "digital")
+}
 
 /// What became of a result.
 #[derive(Debug, Clone, PartialEq)]
@@ -105,18 +113,19 @@ impl Bench {
     ) -> bool {
         let evidence = self.evidence(photo, channels, restored);
         let (noises, share) = evidence.unexplained();
-        let believed = matches!(method, "hybrid" | "digital")
+        let believed = begins_with_the_lens(method)
             && (noises <= FOREIGN_NOISES || share <= SUSPECT_SHARE)
             && restored.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
             && evidence.rougher <= SUSPECT_ROUGHER;
         !believed
     }
 
-    /// Judges `restored`, made of `photo`, by the `second` opinion.
+    /// Judges `restored`, made of `photo` by the method called `method`, by the `second` opinion.
     pub fn judge(
         &self,
         photo: &Frame<Work>,
         channels: Channels,
+        method: &str,
         restored: &Restored,
         second: &Restored,
     ) -> Verdict {
@@ -126,9 +135,15 @@ impl Bench {
         }
         let rougher = self.evidence(photo, channels, restored).rougher;
         let apart = distance(photo, &restored.picture, &second.picture, channels);
-        let certified = restored.solution.certificate.ratio().is_some_and(|ratio| ratio <= CERTIFIED_RATIO);
-        harmful(apart, if certified { APART_CERTIFIED } else { APART }, rougher)
-            .map_or(Verdict::Sound, Verdict::Repaired)
+        // A loop of light alone fits its captures' noise, and is certified all the same.
+        let certified = method == "hybrid"
+            && restored.solution.certificate.ratio().is_some_and(|ratio| ratio <= CERTIFIED_RATIO);
+        let allowed = match (begins_with_the_lens(method), certified) {
+            (true, true) => APART_CERTIFIED,
+            (true, false) => APART,
+            (false, _) => APART_OF_OTHERS,
+        };
+        harmful(apart, allowed, rougher).map_or(Verdict::Sound, Verdict::Repaired)
     }
 
     /// [`Bench::restore`] and judged; `lens_alone` makes the second opinion, where one is needed.
@@ -151,7 +166,7 @@ impl Bench {
             return Ok(Judged { restored, verdict: Verdict::Sound });
         }
         let mut second = self.restore(rig, photo, channels, lens_alone, stopwatch, &mut |_, _| {})?;
-        let verdict = self.judge(photo, channels, &restored, &second);
+        let verdict = self.judge(photo, channels, method.name(), &restored, &second);
         match verdict {
             Verdict::Sound => {}
             Verdict::Repaired(_) => {

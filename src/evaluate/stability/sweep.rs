@@ -261,7 +261,7 @@ impl Ground {
         let rig = &mut self.devices;
         let restored = self.bench.restore(rig, photo, channels, &*method, &stopwatch, &mut |_, _| {})?;
         let verdict = match self.bench.is_suspect(photo, channels, contestant.name(), &restored) {
-            true => self.bench.judge(photo, channels, &restored, second),
+            true => self.bench.judge(photo, channels, contestant.name(), &restored, second),
             false => Verdict::Sound,
         };
         Ok((restored, verdict))
