@@ -9,6 +9,7 @@
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`opponent`] |
 
 pub mod backward_convolution;
+pub mod block_matching;
 pub mod blocking;
 pub mod calm;
 pub mod computed_optics;
