@@ -76,7 +76,14 @@ impl ForwardConvolution for Astray<'_> {
 
 fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
     let strength = Strength { at_one_grey_level: 0.1 };
-    let digital = Digital { steps: 40, strength, levels: 2, cycle_spun: true, colours: Colours::Together };
+    let digital = Digital {
+        steps: 40,
+        strength,
+        levels: 2,
+        cycle_spun: true,
+        colours: Colours::Together,
+        blocks: None,
+    };
     let patches = PatchShape { patch_px, margin_px: 8 };
     vec![
         Box::new(Paper {

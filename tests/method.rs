@@ -11,6 +11,7 @@ use relens::restore::computed_optics::ComputedOptics;
 use relens::restore::data_term::TRUSTED;
 use relens::restore::lens_model::{LensFunctions, LensModel};
 use relens::restore::level_norms::LevelNorms;
+use relens::restore::method::blocks::Blocks;
 use relens::restore::method::digital::{Colours, Digital};
 use relens::restore::method::hybrid::Hybrid;
 use relens::restore::method::paper::{Backward, Paper};
@@ -197,7 +198,7 @@ fn the_printed_threshold_is_half_of_the_proximal_one() {
 
 fn digital() -> Digital {
     let strength = Strength { at_one_grey_level: 0.1 };
-    Digital { steps: 30, strength, levels: 2, cycle_spun: true, colours: Colours::Together }
+    Digital { steps: 30, strength, levels: 2, cycle_spun: true, colours: Colours::Together, blocks: None }
 }
 
 #[test]
@@ -215,7 +216,11 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
         carefulness: 25.0,
     };
     let unmatched = Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
-    let methods: [(&dyn Method, usize); 3] = [(&digital(), 0), (&hybrid, 1), (&unmatched, 10)];
+    let matched = Hybrid {
+        digital: Digital { blocks: Some(Blocks { rounds: 4, missed: [0.0; 3] }), ..digital() },
+        ..hybrid
+    };
+    let methods: [(&dyn Method, usize); 4] = [(&digital(), 0), (&hybrid, 1), (&matched, 1), (&unmatched, 10)];
     for (method, captures) in methods {
         let mut optics = ComputedOptics::new(&model, true);
         let solution = method.solve(&case.problem(Some(&model)), &mut optics, &mut |_, _| {}).unwrap();

@@ -80,7 +80,7 @@ relens restore --rig RIG.toml PHOTO -o RESULT [--method NAME] [--report REPORT.j
 
 Restores one photo. RESULT may have another format than PHOTO; its ending tells. It must not exist yet.
 
-  --method   paper, residual, unmatched, hybrid, digital, wiener or richardson-lucy;
+  --method   paper, residual, unmatched, hybrid, block-matching, digital, wiener or richardson-lucy;
              the rig file's when not given
   --folder   where the folder `calibration` is; this folder when not given";
 

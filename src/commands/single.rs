@@ -91,7 +91,8 @@ pub(super) fn file_of(
 fn method(name: &str) -> Result<Method, Trouble> {
     let value = toml::Value::String(name.to_owned());
     value.try_into().map_err(|_| {
-        let allowed = "paper, residual, unmatched, hybrid, digital, wiener or richardson-lucy";
+        let allowed =
+            "paper, residual, unmatched, hybrid, block-matching, digital, wiener or richardson-lucy";
         Trouble::Usage(format!("found the method `{name}`, allowed {allowed}"))
     })
 }

@@ -206,6 +206,8 @@ pub enum Method {
     Unmatched,
     /// Lens model, certified and corrected by captures.
     Hybrid,
+    /// `hybrid` with block matching for the prior: better, and slower.
+    BlockMatching,
     /// Lens model only.
     Digital,
     /// Wiener filter by patches.
@@ -222,6 +224,7 @@ impl Method {
             Method::Residual => "residual",
             Method::Unmatched => "unmatched",
             Method::Hybrid => "hybrid",
+            Method::BlockMatching => "block-matching",
             Method::Digital => "digital",
             Method::Wiener => "wiener",
             Method::RichardsonLucy => "richardson-lucy",

@@ -151,11 +151,13 @@ pub fn conditions(
         chart.pictures = first_iterations(rig, Scene::Astronaut, stopwatch)?;
         return Ok(chart);
     }
-    use config::Method::{Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener};
+    use config::Method::{
+        BlockMatching, Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener,
+    };
     let methods: &[config::Method] = if quick {
-        &[Digital, Hybrid]
+        &[Digital, Hybrid, BlockMatching]
     } else {
-        &[Paper, Residual, Unmatched, Digital, Hybrid, Wiener, RichardsonLucy]
+        &[Paper, Residual, Unmatched, Digital, Hybrid, BlockMatching, Wiener, RichardsonLucy]
     };
     let mut stand = Stand::open(rig.clone(), stopwatch)?;
     let mut scores = Vec::new();

@@ -69,16 +69,22 @@ impl Condition {
 
     /// The methods worth comparing under this condition.
     pub fn contestants(self, rig: &config::Rig) -> Vec<Contestant> {
-        use config::Method::{Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener};
+        use config::Method::{
+            BlockMatching, Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener,
+        };
         let named = |which| {
             let solver = method(rig, which);
             (solver.name().to_owned(), solver as Box<dyn Method>)
         };
         let mut rows: Vec<Contestant> = match self {
             Condition::NoNoise | Condition::AsFiled => {
-                [Paper, Residual, Unmatched, Digital, Hybrid, Wiener, RichardsonLucy].map(named).into()
+                [Paper, Residual, Unmatched, Digital, Hybrid, BlockMatching, Wiener, RichardsonLucy]
+                    .map(named)
+                    .into()
             }
-            Condition::Glare(_) | Condition::OneFunction => [Digital, Hybrid].map(named).into(),
+            Condition::Glare(_) | Condition::OneFunction => {
+                [Digital, Hybrid, BlockMatching].map(named).into()
+            }
         };
         match self {
             Condition::NoNoise => {

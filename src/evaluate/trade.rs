@@ -6,10 +6,11 @@ use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::table::Table;
 use crate::config::{self, Curve};
 use crate::frame::Channel;
-use crate::restoration::{digital, hybrid, method, paper};
+use crate::restoration::{block_matching, digital, hybrid, method, paper};
 use crate::restore::method::Method;
 use crate::restore::method::Strength;
 use crate::restore::method::averaging::Averaged;
+use crate::restore::method::blocks::Blocks;
 use crate::restore::method::digital::{Colours, Digital};
 use crate::restore::method::hybrid::Hybrid;
 use crate::restore::method::paper::{Backward, Paper};
@@ -283,6 +284,18 @@ fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     }
     let averaged = Averaged { method: Box::new(hybrid(rig)), times: 4 };
     add("hybrid", "each capture 4 times".to_owned(), false, Box::new(averaged));
+    let matched = block_matching(rig);
+    let rounds = if quick { vec![1, 8] } else { vec![1, 2, 4, 8, 12, 16] };
+    for rounds in rounds {
+        let blocks = Some(Blocks { rounds, missed: [0.0; 3] });
+        let setting = format!("{rounds} rounds, no capture");
+        add("block-matching", setting, false, Box::new(Digital { blocks, ..matched.digital }));
+    }
+    for (rounds, captures_max) in [(4, 2), (8, 1), (8, 2), (12, 2)] {
+        let digital = Digital { blocks: Some(Blocks { rounds, missed: [0.0; 3] }), ..matched.digital };
+        let setting = format!("{rounds} rounds, {captures_max} captures at most");
+        add("block-matching", setting, false, Box::new(Hybrid { digital, captures_max, ..matched }));
+    }
     for noise_to_signal in [0.003, 0.01, 0.03] {
         let setting = format!("noise to signal {noise_to_signal}");
         add("wiener", setting, false, Box::new(Wiener { noise_to_signal }));

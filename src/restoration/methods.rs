@@ -3,6 +3,7 @@
 use crate::config::{self, Rig};
 use crate::restore::method::Method;
 use crate::restore::method::Strength;
+use crate::restore::method::blocks::Blocks;
 use crate::restore::method::digital::{Colours, Digital};
 use crate::restore::method::hybrid::Hybrid;
 use crate::restore::method::paper::{Backward, Paper};
@@ -34,6 +35,10 @@ const DEFECT_THRESHOLD: f32 = 2.0;
 /// true lens is left alone (`tests/method.rs`), with 0.1 three corrections gained no more than one.
 const DEFECT_FLOOR: f32 = 0.25;
 
+/// Rounds of block matching, in the first solve and in each correction. Measured 2026-11-21 on study.toml, two captures, mean
+/// SSIM/PSNR of the photographs for 4, 8 and 12 (6 wavelet steps a correction): 0.952/34.1, 0.953/34.3, 0.953/34.4.
+const BLOCK_ROUNDS: u32 = 8;
+
 /// Steps of total variation, and its strength against the wavelets': the best of the chart of speed against accuracy.
 const VARIATION_STEPS: u32 = 40;
 const VARIATION_STRENGTH_FACTOR: f32 = 3.0;
@@ -59,6 +64,7 @@ pub fn method(rig: &Rig, which: config::Method) -> Box<dyn Method + Send + Sync>
             Box::new(Unmatched { iterations: UNMATCHED_ITERATIONS, strength, levels, cycle_spun })
         }
         config::Method::Hybrid => Box::new(hybrid(rig)),
+        config::Method::BlockMatching => Box::new(block_matching(rig)),
         config::Method::Digital => Box::new(digital(rig)),
         config::Method::Wiener => Box::new(Wiener { noise_to_signal: WIENER_NOISE_TO_SIGNAL }),
         config::Method::RichardsonLucy => Box::new(RichardsonLucy { steps: RICHARDSON_LUCY_STEPS }),
@@ -89,6 +95,7 @@ pub fn digital(rig: &Rig) -> Digital {
             config::Colours::Together => Colours::Together,
             config::Colours::Apart => Colours::Apart,
         },
+        blocks: None,
     }
 }
 
@@ -108,6 +115,18 @@ pub fn hybrid(rig: &Rig) -> Hybrid {
         defect_threshold: DEFECT_THRESHOLD,
         defect_floor: DEFECT_FLOOR,
         carefulness: CAREFULNESS,
+    }
+}
+
+/// `hybrid` with block matching for the prior, with the parameters of `rig`.
+pub fn block_matching(rig: &Rig) -> Hybrid {
+    let hybrid = hybrid(rig);
+    Hybrid {
+        digital: Digital {
+            blocks: Some(Blocks { rounds: BLOCK_ROUNDS, missed: [0.0; 3] }),
+            ..hybrid.digital
+        },
+        ..hybrid
     }
 }
 

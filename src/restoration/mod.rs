@@ -16,7 +16,7 @@ mod shown;
 mod verdict;
 
 pub use evidence::{Evidence, Residuals, distance};
-pub use methods::{digital, hybrid, method, paper, second_opinion};
+pub use methods::{block_matching, digital, hybrid, method, paper, second_opinion};
 pub use setting::{Chosen, Setting};
 pub use verdict::{Judged, Verdict};
 

@@ -17,11 +17,12 @@ pub enum Contestant {
 
 impl Contestant {
     /// All of them.
-    pub const ALL: [Contestant; 8] = [
+    pub const ALL: [Contestant; 9] = [
         Contestant::Named(config::Method::Paper),
         Contestant::Named(config::Method::Residual),
         Contestant::Named(config::Method::Unmatched),
         Contestant::Named(config::Method::Hybrid),
+        Contestant::Named(config::Method::BlockMatching),
         Contestant::Named(config::Method::Digital),
         Contestant::Named(config::Method::Wiener),
         Contestant::Named(config::Method::RichardsonLucy),
@@ -38,8 +39,8 @@ impl Contestant {
 
     /// Whether it looks through the lens.
     pub const fn captures(self) -> bool {
-        use config::Method::{Hybrid, Paper, Residual, Unmatched};
-        matches!(self, Contestant::Named(Paper | Residual | Unmatched | Hybrid))
+        use config::Method::{BlockMatching, Hybrid, Paper, Residual, Unmatched};
+        matches!(self, Contestant::Named(Paper | Residual | Unmatched | Hybrid | BlockMatching))
     }
 
     /// Whether it sends pictures backward through the lens, patch by patch.

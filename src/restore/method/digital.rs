@@ -15,6 +15,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+use super::blocks::Blocks;
 use super::problem::Certificate;
 use super::wiener::Wiener;
 use super::{
@@ -61,6 +62,8 @@ pub struct Digital {
     pub cycle_spun: bool,
     /// How the channels are solved.
     pub colours: Colours,
+    /// How the picture is solved further with block matching, if it is.
+    pub blocks: Option<Blocks>,
 }
 
 impl Method for Digital {
@@ -134,6 +137,9 @@ impl Digital {
         let mut picture = Frame::zeros(problem.size());
         for solve in solves {
             *picture.plane_mut(solve.channel) = solve.stepped;
+        }
+        if let Some(blocks) = self.blocks {
+            picture = blocks.solve(problem, model, (data, calm), picture, &mut record);
         }
         (picture, record)
     }

@@ -12,6 +12,7 @@
 
 use rayon::prelude::*;
 
+use super::blocks::Blocks;
 use super::digital::{Digital, model_residual};
 use super::problem::Certificate;
 use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
@@ -50,7 +51,7 @@ const DEFECT_LEVELS: usize = 4;
 
 impl Method for Hybrid {
     fn name(&self) -> &'static str {
-        "hybrid"
+        if self.digital.blocks.is_some() { "block-matching" } else { "hybrid" }
     }
 
     fn solve(
@@ -59,7 +60,7 @@ impl Method for Hybrid {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model("hybrid")?;
+        let model = problem.needs_model(self.name())?;
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
         let calm = self.digital.calm(problem);
@@ -121,7 +122,14 @@ impl Hybrid {
         for &channel in problem.channels.list() {
             data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
         }
-        let correction = Digital { steps: self.correction_steps, ..self.digital };
+        // A coarse defect hardly changes with the picture; a fine one does, and is known only so far.
+        let missed = |c: Channel| {
+            let power: f64 = self.detail_powers(defect.plane(c)).iter().sum();
+            (power / problem.size().area() as f64).sqrt() as f32
+        };
+        let doubtful = |blocks| Blocks { missed: Channel::ALL.map(missed), ..blocks };
+        let blocks = self.digital.blocks.map(doubtful);
+        let correction = Digital { steps: self.correction_steps, blocks, ..self.digital };
         let norms = self.careful_norms(problem, picture, defect);
         let (corrected, steps) = correction.solve_for(problem, model, (&data, calm), picture, &norms);
         let before = record.steps().last().copied();
@@ -131,6 +139,15 @@ impl Hybrid {
             record.push(Step { iteration, captures, seconds: seconds + step.seconds, ..*step });
         }
         corrected
+    }
+
+    /// Power of the details of `plane`, level by level, finest first.
+    fn detail_powers(&self, plane: &Plane) -> Vec<f64> {
+        let transform = Sym8::new(plane.size(), self.digital.levels);
+        let mut found = transform.zeros();
+        transform.analyse(plane, &mut found, &mut Scratch::default());
+        let power = |details: &mut Details| details.bands_mut().iter().map(|b| b.dot(b)).sum::<f64>();
+        found.details.iter_mut().map(power).collect()
     }
 
     /// The level norms for a correction: raised where the defect's power says that the model is wrong.
@@ -143,15 +160,9 @@ impl Hybrid {
         picture: &Frame<Work>,
         defect: &Frame<Work>,
     ) -> [LevelNorms; 3] {
-        let transform = Sym8::new(problem.size(), self.digital.levels);
-        let powers = |plane: &Plane| {
-            let mut found = transform.zeros();
-            transform.analyse(plane, &mut found, &mut Scratch::default());
-            let power = |details: &mut Details| details.bands_mut().iter().map(|b| b.dot(b)).sum::<f64>();
-            found.details.iter_mut().map(power).collect::<Vec<f64>>()
-        };
         let raised = problem.channels.list().par_iter().map(|&c| {
-            let wrong = powers(defect.plane(c)).into_iter().zip(powers(picture.plane(c)));
+            let (wrong, shown) = (self.detail_powers(defect.plane(c)), self.detail_powers(picture.plane(c)));
+            let wrong = wrong.into_iter().zip(shown);
             let least: Vec<f32> = wrong
                 .map(|(wrong, shown)| self.carefulness * (wrong / shown.max(f64::MIN_POSITIVE)) as f32)
                 .collect();

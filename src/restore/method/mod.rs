@@ -6,6 +6,7 @@
 //! | [`residual`] | 5·n | optics only: signed residual on a pedestal, momentum with restart |
 //! | [`unmatched`] | n | lens model backward, optics forward |
 //! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; the default |
+//! | block-matching | as hybrid | [`hybrid`] with block matching for the prior ([`blocks`]); slower and better |
 //! | [`digital`] | 0 | lens model only |
 //! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
 //!
@@ -18,6 +19,7 @@
 //! * **Margin and border patches**: see [`super::patches`].
 
 pub mod averaging;
+pub mod blocks;
 pub mod digital;
 pub mod hybrid;
 pub mod paper;
