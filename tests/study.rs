@@ -102,6 +102,16 @@ fn with_one_grey_level_of_noise_the_default_beats_the_paper_with_a_tenth_of_its_
     assert!(mean(hybrid, |s| s.psnr_db) > mean(&digital, |s| s.psnr_db));
 }
 
+#[test]
+fn block_matching_reaches_what_no_wavelet_does_with_two_captures() {
+    let mut stand = stand(Condition::AsFiled);
+    let solver = named(&stand, config::Method::BlockMatching);
+    let found = scores(&mut stand, &PHOTOGRAPHS, &*solver);
+    assert!(found.iter().all(|s| s.restored.captures <= 2));
+    assert!(mean(&found, |s| s.ssim) >= 0.948, "SSIM {:.4}", mean(&found, |s| s.ssim));
+    assert!(mean(&found, |s| s.psnr_db) >= 33.0, "{:.2} dB", mean(&found, |s| s.psnr_db));
+}
+
 /// Decibels that one capture gains over the lens model alone with 10 % of glare, and what it reaches.
 fn gain_under_glare() -> (f64, f64) {
     let mut stand = stand(Condition::Glare(0.1));
