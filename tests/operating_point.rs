@@ -27,7 +27,7 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     let mut stand = Stand::on(rig.clone(), devices, calibration, no_clock).unwrap();
     let mut tried = 0;
     let best = choose(&mut stand, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();
-    assert_eq!(tried, restorations(&rig));
+    assert_eq!(tried, restorations(&rig, OperatingPoint::Best));
     assert!(best.ssim == best.best_ssim && best.ssim > best.photo_ssim + 0.02, "{best}");
     let fast = choose(&mut stand, OperatingPoint::Fast, &mut |_| {}).unwrap().unwrap();
     assert!(fast.ssim >= best.ssim - 0.01 && fast.seconds <= best.seconds, "{fast}; {best}");

@@ -108,7 +108,7 @@ fn choose(
 ) -> Result<(), Trouble> {
     let mut stand =
         Stand::on(rig.clone(), devices, calibration, super::clock::seconds).map_err(|e| Trouble::of(&e))?;
-    let (mut done, total) = (0, operating_point::restorations(rig));
+    let (mut done, total) = (0, operating_point::restorations(rig, wanted));
     let chosen = operating_point::choose(&mut stand, wanted, &mut |score| {
         done += 1;
         log::debug!("{} {}: SSIM {:.4}", score.scene.name(), score.method, score.ssim);

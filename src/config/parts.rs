@@ -165,11 +165,11 @@ pub struct Restore {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OperatingPoint {
-    /// The fastest within 0.01 SSIM of the best.
+    /// The fastest within 0.01 SSIM of the best but block matching.
     Fast,
-    /// The fastest within 0.002 SSIM of the best.
+    /// The fastest within 0.002 SSIM of the best but block matching.
     Balanced,
-    /// The best, whatever it costs.
+    /// The best, block matching among them, whatever it costs.
     Best,
 }
 

@@ -9,8 +9,9 @@ use crate::restoration::{Chosen, Setting};
 /// What is shown: photographs of a portrait, a still life and a night.
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
-/// The settings tried, the rig file's own first: those on or near the front of `relens chart` on every simulated rig.
-fn candidates(rig: &Rig) -> Vec<Setting> {
+/// The settings tried for what is `wanted`, the rig file's own first: those on or near the front of `relens chart` on every
+/// simulated rig; block matching only for the best.
+fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let digital = |steps| Setting { method: Method::Digital, steps, ..filed };
     let hybrid = |steps, correction_steps, captures_max| Setting {
@@ -20,26 +21,23 @@ fn candidates(rig: &Rig) -> Vec<Setting> {
         captures_max,
     };
     let mut all = vec![filed];
-    for more in [
-        digital(4),
-        digital(8),
-        digital(16),
-        digital(32),
-        hybrid(8, 6, 1),
-        hybrid(16, 10, 1),
-        hybrid(16, 10, 2),
-        hybrid(32, 20, 2),
-    ] {
-        if !all.contains(&more) {
-            all.push(more);
+    all.extend([4, 8, 16, 32].map(digital));
+    all.extend([hybrid(8, 6, 1), hybrid(16, 10, 1), hybrid(16, 10, 2), hybrid(32, 20, 2)]);
+    if wanted == OperatingPoint::Best {
+        all.push(Setting { method: Method::BlockMatching, ..filed });
+    }
+    let mut once = Vec::with_capacity(all.len());
+    for setting in all {
+        if !once.contains(&setting) {
+            once.push(setting);
         }
     }
-    all
+    once
 }
 
 /// How many restorations [`choose`] makes.
-pub fn restorations(rig: &Rig) -> usize {
-    candidates(rig).len() * SCENES.len()
+pub fn restorations(rig: &Rig, wanted: OperatingPoint) -> usize {
+    candidates(rig, wanted).len() * SCENES.len()
 }
 
 /// The operating point `wanted` of the rig that `stand` is on; `each` is told of every restoration. `None` when none gives
@@ -53,7 +51,7 @@ pub fn choose(
     each: &mut dyn FnMut(&Score),
 ) -> Result<Option<Chosen>, StandError> {
     let rig = stand.config().clone();
-    let settings = candidates(&rig);
+    let settings = candidates(&rig, wanted);
     let mut trade = Trade::default();
     for setting in &settings {
         let contestant = Contestant {

@@ -185,9 +185,11 @@ impl Trade {
         order
     }
 
-    /// The point to choose: the best one, or the cheapest that is `within` of its SSIM; a peer from outside is no choice.
+    /// The point to choose: the best one, or the cheapest that is `within` of its SSIM; a peer from outside is no choice, and
+    /// block matching, which takes ten times as long as all others, is one for the best alone.
     pub fn operating_point(&self, within: f64) -> Option<usize> {
-        let front = self.front_of(&|point| point.family != peers::FAMILY);
+        let too_slow = |point: &Point| within > 0.0 && point.family == config::Method::BlockMatching.name();
+        let front = self.front_of(&|point| point.family != peers::FAMILY && !too_slow(point));
         let best = self.points[*front.last()?].ssim;
         front.into_iter().find(|&n| self.points[n].ssim >= best - within)
     }
@@ -341,6 +343,9 @@ mod tests {
         assert_eq!(trade.operating_point(0.002), Some(3));
         assert_eq!(trade.operating_point(0.05), Some(1));
         assert_eq!(Trade::default().operating_point(0.1), None);
+        let mut slow = Trade { points: trade.points.clone(), ..Trade::default() };
+        slow.points.push(Point { family: "block-matching", ..point(30.0, 0.96) });
+        assert_eq!((slow.operating_point(0.0), slow.operating_point(0.002)), (Some(4), Some(3)));
         let mut outside = trade;
         outside.points.push(Point { family: peers::FAMILY, ..point(0.5, 0.95) });
         assert_eq!((outside.front(), outside.operating_point(0.0)), (vec![4], Some(0)));
