@@ -40,7 +40,7 @@ const SUSPECT_ROUGHER: f32 = 1.7;
 
 /// Whether the method called `method` begins with the lens model and its prior.
 fn begins_with_the_lens(method: &str) -> bool {
-    matches!(method, "hybrid" | "digital")
+    matches!(method, "hybrid" | "block-matching" | "digital")
 }
 
 /// What became of a result.
@@ -136,7 +136,7 @@ impl Bench {
         let rougher = self.evidence(photo, channels, restored).rougher;
         let apart = distance(photo, &restored.picture, &second.picture, channels);
         // A loop of light alone fits its captures' noise, and is certified all the same.
-        let certified = method == "hybrid"
+        let certified = begins_with_the_lens(method)
             && restored.solution.certificate.ratio().is_some_and(|ratio| ratio <= CERTIFIED_RATIO);
         let allowed = match (begins_with_the_lens(method), certified) {
             (true, true) => APART_CERTIFIED,
