@@ -186,7 +186,7 @@ impl Trade {
     }
 
     /// The point to choose: the best one, or the cheapest that is `within` of its SSIM; a peer from outside is no choice, and
-    /// block matching, which takes ten times as long as all others, is one for the best alone.
+    /// block matching, which takes more than ten times as long as the others, is one for the best alone.
     pub fn operating_point(&self, within: f64) -> Option<usize> {
         let too_slow = |point: &Point| within > 0.0 && point.family == config::Method::BlockMatching.name();
         let front = self.front_of(&|point| point.family != peers::FAMILY && !too_slow(point));
