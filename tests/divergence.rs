@@ -15,6 +15,7 @@ use relens::restore::data_term::TRUSTED;
 use relens::restore::forward_convolution::{ForwardConvolution, Seen};
 use relens::restore::lens_model::{LensFunctions, LensModel};
 use relens::restore::level_norms::LevelNorms;
+use relens::restore::method::blocks::Blocks;
 use relens::restore::method::digital::{Colours, Digital};
 use relens::restore::method::hybrid::Hybrid;
 use relens::restore::method::paper::{Backward, Paper};
@@ -85,6 +86,14 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
         blocks: None,
     };
     let patches = PatchShape { patch_px, margin_px: 8 };
+    let hybrid = Hybrid {
+        digital,
+        correction_steps: 20,
+        captures_max: 12,
+        defect_threshold: 2.0,
+        defect_floor: 0.25,
+        carefulness: 25.0,
+    };
     vec![
         Box::new(Paper {
             iterations: 40,
@@ -97,13 +106,10 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
         Box::new(Residual { iterations: 40, strength, patches, levels: 2, cycle_spun: true }),
         Box::new(Unmatched { iterations: 40, strength, levels: 2, cycle_spun: true }),
         Box::new(digital),
+        Box::new(hybrid),
         Box::new(Hybrid {
-            digital,
-            correction_steps: 20,
-            captures_max: 12,
-            defect_threshold: 2.0,
-            defect_floor: 0.25,
-            carefulness: 25.0,
+            digital: Digital { blocks: Some(Blocks { rounds: 8, missed: [0.0; 3] }), ..digital },
+            ..hybrid
         }),
         Box::new(Wiener { noise_to_signal: 1e-6 }),
         Box::new(RichardsonLucy { steps: 200 }),

@@ -73,7 +73,8 @@ DIR/calibration. A calibration that is no good is not kept; the old one stays.
 
 With operating-point = \"fast\", \"balanced\" or \"best\" in [restore] of the rig file it then shows known scenes, restores
 them with several settings, and keeps the chosen one in DIR/calibration/operating-point.toml: the best, or the
-fastest within 0.002 (balanced) or 0.01 (fast) of the best but block matching, which is slow. Photos are restored with that from then on.";
+fastest within 0.002 SSIM (balanced) or 0.01 (fast) of the best but block matching, which is slow. Photos are
+restored with that from then on.";
 
 const RESTORE: &str = "\
 relens restore --rig RIG.toml PHOTO -o RESULT [--method NAME] [--report REPORT.json] [--folder DIR]
@@ -96,8 +97,8 @@ relens chart --rig RIG.toml --out DIR [--quick] [--folder DIR]
 
 Restores known scenes with every method and several settings of each, and draws speed against accuracy:
 DIR gets the drawing (SVG and PNG), the table (Markdown) and its numbers (CSV). On a rig of devices the scenes are
-shown on its panel; its calibration is looked for in --folder. The rest is for simulated rigs. With --conditions it compares the
-methods as the rig file sets them, scene by scene; a rig with linear photos also without noise, with glare and
+shown on its panel; its calibration is looked for in --folder. The rest is for simulated rigs. With --conditions
+it compares the methods as the rig file sets them, scene by scene; a rig with linear photos also without noise, with glare and
 with a poor lens model. With --stability it puts every fault on rig, photo and
 method in turn, in growing strengths, and draws where each method harms and whether the box noticed. --quick
 leaves out most settings of the methods that lose, and most strengths.

@@ -118,7 +118,10 @@ fn choose(
         }
     });
     wipe_line();
-    let nothing = || Trouble::Usage("found no setting with a score, allowed at least one".to_owned());
+    let nothing = || {
+        let words = "no setting gave a picture of the scenes shown that could be scored".to_owned();
+        Trouble::Failure { words, remedy: Remedy::Recalibrate }
+    };
     let chosen = chosen.map_err(|e| Trouble::of(&e))?.ok_or_else(nothing)?;
     relens::daemon::operating_point::save(kept, rig, &chosen).map_err(|e| Trouble::of(&e))?;
     say(&format!("operating point {chosen}"))

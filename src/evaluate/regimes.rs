@@ -3,6 +3,8 @@
 //! Photo and captures go through the same lens. The lens was measured as it is (glare, one function), or before something
 //! happened to it (another distance, off centre, a greasy finger). Grey scenes in the green channel, as the study did.
 
+use std::collections::BTreeMap;
+
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::one_capture;
@@ -153,8 +155,8 @@ pub fn measure(
         let mut stand = Stand::open_changed(&then, now, stopwatch)?;
         let solvers: [Box<dyn Method>; 3] =
             [Box::new(digital(rig)), Box::new(one_capture(rig)), Box::new(hybrid(rig))];
-        let mut photo = Mean { captures: 0.0, ssim: 0.0, psnr_db: 0.0 };
-        let mut methods = [photo; 3];
+        let mut photos = BTreeMap::new();
+        let mut methods = [Mean { captures: 0.0, ssim: 0.0, psnr_db: 0.0 }; 3];
         let share = 1.0 / scenes.len() as f64;
         for (solver, mean) in solvers.iter().zip(&mut methods) {
             for &scene in scenes {
@@ -163,10 +165,11 @@ pub fn measure(
                 mean.captures += share * score.restored.captures as f64;
                 mean.ssim += share * score.ssim;
                 mean.psnr_db += share * score.psnr_db;
-                photo.ssim += share * score.blurred_ssim / 3.0;
-                photo.psnr_db += share * score.blurred_psnr_db / 3.0;
+                photos.insert(scene.name(), (score.blurred_ssim, score.blurred_psnr_db));
             }
         }
+        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| share * photos.values().map(of).sum::<f64>();
+        let photo = Mean { captures: 0.0, ssim: mean(&|p| p.0), psnr_db: mean(&|p| p.1) };
         rows.push(Row { regime, photo, methods });
     }
     Ok(rows)

@@ -18,10 +18,7 @@ press_button() { echo pull-up > "$LINES_DIR/sim_gpio1/pull"; sleep "${1:-0.2}"; 
 lamp() { cat "$LINES_DIR/sim_gpio$1/value"; } # 2 ready, 3 busy, 4 trouble
 # each waits for at most so many seconds: appears FILE SECONDS, lit LAMP SECONDS, logged WORDS SECONDS (in daemon.log)
 within() { # SECONDS WHAT-FAILED COMMAND...
-  patience=$(($1 * 5)); what=$2
-  # What takes minutes takes three times as long on some emulated processors.
-  [ "$1" -lt 60 ] || patience=$((patience * 3))
-  shift 2
+  patience=$(($1 * 5)); what=$2; shift 2
   for _ in $(seq $patience); do "$@" && return; sleep 0.2; done
   tail -n 40 /tmp/daemon.log; tail -n 5 /tmp/window.log; fail "$what"
 }
