@@ -6,6 +6,7 @@
 #![allow(clippy::print_stdout)]
 
 mod missed;
+mod shut_out;
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
