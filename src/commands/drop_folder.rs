@@ -184,7 +184,8 @@ fn watcher() -> Box<dyn Watcher> {
 fn setting(rig: &Rig) -> Setting {
     let reader = Reader::Worker(Worker::of_this_program());
     let floor_bytes = (rig.disk.floor_mib * f64::from(1 << 20)) as u64;
-    Setting { reader, floor_bytes, ..Setting::new(&rig.name, rig.photo.size(), rig.photo.curve) }
+    let lease_s = rig.share.lease_s;
+    Setting { reader, floor_bytes, lease_s, ..Setting::new(&rig.name, rig.photo.size(), rig.photo.curve) }
 }
 
 fn conclude(summary: &Summary, gallery: &Path) -> Result<(), Trouble> {

@@ -1,4 +1,4 @@
-//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`, `[keep]`. Each may be left out; in one that is
+//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`, `[keep]`, `[share]`. Each may be left out; in one that is
 //! there, every number is.
 
 use serde::{Deserialize, Serialize};
@@ -107,6 +107,22 @@ impl Default for Keep {
     }
 }
 
+/// `[share]`: boxes that work on one set of folders (`relens run --box NAME`).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Share {
+    /// A box that did not move for this long has lost its photos to the others. The same on all of them, and longer
+    /// than any restoration is silent.
+    pub lease_s: f64,
+}
+
+impl Default for Share {
+    /// Five minutes: a guess.
+    fn default() -> Share {
+        Share { lease_s: 300.0 }
+    }
+}
+
 /// The night's first and last minute, counted from midnight; `None` for `always`.
 pub type Window = Option<(u16, u16)>;
 
@@ -134,9 +150,12 @@ pub(super) fn check_appliance(
     nights: Option<&Nights>,
     disk: Disk,
     keep: Keep,
+    share: Share,
 ) -> Result<(), ConfigError> {
     rules.within("disk.floor-mib", disk.floor_mib, 0.0, 1e6)?;
     rules.within("run.long-press-ms", run.long_press_ms, 300.0, 10_000.0)?;
+    // A slow network may keep a lease from being changed for some seconds.
+    rules.within("share.lease-s", share.lease_s, 30.0, 86_400.0)?;
     // Less than a day, or than a handful of photos, would take results away from whoever was about to fetch them.
     rules.within("keep.results-days-max", keep.results_days_max, 1.0, f64::INFINITY)?;
     rules.within("keep.results-mib-max", keep.results_mib_max, 100.0, f64::INFINITY)?;
@@ -173,6 +192,7 @@ mod tests {
     fn a_rig_file_without_them_takes_photos_as_they_come() {
         let rig = small_and("").unwrap();
         assert_eq!((rig.run.mode, rig.nights, rig.keep), (Mode::Folder, None, Keep::default()));
+        assert_eq!(rig.share.lease_s, 300.0);
     }
 
     #[test]
@@ -218,6 +238,7 @@ mod tests {
                 .unwrap_err()
                 .contains("300 to 10000")
         );
+        assert!(small_and("[share]\nlease-s = 5.0\n").unwrap_err().contains("30 to 86400"));
     }
 
     #[test]
@@ -226,6 +247,6 @@ mod tests {
         let tables = readme.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
         let rig = small_and(tables).unwrap();
         assert_eq!((rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib), (Mode::Button, true, 256.0));
-        assert_eq!(rig.keep.results_days_max, 90.0);
+        assert_eq!((rig.keep.results_days_max, rig.share.lease_s), (90.0, 300.0));
     }
 }

@@ -61,7 +61,8 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
     check_methods(&rules, &written)?;
     let (run, nights) = (written.run.unwrap_or_default(), written.nights.clone());
     let (disk, keep) = (written.disk.unwrap_or_default(), written.keep.unwrap_or_default());
-    check_appliance(&rules, run, nights.as_ref(), disk, keep)?;
+    let share = written.share.unwrap_or_default();
+    check_appliance(&rules, run, nights.as_ref(), disk, keep, share)?;
     let Written { rig, photo, panel, camera, canvas, marks, calibration, restore, paper, .. } = &written;
     let (rig_name, parts) = (rig.name.clone(), (photo.clone(), panel.clone(), camera.clone()));
     let geometry_parts = (
@@ -111,6 +112,7 @@ pub(super) fn check(written: Written, file: &str, base_dir: &Path) -> Result<Rig
         nights,
         disk,
         keep,
+        share,
         identity,
     })
 }

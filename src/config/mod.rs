@@ -13,7 +13,7 @@ mod parts;
 mod simulation;
 mod written;
 
-pub use appliance::{ClockSource, Disk, Keep, Mode, Nights, Run, Window};
+pub use appliance::{ClockSource, Disk, Keep, Mode, Nights, Run, Share, Window};
 pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
@@ -72,6 +72,8 @@ pub struct Rig {
     pub disk: Disk,
     /// How long results and originals are kept.
     pub keep: Keep,
+    /// How boxes that share folders tell which of them are dead.
+    pub share: Share,
     /// A hash of everything a calibration depends on: a calibration of another identity is not this rig's.
     /// Seeds, faults, and how photos are restored are not part of it.
     pub identity: u64,

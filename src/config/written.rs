@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::ConfigError;
-use super::appliance::{Disk, Keep, Nights, Run};
+use super::appliance::{Disk, Keep, Nights, Run, Share};
 use super::hardware::Hardware;
 use super::parts::{Calibration, Camera, Canvas, Marks, Panel, Paper, Photo, Restore};
 use super::simulation::{Display, Faults, LensGeometry, Pose, Sensor, Surface, Surround};
@@ -25,6 +25,7 @@ pub(super) struct Written {
     pub(super) nights: Option<Nights>,
     pub(super) disk: Option<Disk>,
     pub(super) keep: Option<Keep>,
+    pub(super) share: Option<Share>,
     pub(super) simulation: Option<SimulationTable>,
     pub(super) lens: Option<LensTable>,
     pub(super) pose: Option<Pose>,

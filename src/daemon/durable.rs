@@ -4,10 +4,13 @@
 //! result come to harm.
 
 use std::collections::HashSet;
+use std::collections::hash_map::RandomState;
 use std::ffi::{OsStr, OsString};
+use std::hash::BuildHasher;
 use std::io::{ErrorKind, Read};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::DaemonError;
@@ -78,6 +81,30 @@ pub(super) fn move_to(
     folder: &Path,
     name: &OsStr,
 ) -> Result<PathBuf, DaemonError> {
+    move_by(&|from, to| disk.rename_new(from, to), disk, from, folder, name)
+}
+
+/// The same where nobody else puts files into `folder`: in one step on every disk, also where a rename cannot be told
+/// to overwrite nothing (NFS). Of several who move the same file exactly one succeeds.
+///
+/// # Errors
+/// As [`move_to`].
+pub(super) fn move_to_own(
+    disk: &dyn Disk,
+    from: &Path,
+    folder: &Path,
+    name: &OsStr,
+) -> Result<PathBuf, DaemonError> {
+    move_by(&|from, to| disk.rename(from, to), disk, from, folder, name)
+}
+
+fn move_by(
+    rename: &dyn Fn(&Path, &Path) -> std::io::Result<()>,
+    disk: &dyn Disk,
+    from: &Path,
+    folder: &Path,
+    name: &OsStr,
+) -> Result<PathBuf, DaemonError> {
     let taken = Taken::of(disk, folder)?;
     for number in 1.. {
         let name = numbered(name, number);
@@ -85,7 +112,7 @@ pub(super) fn move_to(
             continue;
         }
         let path = folder.join(name);
-        match disk.rename_new(from, &path) {
+        match rename(from, &path) {
             Ok(()) => return Ok(path),
             // Given to another since the look.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
@@ -175,10 +202,18 @@ pub(super) fn read(disk: &dyn Disk, path: &Path, bytes_max: u64) -> Result<Optio
     Ok(Some(bytes))
 }
 
+/// A name that nobody else has. Boxes that share a folder are alike down to the number of the process, so a number
+/// drawn by this one is part of it.
 fn temporary_in(folder: &Path) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
+    static DRAWN: LazyLock<u64> = LazyLock::new(drawn);
     let number = NEXT.fetch_add(1, Ordering::Relaxed);
-    folder.join(format!("{}{}-{number}{}", TEMPORARY.0, std::process::id(), TEMPORARY.1))
+    folder.join(format!("{}{:016x}-{number}{}", TEMPORARY.0, *DRAWN, TEMPORARY.1))
+}
+
+/// A number by the system's randomness, with which the standard library's hash maps begin.
+fn drawn() -> u64 {
+    RandomState::new().hash_one(std::process::id())
 }
 
 fn write_temporary(disk: &dyn Disk, folder: &Path, content: &mut dyn Read) -> Result<PathBuf, DaemonError> {

@@ -5,7 +5,7 @@ use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use rustix::fs::{FlockOperation, flock};
+use rustix::fs::{FlockOperation, Timespec, flock};
 use rustix::io::Errno;
 
 use super::{DaemonError, durable, recovery};
@@ -71,7 +71,14 @@ impl Folders {
         // Alone for a moment, which is when what others left half written may be swept away.
         let alone = flock(&all, FlockOperation::NonBlockingLockExclusive).is_ok();
         // On a mount without locks the names must differ by themselves.
-        if flock(&all, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK) {
+        let refused = |_: &u32| {
+            let refused = flock(&all, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK);
+            if refused {
+                let _ = rustix::thread::nanosleep(&JOIN_STEP);
+            }
+            refused
+        };
+        if (0..JOIN_STEPS).take_while(refused).count() == JOIN_STEPS as usize {
             return Err(DaemonError::InUse { path: root });
         }
         let mut home = OsString::from(HOME);
@@ -272,7 +279,7 @@ impl Folders {
 
     /// Moves the photo at `way` from the inbox to `working`; its new path.
     pub(super) fn claim(&self, way: &Path) -> Result<PathBuf, DaemonError> {
-        durable::move_to(self.disk(), &self.inbox.join(way), &self.working, &flat(way))
+        durable::move_to_own(self.disk(), &self.inbox.join(way), &self.working, &flat(way))
     }
 }
 
@@ -285,16 +292,23 @@ const HOME: &str = "box-";
 /// Name of the lock file in the root, and in a box's own folder.
 const LOCK: &str = ".relens-lock";
 
+/// Another box that starts at the same moment holds the lock alone while it looks whether it is alone. That takes a
+/// round trip or two of the network; here two seconds pass before it is believed that a daemon works there that does
+/// not share. Guess.
+const JOIN_STEPS: u32 = 20;
+const JOIN_STEP: Timespec = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
+
 /// The folder `path`, made if need be, without links on the way to it.
 fn made(path: &Path) -> Result<PathBuf, DaemonError> {
     std::fs::create_dir_all(path).map_err(DaemonError::files("make the folder", path))?;
     path.canonicalize().map_err(DaemonError::files("find the folder", path))
 }
 
-/// A file to lock, made if need be.
+/// A file to lock, made if need be. Open for both: over NFS a shared lock needs reading, an exclusive one writing.
 fn opened(path: &Path) -> Result<File, DaemonError> {
     let mut how = OpenOptions::new();
-    how.create(true).truncate(false).write(true).open(path).map_err(DaemonError::files("open", path))
+    how.create(true).truncate(false).read(true).write(true);
+    how.open(path).map_err(DaemonError::files("open", path))
 }
 
 /// The name of a photo that lies in folders of the inbox: theirs and its own, joined with hyphens.

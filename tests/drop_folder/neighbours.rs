@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use relens::daemon::{Daemon, Folders, Setting, Step, Summary, Watcher};
 use relens::picture::Format;
 use relens::rig::{Clock, Moment};
+use rustix::fs::{FlockOperation, flock};
 
 use crate::bed::*;
 
@@ -127,6 +128,20 @@ fn a_box_that_only_slept_gives_up_what_was_taken_over() {
     let (summary, restored) = work(root, "left", &mut At(Step::Restored, &other_works), &|now| now > 100.0);
     assert_eq!((restored, summary.restored.len()), (1, 0), "restored and not delivered: {summary:?}");
     all_done(root, 1);
+}
+
+#[test]
+fn a_box_that_starts_while_another_looks_whether_it_is_alone_joins_it() {
+    let root = fresh_root();
+    let root = root.path();
+    let lock = std::fs::File::create(root.join(".relens-lock")).unwrap();
+    flock(&lock, FlockOperation::NonBlockingLockExclusive).unwrap();
+    std::thread::scope(|scope| {
+        let joined = scope.spawn(|| Folders::open_shared(root, "left".as_ref()).is_ok());
+        std::thread::sleep(Duration::from_millis(300));
+        flock(&lock, FlockOperation::NonBlockingLockShared).unwrap();
+        assert!(joined.join().unwrap());
+    });
 }
 
 #[test]
