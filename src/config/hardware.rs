@@ -33,6 +33,27 @@ pub struct PanelDevice {
     pub node: Option<PathBuf>,
     /// The connector by the kernel's name, such as `HDMI-A-1` (a folder under /sys/class/drm after `card0-`).
     pub connector: String,
+    /// How the driver is spoken to.
+    // Not written when it is what it always was: calibrations made before it could be said stay good.
+    #[serde(default, skip_serializing_if = "DisplayInterface::is_atomic")]
+    pub interface: DisplayInterface,
+}
+
+/// The two ways in which the kernel lets a program set modes and show pictures.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DisplayInterface {
+    /// All settings at once, each read back; a driver that has no such interface is driven by the other.
+    #[default]
+    Atomic,
+    /// One setting at a time, for drivers whose atomic interface does not do what it says.
+    Legacy,
+}
+
+impl DisplayInterface {
+    fn is_atomic(&self) -> bool {
+        *self == DisplayInterface::Atomic
+    }
 }
 
 /// `[hardware.camera]`: a V4L2 node. Its size is `[camera]`'s.
@@ -195,4 +216,22 @@ pub(super) fn check_hardware(
         rules.within("hardware.button.debounce-ms", button.debounce_ms, 1.0, 1000.0)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_panel_s_interface_may_be_chosen_and_calibrations_from_before_stay_good() {
+        let panel = |text: &str| toml::from_str::<PanelDevice>(text);
+        let plain = panel("connector = \"HDMI-A-1\"").unwrap();
+        assert_eq!(plain.interface, DisplayInterface::Atomic);
+        // What a calibration is bound to.
+        assert_eq!(serde_json::to_string(&plain).unwrap(), r#"{"node":null,"connector":"HDMI-A-1"}"#);
+        let legacy = panel("connector = \"HDMI-A-1\"\ninterface = \"legacy\"").unwrap();
+        assert_eq!(legacy.interface, DisplayInterface::Legacy);
+        assert_ne!(serde_json::to_string(&legacy).unwrap(), serde_json::to_string(&plain).unwrap());
+        assert!(panel("connector = \"HDMI-A-1\"\ninterface = \"old\"").is_err());
+    }
 }

@@ -17,7 +17,8 @@ pub use appliance::{ClockSource, Disk, Keep, Mode, Nights, Run, Share, Window};
 pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
-    ButtonDevice, CameraDevice, ExposureBy, Hardware, LampDevices, Level, Line, PanelDevice, TriggerDevice,
+    ButtonDevice, CameraDevice, DisplayInterface, ExposureBy, Hardware, LampDevices, Level, Line,
+    PanelDevice, TriggerDevice,
 };
 pub use parts::{
     Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, OperatingPoint, Panel, Paper,

@@ -182,6 +182,7 @@ impl Daemon<'_> {
     /// Restores, and on a stumble of the rig does what the failure's remedy says and tries again.
     fn restore_with_care(&mut self, photo: &Photo) -> Result<Restored, Refusal> {
         let mut tries = 1;
+        let mut told_of = None;
         loop {
             let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
             let (lease, folders, clock) = (&self.lease, &self.folders, self.clock);
@@ -209,7 +210,10 @@ impl Daemon<'_> {
             match error.remedy() {
                 Remedy::ShootAgain if tries < TRIES_MAX => {}
                 remedy @ (Remedy::Recalibrate | Remedy::ReopenRig) if tries < TRIES_MAX => {
-                    log::warn!("{words}; the rig is being put right");
+                    if told_of.as_ref() != Some(&words) {
+                        log::warn!("{words}; the rig is being put right");
+                    }
+                    told_of = Some(words);
                     if let Err(error) = self.restorer.mend(remedy) {
                         return Err(Refusal::Hold(full_message(&*error)));
                     }

@@ -41,6 +41,7 @@ pub fn open_panel(rig: &config::Rig, hardware: &Hardware) -> Result<Box<dyn Pane
         connector: hardware.panel.connector.clone(),
         size: rig.panel.size(),
         refresh_hz: rig.panel.refresh_hz,
+        interface: hardware.panel.interface,
     })?))
 }
 

@@ -146,8 +146,8 @@ pub(super) fn light_up(
     confirm(&card.properties(pipe.plane)?, &plane)
 }
 
-/// The same as far as it goes through the legacy interface: mode by `SETCRTC`, connector properties one by
-/// one, a straight gamma ramp.
+/// The same through the legacy interface: mode by `SETCRTC`, properties one by one, a straight gamma ramp where the
+/// driver does not tell of its table.
 ///
 /// # Errors
 /// As [`light_up`].
@@ -159,18 +159,36 @@ pub(super) fn light_up_legacy(
 ) -> Result<(), RigError> {
     card.set_crtc(pipe.crtc, Some(picture), (0, 0), &[pipe.connector], Some(*mode))
         .map_err(super::kms_panel::commit_failed)?;
-    let has = card.properties(pipe.connector)?;
-    let mut unused = AtomicModeReq::new();
-    let mut asked = Asked { request: &mut unused, checks: Vec::new() };
-    asked.add(pipe.connector, &has, &CONNECTOR);
-    let checks = asked.checks;
-    for &(name, value) in &checks {
-        card.set_property(pipe.connector, has.handle(name)?, value).map_err(failed("set a property"))?;
+    set_one_by_one(card, pipe.connector, &CONNECTOR)?;
+    set_one_by_one(card, pipe.crtc, &CRTC)?;
+    set_one_by_one(card, pipe.plane, &PLANE)?;
+    if card.properties(pipe.crtc)?.get("GAMMA_LUT").is_some() {
+        return Ok(());
     }
     let steps = card.get_crtc(pipe.crtc).map_err(failed("ask the gamma ramp"))?.gamma_length() as usize;
     if steps > 1 {
         let ramp: Vec<u16> = (0..steps).map(|n| (n * 65535 / (steps - 1)) as u16).collect();
         card.set_gamma(pipe.crtc, &ramp, &ramp, &ramp).map_err(failed("straighten the gamma ramp"))?;
     }
-    confirm(&card.properties(pipe.connector)?, &checks)
+    Ok(())
+}
+
+/// Gives `object` the properties it has of `wanted`, and reads them back.
+fn set_one_by_one<T: ResourceHandle>(
+    card: &Card,
+    object: T,
+    wanted: &[(&'static str, Wanted)],
+) -> Result<(), RigError> {
+    let has = card.properties(object)?;
+    let mut unused = AtomicModeReq::new();
+    let mut asked = Asked { request: &mut unused, checks: Vec::new() };
+    asked.add(object, &has, wanted);
+    let checks = asked.checks;
+    for &(name, value) in &checks {
+        // Setting what is set already may cost a refresh, or a flicker.
+        if has.get(name).is_some_and(|(_, found)| found != value) {
+            card.set_property(object, has.handle(name)?, value).map_err(failed("set a property"))?;
+        }
+    }
+    confirm(&card.properties(object)?, &checks)
 }

@@ -22,6 +22,7 @@ use super::kms_card::{Card, failed};
 use super::kms_honest::{Pipe, light_up, light_up_legacy};
 use super::monotonic::{Monotonic, left_until};
 use super::{Clock, Flip, Moment, Panel, RigError};
+use crate::config::DisplayInterface;
 use crate::frame::{Codes, Size};
 
 /// Refreshes a flip event may take before the pipe is called dead (the kernel's own patience is 10 s; a live
@@ -43,6 +44,8 @@ pub struct KmsSettings {
     pub size: Size,
     /// Refreshes a second.
     pub refresh_hz: f64,
+    /// How the driver is spoken to, if it lets us choose.
+    pub interface: DisplayInterface,
 }
 
 struct Buffer {
@@ -56,7 +59,7 @@ pub struct KmsPanel {
     settings: KmsSettings,
     pipe: Pipe,
     mode: Mode,
-    /// The plane's FB_ID; `None` when the driver has no atomic interface.
+    /// The plane's FB_ID; `None` by the legacy interface.
     picture_property: Option<property::Handle>,
     buffers: [Buffer; 2],
     /// The buffer that is on the panel or about to be.
@@ -96,7 +99,10 @@ impl KmsPanel {
         if card.acquire_master_lock().is_err() {
             return Err(commit_failed(Errno::ACCESS.into()));
         }
-        let atomic = card.set_client_capability(drm::ClientCapability::UniversalPlanes, true).is_ok()
+        // Primary planes are listed to those who ask for all kinds, by either interface.
+        let planes = card.set_client_capability(drm::ClientCapability::UniversalPlanes, true).is_ok();
+        let atomic = planes
+            && settings.interface == DisplayInterface::Atomic
             && card.set_client_capability(drm::ClientCapability::Atomic, true).is_ok();
         let connector = card.connector(&settings.connector, true)?;
         plugged_in(&connector)?;
@@ -131,6 +137,14 @@ impl KmsPanel {
     /// Seconds from refresh to refresh, as measured when the panel was opened.
     pub fn interval_s(&self) -> f64 {
         self.interval_s
+    }
+
+    /// The interface in use, which is the legacy one where the driver has no other.
+    pub fn interface(&self) -> DisplayInterface {
+        match self.picture_property {
+            Some(_) => DisplayInterface::Atomic,
+            None => DisplayInterface::Legacy,
+        }
     }
 
     /// Looks at cable and link, and sets the mode again after a loss.

@@ -205,8 +205,11 @@ impl Remediable for RigError {
     fn remedy(&self) -> Remedy {
         match self {
             RigError::NoFrame { .. } | RigError::NotThisPicture { .. } => Remedy::ShootAgain,
-            RigError::Gone { .. } | RigError::Held { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
-            RigError::Refused { .. } | RigError::NoMarks { .. } => Remedy::CallOperator,
+            RigError::Gone { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
+            // Whoever holds a device does so for longer than three tries in a row take.
+            RigError::Held { .. } | RigError::Refused { .. } | RigError::NoMarks { .. } => {
+                Remedy::CallOperator
+            }
         }
     }
 }

@@ -10,20 +10,52 @@
 mod counted;
 mod vivid;
 
+use std::collections::HashSet;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use relens::config;
-use relens::config::Kind;
+use relens::config::{DisplayInterface, Kind};
 use relens::frame::{Channel, Codes};
 use relens::rig::exposure::Rig;
 use relens::rig::kms_panel::{KmsPanel, KmsSettings};
-use relens::rig::{self, RigError};
+use relens::rig::monotonic::Monotonic;
+use relens::rig::{self, Clock, Flip, Panel, RigError};
+
+fn file() -> config::Rig {
+    let file = std::env::var("RELENS_RIG").expect("RELENS_RIG names the rig file");
+    config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"))
+}
 
 fn opened() -> (Rig, config::Rig) {
-    let file = std::env::var("RELENS_RIG").expect("RELENS_RIG names the rig file");
-    let config = config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"));
+    opened_as(file())
+}
+
+fn opened_as(config: config::Rig) -> (Rig, config::Rig) {
     let rig = rig::open(&config).unwrap_or_else(|error| panic!("{error}"));
     (rig, config)
+}
+
+/// The rig file with another way to speak to the display's driver.
+fn spoken_to_by(interface: DisplayInterface) -> config::Rig {
+    let mut config = file();
+    let Kind::Hardware(hardware) = &mut config.kind else { panic!("a rig of devices") };
+    hardware.panel.interface = interface;
+    config
+}
+
+/// The panel alone.
+fn panel_of(config: &config::Rig) -> KmsPanel {
+    let Kind::Hardware(hardware) = &config.kind else { panic!("a rig of devices") };
+    let settings = KmsSettings {
+        node: hardware.panel.node.clone(),
+        connector: hardware.panel.connector.clone(),
+        size: config.panel.size(),
+        refresh_hz: config.panel.refresh_hz,
+        interface: hardware.panel.interface,
+    };
+    KmsPanel::open(settings).unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn grey(config: &config::Rig, code: u8) -> Codes {
@@ -42,7 +74,18 @@ fn middle(exposed: &rig::Exposed) -> f64 {
 #[test]
 #[ignore = "needs a rig"]
 fn rig_every_capture_is_of_its_own_picture() {
-    let (mut rig, config) = opened();
+    println!("{}", every_capture_is_of_its_own_picture(opened()));
+}
+
+#[test]
+#[ignore = "needs a rig"]
+fn rig_every_capture_is_of_its_own_picture_by_the_legacy_interface() {
+    let legacy = opened_as(spoken_to_by(DisplayInterface::Legacy));
+    println!("{}", every_capture_is_of_its_own_picture(legacy));
+}
+
+/// Says what was seen.
+fn every_capture_is_of_its_own_picture((mut rig, config): (Rig, config::Rig)) -> String {
     let codes = [30, 90, 150, 210];
     let levels = codes.map(|code| middle(&rig.capture(&grey(&config, code)).expect("a frame")));
     assert!(levels.windows(2).all(|pair| pair[1] > pair[0]), "brighter codes are brighter: {levels:?}");
@@ -52,7 +95,7 @@ fn rig_every_capture_is_of_its_own_picture() {
         let level = middle(&rig.capture(&grey(&config, codes[which])).expect("a frame"));
         assert!((level - levels[which]).abs() < step / 3.0, "capture {n}: {level}, not {}", levels[which]);
     }
-    println!("levels {levels:.1?}, rejected {:?}", rig.rejected());
+    format!("levels {levels:.1?}, rejected {:?}", rig.rejected())
 }
 
 #[test]
@@ -133,17 +176,70 @@ fn rig_panel_away_and_back() {
 
 #[test]
 #[ignore = "needs a rig"]
+fn rig_display_taken_by_another_program_and_given_back() {
+    // On a real rig somebody has to start a desktop, and end it.
+    let Ok(taker) = std::env::var("RELENS_DISPLAY_TAKER") else { return };
+    for interface in [DisplayInterface::Atomic, DisplayInterface::Legacy] {
+        let (mut rig, config) = opened_as(spoken_to_by(interface));
+        let picture = grey(&config, 128);
+        let before = middle(&rig.capture(&picture).expect("a frame"));
+        let words = [&std::process::id().to_string(), "/dev/dri/card0", "3"];
+        let mut other = Command::new(&taker).args(words).stdout(Stdio::piped()).spawn().expect("it starts");
+        let mut said = String::new();
+        BufReader::new(other.stdout.take().expect("piped")).read_line(&mut said).expect("it speaks");
+        assert_eq!(said, "the display is taken\n");
+        let told: Vec<_> = (0..4).map(|_| rig.capture(&picture).err()).collect();
+        assert!(other.try_wait().expect("it runs").is_none(), "the display was given back too early to tell");
+        let held = |error: &RigError| matches!(error, RigError::Held { device: "panel", .. });
+        assert!(told.iter().all(|error| error.as_ref().is_some_and(held)), "{interface:?}: {told:?}");
+        let words: HashSet<_> = told.iter().flatten().map(ToString::to_string).collect();
+        assert!(words.len() == 1 && words.iter().all(|w| w.contains("another program drives")), "{words:?}");
+        assert!(other.wait().expect("it ends").success());
+        // Its end darkened the display: the mode has to be set again, and is.
+        let after = middle(&rig.capture(&picture).unwrap_or_else(|error| panic!("{error}")));
+        assert!(
+            (after - before).abs() < 0.05 * before + 2.0,
+            "{interface:?}: {before} before, {after} after"
+        );
+        println!("{interface:?}: {before:.1} before, {after:.1} after; in between: {words:?}");
+    }
+}
+
+#[test]
+#[ignore = "needs a rig"]
+fn rig_flips_are_stamped_at_whole_refreshes_by_either_interface() {
+    for interface in [DisplayInterface::Atomic, DisplayInterface::Legacy] {
+        let config = spoken_to_by(interface);
+        let mut panel = panel_of(&config);
+        assert_eq!(panel.interface(), interface);
+        let pictures = [grey(&config, 50), grey(&config, 150)];
+        let interval_s = panel.interval_s();
+        let mut last: Option<Flip> = None;
+        for n in 0..20 {
+            let asked = Monotonic.now().0;
+            let flip = panel.show(&pictures[n % 2]).unwrap_or_else(|error| panic!("{error}"));
+            // Stamped with a refresh that began while we waited for it; half a refresh for a driver that rounds.
+            let seen = Monotonic.now().0;
+            assert!(flip.at.0 > asked - interval_s / 2.0 && flip.at.0 <= seen + interval_s / 2.0, "flip {n}");
+            if let Some(last) = last {
+                let refreshes = f64::from(flip.vblank.wrapping_sub(last.vblank) as u32);
+                let error_s = flip.at.0 - last.at.0 - refreshes * interval_s;
+                assert!(
+                    refreshes >= 1.0 && error_s.abs() < interval_s / 4.0,
+                    "{interface:?} flip {n}: {error_s} s"
+                );
+            }
+            last = Some(flip);
+        }
+        println!("{interface:?}: 20 flips, {:.3} ms a refresh", interval_s * 1e3);
+    }
+}
+
+#[test]
+#[ignore = "needs a rig"]
 fn rig_flip_events_allocate_nothing() {
-    let file = std::env::var("RELENS_RIG").expect("RELENS_RIG names the rig file");
-    let config = config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"));
-    let Kind::Hardware(hardware) = &config.kind else { panic!("a rig of devices") };
-    let mut panel = KmsPanel::open(KmsSettings {
-        node: hardware.panel.node.clone(),
-        connector: hardware.panel.connector.clone(),
-        size: config.panel.size(),
-        refresh_hz: config.panel.refresh_hz,
-    })
-    .unwrap_or_else(|error| panic!("{error}"));
+    let config = file();
+    let mut panel = panel_of(&config);
     let pictures = [grey(&config, 50), grey(&config, 150)];
     for n in 0..20 {
         panel.put(&pictures[n % 2]).expect("it is there");

@@ -1,0 +1,84 @@
+//! Takes the display away from a program of the virtual rig, as a desktop that is started beside it would, and gives it
+//! back: `taker PID CARD SECONDS`.
+//!
+//! Who may set modes (DRM master) belongs to the open file, so that a copy of the program's own descriptor is enough to
+//! give it up in its place. The next to ask has it: here this program, which shows its own picture for as long as it was
+//! told. With its end that picture goes, and the kernel darkens the display.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // a bench program: it says what failed and stops
+
+use std::fs::File;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::path::Path;
+use std::time::Duration;
+
+use drm::Device as _;
+use drm::buffer::DrmFourcc;
+use drm::control::Device as _;
+use rustix::process::{Pid, PidfdFlags, PidfdGetfdFlags, pidfd_getfd, pidfd_open};
+
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+struct Card(OwnedFd);
+
+impl AsFd for Card {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}
+
+impl drm::Device for Card {}
+impl drm::control::Device for Card {}
+
+/// Gives up, in the place of the process `pid`, what it may do with the display at `path`.
+fn give_up_for(pid: Pid, path: &Path) -> Outcome<()> {
+    let process = pidfd_open(pid, PidfdFlags::empty())?;
+    for entry in std::fs::read_dir(format!("/proc/{}/fd", pid.as_raw_nonzero()))? {
+        let entry = entry?;
+        if std::fs::read_link(entry.path()).is_ok_and(|target| target == path) {
+            let number = entry.file_name().to_string_lossy().parse()?;
+            let copy = Card(pidfd_getfd(&process, number, PidfdGetfdFlags::empty())?);
+            // One that only looks on has nothing to give up.
+            if copy.release_master_lock().is_ok() {
+                return Ok(());
+            }
+        }
+    }
+    Err(format!("process {} does not drive {}", pid.as_raw_nonzero(), path.display()).into())
+}
+
+/// Puts a dark picture on whatever is lit.
+fn show_something(card: &Card) -> Outcome<()> {
+    let all = card.resource_handles()?;
+    for &crtc in all.crtcs() {
+        let info = card.get_crtc(crtc)?;
+        let Some(mode) = info.mode() else { continue };
+        let (width, height) = (mode.size().0.into(), mode.size().1.into());
+        let memory = card.create_dumb_buffer((width, height), DrmFourcc::Xrgb8888, 32)?;
+        let picture = card.add_framebuffer(&memory, 24, 32)?;
+        let mut lit = Vec::new();
+        for &connector in all.connectors() {
+            let encoder = card.get_connector(connector, false)?.current_encoder();
+            let of = encoder.map(|encoder| card.get_encoder(encoder)).transpose()?;
+            if of.and_then(|encoder| encoder.crtc()) == Some(crtc) {
+                lit.push(connector);
+            }
+        }
+        card.set_crtc(crtc, Some(picture), (0, 0), &lit, Some(mode))?;
+        return Ok(());
+    }
+    Err("nothing is lit".into())
+}
+
+fn main() -> Outcome<()> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [pid, card, seconds] = words.as_slice() else { return Err("usage: taker PID CARD SECONDS".into()) };
+    let pid = Pid::from_raw(pid.parse()?).ok_or("no process")?;
+    let path = Path::new(card);
+    give_up_for(pid, path)?;
+    let card = Card(File::options().read(true).write(true).open(path)?.into());
+    card.acquire_master_lock()?;
+    show_something(&card)?;
+    println!("the display is taken");
+    std::thread::sleep(Duration::from_secs_f64(seconds.parse()?));
+    Ok(())
+}
