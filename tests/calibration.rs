@@ -12,7 +12,6 @@ use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::patterns;
 use relens::remedy::full_message;
 use relens::restoration::{Bench, method};
-use relens::restore::lens_model::LensModel;
 use relens::restore::quality::psnr;
 use relens::rig::exposure::Rig;
 use relens::rig::simulated::{self, Light, Witness};
@@ -97,8 +96,7 @@ fn operator_error(
     let shown = on_canvas(config, scene);
     let truth = witness.forward(&shown, Light::Panel);
     let seen = correction.see(&rig.capture(&correction.show(&shown)).expect("a capture").counts);
-    let model =
-        LensModel::new(calibration.photo, calibration.margin_px, &calibration.functions).expect("a model");
+    let model = calibration.lens_model().expect("a model");
     let rect = config.photo_on_canvas();
     let mut errors = Errors { operator: [0.0; 3], model: [0.0; 3] };
     for c in Channel::ALL {
@@ -151,6 +149,18 @@ fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
     }
 }
 
+/// The broad light found against the simulator's glare. Blue is out of focus, and what of its blur lies beyond its functions is
+/// found too.
+fn score_broad_light(config: &config::Rig, calibration: &Calibration) {
+    let glare = config.simulation().expect("simulated").lens.glare();
+    println!("glare of {} over {} px: found {:.4?}", glare.share, glare.radius_px, calibration.broad);
+    let [red, green, blue] = calibration.scattered();
+    for share in [red, green] {
+        assert!((share - glare.share).abs() <= 0.25 * glare.share, "{share} of {}", glare.share);
+    }
+    assert!(blue >= 0.75 * glare.share, "{blue} of {}", glare.share);
+}
+
 /// The operator error on chart and photographs, bounded by `factor` times the 2 and 1 grey levels asked of the default rig.
 fn score_operator(
     config: &config::Rig,
@@ -201,6 +211,7 @@ fn the_default_rig_is_calibrated_within_the_bounds() {
     let config = load("simulated.toml");
     let (mut rig, witness, calibration) = calibrated(&config);
     score(&config, &witness, &calibration);
+    score_broad_light(&config, &calibration);
     score_operator(&config, &mut rig, &witness, &calibration, 1.0);
 }
 

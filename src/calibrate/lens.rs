@@ -9,7 +9,7 @@ use crate::calibration::{Calibration, Correction, dark_corner, noise};
 use crate::config;
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 use crate::patterns;
-use crate::restore::lens_model::{LensFunctions, LensModel};
+use crate::restore::lens_model::{Beyond, LensFunctions};
 use crate::restore::level_norms::LevelNorms;
 
 /// Rough measurements whose centroids are folded into the geometry. A border function stands for a wide strip
@@ -31,6 +31,10 @@ const AMPLITUDE: f32 = 80.0;
 /// Rounds of conjugate gradients: for centring, where taps are many for the pixels there are, and for the
 /// functions themselves.
 const ROUNDS: (usize, usize) = (8, 6);
+/// Squares for the broad light, in widths of a function: the last is held out. Guess.
+const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
+/// Patterns of them.
+pub(super) const BROAD_PATTERNS: usize = 4;
 /// Rounds of the power method from grey, which nearly is the dominant picture.
 const POWER_ROUNDS: usize = 12;
 /// Rounds of the power method for each wavelet level, and the seed of the picture they begin with.
@@ -54,7 +58,13 @@ pub(super) fn measure(
             (CENTRING_SHARE * session.config.calibration.function_support_px as f64) as usize | 1;
         for round in 0..CENTRINGS {
             let correction = correction(session, calibration)?;
-            let series = shoot(session, &correction, CENTRING_PATTERNS, 100 + round as u64, pixel_px)?;
+            let series = shoot(
+                session,
+                &correction,
+                CENTRING_PATTERNS,
+                &random(100 + round as u64, pixel_px),
+                pixel_px,
+            )?;
             let functions = functions(session, &series, ROUNDS.0, pixel_px, support_px)?;
             // Far out of focus centroids are noise, and whatever is fitted to them would be blamed instead.
             let (pixel, support) = (pixel_px as f64, session.config.calibration.function_support_px);
@@ -64,15 +74,49 @@ pub(super) fn measure(
     }
     session.step("lens functions");
     let correction = correction(session, calibration)?;
-    let series = shoot(session, &correction, session.config.calibration.patterns, 200, 1)?;
+    let series = shoot(session, &correction, session.config.calibration.patterns, &random(200, 1), 1)?;
     let support_px = session.config.calibration.function_support_px;
     let mut functions = functions(session, &series, ROUNDS.1, 1, support_px)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before they are scaled to 1");
     judge::focus(sharpest_px(&functions), support_px as f64, support_px)?;
     calibration.functions = functions;
+    if session.config.calibration.broad_term {
+        session.step("broad light");
+        broad_light(session, calibration, &correction)?;
+    }
     session.step("checks");
     check(session, calibration, &correction, &series.first, board)
+}
+
+/// What the lens scatters wider than its functions reach.
+fn broad_light(
+    session: &mut Session<'_>,
+    calibration: &mut Calibration,
+    correction: &Correction,
+) -> Result<(), CalibrateError> {
+    let beyond = if calibration.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder };
+    let shots = shoot(session, correction, BROAD_PATTERNS, &|session, n| squares(session, n), 1)?;
+    let no_model = |e| CalibrateError::Lens(LensBlurError::Model(e));
+    let model = calibration.lens_model().map_err(no_model)?;
+    for c in Channel::ALL {
+        calibration.broad[c.index()] =
+            lens_blur::halos(&model, c, &shots.shots[c.index()], &shots.trusted, beyond);
+    }
+    Ok(())
+}
+
+/// Large random squares, up to the canvas's border; the `n`-th of [`BROAD_PATTERNS`].
+fn squares(session: &Session<'_>, n: usize) -> Frame<Work> {
+    let size = session.layout.canvas();
+    let widest = (size.width.min(size.height) / 2).max(1);
+    let side = (SQUARES[n % BROAD_PATTERNS] * session.config.calibration.function_support_px).min(widest);
+    Frame::from_fn(|c| {
+        let seed = patterns::nth_seed(300, (3 * n + c.index()) as u64);
+        let signs =
+            patterns::pseudo_random(Size::new(size.width.div_ceil(side), size.height.div_ceil(side)), seed);
+        Plane::from_fn(size, |x, y| AMPLITUDE * signs.at(x / side, y / side))
+    })
 }
 
 /// RMS radius of the sharpest function of the channel in focus: a lens may be bad in its corners. Infinite when no function
@@ -107,6 +151,11 @@ fn pattern(session: &Session<'_>, series: u64, n: usize, pixel_px: usize) -> Fra
     })
 }
 
+/// The patterns of a series.
+fn random(series: u64, pixel_px: usize) -> impl Fn(&Session<'_>, usize) -> Frame<Work> {
+    move |session, n| pattern(session, series, n, pixel_px)
+}
+
 /// Means of `plane` over squares of `pixel_px`.
 fn averaged(plane: &Plane, pixel_px: usize) -> Plane {
     let coarse = Size::new(plane.width() / pixel_px, plane.height() / pixel_px);
@@ -131,12 +180,12 @@ struct Series {
     first: Plane,
 }
 
-/// Shows `count` patterns of a `series`, in squares of `pixel_px`, and grey.
+/// Shows `count` patterns, made of squares of `pixel_px`, and grey.
 fn shoot(
     session: &mut Session<'_>,
     correction: &Correction,
     count: usize,
-    series: u64,
+    nth: &dyn Fn(&Session<'_>, usize) -> Frame<Work>,
     pixel_px: usize,
 ) -> Result<Series, CalibrateError> {
     let size = session.layout.canvas();
@@ -162,7 +211,7 @@ fn shoot(
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
     let mut first = None;
     for n in 0..count {
-        let shown = pattern(session, series, n, pixel_px);
+        let shown = nth(session, n);
         let seen = session.seen(correction, &on_grey(&shown))?;
         let both = trusted.data_mut().iter_mut().zip(seen.trusted.plane(Channel::Green).data());
         both.for_each(|(a, &b)| *a &= b);
@@ -236,8 +285,7 @@ fn check(
     first: &Plane,
     board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
-    let model = LensModel::new(calibration.photo, calibration.margin_px, &calibration.functions)
-        .map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
+    let model = calibration.lens_model().map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
     // Noise, of one capture: the same gradation twice.
     let codes = super::photometric::gradation(session, calibration, 99).grey();
     let pair = [correction.see(&session.raw(&codes)?), correction.see(&session.raw(&codes)?)];

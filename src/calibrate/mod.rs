@@ -8,6 +8,7 @@
 //! | cross-channel | 3 gradations a channel | C, response curves |
 //! | centring | grey, 5 patterns of coarse squares, twice | centroids of the lens functions, folded into the geometry |
 //! | lens functions | grey, `patterns` | lens functions, ‖K‖² |
+//! | broad light | grey, 4 patterns of large squares, when `broad-term` is on | halos |
 //! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, operator error, ‖K‖² seen |
 //!
 //! A one-to-one rig skips geometry and centring. The caller keeps the result
@@ -74,7 +75,9 @@ pub fn captures(config: &config::Rig) -> u32 {
         config::Geometry::Checkerboard => (1 + 3 + 1, lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS)),
         config::Geometry::OneToOne => (0, 0),
     };
-    let averaged = board.0 + 3 + 3 * photometric::GRADATIONS + board.1 + 1 + config.calibration.patterns + 5;
+    let broad = if config.calibration.broad_term { 1 + lens::BROAD_PATTERNS } else { 0 };
+    let averaged =
+        broad + board.0 + 3 + 3 * photometric::GRADATIONS + board.1 + 1 + config.calibration.patterns + 5;
     (3 + averaged * config.calibration.captures_averaged.max(1)) as u32
 }
 
@@ -124,6 +127,7 @@ fn blank(config: &config::Rig, geometry: [Geometry; 3]) -> Calibration {
             support_px: 1,
             taps: [vec![1.0], vec![1.0], vec![1.0]],
         },
+        broad: [Vec::new(), Vec::new(), Vec::new()],
         norm_squared: [1.0; 3],
         level_norms: std::array::from_fn(|_| LevelNorms::uniform(config.restore.levels, 1.0)),
         norm_squared_seen: 1.0,

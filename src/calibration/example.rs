@@ -4,7 +4,7 @@ use super::geometric::Map;
 use super::surface::{Domain, Surface};
 use super::{Calibration, CrossChannel, Curve, Geometry, Noise};
 use crate::frame::Size;
-use crate::restore::lens_model::LensFunctions;
+use crate::restore::lens_model::{Halo, LensFunctions};
 use crate::restore::level_norms::LevelNorms;
 
 /// Photo of 40×30 with a margin of 4; the panel shows it enlarged by 1.25 and shifted; curves of power two,
@@ -45,6 +45,7 @@ pub(crate) fn calibration() -> Calibration {
             support_px: 1,
             taps: [vec![1.0], vec![1.0], vec![1.0]],
         },
+        broad: std::array::from_fn(|n| vec![Halo { radius_px: 9.0 + n as f32, share: 0.02 }]),
         norm_squared: [1.0; 3],
         level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
         norm_squared_seen: 1.0,

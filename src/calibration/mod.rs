@@ -27,7 +27,8 @@ pub mod surface;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::Size;
-use crate::restore::lens_model::LensFunctions;
+use crate::restore::lens_model::broad::check_halos;
+use crate::restore::lens_model::{Beyond, Halo, LensFunctions, LensModel, LensModelError};
 use crate::restore::level_norms::LevelNorms;
 pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
@@ -63,6 +64,8 @@ pub struct Calibration {
     pub noise: [Noise; 3],
     /// The lens functions, each about sum 1: light to light, dark corner taken out.
     pub functions: LensFunctions,
+    /// What the lens scatters wider than that, per channel; nothing where nothing was found, or not looked for.
+    pub broad: [Vec<Halo>; 3],
     /// Largest squared singular value of the lens model, per channel.
     pub norm_squared: [f32; 3],
     /// How much of each wavelet level the lens model lets through, per channel; for the rig file's levels.
@@ -76,6 +79,20 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// K as measured. Without margin everything outside the photo is dark; with one, light goes on beyond the canvas.
+    ///
+    /// # Errors
+    /// When the functions or the broad light are none.
+    pub fn lens_model(&self) -> Result<LensModel, LensModelError> {
+        let beyond = if self.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder };
+        LensModel::new(self.photo, self.margin_px, &self.functions)?.with_broad_light(&self.broad, beyond)
+    }
+
+    /// Share of the light that the lens scatters wider than its functions reach, per channel.
+    pub fn scattered(&self) -> [f32; 3] {
+        self.broad.each_ref().map(|halos| halos.iter().map(|halo| halo.share).sum())
+    }
+
     /// Whether all parts are whole and fit together, in words when not.
     fn check(&self) -> Result<(), String> {
         let surfaces =
@@ -96,6 +113,7 @@ impl Calibration {
         if self.level_norms.iter().any(|norms| !norms.is_whole()) {
             return Err(format!("level norms of {:?}; positive numbers are allowed", self.level_norms));
         }
+        self.broad.iter().try_for_each(|halos| check_halos(halos))?;
         self.functions.check().map_err(|e| e.to_string())
     }
 }

@@ -92,6 +92,12 @@ pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
         calibration.generation,
         calibration.captures,
     ))?;
+    if rig.calibration.broad_term {
+        let [red, green, blue] = calibration.scattered().map(|share| 100.0 * share);
+        say(&format!(
+            "the lens scatters {red:.1}, {green:.1}, {blue:.1} % of red, green, blue wider than its functions reach"
+        ))?;
+    }
     match rig.restore.operating_point {
         Some(wanted) => choose(rig, devices, calibration, &kept, wanted),
         None => Ok(()),

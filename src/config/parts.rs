@@ -127,6 +127,13 @@ pub struct Calibration {
     pub patterns: usize,
     /// Captures averaged for each pattern of the calibration.
     pub captures_averaged: usize,
+    /// Whether light that is scattered wider than the functions reach is measured too.
+    #[serde(default = "yes")]
+    pub broad_term: bool,
+}
+
+const fn yes() -> bool {
+    true
 }
 
 /// How panel and sensor are brought together.

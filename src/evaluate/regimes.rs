@@ -18,8 +18,11 @@ use crate::restore::method::Method;
 pub enum Regime {
     /// Nothing.
     AsMeasured,
-    /// A share of the light is scattered over a Gaussian of 60 px, wider than any function of the model.
+    /// A share of the light is scattered over a Gaussian of 60 px, wider than any function of the model, which has no broad
+    /// term.
     Glare(f32),
+    /// The same, and the model has a broad term.
+    GlareMeasured(f32),
     /// The model has one function for the whole field.
     OneFunction,
     /// Panel and scene are at this share of the distance at which the lens was measured, and focused there.
@@ -39,11 +42,14 @@ const EARNS_DB: f64 = 1.0;
 
 impl Regime {
     /// All that are tried.
-    pub const ALL: [Regime; 10] = [
+    pub const ALL: [Regime; 13] = [
         Regime::AsMeasured,
         Regime::Glare(0.05),
         Regime::Glare(0.10),
         Regime::Glare(0.20),
+        Regime::GlareMeasured(0.05),
+        Regime::GlareMeasured(0.10),
+        Regime::GlareMeasured(0.20),
         Regime::OneFunction,
         Regime::Distance(0.25),
         Regime::Distance(0.1),
@@ -57,6 +63,9 @@ impl Regime {
         match self {
             Regime::AsMeasured => "as measured".to_owned(),
             Regime::Glare(share) => format!("{:.0} % of veiling glare", 100.0 * share),
+            Regime::GlareMeasured(share) => {
+                format!("{:.0} % of veiling glare, a broad term in the model", 100.0 * share)
+            }
             Regime::OneFunction => "a model of one function".to_owned(),
             Regime::Distance(share) => format!("{:.0} times nearer since, refocused", 1.0 / share),
             Regime::Decentred(share) => format!("off centre by {:.0} % of the width since", 100.0 * share),
@@ -81,7 +90,11 @@ impl Regime {
         };
         match self {
             Regime::AsMeasured => (rig.clone(), rig.clone()),
-            Regime::Glare(share) => (veiled(share, VEIL_PX), veiled(share, VEIL_PX)),
+            Regime::Glare(share) | Regime::GlareMeasured(share) => {
+                let mut veiled = veiled(share, VEIL_PX);
+                veiled.calibration.broad_term = matches!(self, Regime::GlareMeasured(_));
+                (veiled.clone(), veiled)
+            }
             Regime::OneFunction => {
                 let mut one = rig.clone();
                 (one.calibration.function_columns, one.calibration.function_rows) = (1, 1);
@@ -179,7 +192,7 @@ pub fn measure(
 pub fn table(rig: &config::Rig, rows: &[Row]) -> Table {
     let caption = format!(
         "Where light earns its place, rig {}, green channel, mean of astronaut and coffee: the measured lens alone, one \
-         capture, and at most {}. The model has no broad term: glare is for light to find.",
+         capture, and at most {}.",
         rig.name,
         1 + rig.restore.corrections_max
     );

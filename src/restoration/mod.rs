@@ -87,8 +87,10 @@ impl Bench {
         if found != rig.restore.levels {
             return Err(BenchError::Levels { found, wanted: rig.restore.levels });
         }
+        // First, because it looks at the sizes.
+        let correction = Correction::new(calibration, layout)?;
         Ok(Bench {
-            model: LensModel::new(layout.photo, layout.margin_px, &calibration.functions)?,
+            model: calibration.lens_model()?,
             photo_side: PhotoSide::new(calibration, &layout),
             norm_squared: norm_bound(calibration),
             level_norms: calibration.level_norms.clone(),
@@ -96,7 +98,7 @@ impl Bench {
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             interrupted: None,
-            correction: Correction::new(calibration, layout)?,
+            correction,
         })
     }
 

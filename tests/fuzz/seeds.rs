@@ -12,7 +12,7 @@ use relens::calibration::{Calibration, CrossChannel, Curve, Noise, store};
 use relens::config;
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::{Format, Layout, Limits, Manner, Photo, encode, worker};
-use relens::restore::lens_model::LensFunctions;
+use relens::restore::lens_model::{Halo, LensFunctions};
 use relens::restore::level_norms::LevelNorms;
 
 /// A few files of each format, depth and layout, with and without a profile; a photo of a scene.
@@ -106,6 +106,7 @@ fn calibration(folder: &Path) {
             support_px: 1,
             taps: [vec![1.0; 2], vec![1.0; 2], vec![1.0; 2]],
         },
+        broad: std::array::from_fn(|n| vec![Halo { radius_px: 5.0, share: 0.1 }; n]),
         norm_squared: [1.0; 3],
         level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
         norm_squared_seen: 1.0,

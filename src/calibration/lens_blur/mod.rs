@@ -6,10 +6,12 @@
 //! with that as preconditioner a handful of rounds is enough. Negative taps stay: cutting them biases the
 //! model (study: it hurts).
 
+mod broad;
 mod check;
 mod overlaps;
 mod shape;
 
+pub use broad::halos;
 pub use check::{dominant, misfit};
 pub use shape::{centroid, displacement, moments, normalise};
 

@@ -164,6 +164,8 @@ pub struct Rates {
     pub healthy: usize,
     /// Of those, the ones noticed all the same.
     pub false_alarms: usize,
+    /// Of those, the ones whose replacement was less good.
+    pub costly: usize,
     /// Results that harm.
     pub harmful: usize,
     /// Of those, the ones noticed.
@@ -195,8 +197,9 @@ impl Rates {
             rates.harm_delivered += usize::from(run.harms_delivered());
             rates.healthy += usize::from(!harms && run.step == 0);
             rates.false_alarms += usize::from(!harms && noticed && run.step == 0);
-            rates.harmless += usize::from(!harms && run.step > 0);
             let worse = run.delivered_ssim < run.ssim - HARM;
+            rates.costly += usize::from(!harms && worse && run.step == 0);
+            rates.harmless += usize::from(!harms && run.step > 0);
             rates.given_up += usize::from(!harms && worse && run.step > 0);
         }
         rates
@@ -210,6 +213,7 @@ pub fn rates_table(caption: String, runs: &[Run]) -> Table {
         "runs",
         "healthy",
         "false alarms",
+        "costly",
         "harmful",
         "caught",
         "by lens alone",
@@ -231,6 +235,7 @@ pub fn rates_table(caption: String, runs: &[Run]) -> Table {
             rates.runs.to_string(),
             rates.healthy.to_string(),
             share(rates.false_alarms, rates.healthy),
+            share(rates.costly, rates.healthy),
             rates.harmful.to_string(),
             share(rates.caught, rates.harmful),
             replaced(|v| matches!(v, Verdict::Repaired(_))),

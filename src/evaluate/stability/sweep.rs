@@ -10,7 +10,6 @@ use crate::evaluate::stand::{StandError, Stopwatch, display_luminance};
 use crate::frame::{Channel, Channels, Frame, Plane, Work};
 use crate::picture::Tone;
 use crate::restoration::{Bench, BenchError, Restored, Verdict, second_opinion};
-use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
 use crate::restore::quality::ssim;
 use crate::rig::exposure::Rig;
@@ -165,8 +164,7 @@ fn with_fewer_functions(
         }
     }
     (fewer.functions.columns, fewer.functions.rows) = (columns, rows);
-    let model = LensModel::new(calibration.photo, calibration.margin_px, &fewer.functions)
-        .map_err(BenchError::from)?;
+    let model = fewer.lens_model().map_err(BenchError::from)?;
     for c in Channel::ALL {
         let levels = calibration.level_norms[c.index()].levels();
         fewer.level_norms[c.index()] = LevelNorms::measure(&model, c, levels, LEVEL_ROUNDS, 1);

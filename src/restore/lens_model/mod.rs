@@ -4,7 +4,9 @@
 //! functions Pₙ interpolated bilinearly by the weights wₙ (paper Eq. 1; [`LensFunctions`]). Nothing is seen
 //! from outside the canvas. One function reaches k/2 pixels, so everything here is exact, not cut to tiles.
 //! Rows of cells ([`cells`]) are tasks of their own, so that a channel alone still keeps all cores busy.
+//! What a lens scatters wider than its functions reach is in [`broad`].
 
+pub(crate) mod broad;
 mod cells;
 mod fast;
 mod fourier;
@@ -16,11 +18,13 @@ mod lanes;
 mod plain;
 mod taps;
 
+pub use broad::{Beyond, Halo};
 pub use functions::LensFunctions;
 
 use crate::frame::instructions::run_fastest;
 use crate::frame::{Channel, Plane, Size};
 use crate::remedy::{Remediable, Remedy};
+use broad::Broad;
 use cells::{Cells, Spectrum};
 use fast::{Adjoint, Forward, Workspace};
 use interpolation::Interpolation;
@@ -71,6 +75,12 @@ pub enum LensModelError {
         /// Place of the tap.
         place: usize,
     },
+    /// The broad light is none.
+    #[error("{found}")]
+    Broad {
+        /// What is wrong with it.
+        found: String,
+    },
     /// The photo has no pixels.
     #[error("the lens model is asked for a photo of {found} pixels; at least 1×1 is allowed")]
     Empty {
@@ -95,6 +105,7 @@ pub struct LensModel {
     functions: LensFunctions,
     cells: Cells,
     spectra: [Vec<Spectrum>; 3],
+    broad: [Option<Broad>; 3],
     workspaces: Workspaces,
 }
 
@@ -139,8 +150,25 @@ impl LensModel {
             spectra: Channel::ALL.map(|channel| cells.transform(functions, channel)),
             cells,
             functions: functions.clone(),
+            broad: [None, None, None],
             workspaces: Workspaces::default(),
         })
+    }
+
+    /// The same lens with `halos` for each channel: of all light so much goes there, and less where the functions send it.
+    ///
+    /// # Errors
+    /// When their radii or shares cannot be.
+    pub fn with_broad_light(
+        mut self,
+        halos: &[Vec<Halo>; 3],
+        beyond: Beyond,
+    ) -> Result<Self, LensModelError> {
+        for (broad, halos) in self.broad.iter_mut().zip(halos) {
+            broad::check_halos(halos).map_err(|found| LensModelError::Broad { found })?;
+            *broad = Broad::new(self.canvas, halos, beyond);
+        }
+        Ok(self)
     }
 
     /// Size of the planes it works on: the photo and its margins.
@@ -199,15 +227,24 @@ impl LensModel {
                 }
             }
         }
+        if let Some(broad) = &self.broad[channel.index()] {
+            broad.add(x, out);
+        }
     }
 
     /// `out` = Kᵀ y.
     pub fn adjoint(&self, channel: Channel, y: &Plane, out: &mut Plane) {
         assert!(y.size() == self.canvas && out.size() == self.canvas, "planes have the canvas's size");
         let (cells, spectra) = (&self.cells, &self.spectra[channel.index()]);
+        let broad = self.broad[channel.index()].as_ref();
+        let scaled = broad.and_then(|broad| broad.before_adjoint(y));
+        let y = scaled.as_ref().unwrap_or(y);
         self.bands(out).par_iter_mut().enumerate().for_each(|(row, band)| {
             self.workspaces.lend(|work| run_fastest(Adjoint { cells, spectra, y, row, band, work }));
         });
+        if let Some(broad) = broad {
+            broad.add_adjoint(y, out);
+        }
     }
 
     /// The rows of `out` that belong to each row of cells.
@@ -218,7 +255,7 @@ impl LensModel {
     }
 
     /// Gradient of ½‖K x − y‖² with respect to the taps, where `residual` is K x − y: the adjoint of
-    /// taps ↦ K(taps) x. Laid out as [`LensFunctions::taps`].
+    /// taps ↦ K(taps) x, broad light left out. Laid out as [`LensFunctions::taps`].
     pub fn correlate(&self, _channel: Channel, x: &Plane, residual: &Plane) -> Vec<f32> {
         assert!(x.size() == self.canvas && residual.size() == self.canvas, "planes have the canvas's size");
         let mut taps = vec![0.0; self.functions.taps[0].len()];

@@ -9,7 +9,6 @@ use std::sync::LazyLock;
 use libfuzzer_sys::fuzz_target;
 use relens::calibration::{Correction, Layout, store};
 use relens::frame::{Channel, Frame, Plane, Size, Work};
-use relens::restore::lens_model::LensModel;
 
 /// The rig and the photo that `tests/fuzz/seeds.rs` calibrates.
 const RIG: u64 = 7;
@@ -38,7 +37,7 @@ fn put_to_work(slot: &[u8]) {
     let shown: Frame<Work> = Frame::from_fn(|_| Plane::filled(LAYOUT.canvas(), 100.0));
     let _ = correction.show(&shown);
     let _ = correction.see(&Frame::from_fn(|_| Plane::filled(LAYOUT.sensor, 700)));
-    let Ok(model) = LensModel::new(LAYOUT.photo, LAYOUT.margin_px, &calibration.functions) else { return };
+    let Ok(model) = calibration.lens_model() else { return };
     let mut seen = Plane::zeros(LAYOUT.canvas());
     model.forward(Channel::Green, shown.plane(Channel::Green), &mut seen);
 }
