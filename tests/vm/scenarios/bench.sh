@@ -29,6 +29,7 @@ lit() { within "$2" "lamp $1 stays dark" is_lit "$1"; }
 calibrated() {
   BOX=/tmp/box; mkdir -p $BOX/inbox
   [ -d $BOX/calibration ] || relens calibrate --rig $RIG --folder $BOX 2>&1 || fail "calibrate"
+  echo "$(date +%T) calibrated"
 }
 exposures() { grep -c ' exposure of ' /tmp/window.log; }
 more_than() { [ "$(exposures)" -gt "$1" ]; }
