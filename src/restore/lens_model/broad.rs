@@ -46,8 +46,12 @@ struct Side {
     weights: Vec<f32>,
     /// `[to][from]`: how cells spread over cells.
     spread: Vec<f32>,
-    /// For each pixel the cell before it and how far it is on the way to the next.
-    between: Vec<(usize, f32)>,
+    /// For each pixel the cell before it,
+    lower: Vec<usize>,
+    /// and how far it is on the way to the next.
+    along: Vec<f32>,
+    /// Pixels with the same cell before them: that cell, the first pixel, the one after the last.
+    runs: Vec<(usize, usize, usize)>,
 }
 
 impl Side {
@@ -79,11 +83,20 @@ impl Side {
             let lower = (place as usize).min(count.saturating_sub(2));
             (lower, place - lower as f32)
         };
+        let (lower, along): (Vec<usize>, Vec<f32>) = (0..length).map(place).unzip();
+        let mut runs = Vec::new();
+        let mut start = 0;
+        for same in lower.chunk_by(|a, b| a == b) {
+            runs.push((same[0], start, start + same.len()));
+            start += same.len();
+        }
         Side {
             cell,
             weights: (0..count).map(|n| 1.0 / pixels(n) as f32).collect(),
             spread,
-            between: (0..length).map(place).collect(),
+            lower,
+            along,
+            runs,
         }
     }
 
@@ -136,13 +149,15 @@ impl Veil {
 
     /// Adds `share` of what is on `cells` to row `y` of a plane.
     pub(crate) fn add_row(&self, cells: &Plane, share: f32, y: usize, row: &mut [f32]) {
-        let (above, ty) = self.y.between[y];
+        let (above, ty) = (self.y.lower[y], self.y.along[y]);
         let below = self.y.after(above);
         let line: Vec<f32> =
             cells.row(above).iter().zip(cells.row(below)).map(|(a, b)| share * (a + ty * (b - a))).collect();
-        for (value, &(lower, tx)) in row.iter_mut().zip(&self.x.between) {
+        for &(lower, start, end) in &self.x.runs {
             let left = line[lower];
-            *value += left + tx * (line[self.x.after(lower)] - left);
+            let rise = line[self.x.after(lower)] - left;
+            let pixels = row[start..end].iter_mut().zip(&self.x.along[start..end]);
+            pixels.for_each(|(value, tx)| *value += left + tx * rise);
         }
     }
 
@@ -164,14 +179,14 @@ impl Veil {
                 // A pixel looks at the cell before it and at the one after that.
                 let near = |n: usize| (n * self.y.cell).min(seen.height());
                 for y in near(n.saturating_sub(1))..near(n + 2) {
-                    let (above, ty) = self.y.between[y];
+                    let (above, ty) = (self.y.lower[y], self.y.along[y]);
                     let mut weight = if above == n { 1.0 - ty } else { 0.0 };
                     weight += if self.y.after(above) == n { ty } else { 0.0 };
                     if weight > 0.0 {
                         sum.iter_mut().zip(seen.row(y)).for_each(|(s, v)| *s += weight * v);
                     }
                 }
-                for (value, &(lower, tx)) in sum.iter().zip(&self.x.between) {
+                for ((value, tx), &lower) in sum.iter().zip(&self.x.along).zip(&self.x.lower) {
                     to[lower] += (1.0 - tx) * value;
                     to[self.x.after(lower)] += tx * value;
                 }
