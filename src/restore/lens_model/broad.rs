@@ -44,8 +44,10 @@ struct Side {
     cell: usize,
     /// What a pixel counts for in its cell's mean.
     weights: Vec<f32>,
-    /// `[to][from]`: how cells spread over cells.
+    /// `[to][from]`: how cells spread over cells;
     spread: Vec<f32>,
+    /// nought farther apart than so many cells.
+    reach: usize,
     /// For each pixel the cell before it,
     lower: Vec<usize>,
     /// and how far it is on the way to the next.
@@ -94,6 +96,7 @@ impl Side {
             cell,
             weights: (0..count).map(|n| 1.0 / pixels(n) as f32).collect(),
             spread,
+            reach: reach as usize,
             lower,
             along,
             runs,
@@ -143,8 +146,8 @@ impl Veil {
                 }
             },
         );
-        let along_x = times(&means, &self.x.spread, |spread, count, to, from| spread[to * count + from]);
-        times(&along_x, &self.y.spread, |spread, count, to, from| spread[to * count + from])
+        let along_x = times(&means, &self.x, |spread, count, to, from| spread[to * count + from]);
+        times(&along_x, &self.y, |spread, count, to, from| spread[to * count + from])
     }
 
     /// Adds `share` of what is on `cells` to row `y` of a plane.
@@ -192,8 +195,8 @@ impl Veil {
                 }
             },
         );
-        let along_x = times(&cells, &self.x.spread, |spread, count, to, from| spread[from * count + to]);
-        times(&along_x, &self.y.spread, |spread, count, to, from| spread[from * count + to])
+        let along_x = times(&cells, &self.x, |spread, count, to, from| spread[from * count + to]);
+        times(&along_x, &self.y, |spread, count, to, from| spread[from * count + to])
     }
 
     /// Adds `share` of what each pixel counts for, by its cell, to row `y` of a plane.
@@ -208,12 +211,14 @@ impl Veil {
 }
 
 /// A matrix applied along the rows of `cells`, the result transposed; twice of it has applied one along each side.
-fn times(cells: &Plane, matrix: &[f32], at: impl Fn(&[f32], usize, usize, usize) -> f32 + Sync) -> Plane {
+fn times(cells: &Plane, side: &Side, at: impl Fn(&[f32], usize, usize, usize) -> f32 + Sync) -> Plane {
     let (count, height) = (cells.width(), cells.height());
     let mut out = vec![0.0f32; count * height];
     out.par_chunks_mut(height.max(1)).enumerate().for_each(|(to, line)| {
+        let near = to.saturating_sub(side.reach)..(to + side.reach + 1).min(count);
+        let weights: Vec<f32> = near.clone().map(|from| at(&side.spread, count, to, from)).collect();
         for (y, value) in line.iter_mut().enumerate() {
-            *value = cells.row(y).iter().enumerate().map(|(from, v)| at(matrix, count, to, from) * v).sum();
+            *value = cells.row(y)[near.clone()].iter().zip(&weights).map(|(v, weight)| weight * v).sum();
         }
     });
     Plane::from_vec(Size::new(height, count), out).unwrap_or_else(|| Plane::zeros(Size::new(height, count)))
