@@ -9,7 +9,7 @@ use crate::calibration::{Calibration, Correction, dark_corner, noise};
 use crate::config;
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 use crate::patterns;
-use crate::restore::lens_model::{Beyond, LensFunctions};
+use crate::restore::lens_model::LensFunctions;
 use crate::restore::level_norms::LevelNorms;
 
 /// Rough measurements whose centroids are folded into the geometry. A border function stands for a wide strip
@@ -95,7 +95,7 @@ fn broad_light(
     calibration: &mut Calibration,
     correction: &Correction,
 ) -> Result<(), CalibrateError> {
-    let beyond = if calibration.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder };
+    let beyond = calibration.beyond();
     let shots = shoot(session, correction, BROAD_PATTERNS, &|session, n| squares(session, n), 1)?;
     let no_model = |e| CalibrateError::Lens(LensBlurError::Model(e));
     let model = calibration.lens_model().map_err(no_model)?;

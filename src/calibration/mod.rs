@@ -79,13 +79,18 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// K as measured. Without margin everything outside the photo is dark; with one, light goes on beyond the canvas.
+    /// What lies beyond the canvas: without margin everything outside the photo is dark; with one, light goes on.
+    pub fn beyond(&self) -> Beyond {
+        if self.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder }
+    }
+
+    /// K as measured, broad light included.
     ///
     /// # Errors
     /// When the functions or the broad light are none.
     pub fn lens_model(&self) -> Result<LensModel, LensModelError> {
-        let beyond = if self.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder };
-        LensModel::new(self.photo, self.margin_px, &self.functions)?.with_broad_light(&self.broad, beyond)
+        LensModel::new(self.photo, self.margin_px, &self.functions)?
+            .with_broad_light(&self.broad, self.beyond())
     }
 
     /// Share of the light that the lens scatters wider than its functions reach, per channel.

@@ -15,8 +15,7 @@ use crate::restore::lens_model::{Beyond, Halo, LensModel};
 const ROUNDS: usize = 2000;
 /// Smaller shares of the light are left out: a grey level of 255 is 0.4 %.
 const SHARE_MIN: f32 = 0.002;
-/// Broad light is believed when it takes away at least so much of the squared misfit of the pattern held out. Guess; see the
-/// tests for what rigs with and without glare have.
+/// Broad light is believed when it takes away at least so much of the squared misfit of the pattern held out. Guess.
 const BELIEVED: f64 = 0.2;
 /// Cells a radius of half a lens function has: what is compared are means over them.
 const CELLS: usize = 4;
@@ -119,7 +118,9 @@ fn shares(evidence: &[Evidence], count: usize) -> Vec<f64> {
         for i in 0..count {
             let others: f64 = (0..count).filter(|&j| j != i).map(|j| normal[i][j] * shares[j]).sum();
             let best = (side[i] - others) / normal[i][i].max(f64::MIN_POSITIVE);
-            shares[i] = best.clamp(0.0, f64::from(SHARE_MAX) / count as f64);
+            // All of them together are no more than a lens can scatter.
+            let room = f64::from(SHARE_MAX) - (shares.iter().sum::<f64>() - shares[i]);
+            shares[i] = best.clamp(0.0, room.max(0.0));
         }
     }
     shares
