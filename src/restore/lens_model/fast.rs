@@ -216,14 +216,16 @@ impl Kernel for Forward<'_> {
             cell.weighted_halves(x, work);
             let Workspace { data, spare, sum, halves: [upper, lower, seen], .. } = &mut *work;
             for group in 0..frequency_groups(ny) {
-                sum[..nx].fill(Complex::default());
                 for a in 0..along_y.functions.len() {
                     let half = if a == 0 { &*upper } else { &*lower };
                     for b in 0..along_x.functions.len() {
                         let (found, _) = cell.along(half, group, b, data, spare);
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
-                        for ((total, &light), &p) in sum[..nx].iter_mut().zip(&*found).zip(function) {
-                            *total = light.product_plus::<FUSED>(p, *total);
+                        let terms = sum[..nx].iter_mut().zip(&*found).zip(function);
+                        if a + b == 0 {
+                            terms.for_each(|((sum, &light), &p)| *sum = light.product::<FUSED>(p));
+                        } else {
+                            terms.for_each(|((sum, &light), &p)| *sum = light.product_plus::<FUSED>(p, *sum));
                         }
                     }
                 }
@@ -309,7 +311,11 @@ impl Kernel for Adjoint<'_> {
                 for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
                     let values = light.im.times_plus::<FUSED>(Lanes::all(v), light.re * (1.0 - v));
                     let row = &mut band[i * canvas_width + along_x.start + column..][..columns];
-                    row.copy_from_slice(&values.0[..columns]);
+                    // Eight at once without a call: their number is known here.
+                    match row.first_chunk_mut() {
+                        Some(row) => *row = values.0,
+                        None => row.copy_from_slice(&values.0[..columns]),
+                    }
                 }
             }
         }

@@ -114,10 +114,25 @@ impl Complex {
         }
     }
 
-    /// Times i.
+    /// self + i · other.
     #[inline(always)]
-    pub(super) fn times_i(self) -> Complex {
-        Complex { re: Lanes::default() - self.im, im: self.re }
+    pub(super) fn plus_i(self, other: Complex) -> Complex {
+        Complex { re: self.re - other.im, im: self.im + other.re }
+    }
+
+    /// self − i · other.
+    #[inline(always)]
+    pub(super) fn minus_i(self, other: Complex) -> Complex {
+        Complex { re: self.re + other.im, im: self.im - other.re }
+    }
+
+    /// Lane by lane the product with `other`.
+    #[inline(always)]
+    pub(super) fn product<const FUSED: bool>(self, other: Complex) -> Complex {
+        Complex {
+            re: self.im.times_from::<FUSED>(other.im, self.re * other.re),
+            im: self.im.times_plus::<FUSED>(other.re, self.re * other.im),
+        }
     }
 
     /// `sum` and lane by lane the product with `other`.
