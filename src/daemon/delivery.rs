@@ -92,6 +92,8 @@ impl Daemon<'_> {
         self.watcher.step(Step::Reported);
         if !self.is_ours(claimed) {
             disk.remove(&outbox.join(&report_name)).map_err(DaemonError::files("remove", outbox))?;
+            // Or a cut brings it back, when nothing is known of it any more.
+            durable::sync_folder(disk, outbox)?;
             return Ok(None);
         }
         let mut original;

@@ -111,7 +111,14 @@ impl Daemon<'_> {
             kind => Ok(Err(no_file(&photo, kind))),
         };
         *delivered = photo.delivered;
-        match result? {
+        let result = match result? {
+            // Nobody took it: the lease could not be written.
+            Err(Refusal::Lost) if self.folders.disk().look(&photo.path).is_ok() => {
+                Err(Refusal::Later(format!("{}: this box's lease could not be renewed", photo.shown())))
+            }
+            result => result,
+        };
+        match result {
             Ok(report) => self.close(&photo, report),
             Err(Refusal::Skip(reason) | Refusal::Died(reason)) => self.fail(&photo, reason),
             Err(Refusal::Later(reason)) => {
@@ -240,6 +247,7 @@ impl Daemon<'_> {
 
     /// Whether the photo is still this box's.
     pub(super) fn is_ours(&self, photo: &Claimed) -> bool {
+        self.lease.make_good(&self.folders, self.clock);
         self.lease.is_good(&self.folders, self.clock.now()) && self.folders.disk().look(&photo.path).is_ok()
     }
 

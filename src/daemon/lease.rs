@@ -7,16 +7,17 @@
 //! as it is for [`Setting::lease_s`](super::Setting::lease_s) has run out, and any other box takes the photos
 //! over.
 //!
-//! A box that was only asleep may wake up then. Before it delivers, it looks whether its own lease can still be
-//! good and the photo is still where it claimed it, and gives up otherwise. Between that look and the delivery
-//! lie some milliseconds, against minutes of lease; a box that sleeps exactly there delivers a second result.
+//! A box that was only slow or asleep may find then that its lease can have run out. Before it delivers, it changes the
+//! lease, waits as long as a take-over under way may need, and looks whether the photo is still where it claimed it; if
+//! not, it gives up. Between that look and the delivery lie some milliseconds, against minutes of lease; a box that sleeps
+//! exactly there delivers a second result.
 
 use std::cell::Cell;
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 
 use crate::remedy::full_message;
-use crate::rig::Moment;
+use crate::rig::{Clock, Moment};
 
 use super::{DaemonError, Folders, durable, recovery};
 
@@ -25,6 +26,9 @@ pub(super) const LEASE: &str = ".relens-lease";
 
 /// A lease is changed this many times before it runs out. Guess: nine may be lost to a slow network.
 const BEATS: f64 = 10.0;
+
+/// Seconds in which another box moves a photo once it has found the lease run out. Guess: some round trips of a slow network.
+const TAKE_OVER_S: f64 = 5.0;
 
 /// Longest lease file there is.
 const BYTES_MAX: u64 = 64;
@@ -45,8 +49,22 @@ impl Lease {
 
     /// Changes the lease when it is time. A box alone on its folders needs none.
     pub(super) fn beat(&self, folders: &Folders, now: Moment) {
-        let due = self.beaten.get().is_none_or(|at| now.0 - at.0 >= self.lease_s / BEATS);
-        if !folders.shared() || !due {
+        if self.beaten.get().is_none_or(|at| now.0 - at.0 >= self.lease_s / BEATS) {
+            self.renew(folders, now);
+        }
+    }
+
+    /// Sees to it that nobody takes this box for dead from here on; after a while in which one may have, a take-over that
+    /// was under way is then over.
+    pub(super) fn make_good(&self, folders: &Folders, clock: &dyn Clock) {
+        if !self.is_good(folders, clock.now()) {
+            self.renew(folders, clock.now());
+            clock.wait_until(Moment(clock.now().0 + TAKE_OVER_S.min(self.lease_s / BEATS)));
+        }
+    }
+
+    fn renew(&self, folders: &Folders, now: Moment) {
+        if !folders.shared() {
             return;
         }
         let count = self.count.get() + 1;

@@ -131,6 +131,20 @@ fn a_box_that_only_slept_gives_up_what_was_taken_over() {
 }
 
 #[test]
+fn a_box_slower_than_its_lease_delivers_what_nobody_took_over() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "a.png", &file(Format::Png, 8, RIG));
+    drop(shared(root, "right"));
+    let clock = TestClock::default();
+    let takes_long = || clock.wait_until(Moment(clock.now().0 + 1000.0));
+    let mut slow = At(Step::Restored, &takes_long);
+    let (summary, restored) = work_by(&clock, setting(), root, "left", &mut slow, &|now| now > 1500.0);
+    assert_eq!((restored, summary.restored.len()), (1, 1), "{summary:?}");
+    all_done(root, 1);
+}
+
+#[test]
 fn a_box_that_starts_while_another_looks_whether_it_is_alone_joins_it() {
     let root = fresh_root();
     let root = root.path();

@@ -1,8 +1,8 @@
 //! The virtual rig's panel glass and camera window: what is on scan-out when the trigger line rises goes out of the
 //! virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in by the camera's node.
 //!
-//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT` runs until it is killed. It knows nothing of the
-//! daemon: the trigger comes from the kernel's trace of GPIO values, the picture from the display driver. Two threads,
+//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER` runs until it is killed. As long as there is a
+//! file SHUTTER, the camera gives no frames. It knows nothing of the daemon: the trigger comes from the kernel's trace of GPIO values, the picture from the display driver. Two threads,
 //! so that light is caught at the moment of the trigger however long the lens takes to compute. Every flip, exposure
 //! and frame is a line of standard output, with its moment on `CLOCK_MONOTONIC`.
 #![allow(unsafe_code)] // mmap of the scanned-out buffer
@@ -79,6 +79,7 @@ fn look(
     card: &str,
     line: &str,
     mut port: File,
+    shutter: &Path,
     rises: &mpsc::Sender<f64>,
 ) -> Outcome<()> {
     let card = Card::open(Path::new(card))?;
@@ -94,6 +95,7 @@ fn look(
                 let number = shown.as_ref().map_or(0, |shown| shown.number);
                 println!("{at_s:.6} flip to {number}, seen {:.1} ms later", late_ms(at_s));
             }
+            Event::Rise { at_s } if shutter.exists() => println!("{at_s:.6} trigger, the shutter is closed"),
             Event::Rise { at_s } => {
                 let codes = shown.as_ref().map_or_else(|| Codes::zeros(truth.panel.size()), Shown::codes);
                 let number = shown.as_ref().map_or(0, |shown| shown.number);
@@ -114,8 +116,8 @@ fn look(
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [truth, card, video, line, port] = words.as_slice() else {
-        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT".into());
+    let [truth, card, video, line, port, shutter] = words.as_slice() else {
+        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT SHUTTER".into());
     };
     let truth = config::load(Path::new(truth))?;
     let port = OpenOptions::new().read(true).write(true).open(port)?;
@@ -130,6 +132,6 @@ fn main() -> Outcome<()> {
                 std::process::exit(1);
             }
         });
-        look(truth, card, line, port, &rises)
+        look(truth, card, line, port, Path::new(shutter), &rises)
     })
 }
