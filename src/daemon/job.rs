@@ -112,9 +112,10 @@ impl Daemon<'_> {
         };
         *delivered = photo.delivered;
         let result = match result? {
-            // Nobody took it: the lease could not be written.
+            // Nobody took it: the lease could not be written, or the look before the delivery met an error.
             Err(Refusal::Lost) if self.folders.disk().look(&photo.path).is_ok() => {
-                Err(Refusal::Later(format!("{}: this box's lease could not be renewed", photo.shown())))
+                let words = "found no proof that the photo is still this box's, allowed only with one";
+                Err(Refusal::Later(format!("{}: {words}; tried again later", photo.shown())))
             }
             result => result,
         };

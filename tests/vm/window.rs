@@ -2,9 +2,10 @@
 //! virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in by the camera's node.
 //!
 //! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER` runs until it is killed. As long as there is a
-//! file SHUTTER, the camera gives no frames. It knows nothing of the daemon: the trigger comes from the kernel's trace of GPIO values, the picture from the display driver. Two threads,
-//! so that light is caught at the moment of the trigger however long the lens takes to compute. Every flip, exposure
-//! and frame is a line of standard output, with its moment on `CLOCK_MONOTONIC`.
+//! file SHUTTER, the camera gives no frames. It knows nothing of the daemon: the trigger comes from the kernel's trace of
+//! GPIO values, the picture from the display driver. Two threads, so that light is caught at the moment of the trigger
+//! however long the lens takes to compute. Every flip, exposure and frame is a line of standard output, with its moment on
+//! `CLOCK_MONOTONIC`.
 #![allow(unsafe_code)] // mmap of the scanned-out buffer
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, unreachable_pub)] // a bench program: it says what failed and stops
 
