@@ -18,3 +18,6 @@ pub use space::{Codes, Counts, Frame, Panel, Sensor, Work};
 
 /// Full scale of linear light in Work space (the paper's 0..255).
 pub const FULL_SCALE: f32 = 255.0;
+
+/// Numbers of a plane that one task takes where a pass over it is divided among the cores.
+pub const STRETCH: usize = 1 << 15;

@@ -148,6 +148,11 @@ impl Plane<f32> {
         }
     }
 
+    /// Multiplies every pixel by `factor`.
+    pub fn scale(&mut self, factor: f32) {
+        self.data.iter_mut().for_each(|value| *value *= factor);
+    }
+
     /// Sum of products with `other`, accumulated in `f64`.
     pub fn dot(&self, other: &Plane<f32>) -> f64 {
         debug_assert_eq!(self.size, other.size);

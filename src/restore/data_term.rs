@@ -1,6 +1,8 @@
 //! The data term of Eq. 2 where data can be missing or clipped: what a pixel of the photo says about L.
 
-use crate::frame::{Plane, Rect, Size};
+use rayon::prelude::*;
+
+use crate::frame::{Plane, Rect, STRETCH, Size};
 
 /// Nothing is known here (outside the photo, dead pixel).
 pub const MISSING: u8 = 0;
@@ -18,15 +20,19 @@ pub fn residual(predicted: &Plane, photo: &Plane, trust: &Plane<u8>, out: &mut P
 
 /// [`residual`], with `predicted` overwritten.
 pub fn residual_in_place(predicted: &mut Plane, photo: &Plane, trust: &Plane<u8>) {
-    let pairs = photo.data().iter().zip(trust.data());
-    for (p, (&b, &t)) in predicted.data_mut().iter_mut().zip(pairs) {
-        let difference = *p - b;
-        *p = match t {
-            TRUSTED => difference,
-            SATURATED => difference.min(0.0),
-            _ => 0.0,
-        };
-    }
+    let stretches = (predicted.data_mut().par_chunks_mut(STRETCH))
+        .zip(photo.data().par_chunks(STRETCH))
+        .zip(trust.data().par_chunks(STRETCH));
+    stretches.for_each(|((predicted, photo), trust)| {
+        for ((p, &b), &t) in predicted.iter_mut().zip(photo).zip(trust) {
+            let difference = *p - b;
+            *p = match t {
+                TRUSTED => difference,
+                SATURATED => difference.min(0.0),
+                _ => 0.0,
+            };
+        }
+    });
 }
 
 /// Root mean square of a residual over the pixels that carry data; 0 when none does.

@@ -6,10 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::frame::Plane;
-
-/// Pixels changed at a time, one stretch a task.
-const STRETCH: usize = 1 << 15;
+use crate::frame::{Plane, STRETCH};
 
 /// (R+G+B)/√3, (R−B)/√2, (R−2G+B)/√6, in place of R, G, B.
 ///

@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Plane, Size};
+use crate::frame::{Plane, STRETCH, Size};
 
 /// A share of the light that is spread over a Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -271,8 +271,13 @@ impl Broad {
     /// d y, which Pᵀ and the transposed Gaussians are for.
     pub(super) fn before_adjoint(&self, y: &Plane) -> Option<Plane> {
         self.gain.as_ref().map(|gain| {
-            let mut scaled = y.clone();
-            scaled.data_mut().iter_mut().zip(gain.data()).for_each(|(v, d)| *v *= d);
+            let mut scaled = Plane::zeros(y.size());
+            let stretches = (scaled.data_mut().par_chunks_mut(STRETCH))
+                .zip(y.data().par_chunks(STRETCH))
+                .zip(gain.data().par_chunks(STRETCH));
+            stretches.for_each(|((scaled, y), gain)| {
+                scaled.iter_mut().zip(y).zip(gain).for_each(|((s, v), d)| *s = v * d);
+            });
             scaled
         })
     }

@@ -21,7 +21,7 @@ use super::wiener::Wiener;
 use super::{
     IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength, Watch,
 };
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Size, Work};
 use crate::restore::calm::Calm;
 use crate::restore::data_term;
 use crate::restore::forward_convolution::ForwardConvolution;
@@ -191,13 +191,15 @@ impl ChannelSolve {
         model.adjoint(c, &self.predicted, &mut self.stepped);
         let steps = norms[c.index()].steps();
         prior.lend(|scratch| prior.shrinkage.scale_levels(&mut self.stepped, &steps, shift, scratch));
-        let pairs = self.stepped.data_mut().iter_mut().zip(self.looked_at.data());
-        pairs.for_each(|(s, y)| *s = y - *s);
+        let pairs =
+            self.stepped.data_mut().par_chunks_mut(STRETCH).zip(self.looked_at.data().par_chunks(STRETCH));
+        pairs.for_each(|(s, y)| s.iter_mut().zip(y).for_each(|(s, y)| *s = y - *s));
     }
 
     /// Keeps the picture within what light can be, and goes on to the next point to look at.
     fn look_ahead(&mut self) {
-        self.stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+        let stretches = self.stepped.data_mut().par_chunks_mut(STRETCH);
+        stretches.for_each(|stretch| stretch.iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE)));
         self.momentum.next(&mut self.looked_at, &self.stepped);
     }
 }

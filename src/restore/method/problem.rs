@@ -1,5 +1,6 @@
 //! What a method is given and what it gives back.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::record::IterationRecord;
@@ -108,11 +109,13 @@ impl Certificate {
 
     /// Takes down what is `seen` of the picture.
     pub fn look(&mut self, problem: &Problem<'_>, seen: &Frame<Work>) {
-        let worst = problem.channels.list().iter().map(|&c| {
+        let worst = problem.channels.list().par_iter().map(|&c| {
             let residual = problem.residual_rms(c, seen.plane(c));
             (residual, problem.noise_floor(c))
         });
-        if let Some((residual, floor)) = worst.max_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1))) {
+        let worst: Vec<(f32, f32)> = worst.collect();
+        if let Some((residual, floor)) = worst.into_iter().max_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)))
+        {
             (self.optical_residual, self.noise_floor) = (Some(residual), floor);
         }
     }

@@ -91,24 +91,42 @@ fn filter_tiles(functions: &LensFunctions, channel: Channel, problem: &Problem<'
     let filtered_row = |row: isize| {
         let mut strip = Plane::zeros(Size::new(size.width, 2 * tile.height));
         let y0 = corner(row, rect.y, tile.height);
-        for column in -1..=functions.columns as isize {
-            let x0 = corner(column, rect.x, tile.width);
-            let cut = Plane::from_fn(transform.size, |x, y| {
-                let (x, y) = (x0 + x as isize - reach as isize, y0 + y as isize - reach as isize);
-                photo.at(clamped(x, size.width), clamped(y, size.height))
+        let [mut values, mut lens] = [(); 2].map(|()| vec![Complex::default(); transform.size.area()]);
+        let columns: Vec<isize> = (-1..=functions.columns as isize).collect();
+        for pair in columns.chunks(2) {
+            // Two tiles in one transform, the second one (the first again, where there is none) as its imaginary part.
+            let pair = [pair[0], pair[pair.len() - 1]];
+            let left = pair.map(|column| corner(column, rect.x, tile.width));
+            let columns_of = |x0: isize| -> Vec<usize> {
+                let place = |x: usize| clamped(x0 + x as isize - reach as isize, size.width);
+                (0..transform.size.width).map(place).collect()
+            };
+            let columns = left.map(columns_of);
+            for (y, line) in values.chunks_exact_mut(transform.size.width).enumerate() {
+                let row = photo.row(clamped(y0 + y as isize - reach as isize, size.height));
+                for ((value, &first), &second) in line.iter_mut().zip(&columns[0]).zip(&columns[1]) {
+                    *value = Complex { re: row[first], im: row[second] };
+                }
+            }
+            let taps = pair.map(|column| {
+                functions.function(channel, clamped(row, functions.rows), clamped(column, functions.columns))
             });
-            let taps =
-                functions.function(channel, clamped(row, functions.rows), clamped(column, functions.columns));
-            let filtered = transform.filtered(&cut, taps, functions.support_px, ratio);
-            let inside = 0..size.width as isize;
-            for (y, weight) in along_y.iter().enumerate() {
-                let (from, to) = (&filtered.row(y + reach)[reach..], strip.row_mut(y));
-                for (x, value) in from[..2 * tile.width].iter().enumerate() {
-                    let to_x = x0 + x as isize;
-                    if inside.contains(&to_x) {
-                        to[to_x as usize] += weight * along_x[x] * value;
+            transform.filter(&mut values, taps, functions.support_px, ratio, &mut lens);
+            let mut add = |x0: isize, value_of: fn(&Complex) -> f32| {
+                for (y, weight) in along_y.iter().enumerate() {
+                    let from = &values[(y + reach) * transform.size.width + reach..];
+                    let to = strip.row_mut(y);
+                    for (x, value) in from[..2 * tile.width].iter().enumerate() {
+                        let to_x = x0 + x as isize;
+                        if (0..size.width as isize).contains(&to_x) {
+                            to[to_x as usize] += weight * along_x[x] * value_of(value);
+                        }
                     }
                 }
+            };
+            add(left[0], |value| value.re);
+            if pair[1] != pair[0] {
+                add(left[1], |value| value.im);
             }
         }
         (y0, strip)
@@ -185,24 +203,101 @@ impl Transform2 {
         }
     }
 
-    /// `cut` through H* / (|H|² + ratio), H the transform of the function with its middle at the origin.
-    fn filtered(&self, cut: &Plane, taps: &[f32], support: usize, ratio: f32) -> Plane {
+    /// Two real pictures, the real and the imaginary part of `values`, each through H* / (|H|² + ratio), H the transform of its
+    /// own `taps` with their middle at the origin. `lens` is memory to work in, as large as `values`.
+    fn filter(
+        &self,
+        values: &mut [Complex],
+        taps: [&[f32]; 2],
+        support: usize,
+        ratio: f32,
+        lens: &mut [Complex],
+    ) {
         let (width, height) = (self.size.width, self.size.height);
-        let mut lens = vec![Complex::default(); width * height];
-        for (k, &tap) in taps.iter().enumerate() {
+        lens.fill(Complex::default());
+        for (k, (&re, &im)) in taps[0].iter().zip(taps[1]).enumerate() {
             let x = (k % support + width - support / 2) % width;
             let y = (k / support + height - support / 2) % height;
-            lens[y * width + x].re = tap;
+            lens[y * width + x] = Complex { re, im };
         }
-        let mut values: Vec<Complex> = cut.data().iter().map(|&v| Complex::new(v, 0.0)).collect();
-        self.run(&mut lens, 0);
-        self.run(&mut values, 0);
+        self.run(lens, 0);
+        self.run(values, 0);
         let scale = 1.0 / (width * height) as f32;
-        for (v, h) in values.iter_mut().zip(&lens) {
-            *v = *v * h.conj() * (scale / (h.norm_sqr() + ratio));
+        let i = Complex::i();
+        for y in 0..height {
+            let mirrored_row = (height - y) % height * width;
+            for x in 0..width {
+                let (here, there) = (y * width + x, mirrored_row + (width - x) % width);
+                if there < here {
+                    continue;
+                }
+                // A real picture's transform at −k is the conjugate of that at k, which tells the two apart.
+                let apart = |z: &[Complex]| {
+                    let (z, mirrored) = (z[here], z[there].conj());
+                    [(z + mirrored) * 0.5, (z - mirrored) * -0.5 * i]
+                };
+                let ([p, q], [h, g]) = (apart(values), apart(lens));
+                let first = p * h.conj() * (scale / (h.norm_sqr() + ratio));
+                let second = q * g.conj() * (scale / (g.norm_sqr() + ratio));
+                values[here] = first + second * i;
+                values[there] = first.conj() + second.conj() * i;
+            }
         }
-        self.run(&mut values, 1);
-        let real: Vec<f32> = values.iter().map(|v| v.re).collect();
-        Plane::from_vec(self.size, real).unwrap_or_else(|| Plane::zeros(self.size))
+        self.run(values, 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two pictures, two functions of 3×3 that differ.
+    fn pair(size: Size) -> ([Vec<f32>; 2], [[f32; 9]; 2]) {
+        let picture = |k: usize| (0..size.area()).map(|i| ((i * (7 + k) + i * i % 11) % 97) as f32).collect();
+        let first = [0.0, 0.1, 0.0, 0.1, 0.65, 0.05, 0.0, 0.1, 0.0];
+        let second = [0.1, 0.0, 0.0, 0.0, 0.6, 0.0, 0.1, 0.0, 0.2];
+        ([picture(0), picture(4)], [first, second])
+    }
+
+    fn filtered(size: Size, pictures: [&[f32]; 2], taps: [&[f32]; 2], ratio: f32) -> [Vec<f32>; 2] {
+        let mut values: Vec<Complex> =
+            pictures[0].iter().zip(pictures[1]).map(|(&re, &im)| Complex { re, im }).collect();
+        let mut lens = values.clone();
+        Transform2::new(size).filter(&mut values, taps, 3, ratio, &mut lens);
+        [values.iter().map(|v| v.re).collect(), values.iter().map(|v| v.im).collect()]
+    }
+
+    #[test]
+    fn two_tiles_in_one_transform_do_not_see_each_other() {
+        for size in [Size::new(12, 10), Size::new(9, 15)] {
+            let (pictures, taps) = pair(size);
+            let black = vec![0.0; size.area()];
+            let [first, second] = filtered(size, [&pictures[0], &pictures[1]], [&taps[0], &taps[1]], 0.01);
+            let [alone, nothing] = filtered(size, [&pictures[0], &black], [&taps[0], &taps[0]], 0.01);
+            let [_, other_alone] = filtered(size, [&black, &pictures[1]], [&taps[0], &taps[1]], 0.01);
+            let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3);
+            assert!(close(&first, &alone) && close(&second, &other_alone) && close(&nothing, &black));
+        }
+    }
+
+    #[test]
+    fn without_noise_the_filter_undoes_the_blur() {
+        let size = Size::new(12, 10);
+        let (pictures, taps) = pair(size);
+        // Periodic convolution from its definition.
+        let blurred = |picture: &[f32], taps: &[f32; 9]| -> Vec<f32> {
+            let at = |x: usize, y: usize| picture[y % size.height * size.width + x % size.width];
+            let one = |i: usize| {
+                let (x, y) = (i % size.width + size.width, i / size.width + size.height);
+                (0..9).map(|t| taps[t] * at(x + 1 - t % 3, y + 1 - t / 3)).sum()
+            };
+            (0..size.area()).map(one).collect()
+        };
+        let seen = [blurred(&pictures[0], &taps[0]), blurred(&pictures[1], &taps[1])];
+        let found = filtered(size, [&seen[0], &seen[1]], [&taps[0], &taps[1]], 1e-7);
+        for (found, picture) in found.iter().zip(&pictures) {
+            let furthest = found.iter().zip(picture).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(furthest < 0.1, "{furthest}");
+        }
     }
 }

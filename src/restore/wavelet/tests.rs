@@ -137,3 +137,20 @@ fn the_basis_is_orthonormal() {
         }
     }
 }
+
+#[test]
+fn divided_among_the_cores_the_transform_is_the_same() {
+    for size in [Size::new(517, 389), Size::new(640, 480)] {
+        let (plane, shift) = (random_plane(size, 5), (5, 3));
+        let mut made = [Sym8::new(size, 3), Sym8::new(size, 3).divided()].map(|transform| {
+            let (mut found, mut scratch) = (transform.zeros(), Scratch::default());
+            transform.analyse_shifted(&plane, shift, &mut found, &mut scratch);
+            let mut back = Plane::zeros(size);
+            transform.synthesise_shifted(&found, shift, &mut back, &mut scratch);
+            (found, back)
+        });
+        let [(whole, back), (divided, back_divided)] = &mut made;
+        assert!(whole == divided && back == back_divided, "{size}");
+        assert!(largest_difference(back, &plane) < 1e-5);
+    }
+}

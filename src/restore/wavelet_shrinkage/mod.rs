@@ -9,6 +9,8 @@
 mod clusters;
 mod spinning;
 
+use rayon::prelude::*;
+
 use super::calm::Calm;
 use super::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Plane, Size};
@@ -35,7 +37,6 @@ pub struct Shrinkage {
 pub struct ShrinkageScratch {
     coefficients: Option<Coefficients>,
     transform: Scratch,
-    rows: Vec<f32>,
     spinning: SpinningScratch,
 }
 
@@ -43,7 +44,7 @@ impl Shrinkage {
     /// Shrinkage of planes of size `size` in `levels` levels, with no shift at any step (the paper's).
     pub fn new(size: Size, levels: usize) -> Self {
         Shrinkage {
-            transform: Sym8::new(size, levels),
+            transform: Sym8::new(size, levels).divided(),
             spinning: Spinning::new(size, levels),
             clustered: false,
             spin: vec![(0, 0)],
@@ -114,13 +115,13 @@ impl Shrinkage {
         }
         let mut coefficients = self.coefficients(scratch);
         self.transform.analyse_shifted(plane, shift, &mut coefficients, &mut scratch.transform);
-        for (level, details) in coefficients.details.iter_mut().enumerate() {
+        let bands = coefficients.details.iter_mut().enumerate();
+        let bands: Vec<_> = bands.flat_map(|(level, d)| d.bands_mut().map(|band| (level, band))).collect();
+        bands.into_par_iter().with_max_len(1).for_each_init(Vec::new, |rows, (level, band)| {
             let threshold = thresholds[level.min(thresholds.len() - 1)].max(0.0);
-            for band in details.bands_mut() {
-                let factors = calm.and_then(|calm| calm.factors(level));
-                draw(band, threshold, self.clustered, factors, &mut scratch.rows);
-            }
-        }
+            let factors = calm.and_then(|calm| calm.factors(level));
+            draw(band, threshold, self.clustered, factors, rows);
+        });
         self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
         scratch.coefficients = Some(coefficients);
     }

@@ -10,15 +10,12 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::draw;
-use crate::frame::{Plane, Size};
+use crate::frame::{Plane, STRETCH, Size};
 use crate::restore::calm::Calm;
 use crate::restore::wavelet::{Coefficients, Scratch, Sym8};
 
 /// Levels spun over all their shifts. Coarser ones turn with the step.
 pub(super) const EVERYWHERE: usize = 2;
-
-/// Pixels averaged at a time, one stretch a task.
-const STRETCH: usize = 1 << 15;
 
 /// The four shifts of one level; any two neighbours make a quincunx or complete it.
 const SHIFTS: [(usize, usize); 4] = [(0, 0), (1, 1), (1, 0), (0, 1)];
