@@ -22,18 +22,24 @@ const SHIFT_MAX_PX: f64 = 0.25;
 /// Least share of the corners expected in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
-/// Judges exposure and view by a capture of white and one of black.
+/// Judges exposure and view by a capture of white and one of black, in the rows that are `seen`: others are never white.
 ///
 /// # Errors
 /// Over-exposed, too dark, or not in view.
-pub(super) fn exposure(white: &Counts, black: &Counts, count_max: u16) -> Result<(), CalibrateError> {
+pub(super) fn exposure(
+    white: &Counts,
+    black: &Counts,
+    count_max: u16,
+    seen: &dyn Fn(usize) -> bool,
+) -> Result<(), CalibrateError> {
+    let rows: Vec<usize> = (0..white.size().height).filter(|&row| seen(row)).collect();
     let full = f64::from(count_max);
     let mut saturated = 0.0f64;
     let mut contrast = vec![0.0f64; CELLS * CELLS];
     for (white, black) in white.planes().iter().zip(black.planes()) {
-        let share = cells(white, |_, c| f64::from(u8::from(c >= count_max)));
+        let share = cells(white, &rows, |_, c| f64::from(u8::from(c >= count_max)));
         saturated = share.into_iter().fold(saturated, f64::max);
-        let over = cells(white, |n, c| (f64::from(c) - f64::from(black.data()[n])) / full);
+        let over = cells(white, &rows, |n, c| (f64::from(c) - f64::from(black.data()[n])) / full);
         // The brightest channel says whether a cell is lit.
         contrast.iter_mut().zip(over).for_each(|(a, b)| *a = a.max(b));
     }
@@ -64,13 +70,13 @@ pub(super) fn exposure(white: &Counts, black: &Counts, count_max: u16) -> Result
     Ok(())
 }
 
-/// Means of `value`(place, count) over [`CELLS`]² cells.
-fn cells(plane: &Plane<u16>, value: impl Fn(usize, u16) -> f64) -> Vec<f64> {
+/// Means of `value`(place, count) over [`CELLS`]² cells of the rows `rows`.
+fn cells(plane: &Plane<u16>, rows: &[usize], value: impl Fn(usize, u16) -> f64) -> Vec<f64> {
     let size = plane.size();
     let mut sums = vec![(0.0, 0.0); CELLS * CELLS];
-    for y in 0..size.height {
+    for (n, &y) in rows.iter().enumerate() {
         for x in 0..size.width {
-            let cell = &mut sums[y * CELLS / size.height * CELLS + x * CELLS / size.width];
+            let cell = &mut sums[n * CELLS / rows.len() * CELLS + x * CELLS / size.width];
             *cell = (cell.0 + value(y * size.width + x, plane.at(x, y)), cell.1 + 1.0);
         }
     }
@@ -181,4 +187,23 @@ pub(super) fn focus(radius_px: f64, support_px: f64, written_px: usize) -> Resul
         });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Frame;
+
+    #[test]
+    fn rows_kept_for_marks_are_not_asked_to_be_white() {
+        // A sixteenth of the rows on either side is kept.
+        let (size, kept) = (Size::new(64, 48), |row: usize| !(3..45).contains(&row));
+        let level = |inside: u16, edge: u16| -> Counts {
+            Frame::from_fn(|_| Plane::from_fn(size, |_, y| if kept(y) { edge } else { inside }))
+        };
+        let (white, black) = (level(180, 16), level(16, 16));
+        exposure(&white, &black, 255, &|row| !kept(row)).unwrap();
+        let error = exposure(&white, &black, 255, &|_| true).unwrap_err();
+        assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
+    }
 }

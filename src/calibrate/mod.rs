@@ -32,6 +32,7 @@ use crate::patterns::{self, Trial};
 use crate::restore::lens_model::LensFunctions;
 use crate::restore::level_norms::LevelNorms;
 use crate::rig::exposure::Rig;
+use crate::rig::frame_mark::MarkPlace;
 use session::{Session, difference, numbers};
 
 /// How far a calibration is.
@@ -142,7 +143,9 @@ fn trials(session: &mut Session<'_>) -> Result<Frame<Sensor>, CalibrateError> {
     let panel = session.layout.panel;
     let first = session.raw(&patterns::trial(panel, Trial::Black))?;
     let white = session.raw(&patterns::trial(panel, Trial::White))?;
-    judge::exposure(&white, &first, session.layout.saturated)?;
+    let marks = MarkPlace::of(session.config);
+    let seen = |row: usize| !marks.is_some_and(|marks| marks.keeps(row));
+    judge::exposure(&white, &first, session.layout.saturated, &seen)?;
     let mut black = numbers(&first);
     let second = numbers(&session.raw(&patterns::trial(panel, Trial::Black))?);
     for (a, b) in black.planes_mut().iter_mut().zip(second.planes()) {

@@ -65,6 +65,11 @@ impl MarkPlace {
         Some(MarkPlace { sensor, from_edge_px: marks.from_edge_px, height_px: marks.height_px, guard_px })
     }
 
+    /// Whether the sensor's row `row` sees no picture: it is kept for the marks, and black about them.
+    pub fn keeps(&self, row: usize) -> bool {
+        self.covers(row as f64)
+    }
+
     fn first_row(&self, strip: usize) -> usize {
         match strip {
             0 => self.from_edge_px,
