@@ -61,7 +61,7 @@ impl Daemon<'_> {
         restored: &Restored,
         encoded: &Encoded,
     ) -> Result<Option<Report>, DaemonError> {
-        if !self.is_ours(claimed) {
+        if !self.is_ours(claimed)? {
             return Ok(None);
         }
         claimed.ledger.name_result(&self.folders, result)?;
@@ -90,7 +90,7 @@ impl Daemon<'_> {
         // Not synchronised: where a cut has taken it, the page shows the large one instead.
         durable::replace_for_now(disk, previews, picture("small").as_ref(), &encoded.small)?;
         self.watcher.step(Step::Reported);
-        if !self.is_ours(claimed) {
+        if !self.is_ours(claimed)? {
             disk.remove(&outbox.join(&report_name)).map_err(DaemonError::files("remove", outbox))?;
             // Or a cut brings it back, when nothing is known of it any more.
             durable::sync_folder(disk, outbox)?;

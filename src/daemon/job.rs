@@ -111,15 +111,7 @@ impl Daemon<'_> {
             kind => Ok(Err(no_file(&photo, kind))),
         };
         *delivered = photo.delivered;
-        let result = match result? {
-            // Nobody took it: the lease could not be written, or the look before the delivery met an error.
-            Err(Refusal::Lost) if self.folders.disk().look(&photo.path).is_ok() => {
-                let words = "found no proof that the photo is still this box's, allowed only with one";
-                Err(Refusal::Later(format!("{}: {words}; tried again later", photo.shown())))
-            }
-            result => result,
-        };
-        match result {
+        match result? {
             Ok(report) => self.close(&photo, report),
             Err(Refusal::Skip(reason) | Refusal::Died(reason)) => self.fail(&photo, reason),
             Err(Refusal::Later(reason)) => {
@@ -246,10 +238,17 @@ impl Daemon<'_> {
         Ok(Verdict::Restored { report: Box::new(report), delivered })
     }
 
-    /// Whether the photo is still this box's.
-    pub(super) fn is_ours(&self, photo: &Claimed) -> bool {
-        self.lease.make_good(&self.folders, self.clock);
-        self.lease.is_good(&self.folders, self.clock.now()) && self.folders.disk().look(&photo.path).is_ok()
+    /// Whether the photo is still this box's, and stays so for a while.
+    ///
+    /// # Errors
+    /// When that cannot be told: the lease cannot be written, or the look meets an error.
+    pub(super) fn is_ours(&self, photo: &Claimed) -> Result<bool, DaemonError> {
+        self.lease.make_good(&self.folders, self.clock)?;
+        match self.folders.disk().look(&photo.path) {
+            Ok(_) => Ok(true),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(DaemonError::files("look at", &photo.path)(error)),
+        }
     }
 
     /// Sets the photo aside with its reason.

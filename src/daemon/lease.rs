@@ -49,38 +49,41 @@ impl Lease {
 
     /// Changes the lease when it is time. A box alone on its folders needs none.
     pub(super) fn beat(&self, folders: &Folders, now: Moment) {
-        if self.beaten.get().is_none_or(|at| now.0 - at.0 >= self.lease_s / BEATS) {
-            self.renew(folders, now);
+        if self.beaten.get().is_none_or(|at| now.0 - at.0 >= self.lease_s / BEATS)
+            && let Err(error) = self.renew(folders, now)
+        {
+            // There are more beats to come, and a look before anything is delivered.
+            log::debug!("{}", full_message(&error));
         }
     }
 
     /// Sees to it that nobody takes this box for dead from here on; after a while in which one may have, a take-over that
     /// was under way is then over.
-    pub(super) fn make_good(&self, folders: &Folders, clock: &dyn Clock) {
+    ///
+    /// # Errors
+    /// When the lease cannot be written; another box may then take the photos over at any time.
+    pub(super) fn make_good(&self, folders: &Folders, clock: &dyn Clock) -> Result<(), DaemonError> {
         if !self.is_good(folders, clock.now()) {
-            self.renew(folders, clock.now());
+            self.renew(folders, clock.now())?;
             clock.wait_until(Moment(clock.now().0 + TAKE_OVER_S.min(self.lease_s / BEATS)));
         }
+        Ok(())
     }
 
-    fn renew(&self, folders: &Folders, now: Moment) {
+    fn renew(&self, folders: &Folders, now: Moment) -> Result<(), DaemonError> {
         if !folders.shared() {
-            return;
+            return Ok(());
         }
         let count = self.count.get() + 1;
         let words = format!("{} {count}\n", std::process::id());
-        match durable::replace_for_now(folders.disk(), folders.working(), LEASE.as_ref(), words.as_bytes()) {
-            Ok(()) => {
-                self.beaten.set(Some(now));
-                self.count.set(count);
-            }
-            // It runs out, then; the photo under way will be given up.
-            Err(error) => log::debug!("{}", full_message(&error)),
-        }
+        durable::replace_for_now(folders.disk(), folders.working(), LEASE.as_ref(), words.as_bytes())?;
+        self.beaten.set(Some(now));
+        self.count.set(count);
+        Ok(())
     }
 
     /// Whether nobody can have taken this box for dead.
-    pub(super) fn is_good(&self, folders: &Folders, now: Moment) -> bool {
+    fn is_good(&self, folders: &Folders, now: Moment) -> bool {
         // Half: the others see a change later than it is made.
         !folders.shared() || self.beaten.get().is_some_and(|at| now.0 - at.0 < self.lease_s / 2.0)
     }

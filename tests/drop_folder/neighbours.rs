@@ -145,6 +145,36 @@ fn a_box_slower_than_its_lease_delivers_what_nobody_took_over() {
 }
 
 #[test]
+fn a_box_that_cannot_renew_its_lease_delivers_nothing_until_it_can() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "a.png", &file(Format::Png, 8, RIG));
+    drop(shared(root, "right"));
+    let (clock, lease) = (TestClock::default(), root.join("working/left/.relens-lease"));
+    let first = std::cell::Cell::new(true);
+    let is_slow_and_its_disk_fails = || {
+        if first.replace(false) {
+            clock.wait_until(Moment(clock.now().0 + 1000.0));
+            std::fs::remove_file(&lease).unwrap();
+            std::fs::create_dir_all(lease.join("in the way")).unwrap();
+        }
+    };
+    let fails = |now: f64| {
+        let delivered = root.join("outbox/a.png").exists() || root.join("done/a.png").exists();
+        assert!(!delivered || !lease.is_dir(), "delivered without a lease");
+        if now > 1030.0 && lease.is_dir() {
+            assert!(names(&root.join("inbox")).contains("a.png"), "meanwhile it is for whoever can");
+            std::fs::remove_dir_all(&lease).unwrap();
+        }
+        now > 2000.0
+    };
+    let mut slow = At(Step::Restored, &is_slow_and_its_disk_fails);
+    let (summary, restored) = work_by(&clock, setting(), root, "left", &mut slow, &fails);
+    assert_eq!((restored, summary.restored.len()), (2, 1), "{summary:?}");
+    all_done(root, 1);
+}
+
+#[test]
 fn a_box_that_starts_while_another_looks_whether_it_is_alone_joins_it() {
     let root = fresh_root();
     let root = root.path();
