@@ -138,12 +138,17 @@ impl Restorer for OnRig {
             return Ok(self.untouched(photo, Rung::LeaveIt.reason().to_owned(), begun));
         }
         let solver = self.setting.method(&self.config);
-        progress(Progress { done: 0.0, doing: "solving", captures: 0 });
         let captures_max = self.setting.captures_max as usize;
-        let mut watch = |step: &Step, _: &Frame<Work>| {
-            let captures = step.captures as usize;
-            let done = 0.5 + 0.5 * captures as f32 / captures_max.max(captures) as f32;
-            progress(Progress { done, doing: "showing and seeing", captures });
+        let mut shown = Progress { done: 0.0, doing: "solving", captures: 0 };
+        progress(shown);
+        let mut watch = |step: &Step, _: Option<&Frame<Work>>| {
+            if step.captures > 0 {
+                let captures = step.captures as usize;
+                let done = 0.5 + 0.5 * captures as f32 / captures_max.max(captures) as f32;
+                shown = Progress { done, doing: "showing and seeing", captures };
+            }
+            // A step of computing changes nothing that is shown, and says that the solve is alive.
+            progress(shown);
         };
         let lens_alone = second_opinion(&self.config);
         let Judged { restored, verdict } = self

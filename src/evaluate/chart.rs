@@ -194,7 +194,7 @@ fn first_iterations(
     let rect = stand.config().photo_on_canvas();
     let mut pictures = Vec::new();
     stand.score_grey_watched(scene, "paper", &solver, &mut |step, picture| {
-        if [1, 2, 3, 5, 11].contains(&step.iteration) {
+        if let Some(picture) = picture.filter(|_| [1, 2, 3, 5, 11].contains(&step.iteration)) {
             let seen = picture.plane(Channel::Green).crop(rect).map(|v: f32| v.clamp(0.0, 255.0));
             pictures.push((format!("figure-11-{}-iteration-{:02}", scene.name(), step.iteration), seen));
         }

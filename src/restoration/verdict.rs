@@ -165,7 +165,7 @@ impl Bench {
         if !self.is_suspect(photo, channels, method.name(), &restored) {
             return Ok(Judged { restored, verdict: Verdict::Sound });
         }
-        let mut second = self.restore(rig, photo, channels, lens_alone, stopwatch, &mut |_, _| {})?;
+        let mut second = self.restore(rig, photo, channels, lens_alone, stopwatch, watch)?;
         let verdict = self.judge(photo, channels, method.name(), &restored, &second);
         match verdict {
             Verdict::Sound => {}

@@ -114,7 +114,7 @@ fn restore(
     println!("the lens model and the corrections take {:.0} MiB", memory() - before);
     let solver = method(rig, rig.restore.method);
     let (begun, processor) = (seconds(), processor_seconds());
-    let mut watch = |_: &relens::restore::method::Step, _: &Frame<Work>| {};
+    let mut watch = |_: &relens::restore::method::Step, _: Option<&Frame<Work>>| {};
     let restored = bench.restore(devices, photo, Channels::Colour, &*solver, &seconds, &mut watch).unwrap();
     (seconds() - begun - restored.waited_seconds, restored.captures, processor_seconds() - processor)
 }

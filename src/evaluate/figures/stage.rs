@@ -107,6 +107,7 @@ impl Stage {
         let rect = self.stand.config().photo_on_canvas();
         let (mut ssims, mut psnrs, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
         let (restored, _) = self.stand.run(&taken.photo, Channels::Green, method, &mut |step, picture| {
+            let Some(picture) = picture else { return };
             let seen = shown(&picture.plane(Channel::Green).crop(rect));
             ssims.push(ssim(&seen, &taken.truth));
             psnrs.push(psnr(&seen, &taken.truth));

@@ -20,7 +20,7 @@
 
 use rayon::prelude::*;
 
-use super::{IterationRecord, Problem, ResidualOf, Step};
+use super::{IterationRecord, Problem, ResidualOf, Step, Watch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 use crate::restore::block_matching::{Groups, Noise, Passed, Search, filter};
 use crate::restore::calm::Calm;
@@ -68,6 +68,7 @@ impl Blocks {
         (data, calm): (&Frame<Work>, &Calm),
         start: Frame<Work>,
         record: &mut IterationRecord,
+        watch: &mut Watch<'_>,
     ) -> Frame<Work> {
         let begun = (problem.stopwatch)();
         let before = record.steps().last().map_or((0, 0.0), |step| (step.captures, step.seconds));
@@ -100,7 +101,9 @@ impl Blocks {
                     let iteration = record.steps().len() as u32 + 1;
                     let seconds = before.1 + (problem.stopwatch)() - begun;
                     let (of, captures) = (ResidualOf::Model, before.0);
-                    record.push(Step { iteration, residual, of, captures, seconds });
+                    let step = Step { iteration, residual, of, captures, seconds };
+                    record.push(step);
+                    watch(&step, None);
                 }
             }
             let noises = passed.iter().zip(&doubt).map(|(passed, &(c, doubt))| {

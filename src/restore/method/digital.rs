@@ -79,9 +79,9 @@ impl Method for Digital {
     ) -> Result<Solution, MethodError> {
         let model = problem.needs_model("digital")?;
         let begun = (problem.stopwatch)();
-        let (picture, record) = self.solve_photo(problem, model, &self.calm(problem));
+        let (picture, record) = self.solve_photo(problem, model, &self.calm(problem), watch);
         if let Some(&last) = record.steps().last() {
-            watch(&Step { seconds: (problem.stopwatch)() - begun, ..last }, &picture);
+            watch(&Step { seconds: (problem.stopwatch)() - begun, ..last }, Some(&picture));
         }
         let mut certificate = Certificate::uncertified(problem);
         certificate.model_residual = Some(model_residual(problem, model, &picture));
@@ -96,9 +96,10 @@ impl Digital {
         problem: &Problem<'_>,
         model: &LensModel,
         calm: &Calm,
+        watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let start = Wiener { noise_to_signal: START_NOISE_TO_SIGNAL }.start(problem, model);
-        self.solve_for(problem, model, (problem.photo, calm), &start, problem.level_norms)
+        self.solve_for(problem, model, (problem.photo, calm), &start, problem.level_norms, watch)
     }
 
     /// Where the photo of `problem` is calm.
@@ -117,6 +118,7 @@ impl Digital {
         (data, calm): (&Frame<Work>, &Calm),
         start: &Frame<Work>,
         norms: &[LevelNorms; 3],
+        watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let begun = (problem.stopwatch)();
         let mut prior = ColourPrior::new(self, problem, calm, norms);
@@ -131,7 +133,9 @@ impl Digital {
             solves.par_iter_mut().for_each(ChannelSolve::look_ahead);
             if let Some(green) = solves.iter().find(|solve| solve.channel == Channel::Green) {
                 let (residual, seconds) = (green.residual, (problem.stopwatch)() - begun);
-                record.push(Step { iteration, residual, of: ResidualOf::Model, captures: 0, seconds });
+                let step = Step { iteration, residual, of: ResidualOf::Model, captures: 0, seconds };
+                record.push(step);
+                watch(&step, None);
             }
         }
         let mut picture = Frame::zeros(problem.size());
@@ -139,7 +143,7 @@ impl Digital {
             *picture.plane_mut(solve.channel) = solve.stepped;
         }
         if let Some(blocks) = self.blocks {
-            picture = blocks.solve(problem, model, (data, calm), picture, &mut record);
+            picture = blocks.solve(problem, model, (data, calm), picture, &mut record, watch);
         }
         (picture, record)
     }

@@ -64,7 +64,7 @@ impl Method for Hybrid {
         let begun = (problem.stopwatch)();
         let captures_before = optics.captures();
         let calm = self.digital.calm(problem);
-        let (mut picture, mut record) = self.digital.solve_photo(problem, model, &calm);
+        let (mut picture, mut record) = self.digital.solve_photo(problem, model, &calm, watch);
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
@@ -79,7 +79,7 @@ impl Method for Hybrid {
                 seconds: (problem.stopwatch)() - begun,
             };
             record.push(step);
-            watch(&step, &picture);
+            watch(&step, Some(&picture));
             let last = capture >= self.captures_max;
             if last && self.captures_max > 1 {
                 break;
@@ -92,7 +92,7 @@ impl Method for Hybrid {
             for &channel in problem.channels.list() {
                 known.plane_mut(channel).add_scaled(1.0, defect.plane(channel));
             }
-            let corrected = self.corrected(problem, (model, &calm), &picture, &known, &mut record);
+            let corrected = self.corrected(problem, (model, &calm), &picture, &known, (&mut record, watch));
             certificate.corrections += 1;
             if last {
                 picture = corrected;
@@ -116,7 +116,7 @@ impl Hybrid {
         (model, calm): (&LensModel, &Calm),
         picture: &Frame<Work>,
         defect: &Frame<Work>,
-        record: &mut IterationRecord,
+        (record, watch): (&mut IterationRecord, &mut Watch<'_>),
     ) -> Frame<Work> {
         let mut data: Frame<Work> = problem.photo.clone();
         for &channel in problem.channels.list() {
@@ -131,7 +131,7 @@ impl Hybrid {
         let blocks = self.digital.blocks.map(doubtful);
         let correction = Digital { steps: self.correction_steps, blocks, ..self.digital };
         let norms = self.careful_norms(problem, picture, defect);
-        let (corrected, steps) = correction.solve_for(problem, model, (&data, calm), picture, &norms);
+        let (corrected, steps) = correction.solve_for(problem, model, (&data, calm), picture, &norms, watch);
         let before = record.steps().last().copied();
         for step in steps.steps() {
             let (captures, seconds) = before.map_or((0, 0.0), |b| (b.captures, b.seconds));

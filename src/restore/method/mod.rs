@@ -45,8 +45,9 @@ use super::wavelet_shrinkage::Shrinkage;
 use crate::frame::{Channel, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
-/// Called after each step with the step's record and the picture as it is now.
-pub type Watch<'a> = dyn FnMut(&Step, &Frame<Work>) + 'a;
+/// Called after each step with the step's record and, where the method has it at hand, the picture as it is now. Whoever looks
+/// after the program knows by it that a long solve is alive.
+pub type Watch<'a> = dyn FnMut(&Step, Option<&Frame<Work>>) + 'a;
 
 /// A named way to solve, with its parameters.
 pub trait Method {

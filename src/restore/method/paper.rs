@@ -118,7 +118,7 @@ impl Method for Paper {
                 seconds: (problem.stopwatch)() - begun,
             };
             record.push(step);
-            watch(&step, &picture);
+            watch(&step, Some(&picture));
         }
         Ok(Solution { picture, record, certificate: Certificate::uncertified(problem) })
     }

@@ -98,7 +98,7 @@ impl Method for Residual {
                 seconds: (problem.stopwatch)() - begun,
             };
             record.push(step);
-            watch(&step, &picture);
+            watch(&step, Some(&picture));
         }
         Ok(Solution { picture, record, certificate: Certificate::uncertified(problem) })
     }

@@ -84,7 +84,7 @@ pub(super) fn finish(
         }
     }
     if let Some(last) = record.steps().last() {
-        watch(last, &picture);
+        watch(last, Some(&picture));
     }
     let mut certificate = Certificate::uncertified(problem);
     certificate.model_residual = problem.model.map(|model| model_residual(problem, model, &picture));

@@ -75,7 +75,7 @@ impl Method for Unmatched {
                 seconds: (problem.stopwatch)() - begun,
             };
             record.push(step);
-            watch(&step, &picture);
+            watch(&step, Some(&picture));
         }
         Ok(Solution { picture, record, certificate: Certificate::uncertified(problem) })
     }
