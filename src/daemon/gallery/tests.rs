@@ -168,6 +168,16 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
             let is = |value: &f32, on: bool| if on { *value > 200.0 } else { *value < 60.0 };
             pixels.filter(|((r, g), b)| is(r, rgb[0]) && is(g, rgb[1]) && is(b, rgb[2])).count()
         };
+        // The style's colour of what went wrong.
+        let [red, green, blue] = read.light.planes();
+        let pixels = red.data().iter().zip(green.data()).zip(blue.data());
+        let near = |value: &f32, code: f32| (value - code).abs() < 6.0;
+        let alarm = pixels.filter(|((r, g), b)| near(r, 177.0) && near(g, 68.0) && near(b, 47.0)).count();
+        if page == "index.html" {
+            assert!(alarm > 100, "the two failures stand out: {alarm} pixels");
+        } else {
+            assert_eq!(alarm, 0, "{page}: nothing went wrong with these");
+        }
         let small = count([false, true, false]);
         // Sixty stamps of about 83×62 pixels.
         assert!(small > photos * 83 * 62 / 2, "{page}: {small} pixels of small pictures");
