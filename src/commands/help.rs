@@ -114,7 +114,8 @@ leaves out most settings of the methods that lose, and most strengths.
 const CHECK: &str = "\
 relens check --rig RIG.toml [--folder DIR]
 
-Looks at every device, the calibration, drift, latency and noise, and says what is wrong and what to do.";
+Looks at every device, the calibration, drift, latency and noise, and says what is wrong and what to do. On a calibrated
+rig it also tries whether the light's backward convolution is the adjoint of its forward one (the dot test).";
 
 const STATUS: &str = "\
 relens status [--folder DIR]

@@ -18,7 +18,7 @@ use relens::frame::{Frame, Work};
 use relens::kiosk::screen::{Screen, draw};
 use relens::picture::{Format, Layout, Manner, encode};
 use relens::remedy::Remedy;
-use relens::restoration::Interruption;
+use relens::restoration::{Bench, Interruption};
 use relens::rig::Panel;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
@@ -292,7 +292,8 @@ fn write_chart(made: &Chart, out: &Path) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// `relens check`: opens every device, measures the rig's timing, looks for its calibration.
+/// `relens check`: opens every device, measures the rig's timing, looks for its calibration and tries its backward
+/// convolution.
 ///
 /// # Errors
 /// When the operator is needed: the first device that cannot be had, or else everything else that is wrong.
@@ -308,16 +309,24 @@ pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
     let timing = relens::check::measure(&mut devices, rig.panel.refresh_hz).map_err(|e| Trouble::of(&e))?;
     say(timing.to_string().trim_end())?;
     let mut complaints = timing.complaints();
-    let calibration = match store::load(&slots(folder), rig.identity) {
+    match store::load(&slots(folder), rig.identity) {
         Ok(calibration) => {
-            format!("generation {}, {} captures", calibration.generation, calibration.captures)
+            let (generation, captures) = (calibration.generation, calibration.captures);
+            say(&format!("{:<28}generation {generation}, {captures} captures", "calibration"))?;
+            let bench = Bench::new(rig, &calibration).map_err(|e| Trouble::of(&e))?;
+            match bench.check_backward(&mut devices, rig, &super::clock::seconds) {
+                Ok(check) => {
+                    say(&format!("{:<28}{check}", "backward convolution"))?;
+                    complaints.extend(check.complaint());
+                }
+                Err(error) => complaints.push(relens::remedy::full_message(&*error)),
+            }
         }
         Err(error) => {
             complaints.push(relens::remedy::full_message(&error));
-            "none that can be used".to_owned()
+            say(&format!("{:<28}none that can be used", "calibration"))?;
         }
-    };
-    say(&format!("{:<28}{calibration}", "calibration"))?;
+    }
     match relens::daemon::operating_point::load(&slots(folder), rig) {
         Ok(chosen) => chosen.map_or(Ok(()), |chosen| say(&format!("{:<28}{chosen}", "operating point")))?,
         Err(reason) => complaints.push(format!("no operating point: {reason}; run `relens calibrate`")),

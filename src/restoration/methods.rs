@@ -134,6 +134,7 @@ fn strength(rig: &Rig) -> Strength {
     Strength { at_one_grey_level: rig.restore.shrinkage_at_one_grey_level }
 }
 
-fn patches(rig: &Rig) -> PatchShape {
+/// The patches of backward convolution on `rig`.
+pub(super) fn patches(rig: &Rig) -> PatchShape {
     PatchShape { patch_px: rig.paper.patch_px, margin_px: rig.paper.margin_px }
 }

@@ -9,12 +9,14 @@
 //! | placed on the canvas | light from outside the frame fell into it |
 //! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
 
+mod dot_test;
 mod evidence;
 mod methods;
 mod setting;
 mod shown;
 mod verdict;
 
+pub use dot_test::BackwardCheck;
 pub use evidence::{Evidence, Residuals, distance};
 pub use methods::{block_matching, digital, hybrid, method, paper, second_opinion};
 pub use setting::{Chosen, Setting};

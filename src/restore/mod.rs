@@ -14,6 +14,7 @@ pub mod blocking;
 pub mod calm;
 pub mod computed_optics;
 pub mod data_term;
+pub mod dot_test;
 pub mod forward_convolution;
 pub mod ladder;
 pub mod lens_model;
