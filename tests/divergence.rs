@@ -93,6 +93,7 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
         defect_threshold: 2.0,
         defect_floor: 0.25,
         carefulness: 25.0,
+        refine: true,
     };
     vec![
         Box::new(Paper {

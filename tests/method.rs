@@ -214,6 +214,7 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
         defect_threshold: 2.0,
         defect_floor: 0.2,
         carefulness: 25.0,
+        refine: true,
     };
     let unmatched = Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
     let matched = Hybrid {
@@ -251,6 +252,7 @@ fn a_right_model_is_left_alone_and_a_wrong_one_is_corrected() {
         defect_threshold: 2.0,
         defect_floor: 0.2,
         carefulness: 25.0,
+        refine: true,
     };
     let run = |model: &LensModel, method: &dyn Method| {
         let mut optics = ComputedOptics::new(&right, true);

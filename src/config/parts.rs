@@ -164,6 +164,9 @@ pub struct Restore {
     pub colours: Colours,
     /// Defect corrections a photo may cost at the most; the first of them reuses the certificate's capture.
     pub corrections_max: usize,
+    /// Whether a photo's first capture may refine the measured lens for that photo; no when left out.
+    #[serde(default)]
+    pub refine_lens: bool,
     /// What `relens calibrate` is to choose method, steps and corrections by. Left out, they are as this file has them.
     pub operating_point: Option<OperatingPoint>,
 }

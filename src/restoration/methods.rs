@@ -115,6 +115,7 @@ pub fn hybrid(rig: &Rig) -> Hybrid {
         defect_threshold: DEFECT_THRESHOLD,
         defect_floor: DEFECT_FLOOR,
         carefulness: CAREFULNESS,
+        refine: rig.restore.refine_lens,
     }
 }
 

@@ -23,5 +23,6 @@ pub mod method;
 pub mod opponent;
 pub mod patches;
 pub mod quality;
+pub mod refinement;
 pub mod wavelet;
 pub mod wavelet_shrinkage;

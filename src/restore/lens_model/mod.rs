@@ -195,6 +195,21 @@ impl LensModel {
         Ok(())
     }
 
+    /// The same lens with other `functions`, on a photo and canvas of the same sizes.
+    ///
+    /// # Errors
+    /// When the functions do not make a grid ([`LensFunctions::check`]) or the photo is empty.
+    pub fn with_functions(
+        &self,
+        photo: Size,
+        margin_px: usize,
+        functions: &LensFunctions,
+    ) -> Result<Self, LensModelError> {
+        let made = LensModel::new(photo, margin_px, functions)?;
+        let LensModel { functions, cells, spectra, .. } = made;
+        Ok(LensModel { functions, cells, spectra, ..self.clone() })
+    }
+
     /// `out` = K x: what is seen when `x` is shown.
     ///
     /// # Panics

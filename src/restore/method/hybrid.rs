@@ -6,6 +6,11 @@
 //! already known, shrunk by its noise: what light cannot tell from noise is not corrected, a right model is
 //! left alone, and when a capture shows nothing new, d is complete.
 //!
+//! Where the first capture shows that the lens is another than was measured, the model itself is refined by it
+//! ([`crate::restore::refinement`]), and d is what even that leaves. Measured 2026-11-21 on study.toml, one capture, mean
+//! SSIM/PSNR of the photographs without and with: one function 0.887/26.4, 0.927/31.3; off centre by 25 % 0.898/26.8, 0.918/28.5,
+//! by 10 % 0.936/31.4, 0.935/32.4; as measured, where nothing is refined, 0.941/33.0 both.
+//!
 //! With a poor model the corrected candidate can overshoot. The next capture tells, and light is linear: the
 //! photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another capture, and the
 //! optical residual never grows.
@@ -22,6 +27,7 @@ use crate::restore::data_term::{self, MISSING, TRUSTED};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
+use crate::restore::refinement::{Measured, Refined};
 use crate::restore::wavelet::{Details, Scratch, Sym8};
 use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 
@@ -42,6 +48,8 @@ pub struct Hybrid {
     /// How much shorter a wrong model makes the steps of a correction: each level's α is at least this often
     /// the defect's share of the picture's power.
     pub carefulness: f32,
+    /// Whether the first capture may refine the lens model for this photo ([`crate::restore::refinement`]).
+    pub refine: bool,
 }
 
 /// Longest step along a correction. Beyond it the line through two captures says more about their noise.
@@ -68,6 +76,7 @@ impl Method for Hybrid {
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
+        let mut refined: Option<Refined> = None;
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
             certificate.look(problem, &seen.light);
@@ -84,15 +93,22 @@ impl Method for Hybrid {
             if last && self.captures_max > 1 {
                 break;
             }
+            let refines = self.refine && capture == 1;
+            if refines {
+                refined = refined_by(problem, model, &picture, &seen);
+            }
+            let (model, norms) = refined.as_ref().map_or((model, problem.level_norms), Refined::parts);
             let mut known = new_defect(problem, model, &picture, &seen, &defect, self.defect_threshold);
             let size = known.plane(Channel::Green).rms() as f32 / problem.noise_floor(Channel::Green);
-            if size <= self.defect_floor {
+            // What a refined model leaves no defect of is still to be solved for.
+            if size <= self.defect_floor && !(refines && refined.is_some()) {
                 break;
             }
             for &channel in problem.channels.list() {
                 known.plane_mut(channel).add_scaled(1.0, defect.plane(channel));
             }
-            let corrected = self.corrected(problem, (model, &calm), &picture, &known, (&mut record, watch));
+            let corrected =
+                self.corrected(problem, (model, &calm, norms), &picture, &known, (&mut record, watch));
             certificate.corrections += 1;
             if last {
                 picture = corrected;
@@ -113,7 +129,7 @@ impl Hybrid {
     fn corrected(
         &self,
         problem: &Problem<'_>,
-        (model, calm): (&LensModel, &Calm),
+        (model, calm, norms): (&LensModel, &Calm, &[LevelNorms; 3]),
         picture: &Frame<Work>,
         defect: &Frame<Work>,
         (record, watch): (&mut IterationRecord, &mut Watch<'_>),
@@ -130,7 +146,7 @@ impl Hybrid {
         let doubtful = |blocks| Blocks { missed: Channel::ALL.map(missed), ..blocks };
         let blocks = self.digital.blocks.map(doubtful);
         let correction = Digital { steps: self.correction_steps, blocks, ..self.digital };
-        let norms = self.careful_norms(problem, picture, defect);
+        let norms = self.careful_norms(problem, norms, picture, defect);
         let (corrected, steps) = correction.solve_for(problem, model, (&data, calm), picture, &norms, watch);
         let before = record.steps().last().copied();
         for step in steps.steps() {
@@ -150,13 +166,14 @@ impl Hybrid {
         found.details.iter_mut().map(power).collect()
     }
 
-    /// The level norms for a correction: raised where the defect's power says that the model is wrong.
+    /// The level norms for a correction: `norms` raised where the defect's power says that the model is wrong.
     ///
     /// With a wrong model a correction overshoots in the levels where (K − K̂) is not small against what K̂ lets
     /// through. The defect over the picture, level by level, is how large it is.
     fn careful_norms(
         &self,
         problem: &Problem<'_>,
+        norms: &[LevelNorms; 3],
         picture: &Frame<Work>,
         defect: &Frame<Work>,
     ) -> [LevelNorms; 3] {
@@ -166,13 +183,31 @@ impl Hybrid {
             let least: Vec<f32> = wrong
                 .map(|(wrong, shown)| self.carefulness * (wrong / shown.max(f64::MIN_POSITIVE)) as f32)
                 .collect();
-            (c, problem.level_norms[c.index()].at_least(&least))
+            (c, norms[c.index()].at_least(&least))
         });
         let raised: Vec<(Channel, LevelNorms)> = raised.collect();
-        let mut norms = problem.level_norms.clone();
+        let mut norms = norms.clone();
         raised.into_iter().for_each(|(c, raised)| norms[c.index()] = raised);
         norms
     }
+}
+
+/// The `model` refined by what was `seen` of `picture`, if that calls for it.
+fn refined_by(
+    problem: &Problem<'_>,
+    model: &LensModel,
+    picture: &Frame<Work>,
+    seen: &Seen,
+) -> Option<Refined> {
+    let measured = Measured {
+        photo: problem.rect,
+        channels: problem.channels.list(),
+        trust: problem.trust,
+        model,
+        level_norms: problem.level_norms,
+        capture_noise: problem.capture_noise,
+    };
+    measured.refined(picture, seen)
 }
 
 /// What a capture shows beyond the `known` defect, (y − K̂L) − d, with its noise shrunk away; zero where the
