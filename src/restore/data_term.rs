@@ -89,10 +89,26 @@ pub fn noise_of(photo: &Plane) -> f32 {
             differences.push(mask.abs());
         }
     }
-    let middle = differences.len() / 2;
-    let (_, median, _) = differences.select_nth_unstable_by(middle, f32::total_cmp);
     // The mask's weights have norm √36 = 6; 0.6745 is the median of |N(0,1)|.
-    *median / (6.0 * 0.674_5)
+    median_of_positive(&differences) / (6.0 * 0.674_5)
+}
+
+/// The upper median of numbers that are not negative. Such numbers are ordered as their bits are: the middle one's upper half is
+/// found by counting, and only those that share it are compared.
+fn median_of_positive(values: &[f32]) -> f32 {
+    let mut counts = vec![0usize; 1 << 16];
+    values.iter().for_each(|value| counts[(value.to_bits() >> 16) as usize] += 1);
+    let mut before = 0;
+    let middle = values.len() / 2;
+    let upper = counts.iter().position(|&count| {
+        before += count;
+        before > middle
+    });
+    let Some(upper) = upper else { return 0.0 };
+    let nth = middle + counts[upper] - before;
+    let alike = values.iter().filter(|value| (value.to_bits() >> 16) as usize == upper);
+    let mut alike: Vec<f32> = alike.copied().collect();
+    *alike.select_nth_unstable_by(nth, f32::total_cmp).1
 }
 
 #[cfg(test)]
@@ -121,6 +137,20 @@ mod tests {
             100.0 + 40.0 * ((x as f32) / 23.0).sin() + 0.2 * y as f32 + 1.7 * noise
         });
         assert!((noise_of(&noisy) - 1.7).abs() < 0.08, "{}", noise_of(&noisy));
+    }
+
+    #[test]
+    fn the_median_by_counting_is_the_median() {
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(9);
+        for count in [1, 2, 3, 10, 1001, 4096] {
+            let number = |_| -> f32 { f32::abs(StandardNormal.sample(&mut random)) };
+            let mut values: Vec<f32> =
+                (0..count).map(number).map(|v| (8.0 * v).floor() / 8.0 + v / 1e3).collect();
+            let found = median_of_positive(&values);
+            values.sort_by(f32::total_cmp);
+            assert_eq!(found, values[count / 2], "{count}");
+        }
+        assert_eq!(median_of_positive(&[0.0; 7]), 0.0);
     }
 
     #[test]
