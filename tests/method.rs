@@ -70,6 +70,7 @@ impl Case {
             model,
             norm_squared: [1.0; 3],
             level_norms: &self.level_norms,
+            learnt: None,
             photo_noise: [self.noise; 3],
             capture_noise: [self.noise; 3],
             stopwatch: &|| 0.0,

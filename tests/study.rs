@@ -152,13 +152,16 @@ fn with_one_function_the_light_makes_up_for_the_poor_model() {
 }
 
 #[test]
-fn the_light_earns_its_place_with_a_lens_that_was_touched_or_slid_since_it_was_measured() {
+fn the_light_earns_its_place_with_a_lens_touched_or_slid_since_or_poorly_measured() {
     let rig = config::load(Path::new("study.toml")).unwrap();
-    let regimes = [Regime::Decentred(0.1), Regime::Dirty(0.15)];
+    let regimes = [Regime::Decentred(0.1), Regime::Dirty(0.15), Regime::OneFunction];
     let rows = regimes::measure(&rig, &regimes, &PHOTOGRAPHS, || 0.0, &mut |_, _| {}).unwrap();
-    for row in rows {
+    // dB that refining the lens by the photo's capture gains over captures alone. Measured 2026-11-22: 0.8, 0.0, 4.3.
+    for (row, refining) in rows.iter().zip([0.5, -0.05, 3.0]) {
         assert!(row.gain_db() >= 1.0, "{}: {:+.2} dB", row.regime.name(), row.gain_db());
-        let [digital, _, hybrid] = row.methods;
+        let [digital, as_measured, _, hybrid] = row.methods;
+        let gain = hybrid.psnr_db - as_measured.psnr_db;
+        assert!(gain >= refining, "{}: {gain:+.2} dB", row.regime.name());
         assert!(hybrid.ssim > digital.ssim, "{}: {} {}", row.regime.name(), hybrid.ssim, digital.ssim);
     }
 }
@@ -171,6 +174,6 @@ fn a_broad_term_in_the_model_finds_veiling_glare_and_the_light_adds_the_rest() {
     let [without, with] = [rows[0].methods, rows[1].methods];
     // Measured 2026-11-21: the lens alone 0.889/30.5 and 0.934/32.1, two captures 0.938/32.6 and 0.938/32.7.
     assert!(with[0].psnr_db >= without[0].psnr_db + 1.2, "{:?} {:?}", with[0], without[0]);
-    assert!(with[2].psnr_db >= without[2].psnr_db, "{:?} {:?}", with[2], without[2]);
+    assert!(with[3].psnr_db >= without[3].psnr_db, "{:?} {:?}", with[3], without[3]);
     assert!(rows[1].gain_db() >= 0.4, "{:+.2} dB", rows[1].gain_db());
 }

@@ -10,7 +10,6 @@ use crate::config;
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 use crate::patterns;
 use crate::restore::lens_model::LensFunctions;
-use crate::restore::level_norms::LevelNorms;
 
 /// Rough measurements whose centroids are folded into the geometry. A border function stands for a wide strip
 /// and so moves a little wrongly; the second round takes out what the first left.
@@ -35,11 +34,6 @@ const ROUNDS: (usize, usize) = (8, 6);
 const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
 /// Patterns of them.
 pub(super) const BROAD_PATTERNS: usize = 4;
-/// Rounds of the power method from grey, which nearly is the dominant picture.
-const POWER_ROUNDS: usize = 12;
-/// Rounds of the power method for each wavelet level, and the seed of the picture they begin with.
-const LEVEL_ROUNDS: usize = 8;
-const LEVEL_SEED: u64 = 17;
 
 /// Measures functions, norm, noise and operator error, and folds centroids into the geometry.
 pub(super) fn measure(
@@ -304,17 +298,8 @@ fn check(
         let (shown, light, trusted) = (chart.plane(c), seen.light.plane(c), seen.trusted.plane(c));
         calibration.operator_error[c.index()] = lens_blur::misfit(&model, c, shown, light, trusted, margin);
     }
-    let norms: Vec<(f32, Plane)> =
-        Channel::ALL.par_iter().map(|&c| lens_blur::dominant(&model, c, POWER_ROUNDS)).collect();
-    calibration.norm_squared = std::array::from_fn(|n| norms[n].0);
-    let levels = session.config.restore.levels;
-    let measure = |&c: &Channel| LevelNorms::measure(&model, c, levels, LEVEL_ROUNDS, LEVEL_SEED);
-    let measured: Vec<LevelNorms> = Channel::ALL.par_iter().map(measure).collect();
-    for (norms, found) in calibration.level_norms.iter_mut().zip(measured) {
-        *norms = found;
-    }
+    let picture = calibration.measure_norms(&model, session.config.restore.levels);
     // The dominant picture has one sign; shown as bright as it can be, its light comes back stretched by ‖K‖.
-    let picture = &norms[Channel::Green.index()].1;
     let brightest = picture.data().iter().fold(0.0f32, |a, &v| a.max(v)).max(f32::MIN_POSITIVE);
     let shown = Frame::from_fn(|c| match c {
         Channel::Green => picture.map(|v| v.max(0.0) * (220.0 / brightest)),

@@ -19,6 +19,7 @@ pub mod dither;
 pub mod geometric;
 pub mod lens_blur;
 pub mod noise;
+mod norms;
 pub mod photo_side;
 pub mod response;
 pub mod store;

@@ -13,9 +13,10 @@ use crate::kiosk::screen::{Screen, draw};
 use crate::light_path::LightPath;
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::Photo;
-use crate::remedy::{AnyFailure, Remediable, Remedy};
-use crate::restoration::{Bench, Interruption, Judged, Setting, Verdict, second_opinion};
+use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
+use crate::restoration::{self, Bench, Interruption, Judged, Setting, Verdict, second_opinion};
 use crate::restore::ladder::Rung;
+use crate::restore::lens_model::LensFunctions;
 use crate::restore::method::{Method, Step};
 use crate::rig::exposure::Rig;
 
@@ -114,6 +115,49 @@ impl OnRig {
         self
     }
 
+    /// Takes down what the photo taught of the lens. What enough photos have proved takes the measured lens's place, also
+    /// on flash; says so then.
+    fn learn(&mut self, photo: &Frame<Work>, restored: &restoration::Restored) -> Option<String> {
+        let functions = self.bench.learn(photo, restored)?;
+        match self.adopt(functions) {
+            Ok(calibration) => {
+                let generation = calibration.generation;
+                let told = format!(
+                    "the lens as this photo and those before it show it has taken the measured one's place (generation \
+                     {generation} of the calibration)"
+                );
+                log::info!("{told}");
+                Some(told)
+            }
+            Err(error) => {
+                log::warn!("what photos taught of the lens is not kept: {}", full_message(&*error));
+                None
+            }
+        }
+    }
+
+    fn adopt(&mut self, functions: LensFunctions) -> Result<Calibration, AnyFailure> {
+        let before = store::load(&self.slots, self.config.identity).map_err(boxed)?;
+        let after = before.with_lens(functions).map_err(boxed)?;
+        let bench = self.bench_of(&after)?;
+        store::save(&self.slots, &after).map_err(boxed)?;
+        // The rig has not moved by this: what drifts, drifts from where it did.
+        if let Some(reading) = &self.baseline {
+            baseline::save(&self.slots, after.generation, reading);
+        }
+        self.bench = bench;
+        Ok(after)
+    }
+
+    /// A bench with `calibration` that is interrupted as this one is.
+    fn bench_of(&self, calibration: &Calibration) -> Result<Bench, AnyFailure> {
+        let bench = Bench::new(&self.config, calibration).map_err(boxed)?;
+        Ok(match self.interrupted.clone() {
+            Some(interrupted) => bench.interruptible(Box::new(move || interrupted())),
+            None => bench,
+        })
+    }
+
     fn untouched(&self, photo: &Photo, rung_reason: String, begun: f64) -> Restored {
         Restored {
             picture: photo.light.clone(),
@@ -163,8 +207,14 @@ impl Restorer for OnRig {
                 &mut watch,
             )
             .map_err(boxed)?;
+        let mut notes: Vec<String> = Vec::new();
+        if restored.solution.look.refined.is_some() {
+            notes.push(
+                "the lens is another than was measured: it was refined by this photo's captures".to_owned(),
+            );
+        }
+        notes.extend(self.learn(&photo.light, &restored));
         // No harm: what harms is not delivered.
-        let mut notes = Vec::new();
         let mut method = solver.name();
         match verdict {
             Verdict::Sound => {}
@@ -214,11 +264,7 @@ impl Restorer for OnRig {
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         if remedy == Remedy::Recalibrate {
             let calibration = measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
-            let mut bench = Bench::new(&self.config, &calibration).map_err(boxed)?;
-            if let Some(interrupted) = self.interrupted.clone() {
-                bench = bench.interruptible(Box::new(move || interrupted()));
-            }
-            self.bench = bench;
+            self.bench = self.bench_of(&calibration)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
         } else {
             self.devices.reopen().map_err(boxed)?;

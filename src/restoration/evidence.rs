@@ -97,19 +97,19 @@ fn roughness(lightness: &Plane) -> f32 {
 }
 
 impl Bench {
-    /// What can be known of `restored`, which was made of `photo`.
+    /// What can be known of `restored`, which was made of `photo`; by the lens as its captures say it is.
     pub fn evidence(&self, photo: &Frame<Work>, channels: Channels, restored: &Restored) -> Evidence {
         let rough = |picture: &Frame<Work>| roughness(&lightness(picture, channels));
         let rougher = rough(&restored.picture) / rough(photo).max(ROUGHNESS_MIN);
         let (placed, trust) = self.prepare(photo);
-        let reach = self.model.functions().support_px / 2;
+        let reach = restored.lens.functions().support_px / 2;
         let of = |&c: &Channel| {
             let picture = restored.solution.picture.plane(c);
             let (photo, trust) = (placed.plane(c), away_from_saturated(trust.plane(c), reach));
             let data = trust.data().iter().filter(|&&t| t != MISSING).count();
             let residual = |of: &Plane| {
                 let mut plane = Plane::zeros(of.size());
-                self.model.forward(c, of, &mut plane);
+                restored.lens.forward(c, of, &mut plane);
                 residual_in_place(&mut plane, photo, &trust);
                 rms_over_data(&plane, &trust)
             };

@@ -11,6 +11,7 @@
 
 mod dot_test;
 mod evidence;
+mod learning;
 mod methods;
 mod setting;
 mod shown;
@@ -21,6 +22,8 @@ pub use evidence::{Evidence, Residuals, distance};
 pub use methods::{block_matching, digital, hybrid, method, paper, second_opinion};
 pub use setting::{Chosen, Setting};
 pub use verdict::{Judged, Verdict};
+
+use std::sync::Arc;
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
@@ -37,6 +40,7 @@ use crate::restore::lens_model::{LensModel, LensModelError};
 use crate::restore::level_norms::LevelNorms;
 use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
 use crate::rig::exposure::Rig;
+use learning::Learning;
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255; the
 /// code below it is kept as data).
@@ -49,12 +53,13 @@ const NOISE_SAMPLE: usize = 31;
 pub struct Bench {
     correction: Correction,
     photo_side: PhotoSide,
-    model: LensModel,
+    model: Arc<LensModel>,
     norm_squared: [f32; 3],
     level_norms: [LevelNorms; 3],
     capture_noise: [f32; 3],
     noise: [Noise; 3],
     black_surround: bool,
+    learning: Learning,
     interrupted: Option<Interruption>,
 }
 
@@ -76,6 +81,8 @@ pub struct Restored {
     pub waited_seconds: f64,
     /// The photo's noise per channel as measured, grey levels.
     pub photo_noise: [f32; 3],
+    /// The lens by which the result is judged: as measured, or as the photo's captures say it is.
+    pub lens: Arc<LensModel>,
 }
 
 impl Bench {
@@ -92,13 +99,14 @@ impl Bench {
         // First, because it looks at the sizes.
         let correction = Correction::new(calibration, layout)?;
         Ok(Bench {
-            model: calibration.lens_model()?,
+            model: Arc::new(calibration.lens_model()?),
             photo_side: PhotoSide::new(calibration, &layout),
             norm_squared: norm_bound(calibration),
             level_norms: calibration.level_norms.clone(),
             noise: calibration.noise,
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
+            learning: Learning::default(),
             interrupted: None,
             correction,
         })
@@ -112,7 +120,7 @@ impl Bench {
     }
 
     /// The measured lens.
-    pub fn model(&self) -> &LensModel {
+    pub fn model(&self) -> &Arc<LensModel> {
         &self.model
     }
 
@@ -180,6 +188,24 @@ impl Bench {
         stopwatch: &(dyn Fn() -> f64 + Sync),
         watch: &mut Watch<'_>,
     ) -> Result<Restored, MethodError> {
+        self.restore_through(&self.model, rig, photo, channels, method, stopwatch, watch)
+    }
+
+    /// [`Bench::restore`] with another `lens` than the measured one, of the same sizes.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    #[expect(clippy::too_many_arguments, reason = "those of restore, and the lens")]
+    pub fn restore_through(
+        &self,
+        lens: &Arc<LensModel>,
+        rig: &mut Rig,
+        photo: &Frame<Work>,
+        channels: Channels,
+        method: &dyn Method,
+        stopwatch: &(dyn Fn() -> f64 + Sync),
+        watch: &mut Watch<'_>,
+    ) -> Result<Restored, MethodError> {
         let interrupted = self.interrupted.as_deref();
         let mut path = LightPath::new(rig, &self.correction, stopwatch).interruptible(interrupted);
         let (captures, seconds) = (path.captures(), path.seconds());
@@ -194,9 +220,10 @@ impl Bench {
             trust: &trust,
             rect,
             channels,
-            model: Some(&self.model),
+            model: Some(lens),
             norm_squared: self.norm_squared,
             level_norms: &self.level_norms,
+            learnt: self.learning.lens(),
             photo_noise,
             capture_noise: self.capture_noise,
             stopwatch,
@@ -209,6 +236,7 @@ impl Bench {
             capture_seconds: path.seconds() - seconds,
             waited_seconds: path.waited_seconds(),
             photo_noise,
+            lens: Arc::clone(solution.look.refined.as_ref().map_or(lens, |refined| &refined.registered)),
             solution,
         })
     }

@@ -5,6 +5,8 @@
 //! chart, seed 1, and astronaut and rocket without a fault. `relens chart --stability` measures the rates of false
 //! alarms and of harm caught, on quarters of astronaut and rocket with other seeds.
 
+use std::sync::Arc;
+
 use super::evidence::{Evidence, distance};
 use super::{Bench, Restored};
 use crate::frame::{Channels, Frame, Work};
@@ -135,8 +137,10 @@ impl Bench {
         }
         let rougher = self.evidence(photo, channels, restored).rougher;
         let apart = distance(photo, &restored.picture, &second.picture, channels);
-        // A loop of light alone fits its captures' noise, and is certified all the same.
+        // A loop of light alone fits its captures' noise, and is certified all the same. And where captures changed the lens, the
+        // second opinion has it, too: what misses it then is where they lie.
         let certified = begins_with_the_lens(method)
+            && restored.solution.look.refined.is_none()
             && restored.solution.certificate.ratio().is_some_and(|ratio| ratio <= CERTIFIED_RATIO);
         let allowed = match (begins_with_the_lens(method), certified) {
             (true, true) => APART_CERTIFIED,
@@ -165,7 +169,8 @@ impl Bench {
         if !self.is_suspect(photo, channels, method.name(), &restored) {
             return Ok(Judged { restored, verdict: Verdict::Sound });
         }
-        let mut second = self.restore(rig, photo, channels, lens_alone, stopwatch, watch)?;
+        let lens = Arc::clone(&restored.lens);
+        let mut second = self.restore_through(&lens, rig, photo, channels, lens_alone, stopwatch, watch)?;
         let verdict = self.judge(photo, channels, method.name(), &restored, &second);
         match verdict {
             Verdict::Sound => {}

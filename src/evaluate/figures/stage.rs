@@ -239,6 +239,7 @@ impl Method for Exact<'_> {
             model: Some(self.lens),
             norm_squared: problem.norm_squared,
             level_norms: problem.level_norms,
+            learnt: None,
             photo_noise: problem.photo_noise,
             capture_noise: problem.capture_noise,
             stopwatch: problem.stopwatch,

@@ -1,5 +1,8 @@
 //! Runs methods under faults on a simulated rig that was calibrated healthy, and takes down what became of them.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use super::contestant::Contestant;
 use super::fault::{Fault, Place};
 use super::view::View;
@@ -10,6 +13,7 @@ use crate::evaluate::stand::{StandError, Stopwatch, display_luminance};
 use crate::frame::{Channel, Channels, Frame, Plane, Work};
 use crate::picture::Tone;
 use crate::restoration::{Bench, BenchError, Restored, Verdict, second_opinion};
+use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
 use crate::restore::quality::ssim;
 use crate::rig::exposure::Rig;
@@ -97,9 +101,9 @@ pub fn sweep(
             let photos: Vec<(Frame<Work>, Plane)> = photos.collect::<Result<_, _>>()?;
             ground.put_fault_on();
             for (&view, (photo, truth)) in plan.views.iter().zip(photos) {
-                let second = ground.second_opinion(&photo)?;
+                let second = ground.second_opinion(None, &photo)?;
                 for &contestant in plan.contestants.iter().filter(|c| concerned(**c, fault, step)) {
-                    let (restored, verdict) = ground.run(contestant, &photo, &second, stopwatch)?;
+                    let (restored, verdict, second) = ground.run(contestant, &photo, &second, stopwatch)?;
                     let score = |picture: &Frame<Work>| ssim(&ground.display(picture), &truth);
                     let (result, untouched) = (score(&restored.picture), score(&photo));
                     let run = Run {
@@ -236,20 +240,27 @@ impl Ground {
         Ok((photo, self.display(&truth)))
     }
 
-    /// What the measured lens alone makes of `photo`.
-    fn second_opinion(&mut self, photo: &Frame<Work>) -> Result<Restored, StandError> {
+    /// What `lens` alone, or the measured one, makes of `photo`.
+    fn second_opinion(
+        &mut self,
+        lens: Option<&Arc<LensModel>>,
+        photo: &Frame<Work>,
+    ) -> Result<Restored, StandError> {
         let (channels, method) = (self.channels(), second_opinion(&self.config));
-        let rig = &mut self.devices;
-        Ok(self.bench.restore(rig, photo, channels, &method, &|| 0.0, &mut |_, _| {})?)
+        let (bench, rig) = (&self.bench, &mut self.devices);
+        let lens = lens.unwrap_or(bench.model());
+        Ok(bench.restore_through(lens, rig, photo, channels, &method, &|| 0.0, &mut |_, _| {})?)
     }
 
-    fn run(
+    /// What the contestant makes of `photo`, how it is judged, and by which second opinion: `second`, or one with the lens as
+    /// the photo's captures say it is.
+    fn run<'a>(
         &mut self,
         contestant: Contestant,
         photo: &Frame<Work>,
-        second: &Restored,
+        second: &'a Restored,
         stopwatch: Stopwatch,
-    ) -> Result<(Restored, Verdict), StandError> {
+    ) -> Result<(Restored, Verdict, Cow<'a, Restored>), StandError> {
         if self.fault == Fault::WarmUp {
             // Each job finds the panel cold.
             self.put_fault_on();
@@ -258,11 +269,15 @@ impl Ground {
         let method = contestant.method(&self.config, self.fault, self.strength);
         let rig = &mut self.devices;
         let restored = self.bench.restore(rig, photo, channels, &*method, &stopwatch, &mut |_, _| {})?;
-        let verdict = match self.bench.is_suspect(photo, channels, contestant.name(), &restored) {
-            true => self.bench.judge(photo, channels, contestant.name(), &restored, second),
-            false => Verdict::Sound,
+        if !self.bench.is_suspect(photo, channels, contestant.name(), &restored) {
+            return Ok((restored, Verdict::Sound, Cow::Borrowed(second)));
+        }
+        let second = match restored.solution.look.refined {
+            None => Cow::Borrowed(second),
+            Some(_) => Cow::Owned(self.second_opinion(Some(&restored.lens), photo)?),
         };
-        Ok((restored, verdict))
+        let verdict = self.bench.judge(photo, channels, contestant.name(), &restored, &second);
+        Ok((restored, verdict, second))
     }
 
     /// A picture as it is scored: luminance of display values, or light where the photo is linear.

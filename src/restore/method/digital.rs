@@ -85,7 +85,7 @@ impl Method for Digital {
         }
         let mut certificate = Certificate::uncertified(problem);
         certificate.model_residual = Some(model_residual(problem, model, &picture));
-        Ok(Solution { picture, record, certificate })
+        Ok(Solution::of(picture, record, certificate))
     }
 }
 

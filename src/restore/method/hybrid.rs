@@ -7,9 +7,9 @@
 //! left alone, and when a capture shows nothing new, d is complete.
 //!
 //! Where the first capture shows that the lens is another than was measured, the model itself is refined by it
-//! ([`crate::restore::refinement`]), and d is what even that leaves. Measured 2026-11-21 on study.toml, one capture, mean
-//! SSIM/PSNR of the photographs without and with: one function 0.887/26.4, 0.927/31.3; off centre by 25 % 0.898/26.8, 0.918/28.5,
-//! by 10 % 0.936/31.4, 0.935/32.4; as measured, where nothing is refined, 0.941/33.0 both.
+//! ([`crate::restore::refinement`]), and d is what even that leaves. Measured 2026-11-22 on study.toml, one capture, mean
+//! SSIM/PSNR of the photographs without and with: one function 0.887/26.4, 0.927/31.3; off centre by 25 % 0.898/26.8, 0.918/28.6,
+//! by 10 % 0.936/31.4, 0.936/32.5; 20 % of veiling glare 0.919/31.7, 0.921/32.0; as measured, where nothing is refined, the same.
 //!
 //! With a poor model the corrected candidate can overshoot. The next capture tells, and light is linear: the
 //! photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another capture, and the
@@ -27,7 +27,7 @@ use crate::restore::data_term::{self, MISSING, TRUSTED};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
-use crate::restore::refinement::{Measured, Refined};
+use crate::restore::refinement::{Look, Measured, Refined};
 use crate::restore::wavelet::{Details, Scratch, Sym8};
 use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 
@@ -76,7 +76,7 @@ impl Method for Hybrid {
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
-        let mut refined: Option<Refined> = None;
+        let mut look = Look::default();
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
             certificate.look(problem, &seen.light);
@@ -93,15 +93,23 @@ impl Method for Hybrid {
             if last && self.captures_max > 1 {
                 break;
             }
-            let refines = self.refine && capture == 1;
-            if refines {
-                refined = refined_by(problem, model, &picture, &seen);
+            let channels = problem.channels.list();
+            let before = look.refined.as_ref().map_or(model, |refined| &refined.model);
+            let mut unexplained = seen.unexplained(before, &picture, channels);
+            let mut is_new = false;
+            if self.refine && capture == 1 {
+                look = measured(problem, model).look(&picture, &seen, &unexplained);
+                if let Some(refined) = &look.refined {
+                    unexplained = seen.unexplained(&refined.model, &picture, channels);
+                    is_new = true;
+                }
             }
-            let (model, norms) = refined.as_ref().map_or((model, problem.level_norms), Refined::parts);
-            let mut known = new_defect(problem, model, &picture, &seen, &defect, self.defect_threshold);
+            let (model, norms) = look.refined.as_ref().map_or((model, problem.level_norms), Refined::parts);
+            let known = (unexplained, &seen.trusted, &defect);
+            let mut known = new_defect(problem, known, self.defect_threshold);
             let size = known.plane(Channel::Green).rms() as f32 / problem.noise_floor(Channel::Green);
             // What a refined model leaves no defect of is still to be solved for.
-            if size <= self.defect_floor && !(refines && refined.is_some()) {
+            if size <= self.defect_floor && !is_new {
                 break;
             }
             for &channel in problem.channels.list() {
@@ -120,7 +128,7 @@ impl Method for Hybrid {
             step_along(problem, now, (&corrected, &seen_corrected, &known));
         }
         certificate.model_residual = Some(model_residual(problem, model, &picture));
-        Ok(Solution { picture, record, certificate })
+        Ok(Solution { picture, record, certificate, look })
     }
 }
 
@@ -192,56 +200,40 @@ impl Hybrid {
     }
 }
 
-/// The `model` refined by what was `seen` of `picture`, if that calls for it.
-fn refined_by(
-    problem: &Problem<'_>,
-    model: &LensModel,
-    picture: &Frame<Work>,
-    seen: &Seen,
-) -> Option<Refined> {
-    let measured = Measured {
+/// What a refinement of `model` starts from.
+fn measured<'a>(problem: &'a Problem<'_>, model: &'a LensModel) -> Measured<'a> {
+    Measured {
         photo: problem.rect,
         channels: problem.channels.list(),
         trust: problem.trust,
         model,
         level_norms: problem.level_norms,
+        learnt: problem.learnt,
         capture_noise: problem.capture_noise,
-    };
-    measured.refined(picture, seen)
+    }
 }
 
-/// What a capture shows beyond the `known` defect, (y − K̂L) − d, with its noise shrunk away; zero where the
-/// capture cannot be trusted or the photo says nothing.
+/// What is `unexplained` beyond the `known` defect, (y − K̂L) − d, with its noise shrunk away; zero where the
+/// capture cannot be `trusted` or the photo says nothing.
 fn new_defect(
     problem: &Problem<'_>,
-    model: &LensModel,
-    candidate: &Frame<Work>,
-    seen: &Seen,
-    known: &Frame<Work>,
+    (mut unexplained, trusted, known): (Frame<Work>, &Frame<Work, u8>, &Frame<Work>),
     deviations: f32,
 ) -> Frame<Work> {
     let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
-    let shown = problem.channels.list().par_iter().map(|&c| {
-        let mut plane = Plane::zeros(problem.size());
-        model.forward(c, candidate.plane(c), &mut plane);
-        let captured = seen.light.plane(c).data().iter().zip(seen.trusted.plane(c).data());
-        let values = plane.data_mut().iter_mut().zip(known.plane(c).data());
-        for ((p, d), (&y, &t)) in values.zip(captured) {
-            *p = if t == TRUSTED { y - *p - d } else { 0.0 };
-        }
-        let noise = data_term::noise_of(&plane);
-        (c, plane, noise)
-    });
-    let made: Vec<(Channel, Plane, f32)> = shown.collect();
-    let mut news = Frame::zeros(problem.size());
     let mut scratch = ShrinkageScratch::default();
     // One plane after the other: spinning needs much memory, and keeps all cores busy by itself.
-    for (channel, mut plane, noise) in made {
-        shrinkage.shrink_everywhere(&mut plane, &[deviations * noise], None, 0, &mut scratch);
-        problem.mask(channel, &mut plane);
-        *news.plane_mut(channel) = plane;
+    for &channel in problem.channels.list() {
+        let plane = unexplained.plane_mut(channel);
+        let values = plane.data_mut().iter_mut().zip(known.plane(channel).data());
+        for ((v, d), &t) in values.zip(trusted.plane(channel).data()) {
+            *v -= if t == TRUSTED { *d } else { 0.0 };
+        }
+        let noise = data_term::noise_of(plane);
+        shrinkage.shrink_everywhere(plane, &[deviations * noise], None, 0, &mut scratch);
+        problem.mask(channel, plane);
     }
-    news
+    unexplained
 }
 
 /// Moves the picture, what is seen of it and the defect used for it towards the corrected ones, channel by

@@ -120,6 +120,6 @@ impl Method for Paper {
             record.push(step);
             watch(&step, Some(&picture));
         }
-        Ok(Solution { picture, record, certificate: Certificate::uncertified(problem) })
+        Ok(Solution::of(picture, record, Certificate::uncertified(problem)))
     }
 }

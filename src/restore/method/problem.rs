@@ -9,6 +9,7 @@ use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::restore::data_term::{MISSING, rms_over_data};
 use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
+use crate::restore::refinement::{Look, Refined};
 
 /// One photo to be solved.
 pub struct Problem<'a> {
@@ -26,6 +27,8 @@ pub struct Problem<'a> {
     pub norm_squared: [f32; 3],
     /// How much of each wavelet level arrives, per channel; sets the steps of solves with the model.
     pub level_norms: &'a [LevelNorms; 3],
+    /// The lens as captures of other photos say it is.
+    pub learnt: Option<&'a Refined>,
     /// Standard deviation of the photo's noise per channel, grey levels.
     pub photo_noise: [f32; 3],
     /// Standard deviation of one capture's noise per channel, grey levels.
@@ -81,6 +84,15 @@ pub struct Solution {
     pub record: IterationRecord,
     /// What was measured of the result.
     pub certificate: Certificate,
+    /// What its captures say of the lens; nothing where none was looked at for that.
+    pub look: Look,
+}
+
+impl Solution {
+    /// One that says nothing of the lens.
+    pub fn of(picture: Frame<Work>, record: IterationRecord, certificate: Certificate) -> Solution {
+        Solution { picture, record, certificate, look: Look::default() }
+    }
 }
 
 /// Is the picture's photograph the photo? Residuals in grey levels.

@@ -100,7 +100,7 @@ impl Method for Residual {
             record.push(step);
             watch(&step, Some(&picture));
         }
-        Ok(Solution { picture, record, certificate: Certificate::uncertified(problem) })
+        Ok(Solution::of(picture, record, Certificate::uncertified(problem)))
     }
 }
 

@@ -88,5 +88,5 @@ pub(super) fn finish(
     }
     let mut certificate = Certificate::uncertified(problem);
     certificate.model_residual = problem.model.map(|model| model_residual(problem, model, &picture));
-    Solution { picture, record, certificate }
+    Solution::of(picture, record, certificate)
 }

@@ -77,6 +77,6 @@ impl Method for Unmatched {
             record.push(step);
             watch(&step, Some(&picture));
         }
-        Ok(Solution { picture, record, certificate: Certificate::uncertified(problem) })
+        Ok(Solution::of(picture, record, Certificate::uncertified(problem)))
     }
 }

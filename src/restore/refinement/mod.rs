@@ -4,12 +4,18 @@
 //! capture's noise. A small change of K̂'s functions is fitted to it ([`bands`] says what a change is made of, [`squares`]
 //! what the capture says, [`fit`] how large a change it calls for), and K̂ with its functions so changed takes its place. It
 //! is a lens model like any other: its adjoint is exact, and it costs what K̂ costs.
+//!
+//! What one photo's capture says of the lens is held against the captures of the next photos ([`Look::learnt_holds`]); what has
+//! proved itself there is good enough for the rig ([`crate::restoration`]).
 
 mod banded;
 mod bands;
 mod fit;
+pub mod registration;
 mod squares;
 mod steps;
+
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -22,13 +28,26 @@ use bands::Bands;
 use fit::{Change, Grid};
 use squares::Squares;
 
-/// A refined model.
+/// A lens as captures say it is.
 #[derive(Debug, Clone)]
 pub struct Refined {
-    /// The lens as the captures say it is.
-    pub model: LensModel,
-    /// Its level norms.
+    /// The lens, and how captures lie on the photo's grid now.
+    pub model: Arc<LensModel>,
+    /// The same lens where it was measured to be: a panel that was knocked moves every capture, and no photo. See
+    /// [`registration`].
+    pub registered: Arc<LensModel>,
+    /// The level norms of both.
     pub level_norms: [LevelNorms; 3],
+}
+
+/// What a look at a capture says of the lens.
+#[derive(Debug, Clone, Default)]
+pub struct Look {
+    /// The lens by which this photo is solved from now on, where the measured one fails.
+    pub refined: Option<Refined>,
+    /// Whether what captures of other photos say of the lens holds for this one, too. `None` when nothing was learnt, or when
+    /// this capture cannot tell.
+    pub learnt_holds: Option<bool>,
 }
 
 /// What a refinement starts from.
@@ -44,6 +63,8 @@ pub struct Measured<'a> {
     pub model: &'a LensModel,
     /// Its level norms.
     pub level_norms: &'a [LevelNorms; 3],
+    /// The lens as captures of other photos say it is.
+    pub learnt: Option<&'a Refined>,
     /// Standard deviation of a capture's noise per channel, grey levels.
     pub capture_noise: [f32; 3],
 }
@@ -59,21 +80,62 @@ impl Refined {
 }
 
 impl Measured<'_> {
-    /// The model refined by what was `seen` of `shown`; `None` when it explains what was seen well enough.
-    pub fn refined(&self, shown: &Frame<Work>, seen: &Seen) -> Option<Refined> {
+    /// What a capture, `seen` when `shown` was shown, says of the lens; `unexplained` is what the measured one leaves of it.
+    pub fn look(&self, shown: &Frame<Work>, seen: &Seen, unexplained: &Frame<Work>) -> Look {
+        let looked_at: Frame<Work, u8> = Frame::from_fn(|c| {
+            let photo = self.trust.plane(c).data();
+            let mut at = seen.trusted.plane(c).map(|t| u8::from(t == TRUSTED));
+            at.data_mut().iter_mut().zip(photo).for_each(|(t, &p)| *t &= u8::from(p != MISSING));
+            at
+        });
+        if let Some(learnt) = self.learnt {
+            let left = seen.unexplained(&learnt.model, shown, self.channels);
+            let (before, after) = (self.powers(unexplained, &looked_at), self.powers(&left, &looked_at));
+            let learnt_holds = fit::holds(&before, &after);
+            if learnt_holds == Some(true) {
+                let from = Measured {
+                    model: &learnt.model,
+                    level_norms: &learnt.level_norms,
+                    learnt: None,
+                    ..*self
+                };
+                let refined = from.fitted(self.model, shown, &left, &looked_at);
+                return Look { refined: Some(refined.unwrap_or_else(|| learnt.clone())), learnt_holds };
+            }
+            return Look { refined: self.fitted(self.model, shown, unexplained, &looked_at), learnt_holds };
+        }
+        let refined = self.fitted(self.model, shown, unexplained, &looked_at);
+        Look { refined, learnt_holds: None }
+    }
+
+    /// Mean power of what is `unexplained`, channel by channel, in units of the captures' noise.
+    fn powers(&self, unexplained: &Frame<Work>, looked_at: &Frame<Work, u8>) -> Vec<f64> {
+        let of = |&c: &Channel| mean_power(unexplained.plane(c), looked_at.plane(c)) / self.noise(c).powi(2);
+        self.channels.iter().map(of).collect()
+    }
+
+    fn noise(&self, channel: Channel) -> f64 {
+        f64::from(self.capture_noise[channel.index()].max(NOISE_MIN))
+    }
+
+    /// The model changed so that it explains what it leaves `unexplained`; `None` when it explains well enough what was
+    /// `looked_at`. `registered` says where the lens was measured to be.
+    fn fitted(
+        &self,
+        registered: &LensModel,
+        shown: &Frame<Work>,
+        unexplained: &Frame<Work>,
+        looked_at: &Frame<Work, u8>,
+    ) -> Option<Refined> {
         let functions = self.model.functions();
         let bands = Bands::within(functions.support_px);
         let find = |&c: &Channel| {
-            let mut unexplained = Plane::zeros(self.model.canvas());
-            self.model.forward(c, shown.plane(c), &mut unexplained);
-            let light = seen.light.plane(c).data();
-            unexplained.data_mut().iter_mut().zip(light).for_each(|(p, y)| *p = y - *p);
-            let mut trusted = seen.trusted.plane(c).map(|t| u8::from(t == TRUSTED));
-            let photo = self.trust.plane(c).data();
-            trusted.data_mut().iter_mut().zip(photo).for_each(|(t, &p)| *t &= u8::from(p != MISSING));
-            let squares = Squares::of(bands, self.photo, shown.plane(c), &unexplained, &trusted);
-            let noise = self.capture_noise[c.index()].max(NOISE_MIN);
-            (c, fit::find(&squares, f64::from(noise)))
+            let (noise, left, at) = (self.noise(c), unexplained.plane(c), looked_at.plane(c));
+            if fit::is_explained(mean_power(left, at) / noise.powi(2)) {
+                return (c, None);
+            }
+            let squares = Squares::of(bands, self.photo, shown.plane(c), left, at);
+            (c, fit::find(&squares, noise))
         };
         let changes: Vec<(Channel, Option<Change>)> = self.channels.par_iter().map(find).collect();
         let largest = |of: &dyn Fn(&Change) -> usize| {
@@ -86,14 +148,27 @@ impl Measured<'_> {
                 add(&mut changed, *c, change, bands);
             }
         }
-        let model = self.model.with_functions(self.photo.size, self.photo.x, &changed).ok()?;
+        let moved = registration::moved(registered.functions(), &changed, self.channels);
+        let back = registration::shifted(&changed, (-moved.0, -moved.1));
+        let made = |functions| self.model.with_functions(self.photo.size, self.photo.x, functions).ok();
         let level_norms = Channel::ALL.map(|c| {
             let norms = &self.level_norms[c.index()];
             let is_changed = changes.iter().any(|(of, change)| *of == c && change.is_some());
             if is_changed { steps::safe(norms, c, functions, &changed) } else { norms.clone() }
         });
-        Some(Refined { model, level_norms })
+        log::debug!("captures lie {:.2}, {:.2} px aside", moved.0, moved.1);
+        Some(Refined { model: Arc::new(made(&changed)?), registered: Arc::new(made(&back)?), level_norms })
     }
+}
+
+/// Mean square of `plane` where it is `looked_at`.
+fn mean_power(plane: &Plane, looked_at: &Plane<u8>) -> f64 {
+    let (mut sum, mut count) = (0.0f64, 0u32);
+    for (&v, _) in plane.data().iter().zip(looked_at.data()).filter(|(_, at)| **at != 0) {
+        sum += f64::from(v * v);
+        count += 1;
+    }
+    sum / f64::from(count.max(1))
 }
 
 /// `functions` on a grid of `columns` × `rows`, interpolated as the model does.

@@ -65,17 +65,25 @@ fn norms(model: &LensModel) -> [LevelNorms; 3] {
 
 /// What one capture makes of the lens `measured` when it really is `lens`.
 fn refined(measured: &LensModel, lens: &LensModel) -> Option<Refined> {
-    let (shown, trust) = (picture(1, lens.canvas()), Frame::filled(lens.canvas(), TRUSTED));
+    looked(measured, lens, 1, None).refined
+}
+
+/// What a capture of picture `number` says, when a `lens` other than `measured` is there, and captures before said `learnt`.
+fn looked(measured: &LensModel, lens: &LensModel, number: u64, learnt: Option<&Refined>) -> Look {
+    let (shown, trust) = (picture(number, lens.canvas()), Frame::filled(lens.canvas(), TRUSTED));
     let level_norms = norms(measured);
+    let channels = &[Channel::Green];
     let measured = Measured {
         photo: PHOTO,
-        channels: &[Channel::Green],
+        channels,
         trust: &trust,
         model: measured,
         level_norms: &level_norms,
+        learnt,
         capture_noise: [1.0; 3],
     };
-    measured.refined(&shown, &seen(lens, &shown, 1.0, 2))
+    let seen = seen(lens, &shown, 1.0, 2 * number);
+    measured.look(&shown, &seen, &seen.unexplained(measured.model, &shown, channels))
 }
 
 /// RMS of what `model` gets wrong of another picture through `lens`.
@@ -130,4 +138,30 @@ fn the_refined_model_s_adjoint_is_exact_and_its_steps_are_safe() {
         assert!(used.at(level) > 0.97 * whole.at(level), "level {level}: {used:?} {whole:?}");
     }
     assert!(used.at(0) > 1.5 * norms(&then)[Channel::Green.index()].at(0));
+}
+
+#[test]
+fn what_one_picture_taught_is_held_against_the_next() {
+    let then = model(&functions(1.5, 2.5, 0.0));
+    let now = model(&functions(1.9, 2.0, 0.6));
+    let learnt = refined(&then, &now).expect("a change that stands out");
+    let next = looked(&then, &now, 5, Some(&learnt));
+    assert_eq!(next.learnt_holds, Some(true));
+    let (first, next) =
+        (wrong(&learnt.model, &now), wrong(&next.refined.expect("what was learnt").model, &now));
+    assert!(next <= 1.1 * first, "{first:.2} by one picture, {next:.2} with the next");
+    // Where the lens is as it was measured, what was learnt elsewhere does not hold.
+    let elsewhere = looked(&then, &then, 5, Some(&learnt));
+    assert_eq!(elsewhere.learnt_holds, Some(false));
+    assert!(elsewhere.refined.is_none());
+}
+
+#[test]
+fn a_knocked_panel_is_no_other_lens() {
+    let lens = functions(1.5, 2.5, 0.0);
+    let (then, now) = (model(&lens), model(&registration::shifted(&lens, (0.8, -0.5))));
+    let refined = refined(&then, &now).expect("a change that stands out");
+    let (captures, photos) = (wrong(&refined.model, &now), wrong(&refined.registered, &then));
+    let between = wrong(&then, &now);
+    assert!(captures < 0.3 * between && photos < 0.3 * between, "{captures:.2} {photos:.2} of {between:.2}");
 }
