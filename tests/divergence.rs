@@ -26,6 +26,7 @@ use relens::restore::method::unmatched::Unmatched;
 use relens::restore::method::wiener::Wiener;
 use relens::restore::method::{Method, Problem, ResidualOf, Strength};
 use relens::restore::patches::PatchShape;
+use relens::restore::wavelet_shrinkage::Rule;
 
 const SIZE: Size = Size::new(128, 96);
 const GREEN: Channel = Channel::Green;
@@ -83,6 +84,7 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
         levels: 2,
         cycle_spun: true,
         colours: Colours::Together,
+        rule: Rule::Clusters,
         blocks: None,
     };
     let patches = PatchShape { patch_px, margin_px: 8 };

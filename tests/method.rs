@@ -19,6 +19,7 @@ use relens::restore::method::unmatched::Unmatched;
 use relens::restore::method::{Method, NoOptics, Problem, Strength};
 use relens::restore::patches::{PatchGrid, PatchShape};
 use relens::restore::quality::ssim;
+use relens::restore::wavelet_shrinkage::Rule;
 
 const GREEN: Channel = Channel::Green;
 
@@ -199,7 +200,8 @@ fn the_printed_threshold_is_half_of_the_proximal_one() {
 
 fn digital() -> Digital {
     let strength = Strength { at_one_grey_level: 0.1 };
-    Digital { steps: 30, strength, levels: 2, cycle_spun: true, colours: Colours::Together, blocks: None }
+    let colours = Colours::Together;
+    Digital { steps: 30, strength, levels: 2, cycle_spun: true, rule: Rule::Clusters, colours, blocks: None }
 }
 
 #[test]

@@ -44,6 +44,8 @@ pub(super) enum Charted {
     Stability,
     /// Where light earns its place over the measured lens.
     Regimes,
+    /// What other sizes of the rig's models would gain.
+    Sizes,
     /// The paper's figures.
     Figures,
     /// The rungs that a varied set of scenes takes.
@@ -53,10 +55,11 @@ pub(super) enum Charted {
 }
 
 /// The options of `relens chart` that ask for something else than speed against accuracy.
-const CHARTED: [(&str, Charted); 6] = [
+const CHARTED: [(&str, Charted); 7] = [
     ("conditions", Charted::Conditions),
     ("stability", Charted::Stability),
     ("regimes", Charted::Regimes),
+    ("sizes", Charted::Sizes),
     ("figures", Charted::Figures),
     ("ladder", Charted::Ladder),
     ("captures", Charted::Captures),
@@ -112,6 +115,7 @@ const COMMANDS: [Known; 12] = [
             ("conditions", None, false, false),
             ("stability", None, false, false),
             ("regimes", None, false, false),
+            ("sizes", None, false, false),
             ("figures", None, false, false),
             ("ladder", None, false, false),
             ("captures", None, false, false),

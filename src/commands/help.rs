@@ -93,7 +93,8 @@ the rig's shape. PHOTO must not exist yet; its ending tells the format.";
 
 const CHART: &str = "\
 relens chart --rig RIG.toml --out DIR [--quick] [--folder DIR]
-             [--peers ROWS.csv | --conditions | --stability | --regimes | --figures | --ladder | --captures]
+             [--peers ROWS.csv | --conditions | --stability | --regimes | --sizes | --figures | --ladder |
+              --captures]
 
 Restores known scenes with every method and several settings of each, and draws speed against accuracy:
 DIR gets the drawing (SVG and PNG), the table (Markdown) and its numbers (CSV). On a rig of devices the scenes are
@@ -105,6 +106,8 @@ leaves out most settings of the methods that lose, and most strengths.
 
   --regimes    compare the default method with the measured lens alone where that measurement falls short: glare, one
                function, another distance, a lens off centre or dirty
+  --sizes      compare the rig file's numbers of lens functions, shrinkage levels, captures averaged and its patches
+               with smaller and larger ones, each alone
   --ladder     show which rung of the ladder each of a varied set of scenes takes, and what the next would gain
   --figures    measure the paper's figures 7 to 12 again, on a rig with linear photos such as study.toml:
                DIR/README.md shows them, with what agrees with the paper and what does not

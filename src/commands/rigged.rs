@@ -233,6 +233,7 @@ pub(super) fn chart(
             let (scene, method, captures) = (score.scene.name(), &score.method, score.restored.captures);
             log::info!("{}: {scene} {method}, {captures} captures: {:.2} dB", regime.name(), score.psnr_db);
         }),
+        Charted::Sizes => evaluate::chart::sizes(rig, clock, &mut each),
         Charted::Figures => return figures(rig, out),
         Charted::Ladder => evaluate::ladder::chart(rig, clock, &mut |climb| {
             log::info!("{}: rung {}, SSIM {:.4}", climb.name, climb.taken, climb.delivered_ssim);

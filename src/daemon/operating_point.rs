@@ -45,10 +45,11 @@ pub fn load(slots: &Path, rig: &config::Rig) -> Result<Option<Chosen>, String> {
     if found != wanted {
         return Err(format!("{name} is `{}`; the rig file asks for `{}`", found.name(), wanted.name()));
     }
-    let Setting { steps, correction_steps, captures_max, .. } = kept.chosen.setting;
+    let Setting { method, steps, correction_steps, captures_max, rounds } = kept.chosen.setting;
     let sane = |n: u32| (1..=10_000).contains(&n);
-    if !(sane(steps) && sane(correction_steps) && sane(captures_max)) {
-        return Err(format!("{name} is damaged: it has steps or captures that are not 1 to 10000"));
+    let without = method == Method::BlockMatching && captures_max == 0;
+    if !([steps, correction_steps, rounds].into_iter().all(sane) && (without || sane(captures_max))) {
+        return Err(format!("{name} is damaged: it has steps, rounds or captures that are not 1 to 10000"));
     }
     Ok(Some(kept.chosen))
 }

@@ -6,6 +6,7 @@ use super::peers;
 use super::regimes::{self, Regime};
 use super::scatter;
 use super::scenes::Scene;
+use super::sizes;
 use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::{self, Condition, table};
 use super::table::Table;
@@ -103,6 +104,18 @@ pub fn regimes(
         tables: vec![(format!("{}-regimes", rig.name), regimes::table(rig, &rows))],
         ..Chart::default()
     })
+}
+
+/// What other sizes of the rig's models would gain.
+///
+/// # Errors
+/// When a rig cannot be opened or calibrated, or a method fails.
+pub fn sizes(
+    rig: &config::Rig,
+    stopwatch: Stopwatch,
+    each: &mut dyn FnMut(&Score),
+) -> Result<Chart, StandError> {
+    sizes::chart(rig, &Scene::STUDY_PHOTOGRAPHS, stopwatch, each)
 }
 
 /// A figure's files: its numbers, drawings and pictures.

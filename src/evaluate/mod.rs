@@ -9,6 +9,7 @@ pub mod peers;
 pub mod regimes;
 pub mod scatter;
 pub mod scenes;
+pub mod sizes;
 pub mod stability;
 pub mod stand;
 pub mod study;

@@ -2,7 +2,7 @@
 
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError};
-use super::trade::{BALANCED_WITHIN, Contestant, FAST_WITHIN, Trade};
+use super::trade::{BALANCED_WITHIN, Contestant, FAST_WITHIN, FILED, Trade};
 use crate::config::{Method, OperatingPoint, Rig};
 use crate::restoration::{Chosen, Setting};
 
@@ -10,7 +10,7 @@ use crate::restoration::{Chosen, Setting};
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
 /// The settings tried for what is `wanted`, the rig file's own first: those on or near the front of `relens chart` on every
-/// simulated rig; block matching only for the best.
+/// simulated rig; block matching in many rounds only for the best.
 fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let digital = |steps| Setting { method: Method::Digital, steps, ..filed };
@@ -19,12 +19,15 @@ fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
         steps,
         correction_steps,
         captures_max,
+        ..filed
     };
+    let matched = Setting { method: Method::BlockMatching, ..filed };
     let mut all = vec![filed];
     all.extend([4, 8, 16, 32].map(digital));
     all.extend([hybrid(8, 6, 1), hybrid(16, 10, 1), hybrid(16, 10, 2), hybrid(32, 20, 2)]);
+    all.push(Setting { rounds: 1, captures_max: 0, ..matched });
     if wanted == OperatingPoint::Best {
-        all.push(Setting { method: Method::BlockMatching, ..filed });
+        all.push(matched);
     }
     let mut once = Vec::with_capacity(all.len());
     for setting in all {
@@ -53,9 +56,9 @@ pub fn choose(
     let rig = stand.config().clone();
     let settings = candidates(&rig, wanted);
     let mut trade = Trade::default();
-    for setting in &settings {
+    for (n, setting) in settings.iter().enumerate() {
         let contestant = Contestant {
-            family: setting.method.name(),
+            family: if n == 0 { FILED } else { setting.method.name() },
             setting: setting.to_string(),
             method: setting.method(&rig),
             printed: false,

@@ -1,7 +1,7 @@
 //! The chart of seconds against SSIM.
 
 use super::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Mark, Stroke};
-use super::trade::{BALANCED_WITHIN, Point, Trade};
+use super::trade::{BALANCED_WITHIN, FILED, Point, Trade};
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 640.0;
@@ -20,7 +20,7 @@ const COLOURS: [(&str, Colour); 11] = [
     ("richardson-lucy", Colour(0x00, 0x9e, 0x73)),
     ("total-variation", Colour(0x8c, 0x6d, 0x1f)),
     ("scikit-image", Colour(0x7a, 0x33, 0x99)),
-    ("as filed", Colour(0x00, 0x00, 0x00)),
+    (FILED, Colour(0x00, 0x00, 0x00)),
 ];
 
 /// Where things go.
@@ -141,6 +141,9 @@ fn marker(axes: &Axes, point: &Point, colour: Colour) -> Mark {
     Mark::Disc([x, y], 5.0, colour, words)
 }
 
+/// Width of a letter of 13 units, about.
+const LETTER: f64 = 7.5;
+
 /// The operating point and the paper's own setting.
 fn notes(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
     if let Some(point) = trade.points.iter().find(|p| p.printed) {
@@ -156,7 +159,9 @@ fn notes(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
         let [x, y] = axes.place(point);
         sheet.marks.push(Mark::Ring([x, y], 11.0, Stroke::new(Colour(0, 0, 0), 2.0)));
         let words = format!("operating point: {}, {}", point.family, point.setting);
-        sheet.words(words, [x.min(FIELD[1] - 160.0), y - 18.0], Anchor::Middle, 13.0);
+        // To the left of it nothing is better, and the space is empty.
+        let end = (x + 11.0).max(FIELD[0] + LETTER * words.len() as f64);
+        sheet.words(words, [end, y - 18.0], Anchor::End, 13.0);
     }
 }
 

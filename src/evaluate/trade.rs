@@ -20,6 +20,7 @@ use crate::restore::method::total_variation::TotalVariation;
 use crate::restore::method::unmatched::Unmatched;
 use crate::restore::method::wiener::Wiener;
 use crate::restore::patches::PatchShape;
+use crate::restore::wavelet_shrinkage::Rule;
 
 /// A method with one setting.
 pub struct Contestant {
@@ -185,11 +186,12 @@ impl Trade {
         order
     }
 
-    /// The point to choose: the best one, or the cheapest that is `within` of its SSIM; a peer from outside is no choice, and
-    /// block matching, which takes more than ten times as long as the others, is one for the best alone.
+    /// The point to choose: the best one; or, when it may be `within` of the best, the cheapest such of all that cost no more
+    /// than what the rig file has. A peer from outside is no choice.
     pub fn operating_point(&self, within: f64) -> Option<usize> {
-        let too_slow = |point: &Point| within > 0.0 && point.family == config::Method::BlockMatching.name();
-        let front = self.front_of(&|point| point.family != peers::FAMILY && !too_slow(point));
+        let filed = self.points.iter().find(|point| point.family == FILED).map(Point::seconds);
+        let dearest = filed.filter(|_| within > 0.0).unwrap_or(f64::INFINITY);
+        let front = self.front_of(&|point| point.family != peers::FAMILY && point.seconds() <= dearest);
         let best = self.points[*front.last()?].ssim;
         front.into_iter().find(|&n| self.points[n].ssim >= best - within)
     }
@@ -231,6 +233,8 @@ impl Trade {
     }
 }
 
+/// The family of what the rig file has.
+pub const FILED: &str = "as filed";
 /// SSIM that the `balanced` operating point may lie below the best.
 pub const BALANCED_WITHIN: f64 = 0.002;
 /// SSIM that the `fast` operating point may lie below the best. Guess: a difference seen only side by side.
@@ -272,6 +276,11 @@ fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         add("digital", format!("{steps} steps"), false, Box::new(Digital { steps, ..digital(rig) }));
     }
     add("digital", "not spun".to_owned(), false, Box::new(Digital { cycle_spun: false, ..digital(rig) }));
+    for (words, rule) in
+        [("details one by one", Rule::Soft), ("hyper-Laplacian details", Rule::HyperLaplacian)]
+    {
+        add("digital", words.to_owned(), false, Box::new(Digital { rule, ..digital(rig) }));
+    }
     if rig.photo.curve == Curve::Srgb {
         let apart = Digital { colours: Colours::Apart, ..digital(rig) };
         add("digital", "colours apart".to_owned(), false, Box::new(apart));
@@ -293,7 +302,7 @@ fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         let setting = format!("{rounds} rounds, no capture");
         add("block-matching", setting, false, Box::new(Digital { blocks, ..matched.digital }));
     }
-    for (rounds, captures_max) in [(4, 2), (8, 1), (8, 2), (12, 2)] {
+    for (rounds, captures_max) in [(1, 1), (1, 2), (2, 1), (2, 2), (4, 2), (8, 1), (8, 2), (12, 2)] {
         let digital = Digital { blocks: Some(Blocks { rounds, missed: [0.0; 3] }), ..matched.digital };
         let setting = format!("{rounds} rounds, {captures_max} captures at most");
         add("block-matching", setting, false, Box::new(Hybrid { digital, captures_max, ..matched }));
@@ -313,7 +322,7 @@ fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         add("total-variation", setting, false, Box::new(variation));
     }
     let named = method(rig, rig.restore.method);
-    add("as filed", named.name().to_owned(), false, named);
+    add(FILED, named.name().to_owned(), false, named);
     all
 }
 
@@ -344,7 +353,7 @@ mod tests {
         assert_eq!(trade.operating_point(0.05), Some(1));
         assert_eq!(Trade::default().operating_point(0.1), None);
         let mut slow = Trade { points: trade.points.clone(), ..Trade::default() };
-        slow.points.push(Point { family: "block-matching", ..point(30.0, 0.96) });
+        slow.points.extend([point(30.0, 0.96), Point { family: FILED, ..point(3.0, 0.939) }]);
         assert_eq!((slow.operating_point(0.0), slow.operating_point(0.002)), (Some(4), Some(3)));
         let mut outside = trade;
         outside.points.push(Point { family: peers::FAMILY, ..point(0.5, 0.95) });

@@ -13,6 +13,7 @@ use crate::restore::method::total_variation::TotalVariation;
 use crate::restore::method::unmatched::Unmatched;
 use crate::restore::method::wiener::Wiener;
 use crate::restore::patches::PatchShape;
+use crate::restore::wavelet_shrinkage::Rule;
 
 /// Iterations of `residual`: 25 captures, where the study compares it.
 const RESIDUAL_ITERATIONS: u32 = 5;
@@ -37,7 +38,7 @@ const DEFECT_FLOOR: f32 = 0.25;
 
 /// Rounds of block matching, in the first solve and in each correction. Measured 2026-11-21 on study.toml, two captures, mean
 /// SSIM/PSNR of the photographs for 4, 8 and 12 (6 wavelet steps a correction): 0.952/34.1, 0.953/34.3, 0.953/34.4.
-const BLOCK_ROUNDS: u32 = 8;
+pub(super) const BLOCK_ROUNDS: u32 = 8;
 
 /// Steps of total variation, and its strength against the wavelets': the best of the chart of speed against accuracy.
 const VARIATION_STEPS: u32 = 40;
@@ -95,6 +96,7 @@ pub fn digital(rig: &Rig) -> Digital {
             config::Colours::Together => Colours::Together,
             config::Colours::Apart => Colours::Apart,
         },
+        rule: Rule::Clusters,
         blocks: None,
     }
 }

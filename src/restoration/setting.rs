@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::methods::{CORRECTION_STEPS, digital, hybrid, method};
+use super::methods::{BLOCK_ROUNDS, CORRECTION_STEPS, block_matching, digital, hybrid, method};
 use crate::config::{self, OperatingPoint, Rig};
 use crate::restore::method::Method;
+use crate::restore::method::blocks::Blocks;
 use crate::restore::method::digital::Digital;
 use crate::restore::method::hybrid::Hybrid;
 
@@ -18,8 +19,10 @@ pub struct Setting {
     pub steps: u32,
     /// Steps of each correction; only the hybrid corrects.
     pub correction_steps: u32,
-    /// Captures a photo may cost, at least 1; only the hybrid takes it into account.
+    /// Captures a photo may cost; the hybrid takes one at least, block matching may go without.
     pub captures_max: u32,
+    /// Rounds of block matching, where that is the method.
+    pub rounds: u32,
 }
 
 impl Setting {
@@ -30,6 +33,7 @@ impl Setting {
             steps: rig.restore.steps as u32,
             correction_steps: CORRECTION_STEPS,
             captures_max: 1 + rig.restore.corrections_max as u32,
+            rounds: BLOCK_ROUNDS,
         }
     }
 
@@ -44,6 +48,19 @@ impl Setting {
                 captures_max: self.captures_max,
                 ..hybrid(rig)
             }),
+            config::Method::BlockMatching => {
+                let blocks = Some(Blocks { rounds: self.rounds, missed: [0.0; 3] });
+                let (digital, captures_max) = (Digital { blocks, ..digital }, self.captures_max);
+                match captures_max {
+                    0 => Box::new(digital),
+                    _ => Box::new(Hybrid {
+                        digital,
+                        correction_steps: self.correction_steps,
+                        captures_max,
+                        ..block_matching(rig)
+                    }),
+                }
+            }
             other => method(rig, other),
         }
     }
@@ -51,13 +68,16 @@ impl Setting {
 
 impl std::fmt::Display for Setting {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Setting { method, steps, correction_steps, captures_max } = self;
+        let Setting { method, steps, correction_steps, captures_max, rounds } = self;
+        let captures = match captures_max {
+            0 => "no capture".to_owned(),
+            1 => "1 capture at most".to_owned(),
+            more => format!("{more} captures at most"),
+        };
         match method {
             config::Method::Digital => write!(f, "digital, {steps} steps"),
-            config::Method::Hybrid => {
-                let captures = if *captures_max == 1 { "capture" } else { "captures" };
-                write!(f, "hybrid, {steps}+{correction_steps} steps, {captures_max} {captures} at most")
-            }
+            config::Method::Hybrid => write!(f, "hybrid, {steps}+{correction_steps} steps, {captures}"),
+            config::Method::BlockMatching => write!(f, "block-matching, {rounds} rounds, {captures}"),
             other => write!(f, "{}", other.name()),
         }
     }

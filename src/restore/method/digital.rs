@@ -5,7 +5,7 @@
 //!
 //! * it starts from Wiener's filter, which costs as much as a few steps and saves eight;
 //! * a step of its own for each wavelet level ([`LevelNorms`]): 20 steps where one length for all takes 50;
-//! * details judged in clusters ([`Shrinkage::clustered`]);
+//! * details judged in clusters ([`Rule::Clusters`]);
 //! * the prior sees opponent colours ([`to_opponent`]): in colour +1.1 dB and +0.02 SSIM at the same steps;
 //! * cycle spinning (Coifman & Donoho 1995) in two gears. One shift a step, another at each, is cheap but leaves a trace
 //!   of the last shift; the mean over all shifts leaves none but costs many transforms. So the first steps turn, and
@@ -28,7 +28,7 @@ use crate::restore::forward_convolution::ForwardConvolution;
 use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
 use crate::restore::opponent::{from_opponent, to_opponent};
-use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
+use crate::restore::wavelet_shrinkage::{Rule, Shrinkage, ShrinkageScratch};
 
 /// Noise-to-signal power of the start at one grey level of noise. Measured 2026-11-21, 16 steps, mean SSIM/PSNR on study.toml
 /// for 0.01 and 0.003: 0.941/32.4, 0.940/32.4; the hybrid of simulated.toml 0.934/32.3 and 0.932/32.4, where the rocket's
@@ -60,6 +60,8 @@ pub struct Digital {
     pub levels: usize,
     /// Whether the shrinkage is cycle-spun.
     pub cycle_spun: bool,
+    /// How details are drawn towards zero.
+    pub rule: Rule,
     /// How the channels are solved.
     pub colours: Colours,
     /// How the picture is solved further with block matching, if it is.
@@ -68,7 +70,7 @@ pub struct Digital {
 
 impl Method for Digital {
     fn name(&self) -> &'static str {
-        "digital"
+        if self.blocks.is_some() { "block-matching" } else { "digital" }
     }
 
     fn solve(
@@ -240,7 +242,7 @@ impl<'a> ColourPrior<'a> {
         } else {
             channels.iter().map(|&c| levels_of(noise(c), norms(c))).collect()
         };
-        let shrinkage = super::shrinkage(problem.size(), digital.levels, digital.cycle_spun).clustered();
+        let shrinkage = super::shrinkage(problem.size(), digital.levels, digital.cycle_spun).by(digital.rule);
         ColourPrior {
             shrinkage,
             thresholds,

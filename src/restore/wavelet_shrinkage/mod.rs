@@ -1,5 +1,5 @@
 //! The prior: wavelet details are few and large (paper Eqs. 3 and 6), by soft thresholding, plain or cycle-spun, one by
-//! one or in clusters.
+//! one or in clusters, or by a prior with heavier tails.
 //!
 //! Shrinking is done in whatever frame of the plane the shift says: the plane is thought turned cyclically by
 //! `shift`, transformed, shrunk and turned back. One shift a step, another at each step, is cycle spinning
@@ -7,6 +7,7 @@
 //! "Translation-invariant de-noising", 1995).
 
 mod clusters;
+mod hyper_laplacian;
 mod spinning;
 
 use rayon::prelude::*;
@@ -23,12 +24,23 @@ pub trait Prior: Send + Sync {
     fn apply(&self, plane: &mut Plane, strength: f32, step_index: usize, scratch: &mut ShrinkageScratch);
 }
 
+/// How details are drawn towards zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Rule {
+    /// By the threshold, one by one: the paper's, Eq. 6.
+    Soft,
+    /// By the threshold's share of their neighbourhood: an edge is a cluster of large details, noise is not.
+    Clusters,
+    /// Small ones to nothing, large ones hardly ([`hyper_laplacian`]).
+    HyperLaplacian,
+}
+
 /// Soft thresholding of the details of Symlets 8, one by one (the paper's) or in clusters; the approximation is left alone.
 #[derive(Debug, Clone)]
 pub struct Shrinkage {
     transform: Sym8,
     spinning: Spinning,
-    clustered: bool,
+    rule: Rule,
     spin: Vec<(usize, usize)>,
 }
 
@@ -46,7 +58,7 @@ impl Shrinkage {
         Shrinkage {
             transform: Sym8::new(size, levels).divided(),
             spinning: Spinning::new(size, levels),
-            clustered: false,
+            rule: Rule::Soft,
             spin: vec![(0, 0)],
         }
     }
@@ -70,10 +82,10 @@ impl Shrinkage {
         self
     }
 
-    /// The same with details judged by their neighbourhood: an edge is a cluster of large details, noise is not.
+    /// The same with details drawn by another `rule`.
     #[must_use]
-    pub fn clustered(self) -> Self {
-        Shrinkage { clustered: true, ..self }
+    pub fn by(self, rule: Rule) -> Self {
+        Shrinkage { rule, ..self }
     }
 
     /// Size of the planes it shrinks.
@@ -120,7 +132,7 @@ impl Shrinkage {
         bands.into_par_iter().with_max_len(1).for_each_init(Vec::new, |rows, (level, band)| {
             let threshold = thresholds[level.min(thresholds.len() - 1)].max(0.0);
             let factors = calm.and_then(|calm| calm.factors(level));
-            draw(band, threshold, self.clustered, factors, rows);
+            draw(band, threshold, self.rule, factors, rows);
         });
         self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
         scratch.coefficients = Some(coefficients);
@@ -162,18 +174,18 @@ impl Shrinkage {
         scratch: &mut ShrinkageScratch,
     ) {
         if thresholds.iter().any(|&threshold| threshold > 0.0) {
-            let drawing = Drawing { thresholds, clustered: self.clustered, calm, turn: step_index };
+            let drawing = Drawing { thresholds, rule: self.rule, calm, turn: step_index };
             self.spinning.shrink(plane, drawing, &mut scratch.spinning);
         }
     }
 }
 
-/// Draws the details of `band` towards zero by `threshold`, one by one or in clusters.
-fn draw(band: &mut Plane, threshold: f32, clustered: bool, factors: Option<&Plane>, rows: &mut Vec<f32>) {
-    if clustered {
-        clusters::draw(band, threshold, factors, rows);
-    } else {
-        band.data_mut().iter_mut().for_each(|value| *value -= value.clamp(-threshold, threshold));
+/// Draws the details of `band` towards zero by `threshold`.
+fn draw(band: &mut Plane, threshold: f32, rule: Rule, factors: Option<&Plane>, rows: &mut Vec<f32>) {
+    match rule {
+        Rule::Clusters => clusters::draw(band, threshold, factors, rows),
+        Rule::HyperLaplacian => hyper_laplacian::draw(band, threshold),
+        Rule::Soft => band.data_mut().iter_mut().for_each(|v| *v -= v.clamp(-threshold, threshold)),
     }
 }
 

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::draw;
+use super::{Rule, draw};
 use crate::frame::{Plane, STRETCH, Size};
 use crate::restore::calm::Calm;
 use crate::restore::wavelet::{Coefficients, Scratch, Sym8};
@@ -53,7 +53,7 @@ struct LevelScratch {
 pub(super) struct Drawing<'a> {
     /// Threshold of each level, finest first; the last one holds for all coarser ones.
     pub(super) thresholds: &'a [f32],
-    pub(super) clustered: bool,
+    pub(super) rule: Rule,
     pub(super) calm: Option<&'a Calm>,
     /// Which shift of the levels that are not spun everywhere.
     pub(super) turn: usize,
@@ -116,7 +116,7 @@ impl Spinning {
                 draw(
                     band,
                     threshold,
-                    drawing.clustered,
+                    drawing.rule,
                     drawing.calm.and_then(|c| c.factors(level)),
                     &mut here.rows,
                 );
