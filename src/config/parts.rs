@@ -175,9 +175,9 @@ pub struct Restore {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OperatingPoint {
-    /// The fastest within 0.01 SSIM of the best but block matching.
+    /// The fastest within 0.01 SSIM of the best of those that take no longer than the rig file's own.
     Fast,
-    /// The fastest within 0.002 SSIM of the best but block matching.
+    /// The fastest within 0.002 SSIM of the best of those that take no longer than the rig file's own.
     Balanced,
     /// The best, block matching among them, whatever it costs.
     Best,

@@ -48,14 +48,19 @@ const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 const LIGHTNESS: f32 = 1.0 / 2.2;
 
 impl Evidence {
-    /// The model residual over the photo's noise, and over the untouched photo's; of the channel where the first is
-    /// largest.
-    pub fn unexplained(&self) -> (f32, f32) {
+    /// The model residual over the photo's noise, and over the untouched photo's; of the channel where their product is largest
+    /// among those with more than `noises` of the first and more than `share` of the second. Zeros when there is none.
+    ///
+    /// Either alone tells little: a little more than noise is left of a busy photo by any model that is not perfect, and of a
+    /// calm one noise itself is a good part of all there is. Both together are what no scene explains.
+    pub fn unexplained(&self, noises: f32, share: f32) -> (f32, f32) {
         let each = self
             .channels
             .iter()
             .map(|r| (r.model / r.photo_noise.max(NOISE_MIN), r.model / r.untouched.max(f32::MIN_POSITIVE)));
-        each.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
+        // Not a number is past every limit.
+        let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
+        much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()
     }
 }
 
