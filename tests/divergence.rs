@@ -18,6 +18,7 @@ use relens::restore::level_norms::LevelNorms;
 use relens::restore::method::blocks::Blocks;
 use relens::restore::method::digital::{Colours, Digital};
 use relens::restore::method::hybrid::Hybrid;
+use relens::restore::method::krylov::Krylov;
 use relens::restore::method::paper::{Backward, Paper};
 use relens::restore::method::residual::Residual;
 use relens::restore::method::richardson_lucy::RichardsonLucy;
@@ -114,6 +115,7 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
             digital: Digital { blocks: Some(Blocks { rounds: 8, missed: [0.0; 3] }), ..digital },
             ..hybrid
         }),
+        Box::new(Krylov { digital, steps: 12, threshold: 0.0 }),
         Box::new(Wiener { noise_to_signal: 1e-6 }),
         Box::new(RichardsonLucy { steps: 200 }),
         Box::new(TotalVariation { steps: 40, strength }),

@@ -15,7 +15,7 @@ use relens::evaluate::scenes::Scene;
 use relens::evaluate::stability::view::View;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::picture::{Limits, Photo, Tone};
-use relens::restoration::{Bench, digital};
+use relens::restoration::{Bench, Request, digital};
 use relens::restore::quality::{psnr, ssim};
 use relens::rig::simulated::{self, Witness};
 
@@ -97,9 +97,10 @@ fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
     let score = |calibration: &Calibration, view: View| {
         let (mut devices, witness) = simulated::open(&now).unwrap();
         let bench = Bench::new(&now, calibration).unwrap();
-        let (photo, channels, method) = (photo(&now, &witness, view), Channels::Colour, digital(&now));
-        let restored =
-            bench.restore(&mut devices, &photo.light, channels, &method, &no_clock, &mut |_, _| {}).unwrap();
+        let (photo, method) = (photo(&now, &witness, view), digital(&now));
+        let (channels, stopwatch) = (Channels::Colour, &no_clock);
+        let request = Request { photo: &photo.light, channels, method: &method, stopwatch };
+        let restored = bench.restore(&mut devices, &request, &mut |_, _| {}).unwrap();
         let truth = scene(&now, view);
         let (seen, truth) = (restored.picture.plane(Channel::Green), truth.plane(Channel::Green));
         (ssim(seen, truth), psnr(seen, truth))

@@ -30,7 +30,7 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     assert_eq!(tried, restorations(&rig, OperatingPoint::Best));
     assert!(best.ssim == best.best_ssim && best.ssim > best.photo_ssim + 0.02, "{best}");
     let fast = choose(&mut stand, OperatingPoint::Fast, &mut |_| {}).unwrap().unwrap();
-    // Block matching is only a candidate for the best.
+    // Block matching in many rounds is a candidate for the best alone.
     assert!(fast.ssim >= fast.best_ssim - 0.01 && fast.best_ssim <= best.best_ssim, "{fast}; {best}");
     assert!(fast.seconds <= best.seconds, "{fast}; {best}");
 

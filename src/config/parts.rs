@@ -171,13 +171,13 @@ pub struct Restore {
     pub operating_point: Option<OperatingPoint>,
 }
 
-/// What a setting is chosen by, of those that no other beats in both seconds and SSIM.
+/// What a setting is chosen by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OperatingPoint {
-    /// The fastest within 0.01 SSIM of the best of those that take no longer than the rig file's own.
+    /// The fastest within 0.01 SSIM of the best of those that take no longer than the rig file's own and lose no more than 1 dB to it.
     Fast,
-    /// The fastest within 0.002 SSIM of the best of those that take no longer than the rig file's own.
+    /// The fastest within 0.002 SSIM of the best of those that take no longer than the rig file's own and have no less PSNR.
     Balanced,
     /// The best, block matching among them, whatever it costs.
     Best,

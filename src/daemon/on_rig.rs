@@ -14,7 +14,7 @@ use crate::light_path::LightPath;
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::Photo;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
-use crate::restoration::{self, Bench, Interruption, Judged, Setting, Verdict, second_opinion};
+use crate::restoration::{self, Bench, Interruption, Judged, Request, Setting, Verdict, second_opinion};
 use crate::restore::ladder::Rung;
 use crate::restore::lens_model::LensFunctions;
 use crate::restore::method::{Method, Step};
@@ -195,18 +195,10 @@ impl Restorer for OnRig {
             progress(shown);
         };
         let lens_alone = second_opinion(&self.config);
-        let Judged { restored, verdict } = self
-            .bench
-            .restore_judged(
-                &mut self.devices,
-                &photo.light,
-                channels,
-                &*solver,
-                &lens_alone,
-                &*self.stopwatch,
-                &mut watch,
-            )
-            .map_err(boxed)?;
+        let request =
+            Request { photo: &photo.light, channels, method: &*solver, stopwatch: &*self.stopwatch };
+        let Judged { restored, verdict } =
+            self.bench.restore_judged(&mut self.devices, &request, &lens_alone, &mut watch).map_err(boxed)?;
         let mut notes: Vec<String> = Vec::new();
         if restored.solution.look.refined.is_some() {
             notes.push(

@@ -10,7 +10,7 @@ use super::sizes;
 use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::{self, Condition, table};
 use super::table::Table;
-use super::trade::{self, BALANCED_WITHIN, FAST_WITHIN, Trade};
+use super::trade::{self, Trade, Within};
 use crate::config::{self, Curve};
 use crate::frame::{Channel, Plane};
 use crate::restoration::{method, paper};
@@ -67,7 +67,8 @@ fn trade_chart(rig: &config::Rig, trade: &Trade, remark: &str) -> Chart {
     let chosen = |name: &str, within| {
         let point = trade.operating_point(within).map(|n| &trade.points[n]);
         point.map_or(String::new(), |p| {
-            format!(" {name}: {}, {} ({:.2} s, {:.4}).", p.family, p.setting, p.seconds(), p.ssim)
+            let (seconds, ssim, db) = (p.seconds(), p.ssim, p.psnr_db);
+            format!(" {name}: {}, {} ({seconds:.2} s, {ssim:.4}/{db:.2} dB).", p.family, p.setting)
         })
     };
     let caption = format!(
@@ -76,9 +77,9 @@ fn trade_chart(rig: &config::Rig, trade: &Trade, remark: &str) -> Chart {
         rig.photo.size(),
         trade.photo_ssim,
         trade.photo_psnr_db,
-        chosen("Fast", FAST_WITHIN),
-        chosen("Balanced", BALANCED_WITHIN),
-        chosen("Best", 0.0),
+        chosen("Fast", Within::FAST),
+        chosen("Balanced", Within::BALANCED),
+        chosen("Best", Within::NOTHING),
         remark
     );
     let title = format!("Speed against accuracy on rig {}", rig.name);

@@ -2,7 +2,7 @@
 
 use super::scenes::Scene;
 use super::stand::{Score, Stand, StandError};
-use super::trade::{BALANCED_WITHIN, Contestant, FAST_WITHIN, FILED, Trade};
+use super::trade::{Contestant, FILED, Trade, Within};
 use crate::config::{Method, OperatingPoint, Rig};
 use crate::restoration::{Chosen, Setting};
 
@@ -22,20 +22,27 @@ fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
         ..filed
     };
     let matched = Setting { method: Method::BlockMatching, ..filed };
+    let once = |steps, correction_steps, captures_max| Setting {
+        steps,
+        correction_steps,
+        captures_max,
+        rounds: 1,
+        ..matched
+    };
     let mut all = vec![filed];
     all.extend([4, 8, 16, 32].map(digital));
     all.extend([hybrid(8, 6, 1), hybrid(16, 10, 1), hybrid(16, 10, 2), hybrid(32, 20, 2)]);
-    all.push(Setting { rounds: 1, captures_max: 0, ..matched });
+    all.extend([once(16, 10, 0), once(8, 4, 1), once(16, 10, 1)]);
     if wanted == OperatingPoint::Best {
         all.push(matched);
     }
-    let mut once = Vec::with_capacity(all.len());
+    let mut unlike = Vec::with_capacity(all.len());
     for setting in all {
-        if !once.contains(&setting) {
-            once.push(setting);
+        if !unlike.contains(&setting) {
+            unlike.push(setting);
         }
     }
-    once
+    unlike
 }
 
 /// How many restorations [`choose`] makes.
@@ -66,11 +73,11 @@ pub fn choose(
         trade.run(stand, &SCENES, &contestant, each)?;
     }
     let within = match wanted {
-        OperatingPoint::Fast => FAST_WITHIN,
-        OperatingPoint::Balanced => BALANCED_WITHIN,
-        OperatingPoint::Best => 0.0,
+        OperatingPoint::Fast => Within::FAST,
+        OperatingPoint::Balanced => Within::BALANCED,
+        OperatingPoint::Best => Within::NOTHING,
     };
-    let (best, chosen) = (trade.operating_point(0.0), trade.operating_point(within));
+    let (best, chosen) = (trade.operating_point(Within::NOTHING), trade.operating_point(within));
     Ok(best.zip(chosen).map(|(best, n)| Chosen {
         operating_point: wanted,
         setting: settings[n],

@@ -1,7 +1,7 @@
 //! The chart of seconds against SSIM.
 
 use super::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Mark, Stroke};
-use super::trade::{BALANCED_WITHIN, FILED, Point, Trade};
+use super::trade::{FILED, Point, Trade, Within};
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 640.0;
@@ -9,10 +9,11 @@ const HEIGHT: f64 = 640.0;
 const FIELD: [f64; 4] = [80.0, 790.0, 56.0, 570.0];
 const PAPER: Colour = Colour(0xd5, 0x5e, 0x00);
 /// One colour for each family, told apart by the colour-blind too (Okabe & Ito 2008).
-const COLOURS: [(&str, Colour); 11] = [
+const COLOURS: [(&str, Colour); 12] = [
     ("paper", PAPER),
     ("residual", Colour(0xe6, 0x9f, 0x00)),
     ("unmatched", Colour(0xcc, 0x79, 0xa7)),
+    ("krylov", Colour(0x55, 0x55, 0x99)),
     ("digital", Colour(0x56, 0xb4, 0xe9)),
     ("hybrid", Colour(0x00, 0x72, 0xb2)),
     ("block-matching", Colour(0xf0, 0xe4, 0x42)),
@@ -154,14 +155,16 @@ fn notes(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
         let words = format!("the paper, 11 iterations{below}");
         sheet.words(words, [x.min(FIELD[1] - 100.0), y - 20.0], Anchor::Middle, 12.0);
     }
-    if let Some(n) = trade.operating_point(BALANCED_WITHIN) {
+    if let Some(n) = trade.operating_point(Within::BALANCED) {
         let point = &trade.points[n];
         let [x, y] = axes.place(point);
         sheet.marks.push(Mark::Ring([x, y], 11.0, Stroke::new(Colour(0, 0, 0), 2.0)));
         let words = format!("operating point: {}, {}", point.family, point.setting);
-        // To the left of it nothing is better, and the space is empty.
-        let end = (x + 11.0).max(FIELD[0] + LETTER * words.len() as f64);
-        sheet.words(words, [end, y - 18.0], Anchor::End, 13.0);
+        // Above the field, where no point is.
+        let half = 0.5 * LETTER * words.len() as f64;
+        let middle = x.clamp(FIELD[0] + half, (FIELD[1] - half).max(FIELD[0] + half));
+        sheet.words(words, [middle, FIELD[2] - 8.0], Anchor::Middle, 13.0);
+        sheet.line([[x, FIELD[2] - 4.0], [x, y - 11.0]], Stroke::new(INK, 1.0));
     }
 }
 
@@ -177,4 +180,19 @@ fn legend(sheet: &mut Drawing, trade: &Trade) {
     sheet.line([[806.0, y - 4.0], [818.0, y - 4.0]], Stroke::new(INK, 1.5));
     sheet.words("nothing beats these", [824.0, y], Anchor::Start, 13.0);
     sheet.words("triangles: below the chart", [806.0, y + 24.0], Anchor::Start, 11.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_method_that_is_tried_has_a_colour_of_its_own() {
+        let rig = crate::config::load(std::path::Path::new("study.toml")).expect("it comes with the program");
+        for contestant in crate::evaluate::trade::contestants(&rig, false) {
+            assert!(COLOURS.iter().any(|(family, _)| *family == contestant.family), "{}", contestant.family);
+        }
+        let unlike = |n: usize| COLOURS[..n].iter().all(|(_, colour)| *colour != COLOURS[n].1);
+        assert!((0..COLOURS.len()).all(unlike));
+    }
 }

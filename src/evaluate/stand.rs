@@ -12,7 +12,7 @@ use crate::frame::{Channel, Channels, Frame, Plane, Work};
 use crate::light_path::LightPath;
 use crate::picture::Tone;
 use crate::remedy::{Remediable, Remedy};
-use crate::restoration::{Bench, BenchError, Restored};
+use crate::restoration::{Bench, BenchError, Request, Restored};
 use crate::restore::lens_model::{LensModel, LensModelError};
 use crate::restore::method::{Method, MethodError, Watch};
 use crate::restore::quality::{psnr, ssim};
@@ -250,7 +250,8 @@ impl Stand {
         watch: &mut Watch<'_>,
     ) -> Result<(Restored, f64), StandError> {
         let begun = (self.stopwatch)();
-        let restored = self.bench.restore(&mut self.rig, photo, channels, method, &self.stopwatch, watch)?;
+        let request = Request { photo, channels, method, stopwatch: &self.stopwatch };
+        let restored = self.bench.restore(&mut self.rig, &request, watch)?;
         let computing = (self.stopwatch)() - begun - restored.waited_seconds;
         Ok((restored, computing))
     }

@@ -6,13 +6,12 @@ use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::table::Table;
 use crate::config::{self, Curve};
 use crate::frame::Channel;
-use crate::restoration::{block_matching, digital, hybrid, method, paper};
+use crate::restoration::{Setting, counted, digital, hybrid, method, paper};
 use crate::restore::method::Method;
 use crate::restore::method::Strength;
 use crate::restore::method::averaging::Averaged;
-use crate::restore::method::blocks::Blocks;
 use crate::restore::method::digital::{Colours, Digital};
-use crate::restore::method::hybrid::Hybrid;
+use crate::restore::method::krylov::Krylov;
 use crate::restore::method::paper::{Backward, Paper};
 use crate::restore::method::residual::Residual;
 use crate::restore::method::richardson_lucy::RichardsonLucy;
@@ -104,7 +103,7 @@ pub fn measure(
             let mut fewer = rig.clone();
             (fewer.calibration.function_columns, fewer.calibration.function_rows) = (columns, rows);
             let mut stand = Stand::open(fewer, stopwatch)?;
-            let setting = format!("{} functions", columns * rows);
+            let setting = counted(columns * rows, "function");
             for (family, method) in [
                 ("digital", Box::new(digital(rig)) as Box<dyn Method + Send + Sync>),
                 ("hybrid", Box::new(hybrid(rig))),
@@ -186,14 +185,20 @@ impl Trade {
         order
     }
 
-    /// The point to choose: the best one; or, when it may be `within` of the best, the cheapest such of all that cost no more
-    /// than what the rig file has. A peer from outside is no choice.
-    pub fn operating_point(&self, within: f64) -> Option<usize> {
-        let filed = self.points.iter().find(|point| point.family == FILED).map(Point::seconds);
-        let dearest = filed.filter(|_| within > 0.0).unwrap_or(f64::INFINITY);
-        let front = self.front_of(&|point| point.family != peers::FAMILY && point.seconds() <= dearest);
+    /// The point to choose: the one of best SSIM; or, when it may be `within` of the best, the cheapest such of all that neither
+    /// cost more nor have less PSNR than what the rig file has. A peer from outside is no choice.
+    pub fn operating_point(&self, within: Within) -> Option<usize> {
+        let filed = self.points.iter().find(|point| point.family == FILED);
+        let filed = filed.filter(|_| within != Within::NOTHING);
+        let is_no_worse = |point: &Point| {
+            filed.is_none_or(|filed| {
+                point.seconds() <= AS_DEAR * filed.seconds()
+                    && point.psnr_db >= filed.psnr_db - within.psnr_db
+            })
+        };
+        let front = self.front_of(&|point| point.family != peers::FAMILY && is_no_worse(point));
         let best = self.points[*front.last()?].ssim;
-        front.into_iter().find(|&n| self.points[n].ssim >= best - within)
+        front.into_iter().find(|&n| self.points[n].ssim >= best - within.ssim)
     }
 
     /// The points as a table.
@@ -235,12 +240,30 @@ impl Trade {
 
 /// The family of what the rig file has.
 pub const FILED: &str = "as filed";
-/// SSIM that the `balanced` operating point may lie below the best.
-pub const BALANCED_WITHIN: f64 = 0.002;
-/// SSIM that the `fast` operating point may lie below the best. Guess: a difference seen only side by side.
-pub const FAST_WITHIN: f64 = 0.01;
+/// What takes so many times as long as another may be as fast: a machine's own speed changes by a tenth within an hour.
+const AS_DEAR: f64 = 1.1;
 
-fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
+/// How much worse an operating point may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Within {
+    /// SSIM below the best.
+    pub ssim: f64,
+    /// PSNR below what the rig file's own setting has, dB.
+    pub psnr_db: f64,
+}
+
+impl Within {
+    /// It must be the best, whatever it costs.
+    pub const NOTHING: Within = Within { ssim: 0.0, psnr_db: 0.0 };
+    /// For `balanced`. Less SSIM means nothing, says the study; by SSIM alone captures would be dropped that bring in half a
+    /// decibel (block matching on study.toml, 2026-11-22).
+    pub const BALANCED: Within = Within { ssim: 0.002, psnr_db: 0.0 };
+    /// For `fast`. Guess: a difference seen only side by side.
+    pub const FAST: Within = Within { ssim: 0.01, psnr_db: 1.0 };
+}
+
+/// All that are tried on `rig`; fewer when it must be `quick`.
+pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     let mut all = Vec::new();
     let mut add = |family, setting: String, printed, method: Box<dyn Method + Send + Sync>| {
         all.push(Contestant { family, setting, method, printed });
@@ -248,7 +271,7 @@ fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     let printed = paper(rig);
     let iterations: &[u32] = if quick { &[3, 11] } else { &[1, 2, 3, 5, 8, 11, 16] };
     for &n in iterations {
-        let setting = format!("{n} iterations");
+        let setting = counted(n as usize, "iteration");
         add("paper", setting, n == printed.iterations, Box::new(Paper { iterations: n, ..printed }));
     }
     if !quick {
@@ -266,20 +289,29 @@ fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     let patches = PatchShape { patch_px: rig.paper.patch_px, margin_px: rig.paper.margin_px };
     for &iterations in if quick { &[5u32][..] } else { &[1, 2, 3, 5, 8] } {
         let residual = Residual { iterations, strength: residual_strength, patches, levels, cycle_spun };
-        add("residual", format!("{iterations} iterations"), false, Box::new(residual));
+        add("residual", counted(iterations as usize, "iteration"), false, Box::new(residual));
     }
     for &iterations in if quick { &[11u32][..] } else { &[3, 6, 11, 20] } {
         let unmatched = Unmatched { iterations, strength, levels, cycle_spun };
         add("unmatched", format!("{iterations} captures"), false, Box::new(unmatched));
     }
+    for &steps in if quick { &[4u32][..] } else { &[1, 2, 4, 8] } {
+        let krylov = Krylov { digital: digital(rig), steps, threshold: 2.0 };
+        add("krylov", counted(steps as usize, "direction"), false, Box::new(krylov));
+    }
     for steps in [2, 4, 8, 16, 32, 64] {
         add("digital", format!("{steps} steps"), false, Box::new(Digital { steps, ..digital(rig) }));
     }
     add("digital", "not spun".to_owned(), false, Box::new(Digital { cycle_spun: false, ..digital(rig) }));
-    for (words, rule) in
-        [("details one by one", Rule::Soft), ("hyper-Laplacian details", Rule::HyperLaplacian)]
-    {
-        add("digital", words.to_owned(), false, Box::new(Digital { rule, ..digital(rig) }));
+    // The clusters' threshold is not the best for rules that judge details one by one.
+    for times in if quick { &[1.0f32, 4.0][..] } else { &[1.0, 2.0, 4.0, 8.0, 16.0] } {
+        for (words, rule) in
+            [("details one by one", Rule::Soft), ("hyper-Laplacian details", Rule::HyperLaplacian)]
+        {
+            let strength = Strength { at_one_grey_level: times * strength.at_one_grey_level };
+            let solver = Digital { rule, strength, ..digital(rig) };
+            add("digital", format!("{words}, {times} times the threshold"), false, Box::new(solver));
+        }
     }
     if rig.photo.curve == Curve::Srgb {
         let apart = Digital { colours: Colours::Apart, ..digital(rig) };
@@ -288,24 +320,21 @@ fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     for (captures_max, steps, correction_steps) in
         [(1, 4, 4), (2, 8, 6), (1, 16, 10), (2, 16, 10), (4, 16, 10), (2, 32, 20), (4, 64, 30)]
     {
-        let solver = Digital { steps, ..digital(rig) };
-        let hybrid = Hybrid { digital: solver, captures_max, correction_steps, ..hybrid(rig) };
-        let setting = format!("{steps}+{correction_steps} steps, {captures_max} captures at most");
-        add("hybrid", setting, false, Box::new(hybrid));
+        let filed = Setting::as_filed(rig, config::Method::Hybrid);
+        let set = Setting { captures_max, steps, correction_steps, ..filed };
+        add("hybrid", set.numbers(), false, set.method(rig));
     }
     let averaged = Averaged { method: Box::new(hybrid(rig)), times: 4 };
     add("hybrid", "each capture 4 times".to_owned(), false, Box::new(averaged));
-    let matched = block_matching(rig);
+    let matched = Setting::as_filed(rig, config::Method::BlockMatching);
     let rounds = if quick { vec![1, 8] } else { vec![1, 2, 4, 8, 12, 16] };
-    for rounds in rounds {
-        let blocks = Some(Blocks { rounds, missed: [0.0; 3] });
-        let setting = format!("{rounds} rounds, no capture");
-        add("block-matching", setting, false, Box::new(Digital { blocks, ..matched.digital }));
-    }
+    let mut with_blocks = |set: Setting| add(set.method.name(), set.numbers(), false, set.method(rig));
+    rounds.iter().for_each(|&rounds| with_blocks(Setting { rounds, captures_max: 0, ..matched }));
     for (rounds, captures_max) in [(1, 1), (1, 2), (2, 1), (2, 2), (4, 2), (8, 1), (8, 2), (12, 2)] {
-        let digital = Digital { blocks: Some(Blocks { rounds, missed: [0.0; 3] }), ..matched.digital };
-        let setting = format!("{rounds} rounds, {captures_max} captures at most");
-        add("block-matching", setting, false, Box::new(Hybrid { digital, captures_max, ..matched }));
+        with_blocks(Setting { rounds, captures_max, ..matched });
+    }
+    for (steps, correction_steps) in [(4, 2), (8, 4)] {
+        with_blocks(Setting { steps, correction_steps, rounds: 1, captures_max: 1, ..matched });
     }
     for noise_to_signal in [0.003, 0.01, 0.03] {
         let setting = format!("noise to signal {noise_to_signal}");
@@ -348,15 +377,21 @@ mod tests {
         let points = vec![point(3.0, 0.940), point(1.0, 0.900), point(2.0, 0.890), point(2.5, 0.9385)];
         let trade = Trade { points, ..Trade::default() };
         assert_eq!(trade.front(), vec![1, 3, 0]);
-        assert_eq!(trade.operating_point(0.0), Some(0));
-        assert_eq!(trade.operating_point(0.002), Some(3));
-        assert_eq!(trade.operating_point(0.05), Some(1));
-        assert_eq!(Trade::default().operating_point(0.1), None);
+        let within = |ssim| Within { ssim, psnr_db: 0.5 };
+        assert_eq!(trade.operating_point(Within::NOTHING), Some(0));
+        assert_eq!(trade.operating_point(within(0.002)), Some(3));
+        assert_eq!(trade.operating_point(within(0.05)), Some(1));
+        assert_eq!(Trade::default().operating_point(within(0.1)), None);
         let mut slow = Trade { points: trade.points.clone(), ..Trade::default() };
         slow.points.extend([point(30.0, 0.96), Point { family: FILED, ..point(3.0, 0.939) }]);
-        assert_eq!((slow.operating_point(0.0), slow.operating_point(0.002)), (Some(4), Some(3)));
+        let chosen = [Within::NOTHING, within(0.002)].map(|within| slow.operating_point(within));
+        assert_eq!(chosen, [Some(4), Some(3)]);
+        // What is as good by SSIM and worse by a decibel than what the rig file has is no choice, unless it may be.
+        slow.points[3].psnr_db = -1.0;
+        assert_eq!(slow.operating_point(within(0.002)), Some(0));
+        assert_eq!(slow.operating_point(Within { ssim: 0.002, psnr_db: 1.0 }), Some(3));
         let mut outside = trade;
         outside.points.push(Point { family: peers::FAMILY, ..point(0.5, 0.95) });
-        assert_eq!((outside.front(), outside.operating_point(0.0)), (vec![4], Some(0)));
+        assert_eq!((outside.front(), outside.operating_point(Within::NOTHING)), (vec![4], Some(0)));
     }
 }

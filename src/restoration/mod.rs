@@ -20,6 +20,7 @@ mod verdict;
 pub use dot_test::BackwardCheck;
 pub use evidence::{Evidence, Residuals, distance};
 pub use methods::{block_matching, digital, hybrid, method, paper, second_opinion};
+pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
 pub use verdict::{Judged, Verdict};
 
@@ -65,6 +66,19 @@ pub struct Bench {
 
 /// Asked before each capture: whether the photo is to be given up.
 pub type Interruption = Box<dyn Fn() -> bool + Send + Sync>;
+
+/// A photo to be restored, and by what.
+#[derive(Clone, Copy)]
+pub struct Request<'a> {
+    /// The photo, photo-sized, linear light 0..255.
+    pub photo: &'a Frame<Work>,
+    /// The channels it has.
+    pub channels: Channels,
+    /// The method.
+    pub method: &'a dyn Method,
+    /// Seconds on a clock of the caller's.
+    pub stopwatch: &'a (dyn Fn() -> f64 + Sync),
+}
 
 /// A photo restored.
 #[derive(Debug, Clone)]
@@ -175,37 +189,31 @@ impl Bench {
         }
     }
 
-    /// Restores `photo` (photo-sized, linear light) with `method` on `rig`.
+    /// Restores what is asked for on `rig`; `watch` is called after every step.
     ///
     /// # Errors
     /// When a capture fails.
     pub fn restore(
         &self,
         rig: &mut Rig,
-        photo: &Frame<Work>,
-        channels: Channels,
-        method: &dyn Method,
-        stopwatch: &(dyn Fn() -> f64 + Sync),
+        request: &Request<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Restored, MethodError> {
-        self.restore_through(&self.model, rig, photo, channels, method, stopwatch, watch)
+        self.restore_through(&self.model, rig, request, watch)
     }
 
     /// [`Bench::restore`] with another `lens` than the measured one, of the same sizes.
     ///
     /// # Errors
     /// When a capture fails.
-    #[expect(clippy::too_many_arguments, reason = "those of restore, and the lens")]
     pub fn restore_through(
         &self,
         lens: &Arc<LensModel>,
         rig: &mut Rig,
-        photo: &Frame<Work>,
-        channels: Channels,
-        method: &dyn Method,
-        stopwatch: &(dyn Fn() -> f64 + Sync),
+        request: &Request<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Restored, MethodError> {
+        let &Request { photo, channels, method, stopwatch } = request;
         let interrupted = self.interrupted.as_deref();
         let mut path = LightPath::new(rig, &self.correction, stopwatch).interruptible(interrupted);
         let (captures, seconds) = (path.captures(), path.seconds());

@@ -21,7 +21,7 @@ pub struct Setting {
     pub correction_steps: u32,
     /// Captures a photo may cost; the hybrid takes one at least, block matching may go without.
     pub captures_max: u32,
-    /// Rounds of block matching, where that is the method.
+    /// Rounds of block matching in each solve with it, where that is the method.
     pub rounds: u32,
 }
 
@@ -66,20 +66,38 @@ impl Setting {
     }
 }
 
+impl Setting {
+    /// The numbers, in words; nothing for a method without any.
+    pub fn numbers(&self) -> String {
+        let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
+        let (captures, rounds) = (captures_at_most(captures_max), counted(rounds as usize, "round"));
+        match method {
+            config::Method::Digital => counted(steps as usize, "step"),
+            config::Method::Hybrid => format!("{steps}+{correction_steps} steps, {captures}"),
+            config::Method::BlockMatching if captures_max == 0 => {
+                format!("{}, {rounds}, {captures}", counted(steps as usize, "step"))
+            }
+            config::Method::BlockMatching => {
+                format!("{steps}+{correction_steps} steps, {rounds}, {captures}")
+            }
+            _ => String::new(),
+        }
+    }
+}
+
+/// `count` things of which one is a `thing`.
+pub(crate) fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
+fn captures_at_most(most: u32) -> String {
+    if most == 0 { "no capture".to_owned() } else { format!("{} at most", counted(most as usize, "capture")) }
+}
+
 impl std::fmt::Display for Setting {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Setting { method, steps, correction_steps, captures_max, rounds } = self;
-        let captures = match captures_max {
-            0 => "no capture".to_owned(),
-            1 => "1 capture at most".to_owned(),
-            more => format!("{more} captures at most"),
-        };
-        match method {
-            config::Method::Digital => write!(f, "digital, {steps} steps"),
-            config::Method::Hybrid => write!(f, "hybrid, {steps}+{correction_steps} steps, {captures}"),
-            config::Method::BlockMatching => write!(f, "block-matching, {rounds} rounds, {captures}"),
-            other => write!(f, "{}", other.name()),
-        }
+        let (name, numbers) = (self.method.name(), self.numbers());
+        if numbers.is_empty() { f.write_str(name) } else { write!(f, "{name}, {numbers}") }
     }
 }
 

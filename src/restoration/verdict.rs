@@ -5,11 +5,8 @@
 //! chart, seed 1, and astronaut and rocket without a fault. `relens chart --stability` measures the rates of false
 //! alarms and of harm caught, on quarters of astronaut and rocket with other seeds.
 
-use std::sync::Arc;
-
 use super::evidence::{Evidence, distance};
-use super::{Bench, Restored};
-use crate::frame::{Channels, Frame, Work};
+use super::{Bench, Request, Restored};
 use crate::restore::method::{Method, MethodError, Watch};
 use crate::rig::exposure::Rig;
 
@@ -114,35 +111,22 @@ fn harmful(apart: f64, allowed: f64, rougher: f32) -> Option<String> {
 }
 
 impl Bench {
-    /// Whether what the method called `method` made of `photo` calls for a second opinion. One that begins with the lens
-    /// model is believed while light and model say nothing against it.
-    pub fn is_suspect(
-        &self,
-        photo: &Frame<Work>,
-        channels: Channels,
-        method: &str,
-        restored: &Restored,
-    ) -> bool {
-        let evidence = self.evidence(photo, channels, restored);
+    /// Whether what became of a request calls for a second opinion. What began with the lens model is believed while light and
+    /// model say nothing against it.
+    pub fn is_suspect(&self, request: &Request<'_>, restored: &Restored) -> bool {
+        let evidence = self.evidence(request.photo, request.channels, restored);
         let (noises, share) = evidence.unexplained(FOREIGN_NOISES, FOREIGN_SHARE);
-        let believed = begins_with_the_lens(method)
+        let believed = begins_with_the_lens(request.method.name())
             && noises * share <= SUSPECT_UNEXPLAINED
             && restored.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
             && evidence.rougher <= SUSPECT_ROUGHER;
         !believed
     }
 
-    /// Judges `restored`, made of `photo` by the method called `method`, by the `second` opinion.
-    pub fn judge(
-        &self,
-        photo: &Frame<Work>,
-        channels: Channels,
-        method: &str,
-        restored: &Restored,
-        second: &Restored,
-    ) -> Verdict {
-        let of_second = self.evidence(photo, channels, second);
-        if let Some(reason) = foreign(&of_second) {
+    /// Judges what became of a request by the `second` opinion.
+    pub fn judge(&self, request: &Request<'_>, restored: &Restored, second: &Restored) -> Verdict {
+        let &Request { photo, channels, method, .. } = request;
+        if let Some(reason) = foreign(&self.evidence(photo, channels, second)) {
             return Verdict::Untouched(reason);
         }
         let rougher = self.evidence(photo, channels, restored).rougher;
@@ -152,7 +136,7 @@ impl Bench {
         let ratio = restored.solution.certificate.ratio();
         let as_measured = restored.solution.look.refined.is_none();
         let allowed = match ratio {
-            _ if !begins_with_the_lens(method) => APART_OF_OTHERS,
+            _ if !begins_with_the_lens(method.name()) => APART_OF_OTHERS,
             Some(ratio) if ratio <= CERTIFIED_RATIO && as_measured => APART_CERTIFIED,
             Some(ratio) if ratio > SUSPECT_RATIO || ratio.is_nan() => APART_DOUBTED,
             _ => APART,
@@ -164,35 +148,30 @@ impl Bench {
     ///
     /// # Errors
     /// When a capture fails.
-    #[expect(clippy::too_many_arguments, reason = "those of restore, and the second opinion")]
     pub fn restore_judged(
         &self,
         rig: &mut Rig,
-        photo: &Frame<Work>,
-        channels: Channels,
-        method: &dyn Method,
+        request: &Request<'_>,
         lens_alone: &dyn Method,
-        stopwatch: &(dyn Fn() -> f64 + Sync),
         watch: &mut Watch<'_>,
     ) -> Result<Judged, MethodError> {
-        let mut restored = self.restore(rig, photo, channels, method, stopwatch, watch)?;
-        if !self.is_suspect(photo, channels, method.name(), &restored) {
+        let restored = self.restore(rig, request, watch)?;
+        if !self.is_suspect(request, &restored) {
             return Ok(Judged { restored, verdict: Verdict::Sound });
         }
-        let lens = Arc::clone(&restored.lens);
-        let mut second = self.restore_through(&lens, rig, photo, channels, lens_alone, stopwatch, watch)?;
-        let verdict = self.judge(photo, channels, method.name(), &restored, &second);
-        match verdict {
-            Verdict::Sound => {}
-            Verdict::Repaired(_) => {
-                let (captures, seconds) = (restored.captures, restored.capture_seconds);
-                let waited = restored.waited_seconds;
-                (second.captures, second.capture_seconds, second.waited_seconds) =
-                    (captures, seconds, waited);
-                restored = second;
-            }
-            Verdict::Untouched(_) => {}
-        }
+        let again = Request { method: lens_alone, ..*request };
+        let second = self.restore_through(&restored.lens, rig, &again, watch)?;
+        let verdict = self.judge(request, &restored, &second);
+        let restored = match verdict {
+            // What the first result cost was spent all the same.
+            Verdict::Repaired(_) => Restored {
+                captures: restored.captures,
+                capture_seconds: restored.capture_seconds,
+                waited_seconds: restored.waited_seconds,
+                ..second
+            },
+            Verdict::Sound | Verdict::Untouched(_) => restored,
+        };
         Ok(Judged { restored, verdict })
     }
 }

@@ -23,7 +23,7 @@ use crate::calibrate::calibrate;
 use crate::config::{self, Method};
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
 use crate::picture::Tone;
-use crate::restoration::{Bench, Restored, Verdict, method, second_opinion};
+use crate::restoration::{Bench, Request, Restored, Verdict, method, second_opinion};
 use crate::restore::ladder::Rung;
 use crate::restore::quality::ssim;
 use crate::rig::exposure::Rig;
@@ -166,8 +166,9 @@ impl Ladder<'_> {
             let bench = if one { &self.one_function } else { &self.bench };
             let solver = method(self.config, which);
             let stopwatch = self.stopwatch;
-            let restored =
-                bench.restore(&mut self.rig, &photo, scene.channels, &*solver, &stopwatch, &mut |_, _| {})?;
+            let request =
+                Request { photo: &photo, channels: scene.channels, method: &*solver, stopwatch: &stopwatch };
+            let restored = bench.restore(&mut self.rig, &request, &mut |_, _| {})?;
             *found = score(&self.tone, &restored.picture);
         }
         let begun = (self.stopwatch)();
@@ -199,15 +200,8 @@ impl Ladder<'_> {
         }
         let (solver, second) = (method(self.config, self.config.restore.method), second_opinion(self.config));
         let stopwatch = self.stopwatch;
-        let judged = self.bench.restore_judged(
-            &mut self.rig,
-            photo,
-            channels,
-            &*solver,
-            &second,
-            &stopwatch,
-            &mut |_, _| {},
-        )?;
+        let request = Request { photo, channels, method: &*solver, stopwatch: &stopwatch };
+        let judged = self.bench.restore_judged(&mut self.rig, &request, &second, &mut |_, _| {})?;
         let rung = Rung::of(&judged.restored.solution.certificate);
         Ok(match judged.verdict {
             Verdict::Sound => (usize::from(rung.number()), Some(judged.restored), rung.reason().to_owned()),

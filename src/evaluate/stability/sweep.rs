@@ -12,15 +12,11 @@ use crate::config::{self, Curve, Kind};
 use crate::evaluate::stand::{StandError, Stopwatch, display_luminance};
 use crate::frame::{Channel, Channels, Frame, Plane, Work};
 use crate::picture::Tone;
-use crate::restoration::{Bench, BenchError, Restored, Verdict, second_opinion};
-use crate::restore::lens_model::LensModel;
-use crate::restore::level_norms::LevelNorms;
+use crate::restoration::{Bench, BenchError, Request, Restored, Verdict, second_opinion};
+use crate::restore::lens_model::{LensFunctions, LensModel};
 use crate::restore::quality::ssim;
 use crate::rig::exposure::Rig;
 use crate::rig::simulated::{Witness, open};
-
-/// Rounds of the power method for each level, as in a calibration.
-const LEVEL_ROUNDS: usize = 8;
 
 /// One method under one fault on one view.
 #[derive(Debug, Clone)]
@@ -153,9 +149,10 @@ fn with_fewer_functions(
     calibration: &Calibration,
     (columns, rows): (usize, usize),
 ) -> Result<Calibration, StandError> {
-    let (all, mut fewer) = (&calibration.functions, calibration.clone());
+    let all = &calibration.functions;
+    let mut fewer = LensFunctions { columns, rows, ..all.clone() };
     let area = all.support_px * all.support_px;
-    for (taps, all_taps) in fewer.functions.taps.iter_mut().zip(&all.taps) {
+    for (taps, all_taps) in fewer.taps.iter_mut().zip(&all.taps) {
         *taps = vec![0.0; columns * rows * area];
         let mut counts = vec![0.0f32; columns * rows];
         for (n, function) in all_taps.chunks_exact(area).enumerate() {
@@ -167,13 +164,7 @@ fn with_fewer_functions(
             sum.iter_mut().for_each(|tap| *tap /= count);
         }
     }
-    (fewer.functions.columns, fewer.functions.rows) = (columns, rows);
-    let model = fewer.lens_model().map_err(BenchError::from)?;
-    for c in Channel::ALL {
-        let levels = calibration.level_norms[c.index()].levels();
-        fewer.level_norms[c.index()] = LevelNorms::measure(&model, c, levels, LEVEL_ROUNDS, 1);
-    }
-    Ok(fewer)
+    Ok(calibration.with_lens(fewer).map_err(BenchError::from)?)
 }
 
 /// A rig with a fault, and the camera that takes the photos.
@@ -247,9 +238,9 @@ impl Ground {
         photo: &Frame<Work>,
     ) -> Result<Restored, StandError> {
         let (channels, method) = (self.channels(), second_opinion(&self.config));
-        let (bench, rig) = (&self.bench, &mut self.devices);
-        let lens = lens.unwrap_or(bench.model());
-        Ok(bench.restore_through(lens, rig, photo, channels, &method, &|| 0.0, &mut |_, _| {})?)
+        let request = Request { photo, channels, method: &method, stopwatch: &|| 0.0 };
+        let lens = lens.unwrap_or(self.bench.model());
+        Ok(self.bench.restore_through(lens, &mut self.devices, &request, &mut |_, _| {})?)
     }
 
     /// What the contestant makes of `photo`, how it is judged, and by which second opinion: `second`, or one with the lens as
@@ -265,18 +256,17 @@ impl Ground {
             // Each job finds the panel cold.
             self.put_fault_on();
         }
-        let channels = self.channels();
         let method = contestant.method(&self.config, self.fault, self.strength);
-        let rig = &mut self.devices;
-        let restored = self.bench.restore(rig, photo, channels, &*method, &stopwatch, &mut |_, _| {})?;
-        if !self.bench.is_suspect(photo, channels, contestant.name(), &restored) {
+        let request = Request { photo, channels: self.channels(), method: &*method, stopwatch: &stopwatch };
+        let restored = self.bench.restore(&mut self.devices, &request, &mut |_, _| {})?;
+        if !self.bench.is_suspect(&request, &restored) {
             return Ok((restored, Verdict::Sound, Cow::Borrowed(second)));
         }
         let second = match restored.solution.look.refined {
             None => Cow::Borrowed(second),
             Some(_) => Cow::Owned(self.second_opinion(Some(&restored.lens), photo)?),
         };
-        let verdict = self.bench.judge(photo, channels, contestant.name(), &restored, &second);
+        let verdict = self.bench.judge(&request, &restored, &second);
         Ok((restored, verdict, second))
     }
 

@@ -111,8 +111,8 @@ impl Digital {
         Calm::of(&problem.channels.list().iter().map(of).collect::<Vec<_>>(), self.levels)
     }
 
-    /// All channels of `problem` with `data` in place of B and no detail looked for where it is calm, from `start`, by steps as `norms` allow; the record is
-    /// the green channel's.
+    /// All channels of `problem` with `data` in place of B and no detail looked for where it is calm, from `start`, by steps as
+    /// `norms` allow; the record is the green channel's.
     pub(super) fn solve_for(
         &self,
         problem: &Problem<'_>,

@@ -6,8 +6,9 @@
 //! | [`residual`] | 5·n | optics only: signed residual on a pedestal, momentum with restart |
 //! | [`unmatched`] | n | lens model backward, optics forward |
 //! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; the default |
-//! | block-matching | as hybrid | [`hybrid`] with block matching for the prior ([`blocks`]); slower and better |
+//! | block-matching | 1 + corrections | [`hybrid`] whose corrections have block matching for the prior ([`blocks`]); slower and better |
 //! | [`digital`] | 0 | lens model only |
+//! | [`krylov`] | 2 + n | conjugate directions by light; on the chart only |
 //! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
 //!
 //! Where the paper leaves a choice, and what is done here (each held by a test in `tests/method.rs`):
@@ -22,6 +23,7 @@ pub mod averaging;
 pub mod blocks;
 pub mod digital;
 pub mod hybrid;
+pub mod krylov;
 pub mod paper;
 pub mod residual;
 pub mod richardson_lucy;

@@ -88,24 +88,20 @@ impl Measured<'_> {
             at.data_mut().iter_mut().zip(photo).for_each(|(t, &p)| *t &= u8::from(p != MISSING));
             at
         });
-        if let Some(learnt) = self.learnt {
+        let learnt = self.learnt.map(|learnt| {
             let left = seen.unexplained(&learnt.model, shown, self.channels);
-            let (before, after) = (self.powers(unexplained, &looked_at), self.powers(&left, &looked_at));
-            let learnt_holds = fit::holds(&before, &after);
-            if learnt_holds == Some(true) {
-                let from = Measured {
-                    model: &learnt.model,
-                    level_norms: &learnt.level_norms,
-                    learnt: None,
-                    ..*self
-                };
-                let refined = from.fitted(self.model, shown, &left, &looked_at);
-                return Look { refined: Some(refined.unwrap_or_else(|| learnt.clone())), learnt_holds };
+            let holds = fit::holds(&self.powers(unexplained, &looked_at), &self.powers(&left, &looked_at));
+            (learnt, left, holds)
+        });
+        let refined = match &learnt {
+            Some((learnt, left, Some(true))) => {
+                let from = Measured { model: &learnt.model, level_norms: &learnt.level_norms, ..*self };
+                let further = from.fitted(self.model, shown, left, &looked_at);
+                Some(further.unwrap_or_else(|| (*learnt).clone()))
             }
-            return Look { refined: self.fitted(self.model, shown, unexplained, &looked_at), learnt_holds };
-        }
-        let refined = self.fitted(self.model, shown, unexplained, &looked_at);
-        Look { refined, learnt_holds: None }
+            _ => self.fitted(self.model, shown, unexplained, &looked_at),
+        };
+        Look { refined, learnt_holds: learnt.and_then(|(_, _, holds)| holds) }
     }
 
     /// Mean power of what is `unexplained`, channel by channel, in units of the captures' noise.
