@@ -8,12 +8,11 @@
 
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hasher};
-use std::sync::Arc;
 
 use super::{Bench, Restored};
 use crate::frame::{Channel, Frame, Work};
 use crate::restore::lens_model::LensFunctions;
-use crate::restore::refinement::{Look, Refined};
+use crate::restore::refinement::{Learnt, Look};
 
 /// Other photos whose captures a lens must explain. Guess: each of them is a test with some hundred thousand pixels, and photos
 /// are unlike each other.
@@ -22,19 +21,19 @@ const PROOFS: usize = 3;
 /// What was learnt so far.
 #[derive(Debug, Default)]
 pub(super) struct Learning {
-    lens: Option<Refined>,
+    lens: Option<Learnt>,
     /// Photos whose captures it explains, the one that taught it among them.
     photos: BTreeSet<u64>,
 }
 
 impl Learning {
     /// The lens that is held against the next capture.
-    pub(super) fn lens(&self) -> Option<&Refined> {
+    pub(super) fn lens(&self) -> Option<&Learnt> {
         self.lens.as_ref()
     }
 
     /// Takes down what a capture of `photo` said; the lens, once it has proved itself.
-    fn note(&mut self, photo: u64, look: &Look) -> Option<&Refined> {
+    fn note(&mut self, photo: u64, look: &Look) -> Option<&Learnt> {
         if look.learnt_holds == Some(false) {
             log::debug!("what was learnt of the lens does not hold");
             *self = Learning::default();
@@ -44,8 +43,7 @@ impl Learning {
                 self.photos.insert(photo);
             }
             Some(refined) if self.lens.is_none() => {
-                let model = Arc::clone(&refined.registered);
-                self.lens = Some(Refined { model, ..refined.clone() });
+                self.lens = Some(refined.clone());
                 self.photos.insert(photo);
             }
             _ => {}
@@ -62,24 +60,21 @@ impl Bench {
         let mut hasher = DefaultHasher::new();
         photo.plane(Channel::Green).data().iter().for_each(|v| hasher.write_u32(v.to_bits()));
         let proved = self.learning.note(hasher.finish(), &restored.solution.look)?;
-        Some(proved.model.functions().clone())
+        Some(proved.functions.clone())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Size;
-    use crate::restore::lens_model::LensModel;
     use crate::restore::level_norms::LevelNorms;
 
     fn look(learnt_holds: Option<bool>, refines: bool) -> Look {
         let taps = vec![1.0];
         let functions =
             LensFunctions { rows: 1, columns: 1, support_px: 1, taps: [taps.clone(), taps.clone(), taps] };
-        let model = Arc::new(LensModel::new(Size::new(8, 8), 0, &functions).expect("one tap"));
         let level_norms = Channel::ALL.map(|_| LevelNorms::uniform(2, 1.0));
-        let refined = refines.then(|| Refined { registered: Arc::clone(&model), model, level_norms });
+        let refined = refines.then_some(Learnt { functions, level_norms });
         Look { refined, learnt_holds }
     }
 

@@ -237,6 +237,8 @@ impl Bench {
             stopwatch,
         };
         let solution = method.solve(&problem, &mut path, watch)?;
+        let refined = solution.look.refined.as_ref();
+        let refined = refined.and_then(|of| lens.with_functions(rect.size, rect.x, &of.functions).ok());
         let picture = self.finished(&solution.picture, channels).crop(rect);
         Ok(Restored {
             picture,
@@ -244,7 +246,7 @@ impl Bench {
             capture_seconds: path.seconds() - seconds,
             waited_seconds: path.waited_seconds(),
             photo_noise,
-            lens: Arc::clone(solution.look.refined.as_ref().map_or(lens, |refined| &refined.registered)),
+            lens: refined.map_or_else(|| Arc::clone(lens), Arc::new),
             solution,
         })
     }

@@ -32,7 +32,7 @@ use crate::restore::data_term::{self, MISSING, TRUSTED};
 use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
-use crate::restore::refinement::{Look, Measured, Refined};
+use crate::restore::refinement::{Look, Measured};
 use crate::restore::wavelet::{Details, Scratch, Sym8};
 use crate::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 
@@ -82,7 +82,7 @@ impl Method for Hybrid {
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
-        let mut look = Look::default();
+        let (mut look, mut refined) = (Look::default(), None);
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
             certificate.look(problem, &seen.light);
@@ -100,18 +100,18 @@ impl Method for Hybrid {
                 break;
             }
             let channels = problem.channels.list();
-            let before = look.refined.as_ref().map_or(model, |refined| &refined.model);
-            let mut unexplained = seen.unexplained(before, &picture, channels);
+            let mut unexplained = seen.unexplained(refined.as_ref().unwrap_or(model), &picture, channels);
             // The first picture is not yet the method's where block matching is still to come.
             let mut unsolved = capture == 1 && self.digital.blocks.is_some();
             if self.refine && capture == 1 {
-                look = measured(problem, model).look(&picture, &seen, &unexplained);
-                if let Some(refined) = &look.refined {
-                    unexplained = seen.unexplained(&refined.model, &picture, channels);
+                (look, refined) = measured(problem, model).look(&picture, &seen, &unexplained);
+                if let Some(refined) = &refined {
+                    unexplained = seen.unexplained(refined, &picture, channels);
                     unsolved = true;
                 }
             }
-            let (model, norms) = look.refined.as_ref().map_or((model, problem.level_norms), Refined::parts);
+            let model = refined.as_ref().unwrap_or(model);
+            let norms = look.refined.as_ref().map_or(problem.level_norms, |lens| &lens.level_norms);
             let known = (unexplained, &seen.trusted, &defect);
             let mut known = new_defect(problem, known, self.defect_threshold);
             let size = known.plane(Channel::Green).rms() as f32 / problem.noise_floor(Channel::Green);

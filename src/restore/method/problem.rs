@@ -9,7 +9,7 @@ use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::restore::data_term::{MISSING, rms_over_data};
 use crate::restore::lens_model::LensModel;
 use crate::restore::level_norms::LevelNorms;
-use crate::restore::refinement::{Look, Refined};
+use crate::restore::refinement::{Learnt, Look};
 
 /// One photo to be solved.
 pub struct Problem<'a> {
@@ -28,7 +28,7 @@ pub struct Problem<'a> {
     /// How much of each wavelet level arrives, per channel; sets the steps of solves with the model.
     pub level_norms: &'a [LevelNorms; 3],
     /// The lens as captures of other photos say it is.
-    pub learnt: Option<&'a Refined>,
+    pub learnt: Option<&'a Learnt>,
     /// Standard deviation of the photo's noise per channel, grey levels.
     pub photo_noise: [f32; 3],
     /// Standard deviation of one capture's noise per channel, grey levels.

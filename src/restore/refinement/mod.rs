@@ -15,8 +15,6 @@ pub mod registration;
 mod squares;
 mod steps;
 
-use std::sync::Arc;
-
 use rayon::prelude::*;
 
 use super::data_term::{MISSING, TRUSTED};
@@ -28,23 +26,21 @@ use bands::Bands;
 use fit::{Change, Grid};
 use squares::Squares;
 
-/// A lens as captures say it is.
+/// A lens as captures say it is, where it was measured to be: a panel that was knocked moves every capture, and no photo. See
+/// [`registration`]. No model, which takes a hundred times the memory.
 #[derive(Debug, Clone)]
-pub struct Refined {
-    /// The lens, and how captures lie on the photo's grid now.
-    pub model: Arc<LensModel>,
-    /// The same lens where it was measured to be: a panel that was knocked moves every capture, and no photo. See
-    /// [`registration`].
-    pub registered: Arc<LensModel>,
-    /// The level norms of both.
+pub struct Learnt {
+    /// Its functions.
+    pub functions: LensFunctions,
+    /// Its level norms.
     pub level_norms: [LevelNorms; 3],
 }
 
 /// What a look at a capture says of the lens.
 #[derive(Debug, Clone, Default)]
 pub struct Look {
-    /// The lens by which this photo is solved from now on, where the measured one fails.
-    pub refined: Option<Refined>,
+    /// The lens that this photo was taken through, where the measured one fails.
+    pub refined: Option<Learnt>,
     /// Whether what captures of other photos say of the lens holds for this one, too. `None` when nothing was learnt, or when
     /// this capture cannot tell.
     pub learnt_holds: Option<bool>,
@@ -64,7 +60,7 @@ pub struct Measured<'a> {
     /// Its level norms.
     pub level_norms: &'a [LevelNorms; 3],
     /// The lens as captures of other photos say it is.
-    pub learnt: Option<&'a Refined>,
+    pub learnt: Option<&'a Learnt>,
     /// Standard deviation of a capture's noise per channel, grey levels.
     pub capture_noise: [f32; 3],
 }
@@ -72,36 +68,43 @@ pub struct Measured<'a> {
 /// Noise of a capture at least, grey levels: rounding.
 const NOISE_MIN: f32 = 0.289;
 
-impl Refined {
-    /// The model and its norms.
-    pub fn parts(&self) -> (&LensModel, &[LevelNorms; 3]) {
-        (&self.model, &self.level_norms)
-    }
-}
-
 impl Measured<'_> {
-    /// What a capture, `seen` when `shown` was shown, says of the lens; `unexplained` is what the measured one leaves of it.
-    pub fn look(&self, shown: &Frame<Work>, seen: &Seen, unexplained: &Frame<Work>) -> Look {
+    /// What a capture, `seen` when `shown` was shown, says of the lens, and the model by which this photo's captures are explained
+    /// from now on, where that is another; `unexplained` is what the measured one leaves of it.
+    pub fn look(
+        &self,
+        shown: &Frame<Work>,
+        seen: &Seen,
+        unexplained: &Frame<Work>,
+    ) -> (Look, Option<LensModel>) {
         let looked_at: Frame<Work, u8> = Frame::from_fn(|c| {
             let photo = self.trust.plane(c).data();
             let mut at = seen.trusted.plane(c).map(|t| u8::from(t == TRUSTED));
             at.data_mut().iter_mut().zip(photo).for_each(|(t, &p)| *t &= u8::from(p != MISSING));
             at
         });
-        let learnt = self.learnt.map(|learnt| {
-            let left = seen.unexplained(&learnt.model, shown, self.channels);
+        let learnt = self.learnt.and_then(|learnt| {
+            let model = self.model_of(&learnt.functions)?;
+            let left = seen.unexplained(&model, shown, self.channels);
             let holds = fit::holds(&self.powers(unexplained, &looked_at), &self.powers(&left, &looked_at));
-            (learnt, left, holds)
+            Some((learnt, model, left, holds))
         });
-        let refined = match &learnt {
-            Some((learnt, left, Some(true))) => {
-                let from = Measured { model: &learnt.model, level_norms: &learnt.level_norms, ..*self };
-                let further = from.fitted(self.model, shown, left, &looked_at);
-                Some(further.unwrap_or_else(|| (*learnt).clone()))
+        let learnt_holds = learnt.as_ref().and_then(|of| of.3);
+        let refined = match learnt {
+            Some((learnt, model, left, Some(true))) => {
+                let from = Measured { model: &model, level_norms: &learnt.level_norms, ..*self };
+                let further = from.fitted(self.model, shown, &left, &looked_at);
+                Some(further.unwrap_or_else(|| (learnt.clone(), model)))
             }
             _ => self.fitted(self.model, shown, unexplained, &looked_at),
         };
-        Look { refined, learnt_holds: learnt.and_then(|(_, _, holds)| holds) }
+        let (refined, model) = refined.unzip();
+        (Look { refined, learnt_holds }, model)
+    }
+
+    /// The model of `functions` on the same canvas.
+    fn model_of(&self, functions: &LensFunctions) -> Option<LensModel> {
+        self.model.with_functions(self.photo.size, self.photo.x, functions).ok()
     }
 
     /// Mean power of what is `unexplained`, channel by channel, in units of the captures' noise.
@@ -122,7 +125,7 @@ impl Measured<'_> {
         shown: &Frame<Work>,
         unexplained: &Frame<Work>,
         looked_at: &Frame<Work, u8>,
-    ) -> Option<Refined> {
+    ) -> Option<(Learnt, LensModel)> {
         let functions = self.model.functions();
         let bands = Bands::within(functions.support_px);
         let find = |&c: &Channel| {
@@ -146,14 +149,13 @@ impl Measured<'_> {
         }
         let moved = registration::moved(registered.functions(), &changed, self.channels);
         let back = registration::shifted(&changed, (-moved.0, -moved.1));
-        let made = |functions| self.model.with_functions(self.photo.size, self.photo.x, functions).ok();
         let level_norms = Channel::ALL.map(|c| {
             let norms = &self.level_norms[c.index()];
             let is_changed = changes.iter().any(|(of, change)| *of == c && change.is_some());
             if is_changed { steps::safe(norms, c, functions, &changed) } else { norms.clone() }
         });
         log::debug!("captures lie {:.2}, {:.2} px aside", moved.0, moved.1);
-        Some(Refined { model: Arc::new(made(&changed)?), registered: Arc::new(made(&back)?), level_norms })
+        Some((Learnt { functions: back, level_norms }, self.model_of(&changed)?))
     }
 }
 
