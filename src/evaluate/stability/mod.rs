@@ -66,7 +66,7 @@ pub fn chart(
         let plan = Plan { contestants: &[Contestant::Named(config::Method::Hybrid)], seed, ..more.clone() };
         runs.extend(sweep(rig, &plan, stopwatch, each)?);
     }
-    let title = format!("Where methods harm, and who notices: {about}");
+    let title = format!("Where methods harm, and who notices, on rig {}", rig.name);
     let harm = format!(
         "The strength at which a method begins to do harm: SSIM more than {} below the untouched photo; {about}. In brackets: \
          how many of the harmful results there the box noticed. A dash: the fault cannot touch the method.",
