@@ -16,10 +16,9 @@ impl Banded {
 
     /// Numbers `from..to` of row `row`, up to the diagonal and none before the band.
     pub(super) fn row_mut(&mut self, row: usize, from: usize, to: usize) -> &mut [f64] {
-        let before = row + 1 - self.width.min(row + 1);
-        let shift = self.width.min(row + 1);
-        let first = row * self.width + self.width - shift;
-        &mut self.rows[first + from - before..first + to - before]
+        // Where the number on the diagonal is.
+        let last = (row + 1) * self.width - 1;
+        &mut self.rows[last + from - row..last + to - row]
     }
 
     /// Adds `value` to the diagonal.

@@ -6,6 +6,8 @@
 
 use std::f64::consts::PI;
 
+use rayon::prelude::*;
+
 use crate::frame::Channel;
 use crate::restore::lens_model::LensFunctions;
 use crate::restore::level_norms::LevelNorms;
@@ -35,7 +37,6 @@ pub(super) fn safe(
 
 /// The largest power that any function lets through of each level of details, and of the approximation.
 fn passed(functions: &LensFunctions, channel: Channel, levels: usize) -> Vec<f64> {
-    use rayon::prelude::*;
     let k = functions.support_px;
     let waves: Vec<(f64, f64)> = (0..=FREQUENCIES)
         .flat_map(|f| {
