@@ -73,8 +73,8 @@ DIR/calibration. A calibration that is no good is not kept; the old one stays.
 
 With operating-point = \"fast\", \"balanced\" or \"best\" in [restore] of the rig file it then shows known scenes, restores
 them with several settings, and keeps the chosen one in DIR/calibration/operating-point.toml: the best; or, of
-those that take no longer than the rig file's own, give or take a tenth, and have no less PSNR (fast: 1 dB less), the
-fastest within 0.002 SSIM (fast: 0.01) of their best. Photos are restored with that from then on.";
+those that take no longer than the rig file's own and have no less PSNR (fast: 1 dB less), the fastest within 0.002 SSIM
+(fast: 0.01) of their best. Photos are restored with that from then on.";
 
 const RESTORE: &str = "\
 relens restore --rig RIG.toml PHOTO -o RESULT [--method NAME] [--report REPORT.json] [--folder DIR]

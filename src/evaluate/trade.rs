@@ -192,8 +192,7 @@ impl Trade {
         let filed = filed.filter(|_| within != Within::NOTHING);
         let is_no_worse = |point: &Point| {
             filed.is_none_or(|filed| {
-                point.seconds() <= AS_DEAR * filed.seconds()
-                    && point.psnr_db >= filed.psnr_db - within.psnr_db
+                point.seconds() <= filed.seconds() && point.psnr_db >= filed.psnr_db - within.psnr_db
             })
         };
         let front = self.front_of(&|point| point.family != peers::FAMILY && is_no_worse(point));
@@ -240,8 +239,6 @@ impl Trade {
 
 /// The family of what the rig file has.
 pub const FILED: &str = "as filed";
-/// What takes so many times as long as another may be as fast: a machine's own speed changes by a tenth within an hour.
-const AS_DEAR: f64 = 1.1;
 
 /// How much worse an operating point may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -296,7 +293,7 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         add("unmatched", format!("{iterations} captures"), false, Box::new(unmatched));
     }
     for &steps in if quick { &[4u32][..] } else { &[1, 2, 4, 8] } {
-        let krylov = Krylov { digital: digital(rig), steps, threshold: 2.0 };
+        let krylov = Krylov { digital: digital(rig), steps, threshold: hybrid(rig).defect_threshold };
         add("krylov", counted(steps as usize, "direction"), false, Box::new(krylov));
     }
     for steps in [2, 4, 8, 16, 32, 64] {

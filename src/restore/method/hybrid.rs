@@ -13,8 +13,9 @@
 //!
 //! With block matching for the prior the first capture is of what wavelets alone make of the photo: the defect there hardly
 //! differs, and block matching, most of the cost, runs once and not twice. Measured 2026-11-22 on study.toml, mean SSIM/PSNR with
-//! block matching before the first capture, too, and as it is: one round 0.948/33.6, 0.947/33.5 at 0.6 of the cost; eight rounds
-//! 0.953/34.3, 0.953/34.2 at 0.55. The chart, all edges, loses most: on simulated.toml 0.914/23.9, 0.916/22.3.
+//! block matching before the first capture, too, and as it is: one round, one capture 0.948/33.6 in 0.63 s, 0.947/33.5 in 0.46 s;
+//! eight rounds, two captures 0.953/34.3 in 2.9 s, 0.953/34.2 in 1.6 s. The chart, all edges, loses most: on simulated.toml
+//! 0.914/23.9, 0.916/22.3.
 //!
 //! With a poor model the corrected candidate can overshoot. The next capture tells, and light is linear: the
 //! photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another capture, and the
