@@ -1,8 +1,8 @@
 //! relens makes cheap lenses take good photographs.
 //!
-//! A photo taken through a bad lens is restored by *that lens*: the box shows candidate pictures on a
-//! panel, photographs them through the same lens, and adjusts the candidate until its photograph is the
-//! photo. The light path, drawn once:
+//! A photo taken through a bad lens is restored by *that lens*: the box shows candidate pictures on
+//! a panel, photographs them through the same lens, and adjusts the candidate until its photograph
+//! is the photo. The light path, drawn once:
 //!
 //! ```text
 //! photo file ─ decode ─ linear light ─► B (Work)
@@ -21,29 +21,29 @@
 //! | layer | modules | what |
 //! |---|---|---|
 //! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
-//! | 1 | [`restore`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
+//! | 1 | [`deconvolution`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
 //! | 1 | [`disk`] | whatever is kept, behind a trait that tests stand in for |
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
-//! | 3 | [`light_path`], [`calibrate`], [`check`], [`kiosk`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing; button, lamps, screens |
-//! | 4 | [`restoration`], [`nights`] | one photo restored on a calibrated rig; hours, clock trust, drift |
+//! | 3 | [`light_path`], [`measurement`], [`diagnosis`], [`kiosk`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing; button, lamps, screens |
+//! | 4 | [`pipeline`], [`nights`] | one photo restored on a calibrated rig; hours, clock trust, drift |
 //! | 5 | [`daemon`], [`evaluate`] | drop folder, jobs, reports; tables and charts made by the program |
 //!
-//! Start reading at [`restore`], then [`light_path`].
+//! Start reading at [`deconvolution`], then [`light_path`].
 
-pub mod calibrate;
 pub mod calibration;
-pub mod check;
 pub mod config;
 pub mod daemon;
+pub mod deconvolution;
+pub mod diagnosis;
 pub mod disk;
 pub mod evaluate;
 pub mod frame;
 pub mod kiosk;
 pub mod light_path;
+pub mod measurement;
 pub mod nights;
 pub mod patterns;
 pub mod picture;
+pub mod pipeline;
 pub mod remedy;
-pub mod restoration;
-pub mod restore;
 pub mod rig;

@@ -1,12 +1,13 @@
-//! Forward convolution through a rig: the candidate goes out to the panel, its photograph comes back.
+//! Forward convolution through a rig: the candidate goes out to the panel, its photograph comes
+//! back.
 //!
-//! L is resampled once, to the finer panel; captures are cropped and corrected pixel by pixel, never
-//! resampled.
+//! L is resampled once, to the finer panel; captures are cropped and corrected pixel by pixel,
+//! never resampled.
 
 use crate::calibration::correction::Correction;
+use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::frame::{Frame, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
-use crate::restore::forward_convolution::{ForwardConvolution, Seen};
 use crate::rig::exposure::Rig;
 
 /// A calibrated rig as an operator on Work frames.
@@ -31,19 +32,29 @@ impl Remediable for Interrupted {
 }
 
 impl<'a> LightPath<'a> {
-    /// The light path of `rig` under `correction`, which must have been made for it. `stopwatch` tells how
-    /// long captures keep the caller waiting.
+    /// The light path of `rig` under `correction`, which must have been made for it. `stopwatch`
+    /// tells how long captures keep the caller waiting.
     pub fn new(
         rig: &'a mut Rig,
         correction: &'a Correction,
         stopwatch: &'a (dyn Fn() -> f64 + Sync),
     ) -> Self {
-        LightPath { rig, correction, stopwatch, waited_seconds: 0.0, pedestal: None, interrupted: None }
+        LightPath {
+            rig,
+            correction,
+            stopwatch,
+            waited_seconds: 0.0,
+            pedestal: None,
+            interrupted: None,
+        }
     }
 
     /// The same path, which makes no capture once `interrupted` says so.
     #[must_use]
-    pub fn interruptible(mut self, interrupted: Option<&'a (dyn Fn() -> bool + Send + Sync)>) -> Self {
+    pub fn interruptible(
+        mut self,
+        interrupted: Option<&'a (dyn Fn() -> bool + Send + Sync)>,
+    ) -> Self {
         self.interrupted = interrupted;
         self
     }

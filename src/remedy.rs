@@ -5,7 +5,9 @@
 use std::error::Error;
 
 /// What the one who meets a failure should do next, from the mildest to the gravest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Remedy {
     /// The frame was not the one asked for; the same picture shown again will most likely do.
@@ -28,11 +30,12 @@ pub trait Remediable: Error {
     fn remedy(&self) -> Remedy;
 }
 
-/// Any error with its remedy, for seams where the kinds of failure are open (the optics behind a method).
+/// Any error with its remedy, for seams where the kinds of failure are open (the optics behind a
+/// method).
 pub type AnyFailure = Box<dyn Remediable + Send + Sync + 'static>;
 
-/// The message of `error` and of each of its causes, joined with `: `, without repeating a cause that is
-/// already spelled out by its parent.
+/// The message of `error` and of each of its causes, joined with `: `, without repeating a cause
+/// that is already spelled out by its parent.
 pub fn full_message(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

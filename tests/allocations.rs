@@ -1,5 +1,6 @@
-//! A capture takes nothing from the heap: picture marked, shown, triggered, received and proven in memory that was
-//! there before. The devices here are memory, too; what the kernel's own cost is tested in `real_rig`.
+//! A capture takes nothing from the heap: picture marked, shown, triggered, received and proven in
+//! memory that was there before. The devices here are memory, too; what the kernel's own cost is
+//! tested in `real_rig`.
 
 mod counted;
 
@@ -94,8 +95,13 @@ impl Clock for Shared {
 fn a_capture_allocates_nothing() {
     let bench = Bench { shown: Codes::zeros(PANEL), now_s: 0.0, frames: 0, spare: None };
     let devices = Shared(Arc::new(Mutex::new(bench)));
-    let timing =
-        Timing { settle_ms: 40.0, latency_ms: 0.0, exposure_ms: 16.0, deadline_ms: 500.0, exposures_max: 3 };
+    let timing = Timing {
+        settle_ms: 40.0,
+        latency_ms: 0.0,
+        exposure_ms: 16.0,
+        deadline_ms: 500.0,
+        exposures_max: 3,
+    };
     let boxed = || Box::new(devices.clone());
     let mut rig = Rig::new(boxed(), boxed(), boxed(), boxed(), timing);
     rig.find_marks(MarkPlace { sensor: SENSOR, from_edge_px: 2, height_px: 6, guard_px: 2 })

@@ -4,15 +4,15 @@
 
 use std::path::Path;
 
-use relens::calibrate::{CalibrateError, calibrate, captures, layout};
 use relens::calibration::{Calibration, Correction};
 use relens::config;
+use relens::deconvolution::quality::psnr;
 use relens::evaluate::scenes::Scene;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
+use relens::measurement::{CalibrateError, calibrate, captures, layout};
 use relens::patterns;
+use relens::pipeline::{Bench, Request, method};
 use relens::remedy::full_message;
-use relens::restoration::{Bench, Request, method};
-use relens::restore::quality::psnr;
 use relens::rig::exposure::Rig;
 use relens::rig::simulated::{self, Light, Witness};
 
@@ -25,14 +25,24 @@ fn calibrated(config: &config::Rig) -> (Rig, Witness, Calibration) {
     let begin = std::time::Instant::now();
     let found = calibrate(&mut rig, config, None, &mut |_| {});
     let calibration = found.unwrap_or_else(|e| panic!("{}", full_message(&e)));
-    println!("{}: {} captures, {:.1} s", config.name, calibration.captures, begin.elapsed().as_secs_f64());
+    println!(
+        "{}: {} captures, {:.1} s",
+        config.name,
+        calibration.captures,
+        begin.elapsed().as_secs_f64()
+    );
     assert_eq!(calibration.captures, captures(config), "the captures announced are those made");
     (rig, witness, calibration)
 }
 
-/// RMS distance on the sensor, pixels, between where a Work place shall be seen and where the light shown
-/// for it has its centroid; over the photo.
-fn geometry_error_px(config: &config::Rig, witness: &Witness, calibration: &Calibration, c: Channel) -> f64 {
+/// RMS distance on the sensor, pixels, between where a Work place shall be seen and where the light
+/// shown for it has its centroid; over the photo.
+fn geometry_error_px(
+    config: &config::Rig,
+    witness: &Witness,
+    calibration: &Calibration,
+    c: Channel,
+) -> f64 {
     let photo = config.photo.size();
     let (mut squared, mut count) = (0.0, 0.0);
     for j in 0..25 {
@@ -41,8 +51,10 @@ fn geometry_error_px(config: &config::Rig, witness: &Witness, calibration: &Cali
             let y = (photo.height - 1) as f64 * f64::from(j) / 24.0;
             let (u, v) = calibration.geometry[c.index()].work_to_panel.at(x, y);
             let [sx, sy] = witness.panel_to_sensor(c, [u, v]);
-            let (dx, dy) =
-                (sx - x - config.camera.photo_x_px as f64, sy - y - config.camera.photo_y_px as f64);
+            let (dx, dy) = (
+                sx - x - config.camera.photo_x_px as f64,
+                sy - y - config.camera.photo_y_px as f64,
+            );
             squared += dx * dx + dy * dy;
             count += 1.0;
         }
@@ -51,7 +63,12 @@ fn geometry_error_px(config: &config::Rig, witness: &Witness, calibration: &Cali
 }
 
 /// RMS error of the dark corner over the photo, both scaled to mean 1.
-fn dark_corner_error(config: &config::Rig, witness: &Witness, calibration: &Calibration, c: Channel) -> f64 {
+fn dark_corner_error(
+    config: &config::Rig,
+    witness: &Witness,
+    calibration: &Calibration,
+    c: Channel,
+) -> f64 {
     let truth = witness.dark_corner(c).crop(config.photo_on_sensor());
     let mean = truth.mean();
     let surface = &calibration.dark_corner[c.index()];
@@ -65,13 +82,14 @@ fn dark_corner_error(config: &config::Rig, witness: &Witness, calibration: &Cali
     (squared / truth.size().area() as f64).sqrt()
 }
 
-/// `scene` (photo-sized) on the canvas: its border goes on over the margin, and the last two pixels are
-/// black, so that the panel is black outside the canvas as the witness's operator has it.
+/// `scene` (photo-sized) on the canvas: its border goes on over the margin, and the last two pixels
+/// are black, so that the panel is black outside the canvas as the witness's operator has it.
 fn on_canvas(config: &config::Rig, scene: [Plane; 3]) -> Frame<Work> {
     let (canvas, margin) = (config.canvas_size(), config.canvas.margin_px);
     Frame::from_planes(scene.map(|scene| {
         Plane::from_fn(canvas, |x, y| {
-            let rim = margin > 0 && (x < 2 || y < 2 || x + 2 >= canvas.width || y + 2 >= canvas.height);
+            let rim =
+                margin > 0 && (x < 2 || y < 2 || x + 2 >= canvas.width || y + 2 >= canvas.height);
             let at = |p: usize, side: usize| p.saturating_sub(margin).min(side - 1);
             if rim { 0.0 } else { scene.at(at(x, scene.width()), at(y, scene.height())) }
         })
@@ -130,9 +148,11 @@ fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
         let curve = (0..256)
             .map(|n| (calibration.curves[i].table()[n] - scale * (response[n] - response[0])).abs())
             .fold(0.0, f32::max);
-        let gain = f64::from(calibration.counts_per_level[i]) / witness.counts_per_level() / mixing[i][i];
+        let gain =
+            f64::from(calibration.counts_per_level[i]) / witness.counts_per_level() / mixing[i][i];
         println!(
-            "{:5}: geometry {geometry:.3} px, dark corner {:.3} %, C {c_error:.4}, curve {curve:.3}, gain {gain:.4}, \
+            "{:5}: geometry {geometry:.3} px, dark corner {:.3} %, C {c_error:.4}, curve \
+             {curve:.3}, gain {gain:.4}, \
              ‖K‖² {:.4} seen {:.4}, noise {:.2} (truth {:.2}), own operator error {:.2}",
             c.name(),
             100.0 * dark,
@@ -149,11 +169,14 @@ fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
     }
 }
 
-/// The broad light found against the simulator's glare. Blue is out of focus, and what of its blur lies beyond its functions is
-/// found too.
+/// The broad light found against the simulator's glare. Blue is out of focus, and what of its blur
+/// lies beyond its functions is found too.
 fn score_broad_light(config: &config::Rig, calibration: &Calibration) {
     let glare = config.simulation().expect("simulated").lens.glare();
-    println!("glare of {} over {} px: found {:.4?}", glare.share, glare.radius_px, calibration.broad);
+    println!(
+        "glare of {} over {} px: found {:.4?}",
+        glare.share, glare.radius_px, calibration.broad
+    );
     let [red, green, blue] = calibration.scattered();
     for share in [red, green] {
         assert!((share - glare.share).abs() <= 0.25 * glare.share, "{share} of {}", glare.share);
@@ -161,7 +184,8 @@ fn score_broad_light(config: &config::Rig, calibration: &Calibration) {
     assert!(blue >= 0.75 * glare.share, "{blue} of {}", glare.share);
 }
 
-/// The operator error on chart and photographs, bounded by `factor` times the 2 and 1 grey levels asked of the default rig.
+/// The operator error on chart and photographs, bounded by `factor` times the 2 and 1 grey levels
+/// asked of the default rig.
 fn score_operator(
     config: &config::Rig,
     rig: &mut Rig,
@@ -201,8 +225,8 @@ fn the_small_rig_is_calibrated_within_the_bounds() {
     let config = load("small.toml");
     let (mut rig, witness, calibration) = calibrated(&config);
     score(&config, &witness, &calibration);
-    // The bounds are the default rig's. This one's pixels are four times as wide in the same blur, so
-    // that resampling to the panel loses finer detail than the lens does.
+    // The bounds are the default rig's. This one's pixels are four times as wide in the same blur,
+    // so that resampling to the panel loses finer detail than the lens does.
     score_operator(&config, &mut rig, &witness, &calibration, 2.5);
 }
 
@@ -243,7 +267,8 @@ fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
     let config = load("small.toml");
     let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
     change(&mut witness);
-    let error = calibrate(&mut rig, &config, None, &mut |_| {}).expect_err("a rig that cannot be calibrated");
+    let error = calibrate(&mut rig, &config, None, &mut |_| {})
+        .expect_err("a rig that cannot be calibrated");
     println!("{}", full_message(&error));
     error
 }
@@ -262,23 +287,25 @@ fn what_keeps_a_rig_from_being_calibrated_is_told_apart() {
     assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
 }
 
-/// small.toml without tilt, its lens replaced by a measured blur: Gaussians of deviation `sigma_px`, wider towards
-/// the right, in a file beside the rig file.
+/// small.toml without tilt, its lens replaced by a measured blur: Gaussians of deviation
+/// `sigma_px`, wider towards the right, in a file beside the rig file.
 fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::Rig {
     const SUPPORT: i32 = 31;
     let mut taps = Vec::new();
     for column in 0..3 {
         let sigma = sigma_px * (1.0 + 0.1 * f64::from(column));
         let one = |t: i32| {
-            let (x, y) = (f64::from(t % SUPPORT - SUPPORT / 2), f64::from(t / SUPPORT - SUPPORT / 2));
+            let (x, y) =
+                (f64::from(t % SUPPORT - SUPPORT / 2), f64::from(t / SUPPORT - SUPPORT / 2));
             (-(x * x + y * y) / (2.0 * sigma * sigma)).exp()
         };
         let function: Vec<f64> = (0..SUPPORT * SUPPORT).map(one).collect();
         let total: f64 = function.iter().sum();
         (0..3).for_each(|_| taps.extend(function.iter().map(|tap| (tap / total) as f32)));
     }
-    let shape =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3, 3, {SUPPORT}, {SUPPORT}), }}");
+    let shape = format!(
+        "{{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3, 3, {SUPPORT}, {SUPPORT}), }}"
+    );
     let header = format!("{shape:<117}\n");
     let mut file = b"\x93NUMPY\x01\x00".to_vec();
     file.extend((header.len() as u16).to_le_bytes());
@@ -292,17 +319,20 @@ fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::Rig {
         .replace("tilt-x-deg = 0.6", "tilt-x-deg = 0.0")
         .replace("tilt-y-deg = -0.9", "tilt-y-deg = 0.0");
     let lens = "[lens]\nblur = \"grid.npy\"\nglare-share = 0.0\nglare-radius-px = 10.0\n";
-    config::parse(&format!("{before}{lens}\n[pose]{after}"), "measured.toml", folder).expect("a rig")
+    config::parse(&format!("{before}{lens}\n[pose]{after}"), "measured.toml", folder)
+        .expect("a rig")
 }
 
 #[test]
 fn a_rig_out_of_focus_is_told_so() {
-    // A little out of focus corners are still found, and the lens functions say it; far out no corner is.
+    // A little out of focus corners are still found, and the lens functions say it; far out no
+    // corner is.
     let folder = tempfile::tempdir().expect("a folder");
     for sigma_px in [4.0, 12.0] {
         let config = with_measured_blur(folder.path(), sigma_px);
         let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
-        let error = calibrate(&mut rig, &config, None, &mut |_| {}).expect_err("a rig out of focus");
+        let error =
+            calibrate(&mut rig, &config, None, &mut |_| {}).expect_err("a rig out of focus");
         println!("{sigma_px} px: {}", full_message(&error));
         assert!(matches!(error, CalibrateError::WrongFocus { .. }), "{error}");
     }
@@ -324,7 +354,8 @@ fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
     let request = Request { photo: &photo, channels, method: &*solver, stopwatch: &|| 0.0 };
     let restored = bench.restore(&mut rig, &request, &mut |_, _| {});
     let picture = restored.expect("a picture").picture;
-    let green = |frame: &Frame<Work>| psnr(frame.plane(Channel::Green), scene.plane(Channel::Green));
+    let green =
+        |frame: &Frame<Work>| psnr(frame.plane(Channel::Green), scene.plane(Channel::Green));
     println!("green: photo {:.2} dB, restored {:.2} dB", green(&photo), green(&picture));
     assert!(green(&picture) >= green(&photo) + 2.5, "{} after {}", green(&picture), green(&photo));
 }

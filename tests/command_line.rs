@@ -18,16 +18,31 @@ fn text(bytes: &[u8]) -> String {
 #[test]
 fn help_and_version_go_to_standard_output() {
     let folder = tempfile::tempdir().unwrap();
-    for words in [&["help"][..], &["--help"], &["run", "--help"], &["help", "restore"], &["version"], &["-V"]]
-    {
+    for words in [
+        &["help"][..],
+        &["--help"],
+        &["run", "--help"],
+        &["help", "restore"],
+        &["version"],
+        &["-V"],
+    ] {
         let output = relens(words, folder.path());
         assert_eq!(output.status.code(), Some(0), "{words:?}");
         assert!(text(&output.stdout).contains("relens") && output.stderr.is_empty(), "{words:?}");
     }
     let overview = text(&relens(&["help"], folder.path()).stdout);
-    for command in
-        ["demo", "run", "calibrate", "restore", "photograph", "chart", "check", "status", "help", "version"]
-    {
+    for command in [
+        "demo",
+        "run",
+        "calibrate",
+        "restore",
+        "photograph",
+        "chart",
+        "check",
+        "status",
+        "help",
+        "version",
+    ] {
         assert!(overview.contains(&format!("relens {command}")), "{command} is in the overview");
     }
     assert!(overview.lines().all(|line| line.chars().count() <= 100));
@@ -41,7 +56,10 @@ fn wrong_use_ends_with_2_and_one_sentence() {
         (&["runn"], "did you mean run?"),
         (&["run"], "needs --rig"),
         (&["run", "--rig", "no-such.toml"], "no-such.toml"),
-        (&["restore", "--rig", "small.toml", "a.jpg", "-o", "b.webp"], "one ending in .jpg, .png or .tif"),
+        (
+            &["restore", "--rig", "small.toml", "a.jpg", "-o", "b.webp"],
+            "one ending in .jpg, .png or .tif",
+        ),
         (
             &["restore", "--rig", "small.toml", "a.jpg", "-o", "b.jpg", "-m", "magic"],
             "found the method `magic`",
@@ -63,7 +81,10 @@ fn a_photo_that_cannot_be_restored_ends_with_1() {
     std::fs::write(folder.path().join("a.jpg"), b"not a photo").unwrap();
     let output = relens(&["restore", "--rig", "small.toml", "a.jpg", "-o", "b.jpg"], folder.path());
     assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("this is not a photo: found a text, allowed JPEG, PNG or TIFF"));
+    assert!(
+        text(&output.stderr)
+            .contains("this is not a photo: found a text, allowed JPEG, PNG or TIFF")
+    );
     assert!(!folder.path().join("b.jpg").exists());
 }
 
@@ -76,7 +97,12 @@ fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let photo = std::fs::read(folder.path().join("photo.png")).unwrap();
     let limits = relens::picture::Limits::default();
-    let photo = relens::picture::Photo::from_bytes("photo.png", &photo, relens::config::Curve::Srgb, &limits);
+    let photo = relens::picture::Photo::from_bytes(
+        "photo.png",
+        &photo,
+        relens::config::Curve::Srgb,
+        &limits,
+    );
     assert_eq!(photo.unwrap().light.size(), relens::frame::Size::new(256, 192));
     let again = relens(&words, folder.path());
     assert_eq!(again.status.code(), Some(2));

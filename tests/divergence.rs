@@ -8,26 +8,26 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use relens::deconvolution::computed_optics::ComputedOptics;
+use relens::deconvolution::data_term::TRUSTED;
+use relens::deconvolution::forward_convolution::{ForwardConvolution, Seen};
+use relens::deconvolution::lens_model::{LensFunctions, LensModel};
+use relens::deconvolution::level_norms::LevelNorms;
+use relens::deconvolution::method::blocks::Blocks;
+use relens::deconvolution::method::digital::{Colours, Digital};
+use relens::deconvolution::method::hybrid::Hybrid;
+use relens::deconvolution::method::krylov::Krylov;
+use relens::deconvolution::method::paper::{Backward, Paper};
+use relens::deconvolution::method::residual::Residual;
+use relens::deconvolution::method::richardson_lucy::RichardsonLucy;
+use relens::deconvolution::method::total_variation::TotalVariation;
+use relens::deconvolution::method::unmatched::Unmatched;
+use relens::deconvolution::method::wiener::Wiener;
+use relens::deconvolution::method::{Method, Problem, ResidualOf, Strength};
+use relens::deconvolution::patches::PatchShape;
+use relens::deconvolution::wavelet_shrinkage::Rule;
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
 use relens::remedy::AnyFailure;
-use relens::restore::computed_optics::ComputedOptics;
-use relens::restore::data_term::TRUSTED;
-use relens::restore::forward_convolution::{ForwardConvolution, Seen};
-use relens::restore::lens_model::{LensFunctions, LensModel};
-use relens::restore::level_norms::LevelNorms;
-use relens::restore::method::blocks::Blocks;
-use relens::restore::method::digital::{Colours, Digital};
-use relens::restore::method::hybrid::Hybrid;
-use relens::restore::method::krylov::Krylov;
-use relens::restore::method::paper::{Backward, Paper};
-use relens::restore::method::residual::Residual;
-use relens::restore::method::richardson_lucy::RichardsonLucy;
-use relens::restore::method::total_variation::TotalVariation;
-use relens::restore::method::unmatched::Unmatched;
-use relens::restore::method::wiener::Wiener;
-use relens::restore::method::{Method, Problem, ResidualOf, Strength};
-use relens::restore::patches::PatchShape;
-use relens::restore::wavelet_shrinkage::Rule;
 
 const SIZE: Size = Size::new(128, 96);
 const GREEN: Channel = Channel::Green;
@@ -150,7 +150,14 @@ fn no_method_runs_away_whatever_is_wrong() {
         Wrong { patch_px: 128, ..right },
         Wrong { shift_px: 4, ..right },
         Wrong { noise: 20.0, ..right },
-        Wrong { norms: 4.0, lens: Channel::Blue, gain: 1.5, shift_px: 2, noise: 8.0, patch_px: 128 },
+        Wrong {
+            norms: 4.0,
+            lens: Channel::Blue,
+            gain: 1.5,
+            shift_px: 2,
+            noise: 8.0,
+            patch_px: 128,
+        },
     ] {
         let norms = std::array::from_fn(|_| level_norms.scaled(1.0 / wrong.norms));
         let problem = Problem {
@@ -169,7 +176,8 @@ fn no_method_runs_away_whatever_is_wrong() {
         let lens = LensModel::new(SIZE, 0, &functions(wrong.lens)).unwrap();
         for method in methods(wrong.patch_px) {
             let random = Xoshiro256PlusPlus::seed_from_u64(7);
-            let (optics, Wrong { gain, shift_px, noise, .. }) = (ComputedOptics::new(&lens, true), wrong);
+            let (optics, Wrong { gain, shift_px, noise, .. }) =
+                (ComputedOptics::new(&lens, true), wrong);
             let mut astray = Astray { optics, gain, shift_px, noise, random };
             let solution = method.solve(&problem, &mut astray, &mut |_, _| {}).unwrap();
             let name = method.name();

@@ -47,7 +47,8 @@ fn every_block_of_the_page_is_taken() {
 
 #[test]
 fn devices_are_named_so_that_they_keep_their_names() {
-    let link = "/dev/v4l/by-id/usb-The_Imaging_Source_Europe_GmbH_DFK_33UX174_00000000-video-index0";
+    let link =
+        "/dev/v4l/by-id/usb-The_Imaging_Source_Europe_GmbH_DFK_33UX174_00000000-video-index0";
     let said = changed(link, "/dev/video0");
     assert!(said.contains("by-id"), "{said}");
     let said = changed("format = \"GBRG\"", "card = \"DFK 33UX174\"\nformat = \"GBRG\"");

@@ -1,4 +1,5 @@
-//! A lens that was changed after it was measured: the box learns of it by the photos it restores, and keeps what it learnt.
+//! A lens that was changed after it was measured: the box learns of it by the photos it restores,
+//! and keeps what it learnt.
 
 // A failed unwrap is a failed test, also in the functions the tests share.
 #![allow(clippy::unwrap_used)]
@@ -6,17 +7,17 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use relens::calibrate::calibrate;
 use relens::calibration::{Calibration, store};
 use relens::config::{self, Glare, Kind, Lens};
 use relens::daemon::on_rig::OnRig;
 use relens::daemon::{Restored, Restorer};
+use relens::deconvolution::quality::{psnr, ssim};
 use relens::evaluate::scenes::Scene;
 use relens::evaluate::stability::view::View;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
+use relens::measurement::calibrate;
 use relens::picture::{Limits, Photo, Tone};
-use relens::restoration::{Bench, Request, digital};
-use relens::restore::quality::{psnr, ssim};
+use relens::pipeline::{Bench, Request, digital};
 use relens::rig::simulated::{self, Witness};
 
 /// No clock: nothing here is timed.
@@ -24,7 +25,8 @@ fn no_clock() -> f64 {
     0.0
 }
 
-/// The small rig with a finger's mark on its lens: so much of the light is scattered over a few pixels.
+/// The small rig with a finger's mark on its lens: so much of the light is scattered over a few
+/// pixels.
 fn touched(rig: &config::Rig, share: f32) -> config::Rig {
     let mut touched = rig.clone();
     if let Kind::Simulated(simulation) = &mut touched.kind {
@@ -53,17 +55,24 @@ fn photo(rig: &config::Rig, witness: &Witness, view: View) -> Photo {
     Photo::from_bytes("photo.png", bytes.get_ref(), rig.photo.curve, &Limits::default()).unwrap()
 }
 
-/// Quarters of two scenes in turn. A third one, the rocket's, has quarters that are nearly dark and can tell nothing of a lens.
+/// Quarters of two scenes in turn. A third one, the rocket's, has quarters that are nearly dark and
+/// can tell nothing of a lens.
 fn views(count: usize) -> Vec<View> {
     let scenes = [Scene::Astronaut, Scene::Coffee];
     (0..count).map(|n| View::quarter(scenes[n % 2], n / 2)).collect()
 }
 
-/// What a box makes of `count` photos one after the other, and the calibration it has in the end. It was calibrated as `then`.
-fn restored(then: &config::Rig, now: &config::Rig, count: usize) -> (Vec<Restored>, [Calibration; 2]) {
+/// What a box makes of `count` photos one after the other, and the calibration it has in the end.
+/// It was calibrated as `then`.
+fn restored(
+    then: &config::Rig,
+    now: &config::Rig,
+    count: usize,
+) -> (Vec<Restored>, [Calibration; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let slots = folder.path().to_owned();
-    let calibration = calibrate(&mut simulated::open(then).unwrap().0, then, None, &mut |_| {}).unwrap();
+    let calibration =
+        calibrate(&mut simulated::open(then).unwrap().0, then, None, &mut |_| {}).unwrap();
     store::save(&slots, &calibration).unwrap();
     let (devices, witness) = simulated::open(now).unwrap();
     let clock = Box::new(no_clock);
@@ -92,8 +101,9 @@ fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
         assert_eq!(says(restored, "generation 2"), n == 3, "photo {}: {:?}", n + 1, restored.notes);
     }
     assert_eq!((before.generation, after.generation), (1, 2));
-    // What was kept is good for photos that taught nothing: with the lens alone, no captures. (2026-11-22: 0.67 dB on average; the
-    // chart, which is black and white and nothing between, gains 0.005 SSIM and loses 0.5 dB.)
+    // What was kept is good for photos that taught nothing: with the lens alone, no captures.
+    // (2026-11-22: 0.67 dB on average; the chart, which is black and white and nothing between,
+    // gains 0.005 SSIM and loses 0.5 dB.)
     let score = |calibration: &Calibration, view: View| {
         let (mut devices, witness) = simulated::open(&now).unwrap();
         let bench = Bench::new(&now, calibration).unwrap();
@@ -113,7 +123,12 @@ fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
         (ssim, db, count) = (ssim + after.0 - before.0, db + after.1 - before.1, count + 1.0);
         assert!(after.0 > before.0 - 0.002, "{}: {before:.4?}, then {after:.4?}", view.name());
     }
-    assert!(ssim / count > 0.005 && db / count > 0.5, "{:.4}, {:.2} dB gained", ssim / count, db / count);
+    assert!(
+        ssim / count > 0.005 && db / count > 0.5,
+        "{:.4}, {:.2} dB gained",
+        ssim / count,
+        db / count
+    );
 }
 
 #[test]

@@ -1,27 +1,28 @@
-//! The paper's mathematics against arrays of an independent program, and the choices the paper leaves open.
+//! The paper's mathematics against arrays of an independent program, and the choices the paper
+//! leaves open.
 
 // A failed unwrap is a failed test, also in the functions the tests share.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 
+use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
+use relens::deconvolution::computed_optics::ComputedOptics;
+use relens::deconvolution::data_term::TRUSTED;
+use relens::deconvolution::forward_convolution::ForwardConvolution;
+use relens::deconvolution::lens_model::{LensFunctions, LensModel};
+use relens::deconvolution::level_norms::LevelNorms;
+use relens::deconvolution::method::blocks::Blocks;
+use relens::deconvolution::method::digital::{Colours, Digital};
+use relens::deconvolution::method::hybrid::Hybrid;
+use relens::deconvolution::method::krylov::Krylov;
+use relens::deconvolution::method::paper::{Backward, Paper};
+use relens::deconvolution::method::unmatched::Unmatched;
+use relens::deconvolution::method::{Method, NoOptics, Problem, ResidualOf, Strength};
+use relens::deconvolution::patches::{PatchGrid, PatchShape};
+use relens::deconvolution::quality::ssim;
+use relens::deconvolution::wavelet_shrinkage::Rule;
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
-use relens::restore::backward_convolution::{Sign, backward_convolution};
-use relens::restore::computed_optics::ComputedOptics;
-use relens::restore::data_term::TRUSTED;
-use relens::restore::forward_convolution::ForwardConvolution;
-use relens::restore::lens_model::{LensFunctions, LensModel};
-use relens::restore::level_norms::LevelNorms;
-use relens::restore::method::blocks::Blocks;
-use relens::restore::method::digital::{Colours, Digital};
-use relens::restore::method::hybrid::Hybrid;
-use relens::restore::method::krylov::Krylov;
-use relens::restore::method::paper::{Backward, Paper};
-use relens::restore::method::unmatched::Unmatched;
-use relens::restore::method::{Method, NoOptics, Problem, ResidualOf, Strength};
-use relens::restore::patches::{PatchGrid, PatchShape};
-use relens::restore::quality::ssim;
-use relens::restore::wavelet_shrinkage::Rule;
 
 const GREEN: Channel = Channel::Green;
 
@@ -58,7 +59,8 @@ struct Case {
 impl Case {
     fn new(photo: Plane, noise: f32) -> Self {
         let trust = Frame::filled(photo.size(), TRUSTED);
-        let level_norms = LEVEL_NORMS.get_or_init(|| LevelNorms::measure(&golden_model(), GREEN, 2, 12, 1));
+        let level_norms =
+            LEVEL_NORMS.get_or_init(|| LevelNorms::measure(&golden_model(), GREEN, 2, 12, 1));
         let level_norms = std::array::from_fn(|_| level_norms.clone());
         Case { photo: green_only(photo), trust, noise, level_norms }
     }
@@ -107,11 +109,15 @@ fn flip_fc_flip_is_the_reference_program_s_for_every_patch_size() {
     for patch_px in [16, 20, 24, 32] {
         let mut optics = ComputedOptics::new(&model, false);
         let rect = Rect { x: 0, y: 0, size: picture.size() };
-        let grid =
-            PatchGrid::new(picture.size(), rect, PatchShape { patch_px, margin_px: 10.min(patch_px / 2) });
+        let grid = PatchGrid::new(
+            picture.size(),
+            rect,
+            PatchShape { patch_px, margin_px: 10.min(patch_px / 2) },
+        );
         let frame = green_only(picture.clone());
         let back =
-            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
+            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None)
+                .unwrap();
         let expected = golden(&format!("operator_flip{patch_px}_noguard.npy"));
         let distance = relative_distance(back.plane(GREEN), &expected);
         assert!(distance < 1e-4, "patch {patch_px}: relative distance {distance:.2e}");
@@ -121,16 +127,20 @@ fn flip_fc_flip_is_the_reference_program_s_for_every_patch_size() {
 #[test]
 fn flip_fc_flip_nears_the_exact_adjoint_as_patches_shrink() {
     // Bounds: the reference program's own distances at these sizes, plus a tenth.
-    let (model, picture, exact) = (golden_model(), golden("operator_x.npy"), golden("operator_kt_x.npy"));
+    let (model, picture, exact) =
+        (golden_model(), golden("operator_x.npy"), golden("operator_kt_x.npy"));
     let size = picture.size();
-    for (patch_px, name) in [(16, "operator_flip16_noguard.npy"), (32, "operator_flip32_noguard.npy")] {
+    for (patch_px, name) in
+        [(16, "operator_flip16_noguard.npy"), (32, "operator_flip32_noguard.npy")]
+    {
         let bound = 1.1 * relative_distance(&golden(name), &exact);
         let mut optics = ComputedOptics::new(&model, false);
         let shape = PatchShape { patch_px, margin_px: 10 };
         let grid = PatchGrid::new(size, Rect { x: 0, y: 0, size }, shape);
         let frame = green_only(picture.clone());
         let back =
-            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
+            backward_convolution(&mut optics, &frame, &grid, Channels::Green, Sign::Unsigned, None)
+                .unwrap();
         let distance = relative_distance(back.plane(GREEN), &exact);
         assert!(distance <= bound, "patch {patch_px}: {distance:.4} > {bound:.4}");
     }
@@ -141,19 +151,22 @@ fn a_pedestal_carries_negative_light_backward() {
     let model = golden_model();
     let signed = golden("operator_x.npy").map(|v: f32| (v - 120.0) * 0.1);
     let size = signed.size();
-    let grid = PatchGrid::new(size, Rect { x: 0, y: 0, size }, PatchShape { patch_px: 16, margin_px: 8 });
+    let grid =
+        PatchGrid::new(size, Rect { x: 0, y: 0, size }, PatchShape { patch_px: 16, margin_px: 8 });
     let flat = Frame::filled(size, 127.5);
     let mut optics = ComputedOptics::new(&model, false);
-    use relens::restore::forward_convolution::ForwardConvolution;
+    use relens::deconvolution::forward_convolution::ForwardConvolution;
     let pedestal = optics.forward(&flat).unwrap().light;
     let sign = Sign::Pedestal { level: 127.5, gain: 4.0 };
     let frame = green_only(signed);
     let back =
-        backward_convolution(&mut optics, &frame, &grid, Channels::Green, sign, Some(&pedestal)).unwrap();
+        backward_convolution(&mut optics, &frame, &grid, Channels::Green, sign, Some(&pedestal))
+            .unwrap();
     // Computed optics take negative light as it is, so the two ways must agree.
     let mut ideal = ComputedOptics::new(&model, false);
     let direct =
-        backward_convolution(&mut ideal, &frame, &grid, Channels::Green, Sign::Unsigned, None).unwrap();
+        backward_convolution(&mut ideal, &frame, &grid, Channels::Green, Sign::Unsigned, None)
+            .unwrap();
     assert!(relative_distance(back.plane(GREEN), direct.plane(GREEN)) < 1e-4);
     assert_eq!(optics.captures(), 5);
 }
@@ -176,8 +189,8 @@ fn patches_hardly_matter_when_small_and_one_whole_frame_patch_is_worse() {
     let exact = ssim(&solve_golden(&paper(11, 0.8, Backward::Model)), &truth);
     let small = ssim(&solve_golden(&paper(11, 0.8, light(16))), &truth);
     assert!((exact - small).abs() < 0.01, "exact {exact:.4}, patch 16 {small:.4}");
-    // One patch for the whole frame of a rotationally symmetric lens computes K where Kᵀ is meant. (That it
-    // diverges where coma is strong is seen on the study's rig, in tests/study.rs.)
+    // One patch for the whole frame of a rotationally symmetric lens computes K where Kᵀ is meant.
+    // (That it diverges where coma is strong is seen on the study's rig, in tests/study.rs.)
     let whole = ssim(&solve_golden(&paper(11, 0.8, light(128))), &truth);
     assert!(whole < small - 0.005, "whole-frame patch {whole:.4}, patch 16 {small:.4}");
 }
@@ -203,7 +216,15 @@ fn the_printed_threshold_is_half_of_the_proximal_one() {
 fn digital() -> Digital {
     let strength = Strength { at_one_grey_level: 0.1 };
     let colours = Colours::Together;
-    Digital { steps: 30, strength, levels: 2, cycle_spun: true, rule: Rule::Clusters, colours, blocks: None }
+    Digital {
+        steps: 30,
+        strength,
+        levels: 2,
+        cycle_spun: true,
+        rule: Rule::Clusters,
+        colours,
+        blocks: None,
+    }
 }
 
 #[test]
@@ -221,13 +242,15 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
         carefulness: 25.0,
         refine: true,
     };
-    let unmatched = Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
+    let unmatched =
+        Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
     let matched = Hybrid {
         digital: Digital { blocks: Some(Blocks { rounds: 4, missed: [0.0; 3] }), ..digital() },
         ..hybrid
     };
     // Block matching comes after the first capture; the second certifies it.
-    let methods: [(&dyn Method, usize); 4] = [(&digital(), 0), (&hybrid, 1), (&matched, 2), (&unmatched, 10)];
+    let methods: [(&dyn Method, usize); 4] =
+        [(&digital(), 0), (&hybrid, 1), (&matched, 2), (&unmatched, 10)];
     for (method, captures) in methods {
         let mut optics = ComputedOptics::new(&model, true);
         let mut signs = 0;
@@ -237,7 +260,11 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
         assert!(quality > blurred + 0.05, "{}: {quality:.4}, blurred {blurred:.4}", method.name());
         assert_eq!(optics.captures(), captures, "{}", method.name());
         let steps = solution.record.steps().len();
-        assert!(steps > 0 && signs >= steps, "{}: {signs} signs of life in {steps} steps", method.name());
+        assert!(
+            steps > 0 && signs >= steps,
+            "{}: {signs} signs of life in {steps} steps",
+            method.name()
+        );
     }
 }
 
@@ -261,7 +288,8 @@ fn a_right_model_is_left_alone_and_a_wrong_one_is_corrected() {
     };
     let run = |model: &LensModel, method: &dyn Method| {
         let mut optics = ComputedOptics::new(&right, true);
-        let solution = method.solve(&case.problem(Some(model)), &mut optics, &mut |_, _| {}).unwrap();
+        let solution =
+            method.solve(&case.problem(Some(model)), &mut optics, &mut |_, _| {}).unwrap();
         (ssim(solution.picture.plane(GREEN), &truth), solution.certificate)
     };
     let (_, untouched) = run(&right, &hybrid);
@@ -281,7 +309,8 @@ fn each_krylov_direction_brings_the_light_nearer_also_with_a_wrong_model() {
     let case = Case::new(golden("ist_b.npy"), 0.0);
     for model in [&right, &wrong] {
         let mut optics = ComputedOptics::new(&right, false);
-        let krylov = Krylov { digital: Digital { steps: 2, ..digital() }, steps: 6, threshold: 0.0 };
+        let krylov =
+            Krylov { digital: Digital { steps: 2, ..digital() }, steps: 6, threshold: 0.0 };
         let problem = case.problem(Some(model));
         let solution = krylov.solve(&problem, &mut optics, &mut |_, _| {}).unwrap();
         let of_light = solution.record.steps().iter().filter(|step| step.of == ResidualOf::Optics);

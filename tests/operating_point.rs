@@ -1,16 +1,17 @@
-//! The operating point of a rig, chosen by scenes that are shown on it, holds for photos taken with it.
+//! The operating point of a rig, chosen by scenes that are shown on it, holds for photos taken with
+//! it.
 
 // A failed unwrap is a failed test, also in the functions the tests share.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 
-use relens::calibrate::calibrate;
 use relens::config::{self, OperatingPoint};
 use relens::evaluate::operating_point::{choose, restorations};
 use relens::evaluate::scenes::Scene;
-use relens::evaluate::stand::Stand;
-use relens::restoration::Setting;
+use relens::evaluate::test_rig::TestRig;
+use relens::measurement::calibrate;
+use relens::pipeline::Setting;
 use relens::rig::simulated;
 
 /// No clock: every setting costs its captures alone.
@@ -24,20 +25,23 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     // A rig of which nothing is known but what its camera sees.
     let (mut devices, _) = simulated::open(&rig).unwrap();
     let calibration = calibrate(&mut devices, &rig, None, &mut |_| {}).unwrap();
-    let mut stand = Stand::on(rig.clone(), devices, calibration, no_clock).unwrap();
+    let mut test_rig = TestRig::on(rig.clone(), devices, calibration, no_clock).unwrap();
     let mut tried = 0;
-    let best = choose(&mut stand, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();
+    let best = choose(&mut test_rig, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();
     assert_eq!(tried, restorations(&rig, OperatingPoint::Best));
     assert!(best.ssim == best.best_ssim && best.ssim > best.photo_ssim + 0.02, "{best}");
-    let fast = choose(&mut stand, OperatingPoint::Fast, &mut |_| {}).unwrap().unwrap();
+    let fast = choose(&mut test_rig, OperatingPoint::Fast, &mut |_| {}).unwrap().unwrap();
     // Block matching in many rounds is a candidate for the best alone.
-    assert!(fast.ssim >= fast.best_ssim - 0.01 && fast.best_ssim <= best.best_ssim, "{fast}; {best}");
+    assert!(
+        fast.ssim >= fast.best_ssim - 0.01 && fast.best_ssim <= best.best_ssim,
+        "{fast}; {best}"
+    );
     assert!(fast.seconds <= best.seconds, "{fast}; {best}");
 
-    let mut stand = Stand::open(rig.clone(), no_clock).unwrap();
+    let mut test_rig = TestRig::open(rig.clone(), no_clock).unwrap();
     let filed = Setting::as_filed(&rig, rig.restore.method);
     let mut mean = |setting: &Setting| {
-        let of = |scene| stand.score_colour(scene, "", &*setting.method(&rig)).unwrap().ssim;
+        let of = |scene| test_rig.score_colour(scene, "", &*setting.method(&rig)).unwrap().ssim;
         Scene::STUDY_PHOTOGRAPHS.map(of).iter().sum::<f64>() / 2.0
     };
     let (of_best, of_fast, of_filed) = (mean(&best.setting), mean(&fast.setting), mean(&filed));

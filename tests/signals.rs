@@ -1,4 +1,5 @@
-//! The built program, killed and asked to stop while it works: every photo in one place, each done once.
+//! The built program, killed and asked to stop while it works: every photo in one place, each done
+//! once.
 
 // The functions below stop the test as it does itself.
 #![allow(clippy::unwrap_used)]
@@ -13,7 +14,13 @@ const PHOTOS: [&str; 4] = ["a.png", "b.png", "c.png", "d.png"];
 
 fn relens(words: &[&str], folder: &Path) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
-    command.args(words).current_dir(folder).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+    command
+        .args(words)
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
 }
 
 fn empty_inbox(folder: &Path) -> Child {
@@ -24,7 +31,8 @@ fn empty_inbox(folder: &Path) -> Child {
 fn homes(folder: &Path) -> Vec<&'static str> {
     let home = |photo: &str| {
         let homes = ["inbox", "working", "done", "failed"];
-        let found: Vec<_> = homes.into_iter().filter(|home| folder.join(home).join(photo).exists()).collect();
+        let found: Vec<_> =
+            homes.into_iter().filter(|home| folder.join(home).join(photo).exists()).collect();
         let [home] = found[..] else { panic!("{photo} is in {found:?}") };
         assert!(
             home != "done" || folder.join("outbox").join(photo).is_file(),
@@ -68,7 +76,8 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
         homes(folder);
     }
 
-    // Asked to stop: it gives the photo under way back, or finishes it, and says that it ended in good order.
+    // Asked to stop: it gives the photo under way back, or finishes it, and says that it ended in
+    // good order.
     for n in 0..3 {
         let mut child = empty_inbox(folder);
         std::thread::sleep(Duration::from_millis(300 + 250 * n));
@@ -88,7 +97,11 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
     assert_eq!(results, homes.iter().filter(|home| **home == "done").count(), "one result each");
     for (photo, home) in PHOTOS.iter().zip(homes) {
         // One that was killed three times is taken for a killer.
-        let note = std::fs::read_to_string(folder.join(format!("failed/{photo}.txt"))).unwrap_or_default();
-        assert!(home == "done" || note.contains("found 3 such attempts"), "{photo} is in {home}: {note}");
+        let note =
+            std::fs::read_to_string(folder.join(format!("failed/{photo}.txt"))).unwrap_or_default();
+        assert!(
+            home == "done" || note.contains("found 3 such attempts"),
+            "{photo} is in {home}: {note}"
+        );
     }
 }

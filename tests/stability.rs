@@ -1,5 +1,5 @@
-//! No harm: whatever is wrong, what is delivered is no worse than the photo, or is the photo. On the small simulated rig, with
-//! scenes and seeds that no limit was set on.
+//! No harm: whatever is wrong, what is delivered is no worse than the photo, or is the photo. On
+//! the small simulated rig, with scenes and seeds that no limit was set on.
 
 // A failed unwrap is a failed test, also in the functions the tests share.
 #![allow(clippy::unwrap_used)]
@@ -65,7 +65,8 @@ fn faults_at_random_do_no_harm() {
         let fault = Fault::ALL[random.random_range(0..Fault::ALL.len())];
         let step = random.random_range(1..5);
         let scene = [Scene::Astronaut, Scene::Rocket][random.random_range(0..2)];
-        let view = View { scene, quarter: random.random_bool(0.5).then(|| random.random_range(0..4)) };
+        let view =
+            View { scene, quarter: random.random_bool(0.5).then(|| random.random_range(0..4)) };
         runs.extend(swept(&[fault], &[step], &[DEFAULT, WIENER], &[view], seed));
     }
     let rates = Rates::of(runs.iter());
@@ -79,7 +80,8 @@ fn a_jpeg_is_restored_with_the_errors_of_its_coding_in_mind() {
     // Qualities 95, 85 and 70.
     let runs = swept(&[Fault::Jpeg], &[1, 2, 3], &methods, &views, 18);
     assert!(runs.iter().all(|r| !r.harms_delivered()), "{:#?}", told(&runs));
-    let gain =
-        |runs: &[Run]| runs.iter().map(|r| r.delivered_ssim - r.photo_ssim).sum::<f64>() / runs.len() as f64;
+    let gain = |runs: &[Run]| {
+        runs.iter().map(|r| r.delivered_ssim - r.photo_ssim).sum::<f64>() / runs.len() as f64
+    };
     assert!(gain(&runs) > 0.03, "{:#?}", told(&runs));
 }

@@ -1,9 +1,9 @@
-//! Whatever hangs: the service manager's watchdog is no longer fed, or the trouble has a name. Never a box that looks
-//! alive.
+//! Whatever hangs: the service manager's watchdog is no longer fed, or the trouble has a name.
+//! Never a box that looks alive.
 //!
-//! What the daemon's own thread may hang in: a capture or a solve, a pilot, a calibration, a picture for the panel,
-//! the disk, the worker that reads a photo. Beside it there is the desk's thread (button and lamps), and the threads that
-//! compute, for which it waits.
+//! What the daemon's own thread may hang in: a capture or a solve, a pilot, a calibration, a
+//! picture for the panel, the disk, the worker that reads a photo. Beside it there is the desk's
+//! thread (button and lamps), and the threads that compute, for which it waits.
 
 // The functions that the tests share stop a test as the tests themselves do.
 #![allow(clippy::unwrap_used)]
@@ -60,8 +60,9 @@ impl Gate {
     /// Waits until somebody hangs in it.
     fn hold_somebody(&self) {
         let (state, changed) = &*self.0;
-        let (state, waited) =
-            changed.wait_timeout_while(state.lock().unwrap(), Duration::from_secs(60), |s| !s.1).unwrap();
+        let (state, waited) = changed
+            .wait_timeout_while(state.lock().unwrap(), Duration::from_secs(60), |s| !s.1)
+            .unwrap();
         assert!(!waited.timed_out() && state.1, "nobody came to the gate");
     }
 }
@@ -114,7 +115,11 @@ impl Rig {
 }
 
 impl Restorer for Rig {
-    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure> {
         progress(Progress { done: 0.5, doing: "capturing", captures: 1 });
         self.pass(Place::Restore);
         if self.place == Place::Mend && !self.mended {
@@ -219,7 +224,8 @@ fn fed(socket: &UnixDatagram) -> usize {
     fed
 }
 
-/// A daemon lives on a thread of its own and hangs in `place`: nobody feeds the watchdog until it is released.
+/// A daemon lives on a thread of its own and hangs in `place`: nobody feeds the watchdog until it
+/// is released.
 fn starves(place: Place) {
     let root = tempfile::tempdir().unwrap();
     let root = &root.path().canonicalize().unwrap();
@@ -231,7 +237,8 @@ fn starves(place: Place) {
         scope.spawn(|| {
             let manager = ServiceManager::at(Some(address.as_os_str()));
             let mut watcher = Supervised::new(&manager, Box::new(()));
-            let names = ["inbox", "working", "outbox", "done", "failed"].map(|name| root.join(name));
+            let names =
+                ["inbox", "working", "outbox", "done", "failed"].map(|name| root.join(name));
             let local = LocalDisk::new(names.into_iter().chain([root.clone()]).collect());
             let disk = Hanging(local, (place == Place::Disk).then(|| gate.clone()));
             let folders = Folders::on(Arc::new(disk), root).unwrap();
@@ -241,13 +248,17 @@ fn starves(place: Place) {
                 if place == Place::Pilot { Box::new(Piloted) } else { Box::new(()) };
             let schedule = Attended::new(Front::default(), Mode::Folder, &clock, inner);
             let daemon =
-                Daemon::open(folders, setting(), &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
+                Daemon::open(folders, setting(), &mut rig, &clock, &SystemTime::now, &mut watcher)
+                    .unwrap();
             daemon.scheduled(Box::new(schedule)).run(&|| stop.load(Ordering::Acquire));
         });
         let until_fed = || {
             let begun = Instant::now();
             while fed(&socket) == 0 {
-                assert!(begun.elapsed() < Duration::from_secs(60), "{place:?}: the watchdog is never fed");
+                assert!(
+                    begun.elapsed() < Duration::from_secs(60),
+                    "{place:?}: the watchdog is never fed"
+                );
                 std::thread::sleep(Duration::from_millis(5));
             }
         };
@@ -313,7 +324,10 @@ fn a_worker_that_hangs_is_ended_and_its_photo_has_a_reason() {
         Daemon::open(folders, setting, &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
     let summary = daemon.once().unwrap();
     let told: Vec<_> = summary.failed.iter().chain(&summary.left).collect();
-    assert!(told.len() == 1 && told[0].reason.contains("found no answer, allowed 1 s"), "{summary:?}");
+    assert!(
+        told.len() == 1 && told[0].reason.contains("found no answer, allowed 1 s"),
+        "{summary:?}"
+    );
 }
 
 /// Lamps on a bus that hangs, or that bring the desk's thread to its end.
@@ -353,8 +367,8 @@ impl Clock for Quick {
     }
 }
 
-/// A box for `lasts_s` seconds beside a desk with these lamps and this button: what it calls attention to in the end, and
-/// the last screen.
+/// A box for `lasts_s` seconds beside a desk with these lamps and this button: what it calls
+/// attention to in the end, and the last screen.
 fn beside_a_desk(
     mut lamps: Wire,
     mut button: Stuck,
@@ -363,7 +377,11 @@ fn beside_a_desk(
 ) -> (Vec<String>, Option<Screen>) {
     struct Panel(Option<Screen>);
     impl Restorer for Panel {
-        fn restore(&mut self, _: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+        fn restore(
+            &mut self,
+            _: &Photo,
+            _: &mut dyn FnMut(Progress),
+        ) -> Result<Restored, AnyFailure> {
             Err(Box::new(Stale))
         }
         fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
@@ -390,7 +408,8 @@ fn beside_a_desk(
         let schedule = Attended::new(front.clone(), mode, &clock, Box::new(()));
         let setting = Setting { poll_s: 5.0, hints: false, ..setting() };
         let daemon =
-            Daemon::open(folders, setting, &mut panel, &clock, &SystemTime::now, &mut watcher).unwrap();
+            Daemon::open(folders, setting, &mut panel, &clock, &SystemTime::now, &mut watcher)
+                .unwrap();
         daemon.scheduled(Box::new(schedule)).run(&|| clock.now().0 > lasts_s);
         ended.store(true, Ordering::Release);
         gates.iter().for_each(|gate| gate.set_shut(false));
@@ -406,7 +425,10 @@ fn a_desk_that_hangs_or_ends_is_called_by_its_name() {
     shut.set_shut(true);
     let open = Gate::default;
     let (attention, screen) = beside_a_desk(Wire(open(), false), Stuck(open()), Mode::Button, 60.0);
-    assert!(attention.is_empty() && matches!(screen, Some(Screen::Ready { .. })), "{attention:?} {screen:?}");
+    assert!(
+        attention.is_empty() && matches!(screen, Some(Screen::Ready { .. })),
+        "{attention:?} {screen:?}"
+    );
     for (lamps, button) in [
         (Wire(shut.clone(), false), Stuck(open())),
         (Wire(open(), false), Stuck(shut.clone())),

@@ -47,31 +47,40 @@ fn module(name: &str) -> Option<&str> {
     Some(inside.split(['/', '.']).next().unwrap_or(inside))
 }
 
-/// Modules and their layers, as the table in src/lib.rs draws them. A module may use lower layers and itself.
+/// Modules and their layers, as the table in src/lib.rs draws them. A module may use lower layers
+/// and itself.
 fn layers() -> BTreeMap<String, usize> {
-    let text =
-        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap_or_default();
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs"))
+        .unwrap_or_default();
     let mut layers = BTreeMap::new();
     for line in text.lines() {
         let mut cells = line.strip_prefix("//! |").into_iter().flat_map(|row| row.split('|'));
-        let (Some(Ok(layer)), Some(modules)) = (cells.next().map(|n| n.trim().parse()), cells.next()) else {
+        let (Some(Ok(layer)), Some(modules)) =
+            (cells.next().map(|n| n.trim().parse()), cells.next())
+        else {
             continue;
         };
         for module in modules.split("[`").skip(1) {
             let module = module.split('`').next().unwrap_or_default().to_owned();
-            assert!(layers.insert(module.clone(), layer).is_none(), "src/lib.rs draws {module} twice");
+            assert!(
+                layers.insert(module.clone(), layer).is_none(),
+                "src/lib.rs draws {module} twice"
+            );
         }
     }
     layers
 }
 
-/// Every `crate::x` outside comments, `x` being the first word after it; `crate::{a, b::c}` is read too.
+/// Every `crate::x` outside comments, `x` being the first word after it; `crate::{a, b::c}` is read
+/// too.
 fn crate_uses(text: &str) -> BTreeSet<String> {
     let code: String =
         text.lines().map(|line| format!("{}\n", line.split("//").next().unwrap_or(""))).collect();
     let mut uses = BTreeSet::new();
     for after in code.split("crate::").skip(1) {
-        let word = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+        let word = |s: &str| {
+            s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>()
+        };
         match after.strip_prefix('{') {
             None => {
                 uses.insert(word(after));
@@ -99,7 +108,9 @@ fn crate_uses(text: &str) -> BTreeSet<String> {
 
 #[test]
 fn the_reader_of_imports_reads_lists() {
-    let found = crate_uses("use crate::{rig::{A, B}, frame};\nlet x = crate::remedy::y(); // crate::daemon");
+    let found = crate_uses(
+        "use crate::{rig::{A, B}, frame};\nlet x = crate::remedy::y(); // crate::daemon",
+    );
     assert_eq!(found, BTreeSet::from(["rig", "frame", "remedy"].map(String::from)));
 }
 
@@ -113,8 +124,8 @@ fn imports_go_strictly_down() {
         if matches!(own, "lib" | "main" | "commands") {
             continue;
         }
-        let at =
-            layer(own).unwrap_or_else(|| panic!("{name}: the module `{own}` is in no layer of src/lib.rs"));
+        let at = layer(own)
+            .unwrap_or_else(|| panic!("{name}: the module `{own}` is in no layer of src/lib.rs"));
         for used in crate_uses(&text) {
             let Some(below) = layer(&used) else {
                 panic!("{name}: crate::{used} is in no layer of src/lib.rs");
@@ -129,17 +140,21 @@ fn imports_go_strictly_down() {
 #[test]
 fn every_module_is_in_a_layer_and_the_witness_stays_independent() {
     let layers = layers();
-    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
+    let text =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
     for line in text.lines().filter_map(|line| line.strip_prefix("pub mod ")) {
         let module = line.trim_end_matches(';');
         assert!(layers.contains_key(module), "src/lib.rs draws no layer with {module}");
     }
     // What makes the simulator an independent witness, whatever else is drawn.
     assert_eq!((layers["frame"], layers["remedy"]), (0, 0));
-    assert!(layers["restore"] < layers["rig"] && layers["rig"] == layers["calibration"]);
+    assert!(layers["deconvolution"] < layers["rig"] && layers["rig"] == layers["calibration"]);
     for (name, text) in source_files("src/rig") {
         for used in crate_uses(&text) {
-            assert!(!["restore", "calibration"].contains(&used.as_str()), "{name} uses {used}");
+            assert!(
+                !["deconvolution", "calibration"].contains(&used.as_str()),
+                "{name} uses {used}"
+            );
         }
     }
 }
@@ -198,7 +213,10 @@ fn files_time_and_chance_come_in_where_they_may() {
         }
         if !inside.starts_with("commands/") && !inside.starts_with("rig/") {
             for word in ["Instant::now", "SystemTime::now", "thread::sleep"] {
-                assert!(!code.contains(word), "{name} reads or waits on a clock of its own: {word}");
+                assert!(
+                    !code.contains(word),
+                    "{name} reads or waits on a clock of its own: {word}"
+                );
             }
         }
         for word in ["thread_rng", "rand::rng()", "from_os_rng"] {

@@ -1,4 +1,5 @@
-//! Photos read in processes of their own: the same photos, and walls around what a file may do to the box.
+//! Photos read in processes of their own: the same photos, and walls around what a file may do to
+//! the box.
 //!
 //! One test, for it looks at the memory of its own process.
 
@@ -11,7 +12,9 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use relens::config::Curve;
-use relens::daemon::{Daemon, Folders, Progress, Reader, Restored, Restorer, Setting, Step, Watcher};
+use relens::daemon::{
+    Daemon, Folders, Progress, Reader, Restored, Restorer, Setting, Step, Watcher,
+};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::worker::Worker;
 use relens::picture::{Format, Layout, Limits, Manner, Photo, PictureError, encode};
@@ -25,8 +28,9 @@ fn worker() -> Worker {
 }
 
 fn picture(manner: &Manner, size: Size) -> Vec<u8> {
-    let scene: Frame<Work> =
-        Frame::from_fn(|c| Plane::from_fn(size, |x, y| ((x * 3 + y * 2 + 9 * c.index()) % 200) as f32));
+    let scene: Frame<Work> = Frame::from_fn(|c| {
+        Plane::from_fn(size, |x, y| ((x * 3 + y * 2 + 9 * c.index()) % 200) as f32)
+    });
     encode("scene", &scene, manner, manner.layout.is_grey()).unwrap()
 }
 
@@ -62,7 +66,11 @@ fn peak_kib() -> u64 {
 struct Returner;
 
 impl Restorer for Returner {
-    fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        _: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure> {
         Ok(Restored {
             picture: photo.light.clone(),
             untouched: true,
@@ -97,7 +105,8 @@ impl Watcher for Attempts {
     fn step(&mut self, step: Step) {
         if step == Step::Recorded {
             let records = std::fs::read_dir(&self.0).unwrap().flatten();
-            let records = records.filter(|e| e.file_name().to_string_lossy().starts_with(".ledger-"));
+            let records =
+                records.filter(|e| e.file_name().to_string_lossy().starts_with(".ledger-"));
             self.1.extend(records.map(|e| std::fs::read_to_string(e.path()).unwrap()));
         }
     }
@@ -120,9 +129,14 @@ fn a_file_may_kill_its_worker_and_no_more() {
         (manner.layout, manner.icc) = (layout, (bits == 16).then(|| icc.clone()));
         for size in [RIG, Size::new(128, 96)] {
             let path = kept(folder, &format!("a.{}", format.extension()), &picture(&manner, size));
-            let here = Photo::read(&path, Curve::Srgb, &Limits::default()).unwrap().fit(RIG).unwrap();
+            let here =
+                Photo::read(&path, Curve::Srgb, &Limits::default()).unwrap().fit(RIG).unwrap();
             let there = read(&worker(), &path).unwrap();
-            assert_eq!(format!("{here:?}"), format!("{there:?}"), "{format:?} {bits} {layout:?} {size}");
+            assert_eq!(
+                format!("{here:?}"),
+                format!("{there:?}"),
+                "{format:?} {bits} {layout:?} {size}"
+            );
         }
     }
     let path = kept(folder, "half.jpg", &bomb()[..200]);
@@ -140,7 +154,8 @@ fn a_file_may_kill_its_worker_and_no_more() {
     assert!(grown < 16 << 10, "the daemon's memory grew by {grown} KiB");
     println!("a 30-megapixel bomb of {} bytes: the daemon grew by {grown} KiB", bomb().len());
 
-    // A file that kills its worker: three attempts, each written down before, then the next photo's turn.
+    // A file that kills its worker: three attempts, each written down before, then the next photo's
+    // turn.
     let small = Worker { memory_bytes_max: 128 << 20, ..worker() };
     let died = read(&small, &folder.join("bomb.jpg")).unwrap_err();
     assert!(matches!(died, PictureError::Died { .. }), "{died}");
@@ -148,22 +163,33 @@ fn a_file_may_kill_its_worker_and_no_more() {
     std::fs::create_dir_all(root.join("inbox")).unwrap();
     kept(&root, "inbox/a-bomb.jpg", &bomb());
     kept(&root, "inbox/b-good.png", &picture(&Manner::plain(Format::Png, 8, Curve::Srgb), RIG));
-    let setting = Setting { reader: Reader::Worker(small), ..Setting::new("test", RIG, Curve::Srgb) };
+    let setting =
+        Setting { reader: Reader::Worker(small), ..Setting::new("test", RIG, Curve::Srgb) };
     let (mut restorer, mut watcher) = (Returner, Attempts(root.join("working"), vec![]));
     let calendar = || UNIX_EPOCH;
     let folders = Folders::open(&root).unwrap();
-    let mut daemon = Daemon::open(folders, setting, &mut restorer, &Still, &calendar, &mut watcher).unwrap();
+    let mut daemon =
+        Daemon::open(folders, setting, &mut restorer, &Still, &calendar, &mut watcher).unwrap();
     let summary = daemon.once().unwrap();
     drop(daemon);
     assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
     let reason = &summary.failed[0].reason;
-    assert!(reason.contains("a-bomb.jpg") && reason.contains("found 3 such attempts, allowed 3"), "{reason}");
-    assert_eq!(watcher.1.iter().filter(|r| r.contains("\"attempts\":3")).count(), 1, "{:?}", watcher.1);
+    assert!(
+        reason.contains("a-bomb.jpg") && reason.contains("found 3 such attempts, allowed 3"),
+        "{reason}"
+    );
+    assert_eq!(
+        watcher.1.iter().filter(|r| r.contains("\"attempts\":3")).count(),
+        1,
+        "{:?}",
+        watcher.1
+    );
     assert!(root.join("failed/a-bomb.jpg").is_file() && root.join("outbox/b-good.png").is_file());
     let grown = peak_kib() - before;
     assert!(grown < 24 << 10, "the daemon's memory grew by {grown} KiB");
 
-    // Workers that a file has taken over: one sits still, one lies, one never ends, one is not there.
+    // Workers that a file has taken over: one sits still, one lies, one never ends, one is not
+    // there.
     for (script, wanted) in [
         ("exec sleep 100", "found no answer, allowed 1 s"),
         ("printf '\\005\\000\\000\\000abcde'", "an answer that cannot be read"),
@@ -172,7 +198,8 @@ fn a_file_may_kill_its_worker_and_no_more() {
     ] {
         let program = kept(folder, "taken-over", format!("#!/bin/sh\n{script}\n").as_bytes());
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-        let error = read(&Worker { wall_s_max: 1, ..Worker::of(program) }, &folder.join("bomb.jpg"));
+        let error =
+            read(&Worker { wall_s_max: 1, ..Worker::of(program) }, &folder.join("bomb.jpg"));
         let words = error.unwrap_err().to_string();
         assert!(words.contains(wanted) && words.contains("bomb.jpg"), "{words}");
     }

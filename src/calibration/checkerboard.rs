@@ -1,10 +1,11 @@
 //! The corners of a displayed checkerboard, found in a photograph of it to a small part of a pixel.
 //!
-//! Three bright spots ([`crate::patterns::locator_spots`]) give a first affine map. From the corner next to
-//! the sensor's middle the board is followed outwards, each corner predicted from its neighbours, then
-//! refined as the saddle of a quadratic fitted around it (after Lucchese and Mitra, "Using saddle points
-//! for subpixel feature detection in camera calibration targets", APCCAS 2002). The window grows with the
-//! squares, so that blur a good part of a square wide does no harm.
+//! Three bright spots ([`crate::patterns::locator_spots`]) give a first affine map. From the corner
+//! next to the sensor's middle the board is followed outwards, each corner predicted from its
+//! neighbours, then refined as the saddle of a quadratic fitted around it (after Lucchese and
+//! Mitra, "Using saddle points for subpixel feature detection in camera calibration targets",
+//! APCCAS 2002). The window grows with the squares, so that blur a good part of a square wide does
+//! no harm.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -18,7 +19,8 @@ use crate::frame::{Plane, Size};
 pub enum CheckerboardError {
     /// A spot of the locator does not stand out.
     #[error(
-        "the {channel} spot does not stand out: it reaches {found:.0} counts over black, {allowed:.0} are needed"
+        "the {channel} spot does not stand out: it reaches {found:.0} counts over black, \
+         {allowed:.0} are needed"
     )]
     NoSpot {
         /// Which spot.
@@ -29,7 +31,9 @@ pub enum CheckerboardError {
         allowed: f64,
     },
     /// The spots are in a line or at one place.
-    #[error("the three spots are seen in a line; the panel is seen edge-on or mirrored in something")]
+    #[error(
+        "the three spots are seen in a line; the panel is seen edge-on or mirrored in something"
+    )]
     SpotsInLine,
     /// The board's middle shows no corners.
     #[error("none of {tried} corners near the middle of the picture can be made out")]
@@ -47,14 +51,18 @@ pub struct Affine {
 }
 
 impl Affine {
-    /// The map that takes the three `from` to the three `to`; `None` when `from` or `to` lie in a line.
+    /// The map that takes the three `from` to the three `to`; `None` when `from` or `to` lie in a
+    /// line.
     pub fn through(from: [(f64, f64); 3], to: [(f64, f64); 3]) -> Option<Affine> {
         let f = Matrix3::from_fn(|i, j| [from[i].0, from[i].1, 1.0][j]).try_inverse()?;
-        let row = |value: fn((f64, f64)) -> f64| f * Vector3::new(value(to[0]), value(to[1]), value(to[2]));
+        let row = |value: fn((f64, f64)) -> f64| {
+            f * Vector3::new(value(to[0]), value(to[1]), value(to[2]))
+        };
         let (x, y) = (row(|p| p.0), row(|p| p.1));
         let matrix = Matrix2::new(x[0], x[1], y[0], y[1]);
         // A panel magnified less than a thousandth is no panel in view.
-        (matrix.determinant().abs() > 1e-6).then_some(Affine { matrix, origin: Vector2::new(x[2], y[2]) })
+        (matrix.determinant().abs() > 1e-6)
+            .then_some(Affine { matrix, origin: Vector2::new(x[2], y[2]) })
     }
 
     /// The image of a point.
@@ -73,13 +81,19 @@ impl Affine {
 ///
 /// # Errors
 /// When the peak is below `allowed` counts.
-pub fn spot(plane: &Plane, channel: &'static str, allowed: f64) -> Result<(f64, f64), CheckerboardError> {
+pub fn spot(
+    plane: &Plane,
+    channel: &'static str,
+    allowed: f64,
+) -> Result<(f64, f64), CheckerboardError> {
     // The peak of a 3×3 mean, so that one hot pixel is no spot.
     let mut peak = (0.0f32, 0, 0);
     for y in 1..plane.height().saturating_sub(1) {
         for x in 1..plane.width().saturating_sub(1) {
-            let mean =
-                (y - 1..=y + 1).map(|v| plane.row(v)[x - 1..=x + 1].iter().sum::<f32>()).sum::<f32>() / 9.0;
+            let mean = (y - 1..=y + 1)
+                .map(|v| plane.row(v)[x - 1..=x + 1].iter().sum::<f32>())
+                .sum::<f32>()
+                / 9.0;
             if mean > peak.0 {
                 peak = (mean, x, y);
             }
@@ -108,12 +122,13 @@ pub fn spot(plane: &Plane, channel: &'static str, allowed: f64) -> Result<(f64, 
 struct Saddle {
     x: f64,
     y: f64,
-    /// Mixed second derivative along the board's two axes: positive where squares of even a + b are bright.
+    /// Mixed second derivative along the board's two axes: positive where squares of even a + b are
+    /// bright.
     twist: f64,
 }
 
-/// The corners of a checkerboard of `square_px` panel pixels that can be made out in `plane`, as pairs
-/// (sensor, panel). `near` is a first guess of panel → sensor.
+/// The corners of a checkerboard of `square_px` panel pixels that can be made out in `plane`, as
+/// pairs (sensor, panel). `near` is a first guess of panel → sensor.
 ///
 /// # Errors
 /// When not one corner near the middle can be made out.
@@ -198,8 +213,8 @@ pub fn corners(
         .collect())
 }
 
-/// How many corners of such a board lie in the sensor's view, by a first guess, a window's width from its
-/// border.
+/// How many corners of such a board lie in the sensor's view, by a first guess, a window's width
+/// from its border.
 pub fn in_view(sensor: Size, panel: Size, square_px: usize, near: &Affine) -> usize {
     let square = square_px.max(1) as f64;
     let rim = square * near.magnification();
@@ -255,8 +270,8 @@ impl Finder<'_> {
         None
     }
 
-    /// c₀ + c₁u + c₂v + c₃u² + c₄uv + c₅v² around (`x`, `y`), weighted by a bell; `None` when the window
-    /// leaves the picture.
+    /// c₀ + c₁u + c₂v + c₃u² + c₄uv + c₅v² around (`x`, `y`), weighted by a bell; `None` when the
+    /// window leaves the picture.
     fn quadratic(&self, x: f64, y: f64) -> Option<SVector<f64, 6>> {
         let (left, right) = ((x - self.radius).ceil(), (x + self.radius).floor());
         let (top, bottom) = ((y - self.radius).ceil(), (y + self.radius).floor());
@@ -304,7 +319,8 @@ mod tests {
         (scale * (cos * u - sin * v) + 322.0, scale * (sin * u + cos * v) + 236.0)
     }
 
-    /// A photograph of the board: edges smeared as by a Gaussian of `blur` sensor pixels, dark corner, noise.
+    /// A photograph of the board: edges smeared as by a Gaussian of `blur` sensor pixels, dark
+    /// corner, noise.
     fn photograph(blur: f64, noise: f64) -> Plane {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
         let bell = Normal::new(0.0, noise).unwrap();
@@ -315,7 +331,8 @@ mod tests {
             (0..12)
                 .map(|n| f64::from(2 * n + 1))
                 .map(|k| {
-                    (k * phase).sin() * (-0.5 * (k * damp).powi(2)).exp() * 4.0 / (std::f64::consts::PI * k)
+                    (k * phase).sin() * (-0.5 * (k * damp).powi(2)).exp() * 4.0
+                        / (std::f64::consts::PI * k)
                 })
                 .sum::<f64>()
         };
@@ -335,7 +352,8 @@ mod tests {
 
     #[test]
     fn corners_are_found_to_a_small_part_of_a_pixel_in_blur_and_noise() {
-        // RMS blur 0.5 to 8 px: what the cheapest lens gives (numbers.md: 3.9 px centre, 8.1 px corner).
+        // RMS blur 0.5 to 8 px: what the cheapest lens gives (numbers.md: 3.9 px centre, 8.1 px
+        // corner).
         for (blur, bound) in [(0.5, 0.05), (4.0, 0.05), (8.0, 0.12)] {
             let photo = photograph(blur, 1.0);
             let pairs = corners(&photo, PANEL, SQUARE, &first_guess()).unwrap();

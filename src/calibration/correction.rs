@@ -1,8 +1,9 @@
 //! A calibration put to work: a Work picture to panel codes, and sensor counts back to Work.
 //!
 //! Shown: warp to the panel per channel, response curve undone, diffused to 8 bits. Seen: black
-//! subtracted, mixing undone, dark corner divided out. Captures are cropped and never resampled, for Work
-//! *is* the camera's own pixel grid. Outside the canvas the panel goes on with the canvas's border pixels.
+//! subtracted, mixing undone, dark corner divided out. Captures are cropped and never resampled,
+//! for Work *is* the camera's own pixel grid. Outside the canvas the panel goes on with the
+//! canvas's border pixels.
 
 use rayon::prelude::*;
 
@@ -44,7 +45,8 @@ impl Layout {
 pub enum CorrectionError {
     /// It belongs to another photo or canvas.
     #[error(
-        "the calibration is for a photo of {found} with a margin of {found_margin_px} px; the rig file says {allowed} and {allowed_margin_px} px"
+        "the calibration is for a photo of {found} with a margin of {found_margin_px} px; the rig \
+         file says {allowed} and {allowed_margin_px} px"
     )]
     Sizes {
         /// Photo calibrated for.
@@ -94,8 +96,8 @@ pub struct Correction {
 
 /// Rows of the panel made at a time: one band a task, errors diffused within it.
 const BAND_ROWS: usize = 40;
-/// Panel pixels beyond the canvas that are still warped; farther out the last code goes on. Wider than any
-/// blur that can be worked with.
+/// Panel pixels beyond the canvas that are still warped; farther out the last code goes on. Wider
+/// than any blur that can be worked with.
 const FRINGE_PX: f64 = 64.0;
 /// Border pixels added to a canvas before it is warped, so that the sixteen taps never leave it.
 const PAD_PX: usize = 4;
@@ -152,8 +154,9 @@ impl Correction {
         self.show_by(picture, |channel| channel)
     }
 
-    /// The codes that put a `scene` (light, 0..255, canvas-sized) on the panel as an object is in the world: its colours lie
-    /// on each other there, and the lens pulls them apart. Green is seen where the scene has it.
+    /// The codes that put a `scene` (light, 0..255, canvas-sized) on the panel as an object is in
+    /// the world: its colours lie on each other there, and the lens pulls them apart. Green is seen
+    /// where the scene has it.
     ///
     /// # Panics
     /// When the scene has not the canvas's size, which is a bug of the caller.
@@ -164,8 +167,10 @@ impl Correction {
     /// The codes of `picture`, each channel at the places of the channel that `place` gives.
     fn show_by(&self, picture: &Frame<Work>, place: impl Fn(Channel) -> Channel + Sync) -> Codes {
         assert!(picture.size() == self.layout.canvas(), "what is shown has the canvas's size");
-        let made: Vec<Plane<u8>> =
-            Channel::ALL.par_iter().map(|&c| self.show_plane(c, place(c), picture.plane(c))).collect();
+        let made: Vec<Plane<u8>> = Channel::ALL
+            .par_iter()
+            .map(|&c| self.show_plane(c, place(c), picture.plane(c)))
+            .collect();
         let mut made = made.into_iter();
         Frame::from_fn(|_| made.next().unwrap_or_else(|| Plane::zeros(self.layout.panel)))
     }
@@ -182,7 +187,8 @@ impl Correction {
         let right = past(seen.right, panel.width).max(left + 1);
         let bottom = past(seen.bottom, panel.height).max(top + 1);
         let offset = (self.layout.margin_px + PAD_PX) as f32;
-        // Places where all sixteen taps lie in the padded plane, so that the border pixels go on outside.
+        // Places where all sixteen taps lie in the padded plane, so that the border pixels go on
+        // outside.
         let limit = |side: usize| (side - PAD_PX) as f32 - 0.5;
         let (x_max, y_max) = (limit(padded.width()), limit(padded.height()));
         let least = PAD_PX as f32 - 1.5;
@@ -245,8 +251,9 @@ impl Correction {
         let layout = &self.layout;
         let width = layout.canvas().width;
         // The canvas's first pixel may lie outside the sensor.
-        let Some(sensor_y) =
-            (layout.photo_y_px + y).checked_sub(layout.margin_px).filter(|&v| v < layout.sensor.height)
+        let Some(sensor_y) = (layout.photo_y_px + y)
+            .checked_sub(layout.margin_px)
+            .filter(|&v| v < layout.sensor.height)
         else {
             return;
         };
@@ -256,15 +263,23 @@ impl Correction {
         let taken = |c: usize| &counts.planes()[c].row(sensor_y)[start..start + reach];
         let black = |c: usize| &self.black[c].row(y)[skip..skip + reach];
         let gain = |c: usize| &self.gain[c].row(y)[skip..skip + reach];
-        let (t, b, g) =
-            ([taken(0), taken(1), taken(2)], [black(0), black(1), black(2)], [gain(0), gain(1), gain(2)]);
+        let (t, b, g) = (
+            [taken(0), taken(1), taken(2)],
+            [black(0), black(1), black(2)],
+            [gain(0), gain(1), gain(2)],
+        );
         let good = &mut good[skip..skip + reach];
         let [red, green, blue] = light.map(|row| &mut row[skip..skip + reach]);
         for x in 0..reach {
-            let over =
-                [f32::from(t[0][x]) - b[0][x], f32::from(t[1][x]) - b[1][x], f32::from(t[2][x]) - b[2][x]];
+            let over = [
+                f32::from(t[0][x]) - b[0][x],
+                f32::from(t[1][x]) - b[1][x],
+                f32::from(t[2][x]) - b[2][x],
+            ];
             let own = |to: usize| {
-                over[0] * self.unmix[0][to] + over[1] * self.unmix[1][to] + over[2] * self.unmix[2][to]
+                over[0] * self.unmix[0][to]
+                    + over[1] * self.unmix[1][to]
+                    + over[2] * self.unmix[2][to]
             };
             red[x] = own(0) * g[0][x];
             green[x] = own(1) * g[1][x];
@@ -274,7 +289,8 @@ impl Correction {
     }
 }
 
-/// Least share of light a dark corner is divided by: below a fiftieth there is no picture to brighten.
+/// Least share of light a dark corner is divided by: below a fiftieth there is no picture to
+/// brighten.
 const LEAST_LIGHT: f32 = 0.02;
 
 /// `picture` with [`PAD_PX`] more pixels on every side, repeating its border.

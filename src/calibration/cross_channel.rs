@@ -3,10 +3,12 @@
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-/// C of Eq. 13, diagonal 1: `seen[to] = Σ from[…] · C[from][to]`, in units in which each channel's own light has gain 1.
+/// C of Eq. 13, diagonal 1: `seen[to] = Σ from[…] · C[from][to]`, in units in which each channel's
+/// own light has gain 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CrossChannel {
-    /// `c[from][to]`: what one unit of the displayed channel `from` adds to the camera's channel `to`.
+    /// `c[from][to]`: what one unit of the displayed channel `from` adds to the camera's channel
+    /// `to`.
     pub c: [[f32; 3]; 3],
 }
 
@@ -15,8 +17,8 @@ impl CrossChannel {
     pub const IDENTITY: CrossChannel =
         CrossChannel { c: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
 
-    /// C⁻¹, laid out the same: `light[to] = Σ seen[from] · inverse[from][to]`. `None` when the channels
-    /// cannot be told apart.
+    /// C⁻¹, laid out the same: `light[to] = Σ seen[from] · inverse[from][to]`. `None` when the
+    /// channels cannot be told apart.
     pub fn inverse(&self) -> Option<[[f32; 3]; 3]> {
         let m = Matrix3::from_fn(|i, j| f64::from(self.c[i][j])).try_inverse()?;
         let inverse = [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)] as f32));
@@ -33,13 +35,14 @@ pub struct Reading {
     pub around: Vec<u8>,
     /// Squared distance from the middle of the field, 1 in its corners.
     pub field: f64,
-    /// Mean counts of its middle in the camera's three channels, black subtracted, divided by the dark
-    /// corner of the channel shown.
+    /// Mean counts of its middle in the camera's three channels, black subtracted, divided by the
+    /// dark corner of the channel shown.
     pub counts: [f64; 3],
 }
 
-/// Row `from` of C: what the channel shown adds to each camera channel, by the slope of that channel's
-/// readings against its own. A slope, for glare lifts all blocks alike. `None` when there is no contrast.
+/// Row `from` of C: what the channel shown adds to each camera channel, by the slope of that
+/// channel's readings against its own. A slope, for glare lifts all blocks alike. `None` when there
+/// is no contrast.
 pub fn row(from: usize, readings: &[Reading]) -> Option<[f32; 3]> {
     let count = readings.len() as f64;
     let mean = |k: usize| readings.iter().map(|r| r.counts[k]).sum::<f64>() / count;
@@ -83,7 +86,8 @@ mod tests {
         let inverse = mixing.inverse().unwrap();
         for (i, row) in mixing.c.iter().enumerate() {
             for j in 0..3 {
-                let product: f32 = row.iter().zip(&inverse).map(|(c, inverse)| c * inverse[j]).sum();
+                let product: f32 =
+                    row.iter().zip(&inverse).map(|(c, inverse)| c * inverse[j]).sum();
                 assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-6);
             }
         }

@@ -13,7 +13,8 @@ pub enum CurveError {
     },
     /// Light does not grow with the code.
     #[error(
-        "light does not grow from code {code} to the next ({from} to {to}); a panel's response must rise"
+        "light does not grow from code {code} to the next ({from} to {to}); a panel's response \
+         must rise"
     )]
     NotRising {
         /// The lower of the two codes.
@@ -72,8 +73,8 @@ impl Curve {
         self.light[usize::from(code)]
     }
 
-    /// The code whose light is `light`, fractional between codes (0.0..=255.0), the ends beyond them:
-    /// the exact inverse of the table joined by straight lines.
+    /// The code whose light is `light`, fractional between codes (0.0..=255.0), the ends beyond
+    /// them: the exact inverse of the table joined by straight lines.
     pub fn code(&self, light: f32) -> f32 {
         let above = self.light.partition_point(|&l| l <= light);
         if above == 0 {
@@ -87,8 +88,9 @@ impl Curve {
     }
 }
 
-/// [`Curve::code`] for many values at once, by a table even in the square root of light, which spreads a
-/// panel's codes about evenly. Within a fiftieth of a code of the exact inverse, and without a branch.
+/// [`Curve::code`] for many values at once, by a table even in the square root of light, which
+/// spreads a panel's codes about evenly. Within a fiftieth of a code of the exact inverse, and
+/// without a branch.
 #[derive(Debug, Clone)]
 pub struct Inverse {
     /// Fractional code at each step of √light.
@@ -111,7 +113,8 @@ impl Inverse {
         Inverse { codes: (0..=STEPS).map(code).collect(), last }
     }
 
-    /// The fractional code of each of `values` (light) in its place. What is not a number becomes code 0.
+    /// The fractional code of each of `values` (light) in its place. What is not a number becomes
+    /// code 0.
     pub fn apply(&self, values: &mut [f32]) {
         let per_light = 1.0 / self.last;
         for value in values {
@@ -145,8 +148,9 @@ mod tests {
     #[test]
     fn the_fast_inverse_is_the_plain_one() {
         for power in [1.0f32, 1.8, 2.4] {
-            let table: Vec<f32> =
-                (0..256).map(|c| 255.0 * (c as f32 / 255.0).powf(power) + 0.002 * c as f32).collect();
+            let table: Vec<f32> = (0..256)
+                .map(|c| 255.0 * (c as f32 / 255.0).powf(power) + 0.002 * c as f32)
+                .collect();
             let curve = Curve::try_from(table).unwrap();
             let mut values: Vec<f32> = (-200..52_200).map(|n| n as f32 * 0.005).collect();
             let plain: Vec<f32> = values.iter().map(|&v| curve.code(v)).collect();
@@ -164,7 +168,10 @@ mod tests {
     fn a_flat_or_broken_table_is_refused() {
         let mut table: Vec<f32> = (0..256).map(|c| c as f32).collect();
         table[7] = table[6];
-        assert!(matches!(Curve::try_from(table.clone()), Err(CurveError::NotRising { code: 6, .. })));
+        assert!(matches!(
+            Curve::try_from(table.clone()),
+            Err(CurveError::NotRising { code: 6, .. })
+        ));
         table[7] = f32::NAN;
         assert!(Curve::try_from(table).is_err());
         assert_eq!(Curve::try_from(vec![0.0; 3]), Err(CurveError::Length { found: 3 }));

@@ -1,20 +1,20 @@
-//! Dark corner and black level: smooth surfaces through flat captures, so that dividing by the one and
-//! subtracting the other adds no noise.
+//! Dark corner and black level: smooth surfaces through flat captures, so that dividing by the one
+//! and subtracting the other adds no noise.
 
 use super::surface::{Domain, Sample, Surface, SurfaceError};
 use crate::frame::{Plane, Rect};
 
 /// Pixels averaged to one sample, in each direction.
 const CELL_PX: usize = 8;
-/// Knot intervals. Vignetting goes with even powers of the field; six by five intervals follow cos⁴ and a
-/// clipped pupil within 0.07 to 0.12 % RMS on `simulated.toml` (2026-11-21).
+/// Knot intervals. Vignetting goes with even powers of the field; six by five intervals follow cos⁴
+/// and a clipped pupil within 0.07 to 0.12 % RMS on `simulated.toml` (2026-11-21).
 const INTERVALS: (usize, usize) = (6, 5);
 /// Penalty on bending: cells carry little noise, so little is needed (guess).
 const BENDING: f64 = 1e-3;
 
-/// The smooth surface through `flat` (sensor pixels) over `domain` in Work coordinates, where sensor pixel
-/// (`origin`) is Work (0, 0). Cells outside the domain, or
-/// within `rim_px` of its border, are left out.
+/// The smooth surface through `flat` (sensor pixels) over `domain` in Work coordinates, where
+/// sensor pixel (`origin`) is Work (0, 0). Cells outside the domain, or within `rim_px` of its
+/// border, are left out.
 ///
 /// # Errors
 /// When the flat has too few cells within the domain.

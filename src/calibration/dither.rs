@@ -1,8 +1,9 @@
-//! Fractional codes to whole ones by error diffusion, so that the lens, which blurs several panel pixels
-//! together, sees the light that was meant and not steps.
+//! Fractional codes to whole ones by error diffusion, so that the lens, which blurs several panel
+//! pixels together, sees the light that was meant and not steps.
 
-/// Error diffusion after Floyd and Steinberg (Proc. SID 17, 1976), a row at a time. Errors are handed on in
-/// codes: neighbouring pixels have nearly one slope of the response curve, so light comes out right as well.
+/// Error diffusion after Floyd and Steinberg (Proc. SID 17, 1976), a row at a time. Errors are
+/// handed on in codes: neighbouring pixels have nearly one slope of the response curve, so light
+/// comes out right as well.
 #[derive(Debug, Clone)]
 pub struct Diffusion {
     /// What the row above handed down; two more places, so that no pixel is a border.
@@ -49,8 +50,9 @@ mod tests {
         }
         assert!(codes.iter().flatten().all(|&c| c == 100 || c == 101));
         for block in 0..4 {
-            let part =
-                |r: &Vec<u8>| r[16 * block..16 * block + 16].iter().map(|&c| f64::from(c)).sum::<f64>();
+            let part = |r: &Vec<u8>| {
+                r[16 * block..16 * block + 16].iter().map(|&c| f64::from(c)).sum::<f64>()
+            };
             let mean = codes[16..48].iter().map(part).sum::<f64>() / 512.0;
             assert!((mean - 100.3).abs() < 0.03, "{mean}");
         }

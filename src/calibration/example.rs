@@ -3,12 +3,12 @@
 use super::geometric::Map;
 use super::surface::{Domain, Surface};
 use super::{Calibration, CrossChannel, Curve, Geometry, Noise};
+use crate::deconvolution::lens_model::{Halo, LensFunctions};
+use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
-use crate::restore::lens_model::{Halo, LensFunctions};
-use crate::restore::level_norms::LevelNorms;
 
-/// Photo of 40×30 with a margin of 4; the panel shows it enlarged by 1.25 and shifted; curves of power two,
-/// some mixing, a dark corner towards the right.
+/// Photo of 40×30 with a margin of 4; the panel shows it enlarged by 1.25 and shifted; curves of
+/// power two, some mixing, a dark corner towards the right.
 pub(crate) fn calibration() -> Calibration {
     let canvas = Domain { left: -4.0, top: -4.0, right: 43.0, bottom: 33.0 };
     let panel = Domain { left: 2.0, top: 2.0, right: 60.75, bottom: 48.25 };
@@ -23,7 +23,8 @@ pub(crate) fn calibration() -> Calibration {
         },
     };
     let curve = || {
-        let table: Vec<f32> = (0..256).map(|c| 0.1 * c as f32 + 0.9 / 255.0 * (c * c) as f32).collect();
+        let table: Vec<f32> =
+            (0..256).map(|c| 0.1 * c as f32 + 0.9 / 255.0 * (c * c) as f32).collect();
         Curve::try_from(table).unwrap()
     };
     let noise = Noise { at_black: 0.04, per_level: 0.008 };

@@ -1,7 +1,7 @@
 //! Where on the panel the lens sees each place of the Work grid, channel by channel, and back.
 //!
-//! Work coordinates are the photo's: pixel (0, 0) is the photo's first pixel, centre of a pixel at whole
-//! numbers; the canvas margin has negative coordinates. Panel coordinates likewise.
+//! Work coordinates are the photo's: pixel (0, 0) is the photo's first pixel, centre of a pixel at
+//! whole numbers; the canvas margin has negative coordinates. Panel coordinates likewise.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,8 @@ impl Map {
         bending: f64,
     ) -> Result<Map, SurfaceError> {
         let one = |value: fn(&Pair) -> f64| {
-            let samples = pairs.iter().map(|p| Sample { x: p.from.0, y: p.from.1, value: value(p) });
+            let samples =
+                pairs.iter().map(|p| Sample { x: p.from.0, y: p.from.1, value: value(p) });
             Surface::fit(domain, intervals.0, intervals.1, samples, bending)
         };
         Ok(Map { x: one(|p| p.to.0)?, y: one(|p| p.to.1)? })
@@ -63,18 +64,19 @@ pub struct Geometry {
     pub panel_to_work: Map,
 }
 
-/// Work and panel points, RMS misfit beyond which a pair of corners is thrown out: five times the median.
-/// A corner in a reflection is off by much more, a good one never is (guess).
+/// Work and panel points, RMS misfit beyond which a pair of corners is thrown out: five times the
+/// median. A corner in a reflection is off by much more, a good one never is (guess).
 const OUTLIER: f64 = 5.0;
 /// Knot intervals of the maps. A cheap lens's distortion is a cubic over the field; eight by six
 /// intervals follow it (0.05 to 0.12 px RMS in all on `simulated.toml`, November 2026).
 const INTERVALS: (usize, usize) = (8, 6);
-/// Penalty on bending of the maps; small, for corners are good to a few hundredths of a pixel (guess).
+/// Penalty on bending of the maps; small, for corners are good to a few hundredths of a pixel
+/// (guess).
 const BENDING: f64 = 1e-4;
 
 impl Geometry {
-    /// The geometry of a rig whose panel pixels are seen by one sensor pixel each: the panel place of Work
-    /// (x, y) is (x + `dx`, y + `dy`).
+    /// The geometry of a rig whose panel pixels are seen by one sensor pixel each: the panel place
+    /// of Work (x, y) is (x + `dx`, y + `dy`).
     pub fn one_to_one(canvas: Domain, dx: f64, dy: f64) -> Geometry {
         let on_panel = Domain {
             left: canvas.left + dx,
@@ -82,11 +84,14 @@ impl Geometry {
             right: canvas.right + dx,
             bottom: canvas.bottom + dy,
         };
-        Geometry { work_to_panel: Map::shift(canvas, dx, dy), panel_to_work: Map::shift(on_panel, -dx, -dy) }
+        Geometry {
+            work_to_panel: Map::shift(canvas, dx, dy),
+            panel_to_work: Map::shift(on_panel, -dx, -dy),
+        }
     }
 
-    /// The geometry over `canvas` nearest to `pairs` of (Work, panel), and their RMS misfit in panel pixels.
-    /// Pairs far off the rest are left out.
+    /// The geometry over `canvas` nearest to `pairs` of (Work, panel), and their RMS misfit in
+    /// panel pixels. Pairs far off the rest are left out.
     ///
     /// # Errors
     /// When the pairs do not determine a map.
@@ -99,22 +104,24 @@ impl Geometry {
         let mut misfits: Vec<f64> = pairs.iter().map(|p| misfit(&first, p)).collect();
         misfits.sort_by(f64::total_cmp);
         let limit = OUTLIER * misfits[misfits.len() / 2].max(1e-9);
-        let kept: Vec<Pair> = pairs.iter().copied().filter(|p| misfit(&first, p) <= limit).collect();
+        let kept: Vec<Pair> =
+            pairs.iter().copied().filter(|p| misfit(&first, p) <= limit).collect();
         let work_to_panel = Map::fit(canvas, INTERVALS, &kept, BENDING)?;
         let squared: f64 = kept.iter().map(|p| misfit(&work_to_panel, p).powi(2)).sum();
         let rms = (squared / kept.len() as f64).sqrt();
         Ok((Geometry::of(canvas, |x, y| work_to_panel.at(x, y))?, rms))
     }
 
-    /// This geometry after the lens functions have shown that what is shown for Work place q is seen
-    /// centred at q + `displacement`(q): what is shown for a place is then seen centred *there*.
+    /// This geometry after the lens functions have shown that what is shown for Work place q is
+    /// seen centred at q + `displacement`(q): what is shown for a place is then seen centred
+    /// *there*.
     ///
     /// # Errors
     /// When the moved points do not determine a map.
     pub fn recentred(&self, displacement: &Map) -> Result<Geometry, SurfaceError> {
         Geometry::of(self.work_to_panel.x.domain(), |x, y| {
-            // Solves q + displacement(q) = (x, y); displacements are a few pixels and vary slowly, so
-            // that each round gains two digits.
+            // Solves q + displacement(q) = (x, y); displacements are a few pixels and vary slowly,
+            // so that each round gains two digits.
             let (mut qx, mut qy) = (x, y);
             for _ in 0..4 {
                 let (dx, dy) = displacement.at(qx, qy);
@@ -125,7 +132,10 @@ impl Geometry {
     }
 
     /// Both maps fitted to Work → panel as `to_panel` gives it.
-    fn of(canvas: Domain, to_panel: impl Fn(f64, f64) -> (f64, f64)) -> Result<Geometry, SurfaceError> {
+    fn of(
+        canvas: Domain,
+        to_panel: impl Fn(f64, f64) -> (f64, f64),
+    ) -> Result<Geometry, SurfaceError> {
         // Eight samples a knot interval in both directions: the fit adds nothing of its own.
         let (across, down) = (8 * INTERVALS.0, 8 * INTERVALS.1);
         let mut pairs = Vec::with_capacity((across + 1) * (down + 1));
@@ -204,12 +214,15 @@ mod tests {
     #[test]
     fn recentring_takes_the_displacement_out() {
         let (geometry, _) = Geometry::fit(CANVAS, &pairs()).unwrap();
-        let displacement =
-            Map { x: Surface::plane(CANVAS, 0.3, 1e-3, 0.0), y: Surface::plane(CANVAS, -0.2, 0.0, -5e-4) };
+        let displacement = Map {
+            x: Surface::plane(CANVAS, 0.3, 1e-3, 0.0),
+            y: Surface::plane(CANVAS, -0.2, 0.0, -5e-4),
+        };
         let moved = geometry.recentred(&displacement).unwrap();
         for (x, y) in [(0.0, 0.0), (700.0, 300.0)] {
             let (dx, dy) = displacement.at(x, y);
-            let (old, new) = (geometry.work_to_panel.at(x, y), moved.work_to_panel.at(x + dx, y + dy));
+            let (old, new) =
+                (geometry.work_to_panel.at(x, y), moved.work_to_panel.at(x + dx, y + dy));
             assert!((old.0 - new.0).abs() < 1e-3 && (old.1 - new.1).abs() < 1e-3);
         }
     }

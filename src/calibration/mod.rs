@@ -1,4 +1,5 @@
-//! What a rig's captures say about it, fitted and kept: everything between a Work picture and its photograph.
+//! What a rig's captures say about it, fitted and kept: everything between a Work picture and its
+//! photograph.
 //!
 //! | paper §3 | here |
 //! |---|---|
@@ -7,8 +8,8 @@
 //! | cross-channel response, Eq. 13 | [`cross_channel`], [`curve`] |
 //! | (noise, lens functions: not in the paper) | [`noise`], [`lens_blur`] |
 //!
-//! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on flash,
-//! and the procedure on a rig is [`crate::calibrate`] (layer 3).
+//! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on
+//! flash, and the procedure on a rig is [`crate::measurement`] (layer 3).
 
 pub mod checkerboard;
 pub mod correction;
@@ -27,10 +28,10 @@ pub mod surface;
 
 use serde::{Deserialize, Serialize};
 
+use crate::deconvolution::lens_model::broad::check_halos;
+use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions, LensModel, LensModelError};
+use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
-use crate::restore::lens_model::broad::check_halos;
-use crate::restore::lens_model::{Beyond, Halo, LensFunctions, LensModel, LensModelError};
-use crate::restore::level_norms::LevelNorms;
 pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
 pub use curve::Curve;
@@ -57,7 +58,8 @@ pub struct Calibration {
     pub cross_channel: CrossChannel,
     /// Light 0..255 of each panel code, per channel, black subtracted.
     pub curves: [Curve; 3],
-    /// Sensor counts with a black panel, over Work coordinates, per channel: pedestal, ambient light and leakage.
+    /// Sensor counts with a black panel, over Work coordinates, per channel: pedestal, ambient
+    /// light and leakage.
     pub black: [Surface; 3],
     /// Sensor counts per unit of light (0..255) where the dark corner is 1, per channel.
     pub counts_per_level: [f32; 3],
@@ -65,22 +67,26 @@ pub struct Calibration {
     pub noise: [Noise; 3],
     /// The lens functions, each about sum 1: light to light, dark corner taken out.
     pub functions: LensFunctions,
-    /// What the lens scatters wider than that, per channel; nothing where nothing was found, or not looked for.
+    /// What the lens scatters wider than that, per channel; nothing where nothing was found, or not
+    /// looked for.
     pub broad: [Vec<Halo>; 3],
     /// Largest squared singular value of the lens model, per channel.
     pub norm_squared: [f32; 3],
-    /// How much of each wavelet level the lens model lets through, per channel; for the rig file's levels.
+    /// How much of each wavelet level the lens model lets through, per channel; for the rig file's
+    /// levels.
     pub level_norms: [LevelNorms; 3],
     /// ‖K‖², asked of the light: what the rig makes of the model's dominant picture; green.
     pub norm_squared_seen: f32,
-    /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel; capture noise included.
+    /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel;
+    /// capture noise included.
     pub operator_error: [f32; 3],
     /// Captures the calibration took.
     pub captures: u32,
 }
 
 impl Calibration {
-    /// What lies beyond the canvas: without margin everything outside the photo is dark; with one, light goes on.
+    /// What lies beyond the canvas: without margin everything outside the photo is dark; with one,
+    /// light goes on.
     pub fn beyond(&self) -> Beyond {
         if self.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder }
     }
@@ -107,7 +113,8 @@ impl Calibration {
             }));
         if surfaces.into_iter().any(|s| !s.is_whole()) {
             return Err(
-                "a surface has the wrong number of coefficients, or one that is not finite".to_owned()
+                "a surface has the wrong number of coefficients, or one that is not finite"
+                    .to_owned(),
             );
         }
         if self.counts_per_level.iter().any(|c| !c.is_finite() || *c <= 0.0) {
@@ -117,7 +124,10 @@ impl Calibration {
             ));
         }
         if self.level_norms.iter().any(|norms| !norms.is_whole()) {
-            return Err(format!("level norms of {:?}; positive numbers are allowed", self.level_norms));
+            return Err(format!(
+                "level norms of {:?}; positive numbers are allowed",
+                self.level_norms
+            ));
         }
         self.broad.iter().try_for_each(|halos| check_halos(halos))?;
         self.functions.check().map_err(|e| e.to_string())

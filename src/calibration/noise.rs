@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::Plane;
 
-/// Variance = `at_black` + `per_level` · light: read noise and shot noise of one channel of one capture,
-/// in light (0..255), as an average over the field.
+/// Variance = `at_black` + `per_level` · light: read noise and shot noise of one channel of one
+/// capture, in light (0..255), as an average over the field.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Variance without light, squared grey levels.
@@ -21,8 +21,9 @@ impl Noise {
     }
 }
 
-/// The noise of two captures of the same picture (`first`, `second`: light, mixing undone), from pixels with
-/// `trusted` = 1, by a line through the variance in 32 bins of light. `None` without enough pixels.
+/// The noise of two captures of the same picture (`first`, `second`: light, mixing undone), from
+/// pixels with `trusted` = 1, by a line through the variance in 32 bins of light. `None` without
+/// enough pixels.
 pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>) -> Option<Noise> {
     const BINS: usize = 32;
     let mut bins = [(0.0f64, 0.0f64, 0.0f64); BINS];
@@ -48,7 +49,8 @@ pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>) -> Option<Noise> 
         (sxx, sxy) = (sxx + weight * x * x, sxy + weight * x * y);
     }
     if n <= 0.0 {
-        // Captures that agree to the last bit have no noise of their own; too few pixels say nothing.
+        // Captures that agree to the last bit have no noise of their own; too few pixels say
+        // nothing.
         let told = bins.iter().any(|bin| bin.0 >= 30.0);
         return told.then_some(Noise { at_black: 0.0, per_level: 0.0 });
     }

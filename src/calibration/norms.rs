@@ -1,11 +1,12 @@
-//! How strong the measured lens is: ‖K‖² and the wavelet levels' norms, and another lens in its place.
+//! How strong the measured lens is: ‖K‖² and the wavelet levels' norms, and another lens in its
+//! place.
 
 use rayon::prelude::*;
 
 use super::{Calibration, lens_blur};
+use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
+use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::{Channel, Plane};
-use crate::restore::lens_model::{LensFunctions, LensModel, LensModelError};
-use crate::restore::level_norms::LevelNorms;
 
 /// Rounds of the power method from grey, which nearly is the dominant picture.
 const POWER_ROUNDS: usize = 12;
@@ -14,12 +15,15 @@ const LEVEL_ROUNDS: usize = 8;
 const LEVEL_SEED: u64 = 17;
 
 impl Calibration {
-    /// Measures the norms of `model`, which is this calibration's, for so many wavelet `levels`; green's dominant picture.
+    /// Measures the norms of `model`, which is this calibration's, for so many wavelet `levels`;
+    /// green's dominant picture.
     pub fn measure_norms(&mut self, model: &LensModel, levels: usize) -> Plane {
         let dominant = |&c: &Channel| lens_blur::dominant(model, c, POWER_ROUNDS);
-        let (norms, mut pictures): (Vec<f32>, Vec<Plane>) = Channel::ALL.par_iter().map(dominant).unzip();
+        let (norms, mut pictures): (Vec<f32>, Vec<Plane>) =
+            Channel::ALL.par_iter().map(dominant).unzip();
         self.norm_squared.iter_mut().zip(norms).for_each(|(norm, found)| *norm = found);
-        let measure = |&c: &Channel| LevelNorms::measure(model, c, levels, LEVEL_ROUNDS, LEVEL_SEED);
+        let measure =
+            |&c: &Channel| LevelNorms::measure(model, c, levels, LEVEL_ROUNDS, LEVEL_SEED);
         let measured: Vec<LevelNorms> = Channel::ALL.par_iter().map(measure).collect();
         for (norms, found) in self.level_norms.iter_mut().zip(measured) {
             *norms = found;
@@ -27,8 +31,9 @@ impl Calibration {
         pictures.swap_remove(Channel::Green.index())
     }
 
-    /// The same calibration, one generation on, with the lens that photos have proved to be there in place of the measured one.
-    /// All else is as it was measured; the operator error is the measured lens's.
+    /// The same calibration, one generation on, with the lens that photos have proved to be there
+    /// in place of the measured one. All else is as it was measured; the operator error is the
+    /// measured lens's.
     ///
     /// # Errors
     /// When the functions are none.

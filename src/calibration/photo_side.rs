@@ -8,7 +8,8 @@ use super::surface::Surface;
 use crate::frame::resample::{Outside, warp};
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 
-/// Share of light below which a corner is too dark to be worth dividing by; what is darker is left dark.
+/// Share of light below which a corner is too dark to be worth dividing by; what is darker is left
+/// dark.
 const DARKEST: f32 = 0.05;
 /// Rows between which displacements are interpolated: they vary by hundredths of a pixel over that.
 const COARSE_PX: usize = 16;
@@ -49,24 +50,29 @@ impl PhotoSide {
         for c in Channel::ALL {
             let (surface, plane) = (&self.dark_corner[c.index()], photo.plane_mut(c));
             let (width, height) = (plane.width(), plane.height());
-            // The calibration's surface has mean 1 over the photo; a photo is exposed for its middle, which
-            // must keep its light.
+            // The calibration's surface has mean 1 over the photo; a photo is exposed for its
+            // middle, which must keep its light.
             let middle = surface.at(width as f64 / 2.0, height as f64 / 2.0) as f32;
-            plane.data_mut().par_chunks_mut(width.max(1)).with_min_len(BAND_ROWS).enumerate().for_each_init(
-                || vec![0.0; width],
-                |shares, (y, row)| {
-                    surface.row(y as f64, 0.0, 1.0, shares);
-                    let darkest = DARKEST * middle;
-                    row.iter_mut()
-                        .zip(&*shares)
-                        .for_each(|(v, share)| *v = change(*v, share.max(darkest) / middle));
-                },
-            );
+            plane
+                .data_mut()
+                .par_chunks_mut(width.max(1))
+                .with_min_len(BAND_ROWS)
+                .enumerate()
+                .for_each_init(
+                    || vec![0.0; width],
+                    |shares, (y, row)| {
+                        surface.row(y as f64, 0.0, 1.0, shares);
+                        let darkest = DARKEST * middle;
+                        row.iter_mut()
+                            .zip(&*shares)
+                            .for_each(|(v, share)| *v = change(*v, share.max(darkest) / middle));
+                    },
+                );
         }
     }
 
-    /// `picture` (canvas-sized) with red and blue brought to where green is: lateral colour, which the
-    /// paper's loop leaves in.
+    /// `picture` (canvas-sized) with red and blue brought to where green is: lateral colour, which
+    /// the paper's loop leaves in.
     #[must_use]
     pub fn line_up_colours(&self, picture: &Frame<Work>) -> Frame<Work> {
         let mut lined_up = picture.clone();
@@ -77,8 +83,8 @@ impl PhotoSide {
     }
 }
 
-/// Displacements of one channel against green, at every [`COARSE_PX`]-th canvas pixel; bilinear between: splines
-/// twice a pixel are slow, and the displacement is smooth.
+/// Displacements of one channel against green, at every [`COARSE_PX`]-th canvas pixel; bilinear
+/// between: splines twice a pixel are slow, and the displacement is smooth.
 #[derive(Debug, Clone)]
 struct Fringe {
     columns: usize,
@@ -99,12 +105,14 @@ impl Fringe {
             ((there_x - work_x) as f32, (there_y - work_y) as f32)
         };
         // One more on each side than needed: the last pixels have neighbours on both sides.
-        let (columns, rows) = (canvas.width.div_ceil(COARSE_PX) + 1, canvas.height.div_ceil(COARSE_PX) + 1);
+        let (columns, rows) =
+            (canvas.width.div_ceil(COARSE_PX) + 1, canvas.height.div_ceil(COARSE_PX) + 1);
         let place = |k: usize| displacement((k % columns) * COARSE_PX, (k / columns) * COARSE_PX);
         Fringe { columns, displacements: (0..rows * columns).map(place).collect() }
     }
 
-    /// Where row `y` of the canvas is found, column by column: columns into `to_x`, rows into `to_y`.
+    /// Where row `y` of the canvas is found, column by column: columns into `to_x`, rows into
+    /// `to_y`.
     fn row(&self, y: usize, to_x: &mut [f32], to_y: &mut [f32]) {
         let (j, v) = (y / COARSE_PX, (y % COARSE_PX) as f32 / COARSE_PX as f32);
         let (above, rest) = self.displacements[j * self.columns..].split_at(self.columns);
@@ -114,7 +122,8 @@ impl Fringe {
         for (x, (to_x, to_y)) in to_x.iter_mut().zip(to_y).enumerate() {
             let (i, u) = (x / COARSE_PX, (x % COARSE_PX) as f32 / COARSE_PX as f32);
             let (left, right) = (at(i), at((i + 1).min(self.columns - 1)));
-            (*to_x, *to_y) = (x as f32 + mix(left.0, right.0, u), y as f32 + mix(left.1, right.1, u));
+            (*to_x, *to_y) =
+                (x as f32 + mix(left.0, right.0, u), y as f32 + mix(left.1, right.1, u));
         }
     }
 

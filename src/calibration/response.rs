@@ -6,16 +6,17 @@ use super::cross_channel::Reading;
 use super::curve::{Curve, CurveError};
 use super::surface::{basis, place};
 
-/// Knot intervals over the codes: a gamma curve with a toe is followed within 0.15 of 255 through readings
-/// wrong by up to 0.2 (tested below).
+/// Knot intervals over the codes: a gamma curve with a toe is followed within 0.15 of 255 through
+/// readings wrong by up to 0.2 (tested below).
 const INTERVALS: usize = 16;
 /// Penalty on the squared second differences, relative to one reading per coefficient (guess).
 const BENDING: f64 = 1e-3;
-/// Least rise from one code to the next, so that there is an inverse even where a panel crushes its blacks.
+/// Least rise from one code to the next, so that there is an inverse even where a panel crushes its
+/// blacks.
 const RISE_MIN: f32 = 1e-3;
 
-/// The curve nearest to `readings` of (code, counts, in any unit), scaled to 0 at code 0 and 255 at code
-/// 255.
+/// The curve nearest to `readings` of (code, counts, in any unit), scaled to 0 at code 0 and 255 at
+/// code 255.
 ///
 /// # Errors
 /// When the readings do not rise from code 0 to code 255.
@@ -66,10 +67,10 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<Curve, Curve
 /// Rounds of [`among_neighbours`]: each takes out most of what the curve before left wrong.
 const NEIGHBOUR_ROUNDS: usize = 3;
 
-/// The curve of `channel` by readings of shuffled blocks, the light that blur and glare bring from the
-/// blocks around taken out: counts are fitted by the block's own light, that around it, and both
-/// times the squared field, for a lens blurs its corners more; all but the first is subtracted. Shuffling
-/// alone leaves that light as noise.
+/// The curve of `channel` by readings of shuffled blocks, the light that blur and glare bring from
+/// the blocks around taken out: counts are fitted by the block's own light, that around it, and
+/// both times the squared field, for a lens blurs its corners more; all but the first is
+/// subtracted. Shuffling alone leaves that light as noise.
 ///
 /// # Errors
 /// When the readings do not rise from code 0 to code 255.

@@ -1,10 +1,10 @@
 //! The calibration on flash: two slots, of which at most one is ever being written.
 //!
-//! A slot is, in little-endian: magic (8 bytes), version (u32), rig identity (u64), generation (u32),
-//! length of the payload (u32), payload (postcard), CRC-32 over all that comes before it (u32). The newer
-//! whole slot of this rig wins. A new calibration goes to a temporary file in the same folder, is
-//! synchronised, renamed over the *other* slot, and the folder is synchronised: whenever the power goes,
-//! the old slot is whole.
+//! A slot is, in little-endian: magic (8 bytes), version (u32), rig identity (u64), generation
+//! (u32), length of the payload (u32), payload (postcard), CRC-32 over all that comes before it
+//! (u32). The newer whole slot of this rig wins. A new calibration goes to a temporary file in the
+//! same folder, is synchronised, renamed over the *other* slot, and the folder is synchronised:
+//! whenever the power goes, the old slot is whole.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -71,7 +71,9 @@ pub enum StoreError {
         folder: PathBuf,
     },
     /// Neither slot is good.
-    #[error("no whole calibration in {folder}: slot a is {a}, slot b is {b}; run `relens calibrate`")]
+    #[error(
+        "no whole calibration in {folder}: slot a is {a}, slot b is {b}; run `relens calibrate`"
+    )]
     BothBad {
         /// The folder.
         folder: PathBuf,
@@ -82,7 +84,8 @@ pub enum StoreError {
     },
     /// All whole slots belong to another rig.
     #[error(
-        "the calibration in {folder} is of rig {found:016x}; this is rig {allowed:016x}; run `relens calibrate`"
+        "the calibration in {folder} is of rig {found:016x}; this is rig {allowed:016x}; run \
+         `relens calibrate`"
     )]
     OtherRig {
         /// The folder.
@@ -172,7 +175,11 @@ pub fn save(folder: &Path, calibration: &Calibration) -> Result<(), StoreError> 
 ///
 /// # Errors
 /// As [`save`].
-pub fn save_to(disk: &dyn Disk, folder: &Path, calibration: &Calibration) -> Result<(), StoreError> {
+pub fn save_to(
+    disk: &dyn Disk,
+    folder: &Path,
+    calibration: &Calibration,
+) -> Result<(), StoreError> {
     let bytes = encode(calibration)?;
     // Worth of what a slot holds now: bad, another rig's, then by generation.
     let worth = |name: &str| match read_slot(disk, &folder.join(name)) {
@@ -193,8 +200,8 @@ pub fn save_to(disk: &dyn Disk, folder: &Path, calibration: &Calibration) -> Res
 
 /// The bytes of a slot.
 fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
-    let payload =
-        postcard::to_allocvec(calibration).map_err(|e| StoreError::Encode { found: e.to_string() })?;
+    let payload = postcard::to_allocvec(calibration)
+        .map_err(|e| StoreError::Encode { found: e.to_string() })?;
     let length = u32::try_from(payload.len())
         .map_err(|_| StoreError::Encode { found: format!("{} bytes", payload.len()) })?;
     let mut bytes = Vec::with_capacity(HEADER_BYTES + payload.len() + CRC_BYTES);
@@ -247,15 +254,18 @@ fn decode(bytes: &[u8]) -> Result<Calibration, SlotFault> {
     if found != allowed {
         return Err(SlotFault::Length { found, allowed });
     }
-    let (stored, computed) = (u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]), crc32fast::hash(body));
+    let (stored, computed) =
+        (u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]), crc32fast::hash(body));
     if stored != computed {
         return Err(SlotFault::Checksum { found: stored, computed });
     }
-    let calibration: Calibration =
-        postcard::from_bytes(&body[HEADER_BYTES..]).map_err(|e| SlotFault::Contents(e.to_string()))?;
+    let calibration: Calibration = postcard::from_bytes(&body[HEADER_BYTES..])
+        .map_err(|e| SlotFault::Contents(e.to_string()))?;
     let rig = u64::from(word(12)) | u64::from(word(16)) << 32;
     if (rig, word(20)) != (calibration.rig, calibration.generation) {
-        return Err(SlotFault::Contents("header and payload name different rigs or generations".to_owned()));
+        return Err(SlotFault::Contents(
+            "header and payload name different rigs or generations".to_owned(),
+        ));
     }
     calibration.check().map_err(SlotFault::Contents)?;
     Ok(calibration)

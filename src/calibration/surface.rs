@@ -1,9 +1,10 @@
-//! Smooth functions of two variables: tensor-product cubic B-splines, fitted by least squares with a
-//! penalty on bending. Geometry, dark corner and black level are all made of them.
+//! Smooth functions of two variables: tensor-product cubic B-splines, fitted by least squares with
+//! a penalty on bending. Geometry, dark corner and black level are all made of them.
 //!
 //! Uniform knots; the penalty is the sum of squared second differences of the coefficients (the
-//! "P-spline" of Eilers and Marx, Statistical Science 11, 1996), which leaves planes untouched. Beyond
-//! its domain a surface goes on along its tangent, so that an extrapolated map cannot run away.
+//! "P-spline" of Eilers and Marx, Statistical Science 11, 1996), which leaves planes untouched.
+//! Beyond its domain a surface goes on along its tangent, so that an extrapolated map cannot run
+//! away.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
@@ -44,7 +45,9 @@ pub enum SurfaceError {
         allowed: usize,
     },
     /// The samples do not determine the surface (all on a line, or not finite).
-    #[error("{found} samples do not determine a smooth surface: they lie on a line or are not numbers")]
+    #[error(
+        "{found} samples do not determine a smooth surface: they lie on a line or are not numbers"
+    )]
     Undetermined {
         /// Samples given.
         found: usize,
@@ -63,7 +66,8 @@ pub struct Surface {
 
 impl Surface {
     /// The surface on `columns` × `rows` knot intervals over `domain` with the least sum of squared
-    /// misfits plus `bending` × (squared second differences), `bending` relative to one sample per coefficient.
+    /// misfits plus `bending` × (squared second differences), `bending` relative to one sample per
+    /// coefficient.
     ///
     /// # Errors
     /// When the samples are too few (below nine) or do not determine a surface.
@@ -102,7 +106,10 @@ impl Surface {
 
     /// The surface × `factor`.
     pub fn scaled(&self, factor: f64) -> Surface {
-        Surface { coefficients: self.coefficients.iter().map(|c| c * factor).collect(), ..self.clone() }
+        Surface {
+            coefficients: self.coefficients.iter().map(|c| c * factor).collect(),
+            ..self.clone()
+        }
     }
 
     /// The rectangle the surface was fitted on.
@@ -181,13 +188,16 @@ impl Surface {
         let width = self.columns + 3;
         (0..width)
             .map(|i| {
-                (0..4).map(|k| (b[k] + beyond * d[k]) * self.coefficients[(segment + k) * width + i]).sum()
+                (0..4)
+                    .map(|k| (b[k] + beyond * d[k]) * self.coefficients[(segment + k) * width + i])
+                    .sum()
             })
             .collect()
     }
 }
 
-/// The knot interval of `at`, the place in it (0..1), and how many intervals `at` lies beyond the ends.
+/// The knot interval of `at`, the place in it (0..1), and how many intervals `at` lies beyond the
+/// ends.
 pub(super) fn place(at: f64, first: f64, last: f64, intervals: usize) -> (usize, f64, f64) {
     let u = (at - first) / (last - first) * intervals as f64;
     let inside = u.clamp(0.0, intervals as f64);
@@ -286,7 +296,10 @@ impl Normal {
                 }
                 if i + 1 < w && j + 1 < h {
                     // The mixed derivative counts twice in the bending energy.
-                    penalise(&[(n, 1.0), (n + 1, -1.0), (n + w, -1.0), (n + w + 1, 1.0)], 2.0 * weight);
+                    penalise(
+                        &[(n, 1.0), (n + 1, -1.0), (n + w, -1.0), (n + w + 1, 1.0)],
+                        2.0 * weight,
+                    );
                 }
             }
         }
@@ -340,7 +353,10 @@ mod tests {
             s.row(y, -60.25, 0.61, &mut row);
             for (n, &v) in row.iter().enumerate() {
                 let wanted = s.at(-60.25 + 0.61 * n as f64, y);
-                assert!((f64::from(v) - wanted).abs() < 2e-5 * (1.0 + wanted.abs()), "{n}: {v} {wanted}");
+                assert!(
+                    (f64::from(v) - wanted).abs() < 2e-5 * (1.0 + wanted.abs()),
+                    "{n}: {v} {wanted}"
+                );
             }
         }
     }

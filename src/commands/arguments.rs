@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use relens::config::distance;
 
-use super::Trouble;
+use super::CliError;
 
 /// What the user asked for.
 #[derive(Debug, PartialEq)]
@@ -19,17 +19,51 @@ pub(super) struct Parsed {
 /// A command with all it needs.
 #[derive(Debug, PartialEq)]
 pub(super) enum Command {
-    Demo { out: PathBuf },
-    Run { rig: PathBuf, folder: PathBuf, once: bool, share_as: Option<OsString> },
-    Calibrate { rig: PathBuf, folder: PathBuf },
+    Demo {
+        out: PathBuf,
+    },
+    Run {
+        rig: PathBuf,
+        folder: PathBuf,
+        once: bool,
+        share_as: Option<OsString>,
+    },
+    Calibrate {
+        rig: PathBuf,
+        folder: PathBuf,
+    },
     Restore(RestoreWords),
-    Photograph { rig: PathBuf, scene: PathBuf, photo: PathBuf },
-    Chart { rig: PathBuf, out: PathBuf, quick: bool, what: Charted, peers: Option<PathBuf>, folder: PathBuf },
-    Check { rig: PathBuf, folder: PathBuf },
-    Status { folder: PathBuf },
-    Screens { rig: PathBuf, out: PathBuf },
-    Press { folder: PathBuf, long: bool },
-    Help { about: Option<String> },
+    Photograph {
+        rig: PathBuf,
+        scene: PathBuf,
+        photo: PathBuf,
+    },
+    Chart {
+        rig: PathBuf,
+        out: PathBuf,
+        quick: bool,
+        what: Charted,
+        peers: Option<PathBuf>,
+        folder: PathBuf,
+    },
+    Check {
+        rig: PathBuf,
+        folder: PathBuf,
+    },
+    Status {
+        folder: PathBuf,
+    },
+    Screens {
+        rig: PathBuf,
+        out: PathBuf,
+    },
+    Press {
+        folder: PathBuf,
+        long: bool,
+    },
+    Help {
+        about: Option<String>,
+    },
     Version,
 }
 
@@ -101,7 +135,13 @@ const COMMANDS: [Known; 12] = [
     Known { name: "calibrate", options: &[RIG, FOLDER], words: &[] },
     Known {
         name: "restore",
-        options: &[RIG, FOLDER, OUT, ("method", Some('m'), true, false), ("report", None, true, false)],
+        options: &[
+            RIG,
+            FOLDER,
+            OUT,
+            ("method", Some('m'), true, false),
+            ("report", None, true, false),
+        ],
         words: &["photo"],
     },
     Known { name: "photograph", options: &[RIG, OUT], words: &["sharp picture"] },
@@ -134,8 +174,8 @@ const COMMANDS: [Known; 12] = [
 /// Reads the words (without the program's name).
 ///
 /// # Errors
-/// [`Trouble::Usage`], one sentence with what was found and what is allowed.
-pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Parsed, Trouble> {
+/// [`CliError::Usage`], one sentence with what was found and what is allowed.
+pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Parsed, CliError> {
     use lexopt::Arg::{Long, Short, Value};
     let mut parser = lexopt::Parser::from_args(words);
     let mut verbose = false;
@@ -160,21 +200,24 @@ pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Parsed, Tro
                 verbose = true;
                 continue;
             }
-            Short('V') | Long("version") => return Ok(Parsed { command: Command::Version, verbose }),
+            Short('V') | Long("version") => {
+                return Ok(Parsed { command: Command::Version, verbose });
+            }
             Long(name) => name.to_owned(),
             Short(letter) => letter.to_string(),
         };
         let Some(command) = known else {
             return Err(usage(&format!("found the option {} before any command", dashed(&option))));
         };
-        let is = |o: &&Option_| o.0 == option || o.1.is_some_and(|letter| option == letter.to_string());
+        let is =
+            |o: &&Option_| o.0 == option || o.1.is_some_and(|letter| option == letter.to_string());
         let Some(&(name, _, takes_value, _)) = command.options.iter().find(is) else {
             return Err(unknown_option(command, &option));
         };
         let value = match takes_value {
-            true => {
-                parser.value().map_err(|_| usage(&format!("--{name} of `{}` needs a value", command.name)))?
-            }
+            true => parser
+                .value()
+                .map_err(|_| usage(&format!("--{name} of `{}` needs a value", command.name)))?,
             false => OsString::new(),
         };
         if given.insert(name, value).is_some() {
@@ -188,7 +231,10 @@ pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Parsed, Tro
         };
     };
     if help {
-        return Ok(Parsed { command: Command::Help { about: Some(known.name.to_owned()) }, verbose });
+        return Ok(Parsed {
+            command: Command::Help { about: Some(known.name.to_owned()) },
+            verbose,
+        });
     }
     Ok(Parsed { command: build(known, given, plain)?, verbose })
 }
@@ -197,13 +243,16 @@ fn build(
     known: &Known,
     mut given: BTreeMap<&str, OsString>,
     plain: Vec<OsString>,
-) -> Result<Command, Trouble> {
+) -> Result<Command, CliError> {
     if known.name == "help" {
-        let about =
-            plain.into_iter().next().map(|word| command(&word.to_string_lossy()).map(|k| k.name.to_owned()));
+        let about = plain
+            .into_iter()
+            .next()
+            .map(|word| command(&word.to_string_lossy()).map(|k| k.name.to_owned()));
         return Ok(Command::Help { about: about.transpose()? });
     }
-    if let Some((name, letter, ..)) = known.options.iter().find(|o| o.3 && !given.contains_key(o.0)) {
+    if let Some((name, letter, ..)) = known.options.iter().find(|o| o.3 && !given.contains_key(o.0))
+    {
         let short = letter.map_or(String::new(), |l| format!(" (-{l})"));
         return Err(usage(&format!("`{}` needs --{name}{short}", known.name)));
     }
@@ -227,10 +276,14 @@ fn build(
     let what = asked.next().map_or(Charted::Trade, |(_, what)| *what);
     if let Some((other, _)) = asked.next() {
         let all = CHARTED.map(|(option, _)| format!("--{option}")).join(", ");
-        return Err(usage(&format!("found --{other} beside another of its kind, allowed is one of {all}")));
+        return Err(usage(&format!(
+            "found --{other} beside another of its kind, allowed is one of {all}"
+        )));
     }
     if given.contains_key("peers") && what != Charted::Trade {
-        return Err(usage("found --peers with another chart, allowed with speed against accuracy only"));
+        return Err(usage(
+            "found --peers with another chart, allowed with speed against accuracy only",
+        ));
     }
     let long = given.contains_key("long");
     let share_as = given.remove("box");
@@ -251,9 +304,14 @@ fn build(
             method: given.remove("method").map(|m| m.to_string_lossy().into_owned()),
         }),
         "photograph" => Command::Photograph { rig, scene: word, photo: out.unwrap_or_default() },
-        "chart" => {
-            Command::Chart { rig, out: out.unwrap_or_default(), quick, what, peers: path("peers"), folder }
-        }
+        "chart" => Command::Chart {
+            rig,
+            out: out.unwrap_or_default(),
+            quick,
+            what,
+            peers: path("peers"),
+            folder,
+        },
         "check" => Command::Check { rig, folder },
         "status" => Command::Status { folder },
         "screens" => Command::Screens { rig, out: out.unwrap_or_default() },
@@ -262,7 +320,7 @@ fn build(
     })
 }
 
-fn command(word: &str) -> Result<&'static Known, Trouble> {
+fn command(word: &str) -> Result<&'static Known, CliError> {
     if let Some(known) = COMMANDS.iter().find(|known| known.name == word) {
         return Ok(known);
     }
@@ -270,9 +328,14 @@ fn command(word: &str) -> Result<&'static Known, Trouble> {
     Err(usage(&format!("found the command `{word}`{}", nearest(word, &names, ""))))
 }
 
-fn unknown_option(command: &Known, option: &str) -> Trouble {
+fn unknown_option(command: &Known, option: &str) -> CliError {
     let names: Vec<&str> = command.options.iter().map(|o| o.0).collect();
-    usage(&format!("`{}` has no option {}{}", command.name, dashed(option), nearest(option, &names, "--")))
+    usage(&format!(
+        "`{}` has no option {}{}",
+        command.name,
+        dashed(option),
+        nearest(option, &names, "--")
+    ))
 }
 
 fn dashed(option: &str) -> String {
@@ -291,15 +354,15 @@ fn nearest(word: &str, known: &[&str], dashes: &str) -> String {
     }
 }
 
-fn usage(what: &str) -> Trouble {
-    Trouble::Usage(format!("{what} (`relens help` tells more)"))
+fn usage(what: &str) -> CliError {
+    CliError::Usage(format!("{what} (`relens help` tells more)"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn words(line: &str) -> Result<Parsed, Trouble> {
+    fn words(line: &str) -> Result<Parsed, CliError> {
         parse(line.split_whitespace().map(OsString::from))
     }
 
@@ -311,8 +374,12 @@ mod tests {
 
     #[test]
     fn right_words_are_understood_in_any_order() {
-        let run = Command::Run { rig: "a.toml".into(), folder: "box".into(), once: true, share_as: None };
-        assert_eq!(words("run --once -f box --rig=a.toml").unwrap(), Parsed { command: run, verbose: false });
+        let run =
+            Command::Run { rig: "a.toml".into(), folder: "box".into(), once: true, share_as: None };
+        assert_eq!(
+            words("run --once -f box --rig=a.toml").unwrap(),
+            Parsed { command: run, verbose: false }
+        );
         let Command::Restore(restore) =
             words("restore in.jpg -r a.toml -o out.jpg -m paper").unwrap().command
         else {
@@ -336,7 +403,10 @@ mod tests {
             ("run --rig a inbox", "does not know what to do with `inbox`"),
             ("restore -r a -o b", "needs the photo"),
             ("--once run", "before any command"),
-            ("chart -r a -o b --stability --conditions", "allowed is one of --conditions, --stability"),
+            (
+                "chart -r a -o b --stability --conditions",
+                "allowed is one of --conditions, --stability",
+            ),
             ("chart -r a -o b --figures --captures", "--figures, --ladder, --captures"),
             ("chart -r a -o b --figures --peers c", "speed against accuracy only"),
             ("status --rig a", "`status` has no option --rig, allowed are --folder"),

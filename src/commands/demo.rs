@@ -1,48 +1,57 @@
-//! `relens demo`: photos through a bad lens, dropped, restored, and compared with what was photographed.
+//! `relens demo`: photos through a bad lens, dropped, restored, and compared with what was
+//! photographed.
 
 use std::path::{Path, PathBuf};
 
 use relens::config;
 use relens::daemon::Folders;
+use relens::deconvolution::quality::{psnr, ssim};
 use relens::evaluate::scenes::Scene;
-use relens::evaluate::stand::display_luminance;
+use relens::evaluate::test_rig::display_luminance;
 use relens::picture::{Format, Limits, Photo, Tone};
-use relens::restore::quality::{psnr, ssim};
 
-use super::{Trouble, drop_folder, rigged, say, single};
+use super::{CliError, drop_folder, rigged, say, single};
 
 /// The rig of the demo.
 const RIG: &str = "simulated.toml";
 
 /// Runs the demo in `out`, or beside it under a number if there is something already.
-pub(super) fn run(out: &Path) -> Result<(), Trouble> {
+pub(super) fn run(out: &Path) -> Result<(), CliError> {
     let rig = config::load(Path::new(RIG))?;
     let folders = Folders::open(&free(out))?;
     let root = folders.root().to_owned();
     let (inbox, outbox) = (folders.inbox().to_owned(), folders.outbox().to_owned());
-    say(&format!("1. photographing four scenes through the bad lens of {RIG} ({})", rig.photo.size()))?;
+    say(&format!(
+        "1. photographing four scenes through the bad lens of {RIG} ({})",
+        rig.photo.size()
+    ))?;
     let names = Scene::ALL.map(Scene::file_name);
     let sharp = Scene::ALL.map(|scene| scene.light(rig.photo.size()));
     for (name, codes) in names.iter().zip(rigged::photograph(&rig, &sharp)?) {
         let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
         let path = inbox.join(name);
         std::fs::write(&path, single::file_of(&rig, &codes, format, name)?)
-            .map_err(|e| Trouble::writing(&path, &e))?;
+            .map_err(|e| CliError::writing(&path, &e))?;
     }
     say("2. calibrating the rig, from captures alone")?;
-    let mut restorer = rigged::restorer(&rig, &root, None, None, &mut |words| log::info!("{words}"))?;
+    let mut restorer =
+        rigged::restorer(&rig, &root, None, None, &mut |words| log::info!("{words}"))?;
     say(&format!("3. restoring what was dropped into {}", inbox.display()))?;
     let summary = drop_folder::empty_inbox(&rig, folders, &mut *restorer)?;
     say(
-        "\n              SSIM            PSNR in dB      captures  seconds\n              photo  restored photo  restored",
+        "\n              SSIM            PSNR in dB      captures  seconds\n              photo  \
+         restored photo  restored",
     )?;
     for (name, scene) in names.iter().zip(&sharp) {
-        let Some(report) = summary.restored.iter().find(|report| report.photo == **name) else { continue };
-        let of = |path: PathBuf| -> Result<[f64; 2], Trouble> {
-            let photo =
-                Photo::read(&path, rig.photo.curve, &Limits::default()).map_err(|e| Trouble::of(&e))?;
+        let Some(report) = summary.restored.iter().find(|report| report.photo == **name) else {
+            continue;
+        };
+        let of = |path: PathBuf| -> Result<[f64; 2], CliError> {
+            let photo = Photo::read(&path, rig.photo.curve, &Limits::default())
+                .map_err(|e| CliError::of(&e))?;
             let tone = Tone::of_curve(config::Curve::Srgb, 8);
-            let [is, ought] = [&photo.in_colour(), scene].map(|light| display_luminance(&tone, light));
+            let [is, ought] =
+                [&photo.in_colour(), scene].map(|light| display_luminance(&tone, light));
             Ok([ssim(&is, &ought), psnr(&is, &ought)])
         };
         let (before, after) = (of(root.join("done").join(name))?, of(outbox.join(&report.result))?);
@@ -57,7 +66,7 @@ pub(super) fn run(out: &Path) -> Result<(), Trouble> {
     say(&format!("\nbefore and after: open {} in a browser", outbox.join("index.html").display()))?;
     match summary.failed.len() + summary.left.len() {
         0 => Ok(()),
-        failed => Err(Trouble::SomeFailed { failed, all: names.len() }),
+        failed => Err(CliError::SomeFailed { failed, all: names.len() }),
     }
 }
 

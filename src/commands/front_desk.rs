@@ -107,7 +107,12 @@ mod board {
     }
 
     /// Button and lamps of a board; what it does not have, or cannot have, is done without.
-    pub(super) fn run(parts: &Hardware, long_press_ms: f64, front: &Front, ended: &dyn Fn() -> bool) {
+    pub(super) fn run(
+        parts: &Hardware,
+        long_press_ms: f64,
+        front: &Front,
+        ended: &dyn Fn() -> bool,
+    ) {
         let told = |error: RigError| log::warn!("{}", full_message(&error));
         let mut bulbs = hardware::open_lamps(parts).map(Bulbs).map_err(told).ok();
         let mut line = hardware::open_button(parts).map_err(told).ok().flatten().map(Line);

@@ -1,9 +1,11 @@
-//! One file a command; this one reads the words, starts the log and turns trouble into an exit code.
+//! One file a command; this one reads the words, starts the log and turns trouble into an exit
+//! code.
 
 mod arguments;
 mod clock;
 mod demo;
 mod drop_folder;
+mod error;
 mod front_desk;
 mod help;
 mod rigged;
@@ -11,7 +13,6 @@ mod screens;
 mod simulated_button;
 mod single;
 mod status;
-mod trouble;
 
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -21,8 +22,8 @@ use std::sync::OnceLock;
 use relens::picture::worker;
 
 use arguments::{Command, Parsed};
+use error::CliError;
 use relens::daemon::service::ServiceManager;
-use trouble::Trouble;
 
 /// Runs the command in `words` (the program's name left out).
 pub(crate) fn run(words: impl Iterator<Item = OsString>) -> ExitCode {
@@ -50,7 +51,7 @@ fn read_photo(ask: &OsStr) -> ExitCode {
     }
 }
 
-fn dispatch(parsed: Parsed) -> Result<(), Trouble> {
+fn dispatch(parsed: Parsed) -> Result<(), CliError> {
     match parsed.command {
         Command::Demo { out } => demo::run(&out),
         Command::Run { rig, folder, once, share_as } => {
@@ -78,12 +79,12 @@ fn service_manager() -> &'static ServiceManager {
 }
 
 /// Writes one line to standard output. A reader that went away is no trouble of ours.
-fn say(line: &str) -> Result<(), Trouble> {
+fn say(line: &str) -> Result<(), CliError> {
     let _ = writeln!(std::io::stdout(), "{line}");
     Ok(())
 }
 
-fn end(trouble: &Trouble) -> ExitCode {
+fn end(trouble: &CliError) -> ExitCode {
     // Nothing can be done when even standard error is gone; the exit code still tells.
     let _ = writeln!(std::io::stderr(), "relens: {}", relens::remedy::full_message(trouble));
     ExitCode::from(trouble.exit_code())

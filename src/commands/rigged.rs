@@ -1,10 +1,10 @@
-//! A rig file made into something that restores, photographs, calibrates: the seam to the machinery.
+//! A rig file made into something that restores, photographs, calibrates: the seam to the
+//! machinery.
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use relens::calibrate;
 use relens::calibration::{Calibration, store};
 use relens::config::{Curve, Method, OperatingPoint, Rig};
 use relens::daemon::Restorer;
@@ -12,22 +12,23 @@ use relens::daemon::on_rig::{self, OnRig};
 use relens::evaluate;
 use relens::evaluate::chart::Chart;
 use relens::evaluate::operating_point;
-use relens::evaluate::stand::{Score, Stand};
+use relens::evaluate::test_rig::{Score, TestRig};
 use relens::frame::{Frame, Work};
 #[cfg(feature = "hardware")]
 use relens::kiosk::screen::{Screen, draw};
+use relens::measurement;
 use relens::picture::{Format, Layout, Manner, encode};
+use relens::pipeline::{Bench, Interruption};
 use relens::remedy::Remedy;
-use relens::restoration::{Bench, Interruption};
 use relens::rig::Panel;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
 
 use super::arguments::Charted;
-use super::{Trouble, say};
+use super::{CliError, say};
 
-/// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig that has none
-/// is calibrated first, which `tell` is told.
+/// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig
+/// that has none is calibrated first, which `tell` is told.
 ///
 /// # Errors
 /// When the rig cannot be opened, or has no valid calibration and is not simulated.
@@ -37,13 +38,13 @@ pub(super) fn restorer(
     method: Option<Method>,
     interrupted: Option<Interruption>,
     tell: &mut dyn FnMut(&str),
-) -> Result<Box<dyn Restorer>, Trouble> {
+) -> Result<Box<dyn Restorer>, CliError> {
     let mut devices = open(rig)?;
     let slots = slots(folder);
-    std::fs::create_dir_all(&slots).map_err(|e| Trouble::writing(&slots, &e))?;
+    std::fs::create_dir_all(&slots).map_err(|e| CliError::writing(&slots, &e))?;
     if let Err(error) = store::load(&slots, rig.identity) {
         if rig.simulation().is_none() {
-            return Err(Trouble::of(&error));
+            return Err(CliError::of(&error));
         }
         tell(&format!("calibrating the simulated rig {} ({error})", rig.name));
         let measured = on_rig::measure(rig, &mut devices, &slots, calibrating);
@@ -59,17 +60,22 @@ pub(super) fn restorer(
     }))
 }
 
-/// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the
-/// n-th with noise of its own.
+/// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear
+/// light), the n-th with noise of its own.
 ///
 /// # Errors
 /// When the rig is not simulated or cannot be opened.
-pub(super) fn photograph(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work, u8>>, Trouble> {
+pub(super) fn photograph(
+    rig: &Rig,
+    scenes: &[Frame<Work>],
+) -> Result<Vec<Frame<Work, u8>>, CliError> {
     let Some(simulation) = rig.simulation() else {
         let rig = &rig.name;
-        return Err(Trouble::Usage(format!("found the rig {rig}, made of devices, allowed simulated rigs")));
+        return Err(CliError::Usage(format!(
+            "found the rig {rig}, made of devices, allowed simulated rigs"
+        )));
     };
-    let (_, witness) = simulated::open(rig).map_err(|e| Trouble::of(&e))?;
+    let (_, witness) = simulated::open(rig).map_err(|e| CliError::of(&e))?;
     let seeds = simulation.seed..;
     Ok(scenes.iter().zip(seeds).map(|(scene, seed)| witness.photograph(scene, seed)).collect())
 }
@@ -78,16 +84,17 @@ pub(super) fn photograph(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<
 ///
 /// # Errors
 /// When the rig cannot be opened or is not fit to be calibrated; what was kept before then stays.
-pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
+pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), CliError> {
     let mut devices = open(rig)?;
     let kept = slots(folder);
-    std::fs::create_dir_all(&kept).map_err(|e| Trouble::writing(&kept, &e))?;
+    std::fs::create_dir_all(&kept).map_err(|e| CliError::writing(&kept, &e))?;
     let measured = on_rig::measure(rig, &mut devices, &kept, calibrating);
     wipe_line();
     let calibration = measured?;
     let [red, green, blue] = calibration.operator_error;
     say(&format!(
-        "kept in {}, generation {}: {} captures; operator error {red:.2}, {green:.2}, {blue:.2} grey levels in red, green, blue",
+        "kept in {}, generation {}: {} captures; operator error {red:.2}, {green:.2}, {blue:.2} \
+         grey levels in red, green, blue",
         kept.display(),
         calibration.generation,
         calibration.captures,
@@ -95,7 +102,8 @@ pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
     if rig.calibration.broad_term {
         let [red, green, blue] = calibration.scattered().map(|share| 100.0 * share);
         say(&format!(
-            "the lens scatters {red:.1}, {green:.1}, {blue:.1} % of red, green, blue wider than its functions reach"
+            "the lens scatters {red:.1}, {green:.1}, {blue:.1} % of red, green, blue wider than \
+             its functions reach"
         ))?;
     }
     match rig.restore.operating_point {
@@ -104,46 +112,51 @@ pub(super) fn calibrate(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
     }
 }
 
-/// Chooses the operating point `wanted` by scenes shown on the rig, and keeps it beside the calibration.
+/// Chooses the operating point `wanted` by scenes shown on the rig, and keeps it beside the
+/// calibration.
 fn choose(
     rig: &Rig,
     devices: Devices,
     calibration: Calibration,
     kept: &Path,
     wanted: OperatingPoint,
-) -> Result<(), Trouble> {
-    let mut stand =
-        Stand::on(rig.clone(), devices, calibration, super::clock::seconds).map_err(|e| Trouble::of(&e))?;
+) -> Result<(), CliError> {
+    let mut stand = TestRig::on(rig.clone(), devices, calibration, super::clock::seconds)
+        .map_err(|e| CliError::of(&e))?;
     let (mut done, total) = (0, operating_point::restorations(rig, wanted));
     let chosen = operating_point::choose(&mut stand, wanted, &mut |score| {
         done += 1;
         log::debug!("{} {}: SSIM {:.4}", score.scene.name(), score.method, score.ssim);
         super::service_manager().worked();
         if std::io::stderr().is_terminal() {
-            let _ = write!(std::io::stderr(), "\r\x1b[2Kchoosing the operating point: {done} of {total}");
+            let _ = write!(
+                std::io::stderr(),
+                "\r\x1b[2Kchoosing the operating point: {done} of {total}"
+            );
         }
     });
     wipe_line();
     let nothing = || {
         let words = "no setting gave a picture of the scenes shown that could be scored".to_owned();
-        Trouble::Failure { words, remedy: Remedy::Recalibrate }
+        CliError::Failure { words, remedy: Remedy::Recalibrate }
     };
-    let chosen = chosen.map_err(|e| Trouble::of(&e))?.ok_or_else(nothing)?;
-    relens::daemon::operating_point::save(kept, rig, &chosen).map_err(|e| Trouble::of(&e))?;
+    let chosen = chosen.map_err(|e| CliError::of(&e))?.ok_or_else(nothing)?;
+    relens::daemon::operating_point::save(kept, rig, &chosen).map_err(|e| CliError::of(&e))?;
     say(&format!("operating point {chosen}"))
 }
 
 /// The devices of `rig`.
-fn open(rig: &Rig) -> Result<Devices, Trouble> {
-    relens::rig::open(rig).map_err(|e| Trouble::of(&e))
+fn open(rig: &Rig) -> Result<Devices, CliError> {
+    relens::rig::open(rig).map_err(|e| CliError::of(&e))
 }
 
-/// Shows on the panel what keeps `rig` from being opened, if the panel alone can be had; until the value is
-/// dropped. A simulated panel nobody sees.
+/// Shows on the panel what keeps `rig` from being opened, if the panel alone can be had; until the
+/// value is dropped. A simulated panel nobody sees.
 pub(super) fn show_trouble(rig: &Rig, reason: &str) -> Option<Box<dyn Panel + Send>> {
     #[cfg(feature = "hardware")]
     if let relens::config::Kind::Hardware(hardware) = &rig.kind {
-        let to_do = "Look after camera, panel and their cables. The box tries again by itself.".to_owned();
+        let to_do =
+            "Look after camera, panel and their cables. The box tries again by itself.".to_owned();
         let screen = Screen::Trouble { what: reason.to_owned(), to_do };
         let mut panel = relens::rig::hardware::open_panel(rig, hardware).ok()?;
         let codes = draw(&screen, panel.size(), None);
@@ -160,11 +173,14 @@ fn slots(folder: &Path) -> PathBuf {
 }
 
 /// The progress of a calibration: each capture is work done; a line on a terminal.
-fn calibrating(progress: calibrate::Progress) {
+fn calibrating(progress: measurement::Progress) {
     super::service_manager().worked();
     if std::io::stderr().is_terminal() {
-        let calibrate::Progress { step, captures, total } = progress;
-        let _ = write!(std::io::stderr(), "\r\x1b[2Kcalibrating: {step}, capture {captures} of {total}");
+        let measurement::Progress { step, captures, total } = progress;
+        let _ = write!(
+            std::io::stderr(),
+            "\r\x1b[2Kcalibrating: {step}, capture {captures} of {total}"
+        );
     }
 }
 
@@ -188,10 +204,11 @@ pub(super) fn chart(
     what: Charted,
     peers: Option<&Path>,
     folder: &Path,
-) -> Result<(), Trouble> {
+) -> Result<(), CliError> {
     if rig.simulation().is_none() && (what != Charted::Trade || peers.is_some()) {
-        return Err(Trouble::Usage(format!(
-            "found the rig {}, made of devices, allowed there is the chart of speed against accuracy alone: lenses and \
+        return Err(CliError::Usage(format!(
+            "found the rig {}, made of devices, allowed there is the chart of speed against \
+             accuracy alone: lenses and \
              faults cannot be changed on it",
             rig.name
         )));
@@ -200,16 +217,17 @@ pub(super) fn chart(
         matches!(what, Charted::Figures | Charted::Captures | Charted::Regimes) || peers.is_some();
     if grey_light && rig.photo.curve != Curve::Linear {
         let found = &rig.name;
-        return Err(Trouble::Usage(format!(
-            "figures, regimes and peers are for rigs with linear photos, found {found}, allowed for instance study.toml"
+        return Err(CliError::Usage(format!(
+            "figures, regimes and peers are for rigs with linear photos, found {found}, allowed \
+             for instance study.toml"
         )));
     }
     let read = |path: &Path| {
-        let unreadable = |e| Trouble::Usage(format!("cannot read {}: {e}", path.display()));
+        let unreadable = |e| CliError::Usage(format!("cannot read {}: {e}", path.display()));
         std::fs::read_to_string(path).map_err(unreadable)
     };
     let rows = peers.map(read).transpose()?;
-    std::fs::create_dir_all(out).map_err(|e| Trouble::writing(out, &e))?;
+    std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, &e))?;
     let mut each = |score: &Score| {
         let (scene, method) = (score.scene.name(), &score.method);
         log::info!("{scene} {method}: SSIM {:.4}, PSNR {:.2} dB", score.ssim, score.psnr_db);
@@ -217,8 +235,9 @@ pub(super) fn chart(
     let clock = super::clock::seconds;
     let made = match what {
         Charted::Trade if rig.simulation().is_none() => {
-            let calibration = store::load(&slots(folder), rig.identity).map_err(|e| Trouble::of(&e))?;
-            Stand::on(rig.clone(), open(rig)?, calibration, clock)
+            let calibration =
+                store::load(&slots(folder), rig.identity).map_err(|e| CliError::of(&e))?;
+            TestRig::on(rig.clone(), open(rig)?, calibration, clock)
                 .and_then(|stand| evaluate::chart::trade_on(stand, quick, &mut each))
         }
         Charted::Trade => evaluate::chart::trade(rig, quick, rows.as_deref(), clock, &mut each),
@@ -227,11 +246,20 @@ pub(super) fn chart(
             let ((fault, unit), method) = (run.fault.name(), run.contestant.name());
             let gain = run.ssim - run.photo_ssim;
             let noticed = if run.verdict.noticed() { ", noticed" } else { "" };
-            log::info!("{fault} {} {unit}, {method}, {}: {gain:+.4}{noticed}", run.strength, run.view.name());
+            log::info!(
+                "{fault} {} {unit}, {method}, {}: {gain:+.4}{noticed}",
+                run.strength,
+                run.view.name()
+            );
         }),
         Charted::Regimes => evaluate::chart::regimes(rig, clock, &mut |regime, score| {
-            let (scene, method, captures) = (score.scene.name(), &score.method, score.restored.captures);
-            log::info!("{}: {scene} {method}, {captures} captures: {:.2} dB", regime.name(), score.psnr_db);
+            let (scene, method, captures) =
+                (score.scene.name(), &score.method, score.restored.captures);
+            log::info!(
+                "{}: {scene} {method}, {captures} captures: {:.2} dB",
+                regime.name(),
+                score.psnr_db
+            );
         }),
         Charted::Sizes => evaluate::chart::sizes(rig, clock, &mut each),
         Charted::Figures => return figures(rig, out),
@@ -240,43 +268,48 @@ pub(super) fn chart(
         }),
         Charted::Captures => evaluate::chart::captures(rig, clock),
     };
-    let made = made.map_err(|e| Trouble::of(&e))?;
+    let made = made.map_err(|e| CliError::of(&e))?;
     write_chart(&made, out)?;
     made.tables.iter().try_for_each(|(_, table)| say(&table.markdown()))?;
     say(&format!("written to {}", out.display()))
 }
 
-/// The paper's figures, each written as soon as it is measured; one that fails is left out, told, and makes the command
-/// fail in the end.
-fn figures(rig: &Rig, out: &Path) -> Result<(), Trouble> {
+/// The paper's figures, each written as soon as it is measured; one that fails is left out, told,
+/// and makes the command fail in the end.
+fn figures(rig: &Rig, out: &Path) -> Result<(), CliError> {
     let (mut made, mut failed) = (Vec::new(), None);
     for (name, measure) in evaluate::figures::ALL {
         log::info!("{name}");
         match measure(rig, super::clock::seconds) {
             Ok(figure) => {
                 write_chart(&evaluate::chart::figure(&figure), out)?;
-                say(&format!("Figure {}. {} {}\n", figure.number, figure.agreement.words(), figure.text))?;
+                say(&format!(
+                    "Figure {}. {} {}\n",
+                    figure.number,
+                    figure.agreement.words(),
+                    figure.text
+                ))?;
                 made.push(figure);
             }
             Err(error) => {
                 log::warn!("{name}: {}", relens::remedy::full_message(&error));
-                failed = failed.or(Some(Trouble::of(&error)));
+                failed = failed.or(Some(CliError::of(&error)));
             }
         }
     }
     let command = format!("relens chart --rig {}.toml --figures --out DIR", rig.name);
     let page = evaluate::figures::page(&made, &rig.name, &command);
     let path = out.join("README.md");
-    std::fs::write(&path, page).map_err(|e| Trouble::writing(&path, &e))?;
+    std::fs::write(&path, page).map_err(|e| CliError::writing(&path, &e))?;
     say(&format!("written to {}", out.display()))?;
     failed.map_or(Ok(()), Err)
 }
 
 /// Writes all that a chart is made of into the folder `out`.
-fn write_chart(made: &Chart, out: &Path) -> Result<(), Trouble> {
+fn write_chart(made: &Chart, out: &Path) -> Result<(), CliError> {
     let write = |name: String, bytes: &[u8]| {
         let path = out.join(name);
-        std::fs::write(&path, bytes).map_err(|e| Trouble::writing(&path, &e))
+        std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, &e))
     };
     for (name, table) in &made.tables {
         write(format!("{name}.md"), table.markdown().as_bytes())?;
@@ -289,38 +322,51 @@ fn write_chart(made: &Chart, out: &Path) -> Result<(), Trouble> {
     for (name, drawing) in &made.drawings {
         write(format!("{name}.svg"), drawing.svg().as_bytes())?;
         let pixels = drawing.pixels(PIXELS_A_UNIT);
-        write(format!("{name}.png"), &encode(name, &pixels, &plain, false).map_err(|e| Trouble::of(&e))?)?;
+        write(
+            format!("{name}.png"),
+            &encode(name, &pixels, &plain, false).map_err(|e| CliError::of(&e))?,
+        )?;
     }
     let manner = Manner { layout: Layout::Grey, ..plain };
     for (name, plane) in &made.pictures {
         let picture: Frame<Work> = Frame::from_fn(|_| plane.clone());
-        write(format!("{name}.png"), &encode(name, &picture, &manner, true).map_err(|e| Trouble::of(&e))?)?;
+        write(
+            format!("{name}.png"),
+            &encode(name, &picture, &manner, true).map_err(|e| CliError::of(&e))?,
+        )?;
     }
     Ok(())
 }
 
-/// `relens check`: opens every device, measures the rig's timing, looks for its calibration and tries its backward
-/// convolution.
+/// `relens check`: opens every device, measures the rig's timing, looks for its calibration and
+/// tries its backward convolution.
 ///
 /// # Errors
-/// When the operator is needed: the first device that cannot be had, or else everything else that is wrong.
-pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
+/// When the operator is needed: the first device that cannot be had, or else everything else that
+/// is wrong.
+pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), CliError> {
     let mut devices = open(rig)?;
     let marks = if devices.has_marks() {
         "found, every frame is proven"
     } else {
         "none: frames are trusted by their time"
     };
-    say(&format!("{:<28}{} panel, {} camera", "devices", devices.panel.size(), devices.camera.size()))?;
+    say(&format!(
+        "{:<28}{} panel, {} camera",
+        "devices",
+        devices.panel.size(),
+        devices.camera.size()
+    ))?;
     say(&format!("{:<28}{marks}", "frame marks"))?;
-    let timing = relens::check::measure(&mut devices, rig.panel.refresh_hz).map_err(|e| Trouble::of(&e))?;
+    let timing = relens::diagnosis::measure(&mut devices, rig.panel.refresh_hz)
+        .map_err(|e| CliError::of(&e))?;
     say(timing.to_string().trim_end())?;
     let mut complaints = timing.complaints();
     match store::load(&slots(folder), rig.identity) {
         Ok(calibration) => {
             let (generation, captures) = (calibration.generation, calibration.captures);
             say(&format!("{:<28}generation {generation}, {captures} captures", "calibration"))?;
-            let bench = Bench::new(rig, &calibration).map_err(|e| Trouble::of(&e))?;
+            let bench = Bench::new(rig, &calibration).map_err(|e| CliError::of(&e))?;
             match bench.check_backward(&mut devices, rig, &super::clock::seconds) {
                 Ok(check) => {
                     say(&format!("{:<28}{check}", "backward convolution"))?;
@@ -335,11 +381,17 @@ pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), Trouble> {
         }
     }
     match relens::daemon::operating_point::load(&slots(folder), rig) {
-        Ok(chosen) => chosen.map_or(Ok(()), |chosen| say(&format!("{:<28}{chosen}", "operating point")))?,
-        Err(reason) => complaints.push(format!("no operating point: {reason}; run `relens calibrate`")),
+        Ok(chosen) => {
+            chosen.map_or(Ok(()), |chosen| say(&format!("{:<28}{chosen}", "operating point")))?
+        }
+        Err(reason) => {
+            complaints.push(format!("no operating point: {reason}; run `relens calibrate`"))
+        }
     }
     match complaints.is_empty() {
         true => say("all is well"),
-        false => Err(Trouble::Failure { words: complaints.join("; "), remedy: Remedy::CallOperator }),
+        false => {
+            Err(CliError::Failure { words: complaints.join("; "), remedy: Remedy::CallOperator })
+        }
     }
 }

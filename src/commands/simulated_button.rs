@@ -7,7 +7,7 @@ use relens::kiosk::desk::Button;
 use relens::rig::{Clock, Moment, RigError};
 
 use super::clock::MachineClock;
-use super::{Trouble, say};
+use super::{CliError, say};
 
 /// Name of the file in the folder of the daemon.
 const NAME: &str = ".relens-button-is-down";
@@ -47,11 +47,12 @@ impl Button for SimulatedButton {
 }
 
 /// `relens press`.
-pub(super) fn press(folder: &Path, long: bool) -> Result<(), Trouble> {
+pub(super) fn press(folder: &Path, long: bool) -> Result<(), CliError> {
     let path = folder.join(NAME);
-    std::fs::write(&path, b"").map_err(|e| Trouble::writing(&path, &e))?;
-    // Twice the longest long press a rig file may ask for would keep people waiting; three seconds do for most.
+    std::fs::write(&path, b"").map_err(|e| CliError::writing(&path, &e))?;
+    // Twice the longest long press a rig file may ask for would keep people waiting; three seconds
+    // do for most.
     std::thread::sleep(if long { Duration::from_secs(3) } else { SHORT });
-    std::fs::remove_file(&path).map_err(|e| Trouble::writing(&path, &e))?;
+    std::fs::remove_file(&path).map_err(|e| CliError::writing(&path, &e))?;
     say(if long { "pressed long" } else { "pressed" })
 }

@@ -5,13 +5,14 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use relens::daemon::{Doing, Folders, State};
 
-use super::{Trouble, say};
+use super::{CliError, say};
 
 /// Says what the daemon on `folder` does.
-pub(super) fn run(folder: &Path) -> Result<(), Trouble> {
+pub(super) fn run(folder: &Path) -> Result<(), CliError> {
     let Some(state) = State::read(folder)? else {
-        return Err(Trouble::Usage(format!(
-            "no daemon ever worked on {}: found no state file, allowed the folder of a `relens run`",
+        return Err(CliError::Usage(format!(
+            "no daemon ever worked on {}: found no state file, allowed the folder of a `relens \
+             run`",
             folder.display()
         )));
     };
@@ -29,14 +30,17 @@ fn words(state: &State, running: bool, now_unix_s: u64) -> String {
         (Doing::Ended, false) => "not running, ended in good order".to_owned(),
         (Doing::Held { reason }, false) => format!("not running, ended because {reason}"),
         (_, false) => {
-            "not running, and it did not end in good order; the next start takes up what was under way"
+            "not running, and it did not end in good order; the next start takes up what was \
+             under way"
                 .to_owned()
         }
     };
-    let attention: String = state.attention.iter().map(|words| format!("\nattention: {words}")).collect();
+    let attention: String =
+        state.attention.iter().map(|words| format!("\nattention: {words}")).collect();
     let ago = now_unix_s.saturating_sub(state.written_unix_s);
     format!(
-        "{doing}{attention}\nrig {}; {} restored, {} failed, {} left in the inbox; last word {} ago",
+        "{doing}{attention}\nrig {}; {} restored, {} failed, {} left in the inbox; last word {} \
+         ago",
         state.rig,
         state.restored,
         state.failed,

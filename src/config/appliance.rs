@@ -1,10 +1,10 @@
-//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`, `[keep]`, `[share]`. Each may be left out; in one that is
-//! there, every number is.
+//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`, `[keep]`, `[share]`. Each
+//! may be left out; in one that is there, every number is.
 
 use serde::{Deserialize, Serialize};
 
 use super::ConfigError;
-use super::check::Rules;
+use super::rules::Rules;
 
 /// `[run]`: who says when photos are restored.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -84,8 +84,8 @@ impl Default for Disk {
     }
 }
 
-/// `[keep]`: how long results and originals are kept, and how much of them; `inf` is for ever. What waits, is under
-/// way or could not be restored is kept whatever is written here.
+/// `[keep]`: how long results and originals are kept, and how much of them; `inf` is for ever. What
+/// waits, is under way or could not be restored is kept whatever is written here.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Keep {
@@ -102,7 +102,8 @@ pub struct Keep {
 impl Default for Keep {
     /// Everything, for ever.
     fn default() -> Keep {
-        let [results_days_max, results_mib_max, originals_days_max, originals_mib_max] = [f64::INFINITY; 4];
+        let [results_days_max, results_mib_max, originals_days_max, originals_mib_max] =
+            [f64::INFINITY; 4];
         Keep { results_days_max, results_mib_max, originals_days_max, originals_mib_max }
     }
 }
@@ -111,8 +112,8 @@ impl Default for Keep {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Share {
-    /// A box that did not move for this long has lost its photos to the others. The same on all of them, and longer
-    /// than any restoration is silent.
+    /// A box that did not move for this long has lost its photos to the others. The same on all of
+    /// them, and longer than any restoration is silent.
     pub lease_s: f64,
 }
 
@@ -156,18 +157,29 @@ pub(super) fn check_appliance(
     rules.within("run.long-press-ms", run.long_press_ms, 300.0, 10_000.0)?;
     // A slow network may keep a lease from being changed for some seconds.
     rules.within("share.lease-s", share.lease_s, 30.0, 86_400.0)?;
-    // Less than a day, or than a handful of photos, would take results away from whoever was about to fetch them.
+    // Less than a day, or than a handful of photos, would take results away from whoever was about
+    // to fetch them.
     rules.within("keep.results-days-max", keep.results_days_max, 1.0, f64::INFINITY)?;
     rules.within("keep.results-mib-max", keep.results_mib_max, 100.0, f64::INFINITY)?;
     rules.within("keep.originals-days-max", keep.originals_days_max, 1.0, f64::INFINITY)?;
     rules.within("keep.originals-mib-max", keep.originals_mib_max, 100.0, f64::INFINITY)?;
     let Some(nights) = nights else { return Ok(()) };
     let readable = nights.minutes().is_some();
-    rules.hold(readable, "nights.window", &nights.window, "two different times as 22:00-06:00, or always")?;
+    rules.hold(
+        readable,
+        "nights.window",
+        &nights.window,
+        "two different times as 22:00-06:00, or always",
+    )?;
     let known = jiff::tz::TimeZone::get(&nights.time_zone).is_ok();
     rules.hold(known, "nights.time-zone", &nights.time_zone, "a name of the time zone database")?;
     let every = nights.pilot_every_photos;
-    rules.hold((1..=100_000).contains(&every), "nights.pilot-every-photos", every, "1 to 100000")?;
+    rules.hold(
+        (1..=100_000).contains(&every),
+        "nights.pilot-every-photos",
+        every,
+        "1 to 100000",
+    )?;
     rules.within("nights.warm-up-max-min", nights.warm_up_max_min, 0.0, 600.0)?;
     rules.within("nights.shift-max-px", nights.shift_max_px, 0.01, 10.0)?;
     rules.within("nights.gain-max-percent", nights.gain_max_percent, 0.01, 100.0)?;
@@ -184,7 +196,8 @@ mod tests {
         parse(&text, "small.toml", std::path::Path::new("")).map_err(|e| e.to_string())
     }
 
-    const NIGHTS: &str = "[nights]\nwindow = \"22:00-06:00\"\ntime-zone = \"Europe/Vienna\"\nclock = \"network\"\n\
+    const NIGHTS: &str = "[nights]\nwindow = \"22:00-06:00\"\ntime-zone = \
+     \"Europe/Vienna\"\nclock = \"network\"\n\
         pilot-every-photos = 50\nwarm-up-max-min = 60.0\nrecalibrate = true\nshift-max-px = 0.25\n\
         gain-max-percent = 3.0\noffset-max-levels = 1.0\nnoise-max-ratio = 1.5\n";
 
@@ -197,7 +210,8 @@ mod tests {
 
     #[test]
     fn what_is_kept_has_a_limit_or_none() {
-        let keep = "[keep]\nresults-days-max = 30.0\nresults-mib-max = inf\noriginals-days-max = 90.0\n\
+        let keep = "[keep]\nresults-days-max = 30.0\nresults-mib-max = inf\noriginals-days-max = \
+         90.0\n\
             originals-mib-max = 20000.0\n";
         let rig = small_and(keep).unwrap();
         assert_eq!((rig.keep.results_days_max, rig.keep.results_mib_max), (30.0, f64::INFINITY));
@@ -228,7 +242,11 @@ mod tests {
             ("22:00-06:00", "22:00-22:00", "two different times"),
             ("Europe/Vienna", "Europe/Wien", "time zone database"),
             ("= 50", "= 0", "1 to 100000"),
-            ("pilot-every-photos", "pilot-every-photo", "nearest known one is `pilot-every-photos`"),
+            (
+                "pilot-every-photos",
+                "pilot-every-photo",
+                "nearest known one is `pilot-every-photos`",
+            ),
         ] {
             let complaint = small_and(&NIGHTS.replace(from, to)).unwrap_err();
             assert!(complaint.contains(wanted), "{complaint}");
@@ -244,9 +262,13 @@ mod tests {
     #[test]
     fn the_readme_s_tables_are_read() {
         let readme = include_str!("../../README.md");
-        let tables = readme.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+        let tables =
+            readme.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
         let rig = small_and(tables).unwrap();
-        assert_eq!((rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib), (Mode::Button, true, 256.0));
+        assert_eq!(
+            (rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib),
+            (Mode::Button, true, 256.0)
+        );
         assert_eq!((rig.keep.results_days_max, rig.share.lease_s), (90.0, 300.0));
     }
 }

@@ -8,8 +8,8 @@ use crate::frame::read_npy_f32;
 /// How far a function's sum may be from 1: `f32` rounding of a few hundred taps, with room.
 const SUM_TOLERANCE: f32 = 1e-3;
 
-/// Point spread functions on a grid, `[rows, columns, 3, k, k]`. Tile centres are evenly spread over the
-/// photo's grid: the centre of tile n of N along a length W is (n + ½)·W/N − ½.
+/// Point spread functions on a grid, `[rows, columns, 3, k, k]`. Tile centres are evenly spread
+/// over the photo's grid: the centre of tile n of N along a length W is (n + ½)·W/N − ½.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlurGrid {
     /// Rows of functions.
@@ -31,8 +31,8 @@ impl BlurGrid {
 
     /// Reads and checks the array in `path`, for the rig file `file`.
     pub(super) fn read(path: &Path, file: &str) -> Result<Self, ConfigError> {
-        let (shape, functions) =
-            read_npy_f32(path).map_err(|source| ConfigError::Blur { file: file.to_owned(), source })?;
+        let (shape, functions) = read_npy_f32(path)
+            .map_err(|source| ConfigError::Blur { file: file.to_owned(), source })?;
         let wrong = |found: String, allowed: &str| ConfigError::Value {
             file: file.to_owned(),
             key: "lens.blur".to_owned(),
@@ -43,14 +43,21 @@ impl BlurGrid {
             return Err(wrong(format!("an array of shape {shape:?}"), "[rows, columns, 3, k, k]"));
         };
         if rows * columns == 0 || height != support_px || support_px.is_multiple_of(2) {
-            return Err(wrong(format!("an array of shape {shape:?}"), "[rows, columns, 3, k, k] with odd k"));
+            return Err(wrong(
+                format!("an array of shape {shape:?}"),
+                "[rows, columns, 3, k, k] with odd k",
+            ));
         }
         for (n, function) in functions.chunks_exact(support_px * support_px).enumerate() {
             let sum: f32 = function.iter().sum();
             if sum.is_nan() || (sum - 1.0).abs() > SUM_TOLERANCE {
                 let (tile, channel) = (n / 3, n % 3);
-                let place = format!("row {}, column {}, channel {channel}", tile / columns, tile % columns);
-                return Err(wrong(format!("a sum of {sum} ({place})"), "1 ± 0.001 for every function"));
+                let place =
+                    format!("row {}, column {}, channel {channel}", tile / columns, tile % columns);
+                return Err(wrong(
+                    format!("a sum of {sum} ({place})"),
+                    "1 ± 0.001 for every function",
+                ));
             }
         }
         Ok(BlurGrid { rows, columns, support_px, functions })

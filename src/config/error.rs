@@ -62,7 +62,8 @@ pub enum ConfigError {
     },
     /// A hardware rig in a program without device support.
     #[error(
-        "{file}: this is a rig of real devices, and this relens was built without them; build it with \
+        "{file}: this is a rig of real devices, and this relens was built without them; build it \
+         with \
          `--features hardware` or use a simulated rig"
     )]
     NoHardware {

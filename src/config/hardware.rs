@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::check::Rules;
+use super::rules::Rules;
 use super::{Camera, ConfigError, Panel};
 
 /// Everything a real rig is made of.
@@ -25,16 +25,19 @@ pub struct Hardware {
     pub lamps: LampDevices,
 }
 
-/// `[hardware.panel]`: a connector of a display driver. Its mode is `[panel]`'s size and refresh rate.
+/// `[hardware.panel]`: a connector of a display driver. Its mode is `[panel]`'s size and refresh
+/// rate.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct PanelDevice {
     /// The DRM node; when left out, the first one that drives a display.
     pub node: Option<PathBuf>,
-    /// The connector by the kernel's name, such as `HDMI-A-1` (a folder under /sys/class/drm after `card0-`).
+    /// The connector by the kernel's name, such as `HDMI-A-1` (a folder under /sys/class/drm after
+    /// `card0-`).
     pub connector: String,
     /// How the driver is spoken to.
-    // Not written when it is what it always was: calibrations made before it could be said stay good.
+    // Not written when it is what it always was: calibrations made before it could be said stay
+    // good.
     #[serde(default, skip_serializing_if = "DisplayInterface::is_atomic")]
     pub interface: DisplayInterface,
 }
@@ -43,7 +46,8 @@ pub struct PanelDevice {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DisplayInterface {
-    /// All settings at once, each read back; a driver that has no such interface is driven by the other.
+    /// All settings at once, each read back; a driver that has no such interface is driven by the
+    /// other.
     #[default]
     Atomic,
     /// One setting at a time, for drivers whose atomic interface does not do what it says.
@@ -70,7 +74,8 @@ pub struct CameraDevice {
     pub buffers: usize,
     /// What sets the exposure time.
     pub exposure_by: ExposureBy,
-    /// Controls by their `v4l2-ctl --list-ctrls` names. Automatics are switched off without being named.
+    /// Controls by their `v4l2-ctl --list-ctrls` names. Automatics are switched off without being
+    /// named.
     #[serde(default)]
     pub controls: BTreeMap<String, i32>,
 }
@@ -125,7 +130,8 @@ pub enum TriggerDevice {
         #[serde(rename = "pulse-us")]
         pulse_us: u32,
     },
-    /// The camera takes frames by itself; the first whole one after the picture has settled is used.
+    /// The camera takes frames by itself; the first whole one after the picture has settled is
+    /// used.
     FreeRunning,
 }
 
@@ -180,12 +186,20 @@ pub(super) fn check_hardware(
         }
         (None, Some(_)) => {}
         (both_or_none, _) => {
-            let found =
-                if both_or_none.is_some() { "both device and card" } else { "neither device nor card" };
+            let found = if both_or_none.is_some() {
+                "both device and card"
+            } else {
+                "neither device nor card"
+            };
             return Err(rules.broken("hardware.camera", found, "one of them"));
         }
     }
-    rules.hold((2..=8).contains(&device.buffers), "hardware.camera.buffers", device.buffers, "2 to 8")?;
+    rules.hold(
+        (2..=8).contains(&device.buffers),
+        "hardware.camera.buffers",
+        device.buffers,
+        "2 to 8",
+    )?;
     match &hardware.trigger {
         TriggerDevice::Line { pulse_us, .. } => {
             rules.hold(
@@ -228,7 +242,10 @@ mod tests {
         let plain = panel("connector = \"HDMI-A-1\"").unwrap();
         assert_eq!(plain.interface, DisplayInterface::Atomic);
         // What a calibration is bound to.
-        assert_eq!(serde_json::to_string(&plain).unwrap(), r#"{"node":null,"connector":"HDMI-A-1"}"#);
+        assert_eq!(
+            serde_json::to_string(&plain).unwrap(),
+            r#"{"node":null,"connector":"HDMI-A-1"}"#
+        );
         let legacy = panel("connector = \"HDMI-A-1\"\ninterface = \"legacy\"").unwrap();
         assert_eq!(legacy.interface, DisplayInterface::Legacy);
         assert_ne!(serde_json::to_string(&legacy).unwrap(), serde_json::to_string(&plain).unwrap());

@@ -1,15 +1,16 @@
 //! The rig file: TOML as written, checked into a [`Rig`] that the rest may rely on.
 //!
-//! No physical quantity has a default, every key names its unit, an unknown key is an error that names
-//! the nearest known one, and rules across fields say what was found and what is allowed. The rig files
-//! of `rig-config/` are part of the program, so `--rig simulated.toml` works from any folder.
+//! No physical quantity has a default, every key names its unit, an unknown key is an error that
+//! names the nearest known one, and rules across fields say what was found and what is allowed. The
+//! rig files of `rig-config/` are part of the program, so `--rig simulated.toml` works from any
+//! folder.
 
 mod appliance;
 mod blur;
-mod check;
 mod error;
 mod hardware;
 mod parts;
+mod rules;
 mod simulation;
 mod written;
 
@@ -21,12 +22,12 @@ pub use hardware::{
     PanelDevice, TriggerDevice,
 };
 pub use parts::{
-    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, OperatingPoint, Panel, Paper,
-    Photo, Restore,
+    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, OperatingPoint, Panel,
+    Paper, Photo, Restore,
 };
 pub use simulation::{
-    Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, Simulation, Surface,
-    Surround, Wavelength,
+    Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, Simulation,
+    Surface, Surround, Wavelength,
 };
 pub use written::distance;
 
@@ -75,8 +76,8 @@ pub struct Rig {
     pub keep: Keep,
     /// How boxes that share folders tell which of them are dead.
     pub share: Share,
-    /// A hash of everything a calibration depends on: a calibration of another identity is not this rig's.
-    /// Seeds, faults, and how photos are restored are not part of it.
+    /// A hash of everything a calibration depends on: a calibration of another identity is not this
+    /// rig's. Seeds, faults, and how photos are restored are not part of it.
     pub identity: u64,
 }
 
@@ -127,8 +128,8 @@ pub fn built_in_names() -> impl Iterator<Item = &'static str> {
     BUILT_IN.iter().map(|(name, _)| *name)
 }
 
-/// The rig in the file `path`; when there is no such file and `path` is the bare name of a rig file that
-/// is part of the program, that one.
+/// The rig in the file `path`; when there is no such file and `path` is the bare name of a rig file
+/// that is part of the program, that one.
 ///
 /// # Errors
 /// When the file cannot be read, is not TOML, has an unknown or missing key, or breaks a rule.
@@ -150,12 +151,13 @@ pub fn load(path: &Path) -> Result<Rig, ConfigError> {
     }
 }
 
-/// The rig in `text`, which is called `name` in messages; files it names are looked for in `base_dir`.
+/// The rig in `text`, which is called `name` in messages; files it names are looked for in
+/// `base_dir`.
 ///
 /// # Errors
 /// When it is not TOML, has an unknown or missing key, or breaks a rule.
 pub fn parse(text: &str, name: &str, base_dir: &Path) -> Result<Rig, ConfigError> {
-    check::check(written::read(text, name)?, name, base_dir)
+    rules::check(written::read(text, name)?, name, base_dir)
 }
 
 #[cfg(test)]

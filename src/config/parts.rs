@@ -45,8 +45,9 @@ pub struct Panel {
     pub refresh_hz: f64,
     /// Wait from the flip to the trigger: processing latency, scan-out and response time together.
     pub settle_ms: f64,
-    /// From a flip to the first change anyone can see, at the least; `relens check` measures it. The next picture
-    /// may be asked for this much before an exposure ends. Left out, every exposure ends first.
+    /// From a flip to the first change anyone can see, at the least; `relens check` measures it.
+    /// The next picture may be asked for this much before an exposure ends. Left out, every
+    /// exposure ends first.
     pub latency_ms: Option<f64>,
 }
 
@@ -95,11 +96,13 @@ impl Camera {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Canvas {
-    /// How far the canvas reaches beyond the photo on every side: light from outside falls into the photo.
+    /// How far the canvas reaches beyond the photo on every side: light from outside falls into the
+    /// photo.
     pub margin_px: usize,
 }
 
-/// `[marks]`: the strips at the sensor's upper and lower edge that carry the number of the picture shown.
+/// `[marks]`: the strips at the sensor's upper and lower edge that carry the number of the picture
+/// shown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Marks {
@@ -162,12 +165,15 @@ pub struct Restore {
     pub cycle_spun: bool,
     /// Whether the solver's prior sees the colours together.
     pub colours: Colours,
-    /// Defect corrections a photo may cost at the most; the first of them reuses the certificate's capture.
+    /// Defect corrections a photo may cost at the most; the first of them reuses the certificate's
+    /// capture.
     pub corrections_max: usize,
-    /// Whether a photo's first capture may refine the measured lens for that photo; no when left out.
+    /// Whether a photo's first capture may refine the measured lens for that photo; no when left
+    /// out.
     #[serde(default)]
     pub refine_lens: bool,
-    /// What `relens calibrate` is to choose method, steps and corrections by. Left out, they are as this file has them.
+    /// What `relens calibrate` is to choose method, steps and corrections by. Left out, they are as
+    /// this file has them.
     pub operating_point: Option<OperatingPoint>,
 }
 
@@ -175,9 +181,11 @@ pub struct Restore {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OperatingPoint {
-    /// The fastest within 0.01 SSIM of the best of those that take no longer than the rig file's own and lose no more than 1 dB to it.
+    /// The fastest within 0.01 SSIM of the best of those that take no longer than the rig file's
+    /// own and lose no more than 1 dB to it.
     Fast,
-    /// The fastest within 0.002 SSIM of the best of those that take no longer than the rig file's own and have no less PSNR.
+    /// The fastest within 0.002 SSIM of the best of those that take no longer than the rig file's
+    /// own and have no less PSNR.
     Balanced,
     /// The best, block matching among them, whatever it costs.
     Best,

@@ -65,7 +65,8 @@ pub struct Glare {
 pub struct Prescription {
     /// Refracting surfaces and rims, from the object to the image.
     pub surfaces: Vec<Surface>,
-    /// Index of the surface whose vertex plane carries the stop; only flat rims in air may come before it.
+    /// Index of the surface whose vertex plane carries the stop; only flat rims in air may come
+    /// before it.
     pub stop_at_surface: usize,
     /// Diameter of the stop.
     pub stop_diameter_mm: f64,
@@ -83,8 +84,9 @@ pub struct Prescription {
     pub geometry: LensGeometry,
     /// Whether light falls off towards the corners as the trace says.
     pub dark_corner: bool,
-    /// From the sensor's middle to where the optical axis meets it, columns and rows: a lens that is not centred blurs, and
-    /// darkens, about another place. Only of a lens whose functions keep their place.
+    /// From the sensor's middle to where the optical axis meets it, columns and rows: a lens that
+    /// is not centred blurs, and darkens, about another place. Only of a lens whose functions keep
+    /// their place.
     pub axis_offset_px: [f64; 2],
 }
 
@@ -154,7 +156,8 @@ impl Primaries {
 }
 
 /// `[display]`: the display's physics. Light of code c is
-/// `leakage + (1 − leakage)·(((c/255 + toe)/(1 + toe))^gamma − (toe/(1 + toe))^gamma) / (1 − (toe/(1 + toe))^gamma)`.
+/// `leakage + (1 − leakage)·(((c/255 + toe)/(1 + toe))^gamma − (toe/(1 + toe))^gamma) / (1 −
+/// (toe/(1 + toe))^gamma)`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Display {
@@ -182,7 +185,8 @@ pub struct Sensor {
     pub cross_channel: [[f64; 3]; 3],
     /// Counts without light, at this sensor's bits.
     pub black_level_counts: f64,
-    /// Share of the range above black that a white panel fills, seen in one channel through its own primary.
+    /// Share of the range above black that a white panel fills, seen in one channel through its own
+    /// primary.
     pub white_share: f64,
     /// Electrons at the largest count; `inf` for no shot noise.
     pub full_well_electrons: f64,

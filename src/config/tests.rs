@@ -23,8 +23,12 @@ fn every_built_in_rig_file_is_taken() {
 #[test]
 fn an_unknown_key_names_its_line_and_the_nearest_known_one() {
     let said = message(changed("settle-ms", "settel-ms"));
-    assert!(said.contains("unknown key `settel-ms`; the nearest known one is `settle-ms`"), "{said}");
-    let line = BUILT_IN[2].1.lines().position(|l| l.starts_with("settle-ms")).expect("it is there") + 1;
+    assert!(
+        said.contains("unknown key `settel-ms`; the nearest known one is `settle-ms`"),
+        "{said}"
+    );
+    let line =
+        BUILT_IN[2].1.lines().position(|l| l.starts_with("settle-ms")).expect("it is there") + 1;
     assert!(said.starts_with(&format!("small.toml:{line}:")), "{said}");
     let said = message(changed("[pose]", "[poze]"));
     assert!(said.contains("`pose`"), "{said}");
@@ -35,7 +39,10 @@ fn a_missing_quantity_is_never_made_up() {
     let said = message(changed("refresh-hz = 60.0", ""));
     assert!(said.contains("missing key `refresh-hz`"), "{said}");
     let said = message(changed("pixel-pitch-um = 40.0", ""));
-    assert!(said.contains("lens.pixel-pitch-um") && said.contains("no physical quantity"), "{said}");
+    assert!(
+        said.contains("lens.pixel-pitch-um") && said.contains("no physical quantity"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -84,11 +91,14 @@ fn a_measured_blur_takes_the_place_of_the_prescription() {
         .replace("tilt-x-deg = 0.6", "tilt-x-deg = 0.0")
         .replace("tilt-y-deg = -0.9", "tilt-y-deg = 0.0");
     let blur = |after: &str, file: &str| {
-        let lens = format!("[lens]\nblur = \"{file}\"\nglare-share = 0.0\nglare-radius-px = 10.0\n");
+        let lens =
+            format!("[lens]\nblur = \"{file}\"\nglare-share = 0.0\nglare-radius-px = 10.0\n");
         parse(&format!("{before}{lens}[pose]{after}"), "x.toml", Path::new("tests/golden"))
     };
     let rig = blur(&flat, "psf_grid.npy").expect("a grid of functions that sum to 1");
-    let Some(Lens::Measured(grid, _)) = rig.simulation().map(|s| &s.lens) else { panic!("not measured") };
+    let Some(Lens::Measured(grid, _)) = rig.simulation().map(|s| &s.lens) else {
+        panic!("not measured")
+    };
     assert_eq!((grid.rows, grid.columns, grid.support_px), (6, 8, 21));
     assert!(message(blur(after, "psf_grid.npy")).contains("perspective"));
     assert!(message(blur(&flat, "ssim_b.npy")).contains("[rows, columns, 3, k, k]"));
@@ -97,7 +107,9 @@ fn a_measured_blur_takes_the_place_of_the_prescription() {
 
 #[test]
 fn rubbish_is_refused_and_never_panics() {
-    for text in ["", "[", "rig = 3", "[rig]\nname = 1", "\u{0}", "[rig]\nkind = \"other\"\nname = \"x\""] {
+    for text in
+        ["", "[", "rig = 3", "[rig]\nname = 1", "\u{0}", "[rig]\nkind = \"other\"\nname = \"x\""]
+    {
         parse(text, "x.toml", Path::new("")).expect_err("not a rig file");
     }
 }

@@ -82,7 +82,8 @@ pub(super) fn read(text: &str, file: &str) -> Result<Written, ConfigError> {
     toml::from_str(text).map_err(|error| explain(text, file, &error))
 }
 
-/// The parser's error in our words: with the line, and with the nearest known key for an unknown one.
+/// The parser's error in our words: with the line, and with the nearest known key for an unknown
+/// one.
 fn explain(text: &str, file: &str, error: &toml::de::Error) -> ConfigError {
     let start = error.span().map_or(0, |span| span.start.min(text.len()));
     let line = 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count();
@@ -92,7 +93,8 @@ fn explain(text: &str, file: &str, error: &toml::de::Error) -> ConfigError {
         let mut quoted = what.split('`').skip(1).step_by(2);
         let key = quoted.next().unwrap_or_default().to_owned();
         let known: Vec<&str> = quoted.collect();
-        let nearest = known.iter().min_by_key(|known| distance(&key, known)).copied().unwrap_or_default();
+        let nearest =
+            known.iter().min_by_key(|known| distance(&key, known)).copied().unwrap_or_default();
         let nearest = if distance(&key, nearest) <= key.len().max(nearest.len()) / 2 {
             format!("the nearest known one is `{nearest}`")
         } else {

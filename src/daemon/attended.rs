@@ -1,4 +1,5 @@
-//! The schedule of a box that somebody stands before: the button says when, lamps and panel say what.
+//! The schedule of a box that somebody stands before: the button says when, lamps and panel say
+//! what.
 //!
 //! Another schedule, the night's or none, is asked after the button.
 
@@ -20,11 +21,13 @@ const RESULT_S: f64 = 120.0;
 /// A screen is shown again after this long: a panel that was switched off and on has forgotten it.
 const SHOW_AGAIN_S: f64 = 60.0;
 
-/// A desk that has not come round for this long hangs, or has ended: it comes round many times a second. Guess.
+/// A desk that has not come round for this long hangs, or has ended: it comes round many times a
+/// second. Guess.
 const STILL_S: f64 = 30.0;
 
 /// What is said of it.
-const STILL: &str = "the button and the lamps do not answer: what attends to them hangs or has ended; switch the box off and on";
+const STILL: &str = "the button and the lamps do not answer: what attends to them hangs or has \
+ ended; switch the box off and on";
 
 /// Button, lamps and panel around another schedule.
 pub struct Attended<'a> {
@@ -44,7 +47,12 @@ pub struct Attended<'a> {
 
 impl<'a> Attended<'a> {
     /// The schedule of a box in `mode`, whose desk is at `front`.
-    pub fn new(front: Front, mode: Mode, clock: &'a dyn Clock, inner: Box<dyn Schedule + 'a>) -> Self {
+    pub fn new(
+        front: Front,
+        mode: Mode,
+        clock: &'a dyn Clock,
+        inner: Box<dyn Schedule + 'a>,
+    ) -> Self {
         Attended {
             front,
             mode,
@@ -62,7 +70,8 @@ impl<'a> Attended<'a> {
     fn show(&mut self, screen: Screen, state: State, rig: &mut dyn Restorer) {
         self.front.set(state);
         let now = self.clock.now();
-        let stays = |(shown, at): &(Screen, Moment)| *shown == screen && now.0 - at.0 < SHOW_AGAIN_S;
+        let stays =
+            |(shown, at): &(Screen, Moment)| *shown == screen && now.0 - at.0 < SHOW_AGAIN_S;
         if !self.shown.as_ref().is_some_and(stays) {
             rig.show(&screen);
             self.shown = Some((screen, now));
@@ -110,7 +119,11 @@ impl<'a> Attended<'a> {
         }
         if wishes.calibrate && self.maintenance.is_some() {
             let words = "The lens is being measured.".to_owned();
-            self.show(Screen::Maintenance { words: words.clone() }, State::Working { photo: words }, rig);
+            self.show(
+                Screen::Maintenance { words: words.clone() },
+                State::Working { photo: words },
+                rig,
+            );
             let outcome = match rig.mend(Remedy::Recalibrate) {
                 Ok(()) => "The lens has been measured anew.".to_owned(),
                 Err(error) => format!("The lens could not be measured: {}", full_message(&*error)),
@@ -255,8 +268,12 @@ fn to_do(error: &DaemonError) -> &'static str {
     use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem, StorageFull};
     match error {
         DaemonError::Files { source, .. } => match source.kind() {
-            StorageFull => "Make room on the disk: take results out of the outbox and originals out of done.",
-            PermissionDenied | ReadOnlyFilesystem => "Look after the disk: relens may not write to it.",
+            StorageFull => {
+                "Make room on the disk: take results out of the outbox and originals out of done."
+            }
+            PermissionDenied | ReadOnlyFilesystem => {
+                "Look after the disk: relens may not write to it."
+            }
             _ => "Look after the disk or the network share.",
         },
         _ => "Look after camera, panel and their cables. The box tries again every minute.",
@@ -267,6 +284,6 @@ fn to_do(error: &DaemonError) -> &'static str {
 pub fn interruption(
     front: Front,
     stopped: Arc<std::sync::atomic::AtomicBool>,
-) -> crate::restoration::Interruption {
+) -> crate::pipeline::Interruption {
     Box::new(move || front.cancelled() || stopped.load(std::sync::atomic::Ordering::Acquire))
 }

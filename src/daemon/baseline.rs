@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, durable};
+use super::{DaemonError, atomic_file};
 use crate::disk::LocalDisk;
 use crate::nights::pilot::Reading;
 
@@ -31,8 +31,8 @@ pub(super) fn save(slots: &Path, generation: u32, reading: &Reading) {
     let saved = saved.and_then(|bytes| Ok((bytes, slots.canonicalize()?)));
     let saved = saved.map_err(DaemonError::files("write", slots)).and_then(|(bytes, slots)| {
         let disk = LocalDisk::new(vec![slots.clone()]);
-        durable::replace(&disk, &slots, NAME.as_ref(), &bytes)?;
-        durable::sync_folder(&disk, &slots)
+        atomic_file::replace(&disk, &slots, NAME.as_ref(), &bytes)?;
+        atomic_file::sync_folder(&disk, &slots)
     });
     if let Err(error) = saved {
         log::warn!("the pilot's reading is not kept: {}", crate::remedy::full_message(&error));

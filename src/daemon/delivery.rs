@@ -1,4 +1,5 @@
-//! A restored photo on its way to the outbox: report, pictures for the gallery, and last the result itself.
+//! A restored photo on its way to the outbox: report, pictures for the gallery, and last the result
+//! itself.
 
 use std::ffi::{OsStr, OsString};
 use std::io::Read;
@@ -12,7 +13,7 @@ use super::job::{Claimed, Refusal, refusal, report_name};
 use super::ledger::id;
 use super::report::Circumstances;
 use super::run::Daemon;
-use super::{DaemonError, Report, Restored, Step, durable};
+use super::{DaemonError, Report, Restored, Step, atomic_file};
 
 /// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
 const PREVIEW_PX: usize = 1280;
@@ -66,7 +67,8 @@ impl Daemon<'_> {
         }
         claimed.ledger.name_result(&self.folders, result)?;
         self.watcher.step(Step::Named);
-        let (disk, outbox, previews) = (self.folders.disk(), self.folders.outbox(), self.folders.previews());
+        let (disk, outbox, previews) =
+            (self.folders.disk(), self.folders.outbox(), self.folders.previews());
         let picture = |what: &str| picture(result, what);
         let report = Report::new(
             photo,
@@ -83,17 +85,18 @@ impl Daemon<'_> {
         let json = json.map_err(DaemonError::files("write the report of", result.as_ref()))?;
         let report_name = report_name(result);
         // The report comes first: it reserves the name, and the names of the pictures with it.
-        durable::write_new(disk, outbox, &report_name, &mut &json[..])?;
-        durable::replace(disk, previews, picture("before").as_ref(), &encoded.before)?;
-        durable::replace(disk, previews, picture("after").as_ref(), &encoded.after)?;
-        durable::sync_folder(disk, previews)?;
+        atomic_file::write_new(disk, outbox, &report_name, &mut &json[..])?;
+        atomic_file::replace(disk, previews, picture("before").as_ref(), &encoded.before)?;
+        atomic_file::replace(disk, previews, picture("after").as_ref(), &encoded.after)?;
+        atomic_file::sync_folder(disk, previews)?;
         // Not synchronised: where a cut has taken it, the page shows the large one instead.
-        durable::replace_for_now(disk, previews, picture("small").as_ref(), &encoded.small)?;
+        atomic_file::replace_for_now(disk, previews, picture("small").as_ref(), &encoded.small)?;
         self.watcher.step(Step::Reported);
         if !self.is_ours(claimed)? {
-            disk.remove(&outbox.join(&report_name)).map_err(DaemonError::files("remove", outbox))?;
+            disk.remove(&outbox.join(&report_name))
+                .map_err(DaemonError::files("remove", outbox))?;
             // Or a cut brings it back, when nothing is known of it any more.
-            durable::sync_folder(disk, outbox)?;
+            atomic_file::sync_folder(disk, outbox)?;
             return Ok(None);
         }
         let mut original;
@@ -101,11 +104,12 @@ impl Daemon<'_> {
         let content: &mut dyn Read = match encoded.result {
             Some(_) => &mut bytes,
             None => {
-                original = disk.open(&claimed.path).map_err(DaemonError::files("open", &claimed.path))?;
+                original =
+                    disk.open(&claimed.path).map_err(DaemonError::files("open", &claimed.path))?;
                 &mut original
             }
         };
-        durable::write_new(disk, outbox, result, content).inspect_err(|error| {
+        atomic_file::write_new(disk, outbox, result, content).inspect_err(|error| {
             // Somebody put a file of that name there meanwhile: another name, and another report.
             if error.is_taken() {
                 let _ = disk.remove(&outbox.join(&report_name));
@@ -142,8 +146,8 @@ fn free_name(daemon: &Daemon<'_>, name: &OsStr, extension: &str) -> Result<OsStr
         wanted.push(".");
         wanted.push(extension);
     }
-    let taken = durable::Taken::of(daemon.folders.disk(), daemon.folders.outbox())?;
-    let names = (1..).map(|number| durable::numbered(&wanted, number));
+    let taken = atomic_file::Taken::of(daemon.folders.disk(), daemon.folders.outbox())?;
+    let names = (1..).map(|number| atomic_file::numbered(&wanted, number));
     let mut free = names.filter(|name| !taken.holds(name) && !taken.holds(&report_name(name)));
     Ok(free.next().unwrap_or(wanted))
 }

@@ -20,7 +20,8 @@ pub enum DaemonError {
     },
     /// Another daemon works on this folder.
     #[error(
-        "the folder {path} is in use: found a running relens, allowed one at a time, or several that share it"
+        "the folder {path} is in use: found a running relens, allowed one at a time, or several \
+         that share it"
     )]
     InUse {
         /// The root folder.
@@ -28,7 +29,8 @@ pub enum DaemonError {
     },
     /// A box's name is to be the name of a folder.
     #[error(
-        "a box cannot be called `{found}`, allowed is any name of a folder that does not begin with a dot"
+        "a box cannot be called `{found}`, allowed is any name of a folder that does not begin \
+         with a dot"
     )]
     BoxName {
         /// The name asked for.
@@ -36,7 +38,8 @@ pub enum DaemonError {
     },
     /// The disk is nearly full; photos wait until there is room.
     #[error(
-        "the disk of {path} is nearly full: found {found_mib} MiB free, allowed more than {floor_mib}; remove files, it then goes on by itself"
+        "the disk of {path} is nearly full: found {found_mib} MiB free, allowed more than \
+         {floor_mib}; remove files, it then goes on by itself"
     )]
     Full {
         /// A folder on it.
@@ -46,7 +49,8 @@ pub enum DaemonError {
         /// To be left free.
         floor_mib: u64,
     },
-    /// A folder of the daemon's lies in another: what goes into one would come out of the other for ever.
+    /// A folder of the daemon's lies in another: what goes into one would come out of the other for
+    /// ever.
     #[error("the folder {inner} lies in {outer}: found one inside the other, allowed five apart")]
     Nested {
         /// The one inside.
@@ -64,7 +68,10 @@ pub enum DaemonError {
 
 impl DaemonError {
     /// Wraps an input/output error with what was tried on which path.
-    pub(super) fn files(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> DaemonError {
+    pub(super) fn files(
+        what: &'static str,
+        path: &Path,
+    ) -> impl FnOnce(std::io::Error) -> DaemonError {
         let path = path.to_owned();
         move |source| DaemonError::Files { what, path, source }
     }

@@ -8,11 +8,11 @@ use std::sync::Arc;
 use rustix::fs::{FlockOperation, Timespec, flock};
 use rustix::io::Errno;
 
-use super::{DaemonError, durable, recovery};
+use super::{DaemonError, atomic_file, recovery};
 use crate::disk::{Disk, Kind, LocalDisk};
 
-/// `inbox/ working/ outbox/ done/ failed/` under one root. Each may be a link to a folder elsewhere on the same
-/// disk; within them no link is followed.
+/// `inbox/ working/ outbox/ done/ failed/` under one root. Each may be a link to a folder elsewhere
+/// on the same disk; within them no link is followed.
 pub struct Folders {
     disk: Arc<dyn Disk>,
     root: PathBuf,
@@ -38,12 +38,12 @@ impl std::fmt::Debug for Folders {
 }
 
 impl Folders {
-    /// Makes the folders where they are missing, keeps others out, and finishes or takes back whatever
-    /// was under way when the last daemon ended.
+    /// Makes the folders where they are missing, keeps others out, and finishes or takes back
+    /// whatever was under way when the last daemon ended.
     ///
     /// # Errors
-    /// [`DaemonError::InUse`]; [`DaemonError::Nested`] when one folder lies in another, through links or not;
-    /// [`DaemonError::Files`] when a folder cannot be made or is no folder.
+    /// [`DaemonError::InUse`]; [`DaemonError::Nested`] when one folder lies in another, through
+    /// links or not; [`DaemonError::Files`] when a folder cannot be made or is no folder.
     pub fn open(root: &Path) -> Result<Folders, DaemonError> {
         let root = made(root)?;
         let path = root.join(LOCK);
@@ -59,8 +59,8 @@ impl Folders {
     /// The same for one box of several that share the folders, each under a name of its own.
     ///
     /// # Errors
-    /// As [`Folders::open`]; [`DaemonError::InUse`] when a box of that name, or a daemon that does not share,
-    /// works there.
+    /// As [`Folders::open`]; [`DaemonError::InUse`] when a box of that name, or a daemon that does
+    /// not share, works there.
     pub fn open_shared(root: &Path, name: &OsStr) -> Result<Folders, DaemonError> {
         let plain = Path::new(name).file_name() == Some(name) && !super::inbox::is_hidden(name);
         if !plain {
@@ -72,7 +72,8 @@ impl Folders {
         let alone = flock(&all, FlockOperation::NonBlockingLockExclusive).is_ok();
         // On a mount without locks the names must differ by themselves.
         let refused = |_: &u32| {
-            let refused = flock(&all, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK);
+            let refused =
+                flock(&all, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK);
             if refused {
                 let _ = rustix::thread::nanosleep(&JOIN_STEP);
             }
@@ -150,14 +151,14 @@ impl Folders {
         for folder in all.iter().chain([&folders.working, &folders.previews]) {
             disk.make_folder(folder).map_err(DaemonError::files("make the folder", folder))?;
             if alone || *folder == folders.working {
-                durable::sweep(disk, folder)?;
+                atomic_file::sweep(disk, folder)?;
             }
         }
         if alone {
-            durable::sweep(disk, &folders.root)?;
+            atomic_file::sweep(disk, &folders.root)?;
         }
-        durable::sync_folder(disk, &folders.root)?;
-        durable::sync_folder(disk, &folders.outbox)?;
+        atomic_file::sync_folder(disk, &folders.root)?;
+        atomic_file::sync_folder(disk, &folders.outbox)?;
         recovery::recover(&folders)?;
         Ok(folders)
     }
@@ -183,8 +184,8 @@ impl Folders {
         &self.root
     }
 
-    /// Where what is this box's alone is kept, its calibration and its state: the root, or `box-NAME` in it when
-    /// the folders are shared.
+    /// Where what is this box's alone is kept, its calibration and its state: the root, or
+    /// `box-NAME` in it when the folders are shared.
     pub fn home(&self) -> PathBuf {
         let Some(name) = &self.name else { return self.root.clone() };
         let mut home = OsString::from(HOME);
@@ -258,7 +259,8 @@ impl Folders {
         }
     }
 
-    /// Whether the disk of the results has more than `floor_bytes` free. A disk that does not tell has.
+    /// Whether the disk of the results has more than `floor_bytes` free. A disk that does not tell
+    /// has.
     ///
     /// # Errors
     /// [`DaemonError::Full`].
@@ -279,7 +281,7 @@ impl Folders {
 
     /// Moves the photo at `way` from the inbox to `working`; its new path.
     pub(super) fn claim(&self, way: &Path) -> Result<PathBuf, DaemonError> {
-        durable::move_to_own(self.disk(), &self.inbox.join(way), &self.working, &flat(way))
+        atomic_file::move_to_own(self.disk(), &self.inbox.join(way), &self.working, &flat(way))
     }
 }
 
@@ -292,9 +294,9 @@ const HOME: &str = "box-";
 /// Name of the lock file in the root, and in a box's own folder.
 const LOCK: &str = ".relens-lock";
 
-/// Another box that starts at the same moment holds the lock alone while it looks whether it is alone. That takes a
-/// round trip or two of the network; here two seconds pass before it is believed that a daemon works there that does
-/// not share. Guess.
+/// Another box that starts at the same moment holds the lock alone while it looks whether it is
+/// alone. That takes a round trip or two of the network; here two seconds pass before it is
+/// believed that a daemon works there that does not share. Guess.
 const JOIN_STEPS: u32 = 20;
 const JOIN_STEP: Timespec = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
 
@@ -304,7 +306,8 @@ fn made(path: &Path) -> Result<PathBuf, DaemonError> {
     path.canonicalize().map_err(DaemonError::files("find the folder", path))
 }
 
-/// A file to lock, made if need be. Open for both: over NFS a shared lock needs reading, an exclusive one writing.
+/// A file to lock, made if need be. Open for both: over NFS a shared lock needs reading, an
+/// exclusive one writing.
 fn opened(path: &Path) -> Result<File, DaemonError> {
     let mut how = OpenOptions::new();
     how.create(true).truncate(false).read(true).write(true);

@@ -1,8 +1,8 @@
 //! Events of the inbox: a reason to look sooner, and never more than that.
 //!
-//! They miss what another machine does on a network mount, files in folders moved in, and whatever comes while
-//! their queue is full; they end without a word when the disk is mounted anew (inotify(7), and measured). So a
-//! box without them is slower by one look and otherwise the same.
+//! They miss what another machine does on a network mount, files in folders moved in, and whatever
+//! comes while their queue is full; they end without a word when the disk is mounted anew
+//! (inotify(7), and measured). So a box without them is slower by one look and otherwise the same.
 
 use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;

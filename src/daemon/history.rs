@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, durable};
+use super::{DaemonError, atomic_file};
 use crate::disk::Disk;
 use crate::nights::pilot::Drift;
 
@@ -45,7 +45,7 @@ pub(super) enum Verdict {
 
 /// The entries under the folder of the gallery's pictures, oldest first.
 pub(super) fn load(disk: &dyn Disk, folder: &Path) -> Vec<Entry> {
-    let read = durable::read(disk, &folder.join(NAME), BYTES_MAX).ok().flatten();
+    let read = atomic_file::read(disk, &folder.join(NAME), BYTES_MAX).ok().flatten();
     read.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
 }
 
@@ -59,5 +59,10 @@ pub(super) fn add(disk: &dyn Disk, folder: &Path, entry: Entry) -> Result<(), Da
     let beyond = entries.len().saturating_sub(ENTRIES_MAX);
     entries.drain(..beyond);
     let bytes = serde_json::to_vec(&entries).map_err(std::io::Error::other);
-    durable::replace(disk, folder, NAME.as_ref(), &bytes.map_err(DaemonError::files("write", folder))?)
+    atomic_file::replace(
+        disk,
+        folder,
+        NAME.as_ref(),
+        &bytes.map_err(DaemonError::files("write", folder))?,
+    )
 }

@@ -1,8 +1,9 @@
 //! What is waiting in the inbox, whether it has come to rest, and whether it is all there.
 //!
-//! The truth is a look at every file, again and again: events (see [`hints`](super::hints)) only make the next
-//! look come sooner. A photo is ready when it was quiet (size, time of change and inode the same for a while)
-//! *and* its content is whole. One that is quiet and not whole waits where it is, and is spoken about.
+//! The truth is a look at every file, again and again: events (see [`hints`](super::hints)) only
+//! make the next look come sooner. A photo is ready when it was quiet (size, time of change and
+//! inode the same for a while) *and* its content is whole. One that is quiet and not whole waits
+//! where it is, and is spoken about.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -15,7 +16,8 @@ use crate::rig::Moment;
 use super::DaemonError;
 use crate::disk::{Disk, Kind, Look};
 
-/// Folders within folders are looked into this deep. Guess: deeper ones are no way to hand in photos.
+/// Folders within folders are looked into this deep. Guess: deeper ones are no way to hand in
+/// photos.
 const DEPTH_MAX: usize = 8;
 
 /// When a file counts as what it is.
@@ -27,8 +29,8 @@ pub(super) struct Patience {
     pub(super) mention_s: f64,
     /// … and taken for what it is after this long: a broken file, to be set aside.
     pub(super) unfinished_s: f64,
-    /// Seconds since 1970 by which a file's own record of its last change is believed, if there is no time to
-    /// watch it: the daemon is to empty the inbox once.
+    /// Seconds since 1970 by which a file's own record of its last change is believed, if there is
+    /// no time to watch it: the daemon is to empty the inbox once.
     pub(super) by_its_record: Option<u64>,
 }
 
@@ -45,12 +47,14 @@ pub(super) struct Waiting {
 struct Seen {
     look: Look,
     since: Moment,
-    /// What is missing from the content that looks like `look`; `None` before anyone looked into it.
+    /// What is missing from the content that looks like `look`; `None` before anyone looked into
+    /// it.
     missing: Option<Option<String>>,
 }
 
 impl Seen {
-    /// What is missing from the file, if that is a reason to wait, and for how long it has not changed.
+    /// What is missing from the file, if that is a reason to wait, and for how long it has not
+    /// changed.
     fn unfinished(&self, now: Moment, patience: Patience) -> Option<(f64, &str)> {
         let missing = self.missing.as_ref()?.as_deref()?;
         let unchanged_s = match patience.by_its_record {
@@ -71,8 +75,8 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    /// What is in `folder` now. Photos are said to be ready as soon as they are quiet: whether one is whole is
-    /// asked of [`Inbox::may_be_taken`] when its turn comes, for it means reading it.
+    /// What is in `folder` now. Photos are said to be ready as soon as they are quiet: whether one
+    /// is whole is asked of [`Inbox::may_be_taken`] when its turn comes, for it means reading it.
     ///
     /// # Errors
     /// When the folder cannot be read.
@@ -112,9 +116,9 @@ impl Inbox {
         Ok(Waiting { ready: ready.into_iter().map(|(_, way)| way).collect(), unfinished })
     }
 
-    /// Whether the photo at `way`, which was ready at the last look, is whole, or has been waited for long
-    /// enough. `missing` looks into it and says what it lacks; it is called once for as long as the file does
-    /// not change.
+    /// Whether the photo at `way`, which was ready at the last look, is whole, or has been waited
+    /// for long enough. `missing` looks into it and says what it lacks; it is called once for as
+    /// long as the file does not change.
     pub(super) fn may_be_taken(
         &mut self,
         way: &Path,
@@ -136,8 +140,8 @@ impl Inbox {
     }
 }
 
-/// Adds the files in `folder/way` and in the folders below it. A folder moved in brings one event and none for
-/// its files, so its files are looked for and not waited for.
+/// Adds the files in `folder/way` and in the folders below it. A folder moved in brings one event
+/// and none for its files, so its files are looked for and not waited for.
 fn collect(
     disk: &dyn Disk,
     folder: &Path,
@@ -219,7 +223,9 @@ mod tests {
 
     #[test]
     fn junk_and_half_uploads_are_not_photos() {
-        for junk in [".DS_Store", "._a.jpg", "Thumbs.db", "a.jpg.part", "a.jpg~", ".a.jpg.Xy12", "~$a.docx"] {
+        for junk in
+            [".DS_Store", "._a.jpg", "Thumbs.db", "a.jpg.part", "a.jpg~", ".a.jpg.Xy12", "~$a.docx"]
+        {
             assert!(is_junk(OsStr::new(junk)), "{junk}");
         }
         assert!(!is_junk(OsStr::new("partial eclipse.jpg")));
@@ -233,7 +239,8 @@ mod tests {
         let file = folder.join("a.jpg");
         std::fs::write(&file, b"one").unwrap();
         let mut inbox = Inbox::default();
-        let patience = Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, by_its_record: None };
+        let patience =
+            Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, by_its_record: None };
         let looks = std::cell::Cell::new(0);
         let mut at = |s: f64| {
             let now = Moment(s);

@@ -12,7 +12,7 @@ use crate::rig::Moment;
 use super::ledger::{ATTEMPTS_MAX, Ledger};
 use super::run::Daemon;
 use super::withdrawal::Delivered;
-use super::{DaemonError, Failed, Report, Restored, Step, durable};
+use super::{DaemonError, Failed, Report, Restored, Step, atomic_file};
 use crate::disk::Kind;
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
@@ -73,8 +73,8 @@ impl Daemon<'_> {
     /// Takes the photo at `way` from the inbox through the whole job.
     ///
     /// # Errors
-    /// When the folders or the rig need help; the photo is then back in the inbox if that was possible, and
-    /// in `working` otherwise, from where the next start takes it back.
+    /// When the folders or the rig need help; the photo is then back in the inbox if that was
+    /// possible, and in `working` otherwise, from where the next start takes it back.
     pub(super) fn job(&mut self, way: &Path) -> Result<Verdict, DaemonError> {
         let path = match self.folders.claim(way) {
             Ok(path) => path,
@@ -87,20 +87,27 @@ impl Daemon<'_> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
         let mut delivered = false;
         self.work_on(path, &name, &mut delivered).inspect_err(|_| {
-            // The first error is the one to tell. If this meets another, it is tried again at the next look.
+            // The first error is the one to tell. If this meets another, it is tried again at the
+            // next look.
             if self.settle(&name, delivered).is_err() {
                 self.unsettled.push((name.clone(), delivered));
             }
         })
     }
 
-    fn work_on(&mut self, path: PathBuf, name: &OsStr, delivered: &mut bool) -> Result<Verdict, DaemonError> {
+    fn work_on(
+        &mut self,
+        path: PathBuf,
+        name: &OsStr,
+        delivered: &mut bool,
+    ) -> Result<Verdict, DaemonError> {
         let look = self.folders.disk().look(&path).map_err(DaemonError::files("look at", &path))?;
         let ledger = Ledger::of(&self.folders, name, look)?;
         let mut photo = Claimed { path, name: name.to_owned(), ledger, delivered: false };
         if photo.ledger.attempts() >= ATTEMPTS_MAX {
             let reason = format!(
-                "{}: the program ended while it worked on this photo: found {} such attempts, allowed {ATTEMPTS_MAX}",
+                "{}: the program ended while it worked on this photo: found {} such attempts, \
+                 allowed {ATTEMPTS_MAX}",
                 photo.shown(),
                 photo.ledger.attempts()
             );
@@ -130,7 +137,8 @@ impl Daemon<'_> {
     }
 
     fn attempt(&mut self, photo: &mut Claimed) -> Result<Result<Report, Refusal>, DaemonError> {
-        // Whoever dropped it may not have waited until it was on the disk; from here on it is ours to keep.
+        // Whoever dropped it may not have waited until it was on the disk; from here on it is ours
+        // to keep.
         let disk = self.folders.disk();
         disk.sync_file(&photo.path).map_err(DaemonError::files("synchronise", &photo.path))?;
         let read = loop {
@@ -138,10 +146,13 @@ impl Daemon<'_> {
             self.watcher.step(Step::Recorded);
             match self.read(photo) {
                 Ok(read) => break read,
-                Err(Refusal::Died(words)) if photo.ledger.attempts() < ATTEMPTS_MAX => log::warn!("{words}"),
+                Err(Refusal::Died(words)) if photo.ledger.attempts() < ATTEMPTS_MAX => {
+                    log::warn!("{words}")
+                }
                 Err(Refusal::Died(words)) => {
                     let attempts = photo.ledger.attempts();
-                    let reason = format!("{words}; found {attempts} such attempts, allowed {ATTEMPTS_MAX}");
+                    let reason =
+                        format!("{words}; found {attempts} such attempts, allowed {ATTEMPTS_MAX}");
                     return Ok(Err(Refusal::Died(reason)));
                 }
                 Err(refusal) => return Ok(Err(refusal)),
@@ -160,7 +171,8 @@ impl Daemon<'_> {
         let before = self.folders.disk().look(path).ok();
         let opened = self.folders.disk().open(path);
         let read = opened.map_err(|source| PictureError::Read { path: path.clone(), source });
-        let error = match read.and_then(|file| self.setting.reader.photo(&photo.shown(), file, &self.setting))
+        let error = match read
+            .and_then(|file| self.setting.reader.photo(&photo.shown(), file, &self.setting))
         {
             Ok(read) => return Ok(read),
             Err(error) => error,
@@ -192,12 +204,17 @@ impl Daemon<'_> {
             };
             let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut told)));
             let error = match restored {
-                Ok(Ok(restored)) if restored.picture.size() == photo.light.size() => return Ok(restored),
+                Ok(Ok(restored)) if restored.picture.size() == photo.light.size() => {
+                    return Ok(restored);
+                }
                 Ok(Ok(restored)) => {
                     let found = restored.picture.size();
                     let words = format!("a result of {found}, allowed {}", photo.light.size());
                     log::error!("{}: {words}", photo.name);
-                    return Err(Refusal::Skip(format!("{}: a mistake of relens: found {words}", photo.name)));
+                    return Err(Refusal::Skip(format!(
+                        "{}: a mistake of relens: found {words}",
+                        photo.name
+                    )));
                 }
                 Ok(Err(error)) => error,
                 Err(_) => {
@@ -227,14 +244,15 @@ impl Daemon<'_> {
     /// The result is safe: so is the original, and only then the record goes.
     fn close(&mut self, photo: &Claimed, report: Report) -> Result<Verdict, DaemonError> {
         let (disk, done) = (self.folders.disk(), self.folders.done());
-        let kept = durable::move_to(disk, &photo.path, done, &photo.name)?;
+        let kept = atomic_file::move_to(disk, &photo.path, done, &photo.name)?;
         self.watcher.step(Step::Moved);
         // Before the record goes: without it the photo would be restored a second time.
-        durable::sync_folder(disk, done)?;
+        atomic_file::sync_folder(disk, done)?;
         let result = photo.ledger.result().unwrap_or_default();
         photo.ledger.close(&self.folders)?;
         self.watcher.step(Step::Closed);
-        let delivered = Delivered { kept: kept.file_name().unwrap_or(&photo.name).to_owned(), result };
+        let delivered =
+            Delivered { kept: kept.file_name().unwrap_or(&photo.name).to_owned(), result };
         Ok(Verdict::Restored { report: Box::new(report), delivered })
     }
 
@@ -256,16 +274,16 @@ impl Daemon<'_> {
         let failed = Failed { photo: photo.shown(), reason };
         let (disk, folder) = (self.folders.disk(), self.folders.failed());
         // A note without its photo is what a cut left of us, and is written anew.
-        let taken = durable::Taken::of(disk, folder)?;
-        for name in (1..).map(|number| durable::numbered(&photo.name, number)) {
+        let taken = atomic_file::Taken::of(disk, folder)?;
+        for name in (1..).map(|number| atomic_file::numbered(&photo.name, number)) {
             if taken.holds(&name) {
                 continue;
             }
             let mut note = name.clone();
             note.push(".txt");
-            durable::replace(disk, folder, &note, failed.note().as_bytes())?;
+            atomic_file::replace(disk, folder, &note, failed.note().as_bytes())?;
             // The reason first: a photo set aside without one would be a riddle.
-            durable::sync_folder(disk, folder)?;
+            atomic_file::sync_folder(disk, folder)?;
             match disk.rename_new(&photo.path, &folder.join(&name)) {
                 Ok(()) => break,
                 // Another box set a namesake aside since the look.
@@ -273,7 +291,7 @@ impl Daemon<'_> {
                 Err(error) => return Err(DaemonError::files("move", &photo.path)(error)),
             }
         }
-        durable::sync_folder(disk, folder)?;
+        atomic_file::sync_folder(disk, folder)?;
         photo.ledger.close(&self.folders)?;
         Ok(Verdict::Failed(failed))
     }

@@ -1,13 +1,15 @@
-//! How long results and originals are kept: by age and by size, as the rig file's `[keep]` has it, the oldest first.
+//! How long results and originals are kept: by age and by size, as the rig file's `[keep]` has it,
+//! the oldest first.
 //!
 //! ```text
 //! outbox/a.jpg ─► (safe) ─► outbox/gallery/…-before.jpg, -after.jpg, -small.jpg ─► (safe) ─► outbox/a.jpg.json
 //! done/a.jpg
 //! ```
 //!
-//! The report goes last: for as long as it is there, what a cut left of its result is found again by the next look.
-//! What was withdrawn goes by the same limits. Nothing else is ever removed: not what waits, is under way, or was set aside; no file in the outbox that has no
-//! report of ours; no photo that a night may still ask back. A report whose result somebody has fetched goes with the
+//! The report goes last: for as long as it is there, what a cut left of its result is found again
+//! by the next look. What was withdrawn goes by the same limits. Nothing else is ever removed: not
+//! what waits, is under way, or was set aside; no file in the outbox that has no report of ours; no
+//! photo that a night may still ask back. A report whose result somebody has fetched goes with the
 //! others of its age.
 
 use std::collections::HashSet;
@@ -22,7 +24,7 @@ use super::job::report_name;
 use super::ledger::Ledger;
 use super::run::Daemon;
 use super::withdrawal::WITHDRAWN;
-use super::{DaemonError, Delivered, Folders, Report, delivery, durable, inbox, nightly};
+use super::{DaemonError, Delivered, Folders, Report, atomic_file, delivery, inbox, nightly};
 use crate::config::Keep;
 use crate::disk::{Disk, Kind};
 use crate::remedy::full_message;
@@ -59,7 +61,7 @@ pub(super) struct Removed {
 
 /// The record under the folder of the gallery's pictures.
 pub(super) fn removed(disk: &dyn Disk, previews: &Path) -> Removed {
-    let read = durable::read(disk, &previews.join(NAME), BYTES_MAX).ok().flatten();
+    let read = atomic_file::read(disk, &previews.join(NAME), BYTES_MAX).ok().flatten();
     read.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
 }
 
@@ -84,12 +86,14 @@ struct Item {
 }
 
 impl<'a> Daemon<'a> {
-    /// The same daemon, which keeps results and originals within `keep`. Ages count for as long as the calendar
-    /// is `believed`: a board that wakes up in the wrong year would find everything old.
+    /// The same daemon, which keeps results and originals within `keep`. Ages count for as long as
+    /// the calendar is `believed`: a board that wakes up in the wrong year would find everything
+    /// old.
     #[must_use]
     pub fn keeping(mut self, keep: Keep, believed: &'a dyn Fn() -> bool) -> Daemon<'a> {
         let (endless, due) = (keep == Keep::default(), self.clock.now());
-        self.keeping = (!endless).then_some(Keeping { keep, believed, due, trouble: String::new() });
+        self.keeping =
+            (!endless).then_some(Keeping { keep, believed, due, trouble: String::new() });
         self
     }
 
@@ -107,11 +111,13 @@ impl<'a> Daemon<'a> {
         self.folders.room(self.setting.floor_bytes)
     }
 
-    /// Removes what is past its limits, when it is time to look. That something cannot be removed is told and no
-    /// reason to stop: it is tried again at the next look.
+    /// Removes what is past its limits, when it is time to look. That something cannot be removed
+    /// is told and no reason to stop: it is tried again at the next look.
     pub(super) fn keep_within_limits(&mut self) {
         let (now, unix_s) = (self.clock.now(), self.unix_s());
-        let Some(keeping) = self.keeping.as_mut().filter(|keeping| now.0 >= keeping.due.0) else { return };
+        let Some(keeping) = self.keeping.as_mut().filter(|keeping| now.0 >= keeping.due.0) else {
+            return;
+        };
         keeping.due = Moment(now.0 + LOOK_S);
         let calendar = (keeping.believed)().then_some(unix_s as i64);
         let swept = past_limits(&self.folders, &keeping.keep, self.schedule.unproven(), calendar)
@@ -131,7 +137,8 @@ impl<'a> Daemon<'a> {
             for result in &results {
                 self.gallery.remove(&result.name.to_string_lossy());
             }
-            let bytes = results.iter().chain(&withdrawn).chain(&originals).map(|item| item.bytes).sum();
+            let bytes =
+                results.iter().chain(&withdrawn).chain(&originals).map(|item| item.bytes).sum();
             let (results, originals) = (results.len() + withdrawn.len(), originals.len());
             if results + originals > 0 {
                 self.gallery_stale = true;
@@ -164,7 +171,7 @@ impl<'a> Daemon<'a> {
         let kept = serde_json::to_vec(&sum)
             .map_err(std::io::Error::other)
             .map_err(DaemonError::files("write", previews))
-            .and_then(|bytes| durable::replace_for_now(disk, previews, NAME.as_ref(), &bytes));
+            .and_then(|bytes| atomic_file::replace_for_now(disk, previews, NAME.as_ref(), &bytes));
         if let Err(error) = kept {
             log::debug!("{}", full_message(&error));
         }
@@ -198,11 +205,17 @@ fn past_limits(
     let mut results = reported(folders, folders.outbox())?;
     let more = past(&mut results, keep.results_days_max, keep.results_mib_max, calendar, &spared);
     let mut withdrawn = reported(folders, &folders.outbox().join(WITHDRAWN))?;
-    let more =
-        past(&mut withdrawn, keep.results_days_max, keep.results_mib_max, calendar, &HashSet::new()) || more;
+    let more = past(
+        &mut withdrawn,
+        keep.results_days_max,
+        keep.results_mib_max,
+        calendar,
+        &HashSet::new(),
+    ) || more;
     let spared = unproven.into_iter().map(|delivered| delivered.kept).collect();
     let mut originals = done(folders)?;
-    let even_more = past(&mut originals, keep.originals_days_max, keep.originals_mib_max, calendar, &spared);
+    let even_more =
+        past(&mut originals, keep.originals_days_max, keep.originals_mib_max, calendar, &spared);
     Ok(Past { results, withdrawn, originals, more: more || even_more })
 }
 
@@ -241,8 +254,9 @@ fn reported(folders: &Folders, folder: &Path) -> Result<Vec<Item>, DaemonError> 
         if kind != Kind::File || path.extension().is_none_or(|ending| ending != "json") {
             continue;
         }
-        let report = durable::read(disk, &path, BYTES_MAX)?;
-        let Some(report) = report.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok()) else {
+        let report = atomic_file::read(disk, &path, BYTES_MAX)?;
+        let Some(report) = report.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok())
+        else {
             continue;
         };
         let name = path.file_stem().unwrap_or_default().to_owned();
@@ -280,7 +294,9 @@ fn remove(folders: &Folders, past: &Past) -> Result<(), DaemonError> {
     let (disk, outbox, previews) = (folders.disk(), folders.outbox(), folders.previews());
     let remove = |path: &Path| match disk.remove(path) {
         // Its owner was quicker, or another box.
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(DaemonError::files("remove", path)(error)),
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(DaemonError::files("remove", path)(error))
+        }
         _ => Ok(()),
     };
     for (folder, results) in [(outbox, &past.results), (&outbox.join(WITHDRAWN), &past.withdrawn)] {
@@ -291,14 +307,14 @@ fn remove(folders: &Folders, past: &Past) -> Result<(), DaemonError> {
             remove(&folder.join(&result.name))?;
         }
         // A result without report or pictures is nothing anybody could use.
-        durable::sync_folder(disk, folder)?;
+        atomic_file::sync_folder(disk, folder)?;
         // The pictures under a withdrawn result's name are those of the one that took its place.
         if folder == outbox {
             for picture in results.iter().flat_map(|result| pictures(&result.name)) {
                 remove(&previews.join(picture))?;
             }
             // Without the report nobody would find them any more.
-            durable::sync_folder(disk, previews)?;
+            atomic_file::sync_folder(disk, previews)?;
         }
         for result in results {
             remove(&folder.join(report_name(&result.name)))?;

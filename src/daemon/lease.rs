@@ -1,16 +1,18 @@
 //! Several boxes on one set of folders: whose claim a photo in `working` is, and for how long.
 //!
-//! Each box works in a folder of its own, `working/NAME`, so that a photo is claimed by whoever renames it
-//! there first. A box that works changes its lease there every now and then, from the loop that does the work:
-//! one that hangs in a device loses its claims as one does that lost its power. The others watch whether the
-//! lease *changes*, each by its own clock, for the boxes' calendars may differ by years. A lease that stays
-//! as it is for [`Setting::lease_s`](super::Setting::lease_s) has run out, and any other box takes the photos
+//! Each box works in a folder of its own, `working/NAME`, so that a photo is claimed by whoever
+//! renames it there first. A box that works changes its lease there every now and then, from the
+//! loop that does the work: one that hangs in a device loses its claims as one does that lost its
+//! power. The others watch whether the lease *changes*, each by its own clock, for the boxes'
+//! calendars may differ by years. A lease that stays as it is for
+//! [`Setting::lease_s`](super::Setting::lease_s) has run out, and any other box takes the photos
 //! over.
 //!
-//! A box that was only slow or asleep may find then that its lease can have run out. Before it delivers, it changes the
-//! lease, waits as long as a take-over under way may need, and looks whether the photo is still where it claimed it; if
-//! not, it gives up. Between that look and the delivery lie some milliseconds, against minutes of lease; a box that sleeps
-//! exactly there delivers a second result.
+//! A box that was only slow or asleep may find then that its lease can have run out. Before it
+//! delivers, it changes the lease, waits as long as a take-over under way may need, and looks
+//! whether the photo is still where it claimed it; if not, it gives up. Between that look and the
+//! delivery lie some milliseconds, against minutes of lease; a box that sleeps exactly there
+//! delivers a second result.
 
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -19,15 +21,17 @@ use std::ffi::{OsStr, OsString};
 use crate::remedy::full_message;
 use crate::rig::{Clock, Moment};
 
-use super::{DaemonError, Folders, durable, recovery};
+use super::{DaemonError, Folders, atomic_file, recovery};
 
 /// Name of the lease in a box's folder.
 pub(super) const LEASE: &str = ".relens-lease";
 
-/// A lease is changed this many times before it runs out. Guess: nine may be lost to a slow network.
+/// A lease is changed this many times before it runs out. Guess: nine may be lost to a slow
+/// network.
 const BEATS: f64 = 10.0;
 
-/// Seconds in which another box moves a photo once it has found the lease run out. Guess: some round trips of a slow network.
+/// Seconds in which another box moves a photo once it has found the lease run out. Guess: some
+/// round trips of a slow network.
 const TAKE_OVER_S: f64 = 5.0;
 
 /// Longest lease file there is.
@@ -57,12 +61,16 @@ impl Lease {
         }
     }
 
-    /// Sees to it that nobody takes this box for dead from here on; after a while in which one may have, a take-over that
-    /// was under way is then over.
+    /// Sees to it that nobody takes this box for dead from here on; after a while in which one may
+    /// have, a take-over that was under way is then over.
     ///
     /// # Errors
     /// When the lease cannot be written; another box may then take the photos over at any time.
-    pub(super) fn make_good(&self, folders: &Folders, clock: &dyn Clock) -> Result<(), DaemonError> {
+    pub(super) fn make_good(
+        &self,
+        folders: &Folders,
+        clock: &dyn Clock,
+    ) -> Result<(), DaemonError> {
         if !self.is_good(folders, clock.now()) {
             self.renew(folders, clock.now())?;
             clock.wait_until(Moment(clock.now().0 + TAKE_OVER_S.min(self.lease_s / BEATS)));
@@ -76,7 +84,12 @@ impl Lease {
         }
         let count = self.count.get() + 1;
         let words = format!("{} {count}\n", std::process::id());
-        durable::replace_for_now(folders.disk(), folders.working(), LEASE.as_ref(), words.as_bytes())?;
+        atomic_file::replace_for_now(
+            folders.disk(),
+            folders.working(),
+            LEASE.as_ref(),
+            words.as_bytes(),
+        )?;
         self.beaten.set(Some(now));
         self.count.set(count);
         Ok(())
@@ -104,7 +117,9 @@ impl Neighbours {
         for name in others {
             let theirs = folders.of_box(&name);
             // One that cannot be read for now says nothing new.
-            let Ok(lease) = durable::read(folders.disk(), &theirs.working().join(LEASE), BYTES_MAX) else {
+            let Ok(lease) =
+                atomic_file::read(folders.disk(), &theirs.working().join(LEASE), BYTES_MAX)
+            else {
                 continue;
             };
             let (seen, since) = self.0.entry(name.clone()).or_insert_with(|| (lease.clone(), now));
@@ -119,7 +134,8 @@ impl Neighbours {
     }
 }
 
-/// Finishes what the box `name` delivered, and puts the other photos it claimed back into the inbox.
+/// Finishes what the box `name` delivered, and puts the other photos it claimed back into the
+/// inbox.
 fn take_over(theirs: &Folders, name: &OsStr) -> Result<(), DaemonError> {
     let photos = recovery::photos(theirs)?;
     if !photos.is_empty() {
@@ -131,7 +147,8 @@ fn take_over(theirs: &Folders, name: &OsStr) -> Result<(), DaemonError> {
     for photo in photos {
         match recovery::recover_photo(theirs, &photo) {
             // Another box was quicker.
-            Err(DaemonError::Files { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {}
+            Err(DaemonError::Files { source, .. })
+                if source.kind() == std::io::ErrorKind::NotFound => {}
             recovered => recovered?,
         }
     }

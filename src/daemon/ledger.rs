@@ -1,8 +1,9 @@
 //! What is written down before a photo is touched, so that a stop at any instant can be made good.
 //!
-//! One small file a photo under way, in `working/`: which file it is, how often it was begun, and the name its
-//! result will have. A photo that ends the program or its worker each time is set aside after
-//! [`ATTEMPTS_MAX`]; a result that was delivered is not made again; a namesake dropped later is another photo.
+//! One small file a photo under way, in `working/`: which file it is, how often it was begun, and
+//! the name its result will have. A photo that ends the program or its worker each time is set
+//! aside after [`ATTEMPTS_MAX`]; a result that was delivered is not made again; a namesake dropped
+//! later is another photo.
 
 use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, Folders, durable};
+use super::{DaemonError, Folders, atomic_file};
 use crate::disk::Look;
 
 /// Attempts that may end with the program or the worker before a photo is set aside. Guess.
@@ -62,7 +63,7 @@ impl Ledger {
     pub(super) fn of(folders: &Folders, name: &OsStr, look: Look) -> Result<Ledger, DaemonError> {
         let folder = folders.working().to_owned();
         let file = OsString::from(format!("{BEGINNING}{}", id(name)));
-        let found = durable::read(folders.disk(), &folder.join(&file), BYTES_MAX)?;
+        let found = atomic_file::read(folders.disk(), &folder.join(&file), BYTES_MAX)?;
         let found = found.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
         let written = found.filter(|w| w.photo == name.as_bytes() && w.file == Which::from(look));
         let photo = name.as_bytes().to_vec();
@@ -78,7 +79,7 @@ impl Ledger {
                 continue;
             }
             let path = folder.join(&name);
-            let written = durable::read(disk, &path, BYTES_MAX)?;
+            let written = atomic_file::read(disk, &path, BYTES_MAX)?;
             let written = written.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
             let waits = written.is_some_and(|w| {
                 let home = folders.inbox().join(OsString::from_vec(w.photo));
@@ -97,8 +98,9 @@ impl Ledger {
         let mut promised = Vec::new();
         for (name, _) in disk.list(folder).map_err(DaemonError::files("read the folder", folder))? {
             if name.as_bytes().starts_with(BEGINNING.as_bytes()) {
-                let written = durable::read(disk, &folder.join(&name), BYTES_MAX)?;
-                let written = written.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
+                let written = atomic_file::read(disk, &folder.join(&name), BYTES_MAX)?;
+                let written =
+                    written.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
                 promised.extend(written.and_then(|w| w.result).map(OsString::from_vec));
             }
         }
@@ -123,17 +125,21 @@ impl Ledger {
     }
 
     /// Writes down the name the result will have.
-    pub(super) fn name_result(&mut self, folders: &Folders, result: &OsStr) -> Result<(), DaemonError> {
+    pub(super) fn name_result(
+        &mut self,
+        folders: &Folders,
+        result: &OsStr,
+    ) -> Result<(), DaemonError> {
         self.written.result = Some(result.as_bytes().to_vec());
         self.write(folders)
     }
 
-    /// Writes down that the result named was not delivered and never will be under this attempt. Should a cut
-    /// garble this, a record that cannot be read names no result either; should it be forgotten, the next start
-    /// comes to the same.
+    /// Writes down that the result named was not delivered and never will be under this attempt.
+    /// Should a cut garble this, a record that cannot be read names no result either; should it be
+    /// forgotten, the next start comes to the same.
     pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), DaemonError> {
         self.written.result = None;
-        durable::replace_for_now(folders.disk(), &self.folder, &self.file, &self.bytes()?)
+        atomic_file::replace_for_now(folders.disk(), &self.folder, &self.file, &self.bytes()?)
     }
 
     /// Removes the record; the photo has left `working` for good, or the attempts are forgiven.
@@ -148,8 +154,8 @@ impl Ledger {
     }
 
     fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
-        durable::replace(folders.disk(), &self.folder, &self.file, &self.bytes()?)?;
-        durable::sync_folder(folders.disk(), &self.folder)
+        atomic_file::replace(folders.disk(), &self.folder, &self.file, &self.bytes()?)?;
+        atomic_file::sync_folder(folders.disk(), &self.folder)
     }
 
     fn bytes(&self) -> Result<Vec<u8>, DaemonError> {

@@ -1,7 +1,7 @@
 //! The log on standard error: journald's priorities before each line, plain words on a terminal.
 //!
-//! Levels are a promise: `error` is a bug of ours, `warn` is the world misbehaving, `info` is one line a
-//! photo, `debug` may be hidden without loss.
+//! Levels are a promise: `error` is a bug of ours, `warn` is the world misbehaving, `info` is one
+//! line a photo, `debug` may be hidden without loss.
 
 use std::io::{IsTerminal, Write};
 use std::sync::OnceLock;
@@ -42,7 +42,8 @@ impl Log for LogWriter {
 
 /// One line. Control characters, which a photo's name may hold, are shown and not obeyed.
 fn line(level: Level, message: &str, terminal: bool) -> String {
-    let safe: String = message.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    let safe: String =
+        message.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
     match (terminal, level) {
         // sd-daemon(3): SD_ERR 3, SD_WARNING 4, SD_INFO 6, SD_DEBUG 7.
         (false, Level::Error) => format!("<3>{safe}"),

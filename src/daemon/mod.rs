@@ -7,21 +7,21 @@
 //!                                    └─ cannot be restored ─────────► failed/a.jpg, failed/a.jpg.txt
 //! ```
 //!
-//! A photo is in exactly one of `inbox`, `working`, `done`, `failed`. Results are whole or absent (temporary
-//! file, fsync, rename, fsync of the folder); no name is ever overwritten, a second one gets a number.
-//! Whatever instant the power fails at, [`Folders::open`] finishes or takes back what was under way; whatever
-//! a disk does to a living daemon, the next look at the inbox does (`settling`). Everything asked of a disk goes
-//! through [`Disk`](crate::disk::Disk), and a photo's bytes are read in a
-//! [`worker`](crate::picture::worker) process.
+//! A photo is in exactly one of `inbox`, `working`, `done`, `failed`. Results are whole or absent
+//! (temporary file, fsync, rename, fsync of the folder); no name is ever overwritten, a second one
+//! gets a number. Whatever instant the power fails at, [`Folders::open`] finishes or takes back
+//! what was under way; whatever a disk does to a living daemon, the next look at the inbox does
+//! (`rollback`). Everything asked of a disk goes through [`Disk`](crate::disk::Disk), and a photo's
+//! bytes are read in a [`worker`](crate::picture::worker) process.
 //!
-//! The daemon decides by an error's [`Remedy`](crate::remedy::Remedy) alone. What restores is behind
-//! [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`]; what decides when photos may be taken
-//! behind [`Schedule`].
+//! The daemon decides by an error's [`Remedy`](crate::remedy::Remedy) alone. What restores is
+//! behind [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`]; what decides when
+//! photos may be taken behind [`Schedule`].
 
+mod atomic_file;
 mod attended;
 mod baseline;
 mod delivery;
-mod durable;
 mod error;
 mod folders;
 mod gallery;
@@ -40,11 +40,11 @@ mod reader;
 mod recovery;
 mod report;
 mod restorer;
+mod rollback;
 mod run;
 mod schedule;
 pub mod service;
 mod setting;
-mod settling;
 mod state;
 mod vigil;
 mod watcher;

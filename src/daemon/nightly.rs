@@ -1,4 +1,5 @@
-//! The schedule of unattended nights: hours, a believable calendar, a steady rig, and pilots that prove it.
+//! The schedule of unattended nights: hours, a believable calendar, a steady rig, and pilots that
+//! prove it.
 //!
 //! ```text
 //! outside the hours ──► inside: warm up ──► pilot good ──► photos … pilot every N … ──► pilot after the last
@@ -6,8 +7,8 @@
 //!                                             ▼ restore anew what came after the last good pilot; else call for help
 //! ```
 //!
-//! Photos restored since the last good pilot are *unproven*, and written down as such: after a reboot the
-//! first pilot speaks for them, too.
+//! Photos restored since the last good pilot are *unproven*, and written down as such: after a
+//! reboot the first pilot speaks for them, too.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ use super::history::{self, Entry, Verdict};
 use super::job::report_name;
 use super::schedule::{Ended, Schedule, Turn};
 use super::vigil::{Kept, Missed, Time, Vigil};
-use super::{DaemonError, Delivered, Folders, Restorer, durable};
+use super::{DaemonError, Delivered, Folders, Restorer, atomic_file};
 use crate::config::Nights;
 use crate::disk::Disk;
 use crate::nights::pilot::{Drift, Limits};
@@ -36,7 +37,8 @@ const WARM_UP_STEP_S: f64 = 30.0;
 /// The pilot after the last photo comes when the inbox has been empty for this long. Guess.
 const LULL_S: f64 = 60.0;
 
-/// Calibrations in a row after which a rig that drifts again is not believed to become steady. Guess.
+/// Calibrations in a row after which a rig that drifts again is not believed to become steady.
+/// Guess.
 const CALIBRATIONS_MAX: u32 = 3;
 
 /// Past the end of the window by the monotonic clock: the calendar has been put back.
@@ -77,9 +79,10 @@ struct Record {
     vigil: Kept,
 }
 
-/// Photos and results that the night of the box at `home` may still ask back, as far as the disk knows.
+/// Photos and results that the night of the box at `home` may still ask back, as far as the disk
+/// knows.
 pub(super) fn unproven_at(disk: &dyn Disk, home: &Path) -> Result<Vec<Delivered>, DaemonError> {
-    let read = durable::read(disk, &home.join(NAME), BYTES_MAX)?;
+    let read = atomic_file::read(disk, &home.join(NAME), BYTES_MAX)?;
     let record = read.and_then(|bytes| serde_json::from_slice::<Record>(&bytes).ok());
     Ok(record.unwrap_or_default().unproven)
 }
@@ -118,11 +121,13 @@ pub struct Nightly<'a> {
 }
 
 impl<'a> Nightly<'a> {
-    /// The nights of a rig file over `folders`; `None` when they could not be read, which its check rules out.
+    /// The nights of a rig file over `folders`; `None` when they could not be read, which its check
+    /// rules out.
     pub fn new(nights: &Nights, folders: &Folders, times: Times<'a>) -> Option<Nightly<'a>> {
         let root = folders.home();
-        let read = durable::read(folders.disk(), &root.join(NAME), BYTES_MAX).ok().flatten();
-        let record: Record = read.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
+        let read = atomic_file::read(folders.disk(), &root.join(NAME), BYTES_MAX).ok().flatten();
+        let record: Record =
+            read.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
         Some(Nightly {
             nights: nights.clone(),
             limits: Limits::of(nights),
@@ -160,14 +165,15 @@ impl<'a> Nightly<'a> {
         let written = serde_json::to_vec(&self.record).map_err(std::io::Error::other);
         let kept = written
             .map_err(DaemonError::files("write", &self.root))
-            .and_then(|bytes| durable::replace(&*self.disk, &self.root, NAME.as_ref(), &bytes))
-            .and_then(|()| durable::sync_folder(&*self.disk, &self.root));
+            .and_then(|bytes| atomic_file::replace(&*self.disk, &self.root, NAME.as_ref(), &bytes))
+            .and_then(|()| atomic_file::sync_folder(&*self.disk, &self.root));
         if let Err(error) = kept {
             log::debug!("the night's record is not kept: {}", full_message(&error));
         }
     }
 
-    /// Looks at the calendar, and at whether `waiting` photos wait for too long; `None` when nobody knows how many do.
+    /// Looks at the calendar, and at whether `waiting` photos wait for too long; `None` when nobody
+    /// knows how many do.
     fn look(&mut self, waiting: Option<usize>) {
         let (now, unix_s) = (self.now(), self.unix_s());
         self.belief = self.calendar.look(unix_s, now.0, (self.times.is_set)());
@@ -199,7 +205,8 @@ impl<'a> Nightly<'a> {
     /// Told while there is no rig to ask for anything, and why there is none.
     pub fn shut_out(&mut self, why: &str) {
         let waits = |name: &OsStr| !super::inbox::is_hidden(name);
-        let waiting = self.disk.list(&self.inbox).map(|found| found.iter().filter(|(n, _)| waits(n)).count());
+        let waiting =
+            self.disk.list(&self.inbox).map(|found| found.iter().filter(|(n, _)| waits(n)).count());
         self.look(waiting.ok());
         self.hindered(why);
     }
@@ -221,7 +228,8 @@ impl<'a> Nightly<'a> {
                 return hold(reason.to_owned(), None);
             }
         }
-        let over = self.session.as_ref().and_then(|s| s.ends).is_some_and(|end| now.0 > end.0 + SLACK_S);
+        let over =
+            self.session.as_ref().and_then(|s| s.ends).is_some_and(|end| now.0 > end.0 + SLACK_S);
         match self.window.at(unix_s) {
             Hours::Closed { opens_in_s, words } => {
                 self.spent = false;
@@ -307,7 +315,8 @@ impl<'a> Nightly<'a> {
         self.prove(rig)
     }
 
-    /// The rig is what was calibrated: what came before is proven, unless it was doubted in between.
+    /// The rig is what was calibrated: what came before is proven, unless it was doubted in
+    /// between.
     fn good(&mut self) -> Option<Turn> {
         if let Some(session) = &mut self.session {
             session.photos = 0;
@@ -351,7 +360,8 @@ impl<'a> Nightly<'a> {
         let (limits, max_s) = (self.limits, 60.0 * self.nights.warm_up_max_min);
         let session = self.session.as_ref()?;
         session.warm_up.as_ref()?;
-        let hold = |until| Turn::Hold { reason: "the rig is warming up".to_owned(), until: Some(until) };
+        let hold =
+            |until| Turn::Hold { reason: "the rig is warming up".to_owned(), until: Some(until) };
         if now.0 < session.next_pilot.0 {
             return Some(hold(session.next_pilot));
         }

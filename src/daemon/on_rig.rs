@@ -5,19 +5,21 @@ use std::sync::Arc;
 
 use super::restorer::{Certificate, Iteration, Progress, Restored, Restorer};
 use super::{baseline, operating_point};
-use crate::calibrate::{self, calibrate};
 use crate::calibration::{Calibration, store};
 use crate::config;
+use crate::deconvolution::ladder::Rung;
+use crate::deconvolution::lens_model::LensFunctions;
+use crate::deconvolution::method::{Method, Step};
 use crate::frame::{Channel, Frame, Work};
 use crate::kiosk::screen::{Screen, draw};
 use crate::light_path::LightPath;
+use crate::measurement::{self, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::Photo;
+use crate::pipeline::{
+    self, Bench, Interruption, Judged, Request, Setting, Verdict, reference_solution,
+};
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
-use crate::restoration::{self, Bench, Interruption, Judged, Request, Setting, Verdict, second_opinion};
-use crate::restore::ladder::Rung;
-use crate::restore::lens_model::LensFunctions;
-use crate::restore::method::{Method, Step};
 use crate::rig::exposure::Rig;
 
 /// A rig, its calibration on flash, and how its photos are restored.
@@ -28,7 +30,7 @@ pub struct OnRig {
     setting: Setting,
     bench: Bench,
     stopwatch: Stopwatch,
-    calibrating: fn(calibrate::Progress),
+    calibrating: fn(measurement::Progress),
     /// The pilot's reading right after the calibration.
     baseline: Option<Reading>,
     /// The photo restored last and its result, for the panel.
@@ -47,10 +49,11 @@ pub fn measure(
     config: &config::Rig,
     devices: &mut Rig,
     slots: &Path,
-    calibrating: fn(calibrate::Progress),
+    calibrating: fn(measurement::Progress),
 ) -> Result<Calibration, AnyFailure> {
     let previous = store::load(slots, config.identity).ok();
-    let measured = calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;
+    let measured =
+        calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;
     store::save(slots, &measured).map_err(boxed)?;
     let bench = Bench::new(config, &measured).map_err(boxed)?;
     let reading = read_pilot(config, devices, &bench, &|| 0.0)?;
@@ -74,8 +77,8 @@ fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
 }
 
 impl OnRig {
-    /// The restorer of `devices`, described by `config`, with the calibration kept in `slots`; by `method`, or by the
-    /// operating point.
+    /// The restorer of `devices`, described by `config`, with the calibration kept in `slots`; by
+    /// `method`, or by the operating point.
     ///
     /// # Errors
     /// When there is no whole calibration of this rig.
@@ -85,7 +88,7 @@ impl OnRig {
         slots: PathBuf,
         method: Option<config::Method>,
         stopwatch: Stopwatch,
-        calibrating: fn(calibrate::Progress),
+        calibrating: fn(measurement::Progress),
     ) -> Result<Self, AnyFailure> {
         let calibration = store::load(&slots, config.identity).map_err(boxed)?;
         let bench = Bench::new(config, &calibration).map_err(boxed)?;
@@ -105,7 +108,8 @@ impl OnRig {
         })
     }
 
-    /// The same restorer, which gives a photo up before its next capture once `interrupted` says so.
+    /// The same restorer, which gives a photo up before its next capture once `interrupted` says
+    /// so.
     #[must_use]
     pub fn interruptible(mut self, interrupted: Interruption) -> Self {
         let interrupted: Arc<dyn Fn() -> bool + Send + Sync> = Arc::from(interrupted);
@@ -115,15 +119,16 @@ impl OnRig {
         self
     }
 
-    /// Takes down what the photo taught of the lens. What enough photos have proved takes the measured lens's place, also
-    /// on flash; says so then.
-    fn learn(&mut self, photo: &Frame<Work>, restored: &restoration::Restored) -> Option<String> {
+    /// Takes down what the photo taught of the lens. What enough photos have proved takes the
+    /// measured lens's place, also on flash; says so then.
+    fn learn(&mut self, photo: &Frame<Work>, restored: &pipeline::Restored) -> Option<String> {
         let functions = self.bench.learn(photo, restored)?;
         match self.adopt(functions) {
             Ok(calibration) => {
                 let generation = calibration.generation;
                 let told = format!(
-                    "the lens as this photo and those before it show it has taken the measured one's place (generation \
+                    "the lens as this photo and those before it show it has taken the measured \
+                     one's place (generation \
                      {generation} of the calibration)"
                 );
                 log::info!("{told}");
@@ -175,7 +180,11 @@ impl OnRig {
 }
 
 impl Restorer for OnRig {
-    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure> {
         let begun = (self.stopwatch)();
         let channels = photo.channels;
         if self.bench.is_blank(&photo.light, channels) {
@@ -194,15 +203,22 @@ impl Restorer for OnRig {
             // A step of computing changes nothing that is shown, and says that the solve is alive.
             progress(shown);
         };
-        let lens_alone = second_opinion(&self.config);
-        let request =
-            Request { photo: &photo.light, channels, method: &*solver, stopwatch: &*self.stopwatch };
-        let Judged { restored, verdict } =
-            self.bench.restore_judged(&mut self.devices, &request, &lens_alone, &mut watch).map_err(boxed)?;
+        let lens_alone = reference_solution(&self.config);
+        let request = Request {
+            photo: &photo.light,
+            channels,
+            method: &*solver,
+            stopwatch: &*self.stopwatch,
+        };
+        let Judged { restored, verdict } = self
+            .bench
+            .restore_judged(&mut self.devices, &request, &lens_alone, &mut watch)
+            .map_err(boxed)?;
         let mut notes: Vec<String> = Vec::new();
         if restored.solution.look.refined.is_some() {
             notes.push(
-                "the lens is another than was measured: it was refined by this photo's captures".to_owned(),
+                "the lens is another than was measured: it was refined by this photo's captures"
+                    .to_owned(),
             );
         }
         notes.extend(self.learn(&photo.light, &restored));
@@ -255,7 +271,8 @@ impl Restorer for OnRig {
 
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         if remedy == Remedy::Recalibrate {
-            let calibration = measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
+            let calibration =
+                measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
             self.bench = self.bench_of(&calibration)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
         } else {
@@ -276,7 +293,8 @@ impl Restorer for OnRig {
         let reading = read_pilot(&self.config, &mut self.devices, &self.bench, &*self.stopwatch)?;
         if self.baseline.is_none() {
             // A calibration from before there were pilots: drift counts from now on.
-            let generation = store::load(&self.slots, self.config.identity).map_err(boxed)?.generation;
+            let generation =
+                store::load(&self.slots, self.config.identity).map_err(boxed)?.generation;
             baseline::save(&self.slots, generation, &reading);
         }
         Ok(Some(reading.since(self.baseline.get_or_insert(reading))))

@@ -1,13 +1,14 @@
-//! The operating point chosen for a rig, kept beside its calibration as a small file that people can read.
+//! The operating point chosen for a rig, kept beside its calibration as a small file that people
+//! can read.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, durable};
+use super::{DaemonError, atomic_file};
 use crate::config::{self, Method};
 use crate::disk::LocalDisk;
-use crate::restoration::{Chosen, Setting};
+use crate::pipeline::{Chosen, Setting};
 
 /// Name of the file beside the calibration's slots.
 const NAME: &str = "operating-point.toml";
@@ -37,19 +38,27 @@ pub fn load(slots: &Path, rig: &config::Rig) -> Result<Option<Chosen>, String> {
         }
         Err(error) => return Err(format!("cannot read {name}: {error}")),
     };
-    let kept: Kept = toml::from_str(&text).map_err(|e| format!("{name} is damaged: {}", e.message()))?;
+    let kept: Kept =
+        toml::from_str(&text).map_err(|e| format!("{name} is damaged: {}", e.message()))?;
     if kept.rig != identity(rig) {
         return Err(format!("{name} is of rig {}; this is rig {}", kept.rig, identity(rig)));
     }
     let found = kept.chosen.operating_point;
     if found != wanted {
-        return Err(format!("{name} is `{}`; the rig file asks for `{}`", found.name(), wanted.name()));
+        return Err(format!(
+            "{name} is `{}`; the rig file asks for `{}`",
+            found.name(),
+            wanted.name()
+        ));
     }
     let Setting { method, steps, correction_steps, captures_max, rounds } = kept.chosen.setting;
     let sane = |n: u32| (1..=10_000).contains(&n);
     let without = method == Method::BlockMatching && captures_max == 0;
-    if !([steps, correction_steps, rounds].into_iter().all(sane) && (without || sane(captures_max))) {
-        return Err(format!("{name} is damaged: it has steps, rounds or captures that are not 1 to 10000"));
+    if !([steps, correction_steps, rounds].into_iter().all(sane) && (without || sane(captures_max)))
+    {
+        return Err(format!(
+            "{name} is damaged: it has steps, rounds or captures that are not 1 to 10000"
+        ));
     }
     Ok(Some(kept.chosen))
 }
@@ -64,11 +73,12 @@ pub fn save(slots: &Path, rig: &config::Rig, chosen: &Chosen) -> Result<(), Daem
     let text = text.and_then(|text| Ok((format!("{HEAD}{text}"), slots.canonicalize()?)));
     let (text, slots) = text.map_err(DaemonError::files("write", slots))?;
     let disk = LocalDisk::new(vec![slots.clone()]);
-    durable::replace(&disk, &slots, NAME.as_ref(), text.as_bytes())?;
-    durable::sync_folder(&disk, &slots)
+    atomic_file::replace(&disk, &slots, NAME.as_ref(), text.as_bytes())?;
+    atomic_file::sync_folder(&disk, &slots)
 }
 
-/// What photos on `rig` are restored with: `method` if one is asked for, else what was chosen, else what its file says.
+/// What photos on `rig` are restored with: `method` if one is asked for, else what was chosen, else
+/// what its file says.
 pub fn setting(slots: &Path, rig: &config::Rig, method: Option<Method>) -> Setting {
     let filed = Setting::as_filed(rig, method.unwrap_or(rig.restore.method));
     if method.is_some() {
@@ -78,7 +88,8 @@ pub fn setting(slots: &Path, rig: &config::Rig, method: Option<Method>) -> Setti
         Ok(chosen) => chosen.map_or(filed, |chosen| chosen.setting),
         Err(reason) => {
             log::warn!(
-                "no operating point to use: {reason}; restoring with {filed}; `relens calibrate` chooses one"
+                "no operating point to use: {reason}; restoring with {filed}; `relens calibrate` \
+                 chooses one"
             );
             filed
         }
@@ -120,7 +131,10 @@ mod tests {
         save(slots, &rig, &chosen(&rig)).unwrap();
         assert_eq!(load(slots, &rig), Ok(Some(chosen(&rig))));
         assert_eq!(setting(slots, &rig, None).steps, 5);
-        assert_eq!(setting(slots, &rig, Some(Method::Wiener)), Setting::as_filed(&rig, Method::Wiener));
+        assert_eq!(
+            setting(slots, &rig, Some(Method::Wiener)),
+            Setting::as_filed(&rig, Method::Wiener)
+        );
         let text = std::fs::read_to_string(slots.join(NAME)).unwrap();
         assert!(
             text.contains("operating-point = \"fast\"") && text.contains("method = \"digital\""),

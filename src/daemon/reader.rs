@@ -21,7 +21,12 @@ impl Reader {
     ///
     /// # Errors
     /// What it lacks; or that it could not be read.
-    pub(super) fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
+    pub(super) fn whole(
+        &self,
+        name: &str,
+        file: File,
+        limits: &Limits,
+    ) -> Result<(), PictureError> {
         match self {
             Reader::Here => whole(name, file, limits),
             Reader::Worker(worker) => worker.whole(name, file, limits),
@@ -32,7 +37,12 @@ impl Reader {
     ///
     /// # Errors
     /// Why there is none.
-    pub(super) fn photo(&self, name: &str, file: File, setting: &Setting) -> Result<Photo, PictureError> {
+    pub(super) fn photo(
+        &self,
+        name: &str,
+        file: File,
+        setting: &Setting,
+    ) -> Result<Photo, PictureError> {
         match self {
             Reader::Here => {
                 Photo::of_file(name, file, setting.curve, &setting.limits)?.fit(setting.photo_size)

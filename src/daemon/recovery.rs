@@ -1,5 +1,6 @@
-//! What a start makes of what the last end left in `working`: results delivered are closed, other photos go
-//! back to the inbox. Whatever instant this itself is cut at, doing it again comes to the same.
+//! What a start makes of what the last end left in `working`: results delivered are closed, other
+//! photos go back to the inbox. Whatever instant this itself is cut at, doing it again comes to the
+//! same.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{ErrorKind, Read};
@@ -8,7 +9,7 @@ use std::path::Path;
 use crate::disk::{Disk, Kind};
 
 use super::ledger::Ledger;
-use super::{DaemonError, Folders, Report, durable, inbox, job};
+use super::{DaemonError, Folders, Report, atomic_file, inbox, job};
 
 /// Longest report there is.
 const REPORT_BYTES_MAX: u64 = 1 << 20;
@@ -24,7 +25,8 @@ pub(super) fn recover(folders: &Folders) -> Result<(), DaemonError> {
 /// Names of the photos in `working`.
 pub(super) fn photos(folders: &Folders) -> Result<Vec<OsString>, DaemonError> {
     let working = folders.working();
-    let found = folders.disk().list(working).map_err(DaemonError::files("read the folder", working))?;
+    let found =
+        folders.disk().list(working).map_err(DaemonError::files("read the folder", working))?;
     let photo = |(name, kind): &(OsString, Kind)| !inbox::is_hidden(name) && *kind != Kind::Folder;
     Ok(found.into_iter().filter(photo).map(|(name, _)| name).collect())
 }
@@ -38,22 +40,25 @@ pub(super) fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), Daemo
     if let Some(result) = ledger.result() {
         let there = exists(disk, &folders.outbox().join(&result))?;
         if there && reported(folders, &result, &path)? {
-            durable::move_to(disk, &path, folders.done(), name)?;
+            atomic_file::move_to(disk, &path, folders.done(), name)?;
             // Before the record goes: without it the photo would be restored a second time.
-            durable::sync_folder(disk, folders.done())?;
-            log::info!("{shown}: found in working after a stop with its result delivered, moved to done");
+            atomic_file::sync_folder(disk, folders.done())?;
+            log::info!(
+                "{shown}: found in working after a stop with its result delivered, moved to done"
+            );
             return ledger.close(folders);
         }
         withdraw(folders, &result, &path)?;
         ledger.forget_result(folders)?;
     }
-    durable::move_to(disk, &path, folders.inbox(), name)?;
+    atomic_file::move_to(disk, &path, folders.inbox(), name)?;
     log::info!("{shown}: found in working after a stop, moved to inbox");
     Ok(())
 }
 
-/// Removes the report of the photo at `path` for the result named, if that was not delivered: it is no use to
-/// anyone, and another photo may want the name. The name may be another photo's by now; its report stays.
+/// Removes the report of the photo at `path` for the result named, if that was not delivered: it is
+/// no use to anyone, and another photo may want the name. The name may be another photo's by now;
+/// its report stays.
 fn withdraw(folders: &Folders, result: &OsStr, path: &Path) -> Result<(), DaemonError> {
     match exists(folders.disk(), &folders.outbox().join(result))? {
         true => Ok(()),
@@ -73,7 +78,7 @@ pub(super) fn take_back(folders: &Folders, result: &OsStr, path: &Path) -> Resul
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 return Err(DaemonError::files("remove", &path)(error));
             }
-            _ => durable::sync_folder(disk, outbox)?,
+            _ => atomic_file::sync_folder(disk, outbox)?,
         }
     }
     Ok(())
@@ -90,8 +95,13 @@ fn exists(disk: &dyn Disk, path: &Path) -> Result<bool, DaemonError> {
 /// Whether the report beside the result named is of the photo at `path`.
 fn reported(folders: &Folders, result: &OsStr, path: &Path) -> Result<bool, DaemonError> {
     let disk = folders.disk();
-    let report = durable::read(disk, &folders.outbox().join(job::report_name(result)), REPORT_BYTES_MAX)?;
-    let Some(report) = report.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok()) else {
+    let report = atomic_file::read(
+        disk,
+        &folders.outbox().join(job::report_name(result)),
+        REPORT_BYTES_MAX,
+    )?;
+    let Some(report) = report.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok())
+    else {
         return Ok(false);
     };
     let (mut file, mut hasher) =

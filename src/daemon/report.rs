@@ -118,15 +118,25 @@ impl Report {
     pub fn single(rig: &str, photo: &Photo, restored: &Restored, out: &Path) -> Report {
         let result = out.file_name().unwrap_or(out.as_os_str());
         let (before, after) = (String::new(), String::new());
-        Report::new(photo, restored, Circumstances { rig, result, before, after, finished_unix_s: 0 })
+        Report::new(
+            photo,
+            restored,
+            Circumstances { rig, result, before, after, finished_unix_s: 0 },
+        )
     }
 
     /// One line for the log.
     pub fn line(&self) -> String {
-        let captures =
-            if self.captures == 1 { "1 capture".into() } else { format!("{} captures", self.captures) };
+        let captures = if self.captures == 1 {
+            "1 capture".into()
+        } else {
+            format!("{} captures", self.captures)
+        };
         let certificate = self.certificate.map_or(String::new(), |c| {
-            format!(", residual {:.2} of {:.2} grey levels", c.residual_grey_levels, c.floor_grey_levels)
+            format!(
+                ", residual {:.2} of {:.2} grey levels",
+                c.residual_grey_levels, c.floor_grey_levels
+            )
         });
         let outcome = match self.outcome {
             Outcome::Restored => "restored",
@@ -154,7 +164,8 @@ impl Failed {
     pub(super) fn note(&self) -> String {
         let one_line = self.reason.replace(['\n', '\r'], " ");
         format!(
-            "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. To try again, put it back into the inbox.\n",
+            "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. To \
+             try again, put it back into the inbox.\n",
             self.photo
         )
     }
@@ -192,8 +203,10 @@ mod tests {
 
     #[test]
     fn a_note_is_read_back() {
-        let failed =
-            Failed { photo: "a.jpg".into(), reason: "cut short: found 3 bytes,\nallowed all".into() };
+        let failed = Failed {
+            photo: "a.jpg".into(),
+            reason: "cut short: found 3 bytes,\nallowed all".into(),
+        };
         let back = Failed::of_note("a.jpg".into(), &failed.note());
         assert_eq!(back.reason, "cut short: found 3 bytes, allowed all");
     }

@@ -14,7 +14,11 @@ pub trait Restorer {
     ///
     /// # Errors
     /// Whatever keeps this photo or the rig from it, with its remedy.
-    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure>;
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure>;
 
     /// Does what a failure asked for: [`Remedy::Recalibrate`] or [`Remedy::ReopenRig`].
     ///
@@ -27,8 +31,8 @@ pub trait Restorer {
         let _ = screen;
     }
 
-    /// Shows the pilot picture and tells how far the rig has drifted since it was calibrated; `None` when it
-    /// has no way to tell.
+    /// Shows the pilot picture and tells how far the rig has drifted since it was calibrated;
+    /// `None` when it has no way to tell.
     ///
     /// # Errors
     /// When a capture fails.
@@ -53,7 +57,8 @@ pub struct Progress {
 pub struct Restored {
     /// The picture, linear light 0..255, photo-size, the photo's stored orientation.
     pub picture: Frame<Work>,
-    /// The photo itself is the best that can be given: its file goes out unchanged. The reason is in `notes`.
+    /// The photo itself is the best that can be given: its file goes out unchanged. The reason is
+    /// in `notes`.
     pub untouched: bool,
     /// Name of the method.
     pub method: String,
@@ -89,12 +94,15 @@ impl Certificate {
         self.residual_grey_levels / self.floor_grey_levels.max(1e-9)
     }
 
-    /// What it means, for one who drops photos and picks results up. The steps are guesses: 1.25 is about
-    /// what the spread of a noise estimate explains, 2 is three parts of unexplained light to one of noise.
+    /// What it means, for one who drops photos and picks results up. The steps are guesses: 1.25 is
+    /// about what the spread of a noise estimate explains, 2 is three parts of unexplained light to
+    /// one of noise.
     pub fn meaning(&self) -> &'static str {
         match self.ratio() {
             r if r <= 1.25 => "Photographed through the lens again, this picture is your photo.",
-            r if r <= 2.0 => "Photographed through the lens again, this picture is nearly your photo.",
+            r if r <= 2.0 => {
+                "Photographed through the lens again, this picture is nearly your photo."
+            }
             _ => "Photographed through the lens again, this picture still differs from your photo.",
         }
     }

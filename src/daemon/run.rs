@@ -76,8 +76,8 @@ pub struct Daemon<'a> {
 }
 
 impl<'a> Daemon<'a> {
-    /// A daemon over `folders`, which were made good by opening them. `clock` measures waits, `calendar`
-    /// dates the reports.
+    /// A daemon over `folders`, which were made good by opening them. `clock` measures waits,
+    /// `calendar` dates the reports.
     ///
     /// # Errors
     /// When the outbox cannot be read.
@@ -125,8 +125,9 @@ impl<'a> Daemon<'a> {
         self
     }
 
-    /// Empties the inbox and returns what became of each photo. Files need not have been quiet; one whose end
-    /// is missing is left when it changed not long ago, as are those for which the schedule holds.
+    /// Empties the inbox and returns what became of each photo. Files need not have been quiet; one
+    /// whose end is missing is left when it changed not long ago, as are those for which the
+    /// schedule holds.
     ///
     /// # Errors
     /// When the folders or the rig need help; photos not begun are still in the inbox.
@@ -147,9 +148,9 @@ impl<'a> Daemon<'a> {
         Ok(self.summary())
     }
 
-    /// Watches the inbox until `stop` says so, which is asked between photos and between looks. Needs of
-    /// the operator are said once, held, and tried again, as is a disk that is full or gone. The summary is of
-    /// the last thousand of either kind.
+    /// Watches the inbox until `stop` says so, which is asked between photos and between looks.
+    /// Needs of the operator are said once, held, and tried again, as is a disk that is full or
+    /// gone. The summary is of the last thousand of either kind.
     pub fn run(&mut self, stop: &dyn Fn() -> bool) -> Summary {
         let patience = Patience {
             quiet_s: self.setting.quiet_s,
@@ -287,7 +288,8 @@ impl<'a> Daemon<'a> {
         let unfinished = found.unfinished;
         self.resting.retain(|way, _| disk.look(&folder.join(way)).is_ok());
         let resting = &self.resting;
-        self.left.retain(|way, _| resting.contains_key(way) || unfinished.iter().any(|(u, _)| u == way));
+        self.left
+            .retain(|way, _| resting.contains_key(way) || unfinished.iter().any(|(u, _)| u == way));
         for (way, reason) in unfinished {
             let reason = format!("{reason} (waiting for the rest of it)");
             self.left.entry(way).or_insert_with_key(|way| {
@@ -303,13 +305,15 @@ impl<'a> Daemon<'a> {
         Ok((ready.collect(), waiting))
     }
 
-    /// Whether the photo at `way` is all there, or never will be. Whatever else is wrong with it is the job's to
-    /// say.
+    /// Whether the photo at `way` is all there, or never will be. Whatever else is wrong with it is
+    /// the job's to say.
     fn may_be_taken(&mut self, way: &Path, patience: Patience) -> bool {
-        let (setting, disk, path) = (&self.setting, self.folders.disk(), self.folders.inbox().join(way));
+        let (setting, disk, path) =
+            (&self.setting, self.folders.disk(), self.folders.inbox().join(way));
         self.inbox.may_be_taken(way, self.clock.now(), patience, || {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let lacking = setting.reader.whole(&name, disk.open(&path).ok()?, &setting.limits).err()?;
+            let lacking =
+                setting.reader.whole(&name, disk.open(&path).ok()?, &setting.limits).err()?;
             (lacking.growth() == Growth::Likely).then(|| full_message(&lacking))
         })
     }
@@ -320,8 +324,10 @@ impl<'a> Daemon<'a> {
         match verdict {
             Verdict::Restored { report, delivered } => {
                 log::info!("{}", report.line());
-                self.schedule
-                    .after(Ended::Restored { report: &report, delivered: &delivered }, &mut *self.restorer);
+                self.schedule.after(
+                    Ended::Restored { report: &report, delivered: &delivered },
+                    &mut *self.restorer,
+                );
                 self.gallery.add(&report);
                 self.counts.0 += 1;
                 self.summary.restored.push(*report);
@@ -397,8 +403,8 @@ impl<'a> Daemon<'a> {
         }
     }
 
-    /// Waits for the next look at the inbox: until it is due, a file there will have been quiet for long
-    /// enough, or something happens.
+    /// Waits for the next look at the inbox: until it is due, a file there will have been quiet for
+    /// long enough, or something happens.
     fn wait_for_photos(&self, stop: &dyn Fn() -> bool) {
         let now = self.clock.now().0;
         let due = self.inbox.due().map_or(f64::INFINITY, |due| due.0 - now);

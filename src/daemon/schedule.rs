@@ -14,8 +14,8 @@ pub enum Turn {
     Hold {
         /// Why, for the state file and the log.
         reason: String,
-        /// When that will change on the daemon's clock, if it is known: it is asked again then, and before that
-        /// every quarter of a minute.
+        /// When that will change on the daemon's clock, if it is known: it is asked again then, and
+        /// before that every quarter of a minute.
         until: Option<Moment>,
     },
     /// Nothing goes on until somebody has helped; it is asked again after a while.
@@ -23,8 +23,8 @@ pub enum Turn {
         /// What is wrong.
         reason: String,
     },
-    /// These results cannot be stood by: withdrawn, and their photos put back into the inbox. Asked again
-    /// at once.
+    /// These results cannot be stood by: withdrawn, and their photos put back into the inbox. Asked
+    /// again at once.
     Again(Vec<Delivered>),
     /// The daemon is to end in good order.
     Stop,
@@ -64,8 +64,8 @@ pub trait Schedule {
         let _ = (ended, rig);
     }
 
-    /// Asked at each look at the inbox that finds nothing to take; `waiting` photos rest until they are
-    /// tried again.
+    /// Asked at each look at the inbox that finds nothing to take; `waiting` photos rest until they
+    /// are tried again.
     fn idle(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Turn {
         let _ = (waiting, rig);
         Turn::Go
@@ -81,7 +81,8 @@ pub trait Schedule {
         let _ = (error, rig);
     }
 
-    /// Told that `waiting` photos wait for something that is not this schedule's to say, and for what.
+    /// Told that `waiting` photos wait for something that is not this schedule's to say, and for
+    /// what.
     fn kept_waiting(&mut self, waiting: usize, why: &str) {
         let _ = (waiting, why);
     }
@@ -96,7 +97,8 @@ pub trait Schedule {
         self.missed().iter().map(Missed::to_string).collect()
     }
 
-    /// Whether to look again now, ahead of time, and to try what rests. Asked several times a second.
+    /// Whether to look again now, ahead of time, and to try what rests. Asked several times a
+    /// second.
     fn impatient(&self) -> bool {
         false
     }

@@ -1,8 +1,8 @@
 //! What the service manager is told: ready, what is being done, that work goes on, and the end.
 //!
-//! The watchdog is fed by finished work alone: a look at the inbox, a step of a restoration, a capture of a
-//! calibration, a photo. There is no timer: a loop that hangs starves it. (sd_notify(3): datagrams of
-//! `KEY=value` lines to the socket named in `NOTIFY_SOCKET`.)
+//! The watchdog is fed by finished work alone: a look at the inbox, a step of a restoration, a
+//! capture of a calibration, a photo. There is no timer: a loop that hangs starves it.
+//! (sd_notify(3): datagrams of `KEY=value` lines to the socket named in `NOTIFY_SOCKET`.)
 
 use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;
@@ -60,7 +60,8 @@ impl ServiceManager {
 
     /// What the service is doing, in one line for `systemctl status`.
     pub fn status(&self, words: &str) {
-        let one_line: String = words.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        let one_line: String =
+            words.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
         let mut told = self.status.lock().unwrap_or_else(PoisonError::into_inner);
         if *told != one_line {
             self.tell(&format!("STATUS={one_line}"));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, Folders, durable};
+use super::{DaemonError, Folders, atomic_file};
 
 /// Name of the state file in the root.
 const NAME: &str = ".relens-state.json";
@@ -48,7 +48,8 @@ pub struct State {
     pub failed: usize,
     /// Photos put back into the inbox to be tried later.
     pub left: usize,
-    /// What the operator should know though the box goes on: a night that was missed, a button that hangs; a sentence each.
+    /// What the operator should know though the box goes on: a night that was missed, a button that
+    /// hangs; a sentence each.
     #[serde(default)]
     pub attention: Vec<String>,
     /// When this was written, seconds since 1970 UTC by the box's calendar.
@@ -75,7 +76,7 @@ impl State {
     /// When it cannot be written.
     pub fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
         let bytes = serde_json::to_vec_pretty(self).map_err(std::io::Error::other);
-        durable::replace_for_now(
+        atomic_file::replace_for_now(
             folders.disk(),
             &folders.home(),
             NAME.as_ref(),

@@ -1,18 +1,18 @@
-//! Watches over the nights themselves: photos that wait while a whole night passes without one being restored are
-//! spoken of, with since when and why. Held, never sure of the time, or switched off: a box that does nothing must
-//! not look like one that has nothing to do.
+//! Watches over the nights themselves: photos that wait while a whole night passes without one
+//! being restored are spoken of, with since when and why. Held, never sure of the time, or switched
+//! off: a box that does nothing must not look like one that has nothing to do.
 
 use serde::{Deserialize, Serialize};
 
 use crate::nights::window::Window;
 use crate::rig::Moment;
 
-/// Nothing waits any more when nothing has waited for this long: a photo that is being looked at for the first time
-/// does not wait yet. Longer than the inbox's quiet time; guess.
+/// Nothing waits any more when nothing has waited for this long: a photo that is being looked at
+/// for the first time does not wait yet. Longer than the inbox's quiet time; guess.
 const EMPTY_S: f64 = 60.0;
 
-/// The same obstacle is written down again after this long, so that a reboot does not hide how long it lasted. One
-/// small write an hour.
+/// The same obstacle is written down again after this long, so that a reboot does not hide how long
+/// it lasted. One small write an hour.
 const AGAIN_S: f64 = 3600.0;
 
 const DAY_S: f64 = 86_400.0;
@@ -84,7 +84,8 @@ impl Vigil {
         self.missed.as_ref()
     }
 
-    /// A look: `waiting` photos wait, or nobody knows whether any do. Returns whether what is kept has changed.
+    /// A look: `waiting` photos wait, or nobody knows whether any do. Returns whether what is kept
+    /// has changed.
     pub(super) fn look(&mut self, time: Time, waiting: Option<usize>, window: &Window) -> bool {
         let before = self.kept.since_unix_s;
         let moved = |since: Option<f64>| match (before, since) {
@@ -111,7 +112,8 @@ impl Vigil {
         if let (Some(unix_s), Some(since)) = (time.unix_s, self.waiting_since) {
             // From before a reboot, or from before the time was known.
             let here = unix_s - (time.now.0 - since.0);
-            self.kept.since_unix_s = Some(self.kept.since_unix_s.map_or(here, |kept| kept.min(here)));
+            self.kept.since_unix_s =
+                Some(self.kept.since_unix_s.map_or(here, |kept| kept.min(here)));
         }
         if waiting.is_some() || self.waiting_since.is_some() {
             self.judge(time, window);
@@ -157,10 +159,12 @@ impl Vigil {
                 let (since, ends) = (window.on_the_wall(since), window.on_the_wall(ends));
                 match nights {
                     1 => format!(
-                        "no photo was restored in the night up to {ends}, though photos wait since {since}"
+                        "no photo was restored in the night up to {ends}, though photos wait \
+                         since {since}"
                     ),
                     n => format!(
-                        "no photo was restored in {n} nights, the last up to {ends}, though photos wait since {since}"
+                        "no photo was restored in {n} nights, the last up to {ends}, though \
+                         photos wait since {since}"
                     ),
                 }
             }
@@ -169,7 +173,8 @@ impl Vigil {
                 format!("no photo was restored for {hours:.0} hours, though photos wait")
             }
         };
-        self.missed = Some(Missed { what, why: self.why(begins.map(|(begins, _)| begins), window) });
+        self.missed =
+            Some(Missed { what, why: self.why(begins.map(|(begins, _)| begins), window) });
     }
 
     /// Why the night that began then was missed.
@@ -180,7 +185,10 @@ impl Vigil {
         }
         match (self.started_unix_s, begins) {
             (Some(started), Some(begins)) if started > begins => {
-                format!("the box was off, or relens did not run, before {}", window.on_the_wall(started))
+                format!(
+                    "the box was off, or relens did not run, before {}",
+                    window.on_the_wall(started)
+                )
             }
             _ => "the reason is not known".to_owned(),
         }

@@ -66,7 +66,8 @@ pub trait Watcher {
 /// Nobody looks on.
 impl Watcher for () {}
 
-/// One line that is drawn over and over: `photo.jpg  3 of 12  ████████░░░░  62 %  shrinking  2 captures`.
+/// One line that is drawn over and over: `photo.jpg 3 of 12 ████████░░░░ 62 % shrinking 2
+/// captures`.
 #[derive(Debug)]
 pub struct ProgressLine<W: Write> {
     out: W,
@@ -96,8 +97,11 @@ impl<W: Write> ProgressLine<W> {
             n => format!("  {n} captures"),
         };
         // A line that cannot be drawn is no reason to stop restoring.
-        let _ =
-            write!(self.out, "\r\x1b[2K{}  {bar} {percent:3} %  {}{captures}", self.label, progress.doing);
+        let _ = write!(
+            self.out,
+            "\r\x1b[2K{}  {bar} {percent:3} %  {}{captures}",
+            self.label, progress.doing
+        );
         let _ = self.out.flush();
     }
 }
@@ -134,7 +138,9 @@ mod tests {
         line.progress(Progress { done: f32::NAN, doing: "shrinking", captures: 2 });
         line.ended();
         let text = String::from_utf8(line.out).unwrap();
-        assert!(text.contains("holiday.jpg  3 of 12") && text.contains(" 50 %  shrinking  2 captures"));
+        assert!(
+            text.contains("holiday.jpg  3 of 12") && text.contains(" 50 %  shrinking  2 captures")
+        );
         assert!(text.ends_with("\r\x1b[2K"));
     }
 }

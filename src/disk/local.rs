@@ -1,8 +1,8 @@
 //! The machine's own disks, local or mounted over a network.
 //!
-//! Every name is reached from one of a few anchor folders, without following a link on the way (openat2 with
-//! RESOLVE_BENEATH and RESOLVE_NO_SYMLINKS), so that whoever may write to the inbox cannot lead the daemon out
-//! of it, not even by swapping a folder for a link between two calls.
+//! Every name is reached from one of a few anchor folders, without following a link on the way
+//! (openat2 with RESOLVE_BENEATH and RESOLVE_NO_SYMLINKS), so that whoever may write to the inbox
+//! cannot lead the daemon out of it, not even by swapping a folder for a link between two calls.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -12,8 +12,8 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{
-    AtFlags, CWD, Dir, FileType, Mode, OFlags, RenameFlags, ResolveFlags, Stat, StatxFlags, linkat, mkdirat,
-    openat, openat2, renameat, renameat_with, statat, statvfs, statx, unlinkat,
+    AtFlags, CWD, Dir, FileType, Mode, OFlags, RenameFlags, ResolveFlags, Stat, StatxFlags, linkat,
+    mkdirat, openat, openat2, renameat, renameat_with, statat, statvfs, statx, unlinkat,
 };
 use rustix::io::Errno;
 
@@ -36,8 +36,10 @@ impl LocalDisk {
 
     /// The folder that `path` is reached from: the deepest anchor above it, and the way from there.
     fn anchored<'a>(&'a self, path: &'a Path) -> io::Result<(&'a Path, &'a Path)> {
-        let above =
-            self.anchors.iter().filter_map(|anchor| Some((&**anchor, path.strip_prefix(anchor).ok()?)));
+        let above = self
+            .anchors
+            .iter()
+            .filter_map(|anchor| Some((&**anchor, path.strip_prefix(anchor).ok()?)));
         above.min_by_key(|(_, way)| way.as_os_str().len()).ok_or_else(|| {
             let words = format!("{} is in none of the folders in use", path.display());
             io::Error::new(io::ErrorKind::PermissionDenied, words)
@@ -89,9 +91,14 @@ fn step_by_step(anchor: &OwnedFd, way: &Path, flags: OFlags) -> rustix::io::Resu
     Ok(at)
 }
 
-/// Gives a file a name that must be free, on file systems that cannot do it in one step. A cut between the two steps
-/// leaves it under both names.
-fn rename_in_steps(source: &OwnedFd, from: &OsStr, target: &OwnedFd, to: &OsStr) -> rustix::io::Result<()> {
+/// Gives a file a name that must be free, on file systems that cannot do it in one step. A cut
+/// between the two steps leaves it under both names.
+fn rename_in_steps(
+    source: &OwnedFd,
+    from: &OsStr,
+    target: &OwnedFd,
+    to: &OsStr,
+) -> rustix::io::Result<()> {
     match linkat(source, from, target, to, AtFlags::empty()) {
         Ok(()) => return give_up_the_old_name(source, from, target, to),
         Err(Errno::EXIST) => return Err(Errno::EXIST),
@@ -104,9 +111,10 @@ fn rename_in_steps(source: &OwnedFd, from: &OsStr, target: &OwnedFd, to: &OsStr)
     }
 }
 
-/// The second of the two steps. Of two boxes that move one file each gives it a name, and one takes away the old one:
-/// the other must take back what it gave, or the file is there twice. A removal that was done and whose answer was
-/// lost (NFS 3) looks the same, but for this: the file then has no name but ours.
+/// The second of the two steps. Of two boxes that move one file each gives it a name, and one takes
+/// away the old one: the other must take back what it gave, or the file is there twice. A removal
+/// that was done and whose answer was lost (NFS 3) looks the same, but for this: the file then has
+/// no name but ours.
 fn give_up_the_old_name(
     source: &OwnedFd,
     from: &OsStr,
@@ -184,7 +192,8 @@ impl Disk for LocalDisk {
 
     fn open(&self, path: &Path) -> io::Result<File> {
         let (folder, name) = self.place(path)?;
-        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
+        let flags =
+            OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         // Asked before opening, too: opening a device may do something, opening a file does not.
         let no_file = || io::Error::new(io::ErrorKind::InvalidInput, "no plain file");
         let before = look(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?);
@@ -210,7 +219,8 @@ impl Disk for LocalDisk {
 
     fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>> {
         let (folder, name) = self.place(path)?;
-        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let flags =
+            OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let mut file = File::from(openat(&folder, name, flags, Mode::from_raw_mode(0o666))?);
         io::copy(content, &mut file)?;
         file.flush()?;
@@ -273,7 +283,9 @@ mod tests {
         for bad in ["way/secret", "link", "pipe", "way", "../outside/secret"] {
             assert!(disk.open(&inside.join(bad)).is_err(), "{bad}");
         }
-        assert!(disk.list(&inside.join("way")).is_err() && disk.open(&outside.join("secret")).is_err());
+        assert!(
+            disk.list(&inside.join("way")).is_err() && disk.open(&outside.join("secret")).is_err()
+        );
         assert!(disk.rename(&inside.join("way/secret"), &inside.join("mine")).is_err());
         let anchor = disk.folder(&inside).unwrap();
         let flags = OFlags::RDONLY | OFlags::CLOEXEC;
@@ -281,7 +293,8 @@ mod tests {
         for bad in ["way/secret", "link", "../outside/secret"] {
             assert!(step_by_step(&anchor, Path::new(bad), flags).is_err(), "{bad}");
         }
-        let kinds: std::collections::BTreeMap<_, _> = disk.list(&inside).unwrap().into_iter().collect();
+        let kinds: std::collections::BTreeMap<_, _> =
+            disk.list(&inside).unwrap().into_iter().collect();
         let kinds = |name: &str| kinds[OsStr::new(name)];
         assert_eq!(
             (kinds("plain"), kinds("way"), kinds("link"), kinds("pipe")),
@@ -311,17 +324,20 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let root = root.path().canonicalize().unwrap();
         let folder = LocalDisk::new(vec![root.clone()]).folder(&root).unwrap();
-        let rename = |from: &str, to: &str| rename_in_steps(&folder, from.as_ref(), &folder, to.as_ref());
+        let rename =
+            |from: &str, to: &str| rename_in_steps(&folder, from.as_ref(), &folder, to.as_ref());
         for (name, holds) in [("a", "first"), ("b", "second")] {
             std::fs::write(root.join(name), holds).unwrap();
         }
         assert_eq!(rename("a", "b"), Err(Errno::EXIST));
         rename("a", "c").unwrap();
-        // A folder has no second name anywhere: the look comes first, as where there are no links at all.
+        // A folder has no second name anywhere: the look comes first, as where there are no links
+        // at all.
         std::fs::create_dir(root.join("d")).unwrap();
         assert_eq!(rename("d", "b"), Err(Errno::EXIST));
         rename("d", "e").unwrap();
-        let mut names: Vec<_> = std::fs::read_dir(&root).unwrap().map(|e| e.unwrap().file_name()).collect();
+        let mut names: Vec<_> =
+            std::fs::read_dir(&root).unwrap().map(|e| e.unwrap().file_name()).collect();
         names.sort();
         assert_eq!(names, ["b", "c", "e"]);
         assert_eq!(std::fs::read(root.join("c")).unwrap(), b"first");

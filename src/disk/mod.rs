@@ -1,11 +1,12 @@
-//! Everything that is asked of a disk to keep, behind one small trait: what a test stands in for to cut the
-//! power between any two operations, to fill the disk, or to take it away.
+//! Everything that is asked of a disk to keep, behind one small trait: what a test stands in for to
+//! cut the power between any two operations, to fill the disk, or to take it away.
 //!
-//! The promises of the drop folder and of the calibration slots rest on this much, which POSIX file systems with a journal keep (ext4,
-//! f2fs, xfs, btrfs) and FAT does not: a rename is atomic, also from one folder to another; what a file holds
-//! is safe once [`Written::sync`] has returned, and not before; a name given, changed or taken away is safe
-//! once one of the folders concerned was synchronised with [`Disk::sync_folder`], and not before. Nothing is
-//! assumed about the order in which anything else reaches the disk.
+//! The promises of the drop folder and of the calibration slots rest on this much, which POSIX file
+//! systems with a journal keep (ext4, f2fs, xfs, btrfs) and FAT does not: a rename is atomic, also
+//! from one folder to another; what a file holds is safe once [`Written::sync`] has returned, and
+//! not before; a name given, changed or taken away is safe once one of the folders concerned was
+//! synchronised with [`Disk::sync_folder`], and not before. Nothing is assumed about the order in
+//! which anything else reaches the disk.
 
 mod local;
 
@@ -36,7 +37,8 @@ pub struct Look {
     pub kind: Kind,
     /// Length in bytes.
     pub size: u64,
-    /// When its content last changed: seconds and nanoseconds since 1970. Whoever owns the file may set it.
+    /// When its content last changed: seconds and nanoseconds since 1970. Whoever owns the file may
+    /// set it.
     pub changed: (i64, i64),
     /// When anything about it last changed, by the disk's own calendar. Nobody may set it.
     pub touched_unix_s: i64,
@@ -46,8 +48,8 @@ pub struct Look {
 
 /// A file written and not yet safe.
 pub trait Written {
-    /// Returns when what was written is safe. After an error nothing is known about it, and asking again
-    /// would be answered wrongly (the kernel has by then forgotten the pages): write anew.
+    /// Returns when what was written is safe. After an error nothing is known about it, and asking
+    /// again would be answered wrongly (the kernel has by then forgotten the pages): write anew.
     ///
     /// # Errors
     /// When it is not safe.

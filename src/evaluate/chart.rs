@@ -7,13 +7,13 @@ use super::regimes::{self, Regime};
 use super::scatter;
 use super::scenes::Scene;
 use super::sizes;
-use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::{self, Condition, table};
 use super::table::Table;
+use super::test_rig::{Score, Stopwatch, TestRig, TestRigError};
 use super::trade::{self, Trade, Within};
 use crate::config::{self, Curve};
 use crate::frame::{Channel, Plane};
-use crate::restoration::{method, paper};
+use crate::pipeline::{method, paper};
 
 /// What a chart is made of.
 #[derive(Debug, Default)]
@@ -28,8 +28,9 @@ pub struct Chart {
     pub files: Vec<(String, Vec<u8>)>,
 }
 
-/// Speed against accuracy on the simulated rig of `rig`: every method with several settings. `quick` leaves out most
-/// of the settings of the methods that lose. `peers` are rows of programs from outside, see [`super::peers`].
+/// Speed against accuracy on the simulated rig of `rig`: every method with several settings.
+/// `quick` leaves out most of the settings of the methods that lose. `peers` are rows of programs
+/// from outside, see [`super::peers`].
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
@@ -39,10 +40,10 @@ pub fn trade(
     peers: Option<&str>,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
-) -> Result<Chart, StandError> {
+) -> Result<Chart, TestRigError> {
     let trade = trade::measure(rig, quick, scenes_for(rig), peers, stopwatch, each)?;
-    let from_outside =
-        peers.map_or("", |_| " The peers' seconds are from a run of their own on the same machine.");
+    let from_outside = peers
+        .map_or("", |_| " The peers' seconds are from a run of their own on the same machine.");
     Ok(trade_chart(rig, &trade, from_outside))
 }
 
@@ -50,10 +51,14 @@ pub fn trade(
 ///
 /// # Errors
 /// When a scene cannot be shown, or a method fails.
-pub fn trade_on(mut stand: Stand, quick: bool, each: &mut dyn FnMut(&Score)) -> Result<Chart, StandError> {
-    let rig = stand.config().clone();
+pub fn trade_on(
+    mut test_rig: TestRig,
+    quick: bool,
+    each: &mut dyn FnMut(&Score),
+) -> Result<Chart, TestRigError> {
+    let rig = test_rig.config().clone();
     let mut trade = Trade::default();
-    trade.run_all(&mut stand, quick, scenes_for(&rig), each)?;
+    trade.run_all(&mut test_rig, quick, scenes_for(&rig), each)?;
     Ok(trade_chart(&rig, &trade, " The scenes were shown on the rig's own panel."))
 }
 
@@ -99,7 +104,7 @@ pub fn regimes(
     rig: &config::Rig,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(Regime, &Score),
-) -> Result<Chart, StandError> {
+) -> Result<Chart, TestRigError> {
     let rows = regimes::measure(rig, &Regime::ALL, &Scene::STUDY_PHOTOGRAPHS, stopwatch, each)?;
     Ok(Chart {
         tables: vec![(format!("{}-regimes", rig.name), regimes::table(rig, &rows))],
@@ -115,7 +120,7 @@ pub fn sizes(
     rig: &config::Rig,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
-) -> Result<Chart, StandError> {
+) -> Result<Chart, TestRigError> {
     sizes::chart(rig, &Scene::STUDY_PHOTOGRAPHS, stopwatch, each)
 }
 
@@ -135,15 +140,18 @@ pub fn figure(figure: &Figure) -> Chart {
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated.
-pub fn captures(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Chart, StandError> {
-    Ok(Chart { files: peers::captures(rig, &Scene::STUDY_PHOTOGRAPHS, stopwatch)?, ..Chart::default() })
+pub fn captures(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Chart, TestRigError> {
+    Ok(Chart {
+        files: peers::captures(rig, &Scene::STUDY_PHOTOGRAPHS, stopwatch)?,
+        ..Chart::default()
+    })
 }
 
-/// Charts the simulated rig of `rig`; `quick` leaves out all but the photographs and the model-based
-/// methods. `each` is called with every score as it comes.
+/// Charts the simulated rig of `rig`; `quick` leaves out all but the photographs and the
+/// model-based methods. `each` is called with every score as it comes.
 ///
-/// A rig whose photos are linear, as the study's, is charted under the study's conditions in green; any other in
-/// colour, in luminance of display values.
+/// A rig whose photos are linear, as the study's, is charted under the study's conditions in green;
+/// any other in colour, in luminance of display values.
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
@@ -152,7 +160,7 @@ pub fn conditions(
     quick: bool,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
-) -> Result<Chart, StandError> {
+) -> Result<Chart, TestRigError> {
     let mut chart = Chart::default();
     if rig.photo.curve == Curve::Linear {
         let scenes: &[Scene] = &[Scene::Astronaut, Scene::Coffee, Scene::Chart];
@@ -160,7 +168,9 @@ pub fn conditions(
         for condition in Condition::STUDY {
             let scores = study::compare(rig.clone(), condition, stopwatch, scenes, each)?;
             let caption = format!("Rig {}, {}; green channel, light.", rig.name, condition.name());
-            chart.tables.push((format!("{}-{}", rig.name, slug(condition)), table(caption, &scores)));
+            chart
+                .tables
+                .push((format!("{}-{}", rig.name, slug(condition)), table(caption, &scores)));
         }
         chart.pictures = first_iterations(rig, Scene::Astronaut, stopwatch)?;
         return Ok(chart);
@@ -173,12 +183,12 @@ pub fn conditions(
     } else {
         &[Paper, Residual, Unmatched, Digital, Hybrid, BlockMatching, Wiener, RichardsonLucy]
     };
-    let mut stand = Stand::open(rig.clone(), stopwatch)?;
+    let mut test_rig = TestRig::open(rig.clone(), stopwatch)?;
     let mut scores = Vec::new();
     for scene in Scene::ALL {
         for &which in methods {
             let solver = method(rig, which);
-            let score = stand.score_colour(scene, solver.name(), &*solver)?;
+            let score = test_rig.score_colour(scene, solver.name(), &*solver)?;
             each(&score);
             scores.push(score);
         }
@@ -202,15 +212,18 @@ fn first_iterations(
     rig: &config::Rig,
     scene: Scene,
     stopwatch: Stopwatch,
-) -> Result<Vec<(String, Plane)>, StandError> {
-    let mut stand = study::open(rig.clone(), Condition::NoNoise, stopwatch)?;
-    let solver = paper(stand.config());
-    let rect = stand.config().photo_on_canvas();
+) -> Result<Vec<(String, Plane)>, TestRigError> {
+    let mut test_rig = study::open(rig.clone(), Condition::NoNoise, stopwatch)?;
+    let solver = paper(test_rig.config());
+    let rect = test_rig.config().photo_on_canvas();
     let mut pictures = Vec::new();
-    stand.score_grey_watched(scene, "paper", &solver, &mut |step, picture| {
+    test_rig.score_grey_watched(scene, "paper", &solver, &mut |step, picture| {
         if let Some(picture) = picture.filter(|_| [1, 2, 3, 5, 11].contains(&step.iteration)) {
             let seen = picture.plane(Channel::Green).crop(rect).map(|v: f32| v.clamp(0.0, 255.0));
-            pictures.push((format!("figure-11-{}-iteration-{:02}", scene.name(), step.iteration), seen));
+            pictures.push((
+                format!("figure-11-{}-iteration-{:02}", scene.name(), step.iteration),
+                seen,
+            ));
         }
     })?;
     Ok(pictures)

@@ -1,4 +1,5 @@
-//! Tables and drawings made by the program: methods against each other on scenes whose truth is known.
+//! Tables and drawings made by the program: methods against each other on scenes whose truth is
+//! known.
 
 pub mod chart;
 pub mod drawing;
@@ -11,7 +12,7 @@ pub mod scatter;
 pub mod scenes;
 pub mod sizes;
 pub mod stability;
-pub mod stand;
 pub mod study;
 pub mod table;
+pub mod test_rig;
 pub mod trade;

@@ -1,16 +1,17 @@
-//! The operating point of a rig: settings of the methods worth having, tried on scenes shown on that very rig.
+//! The operating point of a rig: settings of the methods worth having, tried on scenes shown on
+//! that very rig.
 
 use super::scenes::Scene;
-use super::stand::{Score, Stand, StandError};
+use super::test_rig::{Score, TestRig, TestRigError};
 use super::trade::{Contestant, FILED, Trade, Within};
 use crate::config::{Method, OperatingPoint, Rig};
-use crate::restoration::{Chosen, Setting};
+use crate::pipeline::{Chosen, Setting};
 
 /// What is shown: photographs of a portrait, a still life and a night.
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
-/// The settings tried for what is `wanted`, the rig file's own first: those on or near the front of `relens chart` on every
-/// simulated rig; block matching in many rounds only for the best.
+/// The settings tried for what is `wanted`, the rig file's own first: those on or near the front of
+/// `relens chart` on every simulated rig; block matching in many rounds only for the best.
 fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let digital = |steps| Setting { method: Method::Digital, steps, ..filed };
@@ -50,17 +51,17 @@ pub fn restorations(rig: &Rig, wanted: OperatingPoint) -> usize {
     candidates(rig, wanted).len() * SCENES.len()
 }
 
-/// The operating point `wanted` of the rig that `stand` is on; `each` is told of every restoration. `None` when none gives
-/// a number.
+/// The operating point `wanted` of the rig that `stand` is on; `each` is told of every restoration.
+/// `None` when none gives a number.
 ///
 /// # Errors
 /// When a scene cannot be shown or a capture fails.
 pub fn choose(
-    stand: &mut Stand,
+    test_rig: &mut TestRig,
     wanted: OperatingPoint,
     each: &mut dyn FnMut(&Score),
-) -> Result<Option<Chosen>, StandError> {
-    let rig = stand.config().clone();
+) -> Result<Option<Chosen>, TestRigError> {
+    let rig = test_rig.config().clone();
     let settings = candidates(&rig, wanted);
     let mut trade = Trade::default();
     for (n, setting) in settings.iter().enumerate() {
@@ -70,7 +71,7 @@ pub fn choose(
             method: setting.method(&rig),
             printed: false,
         };
-        trade.run(stand, &SCENES, &contestant, each)?;
+        trade.run(test_rig, &SCENES, &contestant, each)?;
     }
     let within = match wanted {
         OperatingPoint::Fast => Within::FAST,

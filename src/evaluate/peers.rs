@@ -1,10 +1,11 @@
 //! Peers from outside: what other people's programs make of the very same photos.
 //!
-//! [`captures`] gives them the photos, the scenes and the lens's central function as measured; `tests/benches/outside.py`
-//! restores with scikit-image and prints rows; [`read`] takes the rows into the chart, if they are of these photos.
+//! [`captures`] gives them the photos, the scenes and the lens's central function as measured;
+//! `tests/benches/outside.py` restores with scikit-image and prints rows; [`read`] takes the rows
+//! into the chart, if they are of these photos.
 
 use super::scenes::Scene;
-use super::stand::{Stand, StandError, Stopwatch};
+use super::test_rig::{Stopwatch, TestRig, TestRigError};
 use super::trade::Point;
 use crate::config;
 use crate::frame::{Channel, Plane, npy_f32};
@@ -27,7 +28,8 @@ pub enum PeerError {
     },
     /// A line does not hold what it should.
     #[error(
-        "line {line} of the peers' rows is `{found}`; a setting, a scene, a checksum and three numbers are allowed"
+        "line {line} of the peers' rows is `{found}`; a setting, a scene, a checksum and three \
+         numbers are allowed"
     )]
     Line {
         /// Its number, from 1.
@@ -36,7 +38,10 @@ pub enum PeerError {
         found: String,
     },
     /// The rows are of other photos.
-    #[error("the peers' `{setting}` restored another photo of {scene}; the photos of this chart are allowed")]
+    #[error(
+        "the peers' `{setting}` restored another photo of {scene}; the photos of this chart are \
+         allowed"
+    )]
     Photo {
         /// The setting.
         setting: String,
@@ -51,8 +56,9 @@ impl Remediable for PeerError {
     }
 }
 
-/// Files for peers, name and content: `SCENE-truth.npy` and `SCENE-photo.npy` (`f32`, light 0..255, rows × columns), and
-/// `function.npy`, the central function as measured, summing to about 1; all of the green channel.
+/// Files for peers, name and content: `SCENE-truth.npy` and `SCENE-photo.npy` (`f32`, light 0..255,
+/// rows × columns), and `function.npy`, the central function as measured, summing to about 1; all
+/// of the green channel.
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated.
@@ -60,16 +66,16 @@ pub fn captures(
     rig: &config::Rig,
     scenes: &[Scene],
     stopwatch: Stopwatch,
-) -> Result<Vec<(String, Vec<u8>)>, StandError> {
-    let mut stand = Stand::open(rig.clone(), stopwatch)?;
+) -> Result<Vec<(String, Vec<u8>)>, TestRigError> {
+    let mut test_rig = TestRig::open(rig.clone(), stopwatch)?;
     let array = |plane: &Plane| npy_f32(&[plane.height(), plane.width()], plane.data());
     let mut files = Vec::new();
     for &scene in scenes {
-        let (truth, photo) = stand.take_grey(scene)?;
+        let (truth, photo) = test_rig.take_grey(scene)?;
         files.push((format!("{}-truth.npy", scene.name()), array(&truth)));
         files.push((format!("{}-photo.npy", scene.name()), array(photo.plane(Channel::Green))));
     }
-    let functions = stand.model().functions();
+    let functions = test_rig.model().functions();
     let k = functions.support_px;
     let central = functions.function(Channel::Green, functions.rows / 2, functions.columns / 2);
     files.push(("function.npy".to_owned(), npy_f32(&[k, k], central)));
@@ -102,7 +108,8 @@ fn row(line: &str) -> Option<Row<'_>> {
     })
 }
 
-/// The peers' rows in `text` as points, means over the scenes; `photos` are the photos of this chart.
+/// The peers' rows in `text` as points, means over the scenes; `photos` are the photos of this
+/// chart.
 ///
 /// # Errors
 /// When the text is no such table, or of other photos.
@@ -117,9 +124,14 @@ pub(super) fn read(text: &str, photos: &[(Scene, Plane)]) -> Result<Vec<Point>, 
         let Some(row) = row(line) else {
             return Err(PeerError::Line { line: n + 1, found: line.to_owned() });
         };
-        let same = photos.iter().any(|(scene, photo)| *scene == row.scene && checksum(photo) == row.checksum);
+        let same = photos
+            .iter()
+            .any(|(scene, photo)| *scene == row.scene && checksum(photo) == row.checksum);
         if !same {
-            return Err(PeerError::Photo { setting: row.setting.to_owned(), scene: row.scene.name() });
+            return Err(PeerError::Photo {
+                setting: row.setting.to_owned(),
+                scene: row.scene.name(),
+            });
         }
         match settings.iter_mut().find(|(setting, _)| *setting == row.setting) {
             Some((_, rows)) => rows.push(row.numbers),
@@ -154,9 +166,14 @@ mod tests {
         let other = photo.map(|v: f32| v + 1.0);
         let photos = [(Scene::Astronaut, photo.clone()), (Scene::Coffee, other.clone())];
         let head = HEAD.join(",");
-        let line =
-            |scene: &str, photo: &Plane, s: f64| format!("x,{scene},{:08x},{s},0.5,30", checksum(photo));
-        let text = format!("{head}\n{}\n{}\n", line("astronaut", &photo, 1.0), line("coffee", &other, 2.0));
+        let line = |scene: &str, photo: &Plane, s: f64| {
+            format!("x,{scene},{:08x},{s},0.5,30", checksum(photo))
+        };
+        let text = format!(
+            "{head}\n{}\n{}\n",
+            line("astronaut", &photo, 1.0),
+            line("coffee", &other, 2.0)
+        );
         let points = read(&text, &photos).unwrap();
         assert_eq!((points.len(), points[0].computing_seconds, points[0].ssim), (1, 1.5, 0.5));
         let wrong = format!("{head}\n{}\n", line("coffee", &photo, 1.0));

@@ -1,36 +1,40 @@
-//! Where light earns its place: the default method against the measured lens alone, where that measurement falls short.
+//! Where light earns its place: the default method against the measured lens alone, where that
+//! measurement falls short.
 //!
-//! Photo and captures go through the same lens. The lens was measured as it is (glare, one function), or before something
-//! happened to it (another distance, off centre, a greasy finger). Grey scenes in the green channel, as the study did.
+//! Photo and captures go through the same lens. The lens was measured as it is (glare, one
+//! function), or before something happened to it (another distance, off centre, a greasy finger).
+//! Grey scenes in the green channel, as the study did.
 
 use std::collections::BTreeMap;
 
 use super::scenes::Scene;
-use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::study::one_capture;
 use super::table::Table;
+use super::test_rig::{Score, Stopwatch, TestRig, TestRigError};
 use crate::config::{self, Glare, Kind, Lens, Simulation};
-use crate::restoration::{digital, hybrid};
-use crate::restore::method::Method;
-use crate::restore::method::hybrid::Hybrid;
+use crate::deconvolution::method::Method;
+use crate::deconvolution::method::hybrid::Hybrid;
+use crate::pipeline::{digital, hybrid};
 
 /// What falls short.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Regime {
     /// Nothing.
     AsMeasured,
-    /// A share of the light is scattered over a Gaussian of 60 px, wider than any function of the model, which has no broad
-    /// term.
+    /// A share of the light is scattered over a Gaussian of 60 px, wider than any function of the
+    /// model, which has no broad term.
     Glare(f32),
     /// The same, and the model has a broad term.
     GlareMeasured(f32),
     /// The model has one function for the whole field.
     OneFunction,
-    /// Panel and scene are at this share of the distance at which the lens was measured, and focused there.
+    /// Panel and scene are at this share of the distance at which the lens was measured, and
+    /// focused there.
     Distance(f64),
     /// The lens has slid sideways by this share of the photo's width since it was measured.
     Decentred(f64),
-    /// The lens has been touched since it was measured: this share of the light is scattered over a Gaussian of 12 px.
+    /// The lens has been touched since it was measured: this share of the light is scattered over a
+    /// Gaussian of 12 px.
     Dirty(f32),
 }
 
@@ -69,7 +73,9 @@ impl Regime {
             }
             Regime::OneFunction => "a model of one function".to_owned(),
             Regime::Distance(share) => format!("{:.0} times nearer since, refocused", 1.0 / share),
-            Regime::Decentred(share) => format!("off centre by {:.0} % of the width since", 100.0 * share),
+            Regime::Decentred(share) => {
+                format!("off centre by {:.0} % of the width since", 100.0 * share)
+            }
             Regime::Dirty(share) => format!("{:.0} % smeared by a finger since", 100.0 * share),
         }
     }
@@ -85,7 +91,8 @@ impl Regime {
         };
         let veiled = |share, radius_px| {
             changed(&|simulation| {
-                let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
+                let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) =
+                    &mut simulation.lens;
                 *glare = Glare { share, radius_px };
             })
         };
@@ -141,8 +148,8 @@ pub struct Row {
     pub regime: Regime,
     /// The untouched photos.
     pub photo: Mean,
-    /// The measured lens alone; as many captures as the rig file allows, the lens staying as measured; one capture; as the rig file
-    /// has it.
+    /// The measured lens alone; as many captures as the rig file allows, the lens staying as
+    /// measured; one capture; as the rig file has it.
     pub methods: [Mean; 4],
 }
 
@@ -164,11 +171,11 @@ pub fn measure(
     scenes: &[Scene],
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(Regime, &Score),
-) -> Result<Vec<Row>, StandError> {
+) -> Result<Vec<Row>, TestRigError> {
     let mut rows = Vec::new();
     for &regime in regimes {
         let (then, now) = regime.rigs(rig);
-        let mut stand = Stand::open_changed(&then, now, stopwatch)?;
+        let mut test_rig = TestRig::open_changed(&then, now, stopwatch)?;
         let as_measured = Hybrid { refine: false, ..hybrid(rig) };
         let solvers: [Box<dyn Method>; 4] = [
             Box::new(digital(rig)),
@@ -181,7 +188,7 @@ pub fn measure(
         let share = 1.0 / scenes.len() as f64;
         for (solver, mean) in solvers.iter().zip(&mut methods) {
             for &scene in scenes {
-                let score = stand.score_grey(scene, solver.name(), &**solver)?;
+                let score = test_rig.score_grey(scene, solver.name(), &**solver)?;
                 each(regime, &score);
                 mean.captures += share * score.restored.captures as f64;
                 mean.ssim += share * score.ssim;
@@ -199,8 +206,10 @@ pub fn measure(
 /// The rows as a table.
 pub fn table(rig: &config::Rig, rows: &[Row]) -> Table {
     let caption = format!(
-        "Where light earns its place, rig {0}, green channel, mean of astronaut and coffee: the measured lens alone, and \
-         captures with it: the lens as measured, at most {1} captures; the lens refined by the photo's first capture where that calls for \
+        "Where light earns its place, rig {0}, green channel, mean of astronaut and coffee: the \
+         measured lens alone, and \
+         captures with it: the lens as measured, at most {1} captures; the lens refined by the \
+         photo's first capture where that calls for \
          it, one capture and at most {1}.",
         rig.name,
         1 + rig.restore.corrections_max

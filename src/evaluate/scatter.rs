@@ -83,12 +83,18 @@ fn frame(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
                 let x = axes.x(seconds);
                 sheet.line([[x, top], [x, bottom]], Stroke::new(FAINT, 1.0));
                 let decimals = (-decade).max(0) as usize;
-                sheet.words(format!("{seconds:.decimals$}"), [x, bottom + 18.0], Anchor::Middle, 12.0);
+                sheet.words(
+                    format!("{seconds:.decimals$}"),
+                    [x, bottom + 18.0],
+                    Anchor::Middle,
+                    12.0,
+                );
             }
         }
     }
     let span = axes.ssim[1] - axes.ssim[0];
-    let step = [0.005, 0.01, 0.02, 0.05, 0.1].into_iter().find(|step| span / step < 10.0).unwrap_or(0.2);
+    let step =
+        [0.005, 0.01, 0.02, 0.05, 0.1].into_iter().find(|step| span / step < 10.0).unwrap_or(0.2);
     let mut tick = (axes.ssim[0] / step).ceil() * step;
     while tick <= axes.ssim[1] {
         let y = axes.y(tick);
@@ -137,7 +143,12 @@ fn marker(axes: &Axes, point: &Point, colour: Colour) -> Mark {
     );
     if point.ssim < axes.ssim[0] {
         // Off the chart: an arrow at the edge.
-        return Mark::Area(vec![[x - 5.0, y - 9.0], [x + 5.0, y - 9.0], [x, y]], colour, 1.0, words);
+        return Mark::Area(
+            vec![[x - 5.0, y - 9.0], [x + 5.0, y - 9.0], [x, y]],
+            colour,
+            1.0,
+            words,
+        );
     }
     Mark::Disc([x, y], 5.0, colour, words)
 }
@@ -149,8 +160,11 @@ const LETTER: f64 = 7.5;
 fn notes(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
     if let Some(point) = trade.points.iter().find(|p| p.printed) {
         let [x, y] = axes.place(point);
-        let below =
-            if point.ssim < axes.ssim[0] { format!(", SSIM {:.2}", point.ssim) } else { String::new() };
+        let below = if point.ssim < axes.ssim[0] {
+            format!(", SSIM {:.2}", point.ssim)
+        } else {
+            String::new()
+        };
         sheet.marks.push(Mark::Ring([x, y - 4.0], 10.0, Stroke::new(PAPER, 1.0)));
         let words = format!("the paper, 11 iterations{below}");
         sheet.words(words, [x.min(FIELD[1] - 100.0), y - 20.0], Anchor::Middle, 12.0);
@@ -188,9 +202,14 @@ mod tests {
 
     #[test]
     fn every_method_that_is_tried_has_a_colour_of_its_own() {
-        let rig = crate::config::load(std::path::Path::new("study.toml")).expect("it comes with the program");
+        let rig = crate::config::load(std::path::Path::new("study.toml"))
+            .expect("it comes with the program");
         for contestant in crate::evaluate::trade::contestants(&rig, false) {
-            assert!(COLOURS.iter().any(|(family, _)| *family == contestant.family), "{}", contestant.family);
+            assert!(
+                COLOURS.iter().any(|(family, _)| *family == contestant.family),
+                "{}",
+                contestant.family
+            );
         }
         let unlike = |n: usize| COLOURS[..n].iter().all(|(_, colour)| *colour != COLOURS[n].1);
         assert!((0..COLOURS.len()).all(unlike));

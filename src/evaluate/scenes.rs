@@ -1,4 +1,5 @@
-//! The scenes whose truth is known: three photographs in the public domain and the resolution chart.
+//! The scenes whose truth is known: three photographs in the public domain and the resolution
+//! chart.
 //!
 //! Origins: see `tests/scenes/README.md`.
 
@@ -56,18 +57,21 @@ impl Scene {
         }
     }
 
-    /// The scene in colour as code values 0..255 (no curve undone), cut to the shape of `size` about its
-    /// centre and resized to it.
+    /// The scene in colour as code values 0..255 (no curve undone), cut to the shape of `size`
+    /// about its centre and resized to it.
     pub fn codes(self, size: Size) -> Frame<Work> {
         let Some(file) = self.file() else {
             let chart = chart(size);
             return Frame::from_fn(|_| chart.clone());
         };
         let planes = picture::embedded(file);
-        Frame::from_planes(planes.map(|plane| resize(&plane.crop(centred(plane.size(), size)), size)))
+        Frame::from_planes(
+            planes.map(|plane| resize(&plane.crop(centred(plane.size(), size)), size)),
+        )
     }
 
-    /// The scene in colour as linear light 0..255, cut to the shape of `size` and resized as light is.
+    /// The scene in colour as linear light 0..255, cut to the shape of `size` and resized as light
+    /// is.
     pub fn light(self, size: Size) -> Frame<Work> {
         let Some(file) = self.file() else { return self.codes(size) };
         let tone = Tone::of_curve(Curve::Srgb, 8);
@@ -75,10 +79,13 @@ impl Scene {
         cut(&Frame::from_fn(|c| tone.plane(c, &codes.plane(c).map(|code: f32| code as u8))), size)
     }
 
-    /// The scene in grey as code values 0..255 (Rec. 709 weights), resized bilinearly as the study did.
+    /// The scene in grey as code values 0..255 (Rec. 709 weights), resized bilinearly as the study
+    /// did.
     pub fn grey(self, size: Size) -> Plane {
         let planes = match self.file() {
-            Some(file) => picture::embedded(file).map(|p| bilinear(&p.crop(centred(p.size(), size)), size)),
+            Some(file) => {
+                picture::embedded(file).map(|p| bilinear(&p.crop(centred(p.size(), size)), size))
+            }
             None => return chart(size),
         };
         let mut grey = Plane::zeros(size);
@@ -92,7 +99,9 @@ impl Scene {
 /// The largest part of `light` about its centre that has the shape of `size`, at that size.
 pub fn cut(light: &Frame<Work>, size: Size) -> Frame<Work> {
     let part = centred(light.size(), size);
-    Frame::from_fn(|c| resize(&light.plane(c).crop(part), size).map(|v: f32| v.clamp(0.0, FULL_SCALE)))
+    Frame::from_fn(|c| {
+        resize(&light.plane(c).crop(part), size).map(|v: f32| v.clamp(0.0, FULL_SCALE))
+    })
 }
 
 /// `plane` at `size` by bilinear interpolation between pixel centres, edges repeated.

@@ -1,18 +1,19 @@
-//! No more model than a scene needs, for the rig's own sizes: what more lens functions, wavelet levels, captures averaged or
-//! other patches would gain over what its file has.
+//! No more model than a scene needs, for the rig's own sizes: what more lens functions, wavelet
+//! levels, captures averaged or other patches would gain over what its file has.
 //!
-//! Each size is changed alone, on a rig that was calibrated with it. Lens functions, levels and averaging are tried with the
-//! rig file's method; patches with `residual`, whose captures they cut up.
+//! Each size is changed alone, on a rig that was calibrated with it. Lens functions, levels and
+//! averaging are tried with the rig file's method; patches with `residual`, whose captures they cut
+//! up.
 
 use super::chart::Chart;
 use super::scenes::Scene;
-use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::table::Table;
+use super::test_rig::{Score, Stopwatch, TestRig, TestRigError};
 use super::trade::{Contestant, Point, Trade};
 use crate::config::{Geometry, Method as Named, Rig};
-use crate::restoration::method;
-use crate::restore::method::Method;
-use crate::restore::method::averaging::Averaged;
+use crate::deconvolution::method::Method;
+use crate::deconvolution::method::averaging::Averaged;
+use crate::pipeline::method;
 
 /// SSIM that a larger size must gain to be worth having: the study, less means nothing.
 pub const WORTH: f64 = 0.002;
@@ -30,7 +31,8 @@ pub struct Row {
     pub point: Point,
 }
 
-/// A size to be tried: what, how large, whether it is the rig file's, the rig so changed, and the solver.
+/// A size to be tried: what, how large, whether it is the rig file's, the rig so changed, and the
+/// solver.
 struct Tried {
     what: &'static str,
     value: String,
@@ -48,13 +50,21 @@ fn tried(rig: &Rig) -> Vec<Tried> {
     };
     let which = rig.restore.method;
     let (columns, rows) = (rig.calibration.function_columns, rig.calibration.function_rows);
-    // A geometry that is seen on a board is centred by the functions, and one place does not tell it.
+    // A geometry that is seen on a board is centred by the functions, and one place does not tell
+    // it.
     let first = usize::from(rig.calibration.geometry == Geometry::Checkerboard);
     for &(n, d) in &[(0, 1), (1, 2), (1, 1), (2, 1)][first..] {
         let mut changed = rig.clone();
         let grid = ((columns * n / d).max(1), (rows * n / d).max(1));
         (changed.calibration.function_columns, changed.calibration.function_rows) = grid;
-        add("lens functions", format!("{}×{}", grid.0, grid.1), grid == (columns, rows), changed, which, 1);
+        add(
+            "lens functions",
+            format!("{}×{}", grid.0, grid.1),
+            grid == (columns, rows),
+            changed,
+            which,
+            1,
+        );
     }
     let filed = rig.restore.levels;
     for levels in filed.saturating_sub(2).max(1)..=filed + 1 {
@@ -85,14 +95,15 @@ pub fn measure(
     scenes: &[Scene],
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
-) -> Result<Vec<Row>, StandError> {
+) -> Result<Vec<Row>, TestRigError> {
     let mut rows = Vec::new();
     for Tried { what, value, filed, rig, solver } in tried(rig) {
-        let mut stand = Stand::open(rig, stopwatch)?;
+        let mut test_rig = TestRig::open(rig, stopwatch)?;
         let setting = format!("{what} {value}");
-        let contestant = Contestant { family: solver.name(), setting, method: solver, printed: false };
+        let contestant =
+            Contestant { family: solver.name(), setting, method: solver, printed: false };
         let mut trade = Trade::default();
-        trade.run(&mut stand, scenes, &contestant, each)?;
+        trade.run(&mut test_rig, scenes, &contestant, each)?;
         let points = trade.points.into_iter();
         rows.extend(points.map(|point| Row { what, value: value.clone(), filed, point }));
     }
@@ -101,7 +112,8 @@ pub fn measure(
 
 /// What each of `rows` gains in SSIM over the rig file's size of the same thing.
 pub fn gains(rows: &[Row]) -> Vec<f64> {
-    let filed = |what| rows.iter().find(|row| row.filed && row.what == what).map(|row| row.point.ssim);
+    let filed =
+        |what| rows.iter().find(|row| row.filed && row.what == what).map(|row| row.point.ssim);
     rows.iter().map(|row| row.point.ssim - filed(row.what).unwrap_or(row.point.ssim)).collect()
 }
 
@@ -114,16 +126,26 @@ pub fn chart(
     scenes: &[Scene],
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
-) -> Result<Chart, StandError> {
+) -> Result<Chart, TestRigError> {
     let rows = measure(rig, scenes, stopwatch, each)?;
     let names: Vec<&str> = scenes.iter().map(|scene| scene.name()).collect();
     let caption = format!(
-        "What other sizes would gain over those of the rig file, rig {}, mean of {}; less than {WORTH} SSIM is worth nothing.",
+        "What other sizes would gain over those of the rig file, rig {}, mean of {}; less than \
+         {WORTH} SSIM is worth nothing.",
         rig.name,
         names.join(", ")
     );
-    let head =
-        ["size", "value", "method", "captures", "seconds", "SSIM", "PSNR dB", "over the filed", "worth it"];
+    let head = [
+        "size",
+        "value",
+        "method",
+        "captures",
+        "seconds",
+        "SSIM",
+        "PSNR dB",
+        "over the filed",
+        "worth it",
+    ];
     let mut table = Table::new(caption, &head);
     for (row, gain) in rows.iter().zip(gains(&rows)) {
         let (over, worth) = match (row.filed, gain > WORTH) {
@@ -167,15 +189,24 @@ mod tests {
                 psnr_db: 30.0,
             },
         };
-        let rows = [row("a", false, 0.90), row("a", true, 0.92), row("b", true, 0.80), row("b", false, 0.81)];
+        let rows = [
+            row("a", false, 0.90),
+            row("a", true, 0.92),
+            row("b", true, 0.80),
+            row("b", false, 0.81),
+        ];
         let gains = gains(&rows);
         let wanted = [-0.02, 0.0, 0.0, 0.01];
-        assert!(gains.iter().zip(wanted).all(|(gain, wanted)| (gain - wanted).abs() < 1e-12), "{gains:?}");
+        assert!(
+            gains.iter().zip(wanted).all(|(gain, wanted)| (gain - wanted).abs() < 1e-12),
+            "{gains:?}"
+        );
     }
 
     #[test]
     fn every_thing_is_tried_as_filed_smaller_or_larger() {
-        let rig = crate::config::load(std::path::Path::new("study.toml")).expect("it comes with the program");
+        let rig = crate::config::load(std::path::Path::new("study.toml"))
+            .expect("it comes with the program");
         let tried = tried(&rig);
         for what in ["lens functions", "shrinkage levels", "captures averaged", "patch"] {
             let of: Vec<_> = tried.iter().filter(|tried| tried.what == what).collect();

@@ -1,18 +1,19 @@
-//! The methods side by side, under the study's conditions or on any simulated rig, with known truth.
+//! The methods side by side, under the study's conditions or on any simulated rig, with known
+//! truth.
 //!
-//! One grey channel (green) of the study's rig; see `rig-config/study.toml`. Each [`Condition`] is a rig file
-//! with one thing changed; the rig is calibrated from its own captures under that condition. Truth enters
-//! the score and nothing else.
+//! One grey channel (green) of the study's rig; see `rig-config/study.toml`. Each [`Condition`] is
+//! a rig file with one thing changed; the rig is calibrated from its own captures under that
+//! condition. Truth enters the score and nothing else.
 
 use super::scenes::Scene;
-use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::table::Table;
+use super::test_rig::{Score, Stopwatch, TestRig, TestRigError};
 use crate::config::{self, Glare, Kind, Lens};
-use crate::restoration::{hybrid, method, paper};
-use crate::restore::method::Method;
-use crate::restore::method::hybrid::Hybrid;
-use crate::restore::method::paper::{Backward, Paper};
-use crate::restore::patches::PatchShape;
+use crate::deconvolution::method::Method;
+use crate::deconvolution::method::hybrid::Hybrid;
+use crate::deconvolution::method::paper::{Backward, Paper};
+use crate::deconvolution::patches::PatchShape;
+use crate::pipeline::{hybrid, method, paper};
 
 /// What is changed against the rig file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,7 +59,8 @@ impl Condition {
                     simulation.sensor.full_well_electrons = f64::INFINITY;
                 }
                 Condition::Glare(share) => {
-                    let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
+                    let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) =
+                        &mut simulation.lens;
                     *glare = Glare { share, radius_px: 60.0 };
                 }
                 Condition::AsFiled | Condition::OneFunction => {}
@@ -90,7 +92,9 @@ impl Condition {
             Condition::NoNoise => {
                 rows.push(("paper, one whole-frame patch".to_owned(), Box::new(whole_frame(rig))));
             }
-            Condition::AsFiled => rows.push(("paper, margin 0".to_owned(), Box::new(without_margin(rig)))),
+            Condition::AsFiled => {
+                rows.push(("paper, margin 0".to_owned(), Box::new(without_margin(rig))))
+            }
             Condition::Glare(_) | Condition::OneFunction => {}
         }
         if self != Condition::NoNoise {
@@ -100,7 +104,8 @@ impl Condition {
     }
 }
 
-/// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more; nothing holds it back.
+/// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more;
+/// nothing holds it back.
 pub fn whole_frame(rig: &config::Rig) -> Paper {
     let patch_px = rig.photo.width_px.max(rig.photo.height_px);
     let shape = PatchShape { patch_px, margin_px: rig.paper.margin_px };
@@ -124,11 +129,16 @@ pub fn one_capture(rig: &config::Rig) -> Hybrid {
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated.
-pub fn open(rig: config::Rig, condition: Condition, stopwatch: Stopwatch) -> Result<Stand, StandError> {
-    Stand::open(condition.apply(rig), stopwatch)
+pub fn open(
+    rig: config::Rig,
+    condition: Condition,
+    stopwatch: Stopwatch,
+) -> Result<TestRig, TestRigError> {
+    TestRig::open(condition.apply(rig), stopwatch)
 }
 
-/// All contestants of `condition` on `scenes` in green; `each` is called with every score as it comes.
+/// All contestants of `condition` on `scenes` in green; `each` is called with every score as it
+/// comes.
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
@@ -138,13 +148,13 @@ pub fn compare(
     stopwatch: Stopwatch,
     scenes: &[Scene],
     each: &mut dyn FnMut(&Score),
-) -> Result<Vec<Score>, StandError> {
-    let mut stand = open(rig, condition, stopwatch)?;
-    let contestants = condition.contestants(stand.config());
+) -> Result<Vec<Score>, TestRigError> {
+    let mut test_rig = open(rig, condition, stopwatch)?;
+    let contestants = condition.contestants(test_rig.config());
     let mut scores = Vec::new();
     for &scene in scenes {
         for (name, solver) in &contestants {
-            let score = stand.score_grey(scene, name, &**solver)?;
+            let score = test_rig.score_grey(scene, name, &**solver)?;
             each(&score);
             scores.push(score);
         }

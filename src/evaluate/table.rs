@@ -46,9 +46,12 @@ impl Table {
                 cell.to_owned()
             }
         };
-        let mut lines = vec![self.head.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")];
+        let mut lines =
+            vec![self.head.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")];
         lines.extend(
-            self.rows.iter().map(|row| row.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")),
+            self.rows
+                .iter()
+                .map(|row| row.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",")),
         );
         lines.join("\n") + "\n"
     }

@@ -1,25 +1,26 @@
-//! Speed against accuracy: every method with several settings on the same scenes, and which of them to choose.
+//! Speed against accuracy: every method with several settings on the same scenes, and which of them
+//! to choose.
 
 use super::peers;
 use super::scenes::Scene;
-use super::stand::{Score, Stand, StandError, Stopwatch};
 use super::table::Table;
+use super::test_rig::{Score, Stopwatch, TestRig, TestRigError};
 use crate::config::{self, Curve};
+use crate::deconvolution::method::Method;
+use crate::deconvolution::method::Strength;
+use crate::deconvolution::method::averaging::Averaged;
+use crate::deconvolution::method::digital::{Colours, Digital};
+use crate::deconvolution::method::krylov::Krylov;
+use crate::deconvolution::method::paper::{Backward, Paper};
+use crate::deconvolution::method::residual::Residual;
+use crate::deconvolution::method::richardson_lucy::RichardsonLucy;
+use crate::deconvolution::method::total_variation::TotalVariation;
+use crate::deconvolution::method::unmatched::Unmatched;
+use crate::deconvolution::method::wiener::Wiener;
+use crate::deconvolution::patches::PatchShape;
+use crate::deconvolution::wavelet_shrinkage::Rule;
 use crate::frame::Channel;
-use crate::restoration::{Setting, counted, digital, hybrid, method, paper};
-use crate::restore::method::Method;
-use crate::restore::method::Strength;
-use crate::restore::method::averaging::Averaged;
-use crate::restore::method::digital::{Colours, Digital};
-use crate::restore::method::krylov::Krylov;
-use crate::restore::method::paper::{Backward, Paper};
-use crate::restore::method::residual::Residual;
-use crate::restore::method::richardson_lucy::RichardsonLucy;
-use crate::restore::method::total_variation::TotalVariation;
-use crate::restore::method::unmatched::Unmatched;
-use crate::restore::method::wiener::Wiener;
-use crate::restore::patches::PatchShape;
-use crate::restore::wavelet_shrinkage::Rule;
+use crate::pipeline::{Setting, counted, digital, hybrid, method, paper};
 
 /// A method with one setting.
 pub struct Contestant {
@@ -74,8 +75,8 @@ pub struct Trade {
     pub scores: Vec<Score>,
 }
 
-/// Runs every contestant on `scenes` on the rig of `rig`, and the model-based ones also with fewer functions; `peers` are
-/// rows of programs from outside, see [`peers`].
+/// Runs every contestant on `scenes` on the rig of `rig`, and the model-based ones also with fewer
+/// functions; `peers` are rows of programs from outside, see [`peers`].
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
@@ -86,30 +87,31 @@ pub fn measure(
     peers: Option<&str>,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Score),
-) -> Result<Trade, StandError> {
+) -> Result<Trade, TestRigError> {
     let mut trade = Trade::default();
-    let mut stand = Stand::open(rig.clone(), stopwatch)?;
+    let mut test_rig = TestRig::open(rig.clone(), stopwatch)?;
     let mut outside = Vec::new();
     if let Some(rows) = peers {
         let mut photos = Vec::new();
         for &scene in scenes {
-            photos.push((scene, stand.take_grey(scene)?.1.plane(Channel::Green).clone()));
+            photos.push((scene, test_rig.take_grey(scene)?.1.plane(Channel::Green).clone()));
         }
         outside = peers::read(rows, &photos)?;
     }
-    trade.run_all(&mut stand, quick, scenes, each)?;
+    trade.run_all(&mut test_rig, quick, scenes, each)?;
     if !quick {
         for (columns, rows) in [(1, 1), (4, 3)] {
             let mut fewer = rig.clone();
             (fewer.calibration.function_columns, fewer.calibration.function_rows) = (columns, rows);
-            let mut stand = Stand::open(fewer, stopwatch)?;
+            let mut test_rig = TestRig::open(fewer, stopwatch)?;
             let setting = counted(columns * rows, "function");
             for (family, method) in [
                 ("digital", Box::new(digital(rig)) as Box<dyn Method + Send + Sync>),
                 ("hybrid", Box::new(hybrid(rig))),
             ] {
-                let contestant = Contestant { family, setting: setting.clone(), method, printed: false };
-                trade.run(&mut stand, scenes, &contestant, each)?;
+                let contestant =
+                    Contestant { family, setting: setting.clone(), method, printed: false };
+                trade.run(&mut test_rig, scenes, &contestant, each)?;
             }
         }
     }
@@ -121,34 +123,37 @@ impl Trade {
     /// Every contestant on `scenes`, on the rig that `stand` is on.
     pub(super) fn run_all(
         &mut self,
-        stand: &mut Stand,
+        test_rig: &mut TestRig,
         quick: bool,
         scenes: &[Scene],
         each: &mut dyn FnMut(&Score),
-    ) -> Result<(), StandError> {
-        let rig = stand.config().clone();
-        contestants(&rig, quick).iter().try_for_each(|contestant| self.run(stand, scenes, contestant, each))
+    ) -> Result<(), TestRigError> {
+        let rig = test_rig.config().clone();
+        contestants(&rig, quick)
+            .iter()
+            .try_for_each(|contestant| self.run(test_rig, scenes, contestant, each))
     }
 
     /// One contestant on `scenes`.
     pub(super) fn run(
         &mut self,
-        stand: &mut Stand,
+        test_rig: &mut TestRig,
         scenes: &[Scene],
         contestant: &Contestant,
         each: &mut dyn FnMut(&Score),
-    ) -> Result<(), StandError> {
+    ) -> Result<(), TestRigError> {
         let name = format!("{}, {}", contestant.family, contestant.setting);
         let mut scores = Vec::new();
         for &scene in scenes {
-            let score = match stand.config().photo.curve {
-                Curve::Linear => stand.score_grey(scene, &name, &*contestant.method)?,
-                Curve::Srgb => stand.score_colour(scene, &name, &*contestant.method)?,
+            let score = match test_rig.config().photo.curve {
+                Curve::Linear => test_rig.score_grey(scene, &name, &*contestant.method)?,
+                Curve::Srgb => test_rig.score_colour(scene, &name, &*contestant.method)?,
             };
             each(&score);
             scores.push(score);
         }
-        let mean = |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
+        let mean =
+            |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
         self.points.push(Point {
             family: contestant.family,
             setting: contestant.setting.clone(),
@@ -159,7 +164,8 @@ impl Trade {
             ssim: mean(&|s| s.ssim),
             psnr_db: mean(&|s| s.psnr_db),
         });
-        (self.photo_ssim, self.photo_psnr_db) = (mean(&|s| s.blurred_ssim), mean(&|s| s.blurred_psnr_db));
+        (self.photo_ssim, self.photo_psnr_db) =
+            (mean(&|s| s.blurred_ssim), mean(&|s| s.blurred_psnr_db));
         self.scores.extend(scores);
         Ok(())
     }
@@ -171,7 +177,8 @@ impl Trade {
 
     /// Which of the points that `are` no other of these beats, fastest first.
     fn front_of(&self, are: &dyn Fn(&Point) -> bool) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.points.len()).filter(|&n| are(&self.points[n])).collect();
+        let mut order: Vec<usize> =
+            (0..self.points.len()).filter(|&n| are(&self.points[n])).collect();
         order.sort_by(|&a, &b| {
             let (a, b) = (&self.points[a], &self.points[b]);
             a.seconds().total_cmp(&b.seconds()).then(b.ssim.total_cmp(&a.ssim))
@@ -185,14 +192,16 @@ impl Trade {
         order
     }
 
-    /// The point to choose: the one of best SSIM; or, when it may be `within` of the best, the cheapest such of all that neither
-    /// cost more nor have less PSNR than what the rig file has. A peer from outside is no choice.
+    /// The point to choose: the one of best SSIM; or, when it may be `within` of the best, the
+    /// cheapest such of all that neither cost more nor have less PSNR than what the rig file has. A
+    /// peer from outside is no choice.
     pub fn operating_point(&self, within: Within) -> Option<usize> {
         let filed = self.points.iter().find(|point| point.family == FILED);
         let filed = filed.filter(|_| within != Within::NOTHING);
         let is_no_worse = |point: &Point| {
             filed.is_none_or(|filed| {
-                point.seconds() <= filed.seconds() && point.psnr_db >= filed.psnr_db - within.psnr_db
+                point.seconds() <= filed.seconds()
+                    && point.psnr_db >= filed.psnr_db - within.psnr_db
             })
         };
         let front = self.front_of(&|point| point.family != peers::FAMILY && is_no_worse(point));
@@ -252,8 +261,8 @@ pub struct Within {
 impl Within {
     /// It must be the best, whatever it costs.
     pub const NOTHING: Within = Within { ssim: 0.0, psnr_db: 0.0 };
-    /// For `balanced`. Less SSIM means nothing, says the study; by SSIM alone captures would be dropped that bring in half a
-    /// decibel (block matching on study.toml, 2026-11-22).
+    /// For `balanced`. Less SSIM means nothing, says the study; by SSIM alone captures would be
+    /// dropped that bring in half a decibel (block matching on study.toml, 2026-11-22).
     pub const BALANCED: Within = Within { ssim: 0.002, psnr_db: 0.0 };
     /// For `fast`. Guess: a difference seen only side by side.
     pub const FAST: Within = Within { ssim: 0.01, psnr_db: 1.0 };
@@ -269,7 +278,12 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     let iterations: &[u32] = if quick { &[3, 11] } else { &[1, 2, 3, 5, 8, 11, 16] };
     for &n in iterations {
         let setting = counted(n as usize, "iteration");
-        add("paper", setting, n == printed.iterations, Box::new(Paper { iterations: n, ..printed }));
+        add(
+            "paper",
+            setting,
+            n == printed.iterations,
+            Box::new(Paper { iterations: n, ..printed }),
+        );
     }
     if !quick {
         for patch_px in [rig.paper.patch_px / 2, rig.paper.patch_px * 2] {
@@ -285,7 +299,8 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     let residual_strength = Strength { at_one_grey_level: 3.0 * strength.at_one_grey_level };
     let patches = PatchShape { patch_px: rig.paper.patch_px, margin_px: rig.paper.margin_px };
     for &iterations in if quick { &[5u32][..] } else { &[1, 2, 3, 5, 8] } {
-        let residual = Residual { iterations, strength: residual_strength, patches, levels, cycle_spun };
+        let residual =
+            Residual { iterations, strength: residual_strength, patches, levels, cycle_spun };
         add("residual", counted(iterations as usize, "iteration"), false, Box::new(residual));
     }
     for &iterations in if quick { &[11u32][..] } else { &[3, 6, 11, 20] } {
@@ -293,13 +308,24 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         add("unmatched", format!("{iterations} captures"), false, Box::new(unmatched));
     }
     for &steps in if quick { &[4u32][..] } else { &[1, 2, 4, 8] } {
-        let krylov = Krylov { digital: digital(rig), steps, threshold: hybrid(rig).defect_threshold };
+        let krylov =
+            Krylov { digital: digital(rig), steps, threshold: hybrid(rig).defect_threshold };
         add("krylov", counted(steps as usize, "direction"), false, Box::new(krylov));
     }
     for steps in [2, 4, 8, 16, 32, 64] {
-        add("digital", format!("{steps} steps"), false, Box::new(Digital { steps, ..digital(rig) }));
+        add(
+            "digital",
+            format!("{steps} steps"),
+            false,
+            Box::new(Digital { steps, ..digital(rig) }),
+        );
     }
-    add("digital", "not spun".to_owned(), false, Box::new(Digital { cycle_spun: false, ..digital(rig) }));
+    add(
+        "digital",
+        "not spun".to_owned(),
+        false,
+        Box::new(Digital { cycle_spun: false, ..digital(rig) }),
+    );
     // The clusters' threshold is not the best for rules that judge details one by one.
     for times in if quick { &[1.0f32, 4.0][..] } else { &[1.0, 2.0, 4.0, 8.0, 16.0] } {
         for (words, rule) in
@@ -307,7 +333,12 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         {
             let strength = Strength { at_one_grey_level: times * strength.at_one_grey_level };
             let solver = Digital { rule, strength, ..digital(rig) };
-            add("digital", format!("{words}, {times} times the threshold"), false, Box::new(solver));
+            add(
+                "digital",
+                format!("{words}, {times} times the threshold"),
+                false,
+                Box::new(solver),
+            );
         }
     }
     if rig.photo.curve == Curve::Srgb {
@@ -325,9 +356,11 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     add("hybrid", "each capture 4 times".to_owned(), false, Box::new(averaged));
     let matched = Setting::as_filed(rig, config::Method::BlockMatching);
     let rounds = if quick { vec![1, 8] } else { vec![1, 2, 4, 8, 12, 16] };
-    let mut with_blocks = |set: Setting| add(set.method.name(), set.numbers(), false, set.method(rig));
+    let mut with_blocks =
+        |set: Setting| add(set.method.name(), set.numbers(), false, set.method(rig));
     rounds.iter().for_each(|&rounds| with_blocks(Setting { rounds, captures_max: 0, ..matched }));
-    for (rounds, captures_max) in [(1, 1), (1, 2), (2, 1), (2, 2), (4, 2), (8, 1), (8, 2), (12, 2)] {
+    for (rounds, captures_max) in [(1, 1), (1, 2), (2, 1), (2, 2), (4, 2), (8, 1), (8, 2), (12, 2)]
+    {
         with_blocks(Setting { rounds, captures_max, ..matched });
     }
     for (steps, correction_steps) in [(4, 2), (8, 4)] {
@@ -340,9 +373,11 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     for &steps in if quick { &[20u32][..] } else { &[5, 10, 20, 40] } {
         add("richardson-lucy", format!("{steps} steps"), false, Box::new(RichardsonLucy { steps }));
     }
-    for &(steps, at_one_grey_level) in
-        if quick { &[(40u32, 0.3f32)][..] } else { &[(20, 0.3), (40, 0.3), (40, 0.15), (40, 0.6), (80, 0.3)] }
-    {
+    for &(steps, at_one_grey_level) in if quick {
+        &[(40u32, 0.3f32)][..]
+    } else {
+        &[(20, 0.3), (40, 0.3), (40, 0.15), (40, 0.6), (80, 0.3)]
+    } {
         let setting = format!("{steps} steps, strength {at_one_grey_level}");
         let variation = TotalVariation { steps, strength: Strength { at_one_grey_level } };
         add("total-variation", setting, false, Box::new(variation));
@@ -370,8 +405,10 @@ mod tests {
     }
 
     #[test]
-    fn the_front_holds_what_nothing_beats_in_both_and_the_choice_is_its_cheapest_within_the_limit() {
-        let points = vec![point(3.0, 0.940), point(1.0, 0.900), point(2.0, 0.890), point(2.5, 0.9385)];
+    fn the_front_holds_what_nothing_beats_in_both_and_the_choice_is_its_cheapest_within_the_limit()
+    {
+        let points =
+            vec![point(3.0, 0.940), point(1.0, 0.900), point(2.0, 0.890), point(2.5, 0.9385)];
         let trade = Trade { points, ..Trade::default() };
         assert_eq!(trade.front(), vec![1, 3, 0]);
         let within = |ssim| Within { ssim, psnr_db: 0.5 };
@@ -383,7 +420,8 @@ mod tests {
         slow.points.extend([point(30.0, 0.96), Point { family: FILED, ..point(3.0, 0.939) }]);
         let chosen = [Within::NOTHING, within(0.002)].map(|within| slow.operating_point(within));
         assert_eq!(chosen, [Some(4), Some(3)]);
-        // What is as good by SSIM and worse by a decibel than what the rig file has is no choice, unless it may be.
+        // What is as good by SSIM and worse by a decibel than what the rig file has is no choice,
+        // unless it may be.
         slow.points[3].psnr_db = -1.0;
         assert_eq!(slow.operating_point(within(0.002)), Some(0));
         assert_eq!(slow.operating_point(Within { ssim: 0.002, psnr_db: 1.0 }), Some(3));

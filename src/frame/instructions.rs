@@ -1,10 +1,12 @@
-//! Inner loops compiled twice: for the baseline processor, and for one with AVX2 and FMA, chosen at run time.
+//! Inner loops compiled twice: for the baseline processor, and for one with AVX2 and FMA, chosen at
+//! run time.
 //!
 //! A kernel is written once, in plain Rust, as the `run` of a [`Kernel`]; everything it calls is
-//! `#[inline(always)]`, so that it is compiled anew inside [`run_fastest`]'s AVX2 form, eight numbers an
-//! instruction instead of four. Products and sums are one instruction, [`multiply_add`], where the processor has it; on
-//! baseline x86-64 the same words would be a library call. On aarch64 the baseline already has all of NEON, fused
-//! products too. The call of the AVX2 form is the only unsafe line of the mathematics.
+//! `#[inline(always)]`, so that it is compiled anew inside [`run_fastest`]'s AVX2 form, eight
+//! numbers an instruction instead of four. Products and sums are one instruction, [`multiply_add`],
+//! where the processor has it; on baseline x86-64 the same words would be a library call. On
+//! aarch64 the baseline already has all of NEON, fused products too. The call of the AVX2 form is
+//! the only unsafe line of the mathematics.
 
 #![allow(unsafe_code)]
 
@@ -20,7 +22,8 @@ pub fn multiply_add<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// Runs `kernel` with the widest vector instructions that this processor has and that are known to pay.
+/// Runs `kernel` with the widest vector instructions that this processor has and that are known to
+/// pay.
 pub fn run_fastest(kernel: impl Kernel) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {

@@ -1,8 +1,8 @@
 //! The vocabulary: planes of numbers, frames of three channels, and the spaces they live in.
 //!
-//! Three spaces, and they are types that do not mix: [`Panel`] (panel pixels, 8-bit codes), [`Sensor`]
-//! (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light, 0..255 full scale as in
-//! the paper). Every plane is row-major, height × width.
+//! Three spaces, and they are types that do not mix: [`Panel`] (panel pixels, 8-bit codes),
+//! [`Sensor`] (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light, 0..255
+//! full scale as in the paper). Every plane is row-major, height × width.
 
 mod channel;
 pub mod instructions;

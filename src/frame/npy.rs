@@ -1,5 +1,5 @@
-//! `f32` arrays in NumPy's format: a measured blur grid and the golden arrays of the tests are read, photos for programs
-//! from outside are written.
+//! `f32` arrays in NumPy's format: a measured blur grid and the golden arrays of the tests are
+//! read, photos for programs from outside are written.
 
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,10 @@ pub fn read_npy_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>), NpyError> {
     }
     match kind.trim_matches('\'') {
         "<f4" => Ok((shape, npy.into_vec::<f32>().map_err(read)?)),
-        "<f8" => Ok((shape, npy.into_vec::<f64>().map_err(read)?.into_iter().map(|v| v as f32).collect())),
+        "<f8" => Ok((
+            shape,
+            npy.into_vec::<f64>().map_err(read)?.into_iter().map(|v| v as f32).collect(),
+        )),
         other => Err(wrong(format!("elements of type {other}"))),
     }
 }
@@ -51,7 +54,8 @@ pub fn npy_f32(shape: &[usize], values: &[f32]) -> Vec<u8> {
     use npyz::WriterBuilder;
     let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
     let mut bytes = Vec::new();
-    let written = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd();
+    let written =
+        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd();
     // Writing to memory does not fail, and a caller whose values do not fill the shape has a bug.
     let written = written.and_then(|mut array| {
         array.extend(values)?;

@@ -166,7 +166,12 @@ impl Plane<f32> {
                 }
             }
             total += part.iter().map(|&p| f64::from(p)).sum::<f64>();
-            total += ia.remainder().iter().zip(ib.remainder()).map(|(&x, &y)| f64::from(x * y)).sum::<f64>();
+            total += ia
+                .remainder()
+                .iter()
+                .zip(ib.remainder())
+                .map(|(&x, &y)| f64::from(x * y))
+                .sum::<f64>();
         }
         total
     }
@@ -190,7 +195,8 @@ mod tests {
     fn dot_agrees_with_the_plain_sum() {
         let a = Plane::from_fn(Size::new(37, 29), |x, y| (x * 7 + y * 3) as f32 * 0.01 - 1.0);
         let b = Plane::from_fn(Size::new(37, 29), |x, y| ((x * x + y) % 11) as f32 - 5.0);
-        let plain: f64 = a.data().iter().zip(b.data()).map(|(&x, &y)| f64::from(x) * f64::from(y)).sum();
+        let plain: f64 =
+            a.data().iter().zip(b.data()).map(|(&x, &y)| f64::from(x) * f64::from(y)).sum();
         assert!((a.dot(&b) - plain).abs() < 1e-3 * plain.abs().max(1.0));
     }
 

@@ -47,7 +47,10 @@ impl<S, T: Copy + Default> Frame<S, T> {
     /// # Panics
     /// When the planes differ in size, which is a bug of the caller.
     pub fn from_planes(planes: [Plane<T>; 3]) -> Self {
-        assert!(planes.iter().all(|p| p.size() == planes[0].size()), "the planes of a frame have one size");
+        assert!(
+            planes.iter().all(|p| p.size() == planes[0].size()),
+            "the planes of a frame have one size"
+        );
         Frame { planes, space: PhantomData }
     }
 

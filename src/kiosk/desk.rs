@@ -13,8 +13,8 @@ const LOOK_MIN_S: f64 = 0.001;
 
 /// A button's level.
 pub trait Button {
-    /// Waits for the level to change, until `deadline` at the longest, and returns the level then read.
-    /// It may return early.
+    /// Waits for the level to change, until `deadline` at the longest, and returns the level then
+    /// read. It may return early.
     ///
     /// # Errors
     /// When the line can no longer be read.
@@ -46,8 +46,8 @@ pub struct Fingers {
     pub long_press_ms: f64,
 }
 
-/// Attends to button and lamps until `ended` says so, then leaves the lamps dark. A lamp or button that
-/// fails is told of once, and tried again: the photos do not need them.
+/// Attends to button and lamps until `ended` says so, then leaves the lamps dark. A lamp or button
+/// that fails is told of once, and tried again: the photos do not need them.
 pub fn attend(
     front: &Front,
     mut button: Option<&mut (dyn Button + '_)>,

@@ -37,7 +37,8 @@ impl Sheet {
         }
     }
 
-    /// Every pixel whose centre `inside` accepts, at (x, y) relative to the upper left corner of the box.
+    /// Every pixel whose centre `inside` accepts, at (x, y) relative to the upper left corner of
+    /// the box.
     pub(super) fn shape(
         &mut self,
         (left, top): (i32, i32),
@@ -49,7 +50,8 @@ impl Sheet {
             for x in 0..width {
                 // Four samples a pixel are enough for edges without steps.
                 let hits = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
-                let hits = hits.iter().filter(|(dx, dy)| inside(x as f32 + dx, y as f32 + dy)).count();
+                let hits =
+                    hits.iter().filter(|(dx, dy)| inside(x as f32 + dx, y as f32 + dy)).count();
                 if hits > 0 {
                     self.blend(left + x, top + y, colour, hits as f32 / 4.0);
                 }
@@ -67,7 +69,8 @@ impl Sheet {
         lettering::set(text, at, height_px, &mut |x, y, share| self.blend(x, y, colour, share));
     }
 
-    /// `picture` (linear light 0..255) in the box, as large as it fits, centred; returns its place and size.
+    /// `picture` (linear light 0..255) in the box, as large as it fits, centred; returns its place
+    /// and size.
     pub(super) fn picture(
         &mut self,
         picture: &Frame<Work>,
@@ -92,7 +95,8 @@ impl Sheet {
     }
 }
 
-/// The code of a light on an ordinary display (gamma 2.2; screens are for eyes, not for the camera).
+/// The code of a light on an ordinary display (gamma 2.2; screens are for eyes, not for the
+/// camera).
 fn code(light: f32) -> u8 {
     let share = (light / FULL_SCALE).clamp(0.0, 1.0);
     (255.0 * share.powf(1.0 / 2.2)).round() as u8

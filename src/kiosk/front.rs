@@ -82,8 +82,8 @@ impl Front {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The desk's side: its loop comes round once more. Called for the first time before the desk's devices are opened,
-    /// which may hang as well.
+    /// The desk's side: its loop comes round once more. Called for the first time before the desk's
+    /// devices are opened, which may hang as well.
     pub fn comes_round(&self) {
         self.rounds.fetch_add(1, Ordering::Relaxed);
     }

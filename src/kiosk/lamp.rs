@@ -1,6 +1,6 @@
-//! Lamps by state: a colour and a rhythm each, so that no state is told by colour alone (one man in twelve
-//! does not tell red from green). Colours and rates after IEC 60073 as summarised in trade pages: green
-//! normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
+//! Lamps by state: a colour and a rhythm each, so that no state is told by colour alone (one man in
+//! twelve does not tell red from green). Colours and rates after IEC 60073 as summarised in trade
+//! pages: green normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
 
 use super::front::State;
 
@@ -97,7 +97,8 @@ mod tests {
     fn the_first_light_of_being_heard_is_immediate_and_no_state_stays_dark() {
         assert_eq!(lit(&State::Heard, 0.0).0, WHITE);
         for state in all() {
-            let longest = beats(&state).split(|&on| on).map(<[bool]>::len).max().unwrap_or(0) as f64 * 0.05;
+            let longest =
+                beats(&state).split(|&on| on).map(<[bool]>::len).max().unwrap_or(0) as f64 * 0.05;
             assert!(longest < 4.0, "{state:?} is dark for {longest} s");
         }
     }

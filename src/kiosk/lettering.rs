@@ -7,7 +7,8 @@ use ab_glyph::{Font as _, FontRef, PxScale, ScaleFont as _};
 /// DejaVu Sans Bold, cut down to Latin, Greek and Cyrillic; its licence lies beside it.
 const FACE: &[u8] = include_bytes!("font/DejaVuSans-Bold-subset.ttf");
 
-/// Letters of a word and words of a text that any screen has room for; what comes after is not looked at.
+/// Letters of a word and words of a text that any screen has room for; what comes after is not
+/// looked at.
 const LETTERS_MAX: usize = 100;
 const WORDS_MAX: usize = 200;
 
@@ -24,7 +25,8 @@ pub fn width(text: &str, height_px: f32) -> f32 {
     text.chars().map(|c| face.h_advance(face.glyph_id(c))).sum()
 }
 
-/// Sets `text` with its upper left corner at (`x`, `y`): calls `ink` with place and coverage, 0..1, of each pixel.
+/// Sets `text` with its upper left corner at (`x`, `y`): calls `ink` with place and coverage, 0..1,
+/// of each pixel.
 pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i32, i32, f32)) {
     let Some(face) = face() else { return };
     let scaled = face.as_scaled(PxScale::from(height_px));
@@ -42,8 +44,9 @@ pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i
     }
 }
 
-/// `text` in lines no wider than `width_px` and at most `lines_max` of them; what does not fit ends in `…`.
-/// A word too long for a line is cut in its middle, so that the ending of a file's name stays.
+/// `text` in lines no wider than `width_px` and at most `lines_max` of them; what does not fit ends
+/// in `…`. A word too long for a line is cut in its middle, so that the ending of a file's name
+/// stays.
 pub fn wrapped(text: &str, height_px: f32, width_px: f32, lines_max: usize) -> Vec<String> {
     let fits = |line: &str| width(line, height_px) <= width_px;
     let mut lines: Vec<String> = Vec::new();
@@ -97,10 +100,14 @@ mod tests {
 
     #[test]
     fn lines_fit_and_what_does_not_is_marked() {
-        let text = "No frame came from the camera, and the panel is gone as well, and so is the light";
+        let text =
+            "No frame came from the camera, and the panel is gone as well, and so is the light";
         let lines = wrapped(text, 20.0, 300.0, 2);
         assert_eq!(lines.len(), 2);
-        assert!(lines.iter().all(|l| width(l, 20.0) <= 300.0) && lines[1].ends_with('…'), "{lines:?}");
+        assert!(
+            lines.iter().all(|l| width(l, 20.0) <= 300.0) && lines[1].ends_with('…'),
+            "{lines:?}"
+        );
         assert_eq!(wrapped(text, 20.0, 1e6, 2), [text]);
     }
 
@@ -108,6 +115,8 @@ mod tests {
     fn a_long_name_keeps_its_ending() {
         let name = "a".repeat(200) + ".jpg";
         let lines = wrapped(&name, 20.0, 300.0, 1);
-        assert!(lines[0].ends_with(".jpg") && lines[0].contains('…') && width(&lines[0], 20.0) <= 300.0);
+        assert!(
+            lines[0].ends_with(".jpg") && lines[0].contains('…') && width(&lines[0], 20.0) <= 300.0
+        );
     }
 }

@@ -7,8 +7,8 @@
 //!                                          [`front`], shared with the daemon ─► [`screen`] on the panel, between jobs
 //! ```
 //!
-//! The desk runs on a thread of its own and touches neither camera, panel nor disk: a press is acknowledged
-//! whatever the daemon is doing.
+//! The desk runs on a thread of its own and touches neither camera, panel nor disk: a press is
+//! acknowledged whatever the daemon is doing.
 
 pub mod desk;
 pub mod front;

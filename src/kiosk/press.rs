@@ -28,14 +28,16 @@ pub struct Presses {
 }
 
 impl Presses {
-    /// A button first read at `now`. A level counts after `debounce_ms`, a press is long after `long_ms`.
+    /// A button first read at `now`. A level counts after `debounce_ms`, a press is long after
+    /// `long_ms`.
     pub fn new(debounce_ms: f64, long_ms: f64, now: Moment) -> Presses {
         Presses {
             debounce: Debounce::new(debounce_ms, now),
             long_s: long_ms / 1e3,
             down_since: None,
             told_long: false,
-            // Down at the very first reading, and steadily so: half a debounce time of grace for that reading.
+            // Down at the very first reading, and steadily so: half a debounce time of grace for
+            // that reading.
             starting_until: Moment(now.0 + 1.5 * debounce_ms / 1e3),
         }
     }
@@ -63,7 +65,8 @@ impl Presses {
 
     /// When the level should be read again though no edge came.
     pub fn look_again_at(&self) -> Option<Moment> {
-        let long = self.down_since.filter(|_| !self.told_long).map(|since| Moment(since.0 + self.long_s));
+        let long =
+            self.down_since.filter(|_| !self.told_long).map(|since| Moment(since.0 + self.long_s));
         match (self.debounce.look_again_at(), long) {
             (Some(a), Some(b)) => Some(if a <= b { a } else { b }),
             (a, b) => a.or(b),
@@ -80,8 +83,10 @@ mod tests {
         let mut presses = Presses::new(20.0, 500.0, Moment(0.0));
         let each = levels.into_iter().enumerate();
         // A hair late, so that rounding does not decide whether a debounce time is over.
-        each.filter_map(|(ms, level)| Some((ms, presses.read(level, Moment(ms as f64 * 1.000_001e-3))?)))
-            .collect()
+        each.filter_map(|(ms, level)| {
+            Some((ms, presses.read(level, Moment(ms as f64 * 1.000_001e-3))?))
+        })
+        .collect()
     }
 
     fn levels(parts: &[(bool, usize)]) -> Vec<bool> {
@@ -119,7 +124,8 @@ mod tests {
     #[test]
     fn a_lost_release_edge_does_not_repeat_the_press() {
         // The level is read again and again; the edges do not matter.
-        let read = presses(levels(&[(false, 50), (true, 100), (false, 30), (true, 100), (false, 30)]));
+        let read =
+            presses(levels(&[(false, 50), (true, 100), (false, 30), (true, 100), (false, 30)]));
         assert_eq!(read.iter().filter(|p| p.1 == Press::Down).count(), 2, "{read:?}");
     }
 }

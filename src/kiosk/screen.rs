@@ -128,7 +128,9 @@ fn said(screen: &Screen) -> Said {
         progress: None,
     };
     match screen {
-        Screen::Starting { words } => plain((Mark::Ring, SKY), "One moment", vec![(words.clone(), PAPER)]),
+        Screen::Starting { words } => {
+            plain((Mark::Ring, SKY), "One moment", vec![(words.clone(), PAPER)])
+        }
         Screen::Ready { hint } => plain((Mark::Disc, GREEN), "Ready", vec![(hint.clone(), PAPER)]),
         Screen::Waiting { photos: count } => plain(
             (Mark::Disc, GREEN),
@@ -151,9 +153,10 @@ fn said(screen: &Screen) -> Said {
             "Done",
             vec![(photo.clone(), PAPER), (words.clone(), SOFT), (hint.clone(), SOFT)],
         ),
-        Screen::Resting { words, photos: count } => {
-            Said { ground: NIGHT, ..plain((Mark::Moon, AMBER), &wait(*count), vec![(words.clone(), PAPER)]) }
-        }
+        Screen::Resting { words, photos: count } => Said {
+            ground: NIGHT,
+            ..plain((Mark::Moon, AMBER), &wait(*count), vec![(words.clone(), PAPER)])
+        },
         Screen::Missed { what, why, photos: count } => Said {
             ground: RUST,
             ..plain(
@@ -170,7 +173,11 @@ fn said(screen: &Screen) -> Said {
                 vec![
                     (what.clone(), PAPER),
                     (to_do.clone(), AMBER),
-                    ("This goes away by itself when it is well again. No photo is lost.".to_owned(), SOFT),
+                    (
+                        "This goes away by itself when it is well again. No photo is lost."
+                            .to_owned(),
+                        SOFT,
+                    ),
                 ],
             )
         },
@@ -180,7 +187,8 @@ fn said(screen: &Screen) -> Said {
             vec![
                 (words.clone(), PAPER),
                 (
-                    "Photos wait. Short press: back to work. Long press: measure the lens anew.".to_owned(),
+                    "Photos wait. Short press: back to work. Long press: measure the lens anew."
+                        .to_owned(),
                     SOFT,
                 ),
             ],
@@ -188,7 +196,8 @@ fn said(screen: &Screen) -> Said {
     }
 }
 
-/// Draws `screen` for a panel of `size`; `pictures` are the photo and its result for [`Screen::Result`].
+/// Draws `screen` for a panel of `size`; `pictures` are the photo and its result for
+/// [`Screen::Result`].
 pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<Work>)>) -> Codes {
     let Said { ground, mark, title, lines, progress } = said(screen);
     let mut sheet = Sheet::new(size, ground);
@@ -216,7 +225,8 @@ pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<
         let tall = height - y - edge - below - line_px * 1.4;
         for (n, (picture, word)) in [(before, "before"), (after, "after")].into_iter().enumerate() {
             let left = edge + n as f32 * (half + edge / 2.0);
-            let (place, drawn) = sheet.picture(picture, (left as i32, y as i32), (half as i32, tall as i32));
+            let (place, drawn) =
+                sheet.picture(picture, (left as i32, y as i32), (half as i32, tall as i32));
             let at = place.0 as f32 + (drawn.0 as f32 - lettering::width(word, line_px)) / 2.0;
             sheet.line(word, (at, y + tall + 0.1 * line_px), line_px, PAPER);
         }
@@ -256,7 +266,9 @@ fn draw_mark(sheet: &mut Sheet, (mark, colour): (Mark, Colour), (x, y): (f32, f3
                 let dot = (u - 0.5).abs() < 0.06 && (0.76..0.88).contains(&v);
                 inside && !bar && !dot
             }
-            Mark::Bars => (u * 5.0) as i32 % 2 == 0 && v > [0.55, 0.0, 0.3, 0.0, 0.0][(u * 5.0) as usize % 5],
+            Mark::Bars => {
+                (u * 5.0) as i32 % 2 == 0 && v > [0.55, 0.0, 0.3, 0.0, 0.0][(u * 5.0) as usize % 5]
+            }
             Mark::Square => (u - 0.5).abs().max((v - 0.5).abs()) > 0.32,
             Mark::Moon => from_centre((u, v)) < 0.5 && from_centre((u - 0.22, v + 0.12)) > 0.42,
         }
@@ -267,10 +279,19 @@ fn draw_mark(sheet: &mut Sheet, (mark, colour): (Mark, Colour), (x, y): (f32, f3
 pub fn examples() -> Vec<(&'static str, Screen)> {
     let text = str::to_owned;
     vec![
-        ("starting", Screen::Starting { words: text("The camera and the panel are being looked for.") }),
-        ("ready", Screen::Ready { hint: text("Put photos into the inbox, then press the button.") }),
+        (
+            "starting",
+            Screen::Starting { words: text("The camera and the panel are being looked for.") },
+        ),
+        (
+            "ready",
+            Screen::Ready { hint: text("Put photos into the inbox, then press the button.") },
+        ),
         ("waiting", Screen::Waiting { photos: 12 }),
-        ("working", Screen::Working { photo: text("Sommer am Attersee, 1987.jpg"), number: 3, of: 12 }),
+        (
+            "working",
+            Screen::Working { photo: text("Sommer am Attersee, 1987.jpg"), number: 3, of: 12 },
+        ),
         (
             "result",
             Screen::Result {
@@ -281,13 +302,17 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
         ),
         (
             "resting",
-            Screen::Resting { words: text("The night begins at 22:00 (Europe/Vienna)."), photos: 4000 },
+            Screen::Resting {
+                words: text("The night begins at 22:00 (Europe/Vienna)."),
+                photos: 4000,
+            },
         ),
         (
             "missed",
             Screen::Missed {
                 what: text(
-                    "no photo was restored in the night up to 2026-01-11 06:00 (Europe/Vienna), though photos wait since 2026-01-10 21:50 (Europe/Vienna)",
+                    "no photo was restored in the night up to 2026-01-11 06:00 (Europe/Vienna), \
+                     though photos wait since 2026-01-10 21:50 (Europe/Vienna)",
                 ),
                 why: text("the time is not known: no network has set the clock yet"),
                 photos: 4000,
@@ -300,7 +325,10 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
                 to_do: text("Look at the camera's cable. The box tries again every minute."),
             },
         ),
-        ("maintenance", Screen::Maintenance { words: text("The box does no work until you say so.") }),
+        (
+            "maintenance",
+            Screen::Maintenance { words: text("The box does no work until you say so.") },
+        ),
     ]
 }
 
@@ -317,14 +345,16 @@ mod tests {
     fn inked(codes: &Codes) -> f64 {
         let corner = Channel::ALL.map(|c| codes.plane(c).at(0, 0));
         let size = codes.size();
-        let differs = |n: usize| Channel::ALL.iter().any(|&c| codes.plane(c).data()[n] != corner[c.index()]);
+        let differs =
+            |n: usize| Channel::ALL.iter().any(|&c| codes.plane(c).data()[n] != corner[c.index()]);
         (0..size.area()).filter(|&n| differs(n)).count() as f64 / size.area() as f64
     }
 
     #[test]
     fn no_screen_is_black_and_all_differ() {
         let size = Size::new(480, 270);
-        let drawn: Vec<Codes> = examples().iter().map(|(_, screen)| draw(screen, size, None)).collect();
+        let drawn: Vec<Codes> =
+            examples().iter().map(|(_, screen)| draw(screen, size, None)).collect();
         for (n, codes) in drawn.iter().enumerate() {
             let brightest = Channel::ALL.map(|c| codes.plane(c).at(0, 0)).into_iter().max();
             assert!(brightest > Some(40), "{n} has a black ground");
@@ -336,7 +366,9 @@ mod tests {
     #[test]
     fn screens_fit_every_panel_and_survive_hostile_words() {
         let hostile = "x".repeat(5000) + "\u{202e}\u{0}漢字 \n\n";
-        for size in [Size::new(16, 16), Size::new(64, 480), Size::new(320, 240), Size::new(1920, 1080)] {
+        for size in
+            [Size::new(16, 16), Size::new(64, 480), Size::new(320, 240), Size::new(1920, 1080)]
+        {
             let screen = Screen::Trouble { what: hostile.clone(), to_do: hostile.clone() };
             assert_eq!(draw(&screen, size, None).size(), size);
             let screen = Screen::Working { photo: hostile.clone(), number: 3, of: 0 };
@@ -347,16 +379,23 @@ mod tests {
     #[test]
     fn the_result_shows_both_pictures() {
         let (size, photo) = (Size::new(640, 360), Size::new(64, 48));
-        let red: Frame<Work> = Frame::from_fn(|c| Plane::filled(photo, [255.0, 0.0, 0.0][c.index()]));
-        let blue: Frame<Work> = Frame::from_fn(|c| Plane::filled(photo, [0.0, 0.0, 255.0][c.index()]));
+        let red: Frame<Work> =
+            Frame::from_fn(|c| Plane::filled(photo, [255.0, 0.0, 0.0][c.index()]));
+        let blue: Frame<Work> =
+            Frame::from_fn(|c| Plane::filled(photo, [0.0, 0.0, 255.0][c.index()]));
         let codes = draw(&example("result"), size, Some((&red, &blue)));
         let count = |wanted: Colour| {
             (0..size.area())
-                .filter(|&n| Channel::ALL.iter().all(|&c| codes.plane(c).data()[n] == wanted[c.index()]))
+                .filter(|&n| {
+                    Channel::ALL.iter().all(|&c| codes.plane(c).data()[n] == wanted[c.index()])
+                })
                 .count()
         };
         let (before, after) = (count([255, 0, 0]), count([0, 0, 255]));
-        assert!(before > size.area() / 8 && before.abs_diff(after) < before / 50, "{before}, {after}");
+        assert!(
+            before > size.area() / 8 && before.abs_diff(after) < before / 50,
+            "{before}, {after}"
+        );
     }
 
     #[test]

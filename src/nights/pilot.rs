@@ -1,21 +1,22 @@
 //! The pilot picture: one known picture, shown and seen, and what its captures say about the rig.
 //!
-//! The measured lens predicts the capture m. What was seen is fitted, per channel and by least squares over
-//! the photo, as y(x) = g·m(x − d) + o: to first order y = g·m + o − d·∇m. Two captures tell their noise.
-//! What counts is the change of g, o, d and noise since the calibration: the same fit, made right after it.
+//! The measured lens predicts the capture m. What was seen is fitted, per channel and by least
+//! squares over the photo, as y(x) = g·m(x − d) + o: to first order y = g·m + o − d·∇m. Two
+//! captures tell their noise. What counts is the change of g, o, d and noise since the calibration:
+//! the same fit, made right after it.
 
 use nalgebra::{Matrix4, Vector4};
 use serde::{Deserialize, Serialize};
 
 use crate::config::Nights;
+use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
+use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::light_path::LightPath;
 use crate::remedy::AnyFailure;
-use crate::restore::forward_convolution::{ForwardConvolution, Seen};
-use crate::restore::lens_model::LensModel;
 
-/// Side of the pilot's squares in Work pixels: wide against the blur, so that their middles tell the
-/// brightness and their edges the place.
+/// Side of the pilot's squares in Work pixels: wide against the blur, so that their middles tell
+/// the brightness and their edges the place.
 const SQUARE_PX: usize = 16;
 
 /// The pilot's lights: away from black and white, where captures clip.
@@ -71,7 +72,8 @@ pub struct Limits {
 impl Limits {
     /// The limits of a rig file.
     pub fn of(nights: &Nights) -> Limits {
-        let &Nights { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio, .. } = nights;
+        let &Nights { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio, .. } =
+            nights;
         Limits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio }
     }
 }
@@ -107,7 +109,11 @@ impl Drift {
         };
         let Limits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio } = *limits;
         let Drift { shift_px, gain_percent, offset_levels, noise_ratio } = *self;
-        hold(shift_px, shift_max_px, format!("displaced by {shift_px:.2} px, allowed {shift_max_px}"));
+        hold(
+            shift_px,
+            shift_max_px,
+            format!("displaced by {shift_px:.2} px, allowed {shift_max_px}"),
+        );
         hold(
             gain_percent,
             gain_max_percent,
@@ -116,7 +122,10 @@ impl Drift {
         hold(
             offset_levels,
             offset_max_levels,
-            format!("stray light changed by {offset_levels:+.1} grey levels, allowed {offset_max_levels}"),
+            format!(
+                "stray light changed by {offset_levels:+.1} grey levels, allowed \
+                 {offset_max_levels}"
+            ),
         );
         hold(
             noise_ratio,
@@ -144,8 +153,10 @@ pub fn picture(size: Size) -> Frame<Work> {
     Frame::from_fn(|c| {
         Plane::from_fn(size, |x, y| {
             // A multiplicative hash (Knuth) of the square's place; its top bits are well mixed.
-            let square = (x / SQUARE_PX) as u32 + 251 * (y / SQUARE_PX) as u32 + 65_521 * c.index() as u32;
-            let mixed = (square.wrapping_mul(2_654_435_761) ^ (square << 7)).wrapping_mul(2_246_822_519);
+            let square =
+                (x / SQUARE_PX) as u32 + 251 * (y / SQUARE_PX) as u32 + 65_521 * c.index() as u32;
+            let mixed =
+                (square.wrapping_mul(2_654_435_761) ^ (square << 7)).wrapping_mul(2_246_822_519);
             let share = (mixed >> 24) as f32 / 255.0;
             LIGHTS.0 + share * (LIGHTS.1 - LIGHTS.0)
         })
@@ -156,7 +167,11 @@ pub fn picture(size: Size) -> Frame<Work> {
 ///
 /// # Errors
 /// When a capture fails.
-pub fn read(path: &mut LightPath<'_>, model: &LensModel, photo: Rect) -> Result<Reading, AnyFailure> {
+pub fn read(
+    path: &mut LightPath<'_>,
+    model: &LensModel,
+    photo: Rect,
+) -> Result<Reading, AnyFailure> {
     let shown = picture(path.size());
     let (first, second) = (path.forward(&shown)?, path.forward(&shown)?);
     Ok(Reading(Channel::ALL.map(|c| {
@@ -170,16 +185,22 @@ fn fit(predicted: &Plane, (first, second): (&Seen, &Seen), channel: Channel, pho
     let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
     let (mut squared, mut count) = (0.0, 0.0);
     // A pixel in from the border of the photo, for the slopes.
-    for y in photo.y.max(1)..(photo.y + photo.size.height).min(predicted.height().saturating_sub(1)) {
-        for x in photo.x.max(1)..(photo.x + photo.size.width).min(predicted.width().saturating_sub(1)) {
-            if first.trusted.plane(channel).at(x, y) == 0 || second.trusted.plane(channel).at(x, y) == 0 {
+    for y in photo.y.max(1)..(photo.y + photo.size.height).min(predicted.height().saturating_sub(1))
+    {
+        for x in
+            photo.x.max(1)..(photo.x + photo.size.width).min(predicted.width().saturating_sub(1))
+        {
+            if first.trusted.plane(channel).at(x, y) == 0
+                || second.trusted.plane(channel).at(x, y) == 0
+            {
                 continue;
             }
             let at = |x: usize, y: usize| f64::from(predicted.at(x, y));
             let slope_x = (at(x + 1, y) - at(x - 1, y)) / 2.0;
             let slope_y = (at(x, y + 1) - at(x, y - 1)) / 2.0;
             let row = Vector4::new(at(x, y), 1.0, -slope_x, -slope_y);
-            let (a, b) = (first.light.plane(channel).at(x, y), second.light.plane(channel).at(x, y));
+            let (a, b) =
+                (first.light.plane(channel).at(x, y), second.light.plane(channel).at(x, y));
             let seen = f64::from(a + b) / 2.0;
             normal += row * row.transpose();
             right += row * seen;
@@ -224,8 +245,14 @@ mod tests {
         let (_, twice) = seen(0.2, -0.1, 1.04, 2.0, -0.5);
         let photo = Rect { x: 0, y: 0, size: SIZE };
         let fit = fit(&predicted, (&once, &twice), Channel::Green, photo);
-        assert!((fit.gain - 1.04).abs() < 0.002 && (fit.offset_levels - 2.0).abs() < 0.2, "{fit:?}");
-        assert!((fit.shift_x_px - 0.2).abs() < 0.005 && (fit.shift_y_px + 0.1).abs() < 0.005, "{fit:?}");
+        assert!(
+            (fit.gain - 1.04).abs() < 0.002 && (fit.offset_levels - 2.0).abs() < 0.2,
+            "{fit:?}"
+        );
+        assert!(
+            (fit.shift_x_px - 0.2).abs() < 0.005 && (fit.shift_y_px + 0.1).abs() < 0.005,
+            "{fit:?}"
+        );
         // ±0.5 against ∓0.5 differ by 1: as two captures with a noise of √½ do.
         assert!((fit.noise_levels - 0.5f64.sqrt()).abs() < 1e-3, "{fit:?}");
     }
@@ -238,7 +265,8 @@ mod tests {
             offset_max_levels: 1.0,
             noise_max_ratio: 1.5,
         };
-        let fine = Drift { shift_px: 0.1, gain_percent: -2.0, offset_levels: 0.5, noise_ratio: 1.1 };
+        let fine =
+            Drift { shift_px: 0.1, gain_percent: -2.0, offset_levels: 0.5, noise_ratio: 1.1 };
         assert_eq!(fine.complaint(&limits), None);
         let darker = Drift { gain_percent: -4.2, ..fine };
         assert_eq!(darker.complaint(&limits).unwrap(), "brightness changed by -4.2 %, allowed 3");

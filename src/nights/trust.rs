@@ -1,5 +1,5 @@
-//! Whether the calendar may be believed. A board without a battery clock wakes up in the past: at the time
-//! its image was made, or where it was when the power failed.
+//! Whether the calendar may be believed. A board without a battery clock wakes up in the past: at
+//! the time its image was made, or where it was when the power failed.
 
 use crate::config::ClockSource;
 
@@ -44,14 +44,15 @@ impl Calendar {
         self.floor_unix_s
     }
 
-    /// Judges `unix_s`, read at the monotonic time `now_s`; `set` is whether the kernel calls its clock
-    /// synchronised.
+    /// Judges `unix_s`, read at the monotonic time `now_s`; `set` is whether the kernel calls its
+    /// clock synchronised.
     pub fn look(&mut self, unix_s: f64, now_s: f64, set: bool) -> Belief {
         let jumped_s = self.last.map(|(then_s, then_unix)| (unix_s - then_unix) - (now_s - then_s));
         self.last = Some((now_s, unix_s));
         let jumped_s = jumped_s.filter(|jump| jump.abs() > JUMP_S);
         match self.source {
-            // Set by the network: believed even when that takes it back, for then the floor was wrong.
+            // Set by the network: believed even when that takes it back, for then the floor was
+            // wrong.
             ClockSource::Network if set => {}
             ClockSource::Network => return Belief::NotSet,
             ClockSource::Battery if unix_s + JUMP_S < self.floor_unix_s => {
@@ -85,8 +86,14 @@ mod tests {
     fn with_a_battery_time_does_not_go_back_over_a_reboot() {
         let mut calendar = Calendar::new(ClockSource::Battery, 1e6);
         assert_eq!(calendar.look(10.0, 0.0, false), Belief::Before { floor_unix_s: 1e6 });
-        assert_eq!(calendar.look(1e6 + 5.0, 1.0, false), Belief::Believed { jumped_s: Some(1e6 - 6.0) });
-        assert_eq!(calendar.look(1e6 - 90_000.0, 2.0, false), Belief::Before { floor_unix_s: 1e6 + 5.0 });
+        assert_eq!(
+            calendar.look(1e6 + 5.0, 1.0, false),
+            Belief::Believed { jumped_s: Some(1e6 - 6.0) }
+        );
+        assert_eq!(
+            calendar.look(1e6 - 90_000.0, 2.0, false),
+            Belief::Before { floor_unix_s: 1e6 + 5.0 }
+        );
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Waiting until the rig no longer changes. A panel was measured to take 70 minutes to become steady
-//! (colour work; a web source), and a lens and its mount warm up as well.
+//! Waiting until the rig no longer changes. A panel was measured to take 70 minutes to become
+//! steady (colour work; a web source), and a lens and its mount warm up as well.
 
 use super::pilot::{Drift, Limits};
 
@@ -52,8 +52,12 @@ impl WarmUp {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits =
-        Limits { shift_max_px: 0.25, gain_max_percent: 3.0, offset_max_levels: 1.0, noise_max_ratio: 1.5 };
+    const LIMITS: Limits = Limits {
+        shift_max_px: 0.25,
+        gain_max_percent: 3.0,
+        offset_max_levels: 1.0,
+        noise_max_ratio: 1.5,
+    };
 
     fn brighter_by(percent: f64) -> Drift {
         Drift { gain_percent: percent, ..Drift::default() }

@@ -8,7 +8,8 @@ use crate::config::{self, Nights};
 
 const DAY_S: f64 = 86_400.0;
 
-/// Days that are looked back for whole windows: photos that wait for longer are spoken of as waiting for this long.
+/// Days that are looked back for whole windows: photos that wait for longer are spoken of as
+/// waiting for this long.
 const DAYS_MAX: i64 = 400;
 
 /// Hours in a time zone; through daylight saving they are what the clock on the wall says.
@@ -50,7 +51,8 @@ impl Window {
             return self.closed(86_400.0, from);
         };
         let now = stamp.to_zoned(self.zone.clone());
-        // Tonight's opening and closing, and those of the days around: whatever daylight saving does to them.
+        // Tonight's opening and closing, and those of the days around: whatever daylight saving
+        // does to them.
         let each = [-1i64, 0, 1, 2].into_iter().filter_map(|day| {
             let begins = self.on_wall(&now, day, from)?;
             let ends = self.on_wall(&now, day + i64::from(to <= from), to)?;
@@ -68,15 +70,17 @@ impl Window {
         self.closed(opens_in_s.min(2.0 * 86_400.0), from)
     }
 
-    /// How many whole windows lie between two moments, seconds since 1970 UTC, and where the last one begins and ends;
-    /// `None` when none does. A window that is always open counts by days of 24 hours.
+    /// How many whole windows lie between two moments, seconds since 1970 UTC, and where the last
+    /// one begins and ends; `None` when none does. A window that is always open counts by days of
+    /// 24 hours.
     pub fn whole_between(&self, from_unix_s: f64, to_unix_s: f64) -> Option<(usize, (f64, f64))> {
         let Some((from, to)) = self.minutes else {
             let days = ((to_unix_s - from_unix_s) / DAY_S).floor();
             let last = from_unix_s + days * DAY_S;
             return (days >= 1.0).then_some((days as usize, (last - DAY_S, last)));
         };
-        let now = Timestamp::from_millisecond((to_unix_s * 1e3) as i64).ok()?.to_zoned(self.zone.clone());
+        let now =
+            Timestamp::from_millisecond((to_unix_s * 1e3) as i64).ok()?.to_zoned(self.zone.clone());
         let mut found = None;
         let mut nights = 0;
         for day in (-DAYS_MAX..=0).rev() {
@@ -93,7 +97,8 @@ impl Window {
         found.map(|last| (nights, last))
     }
 
-    /// How long the window lasts at most, seconds; daylight saving may add an hour. Each day more holds a whole one.
+    /// How long the window lasts at most, seconds; daylight saving may add an hour. Each day more
+    /// holds a whole one.
     pub fn longest_s(&self) -> f64 {
         let minutes = self.minutes.map_or(0, |(from, to)| (1440 + to - from) % 1440);
         f64::from(minutes + 60) * 60.0
@@ -111,12 +116,14 @@ impl Window {
     }
 
     fn closed(&self, opens_in_s: f64, from: u16) -> Hours {
-        let words = format!("the night begins at {:02}:{:02} ({})", from / 60, from % 60, self.zone_name);
+        let words =
+            format!("the night begins at {:02}:{:02} ({})", from / 60, from % 60, self.zone_name);
         Hours::Closed { opens_in_s, words }
     }
 
-    /// The moment at which the wall's clock of the day `days` after that of `now` says `minute`. A time that
-    /// daylight saving skips is the one as long after midnight; one that comes twice is its first coming.
+    /// The moment at which the wall's clock of the day `days` after that of `now` says `minute`. A
+    /// time that daylight saving skips is the one as long after midnight; one that comes twice is
+    /// its first coming.
     fn on_wall(&self, now: &Zoned, days: i64, minute: u16) -> Option<f64> {
         let date = now.date().checked_add(days.days()).ok()?;
         let time = Time::new((minute / 60) as i8, (minute % 60) as i8, 0, 0).ok()?;
@@ -163,9 +170,15 @@ mod tests {
         let vienna = window("22:00-06:00", "Europe/Vienna");
         assert_eq!(
             vienna.at(unix("2026-01-10T20:59:00Z")),
-            Hours::Closed { opens_in_s: 60.0, words: "the night begins at 22:00 (Europe/Vienna)".into() }
+            Hours::Closed {
+                opens_in_s: 60.0,
+                words: "the night begins at 22:00 (Europe/Vienna)".into()
+            }
         );
-        assert_eq!(vienna.at(unix("2026-01-10T21:00:00Z")), Hours::Open { left_s: Some(8.0 * 3600.0) });
+        assert_eq!(
+            vienna.at(unix("2026-01-10T21:00:00Z")),
+            Hours::Open { left_s: Some(8.0 * 3600.0) }
+        );
         assert_eq!(vienna.at(unix("2026-01-11T04:59:00Z")), Hours::Open { left_s: Some(60.0) });
         assert!(matches!(vienna.at(unix("2026-01-11T05:00:00Z")), Hours::Closed { .. }));
     }
@@ -175,13 +188,17 @@ mod tests {
         let vienna = window("22:00-06:00", "Europe/Vienna");
         assert_eq!(open_hours(&vienna, "2026-03-28T12:00:00Z", "2026-03-29T12:00:00Z"), 7.0);
         assert_eq!(open_hours(&vienna, "2026-10-24T12:00:00Z", "2026-10-25T12:00:00Z"), 9.0);
-        assert!(matches!(vienna.at(unix("2026-03-29T03:59:00Z")), Hours::Open { .. }), "05:59 by the wall");
+        assert!(
+            matches!(vienna.at(unix("2026-03-29T03:59:00Z")), Hours::Open { .. }),
+            "05:59 by the wall"
+        );
         assert!(matches!(vienna.at(unix("2026-03-29T04:00:00Z")), Hours::Closed { .. }));
     }
 
     #[test]
     fn an_hour_that_is_skipped_or_comes_twice_is_no_trouble() {
-        // 02:00 to 03:00 does not exist on the 29th of March and comes twice on the 25th of October.
+        // 02:00 to 03:00 does not exist on the 29th of March and comes twice on the 25th of
+        // October.
         let hour = window("02:15-02:45", "Europe/Vienna");
         assert!(open_hours(&hour, "2026-03-28T12:00:00Z", "2026-03-29T12:00:00Z") <= 0.5);
         assert_eq!(open_hours(&hour, "2026-10-24T12:00:00Z", "2026-10-25T12:00:00Z"), 0.5);
@@ -199,7 +216,10 @@ mod tests {
         assert_eq!(between("2026-01-08T12:00:00Z", "2026-01-11T12:00:00Z"), Some((3, night)));
         assert_eq!(between("2026-01-11T12:00:00Z", "2026-01-10T12:00:00Z"), None);
         // Through the night in which the clocks change.
-        assert_eq!(between("2026-03-28T12:00:00Z", "2026-03-29T04:00:00Z").map(|(n, _)| n), Some(1));
+        assert_eq!(
+            between("2026-03-28T12:00:00Z", "2026-03-29T04:00:00Z").map(|(n, _)| n),
+            Some(1)
+        );
         let always = window("always", "UTC");
         assert_eq!(always.whole_between(0.0, 86_399.0), None);
         assert_eq!(always.whole_between(0.0, 200_000.0), Some((2, (86_400.0, 172_800.0))));
@@ -211,7 +231,10 @@ mod tests {
     fn a_day_window_a_half_hour_zone_and_always() {
         let day = window("09:00-17:30", "Asia/Kolkata");
         assert_eq!(open_hours(&day, "2026-01-10T00:00:00Z", "2026-01-11T00:00:00Z"), 8.5);
-        assert!(matches!(day.at(unix("2026-01-10T03:30:00Z")), Hours::Open { .. }), "09:00 in Kolkata");
+        assert!(
+            matches!(day.at(unix("2026-01-10T03:30:00Z")), Hours::Open { .. }),
+            "09:00 in Kolkata"
+        );
         assert_eq!(window("always", "UTC").at(0.0), Hours::Open { left_s: None });
     }
 

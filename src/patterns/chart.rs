@@ -1,10 +1,11 @@
-//! A resolution chart in the style of ISO 12233 (its figure is not copied; every part is drawn here from
-//! its definition): hyperbolic wedges, slanted edges, line pairs, Siemens stars, frame arrows, digits.
+//! A resolution chart in the style of ISO 12233 (its figure is not copied; every part is drawn here
+//! from its definition): hyperbolic wedges, slanted edges, line pairs, Siemens stars, frame arrows,
+//! digits.
 
 use crate::frame::{Plane, Size};
 
-/// Light of the chart's ink, as far from the panel's ends as printed charts are from black and white
-/// (guess: reflectances of about 4 % and 94 %).
+/// Light of the chart's ink, as far from the panel's ends as printed charts are from black and
+/// white (guess: reflectances of about 4 % and 94 %).
 const INK: f32 = 10.0;
 /// Light of its paper.
 const PAPER: f32 = 240.0;
@@ -37,8 +38,8 @@ enum Shape {
     SlantedSquare { half: f64, slant: f64 },
     /// A rectangle.
     Bar { half_width: f64, half_height: f64 },
-    /// Converging lines, `first` to `last` line widths per picture height (both counted as ISO 12233's
-    /// LW/PH) over `length`; lines run along x, or along y when `upright`.
+    /// Converging lines, `first` to `last` line widths per picture height (both counted as ISO
+    /// 12233's LW/PH) over `length`; lines run along x, or along y when `upright`.
     Wedge { lines: usize, first: f64, last: f64, length: f64, upright: bool },
     /// Line pairs of `pitch`; lines run along y when `upright`.
     Pairs { half: f64, pitch: f64, upright: bool },
@@ -82,10 +83,12 @@ impl Shape {
                 if !(0.0..1.0).contains(&place) {
                     return false;
                 }
-                // Line widths from the first line's edge; the frequency grows evenly along the wedge,
-                // which makes every edge a hyperbola.
-                let widths = across * (first + (last - first) * place) + (2 * lines - 1) as f64 / 2.0;
-                (0.0..(2 * lines - 1) as f64).contains(&widths) && (widths as usize).is_multiple_of(2)
+                // Line widths from the first line's edge; the frequency grows evenly along the
+                // wedge, which makes every edge a hyperbola.
+                let widths =
+                    across * (first + (last - first) * place) + (2 * lines - 1) as f64 / 2.0;
+                (0.0..(2 * lines - 1) as f64).contains(&widths)
+                    && (widths as usize).is_multiple_of(2)
             }
             Shape::Pairs { half, pitch, upright } => {
                 let across = if upright { x } else { y };
@@ -102,7 +105,8 @@ impl Shape {
             }
             Shape::Arrow { length, dx, dy } => {
                 let (along, across) = (x * dx + y * dy, x * dy - y * dx);
-                (0.0..length).contains(&(along + length / 2.0)) && across.abs() < (length / 2.0 - along) / 2.0
+                (0.0..length).contains(&(along + length / 2.0))
+                    && across.abs() < (length / 2.0 - along) / 2.0
             }
             Shape::Digit { digit, cell } => {
                 let (column, row) = ((x / cell + 1.5).floor(), (y / cell + 2.5).floor());
@@ -133,7 +137,8 @@ impl Mark {
     fn draw(&self, plane: &mut Plane, scale: f64) {
         let reach = self.shape.reach();
         let first = |at: f64| ((at - reach) * scale).floor().max(0.0) as usize;
-        let last = |at: f64, limit: usize| (((at + reach) * scale).ceil().max(0.0) as usize).min(limit);
+        let last =
+            |at: f64, limit: usize| (((at + reach) * scale).ceil().max(0.0) as usize).min(limit);
         let (right, bottom) = (last(self.x, plane.width()), last(self.y, plane.height()));
         let step = 1.0 / SUBSAMPLES as f64;
         for py in first(self.y)..bottom {
@@ -158,8 +163,10 @@ fn marks(width: f64) -> Vec<Mark> {
     let mut put = |x: f64, y: f64, shape: Shape| marks.push(Mark { x, y, shape, light: INK });
     let centre = width / 2.0;
     // Wedges: coarse and fine, upright and level, in the middle; level pairs in the corners.
-    let coarse = |upright| Shape::Wedge { lines: 5, first: 60.0, last: 300.0, length: 0.28, upright };
-    let fine = |upright| Shape::Wedge { lines: 9, first: 250.0, last: 800.0, length: 0.28, upright };
+    let coarse =
+        |upright| Shape::Wedge { lines: 5, first: 60.0, last: 300.0, length: 0.28, upright };
+    let fine =
+        |upright| Shape::Wedge { lines: 9, first: 250.0, last: 800.0, length: 0.28, upright };
     put(centre - 0.20, 0.31, coarse(true));
     put(centre + 0.20, 0.31, fine(true));
     put(centre - 0.275, 0.5, coarse(false));
@@ -215,7 +222,11 @@ fn marks(width: f64) -> Vec<Mark> {
     }
     // Wedges at the left and right edges of the field, where a cheap lens is worst.
     for x in [0.125, width - 0.125] {
-        put(x, 0.5, Shape::Wedge { lines: 5, first: 70.0, last: 300.0, length: 0.17, upright: false });
+        put(
+            x,
+            0.5,
+            Shape::Wedge { lines: 5, first: 70.0, last: 300.0, length: 0.17, upright: false },
+        );
     }
     // Reading matter in three sizes, as enhanced charts have it.
     let mut text = |x: f64, y: f64, columns: usize, rows: usize, cell: f64| {
@@ -223,7 +234,11 @@ fn marks(width: f64) -> Vec<Mark> {
             let (column, row) = ((k % columns) as f64, (k / columns) as f64);
             // 7 is coprime to 10: all digits come by.
             let digit = Shape::Digit { digit: (7 * k + 3) % 10, cell };
-            put(x + 4.5 * cell * (column - (columns as f64 - 1.0) / 2.0), y + 7.0 * cell * row, digit);
+            put(
+                x + 4.5 * cell * (column - (columns as f64 - 1.0) / 2.0),
+                y + 7.0 * cell * row,
+                digit,
+            );
         }
     };
     for side in [-1.0, 1.0] {
@@ -239,7 +254,12 @@ fn marks(width: f64) -> Vec<Mark> {
     for n in 0..6u8 {
         let x = centre + (f64::from(n) - 2.5) * 0.05;
         let light = INK + (PAPER - INK) * (f32::from(n) + 0.5) / 6.0;
-        marks.push(Mark { x, y: 0.655, shape: Shape::Bar { half_width: 0.025, half_height: 0.015 }, light });
+        marks.push(Mark {
+            x,
+            y: 0.655,
+            shape: Shape::Bar { half_width: 0.025, half_height: 0.015 },
+            light,
+        });
     }
     marks
 }
@@ -268,7 +288,8 @@ mod tests {
         assert!(between > 2000, "{between} pixels between ink and paper");
     }
 
-    /// Writes the chart to look at: `RELENS_LOOK=folder cargo test --release -- --ignored look_at_the_chart`.
+    /// Writes the chart to look at: `RELENS_LOOK=folder cargo test --release -- --ignored
+    /// look_at_the_chart`.
     #[test]
     #[ignore = "writes a picture to be looked at"]
     fn look_at_the_chart() {

@@ -1,5 +1,5 @@
-//! Gradations: blocks of many levels, shuffled over the panel, so that glare and blur add the same on
-//! average to every level (a ramp would give its bright end more than its dark end).
+//! Gradations: blocks of many levels, shuffled over the panel, so that glare and blur add the same
+//! on average to every level (a ramp would give its bright end more than its dark end).
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -29,7 +29,8 @@ pub struct Block {
 }
 
 impl Gradation {
-    /// Blocks of `block_px` panel pixels, the codes of `levels` dealt out evenly in an order drawn from `seed`.
+    /// Blocks of `block_px` panel pixels, the codes of `levels` dealt out evenly in an order drawn
+    /// from `seed`.
     pub fn new(size: Size, block_px: usize, levels: &[u8], seed: u64) -> Gradation {
         let block_px = block_px.max(1);
         let (columns, rows) = (size.width.div_ceil(block_px), size.height.div_ceil(block_px));
@@ -56,7 +57,9 @@ impl Gradation {
     }
 
     fn plane(&self) -> Plane<u8> {
-        Plane::from_fn(self.size, |x, y| self.codes[y / self.block_px * self.columns + x / self.block_px])
+        Plane::from_fn(self.size, |x, y| {
+            self.codes[y / self.block_px * self.columns + x / self.block_px]
+        })
     }
 
     /// All whole blocks.

@@ -14,8 +14,8 @@ use crate::frame::{Channel, Codes, Frame, Plane, Size};
 pub use chart::chart;
 pub use gradation::{Block, Gradation};
 
-/// The four trial pictures by which a rig is judged before anything is measured: is light coming, too
-/// much, too little, and from where?
+/// The four trial pictures by which a rig is judged before anything is measured: is light coming,
+/// too much, too little, and from where?
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trial {
     /// All codes 0.
@@ -48,9 +48,9 @@ pub fn trial(size: Size, which: Trial) -> Codes {
     }
 }
 
-/// Where the locator's spots are, panel pixels: red left of the centre, green right of it, blue below.
-/// Near the centre, so that a badly aimed camera still sees them; no three in a line, so that they give
-/// position, rotation, magnification and reflection.
+/// Where the locator's spots are, panel pixels: red left of the centre, green right of it, blue
+/// below. Near the centre, so that a badly aimed camera still sees them; no three in a line, so
+/// that they give position, rotation, magnification and reflection.
 pub fn locator_spots(size: Size) -> [(f64, f64); 3] {
     let (w, h) = (size.width as f64, size.height as f64);
     let (cx, cy) = ((w - 1.0) / 2.0, (h - 1.0) / 2.0);
@@ -74,15 +74,18 @@ pub fn flat_of(size: Size, channel: Channel, code: u8) -> Codes {
     flat(size, codes)
 }
 
-/// A checkerboard of black and full squares of `square_px` panel pixels in one channel. Its corners lie at
-/// (a·`square_px` − ½, b·`square_px` − ½); squares with even a + b (right of and below that corner) are full.
+/// A checkerboard of black and full squares of `square_px` panel pixels in one channel. Its corners
+/// lie at (a·`square_px` − ½, b·`square_px` − ½); squares with even a + b (right of and below that
+/// corner) are full.
 pub fn checkerboard(size: Size, square_px: usize, channel: Channel) -> Codes {
     let square_px = square_px.max(1);
     Frame::from_fn(|c| {
         if c != channel {
             return Plane::zeros(size);
         }
-        Plane::from_fn(size, |x, y| if (x / square_px + y / square_px).is_multiple_of(2) { 255 } else { 0 })
+        Plane::from_fn(size, |x, y| {
+            if (x / square_px + y / square_px).is_multiple_of(2) { 255 } else { 0 }
+        })
     })
 }
 
@@ -115,7 +118,8 @@ mod tests {
         assert_ne!(p, pseudo_random(size, 8));
         assert_eq!(p.data().iter().sum::<f32>(), 0.0);
         let neighbours: f32 =
-            (0..48).map(|y| p.row(y).windows(2).map(|w| w[0] * w[1]).sum::<f32>()).sum::<f32>() / 3024.0;
+            (0..48).map(|y| p.row(y).windows(2).map(|w| w[0] * w[1]).sum::<f32>()).sum::<f32>()
+                / 3024.0;
         // Five standard deviations of a mean of 3024 signs.
         assert!(neighbours.abs() < 5.0 / 3024f32.sqrt(), "{neighbours}");
     }
@@ -124,7 +128,10 @@ mod tests {
     fn checkerboard_corners_are_where_they_are_said_to_be() {
         let board = checkerboard(Size::new(20, 20), 5, Channel::Green);
         let green = board.plane(Channel::Green);
-        assert_eq!((green.at(4, 4), green.at(5, 4), green.at(4, 5), green.at(5, 5)), (255, 0, 0, 255));
+        assert_eq!(
+            (green.at(4, 4), green.at(5, 4), green.at(4, 5), green.at(5, 5)),
+            (255, 0, 0, 255)
+        );
         assert!(board.plane(Channel::Red).data().iter().all(|&v| v == 0));
     }
 

@@ -1,6 +1,7 @@
 //! Bytes to samples, under limits and with the decoder's panics caught.
 //!
-//! [`decode`] is a pure function of the bytes; the daemon has it done in a [`worker`](super::worker).
+//! [`decode`] is a pure function of the bytes; the daemon has it done in a
+//! [`worker`](super::worker).
 
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -26,8 +27,8 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Room for a 24-megapixel photo in 16-bit TIFF with a third to spare: on a 4 GiB board its planes take
-    /// a fifth of the memory. Guess.
+    /// Room for a 24-megapixel photo in 16-bit TIFF with a third to spare: on a 4 GiB board its
+    /// planes take a fifth of the memory. Guess.
     fn default() -> Self {
         Limits { bytes_max: 256 << 20, pixels_max: 32_000_000, decoder_bytes_max: 512 << 20 }
     }
@@ -135,8 +136,8 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
 /// Decodes a whole JPEG, PNG or TIFF.
 ///
 /// # Errors
-/// The [`Flaw`] that keeps it from being a photo; nothing large is allocated before the header's size is
-/// found within `limits`.
+/// The [`Flaw`] that keeps it from being a photo; nothing large is allocated before the header's
+/// size is found within `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
     let Heading { format, losses } = walk(bytes, limits)?;
     // Decoders may panic on hostile files, by their own notes.
@@ -144,9 +145,12 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
         let input = Cursor::new(bytes);
         match format {
             Format::Jpeg => collect(JpegDecoder::new(input), format, limits, losses),
-            Format::Png => {
-                collect(PngDecoder::with_limits(input, decoder_limits(limits)), format, limits, losses)
-            }
+            Format::Png => collect(
+                PngDecoder::with_limits(input, decoder_limits(limits)),
+                format,
+                limits,
+                losses,
+            ),
             Format::Tiff => collect(TiffDecoder::new(input), format, limits, losses),
         }
     }));
@@ -200,8 +204,8 @@ fn collect<D: ImageDecoder>(
             losses.push(format!("{what} data cannot be carried over into the result"));
         }
     }
-    // Only now: the TIFF decoder would measure the profile by the picture's own size. Up to here its default
-    // limits hold.
+    // Only now: the TIFF decoder would measure the profile by the picture's own size. Up to here
+    // its default limits hold.
     decoder.set_limits(decoder_limits(limits)).map_err(undecodable)?;
     let mut raw = vec![0u8; decoder.total_bytes() as usize];
     decoder.read_image(&mut raw).map_err(undecodable)?;
@@ -220,7 +224,8 @@ mod tests {
     fn an_oversized_header_is_refused_before_decoding() {
         // A JPEG of a few hundred bytes may claim 16000×11000 and would decode to half a gigabyte.
         let mut jpeg = include_bytes!("../../tests/scenes/rocket.jpg").to_vec();
-        let sof = jpeg.windows(2).position(|w| w[0] == 0xff && (w[1] == 0xc0 || w[1] == 0xc2)).unwrap();
+        let sof =
+            jpeg.windows(2).position(|w| w[0] == 0xff && (w[1] == 0xc0 || w[1] == 0xc2)).unwrap();
         jpeg[sof + 5..sof + 9].copy_from_slice(&[0x2a, 0xf8, 0x3e, 0x80]);
         let flaw = decode(&jpeg, &Limits::default()).unwrap_err();
         assert!(flaw.to_string().contains("16000×11000"), "{flaw}");
@@ -237,8 +242,9 @@ mod tests {
                 let mut bytes = whole.to_vec();
                 for _ in 0..6 {
                     // Numerical Recipes' linear congruential generator; any will do.
-                    state =
-                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    state = state
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1_442_695_040_888_963_407);
                     let at = (state >> 33) as usize % 700;
                     bytes[at] = (state >> 20) as u8;
                 }

@@ -59,7 +59,12 @@ pub fn preview(
     result.map_err(|source| PictureError::Encode { name: name.to_owned(), source })
 }
 
-fn encoded(picture: &Frame<Work>, manner: &Manner, grey: bool, quality: u8) -> image::ImageResult<Vec<u8>> {
+fn encoded(
+    picture: &Frame<Work>,
+    manner: &Manner,
+    grey: bool,
+    quality: u8,
+) -> image::ImageResult<Vec<u8>> {
     // TIFF writers know no grey with alpha, and JPEG none at all.
     let layout = match (manner.format, manner.layout) {
         (Format::Tiff, Layout::GreyAlpha) => Layout::RgbAlpha,
@@ -70,8 +75,10 @@ fn encoded(picture: &Frame<Work>, manner: &Manner, grey: bool, quality: u8) -> i
     let grey = grey || manner.layout.is_grey();
     let source = |channel: Channel| picture.plane(if grey { Channel::Green } else { channel });
     let colours: &[Channel] = if layout.is_grey() { &[Channel::Green] } else { &Channel::ALL };
-    let mut planes: Vec<Vec<u16>> =
-        colours.iter().map(|&c| manner.tone.codes(c.index(), &turn(source(c), manner.orientation))).collect();
+    let mut planes: Vec<Vec<u16>> = colours
+        .iter()
+        .map(|&c| manner.tone.codes(c.index(), &turn(source(c), manner.orientation)))
+        .collect();
     let deep = manner.bits > 8;
     if layout.has_alpha() {
         let opaque = Plane::filled(picture.size(), 1.0);
@@ -105,7 +112,9 @@ fn encoded(picture: &Frame<Work>, manner: &Manner, grey: bool, quality: u8) -> i
     let mut bytes = Vec::new();
     let out = Cursor::new(&mut bytes);
     match manner.format {
-        Format::Jpeg => write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?,
+        Format::Jpeg => {
+            write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?
+        }
         Format::Png => write(PngEncoder::new(out), manner, &raw, size, colour)?,
         Format::Tiff => write(TiffEncoder::new(out), manner, &raw, size, colour)?,
     }
@@ -139,7 +148,9 @@ mod tests {
     use crate::config::Curve;
 
     fn scene(size: Size) -> Frame<Work> {
-        Frame::from_fn(|c| Plane::from_fn(size, |x, y| ((x * 5 + y * 3 + 40 * c.index()) % 256) as f32))
+        Frame::from_fn(|c| {
+            Plane::from_fn(size, |x, y| ((x * 5 + y * 3 + 40 * c.index()) % 256) as f32)
+        })
     }
 
     fn back(bytes: &[u8]) -> Photo {
@@ -161,7 +172,8 @@ mod tests {
                     let mut manner = Manner::plain(format, bits, Curve::Srgb);
                     manner.layout = layout;
                     let size = Size::new(20, 14);
-                    manner.alpha = layout.has_alpha().then(|| Plane::from_fn(size, |x, _| x as f32 / 255.0));
+                    manner.alpha =
+                        layout.has_alpha().then(|| Plane::from_fn(size, |x, _| x as f32 / 255.0));
                     let first = back(&encode("p", &scene(size), &manner, false).unwrap());
                     assert_eq!(first.manner.bits, bits);
                     let again = encode("p", &first.light, &first.manner, layout.is_grey()).unwrap();

@@ -15,7 +15,8 @@ pub enum Flaw {
     Empty,
     /// Not a plain file.
     #[error(
-        "this is no plain file: found {found}, allowed a JPEG, PNG or TIFF file itself, not a way to one"
+        "this is no plain file: found {found}, allowed a JPEG, PNG or TIFF file itself, not a way \
+         to one"
     )]
     NotAFile {
         /// What it is.
@@ -29,9 +30,11 @@ pub enum Flaw {
         /// The limit.
         allowed: u64,
     },
-    /// Zeros where the picture should be, as a copy leaves that reserved the space and never filled it.
+    /// Zeros where the picture should be, as a copy leaves that reserved the space and never filled
+    /// it.
     #[error(
-        "the file was never filled: found nothing but zero bytes from byte {from} to byte {to} of {length}, allowed picture data; copy it again"
+        "the file was never filled: found nothing but zero bytes from byte {from} to byte {to} of \
+         {length}, allowed picture data; copy it again"
     )]
     ZeroFilled {
         /// First zero byte.
@@ -49,7 +52,8 @@ pub enum Flaw {
     },
     /// The name says one kind, the content another.
     #[error(
-        "the name does not fit the content: found a {found} file named .{extension}, allowed a name ending in {allowed}; rename it and drop it again"
+        "the name does not fit the content: found a {found} file named .{extension}, allowed a \
+         name ending in {allowed}; rename it and drop it again"
     )]
     Misnamed {
         /// What the content says it is.
@@ -61,7 +65,8 @@ pub enum Flaw {
     },
     /// The file ends before the picture does.
     #[error(
-        "the {kind} file is cut short: found {found}, allowed a file that goes on to {end}; copy it again"
+        "the {kind} file is cut short: found {found}, allowed a file that goes on to {end}; copy \
+         it again"
     )]
     Truncated {
         /// Kind of file.
@@ -81,8 +86,12 @@ pub enum Flaw {
         /// What should have been there.
         allowed: String,
     },
-    /// More pixels than the box is prepared to hold; read from the header, before anything is allocated.
-    #[error("the picture is too large: found {found} pixels by its header, allowed {allowed} pixels in all")]
+    /// More pixels than the box is prepared to hold; read from the header, before anything is
+    /// allocated.
+    #[error(
+        "the picture is too large: found {found} pixels by its header, allowed {allowed} pixels \
+         in all"
+    )]
     Oversized {
         /// Width and height by the header.
         found: Size,
@@ -109,14 +118,17 @@ pub enum Flaw {
         source: image::ImageError,
     },
     /// The decoder panicked, which hostile or damaged files can make it do.
-    #[error("the {kind} decoder gave up on this file: found data that broke it, allowed are valid files")]
+    #[error(
+        "the {kind} decoder gave up on this file: found data that broke it, allowed are valid files"
+    )]
     BrokeTheDecoder {
         /// Kind of file.
         kind: &'static str,
     },
     /// Not the rig's shape.
     #[error(
-        "the photo has not this rig's shape: found {found}{held}, allowed {allowed} or the same shape at another size"
+        "the photo has not this rig's shape: found {found}{held}, allowed {allowed} or the same \
+         shape at another size"
     )]
     Shape {
         /// Width and height as stored.

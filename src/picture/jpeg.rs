@@ -1,7 +1,9 @@
-//! Walks a JPEG's markers to its end, because the decoder would take one percent of a file for a photo.
+//! Walks a JPEG's markers to its end, because the decoder would take one percent of a file for a
+//! photo.
 //!
-//! Marker syntax: ITU-T T.81 annex B. A file is whole when its first image runs from SOI over at least
-//! one scan to EOI; whatever cameras append after EOI (previews, depth maps) is not looked at.
+//! Marker syntax: ITU-T T.81 annex B. A file is whole when its first image runs from SOI over at
+//! least one scan to EOI; whatever cameras append after EOI (previews, depth maps) is not looked
+//! at.
 
 use crate::frame::Size;
 
@@ -14,8 +16,9 @@ pub(super) struct Walked {
     pub(super) components: u8,
 }
 
-/// A run of zero bytes this long inside the coded data is a hole, unless the picture is nearly blank.
-/// Guess: coded photographs hold runs of a few bytes; file systems leave holes of whole blocks, 512 and up.
+/// A run of zero bytes this long inside the coded data is a hole, unless the picture is nearly
+/// blank. Guess: coded photographs hold runs of a few bytes; file systems leave holes of whole
+/// blocks, 512 and up.
 const HOLE_BYTES: usize = 512;
 
 /// Below this many coded bits a pixel a picture is so blank that zero runs may be its code. Guess.
@@ -41,7 +44,9 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         at += segment.len() + 2;
         match marker {
             // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
-            0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => frame = Some(frame_header(segment)?),
+            0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
+                frame = Some(frame_header(segment)?)
+            }
             0xda => {
                 let end = end_of_scan(bytes, at);
                 let zeros = longest_zero_run(&bytes[at..end]);
@@ -58,7 +63,10 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         }
     }
     let Some(walked) = frame.filter(|_| coded_bytes > 0) else {
-        return Err(damaged("an end-of-image marker before any picture", "a frame header and a scan"));
+        return Err(damaged(
+            "an end-of-image marker before any picture",
+            "a frame header and a scan",
+        ));
     };
     let blank = (coded_bytes as f64) * 8.0 < BLANK_BITS_PER_PIXEL * walked.size.area() as f64;
     match hole {
@@ -119,7 +127,8 @@ fn frame_header(segment: &[u8]) -> Result<Walked, Flaw> {
     Ok(Walked { size, components })
 }
 
-/// Where the entropy-coded data from `at` on ends: at the next marker that is no restart, or at the end.
+/// Where the entropy-coded data from `at` on ends: at the next marker that is no restart, or at the
+/// end.
 fn end_of_scan(bytes: &[u8], at: usize) -> usize {
     let mut i = at;
     while let Some(step) = bytes[i..].iter().position(|&b| b == 0xff) {
@@ -151,7 +160,11 @@ fn longest_zero_run(data: &[u8]) -> (usize, usize) {
 fn ended_early(bytes: &[u8], found: &str) -> Flaw {
     let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
     if zeros >= HOLE_BYTES {
-        return Flaw::ZeroFilled { from: bytes.len() - zeros, to: bytes.len(), length: bytes.len() };
+        return Flaw::ZeroFilled {
+            from: bytes.len() - zeros,
+            to: bytes.len(),
+            length: bytes.len(),
+        };
     }
     Flaw::Truncated {
         kind: "JPEG",

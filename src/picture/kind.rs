@@ -114,8 +114,9 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Format, Flaw> {
             allowed: "TIFF files below 4 GiB",
         });
     }
-    let foreign =
-        FOREIGN.iter().find(|(at, magic, _)| bytes.get(*at..).is_some_and(|b| b.starts_with(magic)));
+    let foreign = FOREIGN
+        .iter()
+        .find(|(at, magic, _)| bytes.get(*at..).is_some_and(|b| b.starts_with(magic)));
     let found = match foreign {
         Some((_, _, name)) => (*name).to_owned(),
         None if looks_like_text(bytes) => "a text".to_owned(),
@@ -126,7 +127,8 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Format, Flaw> {
 
 /// Refuses a name whose ending contradicts the content; a name without an ending promises nothing.
 pub(super) fn check_name(name: &str, format: Format) -> Result<(), Flaw> {
-    let Some(extension) = std::path::Path::new(name).extension().map(|e| e.to_string_lossy().into_owned())
+    let Some(extension) =
+        std::path::Path::new(name).extension().map(|e| e.to_string_lossy().into_owned())
     else {
         return Ok(());
     };

@@ -6,15 +6,16 @@
 //! bytes ◄─ encode ◄─ turned upright ◄─ curve redone ◄──────┘  (after restoring)
 //! ```
 //!
-//! **Orientation.** The lens's field is fixed to the sensor, and a camera stores pixels as the sensor
-//! sees them with a tag that says how it was held. So a photo is restored as stored, whatever its tag,
-//! and turned upright once, on the way out, where the tag is cleared. A photo stored upright in portrait
-//! has lost which way the camera was turned and is refused by its shape.
+//! **Orientation.** The lens's field is fixed to the sensor, and a camera stores pixels as the
+//! sensor sees them with a tag that says how it was held. So a photo is restored as stored,
+//! whatever its tag, and turned upright once, on the way out, where the tag is cleared. A photo
+//! stored upright in portrait has lost which way the camera was turned and is refused by its shape.
 //!
 //! **Alpha** is no light: it is set aside, resampled with the photo if need be, and put back.
 //!
-//! **Curve.** An embedded ICC profile's tone curves, else the rig's curve (sRGB or linear). A profile's
-//! primaries are left as they are: the lens blurs each stored channel, and the result carries the profile.
+//! **Curve.** An embedded ICC profile's tone curves, else the rig's curve (sRGB or linear). A
+//! profile's primaries are left as they are: the lens blurs each stored channel, and the result
+//! carries the profile.
 
 mod decode;
 mod encode;

@@ -66,7 +66,8 @@ pub struct FileFacts {
 pub struct Photo {
     /// The file's name, for messages and results.
     pub name: String,
-    /// Linear light 0..255, stored orientation. For grey photos the green plane alone, the others black.
+    /// Linear light 0..255, stored orientation. For grey photos the green plane alone, the others
+    /// black.
     pub light: Frame<Work>,
     /// Whether all channels carry something of their own.
     pub channels: Channels,
@@ -86,7 +87,8 @@ impl Photo {
     /// Links, pipes and devices are not followed or waited for.
     ///
     /// # Errors
-    /// [`PictureError::Read`] when the file cannot be had, [`PictureError::Refused`] with its [`Flaw`].
+    /// [`PictureError::Read`] when the file cannot be had, [`PictureError::Refused`] with its
+    /// [`Flaw`].
     pub fn read(path: &Path, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let file = open(path, &name)?;
@@ -97,7 +99,12 @@ impl Photo {
     ///
     /// # Errors
     /// As [`Photo::read`].
-    pub fn of_file(name: &str, file: File, curve: Curve, limits: &Limits) -> Result<Photo, PictureError> {
+    pub fn of_file(
+        name: &str,
+        file: File,
+        curve: Curve,
+        limits: &Limits,
+    ) -> Result<Photo, PictureError> {
         Photo::from_bytes(name, &read_bytes(file, name, limits)?, curve, limits)
     }
 
@@ -125,7 +132,8 @@ impl Photo {
     }
 
     fn of_raster(name: &str, raster: Raster, curve: Curve, file: FileFacts) -> Photo {
-        let Raster { format, size, layout, bits, samples, orientation, icc, mut exif, losses } = raster;
+        let Raster { format, size, layout, bits, samples, orientation, icc, mut exif, losses } =
+            raster;
         let mut notes = losses;
         let tone = icc.as_deref().map(|icc| Tone::of_profile(icc, bits, layout.is_grey()));
         let tone = match tone {
@@ -147,8 +155,12 @@ impl Photo {
         let step = layout.samples();
         let pixel = |channel: usize| {
             let at = if layout.is_grey() { 0 } else { channel };
-            let light =
-                samples.iter().skip(at).step_by(step).map(|&code| tone.light(channel, code)).collect();
+            let light = samples
+                .iter()
+                .skip(at)
+                .step_by(step)
+                .map(|&code| tone.light(channel, code))
+                .collect();
             Plane::from_vec(size, light).unwrap_or_else(|| Plane::zeros(size))
         };
         let equal = |p: &[u16]| p[0] == p[1] && p[1] == p[2];
@@ -159,7 +171,8 @@ impl Photo {
         };
         let alpha = layout.has_alpha().then(|| {
             let top = if bits == 8 { 255.0 } else { 65535.0 };
-            let alpha = samples.iter().skip(step - 1).step_by(step).map(|&a| f32::from(a) / top).collect();
+            let alpha =
+                samples.iter().skip(step - 1).step_by(step).map(|&a| f32::from(a) / top).collect();
             Plane::from_vec(size, alpha).unwrap_or_else(|| Plane::filled(size, 1.0))
         });
         Photo {
@@ -173,7 +186,8 @@ impl Photo {
         }
     }
 
-    /// The photo on the rig's grid: itself, or resampled when it has the same shape at another size.
+    /// The photo on the rig's grid: itself, or resampled when it has the same shape at another
+    /// size.
     ///
     /// # Errors
     /// [`Flaw::Shape`] when its shape is another.
@@ -186,7 +200,10 @@ impl Photo {
             let turned = Size::new(found.height, found.width);
             let held = match shape::same_shape(turned, allowed) {
                 true if turn::swaps(self.manner.orientation) => " stored on its side",
-                true => " in portrait, stored upright, so that nothing says which way the camera was turned",
+                true => {
+                    " in portrait, stored upright, so that nothing says which way the camera was \
+                     turned"
+                }
                 false => "",
             };
             return Err(PictureError::Refused {
@@ -209,33 +226,44 @@ impl Photo {
     }
 }
 
-/// The samples, as code values 0..255 with no curve undone, of a picture that is part of the program.
+/// The samples, as code values 0..255 with no curve undone, of a picture that is part of the
+/// program.
 ///
 /// # Panics
 /// When `bytes` are no whole JPEG, PNG or TIFF, which a test of the embedded pictures rules out.
 pub fn embedded(bytes: &'static [u8]) -> [Plane; 3] {
-    let raster = decode(bytes, &Limits::default()).expect("pictures that are part of the program decode");
+    let raster =
+        decode(bytes, &Limits::default()).expect("pictures that are part of the program decode");
     let step = raster.layout.samples();
     let scale = if raster.bits == 8 { 1.0 } else { 1.0 / 257.0 };
     [0, 1, 2].map(|channel| {
         let at = if raster.layout.is_grey() { 0 } else { channel };
-        let codes =
-            raster.samples.iter().skip(at).step_by(step).map(|&code| f32::from(code) * scale).collect();
+        let codes = raster
+            .samples
+            .iter()
+            .skip(at)
+            .step_by(step)
+            .map(|&code| f32::from(code) * scale)
+            .collect();
         Plane::from_vec(raster.size, codes).unwrap_or_else(|| Plane::zeros(raster.size))
     })
 }
 
-/// Whether `file`, called `name`, is all there: a JPEG to its end marker, a PNG to its end chunk, a TIFF to its
-/// last strip, none with a hole of zeros in it. Whatever else may be wrong with it is no business of this.
+/// Whether `file`, called `name`, is all there: a JPEG to its end marker, a PNG to its end chunk, a
+/// TIFF to its last strip, none with a hole of zeros in it. Whatever else may be wrong with it is
+/// no business of this.
 ///
 /// # Errors
-/// [`PictureError::Refused`] with what is missing, always of [`Growth::Likely`]; [`PictureError::Read`].
+/// [`PictureError::Refused`] with what is missing, always of [`Growth::Likely`];
+/// [`PictureError::Read`].
 pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
     let walked = read_bytes(file, name, limits).and_then(|bytes| {
         walk(&bytes, limits).map_err(|flaw| PictureError::Refused { name: name.to_owned(), flaw })
     });
     match walked {
-        Err(error) if error.growth() == Growth::Likely || matches!(error, PictureError::Read { .. }) => {
+        Err(error)
+            if error.growth() == Growth::Likely || matches!(error, PictureError::Read { .. }) =>
+        {
             Err(error)
         }
         _ => Ok(()),
@@ -270,7 +298,11 @@ fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<u8>, Pictur
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);
     file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
-    if bytes.len() as u64 > limits.bytes_max { Err(too_long(bytes.len() as u64)) } else { Ok(bytes) }
+    if bytes.len() as u64 > limits.bytes_max {
+        Err(too_long(bytes.len() as u64))
+    } else {
+        Ok(bytes)
+    }
 }
 
 #[cfg(test)]

@@ -14,7 +14,10 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Size, Flaw> {
         if SIGNATURE.starts_with(bytes) {
             return Err(ended_early(bytes, 0));
         }
-        return Err(damaged("a signature changed in transfer", "a copy made byte by byte, not as text"));
+        return Err(damaged(
+            "a signature changed in transfer",
+            "a copy made byte by byte, not as text",
+        ));
     }
     let mut rest = &bytes[SIGNATURE.len()..];
     let mut size = None;
@@ -28,10 +31,17 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Size, Flaw> {
             if rest.iter().all(|&b| b == 0) {
                 return Err(ended_early(bytes, at));
             }
-            return Err(damaged(&format!("no chunk at byte {at}"), "a chunk's name of four letters"));
+            return Err(damaged(
+                &format!("no chunk at byte {at}"),
+                "a chunk's name of four letters",
+            ));
         }
-        let Some((body, after)) = after.split_at_checked(length) else { return Err(ended_early(bytes, at)) };
-        let Some((crc, after)) = after.split_first_chunk::<4>() else { return Err(ended_early(bytes, at)) };
+        let Some((body, after)) = after.split_at_checked(length) else {
+            return Err(ended_early(bytes, at));
+        };
+        let Some((crc, after)) = after.split_first_chunk::<4>() else {
+            return Err(ended_early(bytes, at));
+        };
         let mut hasher = crc32fast::Hasher::new();
         hasher.update(kind);
         hasher.update(body);
@@ -59,8 +69,9 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Size, Flaw> {
 }
 
 fn header(body: &[u8]) -> Option<Size> {
-    let number =
-        |at: usize| body.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    let number = |at: usize| {
+        body.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]) as usize)
+    };
     Some(Size::new(number(0)?, number(4)?))
 }
 
@@ -68,7 +79,11 @@ fn header(body: &[u8]) -> Option<Size> {
 fn ended_early(bytes: &[u8], at: usize) -> Flaw {
     let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
     if zeros >= 512 {
-        return Flaw::ZeroFilled { from: bytes.len() - zeros, to: bytes.len(), length: bytes.len() };
+        return Flaw::ZeroFilled {
+            from: bytes.len() - zeros,
+            to: bytes.len(),
+            length: bytes.len(),
+        };
     }
     Flaw::Truncated {
         kind: "PNG",

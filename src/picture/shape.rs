@@ -17,12 +17,17 @@ mod tests {
     #[test]
     fn shape_allows_rounding_and_nothing_more() {
         let rig = Size::new(1024, 768);
-        for same in [Size::new(1024, 768), Size::new(4000, 3000), Size::new(641, 481), Size::new(333, 250)] {
+        for same in
+            [Size::new(1024, 768), Size::new(4000, 3000), Size::new(641, 481), Size::new(333, 250)]
+        {
             assert!(same_shape(same, rig), "{same}");
         }
-        for other in
-            [Size::new(768, 1024), Size::new(1024, 766), Size::new(4000, 2250), Size::new(1024, 1024)]
-        {
+        for other in [
+            Size::new(768, 1024),
+            Size::new(1024, 766),
+            Size::new(4000, 2250),
+            Size::new(1024, 1024),
+        ] {
             assert!(!same_shape(other, rig), "{other}");
         }
     }

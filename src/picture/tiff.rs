@@ -1,4 +1,5 @@
-//! Walks a TIFF's first directory and sees that its strips or tiles lie inside the file (TIFF 6.0, §2).
+//! Walks a TIFF's first directory and sees that its strips or tiles lie inside the file (TIFF 6.0,
+//! §2).
 
 use crate::frame::Size;
 
@@ -50,7 +51,12 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     walked.more_pages = file.u32(directory + 2 + 12 * entries)? != 0;
     if walked.size.area() == 0 || offsets.is_empty() || offsets.len() != counts.len() {
         return Err(file.damaged(
-            &format!("a picture of {} in {} strips of {} lengths", walked.size, offsets.len(), counts.len()),
+            &format!(
+                "a picture of {} in {} strips of {} lengths",
+                walked.size,
+                offsets.len(),
+                counts.len()
+            ),
             "at least 1×1 and a length for every strip",
         ));
     }
@@ -64,12 +70,16 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         let trailing = strip.iter().rev().take_while(|&&b| b == 0).count();
         zeros_at_end = if trailing == length { zeros_at_end + length } else { trailing };
     }
-    // Plain data may hold zeros, black pixels; a whole quarter of exact zeros at the end is a hole, for no
-    // sensor is that quiet. Guess. Packed data never holds them.
+    // Plain data may hold zeros, black pixels; a whole quarter of exact zeros at the end is a hole,
+    // for no sensor is that quiet. Guess. Packed data never holds them.
     let allowed = if plain { (total / 4).max(512) } else { 512 };
     if zeros_at_end >= allowed {
         let to = offsets.iter().zip(&counts).map(|(o, c)| o + c).max().unwrap_or(bytes.len());
-        return Err(Flaw::ZeroFilled { from: to.saturating_sub(zeros_at_end), to, length: bytes.len() });
+        return Err(Flaw::ZeroFilled {
+            from: to.saturating_sub(zeros_at_end),
+            to,
+            length: bytes.len(),
+        });
     }
     Ok(walked)
 }
@@ -82,13 +92,19 @@ struct File<'a> {
 
 impl File<'_> {
     fn u16(&self, at: usize) -> Result<u16, Flaw> {
-        let b = self.bytes.get(at..at + 2).ok_or_else(|| self.ended_early("a directory past the end"))?;
+        let b = self
+            .bytes
+            .get(at..at + 2)
+            .ok_or_else(|| self.ended_early("a directory past the end"))?;
         let b = [b[0], b[1]];
         Ok(if self.big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) })
     }
 
     fn u32(&self, at: usize) -> Result<u32, Flaw> {
-        let b = self.bytes.get(at..at + 4).ok_or_else(|| self.ended_early("a directory past the end"))?;
+        let b = self
+            .bytes
+            .get(at..at + 4)
+            .ok_or_else(|| self.ended_early("a directory past the end"))?;
         let b = [b[0], b[1], b[2], b[3]];
         Ok(if self.big_endian { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
     }
@@ -114,7 +130,10 @@ impl File<'_> {
     }
 
     fn first(&self, entry: usize) -> Result<usize, Flaw> {
-        self.numbers(entry)?.first().copied().ok_or_else(|| self.damaged("an empty field", "one number"))
+        self.numbers(entry)?
+            .first()
+            .copied()
+            .ok_or_else(|| self.damaged("an empty field", "one number"))
     }
 
     fn ended_early(&self, found: &str) -> Flaw {

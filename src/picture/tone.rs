@@ -47,8 +47,8 @@ impl Tone {
     /// The tone curves of an embedded ICC profile; `grey` when the samples are grey.
     ///
     /// # Errors
-    /// A sentence saying why the profile has no usable curves (not an RGB or grey one, look-up tables
-    /// only, curves that fall).
+    /// A sentence saying why the profile has no usable curves (not an RGB or grey one, look-up
+    /// tables only, curves that fall).
     pub fn of_profile(icc: &[u8], bits: u8, grey: bool) -> Result<Tone, &'static str> {
         let profile = ColorProfile::new_from_slice(icc).map_err(|_| "it cannot be read")?;
         let curves = match (profile.color_space, grey) {
@@ -56,10 +56,12 @@ impl Tone {
                 let curve = profile.gray_trc.ok_or("it has no tone curve")?;
                 [curve.clone(), curve.clone(), curve]
             }
-            (DataColorSpace::Rgb, _) => match (profile.red_trc, profile.green_trc, profile.blue_trc) {
-                (Some(red), Some(green), Some(blue)) => [red, green, blue],
-                _ => return Err("it has no tone curves"),
-            },
+            (DataColorSpace::Rgb, _) => {
+                match (profile.red_trc, profile.green_trc, profile.blue_trc) {
+                    (Some(red), Some(green), Some(blue)) => [red, green, blue],
+                    _ => return Err("it has no tone curves"),
+                }
+            }
             _ => return Err("it is for another kind of picture"),
         };
         let mut tables = Vec::with_capacity(3);
@@ -118,18 +120,26 @@ impl Tone {
 
     /// The codes of a plane of linear light.
     pub(super) fn codes(&self, channel: usize, light: &Plane) -> Vec<u16> {
-        light.data().iter().map(|&v| self.code(channel, if v.is_finite() { v } else { 0.0 })).collect()
+        light
+            .data()
+            .iter()
+            .map(|&v| self.code(channel, if v.is_finite() { v } else { 0.0 }))
+            .collect()
     }
 }
 
 fn table(bits: u8, light: impl Fn(f64) -> f64) -> Vec<f32> {
     let top = if bits > 8 { 65535 } else { 255 };
-    (0..=top).map(|code| (light(f64::from(code) / f64::from(top)) * f64::from(FULL_SCALE)) as f32).collect()
+    (0..=top)
+        .map(|code| (light(f64::from(code) / f64::from(top)) * f64::from(FULL_SCALE)) as f32)
+        .collect()
 }
 
 fn profile_table(curve: &ToneReprCurve, bits: u8) -> Result<Vec<f32>, &'static str> {
-    let evaluator = curve.make_linear_evaluator().map_err(|_| "its tone curve is of an unknown kind")?;
-    let table = table(bits, |code| f64::from(evaluator.evaluate_value(code as f32)).clamp(0.0, 1.0));
+    let evaluator =
+        curve.make_linear_evaluator().map_err(|_| "its tone curve is of an unknown kind")?;
+    let table =
+        table(bits, |code| f64::from(evaluator.evaluate_value(code as f32)).clamp(0.0, 1.0));
     let rises = table.windows(2).all(|w| w[0] <= w[1]) && table.last() > table.first();
     if rises { Ok(table) } else { Err("its tone curve falls") }
 }
@@ -174,7 +184,11 @@ mod tests {
         let icc = profile.encode().unwrap();
         let tone = Tone::of_profile(&icc, 8, false).unwrap();
         let want = (128.0f64 / 255.0).powf(1.8) * 255.0;
-        assert!((f64::from(tone.light(2, 128)) - want).abs() < 0.2, "{} {want}", tone.light(2, 128));
+        assert!(
+            (f64::from(tone.light(2, 128)) - want).abs() < 0.2,
+            "{} {want}",
+            tone.light(2, 128)
+        );
         assert!((0..=255).all(|c| tone.code(0, tone.light(0, c)).abs_diff(c) == 0));
         assert!(Tone::of_profile(b"nonsense", 8, false).is_err());
     }

@@ -20,7 +20,8 @@ pub(super) fn swaps(orientation: Orientation) -> bool {
 pub(super) fn turn<T: Copy + Default>(plane: &Plane<T>, orientation: Orientation) -> Plane<T> {
     let (w, h) = (plane.width(), plane.height());
     let (right, bottom) = (w.wrapping_sub(1), h.wrapping_sub(1));
-    // (x, y) is a place in the upright picture; the EXIF standard's table of where row 0 and column 0 are.
+    // (x, y) is a place in the upright picture; the EXIF standard's table of where row 0 and column
+    // 0 are.
     Plane::from_fn(turned_size(plane.size(), orientation), |x, y| match orientation {
         Orientation::NoTransforms => plane.at(x, y),
         Orientation::FlipHorizontal => plane.at(right - x, y),

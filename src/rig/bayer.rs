@@ -1,7 +1,8 @@
 //! Colour planes of a Bayer mosaic by bilinear interpolation.
 //!
-//! The plainest interpolation on purpose: it is linear and the same everywhere, so the lens model that the
-//! rig measures contains it. An edge-following one would make the camera a function of the picture.
+//! The plainest interpolation on purpose: it is linear and the same everywhere, so the lens model
+//! that the rig measures contains it. An edge-following one would make the camera a function of the
+//! picture.
 
 use crate::frame::{Channel, Counts, Plane};
 
@@ -35,8 +36,9 @@ impl Mosaic {
     }
 }
 
-/// Fills the three planes of `counts` from the sites `raw`: a channel's own sites as they are, the others
-/// the rounded mean of that channel's sites among the eight neighbours (fewer at the border).
+/// Fills the three planes of `counts` from the sites `raw`: a channel's own sites as they are, the
+/// others the rounded mean of that channel's sites among the eight neighbours (fewer at the
+/// border).
 pub fn interpolate(raw: &Plane<u16>, mosaic: Mosaic, counts: &mut Counts) {
     let (width, height) = (raw.width(), raw.height());
     for channel in Channel::ALL {
@@ -62,8 +64,8 @@ pub fn interpolate(raw: &Plane<u16>, mosaic: Mosaic, counts: &mut Counts) {
     }
 }
 
-/// Places of `channel`'s nearest sites around a pixel of this column and row parity, as offsets 0..3 from the
-/// pixel's upper left neighbour.
+/// Places of `channel`'s nearest sites around a pixel of this column and row parity, as offsets
+/// 0..3 from the pixel's upper left neighbour.
 fn neighbours(mosaic: Mosaic, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
     const SELF: [(usize, usize); 1] = [(1, 1)];
     const SIDES: [(usize, usize); 2] = [(0, 1), (2, 1)];
@@ -103,16 +105,18 @@ mod tests {
 
     const ALL: [Mosaic; 4] = [Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg, Mosaic::Rggb];
 
-    /// The definition, without tables: mean of the channel's sites within one pixel, the nearest kind only.
+    /// The definition, without tables: mean of the channel's sites within one pixel, the nearest
+    /// kind only.
     fn plain(raw: &Plane<u16>, mosaic: Mosaic, channel: Channel, x: usize, y: usize) -> u16 {
         for distance in 0..3i32 {
             let (mut sum, mut sites) = (0u32, 0u32);
             for dy in -1..=1i32 {
                 for dx in -1..=1i32 {
                     let (column, row) = (x as i32 + dx, y as i32 + dy);
-                    let inside =
-                        (0..raw.width() as i32).contains(&column) && (0..raw.height() as i32).contains(&row);
-                    // Parity of a place left of or above the frame is that of the place two further in.
+                    let inside = (0..raw.width() as i32).contains(&column)
+                        && (0..raw.height() as i32).contains(&row);
+                    // Parity of a place left of or above the frame is that of the place two further
+                    // in.
                     let colour = mosaic.colour_at((column + 2) as usize, (row + 2) as usize);
                     if dx.abs() + dy.abs() == distance && colour == channel && inside {
                         sum += u32::from(raw.at(column as usize, row as usize));
@@ -130,7 +134,8 @@ mod tests {
     #[test]
     fn the_interpolation_is_the_mean_of_the_nearest_sites_everywhere() {
         for size in [Size::new(9, 7), Size::new(8, 6), Size::new(2, 2)] {
-            let raw = Plane::from_fn(size, |x, y| ((x * 977 + y * 3571 + x * y * 31) % 4096) as u16);
+            let raw =
+                Plane::from_fn(size, |x, y| ((x * 977 + y * 3571 + x * y * 31) % 4096) as u16);
             for mosaic in ALL {
                 let mut counts = Counts::zeros(size);
                 interpolate(&raw, mosaic, &mut counts);

@@ -1,7 +1,8 @@
 //! The button: edges only wake, the level read afterwards decides.
 //!
-//! Contacts bounce and kernels drop edges, so an edge is a hint to look. A press counts when the level has
-//! been "on" at two readings a debounce time apart, and the next one only after an "off" as steady.
+//! Contacts bounce and kernels drop edges, so an edge is a hint to look. A press counts when the
+//! level has been "on" at two readings a debounce time apart, and the next one only after an "off"
+//! as steady.
 
 use super::Moment;
 
@@ -67,7 +68,11 @@ mod line {
     }
 
     fn failed(doing: &'static str) -> impl Fn(gpiocdev::Error) -> RigError {
-        move |cause| RigError::Failed { device: "button", doing, source: std::io::Error::other(cause) }
+        move |cause| RigError::Failed {
+            device: "button",
+            doing,
+            source: std::io::Error::other(cause),
+        }
     }
 
     impl Button {
@@ -119,10 +124,14 @@ mod line {
                 if now >= deadline.0 {
                     return Ok(false);
                 }
-                let until = self.debounce.look_again_at().map_or(deadline.0, |again| again.0.min(deadline.0));
+                let until = self
+                    .debounce
+                    .look_again_at()
+                    .map_or(deadline.0, |again| again.0.min(deadline.0));
                 let wait = Duration::from_secs_f64((until - now).clamp(0.0, 3600.0));
                 if self.request.wait_edge_event(wait).map_err(failed("wait for its edges"))? {
-                    // Emptied and not looked at. (`read_edge_event` would read eight and return the first.)
+                    // Emptied and not looked at. (`read_edge_event` would read eight and return the
+                    // first.)
                     let mut events = self.request.new_edge_event_buffer(EVENTS);
                     events.read_event().map_err(failed("read its edges"))?;
                 }

@@ -1,7 +1,8 @@
 //! Where on the sensor a panel pixel lies, to a pixel or two: enough to place and read frame marks.
 //!
-//! The calibration's own geometry is finer and comes later, through captures that these marks vouch for.
-//! A homography of a few dots, each shown alone; dots seen in the wrong place (frames that were not theirs) are outvoted.
+//! The calibration's own geometry is finer and comes later, through captures that these marks vouch
+//! for. A homography of a few dots, each shown alone; dots seen in the wrong place (frames that
+//! were not theirs) are outvoted.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -27,21 +28,25 @@ fn distance(a: Place, b: Place) -> f64 {
 impl CoarseGeometry {
     /// The homography that most of `pairs` (panel place, sensor place) agree on.
     ///
-    /// Every four of them propose one (Zhang 1995, least median of squares); the proposal with the least median
-    /// error decides which pairs are within `tolerance_px` of it, and these are fitted again by least squares.
-    /// `None` when fewer than five agree, or fewer than half: four always do.
+    /// Every four of them propose one (Zhang 1995, least median of squares); the proposal with the
+    /// least median error decides which pairs are within `tolerance_px` of it, and these are fitted
+    /// again by least squares. `None` when fewer than five agree, or fewer than half: four always
+    /// do.
     pub fn fit(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
-        let error = |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
+        let error =
+            |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
         let mut best: Option<(f64, Self)> = None;
         for a in 0..pairs.len() {
             for b in a + 1..pairs.len() {
                 for c in b + 1..pairs.len() {
                     for d in c + 1..pairs.len() {
-                        let Some(proposal) = Self::least_squares(&[pairs[a], pairs[b], pairs[c], pairs[d]])
+                        let Some(proposal) =
+                            Self::least_squares(&[pairs[a], pairs[b], pairs[c], pairs[d]])
                         else {
                             continue;
                         };
-                        let mut errors: Vec<f64> = pairs.iter().map(|pair| error(&proposal, pair)).collect();
+                        let mut errors: Vec<f64> =
+                            pairs.iter().map(|pair| error(&proposal, pair)).collect();
                         errors.sort_by(f64::total_cmp);
                         let median = errors[errors.len() / 2];
                         if best.as_ref().is_none_or(|(least, _)| median < *least) {
@@ -61,10 +66,11 @@ impl CoarseGeometry {
         .then_some(fitted)
     }
 
-    /// The affine map that most of `pairs` agree on: stiffer than a homography, so it may be trusted a little beyond its
-    /// dots. `None` when fewer than four agree: three always do.
+    /// The affine map that most of `pairs` agree on: stiffer than a homography, so it may be
+    /// trusted a little beyond its dots. `None` when fewer than four agree: three always do.
     pub fn fit_affine(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
-        let error = |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
+        let error =
+            |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
         let agreeing_with = |geometry: &Self| -> Vec<(Place, Place)> {
             pairs.iter().copied().filter(|pair| error(geometry, pair) <= tolerance_px).collect()
         };
@@ -100,7 +106,8 @@ impl CoarseGeometry {
         Some(CoarseGeometry { to_sensor, to_panel: to_sensor.try_inverse()? })
     }
 
-    /// Direct linear transformation with both sides centred and scaled (Hartley & Zisserman, alg. 4.2).
+    /// Direct linear transformation with both sides centred and scaled (Hartley & Zisserman, alg.
+    /// 4.2).
     fn least_squares(pairs: &[(Place, Place)]) -> Option<Self> {
         let from = normaliser(pairs.iter().map(|pair| pair.0))?;
         let to = normaliser(pairs.iter().map(|pair| pair.1))?;
@@ -144,9 +151,9 @@ fn normaliser(places: impl Iterator<Item = Place> + Clone) -> Option<Matrix3<f64
     let mean = [sum[0] / count, sum[1] / count];
     let spread = places.map(|p| distance(p, mean)).sum::<f64>() / count;
     let scale = std::f64::consts::SQRT_2 / spread;
-    scale
-        .is_finite()
-        .then(|| Matrix3::new(scale, 0.0, -scale * mean[0], 0.0, scale, -scale * mean[1], 0.0, 0.0, 1.0))
+    scale.is_finite().then(|| {
+        Matrix3::new(scale, 0.0, -scale * mean[0], 0.0, scale, -scale * mean[1], 0.0, 0.0, 1.0)
+    })
 }
 
 #[cfg(test)]
@@ -160,7 +167,8 @@ mod tests {
     }
 
     fn dots() -> Vec<(Place, Place)> {
-        let panel = (0..12).map(|n| [300.0 + 400.0 * f64::from(n % 4), 150.0 + 380.0 * f64::from(n / 4)]);
+        let panel =
+            (0..12).map(|n| [300.0 + 400.0 * f64::from(n % 4), 150.0 + 380.0 * f64::from(n / 4)]);
         panel.map(|place| (place, true_sensor_at(place))).collect()
     }
 
@@ -180,7 +188,9 @@ mod tests {
             pairs[n].1 = pairs[n - 1].1;
         }
         let geometry = CoarseGeometry::fit(&pairs, 3.0).unwrap();
-        assert!(distance(geometry.sensor_at([700.0, 500.0]), true_sensor_at([700.0, 500.0])) < 1e-6);
+        assert!(
+            distance(geometry.sensor_at([700.0, 500.0]), true_sensor_at([700.0, 500.0])) < 1e-6
+        );
     }
 
     #[test]

@@ -1,16 +1,18 @@
-//! When a display's mode has to be set again: the cable was out, the link must be trained anew, another program had the
-//! display. The kernel is behind a trait, for no virtual display has a link that can be lost.
+//! When a display's mode has to be set again: the cable was out, the link must be trained anew,
+//! another program had the display. The kernel is behind a trait, for no virtual display has a link
+//! that can be lost.
 //!
-//! The kernel's rule for `link-status`: a link that failed its training is black, and stays so until the mode is set
-//! again with the word Good (Linux DRM documentation, "Standard Connector Properties"). A commit by a program that is no
-//! longer DRM master is refused with EACCES.
+//! The kernel's rule for `link-status`: a link that failed its training is black, and stays so
+//! until the mode is set again with the word Good (Linux DRM documentation, "Standard Connector
+//! Properties"). A commit by a program that is no longer DRM master is refused with EACCES.
 
 use super::RigError;
 
 /// "Good" in the kernel's enumeration of `link-status`.
 const GOOD: u64 = 0;
 
-/// A link that fails this often in a row, each time right after the mode was set again, is told of. Guess.
+/// A link that fails this often in a row, each time right after the mode was set again, is told of.
+/// Guess.
 const TRAININGS_MAX: u32 = 3;
 
 /// What the kernel says of the connector, nothing probed.
@@ -54,8 +56,8 @@ impl Link {
     /// Looks at cable and link, and sets the mode again after a loss; returns whether it did.
     ///
     /// # Errors
-    /// [`RigError::Gone`] without a display or with a link that fails again and again; whatever the kernel has against
-    /// it, as that another program drives the display.
+    /// [`RigError::Gone`] without a display or with a link that fails again and again; whatever the
+    /// kernel has against it, as that another program drives the display.
     pub(super) fn keep(&mut self, display: &mut dyn Display) -> Result<bool, RigError> {
         let look = display.look()?;
         if !look.plugged_in {
@@ -78,7 +80,8 @@ impl Link {
         if self.bad > TRAININGS_MAX {
             let name = display.name();
             let what = format!(
-                "the link to {name} fails as often as its mode is set; another cable or a lower mode?"
+                "the link to {name} fails as often as its mode is set; another cable or a lower \
+                 mode?"
             );
             return Err(RigError::Gone { device: "panel", what });
         }
@@ -188,8 +191,12 @@ mod tests {
         let (mut link, mut display) = (Link::default(), fake());
         display.taken = true;
         link.lose();
-        let told: Vec<String> = (0..5).map(|_| link.keep(&mut display).unwrap_err().to_string()).collect();
-        assert!(told[0].contains("the panel is held: another program drives the display"), "{told:?}");
+        let told: Vec<String> =
+            (0..5).map(|_| link.keep(&mut display).unwrap_err().to_string()).collect();
+        assert!(
+            told[0].contains("the panel is held: another program drives the display"),
+            "{told:?}"
+        );
         assert!(told.iter().all(|words| *words == told[0]), "the same words: they are logged once");
         display.taken = false;
         assert_eq!(pictures(&mut link, &mut display), 1);

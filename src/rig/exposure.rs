@@ -1,8 +1,10 @@
-//! Show, settle, trigger, see, and prove that the frame is the picture's own: one capture, or many overlapped.
+//! Show, settle, trigger, see, and prove that the frame is the picture's own: one capture, or many
+//! overlapped.
 //!
-//! No latency is trusted. The camera's frame counter and clock tell repeated and early frames; what they cannot
-//! tell (a late panel, a torn frame, a buffer handed out twice with a new number) the frame mark does, on rigs
-//! that have room for one. Waiting times decide how fast a rig is, never whether its frames are right.
+//! No latency is trusted. The camera's frame counter and clock tell repeated and early frames; what
+//! they cannot tell (a late panel, a torn frame, a buffer handed out twice with a new number) the
+//! frame mark does, on rigs that have room for one. Waiting times decide how fast a rig is, never
+//! whether its frames are right.
 
 use super::frame_mark::{FrameMarks, MarkPlace, Reading};
 use super::mark_search::find_marks;
@@ -38,7 +40,8 @@ impl Timing {
     }
 }
 
-/// With a mark as proof, a camera's stamp may be this much too early: drivers of USB cameras estimate it (guess).
+/// With a mark as proof, a camera's stamp may be this much too early: drivers of USB cameras
+/// estimate it (guess).
 const STAMP_ERROR_MS: f64 = 2.0;
 
 /// Frames that were not what was asked for, by kind, since the rig was opened.
@@ -123,14 +126,17 @@ impl Rig {
         }
     }
 
-    /// Finds the places of the frame marks by some thirty captures; from then on every frame is proven.
+    /// Finds the places of the frame marks by some thirty captures; from then on every frame is
+    /// proven.
     ///
     /// # Errors
     /// [`RigError::NoMarks`] when the panel is not in view; else as [`Rig::capture`].
     pub fn find_marks(&mut self, place: MarkPlace) -> Result<(), RigError> {
         self.marks = None;
         let panel = self.panel.size();
-        let marks = find_marks(place, panel, &mut |codes| self.capture(codes).map(|exposed| exposed.counts))?;
+        let marks = find_marks(place, panel, &mut |codes| {
+            self.capture(codes).map(|exposed| exposed.counts)
+        })?;
         self.marks = Some(marks);
         Ok(())
     }
@@ -140,12 +146,13 @@ impl Rig {
         self.marks.is_some()
     }
 
-    /// Shows `codes`, lets them settle, and returns a frame of them. A frame that does not come, or that is
-    /// not of this picture, is shot again, up to [`Timing::exposures_max`] exposures in all.
+    /// Shows `codes`, lets them settle, and returns a frame of them. A frame that does not come, or
+    /// that is not of this picture, is shot again, up to [`Timing::exposures_max`] exposures in
+    /// all.
     ///
     /// # Errors
-    /// [`RigError::NoFrame`] or [`RigError::NotThisPicture`] when no exposure brought the picture's frame;
-    /// at once when a device is gone or refuses.
+    /// [`RigError::NoFrame`] or [`RigError::NotThisPicture`] when no exposure brought the picture's
+    /// frame; at once when a device is gone or refuses.
     pub fn capture(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
         let begin = self.clock.now();
         let result = self.shoot(codes);
@@ -153,9 +160,10 @@ impl Rig {
         result
     }
 
-    /// Captures pictures that are all known beforehand, and hands `take` each one's frame by its index, not
-    /// necessarily in order. While one frame is exposed and read out, the next picture is already on its
-    /// way to the panel. A frame that is not its picture's is shot again at the end.
+    /// Captures pictures that are all known beforehand, and hands `take` each one's frame by its
+    /// index, not necessarily in order. While one frame is exposed and read out, the next picture
+    /// is already on its way to the panel. A frame that is not its picture's is shot again at the
+    /// end.
     ///
     /// # Errors
     /// As [`Rig::capture`], for the first picture that cannot be had.
@@ -209,7 +217,9 @@ impl Rig {
             if let Some(shot) = std::mem::replace(&mut on_its_way, next) {
                 match self.receive(&shot) {
                     Ok(exposed) => take(shot.index, exposed),
-                    Err(RigError::NotThisPicture { .. } | RigError::NoFrame { .. }) => again.push(shot.index),
+                    Err(RigError::NotThisPicture { .. } | RigError::NoFrame { .. }) => {
+                        again.push(shot.index)
+                    }
                     Err(grave) => return Err(grave),
                 }
             }
@@ -244,8 +254,8 @@ impl Rig {
         Ok(Shot { index, flip, fired, number })
     }
 
-    /// The frame of `shot`. Frames of the past are passed over until its deadline; the first one that
-    /// can be its own decides.
+    /// The frame of `shot`. Frames of the past are passed over until its deadline; the first one
+    /// that can be its own decides.
     fn receive(&mut self, shot: &Shot) -> Result<Exposed, RigError> {
         let deadline = after(shot.fired, self.timing.deadline_ms);
         let mut passed_over = None;
@@ -274,8 +284,8 @@ impl Rig {
                 self.camera.give_back(exposed.counts);
                 continue;
             }
-            // A late frame of an earlier trigger is followed by the right one: fired again now, the rig would
-            // be one frame behind for ever.
+            // A late frame of an earlier trigger is followed by the right one: fired again now, the
+            // rig would be one frame behind for ever.
             let Some(last) = self.doubt(&exposed, shot) else { return Ok(exposed) };
             passed_over = Some(last);
             self.camera.give_back(exposed.counts);

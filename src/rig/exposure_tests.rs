@@ -36,7 +36,9 @@ fn tiny(change: impl Fn(&str) -> String) -> (Rig, simulated::Witness, config::Ri
 
 fn with_marks(change: impl Fn(&str) -> String) -> Rig {
     let (mut devices, _, rig) = tiny(change);
-    devices.find_marks(MarkPlace::of(&rig).expect("it has marks")).unwrap_or_else(|e| panic!("{e}"));
+    devices
+        .find_marks(MarkPlace::of(&rig).expect("it has marks"))
+        .unwrap_or_else(|e| panic!("{e}"));
     devices
 }
 
@@ -46,7 +48,8 @@ fn five_percent_of_each(text: &str) -> String {
     })
 }
 
-/// One of five pictures that differ everywhere: a frame tells which it is by its mean, the mark apart.
+/// One of five pictures that differ everywhere: a frame tells which it is by its mean, the mark
+/// apart.
 fn grey(n: usize) -> Codes {
     Codes::filled(Size::new(240, 180), [40, 90, 130, 170, 210][n % 5])
 }
@@ -86,7 +89,10 @@ fn ten_thousand_captures_with_faults_bring_no_wrong_frame() {
         let mut seen = vec![0; pictures.len()];
         rig.capture_all(&pictures, &mut |n, exposed| {
             seen[n] += 1;
-            assert!(is_of(&exposed, &references[n % 5]), "overlapped capture {n} is of another picture");
+            assert!(
+                is_of(&exposed, &references[n % 5]),
+                "overlapped capture {n} is of another picture"
+            );
         })
         .unwrap_or_else(|e| panic!("{e}"));
         assert!(seen.iter().all(|&times| times == 1), "every picture once");
@@ -108,12 +114,15 @@ fn without_marks_the_same_faults_do_bring_wrong_frames() {
     let references = references();
     let (mut rig, ..) = tiny(five_percent_of_each);
     let wrong = (0..500)
-        .filter(|&n| rig.capture(&grey(n)).is_ok_and(|exposed| !is_of(&exposed, &references[n % 5])))
+        .filter(|&n| {
+            rig.capture(&grey(n)).is_ok_and(|exposed| !is_of(&exposed, &references[n % 5]))
+        })
         .count();
     assert!(wrong > 10, "{wrong} of 500: the test above would pass without marks");
 }
 
-/// An ordinary panel: 60 Hz, two refreshes of latency; settled to half a grey level within three and a half.
+/// An ordinary panel: 60 Hz, two refreshes of latency; settled to half a grey level within three
+/// and a half.
 fn quick(text: &str) -> String {
     let text = text.replacen("settle-ms = 100.0", "settle-ms = 48.0\nlatency-ms = 33.0", 1);
     text.replacen("response-ms = 5.0", "response-ms = 2.5", 1)
@@ -126,17 +135,25 @@ fn known_pictures_take_hardly_longer_than_exposure_and_refresh() {
     let greys: Vec<Codes> = (0..5).map(grey).collect();
     let pictures: Vec<&Codes> = (0..40).map(|n| &greys[n % 5]).collect();
     let (begin, rejected) = (rig.seconds(), rig.rejected());
-    rig.capture_all(&pictures, &mut |n, exposed| assert!(is_of(&exposed, &references[n % 5]), "capture {n}"))
-        .unwrap_or_else(|e| panic!("{e}"));
+    rig.capture_all(&pictures, &mut |n, exposed| {
+        assert!(is_of(&exposed, &references[n % 5]), "capture {n}")
+    })
+    .unwrap_or_else(|e| panic!("{e}"));
     let each_s = (rig.seconds() - begin) / 40.0;
     let alone_s = rig.timing.exposure_ms / 1e3 + 1.0 / 60.0;
     assert_eq!(rig.rejected(), rejected, "no frame was lost to haste");
-    assert!(each_s <= 1.2 * alone_s, "{:.1} ms a capture, {:.1} ms needed", each_s * 1e3, alone_s * 1e3);
+    assert!(
+        each_s <= 1.2 * alone_s,
+        "{:.1} ms a capture, {:.1} ms needed",
+        each_s * 1e3,
+        alone_s * 1e3
+    );
 }
 
 #[test]
 fn a_dependent_capture_takes_at_most_an_eighth_of_a_second() {
-    let mut rig = with_marks(|text| quick(text).replacen("exposure-ms = 50.0", "exposure-ms = 16.666667", 1));
+    let mut rig =
+        with_marks(|text| quick(text).replacen("exposure-ms = 50.0", "exposure-ms = 16.666667", 1));
     let begin = rig.seconds();
     for n in 0..40 {
         rig.capture(&grey(n)).unwrap_or_else(|e| panic!("{e}"));
@@ -157,9 +174,11 @@ fn a_panel_slower_than_its_settle_time_is_noticed() {
 
 #[test]
 fn a_panel_out_of_view_has_no_marks() {
-    let (mut devices, _, rig) = tiny(|text| text.replacen("shift-x-px = ", "shift-x-px = 1000.0 # ", 1));
+    let (mut devices, _, rig) =
+        tiny(|text| text.replacen("shift-x-px = ", "shift-x-px = 1000.0 # ", 1));
     let place = MarkPlace::of(&rig).expect("it has marks");
     assert!(matches!(devices.find_marks(place), Err(RigError::NoMarks { .. })));
-    let dark = devices.capture(&Codes::from_planes([0; 3].map(|_| Plane::filled(Size::new(240, 180), 0))));
+    let dark =
+        devices.capture(&Codes::from_planes([0; 3].map(|_| Plane::filled(Size::new(240, 180), 0))));
     assert!(dark.is_ok(), "the devices themselves are well");
 }

@@ -1,22 +1,27 @@
-//! The frame mark: the number of the picture shown, in a strip at the upper and one at the lower edge of the sensor.
+//! The frame mark: the number of the picture shown, in a strip at the upper and one at the lower
+//! edge of the sensor.
 //!
-//! A number is eight bits and four check bits; each bit is two cells, one light and one dark (Manchester
-//! code), so a strip is equally bright whatever it says and its glare on the picture is a constant. Both strips
-//! carry the same number; a frame that is part old and part new, by rows or by time, is told from a whole one.
+//! A number is eight bits and four check bits; each bit is two cells, one light and one dark
+//! (Manchester code), so a strip is equally bright whatever it says and its glare on the picture is
+//! a constant. Both strips carry the same number; a frame that is part old and part new, by rows or
+//! by time, is told from a whole one.
 
 use super::coarse_geometry::CoarseGeometry;
 use crate::config;
 use crate::frame::{Channel, Codes, Counts, Plane, Size};
 
-/// Bits of a number: pictures 256 shows apart look alike, which no buffer anywhere is deep enough to confuse.
+/// Bits of a number: pictures 256 shows apart look alike, which no buffer anywhere is deep enough
+/// to confuse.
 const NUMBER_BITS: usize = 8;
 const BITS: usize = NUMBER_BITS + 4;
 const CELLS: usize = 2 * BITS;
-/// The light cells' panel code; below the brightest, to leave the sensor unsaturated where the picture is.
+/// The light cells' panel code; below the brightest, to leave the sensor unsaturated where the
+/// picture is.
 const LIGHT_CODE: u8 = 200;
 /// Stands for a pixel of the guard in place of a cell.
 const BLACK: u8 = u8::MAX;
-/// Least share of a bit's usual contrast that counts: a frame with more than a tenth of another bit in it fails.
+/// Least share of a bit's usual contrast that counts: a frame with more than a tenth of another bit
+/// in it fails.
 const CONTRAST_SHARE_MIN: f32 = 0.8;
 
 /// What a frame says of itself.
@@ -49,7 +54,8 @@ pub struct MarkPlace {
     pub from_edge_px: usize,
     /// The strip's height.
     pub height_px: usize,
-    /// Kept black around the strips, so that no picture's edge lights one cell of a bit more than the other.
+    /// Kept black around the strips, so that no picture's edge lights one cell of a bit more than
+    /// the other.
     pub guard_px: usize,
 }
 
@@ -62,10 +68,16 @@ impl MarkPlace {
         let canvas = rig.canvas_on_sensor();
         let room = canvas.y.min(sensor.height - canvas.y - canvas.size.height);
         let guard_px = room.saturating_sub(marks.from_edge_px + marks.height_px);
-        Some(MarkPlace { sensor, from_edge_px: marks.from_edge_px, height_px: marks.height_px, guard_px })
+        Some(MarkPlace {
+            sensor,
+            from_edge_px: marks.from_edge_px,
+            height_px: marks.height_px,
+            guard_px,
+        })
     }
 
-    /// Whether the sensor's row `row` sees no picture: it is kept for the marks, and black about them.
+    /// Whether the sensor's row `row` sees no picture: it is kept for the marks, and black about
+    /// them.
     pub fn keeps(&self, row: usize) -> bool {
         self.covers(row as f64)
     }
@@ -85,7 +97,8 @@ impl MarkPlace {
         (beyond..depth - 0.5).contains(&y) || (beyond..depth - 0.5).contains(&from_below)
     }
 
-    /// Strip and cell at a sensor place, if one is there. Strips end a cell's width before the sensor's sides.
+    /// Strip and cell at a sensor place, if one is there. Strips end a cell's width before the
+    /// sensor's sides.
     fn cell_at(&self, [x, y]: [f64; 2]) -> Option<(usize, usize)> {
         let row = y + 0.5;
         let strip = (0..2).find(|&strip| {
@@ -104,7 +117,8 @@ fn measured_rows(place: &MarkPlace, strip: usize) -> std::ops::Range<usize> {
     first + margin..first + place.height_px - margin
 }
 
-/// The twelve bits of a number: it, and the sum of its halves so that one flipped bit never is another number.
+/// The twelve bits of a number: it, and the sum of its halves so that one flipped bit never is
+/// another number.
 fn bits(number: u8) -> [bool; BITS] {
     let check = u16::from(number >> 4).wrapping_mul(3).wrapping_add(u16::from(number & 15)) & 15;
     let word = u16::from(number) | check << NUMBER_BITS;
@@ -125,8 +139,8 @@ pub struct FrameMarks {
 }
 
 impl FrameMarks {
-    /// Marks for a rig of this geometry, whose panel has `panel` pixels; `None` when the strips are not
-    /// altogether on the panel. Their contrast is yet to be learned.
+    /// Marks for a rig of this geometry, whose panel has `panel` pixels; `None` when the strips are
+    /// not altogether on the panel. Their contrast is yet to be learned.
     pub fn new(place: MarkPlace, geometry: &CoarseGeometry, panel: Size) -> Option<Self> {
         let mut pixels = Vec::new();
         for y in 0..panel.height {
@@ -149,9 +163,15 @@ impl FrameMarks {
             ]
             .into_iter()
             .map(|corner| geometry.panel_at(corner))
-            .all(|[x, y]| (0.0..panel.width as f64).contains(&x) && (0.0..panel.height as f64).contains(&y))
+            .all(|[x, y]| {
+                (0.0..panel.width as f64).contains(&x) && (0.0..panel.height as f64).contains(&y)
+            })
         });
-        (inside && !pixels.is_empty()).then_some(FrameMarks { place, pixels, usual: [[0.0; BITS]; 2] })
+        (inside && !pixels.is_empty()).then_some(FrameMarks {
+            place,
+            pixels,
+            usual: [[0.0; BITS]; 2],
+        })
     }
 
     /// Paints `number` over the strips' places in `codes`.
@@ -166,8 +186,8 @@ impl FrameMarks {
         }
     }
 
-    /// Learns the usual contrast of every bit: the median over `frames`, each with the number it showed.
-    /// False when some bit has none to speak of: then the mark cannot be read here.
+    /// Learns the usual contrast of every bit: the median over `frames`, each with the number it
+    /// showed. False when some bit has none to speak of: then the mark cannot be read here.
     pub fn learn(&mut self, frames: &[(u8, Counts)]) -> bool {
         let seen: Vec<Contrasts> = frames
             .iter()
@@ -183,13 +203,15 @@ impl FrameMarks {
             .collect();
         for strip in 0..2 {
             for bit in 0..BITS {
-                let mut values: Vec<f32> = seen.iter().map(|contrasts| contrasts[strip][bit]).collect();
+                let mut values: Vec<f32> =
+                    seen.iter().map(|contrasts| contrasts[strip][bit]).collect();
                 values.sort_by(f32::total_cmp);
                 self.usual[strip][bit] = values.get(values.len() / 2).copied().unwrap_or(0.0);
             }
         }
         let strongest = self.usual.iter().flatten().copied().fold(0.0, f32::max);
-        // A fifth of the strongest: dark corners and blur take half at the worst; less is no mark but noise.
+        // A fifth of the strongest: dark corners and blur take half at the worst; less is no mark
+        // but noise.
         strongest > 0.0 && self.usual.iter().flatten().all(|&contrast| contrast > 0.2 * strongest)
     }
 
@@ -198,18 +220,27 @@ impl FrameMarks {
         let contrasts = self.contrasts(counts);
         let share = |strip: usize, bit: usize| contrasts[strip][bit] / self.usual[strip][bit];
         let shares = (0..2).flat_map(|strip| (0..BITS).map(move |bit| (strip, bit)));
-        // A quarter of the usual contrast over all bits is no mark at all: dark, another screen, panel off.
-        if shares.clone().map(|(strip, bit)| share(strip, bit).abs()).sum::<f32>() < 0.25 * (2 * BITS) as f32
+        // A quarter of the usual contrast over all bits is no mark at all: dark, another screen,
+        // panel off.
+        if shares.clone().map(|(strip, bit)| share(strip, bit).abs()).sum::<f32>()
+            < 0.25 * (2 * BITS) as f32
         {
             return Reading::Nothing;
         }
         if shares.into_iter().any(|(strip, bit)| share(strip, bit).abs() < CONTRAST_SHARE_MIN) {
             return Reading::Mixed;
         }
-        let word = |strip: usize| -> [bool; BITS] { std::array::from_fn(|bit| share(strip, bit) > 0.0) };
-        let number =
-            word(0)[..NUMBER_BITS].iter().rev().fold(0u8, |number, &bit| number << 1 | u8::from(bit));
-        if word(0) == word(1) && word(0) == bits(number) { Reading::Number(number) } else { Reading::Mixed }
+        let word =
+            |strip: usize| -> [bool; BITS] { std::array::from_fn(|bit| share(strip, bit) > 0.0) };
+        let number = word(0)[..NUMBER_BITS]
+            .iter()
+            .rev()
+            .fold(0u8, |number, &bit| number << 1 | u8::from(bit));
+        if word(0) == word(1) && word(0) == bits(number) {
+            Reading::Number(number)
+        } else {
+            Reading::Mixed
+        }
     }
 
     fn contrasts(&self, counts: &Counts) -> Contrasts {
@@ -217,7 +248,9 @@ impl FrameMarks {
         let pitch = self.place.sensor.width as f32 / (CELLS + 2) as f32;
         std::array::from_fn(|strip| {
             std::array::from_fn(|bit| {
-                let cell = |n: usize| mean_of_cell(plane, &self.place, strip, (n + 1) as f32 * pitch, pitch);
+                let cell = |n: usize| {
+                    mean_of_cell(plane, &self.place, strip, (n + 1) as f32 * pitch, pitch)
+                };
                 cell(2 * bit) - cell(2 * bit + 1)
             })
         })

@@ -15,8 +15,8 @@ fn geometry() -> CoarseGeometry {
     CoarseGeometry::fit(&corners.map(|panel| (panel, sensor_at(panel))), 0.1).unwrap()
 }
 
-/// What a camera sees of `codes`: the panel pixel under each sensor pixel, blurred over 11 × 11, darker to
-/// the right, with noise from `seed`.
+/// What a camera sees of `codes`: the panel pixel under each sensor pixel, blurred over 11 × 11,
+/// darker to the right, with noise from `seed`.
 fn seen(codes: &Codes, geometry: &CoarseGeometry, seed: u32) -> Counts {
     let mut state = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let shown = codes.plane(Channel::Green);
@@ -40,7 +40,8 @@ fn seen(codes: &Codes, geometry: &CoarseGeometry, seed: u32) -> Counts {
 fn learned() -> (FrameMarks, CoarseGeometry) {
     let geometry = geometry();
     let mut marks = FrameMarks::new(PLACE, &geometry, PANEL).unwrap();
-    let frames: Vec<_> = [0x00, 0xff, 0x5a].map(|number| (number, shown(&marks, &geometry, number))).into();
+    let frames: Vec<_> =
+        [0x00, 0xff, 0x5a].map(|number| (number, shown(&marks, &geometry, number))).into();
     assert!(marks.learn(&frames));
     (marks, geometry)
 }
@@ -54,10 +55,9 @@ fn shown(marks: &FrameMarks, geometry: &CoarseGeometry, number: u8) -> Counts {
 /// Rows from `row` on of `other`, above it `counts`.
 fn torn(counts: &Counts, other: &Counts, row: usize) -> Counts {
     Counts::from_fn(|c| {
-        Plane::from_fn(
-            SENSOR,
-            |x, y| if y < row { counts.plane(c).at(x, y) } else { other.plane(c).at(x, y) },
-        )
+        Plane::from_fn(SENSOR, |x, y| {
+            if y < row { counts.plane(c).at(x, y) } else { other.plane(c).at(x, y) }
+        })
     })
 }
 
@@ -88,7 +88,8 @@ fn a_frame_exposed_over_two_pictures_is_no_frame() {
     let (marks, geometry) = learned();
     let (old, new) = (shown(&marks, &geometry, 7), shown(&marks, &geometry, 8));
     for share in [0.15, 0.3, 0.5, 0.7, 0.85] {
-        let blend = |a: u16, b: u16| (f64::from(a) * share + f64::from(b) * (1.0 - share)).round() as u16;
+        let blend =
+            |a: u16, b: u16| (f64::from(a) * share + f64::from(b) * (1.0 - share)).round() as u16;
         let both = Counts::from_fn(|c| {
             Plane::from_fn(SENSOR, |x, y| blend(old.plane(c).at(x, y), new.plane(c).at(x, y)))
         });
@@ -124,8 +125,8 @@ fn a_strip_is_equally_bright_whatever_it_says() {
         codes.plane(Channel::Green).data().iter().map(|&v| u32::from(v)).sum::<u32>()
     };
     let (least, most) = (0..=255).map(light).fold((u32::MAX, 0), |(a, b), v| (a.min(v), b.max(v)));
-    // Cells are 12 or 13 panel pixels wide here: they differ by one column in thirteen at most, and half of
-    // them are light whatever the number.
+    // Cells are 12 or 13 panel pixels wide here: they differ by one column in thirteen at most, and
+    // half of them are light whatever the number.
     assert!(f64::from(most - least) < f64::from(most) / 13.0, "{least} to {most}");
 }
 

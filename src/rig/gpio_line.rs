@@ -1,4 +1,5 @@
-//! GPIO lines by chip label and line name: numbers of chips and lines differ between boards and kernels.
+//! GPIO lines by chip label and line name: numbers of chips and lines differ between boards and
+//! kernels.
 
 use std::path::{Path, PathBuf};
 
@@ -35,8 +36,8 @@ fn refused(device: &'static str, found: String, allowed: Vec<String>) -> RigErro
 /// Finds the line; `device` is what it is for, in messages.
 ///
 /// # Errors
-/// [`RigError::Refused`] with the labels or names there are; [`RigError::Held`] with the name of the program
-/// that has the line.
+/// [`RigError::Refused`] with the labels or names there are; [`RigError::Held`] with the name of
+/// the program that has the line.
 pub(super) fn find(device: &'static str, name: &LineName) -> Result<Place, RigError> {
     let mut labels = Vec::new();
     for node in gpiocdev::chip::chips().unwrap_or_default() {
@@ -51,8 +52,10 @@ pub(super) fn find(device: &'static str, name: &LineName) -> Result<Place, RigEr
             let Ok(line) = chip.line_info(line) else { continue };
             if line.name == name.line {
                 if line.used {
-                    let holder = if line.consumer.is_empty() { "the kernel" } else { &line.consumer };
-                    let what = format!("line {} of {} is in use by {holder:?}", name.line, name.chip);
+                    let holder =
+                        if line.consumer.is_empty() { "the kernel" } else { &line.consumer };
+                    let what =
+                        format!("line {} of {} is in use by {holder:?}", name.line, name.chip);
                     return Err(RigError::Held { device, what });
                 }
                 return Ok(Place { node, offset: line.offset });
@@ -60,7 +63,11 @@ pub(super) fn find(device: &'static str, name: &LineName) -> Result<Place, RigEr
             names.push(line.name);
         }
         names.retain(|other| !other.is_empty());
-        return Err(refused(device, format!("line {:?} on chip {:?}", name.line, name.chip), names));
+        return Err(refused(
+            device,
+            format!("line {:?} on chip {:?}", name.line, name.chip),
+            names,
+        ));
     }
     Err(refused(device, format!("GPIO chip {:?}", name.chip), labels))
 }
@@ -80,7 +87,8 @@ impl OutputLine {
         let lines = request(&place.node, place.offset, name.active_low).map_err(|source| {
             match rustix::io::Errno::from_io_error(&source) {
                 Some(rustix::io::Errno::BUSY) => {
-                    let what = format!("line {} of {} is in use by another program", name.line, name.chip);
+                    let what =
+                        format!("line {} of {} is in use by another program", name.line, name.chip);
                     RigError::Held { device, what }
                 }
                 _ => RigError::Failed { device, doing: "take its line", source },
@@ -94,14 +102,20 @@ impl OutputLine {
     }
 }
 
-fn request(node: &Path, offset: u32, active_low: bool) -> std::io::Result<gpiod::Lines<gpiod::Output>> {
+fn request(
+    node: &Path,
+    offset: u32,
+    active_low: bool,
+) -> std::io::Result<gpiod::Lines<gpiod::Output>> {
     let active = if active_low { gpiod::Active::Low } else { gpiod::Active::High };
-    let options = gpiod::Options::output([offset]).active(active).values([false]).consumer(CONSUMER);
+    let options =
+        gpiod::Options::output([offset]).active(active).values([false]).consumer(CONSUMER);
     gpiod::Chip::new(node)?.request_lines(options)
 }
 
 impl Drop for OutputLine {
-    /// Off before the line is released. What it does afterwards is up to its pull resistor, see hardware.md.
+    /// Off before the line is released. What it does afterwards is up to its pull resistor, see
+    /// hardware.md.
     fn drop(&mut self) {
         let _ = self.set(false);
     }

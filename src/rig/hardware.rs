@@ -24,7 +24,8 @@ pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Rig, RigError> {
     let panel = open_panel(rig, hardware)?;
     let trigger = open_trigger(&hardware.trigger)?;
     let camera = V4l2Camera::open(camera_settings(rig, hardware)?)?;
-    let mut devices = Rig::new(panel, trigger, Box::new(camera), Box::new(Monotonic), Timing::of(rig));
+    let mut devices =
+        Rig::new(panel, trigger, Box::new(camera), Box::new(Monotonic), Timing::of(rig));
     if let Some(place) = MarkPlace::of(rig) {
         devices.find_marks(place)?;
     }
@@ -35,7 +36,10 @@ pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Rig, RigError> {
 ///
 /// # Errors
 /// When there is no such panel, or another program has it.
-pub fn open_panel(rig: &config::Rig, hardware: &Hardware) -> Result<Box<dyn Panel + Send>, RigError> {
+pub fn open_panel(
+    rig: &config::Rig,
+    hardware: &Hardware,
+) -> Result<Box<dyn Panel + Send>, RigError> {
     Ok(Box::new(KmsPanel::open(KmsSettings {
         node: hardware.panel.node.clone(),
         connector: hardware.panel.connector.clone(),
@@ -48,10 +52,12 @@ pub fn open_panel(rig: &config::Rig, hardware: &Hardware) -> Result<Box<dyn Pane
 /// The camera's settings alone, for whoever looks at the camera without the rest of the rig.
 ///
 /// # Errors
-/// [`RigError::Refused`] for a pixel format relens does not take, or one whose depth is not `camera.bits`.
+/// [`RigError::Refused`] for a pixel format relens does not take, or one whose depth is not
+/// `camera.bits`.
 pub fn camera_settings(rig: &config::Rig, hardware: &Hardware) -> Result<CameraSettings, RigError> {
     let camera = &hardware.camera;
-    let format = PixelFormat::from_code(&camera.format).filter(|format| format.bits() == rig.camera.bits);
+    let format =
+        PixelFormat::from_code(&camera.format).filter(|format| format.bits() == rig.camera.bits);
     let format = format.ok_or_else(|| {
         let fits = PixelFormat::ALL.iter().filter(|(_, format)| format.bits() == rig.camera.bits);
         RigError::Refused {
@@ -74,7 +80,14 @@ pub fn camera_settings(rig: &config::Rig, hardware: &Hardware) -> Result<CameraS
         ExposureBy::Pulse | ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
     };
     let controls = camera.controls.iter().map(|(name, value)| (name.clone(), *value)).collect();
-    Ok(CameraSettings { name, size: rig.camera.size(), format, buffers: camera.buffers, exposure, controls })
+    Ok(CameraSettings {
+        name,
+        size: rig.camera.size(),
+        format,
+        buffers: camera.buffers,
+        exposure,
+        controls,
+    })
 }
 
 fn line(chip: &str, line: &str, active: Level) -> LineName {
@@ -96,7 +109,8 @@ fn open_trigger(device: &TriggerDevice) -> Result<Box<dyn Trigger + Send>, RigEr
 /// # Errors
 /// When its line cannot be had.
 pub fn open_button(hardware: &Hardware) -> Result<Option<Button>, RigError> {
-    let open = |b: &config::ButtonDevice| Button::open(&line(&b.chip, &b.line, b.active), b.debounce_ms);
+    let open =
+        |b: &config::ButtonDevice| Button::open(&line(&b.chip, &b.line, b.active), b.debounce_ms);
     hardware.button.as_ref().map(open).transpose()
 }
 
@@ -106,10 +120,13 @@ pub fn open_button(hardware: &Hardware) -> Result<Option<Button>, RigError> {
 /// When a line cannot be had.
 pub fn open_lamps(hardware: &Hardware) -> Result<Lamps, RigError> {
     let lamps = &hardware.lamps;
-    let each = [(Lamp::Ready, &lamps.ready), (Lamp::Busy, &lamps.busy), (Lamp::Trouble, &lamps.trouble)];
+    let each =
+        [(Lamp::Ready, &lamps.ready), (Lamp::Busy, &lamps.busy), (Lamp::Trouble, &lamps.trouble)];
     let names: Vec<_> = each
         .into_iter()
-        .filter_map(|(lamp, device)| device.as_ref().map(|d| (lamp, line(&d.chip, &d.line, d.active))))
+        .filter_map(|(lamp, device)| {
+            device.as_ref().map(|d| (lamp, line(&d.chip, &d.line, d.active)))
+        })
         .collect();
     Lamps::open(&names)
 }

@@ -26,14 +26,15 @@ pub(super) fn failed(doing: &'static str) -> impl Fn(std::io::Error) -> RigError
 }
 
 impl Card {
-    /// Opens `node`, or when none is given the first `/dev/dri/card*` that has a connector: boards have nodes
-    /// for 3D alone, and their order changes from boot to boot.
+    /// Opens `node`, or when none is given the first `/dev/dri/card*` that has a connector: boards
+    /// have nodes for 3D alone, and their order changes from boot to boot.
     ///
     /// # Errors
     /// When the node cannot be opened or has no connector.
     pub(super) fn open(node: Option<&Path>) -> Result<(Card, PathBuf), RigError> {
         let numbered = (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}")));
-        let candidates: Vec<PathBuf> = node.map_or_else(|| numbered.collect(), |path| vec![path.to_owned()]);
+        let candidates: Vec<PathBuf> =
+            node.map_or_else(|| numbered.collect(), |path| vec![path.to_owned()]);
         let mut refusal = None;
         for path in candidates {
             match rustix::fs::open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()) {
@@ -66,8 +67,11 @@ impl Card {
             if info.to_string() == name {
                 return Ok(info);
             }
-            let plugged =
-                if info.state() == connector::State::Connected { "" } else { " (nothing plugged in)" };
+            let plugged = if info.state() == connector::State::Connected {
+                ""
+            } else {
+                " (nothing plugged in)"
+            };
             names.push(format!("{info}{plugged}"));
         }
         Err(RigError::Refused {
@@ -122,7 +126,10 @@ pub(super) fn choice_value(info: &property::Info, choice: &str) -> Option<proper
     match info.value_type() {
         property::ValueType::Enum(choices) => {
             let (_, named) = choices.values();
-            named.iter().find(|c| c.name().to_bytes() == choice.as_bytes()).map(property::EnumValue::value)
+            named
+                .iter()
+                .find(|c| c.name().to_bytes() == choice.as_bytes())
+                .map(property::EnumValue::value)
         }
         _ => None,
     }

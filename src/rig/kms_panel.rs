@@ -1,9 +1,11 @@
-//! The panel on a real display: kernel mode setting with two dumb buffers, flips with kernel time stamps.
+//! The panel on a real display: kernel mode setting with two dumb buffers, flips with kernel time
+//! stamps.
 //!
-//! Being DRM master with a lit pipe also keeps the text console and its blanking away: the kernel's frame buffer
-//! console does not draw over a master. What may go wrong in the field (another program takes the display, the
-//! cable is pulled, the link must be trained again) is looked for before every picture and healed by setting
-//! the mode again; until then each call says what is wrong.
+//! Being DRM master with a lit pipe also keeps the text console and its blanking away: the kernel's
+//! frame buffer console does not draw over a master. What may go wrong in the field (another
+//! program takes the display, the cable is pulled, the link must be trained again) is looked for
+//! before every picture and healed by setting the mode again; until then each call says what is
+//! wrong.
 
 use std::io;
 use std::path::PathBuf;
@@ -11,26 +13,28 @@ use std::path::PathBuf;
 use drm::Device as _;
 use drm::buffer::{Buffer as _, DrmFourcc};
 use drm::control::{
-    AtomicCommitFlags, Device as _, Event, Mode, PageFlipFlags, atomic::AtomicModeReq, connector, crtc,
-    dumbbuffer::DumbBuffer, framebuffer, property,
+    AtomicCommitFlags, Device as _, Event, Mode, PageFlipFlags, atomic::AtomicModeReq, connector,
+    crtc, dumbbuffer::DumbBuffer, framebuffer, property,
 };
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 
 use super::display_link::{Display, Link, Look, unplugged};
 use super::kms_card::{Card, failed};
-use super::kms_honest::{Pipe, light_up, light_up_legacy};
+use super::modeset::{Pipe, light_up, light_up_legacy};
 use super::monotonic::{Monotonic, left_until};
 use super::{Clock, Flip, Moment, Panel, RigError};
 use crate::config::DisplayInterface;
 use crate::frame::{Codes, Size};
 
-/// Refreshes a flip event may take before the pipe is called dead (the kernel's own patience is 10 s; a live
-/// driver needs one or two).
+/// Refreshes a flip event may take before the pipe is called dead (the kernel's own patience is 10
+/// s; a live driver needs one or two).
 const FLIP_REFRESHES_MAX: f64 = 30.0;
-/// Flips timed when the panel is opened (Psychtoolbox takes 50; the kernel's stamps are exact to microseconds).
+/// Flips timed when the panel is opened (Psychtoolbox takes 50; the kernel's stamps are exact to
+/// microseconds).
 const TIMED_FLIPS: usize = 24;
-/// Largest share by which the measured interval may differ from the file's: 59.94 Hz passes for 60, 50 does not.
+/// Largest share by which the measured interval may differ from the file's: 59.94 Hz passes for 60,
+/// 50 does not.
 const INTERVAL_ERROR_MAX: f64 = 0.005;
 
 /// Which display, and how it is to be driven.
@@ -68,7 +72,8 @@ pub struct KmsPanel {
     link: Link,
     before: Option<crtc::Info>,
     interval_s: f64,
-    /// One packed row in ordinary memory: buffers are write-combined on Arm, and want whole rows in order.
+    /// One packed row in ordinary memory: buffers are write-combined on Arm, and want whole rows in
+    /// order.
     row: Vec<u8>,
 }
 
@@ -78,7 +83,8 @@ pub(super) fn commit_failed(cause: io::Error) -> RigError {
         // EACCES: this program is not DRM master (any more).
         Some(Errno::ACCESS | Errno::PERM) => RigError::Held {
             device: "panel",
-            what: "another program drives the display (it is DRM master); a desktop or a second relens?"
+            what: "another program drives the display (it is DRM master); a desktop or a second \
+             relens?"
                 .to_owned(),
         },
         Some(Errno::NODEV) => {
@@ -92,15 +98,17 @@ impl KmsPanel {
     /// Opens and lights the display, and measures its refresh interval.
     ///
     /// # Errors
-    /// [`RigError::Gone`] without node or plugged display, [`RigError::Held`] while another program drives it,
-    /// [`RigError::Refused`] when connector, mode, honest settings or measured interval are not the file's.
+    /// [`RigError::Gone`] without node or plugged display, [`RigError::Held`] while another program
+    /// drives it, [`RigError::Refused`] when connector, mode, honest settings or measured interval
+    /// are not the file's.
     pub fn open(settings: KmsSettings) -> Result<Self, RigError> {
         let (card, _) = Card::open(settings.node.as_deref())?;
         if card.acquire_master_lock().is_err() {
             return Err(commit_failed(Errno::ACCESS.into()));
         }
         // Primary planes are listed to those who ask for all kinds, by either interface.
-        let planes = card.set_client_capability(drm::ClientCapability::UniversalPlanes, true).is_ok();
+        let planes =
+            card.set_client_capability(drm::ClientCapability::UniversalPlanes, true).is_ok();
         let atomic = planes
             && settings.interface == DisplayInterface::Atomic
             && card.set_client_capability(drm::ClientCapability::Atomic, true).is_ok();
@@ -158,7 +166,8 @@ impl KmsPanel {
         Ok(())
     }
 
-    /// Puts `codes` into the hidden buffer and asks for it at the next refresh, without waiting for that.
+    /// Puts `codes` into the hidden buffer and asks for it at the next refresh, without waiting for
+    /// that.
     ///
     /// # Errors
     /// When the panel or the right to use it is gone, or a picture is still on its way.
@@ -182,7 +191,9 @@ impl KmsPanel {
         let mut map = self.card.map_dumb_buffer(memory).map_err(failed("map a picture buffer"))?;
         for (y, to) in map.chunks_mut(pitch).take(codes.size().height).enumerate() {
             let [red, green, blue] = codes.planes().each_ref().map(|plane| plane.row(y));
-            for (pixel, ((r, g), b)) in self.row.chunks_exact_mut(4).zip(red.iter().zip(green).zip(blue)) {
+            for (pixel, ((r, g), b)) in
+                self.row.chunks_exact_mut(4).zip(red.iter().zip(green).zip(blue))
+            {
                 // XRGB8888 is a little-endian word: blue comes first in memory.
                 pixel.copy_from_slice(&[*b, *g, *r, 0]);
             }
@@ -196,9 +207,15 @@ impl KmsPanel {
         let asked = match self.picture_property {
             Some(name) => {
                 let mut request = AtomicModeReq::new();
-                request.add_property(self.pipe.plane, name, property::Value::Framebuffer(Some(picture)));
-                self.card
-                    .atomic_commit(AtomicCommitFlags::NONBLOCK | AtomicCommitFlags::PAGE_FLIP_EVENT, request)
+                request.add_property(
+                    self.pipe.plane,
+                    name,
+                    property::Value::Framebuffer(Some(picture)),
+                );
+                self.card.atomic_commit(
+                    AtomicCommitFlags::NONBLOCK | AtomicCommitFlags::PAGE_FLIP_EVENT,
+                    request,
+                )
             }
             None => self.card.page_flip(self.pipe.crtc, picture, PageFlipFlags::EVENT, None),
         };
@@ -235,13 +252,17 @@ impl KmsPanel {
             for event in self.card.receive_events().map_err(failed("read a refresh event"))? {
                 if let Event::PageFlip(flip) = event {
                     // `duration` is the crate's name for the moment on CLOCK_MONOTONIC.
-                    return Ok(Flip { at: Moment(flip.duration.as_secs_f64()), vblank: flip.frame.into() });
+                    return Ok(Flip {
+                        at: Moment(flip.duration.as_secs_f64()),
+                        vblank: flip.frame.into(),
+                    });
                 }
             }
         }
     }
 
-    /// Times a run of flips by the kernel's stamps and vblank numbers, so that a missed refresh does no harm.
+    /// Times a run of flips by the kernel's stamps and vblank numbers, so that a missed refresh
+    /// does no harm.
     fn measured_interval(&mut self) -> Result<f64, RigError> {
         let mut first = None;
         let mut last = None;
@@ -276,8 +297,10 @@ impl Display for KmsPanel {
     }
 
     fn look(&mut self) -> Result<Look, RigError> {
-        let connector =
-            self.card.get_connector(self.pipe.connector, false).map_err(failed("ask the connector"))?;
+        let connector = self
+            .card
+            .get_connector(self.pipe.connector, false)
+            .map_err(failed("ask the connector"))?;
         let properties = self.card.properties(self.pipe.connector)?;
         let link_status = properties.get("link-status").map(|(_, value)| value);
         Ok(Look { plugged_in: connector.state() == connector::State::Connected, link_status })
@@ -354,7 +377,9 @@ fn find_mode(connector: &connector::Info, settings: &KmsSettings) -> Result<Mode
     };
     connector.modes().iter().find(fits).copied().ok_or_else(|| {
         let listed: Vec<String> = (connector.modes().iter())
-            .map(|mode| format!("{}×{} at {:.2} Hz", mode.size().0, mode.size().1, exact_refresh_hz(mode)))
+            .map(|mode| {
+                format!("{}×{} at {:.2} Hz", mode.size().0, mode.size().1, exact_refresh_hz(mode))
+            })
             .collect();
         RigError::Refused {
             device: "panel",
@@ -372,8 +397,9 @@ fn find_pipe(card: &Card, connector: &connector::Info) -> Result<Pipe, RigError>
         let encoder = card.get_encoder(encoder).map_err(failed("ask an encoder"))?;
         for crtc in resources.filter_crtcs(encoder.possible_crtcs()) {
             for &plane in &planes {
-                let usable = resources
-                    .filter_crtcs(card.get_plane(plane).map_err(failed("ask a plane"))?.possible_crtcs());
+                let usable = resources.filter_crtcs(
+                    card.get_plane(plane).map_err(failed("ask a plane"))?.possible_crtcs(),
+                );
                 let kind = card.properties(plane)?.get("type").map(|(_, value)| value);
                 if usable.contains(&crtc) && kind == Some(drm::control::PlaneType::Primary as u64) {
                     return Ok(Pipe { connector: connector.handle(), crtc, plane });
@@ -382,13 +408,18 @@ fn find_pipe(card: &Card, connector: &connector::Info) -> Result<Pipe, RigError>
         }
     }
     let found = format!("no pipe of the display hardware reaches {connector}");
-    Err(RigError::Refused { device: "panel", found, allowed: "a connector with a free pipe".to_owned() })
+    Err(RigError::Refused {
+        device: "panel",
+        found,
+        allowed: "a connector with a free pipe".to_owned(),
+    })
 }
 
 fn new_buffer(card: &Card, size: Size) -> Result<Buffer, RigError> {
     let size = (size.width as u32, size.height as u32);
-    let memory =
-        card.create_dumb_buffer(size, DrmFourcc::Xrgb8888, 32).map_err(failed("make a picture buffer"))?;
+    let memory = card
+        .create_dumb_buffer(size, DrmFourcc::Xrgb8888, 32)
+        .map_err(failed("make a picture buffer"))?;
     let picture = card.add_framebuffer(&memory, 24, 32).map_err(failed("make a picture buffer"))?;
     Ok(Buffer { picture, memory })
 }

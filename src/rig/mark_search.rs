@@ -1,7 +1,8 @@
-//! Finds out where the frame marks go on this rig: dots for the coarse geometry, then the marks themselves.
+//! Finds out where the frame marks go on this rig: dots for the coarse geometry, then the marks
+//! themselves.
 //!
-//! Runs before any frame can be proven, on a rig whose frames may be stale, torn or missing: so it asks for a
-//! majority at every step, and ends by reading marks it knows.
+//! Runs before any frame can be proven, on a rig whose frames may be stale, torn or missing: so it
+//! asks for a majority at every step, and ends by reading marks it knows.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -22,8 +23,8 @@ const ORDER_SEED: u64 = 20;
 const DOT_SHARE: f64 = 0.05;
 /// A dot dimmer than this share of the brightest one is taken for glare.
 const DOT_BRIGHTNESS_MIN: f64 = 0.25;
-/// How far a dot may be from its place as a share of the sensor's width: a cheap lens's distortion, and far less than
-/// the way to the next dot.
+/// How far a dot may be from its place as a share of the sensor's width: a cheap lens's distortion,
+/// and far less than the way to the next dot.
 const TOLERANCE_SHARE: f64 = 0.01;
 /// Marks shown to learn their contrast, and how often that is tried.
 const LEARNED: usize = 7;
@@ -35,11 +36,17 @@ pub type Shoot<'a> = dyn FnMut(&Codes) -> Result<Counts, RigError> + 'a;
 /// The marks of this rig.
 ///
 /// # Errors
-/// [`RigError::NoMarks`] when panel and sensor do not see eye to eye; else whatever `shoot` fails with.
-pub fn find_marks(place: MarkPlace, panel: Size, shoot: &mut Shoot) -> Result<FrameMarks, RigError> {
+/// [`RigError::NoMarks`] when panel and sensor do not see eye to eye; else whatever `shoot` fails
+/// with.
+pub fn find_marks(
+    place: MarkPlace,
+    panel: Size,
+    shoot: &mut Shoot,
+) -> Result<FrameMarks, RigError> {
     let geometry = find_geometry(place.sensor, panel, shoot)?;
     let mut marks = FrameMarks::new(place, &geometry, panel).ok_or_else(|| RigError::NoMarks {
-        what: "the panel does not fill the sensor's upper and lower edge, where the marks go".to_owned(),
+        what: "the panel does not fill the sensor's upper and lower edge, where the marks go"
+            .to_owned(),
     })?;
     for round in 0..ROUNDS {
         // Every bit is light in some of these and dark in others.
@@ -57,14 +64,17 @@ pub fn find_marks(place: MarkPlace, panel: Size, shoot: &mut Shoot) -> Result<Fr
         for n in 0..LEARNED {
             let number = number(n).wrapping_add(128);
             let seen = show_mark(&marks, panel, number, shoot)?;
-            right += usize::from(seen.is_some_and(|counts| marks.read(&counts) == Reading::Number(number)));
+            right += usize::from(
+                seen.is_some_and(|counts| marks.read(&counts) == Reading::Number(number)),
+            );
         }
         if right * 2 > LEARNED {
             return Ok(marks);
         }
     }
     Err(RigError::NoMarks {
-        what: "the marks at the sensor's upper and lower edge cannot be read; is the picture sharp and bright enough there?"
+        what: "the marks at the sensor's upper and lower edge cannot be read; is the picture \
+         sharp and bright enough there?"
             .to_owned(),
     })
 }
@@ -89,25 +99,33 @@ fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
     }
 }
 
-/// Looks for the sensor on the panel with dots all over the panel, then measures with dots all over the sensor: a
-/// homography is only good where its dots were.
+/// Looks for the sensor on the panel with dots all over the panel, then measures with dots all over
+/// the sensor: a homography is only good where its dots were.
 fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseGeometry, RigError> {
-    let middle = |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
+    let middle =
+        |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
     let over_panel: Vec<Place> = (0..DOTS[0] * DOTS[1])
-        .map(|n| [middle(n % DOTS[0], DOTS[0], panel.width), middle(n / DOTS[0], DOTS[1], panel.height)])
+        .map(|n| {
+            [middle(n % DOTS[0], DOTS[0], panel.width), middle(n / DOTS[0], DOTS[1], panel.height)]
+        })
         .collect();
     let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
-    // Perspective is not in an affine map; what it leaves is still far less than the way to the next dot.
+    // Perspective is not in an affine map; what it leaves is still far less than the way to the
+    // next dot.
     let affine = |dots: &[(Place, Place)]| CoarseGeometry::fit_affine(dots, 3.0 * tolerance_px);
     let rough = fit_dots(sensor, panel, &over_panel, shoot, &affine)?;
     let over_sensor: Vec<Place> = (0..SENSOR_DOTS[0] * SENSOR_DOTS[1])
         .map(|n| {
             let (column, row) = (n % SENSOR_DOTS[0], n / SENSOR_DOTS[0]);
-            let at =
-                [middle(column, SENSOR_DOTS[0], sensor.width), middle(row, SENSOR_DOTS[1], sensor.height)];
+            let at = [
+                middle(column, SENSOR_DOTS[0], sensor.width),
+                middle(row, SENSOR_DOTS[1], sensor.height),
+            ];
             rough.panel_at(at)
         })
-        .filter(|[x, y]| (0.0..panel.width as f64).contains(x) && (0.0..panel.height as f64).contains(y))
+        .filter(|[x, y]| {
+            (0.0..panel.width as f64).contains(x) && (0.0..panel.height as f64).contains(y)
+        })
         .collect();
     fit_dots(sensor, panel, &over_sensor, shoot, &|dots| CoarseGeometry::fit(dots, tolerance_px))
 }
@@ -115,8 +133,8 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
 /// A geometry that the dots agree on, if there is one.
 type Fit<'a> = dyn Fn(&[(Place, Place)]) -> Option<CoarseGeometry> + 'a;
 
-/// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more pass
-/// over all dots makes them fewer.
+/// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more
+/// pass over all dots makes them fewer.
 fn fit_dots(
     sensor: Size,
     panel: Size,
@@ -155,7 +173,8 @@ fn fit_dots(
     }
     Err(RigError::NoMarks {
         what: format!(
-            "dots shown at {} places were seen {} times, and no five of them lie as on a flat panel; is the \
+            "dots shown at {} places were seen {} times, and no five of them lie as on a flat \
+             panel; is the \
              panel in view, lit, and the camera's exposure right?",
             places.len(),
             dots.len()
@@ -163,8 +182,8 @@ fn fit_dots(
     })
 }
 
-/// An order without any: frames that come one picture late must not look like a panel elsewhere, as they do when
-/// every dot is the same step away from the one before.
+/// An order without any: frames that come one picture late must not look like a panel elsewhere, as
+/// they do when every dot is the same step away from the one before.
 fn shuffled(count: usize, round: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..count).collect();
     order.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(ORDER_SEED + round as u64));
@@ -176,10 +195,15 @@ fn spots(sensor: Size, frames: &[(Place, Plane<u16>)]) -> Vec<(Place, Place)> {
     // What is the same in all frames is not the dot; the least value of each pixel is free of any.
     let mut dark = Plane::filled(sensor, u16::MAX);
     for (_, frame) in frames {
-        dark.data_mut().iter_mut().zip(frame.data()).for_each(|(least, &count)| *least = (*least).min(count));
+        dark.data_mut()
+            .iter_mut()
+            .zip(frame.data())
+            .for_each(|(least, &count)| *least = (*least).min(count));
     }
-    let seen: Vec<(Place, Spot)> =
-        frames.iter().filter_map(|(centre, frame)| Some((*centre, Spot::in_frame(frame, &dark)?))).collect();
+    let seen: Vec<(Place, Spot)> = frames
+        .iter()
+        .filter_map(|(centre, frame)| Some((*centre, Spot::in_frame(frame, &dark)?)))
+        .collect();
     let brightest = seen.iter().map(|(_, spot)| spot.height).fold(0.0, f64::max);
     seen.iter()
         .filter(|(_, spot)| spot.whole && spot.height > DOT_BRIGHTNESS_MIN * brightest)
@@ -189,7 +213,11 @@ fn spots(sensor: Size, frames: &[(Place, Plane<u16>)]) -> Vec<(Place, Place)> {
 
 fn dot(panel: Size, centre: Place, side: f64) -> Codes {
     let near = |at: usize, centre: f64| (at as f64 - centre).abs() <= side / 2.0;
-    let plane = Plane::from_fn(panel, |x, y| if near(x, centre[0]) && near(y, centre[1]) { 255 } else { 0 });
+    let plane =
+        Plane::from_fn(
+            panel,
+            |x, y| if near(x, centre[0]) && near(y, centre[1]) { 255 } else { 0 },
+        );
     Codes::from_planes([plane.clone(), plane.clone(), plane])
 }
 
@@ -207,8 +235,9 @@ impl Spot {
         let above = |x: usize, y: usize| f64::from(frame.at(x, y) - dark.at(x, y));
         let (width, height) = (frame.width(), frame.height());
         // Means of 3 × 3: a hot pixel is no dot.
-        let smooth =
-            |x: usize, y: usize| (0..9).map(|n| above(x + n % 3 - 1, y + n / 3 - 1)).sum::<f64>() / 9.0;
+        let smooth = |x: usize, y: usize| {
+            (0..9).map(|n| above(x + n % 3 - 1, y + n / 3 - 1)).sum::<f64>() / 9.0
+        };
         let inner = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (x, y)));
         let peak = inner.clone().map(|(x, y)| smooth(x, y)).fold(0.0, f64::max);
         let (mut mass, mut sum, mut whole) = (0.0, [0.0, 0.0], true);

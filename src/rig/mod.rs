@@ -18,12 +18,12 @@ pub mod kernel_time;
 #[cfg(feature = "hardware")]
 mod kms_card;
 #[cfg(feature = "hardware")]
-mod kms_honest;
-#[cfg(feature = "hardware")]
 pub mod kms_panel;
 #[cfg(feature = "hardware")]
 pub mod lamps;
 pub mod mark_search;
+#[cfg(feature = "hardware")]
+mod modeset;
 #[cfg(feature = "hardware")]
 pub mod monotonic;
 pub mod pixel_format;
@@ -62,7 +62,8 @@ pub fn open(rig: &config::Rig) -> Result<exposure::Rig, RigError> {
         config::Kind::Hardware(_) => Err(RigError::Refused {
             device: "rig",
             found: format!("the rig `{}`, which is made of hardware", rig.name),
-            allowed: "a simulated rig; this relens was built without `--features hardware`".to_owned(),
+            allowed: "a simulated rig; this relens was built without `--features hardware`"
+                .to_owned(),
         }),
     }
 }
@@ -120,7 +121,8 @@ pub trait Camera {
     /// # Errors
     /// [`RigError::NoFrame`] when none came in time, [`RigError::Gone`] when the camera went away.
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError>;
-    /// Takes a frame's memory back that nobody needs any more, so that the next one need not allocate.
+    /// Takes a frame's memory back that nobody needs any more, so that the next one need not
+    /// allocate.
     fn give_back(&mut self, counts: Counts) {
         drop(counts);
     }

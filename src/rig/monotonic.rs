@@ -1,4 +1,5 @@
-//! The board's clock: `CLOCK_MONOTONIC`, the one that flip events and camera frames are stamped with.
+//! The board's clock: `CLOCK_MONOTONIC`, the one that flip events and camera frames are stamped
+//! with.
 
 use rustix::time::{ClockId, Timespec};
 

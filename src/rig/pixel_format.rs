@@ -1,8 +1,8 @@
 //! What a camera's bytes mean: the pixel formats relens takes, each turned into planes of counts.
 //!
-//! Nothing is scaled here: a count is the number the sensor's converter gave. The planes keep the camera's pixel
-//! grid; a Bayer sensor's missing colours are the mean of the nearest sites of that colour, which is linear
-//! in the light and therefore part of the lens as the calibration sees it.
+//! Nothing is scaled here: a count is the number the sensor's converter gave. The planes keep the
+//! camera's pixel grid; a Bayer sensor's missing colours are the mean of the nearest sites of that
+//! colour, which is linear in the light and therefore part of the lens as the calibration sees it.
 
 use super::bayer::{self, Mosaic};
 use crate::frame::{Counts, Plane, Size};
@@ -18,7 +18,8 @@ pub enum PixelFormat {
         /// 10, 12 or 16.
         bits: u8,
     },
-    /// Raw Bayer: a byte a pixel with 8 bits, else a little-endian 16-bit word with the low `bits` used.
+    /// Raw Bayer: a byte a pixel with 8 bits, else a little-endian 16-bit word with the low `bits`
+    /// used.
     Bayer {
         /// Which colour is where.
         mosaic: Mosaic,
@@ -34,7 +35,10 @@ pub enum PixelFormat {
 
 /// Bytes that are not the frame they are said to be.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("a {format} frame of {size} with {stride_bytes} bytes a row has {found} bytes; {wanted} are needed")]
+#[error(
+    "a {format} frame of {size} with {stride_bytes} bytes a row has {found} bytes; {wanted} are \
+     needed"
+)]
 pub struct ShortFrame {
     /// Four-character code.
     pub format: &'static str,
@@ -79,7 +83,8 @@ impl PixelFormat {
         ]
     };
 
-    /// The format of a four-character code (`"GREY"`, `"RG10"`, …); `None` when relens does not take it.
+    /// The format of a four-character code (`"GREY"`, `"RG10"`, …); `None` when relens does not
+    /// take it.
     pub fn from_code(code: &str) -> Option<Self> {
         Self::ALL.iter().find(|(name, _)| *name == code.trim_end()).map(|&(_, format)| format)
     }
@@ -115,8 +120,9 @@ impl PixelFormat {
         }
     }
 
-    /// Unpacks a frame of `bytes`, rows `stride_bytes` apart, into `counts` (whose size says the frame's).
-    /// A grey camera fills all three planes alike. `scratch` is room of the caller's, so that no frame allocates.
+    /// Unpacks a frame of `bytes`, rows `stride_bytes` apart, into `counts` (whose size says the
+    /// frame's). A grey camera fills all three planes alike. `scratch` is room of the caller's, so
+    /// that no frame allocates.
     ///
     /// # Errors
     /// [`ShortFrame`] when there are fewer bytes than pixels.
@@ -131,7 +137,13 @@ impl PixelFormat {
         let row_bytes = size.width * self.pixel_bytes();
         let wanted = (size.height.saturating_sub(1)) * stride_bytes + row_bytes;
         if bytes.len() < wanted || stride_bytes < row_bytes {
-            return Err(ShortFrame { format: self.code(), size, stride_bytes, found: bytes.len(), wanted });
+            return Err(ShortFrame {
+                format: self.code(),
+                size,
+                stride_bytes,
+                found: bytes.len(),
+                wanted,
+            });
         }
         let rows = || bytes.chunks(stride_bytes).take(size.height).map(|row| &row[..row_bytes]);
         match self {
@@ -151,7 +163,9 @@ impl PixelFormat {
             PixelFormat::Rgb24 => {
                 for (y, row) in rows().enumerate() {
                     let [red, green, blue] = counts.planes_mut().each_mut().map(|p| p.row_mut(y));
-                    for (((r, g), b), pixel) in red.iter_mut().zip(green).zip(blue).zip(row.chunks_exact(3)) {
+                    for (((r, g), b), pixel) in
+                        red.iter_mut().zip(green).zip(blue).zip(row.chunks_exact(3))
+                    {
                         (*r, *g, *b) = (pixel[0].into(), pixel[1].into(), pixel[2].into());
                     }
                 }
@@ -188,11 +202,14 @@ fn samples<'a>(rows: impl Iterator<Item = &'a [u8]>, format: PixelFormat, plane:
     }
 }
 
-/// R′G′B′ of a BT.601 limited-range pixel (ITU-R BT.601-7 §2.5.3: luma 16..235, chroma 16..240 about 128).
+/// R′G′B′ of a BT.601 limited-range pixel (ITU-R BT.601-7 §2.5.3: luma 16..235, chroma 16..240
+/// about 128).
 fn rgb_of_bt601(luma: u8, cb: u8, cr: u8) -> [u16; 3] {
     let y = (f32::from(luma) - 16.0) * (255.0 / 219.0);
-    let (cb, cr) = ((f32::from(cb) - 128.0) * (255.0 / 224.0), (f32::from(cr) - 128.0) * (255.0 / 224.0));
-    // 2(1 − 0.299), 2(1 − 0.114) and their shares in green, from the luma weights 0.299, 0.587, 0.114.
+    let (cb, cr) =
+        ((f32::from(cb) - 128.0) * (255.0 / 224.0), (f32::from(cr) - 128.0) * (255.0 / 224.0));
+    // 2(1 − 0.299), 2(1 − 0.114) and their shares in green, from the luma weights 0.299, 0.587,
+    // 0.114.
     let rgb = [y + 1.402 * cr, y - 0.344_136 * cb - 0.714_136 * cr, y + 1.772 * cb];
     rgb.map(|v| (v + 0.5).clamp(0.0, 255.0) as u16)
 }
@@ -205,7 +222,9 @@ mod tests {
     fn unpacked(code: &str, bytes: &[u8], size: Size, stride_bytes: usize) -> Counts {
         let mut counts = Counts::zeros(size);
         let format = PixelFormat::from_code(code).unwrap();
-        format.unpack(bytes, stride_bytes, &mut counts, &mut Plane::zeros(Size::new(0, 0))).unwrap();
+        format
+            .unpack(bytes, stride_bytes, &mut counts, &mut Plane::zeros(Size::new(0, 0)))
+            .unwrap();
         counts
     }
 
@@ -213,7 +232,10 @@ mod tests {
     fn every_code_comes_back_from_its_format() {
         for (code, format) in PixelFormat::ALL {
             assert_eq!(format.code(), code);
-            assert_eq!(PixelFormat::from_code(std::str::from_utf8(&format.fourcc()).unwrap()), Some(format));
+            assert_eq!(
+                PixelFormat::from_code(std::str::from_utf8(&format.fourcc()).unwrap()),
+                Some(format)
+            );
         }
         assert_eq!(PixelFormat::from_code("MJPG"), None);
     }
@@ -229,7 +251,9 @@ mod tests {
     #[test]
     fn wide_grey_is_little_endian_and_cut_to_its_bits() {
         let bytes = [0x34, 0x12, 0xff, 0xff];
-        for (code, want) in [("Y10", [0x234, 0x3ff]), ("Y12", [0x234, 0xfff]), ("Y16", [0x1234, 0xffff])] {
+        for (code, want) in
+            [("Y10", [0x234, 0x3ff]), ("Y12", [0x234, 0xfff]), ("Y16", [0x1234, 0xffff])]
+        {
             assert_eq!(
                 unpacked(code, &bytes, Size::new(2, 1), 4).plane(Channel::Green).data(),
                 &want,

@@ -1,4 +1,5 @@
-//! The camera's trigger: a pulse of stated width on an output line, or nothing for a free-running camera.
+//! The camera's trigger: a pulse of stated width on an output line, or nothing for a free-running
+//! camera.
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;

@@ -1,4 +1,5 @@
-//! The camera on a real video node: found by a stable name, set to measure and not to please, read frame by frame.
+//! The camera on a real video node: found by a stable name, set to measure and not to please, read
+//! frame by frame.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,8 @@ const NODES_MAX: usize = 64;
 pub enum CameraName {
     /// A link that udev keeps, such as `/dev/v4l/by-id/usb-…-video-index0`.
     Link(PathBuf),
-    /// The card's name as the driver gives it (`v4l2-ctl --info`); must be the only one of that name.
+    /// The card's name as the driver gives it (`v4l2-ctl --info`); must be the only one of that
+    /// name.
     Card(String),
 }
 
@@ -60,8 +62,8 @@ impl V4l2Camera {
     /// Finds, sets and starts the camera.
     ///
     /// # Errors
-    /// [`RigError::Gone`] when there is no such camera, [`RigError::Held`] while another program uses it,
-    /// [`RigError::Refused`] when format or a control cannot be what the rig file says.
+    /// [`RigError::Gone`] when there is no such camera, [`RigError::Held`] while another program
+    /// uses it, [`RigError::Refused`] when format or a control cannot be what the rig file says.
     pub fn open(settings: CameraSettings) -> Result<Self, RigError> {
         let (ring, stride_bytes) = start(&settings)?;
         let sites = Plane::zeros(settings.size);
@@ -89,18 +91,23 @@ impl Camera for V4l2Camera {
 
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError> {
         let began = Monotonic.now();
-        let Some(ring) = &mut self.ring else { return Err(gone("it was lost and is not open".to_owned())) };
+        let Some(ring) = &mut self.ring else {
+            return Err(gone("it was lost and is not open".to_owned()));
+        };
         loop {
             let filled = match ring.next(deadline) {
                 Ok(Some(filled)) => filled,
-                Ok(None) => return Err(RigError::NoFrame { waited_ms: (deadline.0 - began.0) * 1e3 }),
+                Ok(None) => {
+                    return Err(RigError::NoFrame { waited_ms: (deadline.0 - began.0) * 1e3 });
+                }
                 Err(cause) => {
                     self.ring = None;
                     return Err(gone(cause.to_string()));
                 }
             };
-            let jumped =
-                self.last_sequence.map_or(0, |last| filled.sequence.wrapping_sub(last).wrapping_sub(1));
+            let jumped = self
+                .last_sequence
+                .map_or(0, |last| filled.sequence.wrapping_sub(last).wrapping_sub(1));
             // A counter that goes backwards was started anew and says nothing.
             self.lost += u64::from(if jumped < u32::MAX / 2 { jumped } else { 0 });
             self.last_sequence = Some(filled.sequence);
@@ -112,8 +119,10 @@ impl Camera for V4l2Camera {
                     .unpack(ring.bytes(&filled), self.stride_bytes, &mut counts, &mut self.sites)
                     .is_ok();
             let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
-            // A stamp of the frame's end is brought back to the exposure's start; read-out time stays in it.
-            let exposure_s = if filled.at_start { 0.0 } else { self.settings.exposure.exposure_ms() / 1e3 };
+            // A stamp of the frame's end is brought back to the exposure's start; read-out time
+            // stays in it.
+            let exposure_s =
+                if filled.at_start { 0.0 } else { self.settings.exposure.exposure_ms() / 1e3 };
             let at = Moment(stamp - exposure_s);
             if let Err(cause) = ring.give_back(filled) {
                 self.ring = None;
@@ -147,7 +156,8 @@ fn start(settings: &CameraSettings) -> Result<(Ring, usize), RigError> {
     let node = find(&settings.name)?;
     let settled = settle_format(&node, settings)?;
     settle_controls(&node, &settings.exposure, &settings.controls)?;
-    let ring = Ring::start(node, settings.buffers).map_err(|source| busy_or(source, "start the stream"))?;
+    let ring = Ring::start(node, settings.buffers)
+        .map_err(|source| busy_or(source, "start the stream"))?;
     Ok((ring, settled.stride_bytes as usize))
 }
 
@@ -163,7 +173,8 @@ fn busy_or(source: std::io::Error, doing: &'static str) -> RigError {
 fn find(name: &CameraName) -> Result<Node, RigError> {
     match name {
         CameraName::Link(path) => {
-            let node = Node::open(path).map_err(|cause| gone(format!("{}: {cause}", path.display())))?;
+            let node =
+                Node::open(path).map_err(|cause| gone(format!("{}: {cause}", path.display())))?;
             match node.identity() {
                 Ok(identity) if identity.streams_pictures => Ok(node),
                 _ => Err(RigError::Refused {
@@ -177,7 +188,9 @@ fn find(name: &CameraName) -> Result<Node, RigError> {
             let mut others = Vec::new();
             let mut found = None;
             for number in 0..NODES_MAX {
-                let Ok(node) = Node::open(Path::new(&format!("/dev/video{number}"))) else { continue };
+                let Ok(node) = Node::open(Path::new(&format!("/dev/video{number}"))) else {
+                    continue;
+                };
                 let Ok(identity) = node.identity() else { continue };
                 if !identity.streams_pictures {
                     continue;
@@ -201,7 +214,8 @@ fn find(name: &CameraName) -> Result<Node, RigError> {
 fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigError> {
     let (width, height) = (settings.size.width as u32, settings.size.height as u32);
     let fourcc = settings.format.fourcc();
-    let settled = node.settle(width, height, fourcc).map_err(|source| busy_or(source, "take its format"))?;
+    let settled =
+        node.settle(width, height, fourcc).map_err(|source| busy_or(source, "take its format"))?;
     let same = (settled.width, settled.height, settled.fourcc) == (width, height, fourcc);
     if same && !(settings.format == PixelFormat::Yuyv && settled.full_range) {
         return Ok(settled);

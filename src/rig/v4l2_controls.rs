@@ -6,7 +6,8 @@ use super::v4l2_kernel::{Control, Node};
 /// What sets the exposure time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Exposure {
-    /// The camera's control `exposure_time_absolute`, in steps of 100 µs (V4L2_CID_EXPOSURE_ABSOLUTE).
+    /// The camera's control `exposure_time_absolute`, in steps of 100 µs
+    /// (V4L2_CID_EXPOSURE_ABSOLUTE).
     Control {
         /// Exposure time.
         exposure_ms: f64,
@@ -27,8 +28,9 @@ impl Exposure {
     }
 }
 
-/// Control names (as `v4l2-ctl` prints them, in today's spelling and the one before Linux 6.0) and the value
-/// that stops the camera from adapting. Auto exposure 1 is "manual mode" (V4L2_EXPOSURE_MANUAL).
+/// Control names (as `v4l2-ctl` prints them, in today's spelling and the one before Linux 6.0) and
+/// the value that stops the camera from adapting. Auto exposure 1 is "manual mode"
+/// (V4L2_EXPOSURE_MANUAL).
 const STEADY: [(&str, i32); 15] = [
     ("auto_exposure", 1),
     ("exposure_auto", 1),
@@ -42,13 +44,15 @@ const STEADY: [(&str, i32); 15] = [
     ("backlight_compensation", 0),
     ("power_line_frequency", 0),
     ("sharpness", i32::MIN),
-    // The Imaging Source's own, once its extension is loaded (tiscamera, data/uvc-extensions/usb33.json).
+    // The Imaging Source's own, once its extension is loaded (tiscamera,
+    // data/uvc-extensions/usb33.json).
     ("auto_shutter", 0),
     ("gain_auto", 0),
     ("highlight_reduction", 0),
 ];
 
-/// Sets the steady values, the exposure and the file's own `wanted` controls, in this order, and reads each back.
+/// Sets the steady values, the exposure and the file's own `wanted` controls, in this order, and
+/// reads each back.
 ///
 /// # Errors
 /// [`RigError::Refused`] for a control the camera has not got, or that does not hold its value.
@@ -65,7 +69,8 @@ pub(super) fn settle_controls(
     }
     if let Exposure::Control { exposure_ms } = exposure {
         let steps = (exposure_ms * 10.0).round() as i32;
-        let control = named(&has, "exposure_time_absolute").or_else(|_| named(&has, "exposure_absolute"))?;
+        let control =
+            named(&has, "exposure_time_absolute").or_else(|_| named(&has, "exposure_absolute"))?;
         hold(node, control, steps)?;
     }
     for (name, value) in wanted {
@@ -75,10 +80,17 @@ pub(super) fn settle_controls(
 }
 
 fn named<'a>(has: &'a [Control], name: &str) -> Result<&'a Control, RigError> {
-    has.iter().find(|control| control.name == name && control.settable).ok_or_else(|| RigError::Refused {
-        device: "camera",
-        found: format!("control {name}"),
-        allowed: has.iter().filter(|c| c.settable).map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
+    has.iter().find(|control| control.name == name && control.settable).ok_or_else(|| {
+        RigError::Refused {
+            device: "camera",
+            found: format!("control {name}"),
+            allowed: has
+                .iter()
+                .filter(|c| c.settable)
+                .map(|c| c.name.as_str())
+                .collect::<Vec<_>>()
+                .join(", "),
+        }
     })
 }
 

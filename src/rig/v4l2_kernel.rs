@@ -1,7 +1,9 @@
-//! The V4L2 calls the camera needs, each with its own structure; the one camera file with `unsafe` in it.
+//! The V4L2 calls the camera needs, each with its own structure; the one camera file with `unsafe`
+//! in it.
 //!
-//! Crate `v4l` opens nodes and brings structures and request numbers. Its own wrappers are passed by where they
-//! unwrap what a driver says (unknown control types, colour spaces) or lose a buffer after a timeout.
+//! Crate `v4l` opens nodes and brings structures and request numbers. Its own wrappers are passed
+//! by where they unwrap what a driver says (unknown control types, colour spaces) or lose a buffer
+//! after a timeout.
 #![allow(unsafe_code)] // ioctl and mmap; every call hands the kernel the structure its request number names.
 
 use std::ffi::c_void;
@@ -72,8 +74,11 @@ pub(super) struct Filled {
 /// Runs one request, again when a signal came between.
 fn call<T>(node: &Node, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Result<()> {
     loop {
-        // SAFETY: private, and each caller below pairs the request with the structure the kernel expects.
-        match unsafe { ioctl(node.0.handle().fd(), request, std::ptr::from_mut(argument).cast::<c_void>()) } {
+        // SAFETY: private, and each caller below pairs the request with the structure the kernel
+        // expects.
+        match unsafe {
+            ioctl(node.0.handle().fd(), request, std::ptr::from_mut(argument).cast::<c_void>())
+        } {
             Err(cause) if cause.kind() == io::ErrorKind::Interrupted => {}
             outcome => return outcome,
         }
@@ -81,7 +86,8 @@ fn call<T>(node: &Node, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Res
 }
 
 fn zeroed<T: Copy>() -> T {
-    // SAFETY: used for the kernel's plain structures only, for which all bits zero is a valid value.
+    // SAFETY: used for the kernel's plain structures only, for which all bits zero is a valid
+    // value.
     unsafe { std::mem::zeroed() }
 }
 
@@ -110,7 +116,8 @@ impl Node {
     pub(super) fn formats(&self) -> Vec<[u8; 4]> {
         let mut all = Vec::new();
         loop {
-            let mut entry = sys::v4l2_fmtdesc { index: all.len() as u32, type_: CAPTURE, ..zeroed() };
+            let mut entry =
+                sys::v4l2_fmtdesc { index: all.len() as u32, type_: CAPTURE, ..zeroed() };
             if call(self, vidioc::VIDIOC_ENUM_FMT, &mut entry).is_err() {
                 return all;
             }
@@ -129,7 +136,8 @@ impl Node {
             ..zeroed()
         };
         call(self, vidioc::VIDIOC_S_FMT, &mut format)?;
-        // SAFETY: `pix` is the member that belongs to this buffer type, and the kernel has filled it.
+        // SAFETY: `pix` is the member that belongs to this buffer type, and the kernel has filled
+        // it.
         let pix = unsafe { format.fmt.pix };
         Ok(Settled {
             width: pix.width,
@@ -159,7 +167,8 @@ impl Node {
                 maximum: query.maximum,
                 settable: kinds.contains(&query.type_) && query.flags & locked == 0,
             });
-            query = sys::v4l2_queryctrl { id: query.id | sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
+            query =
+                sys::v4l2_queryctrl { id: query.id | sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
         }
         all
     }
@@ -176,7 +185,8 @@ impl Node {
 
     /// Asks for `count` buffers; the driver's count is returned.
     pub(super) fn request_buffers(&self, count: u32) -> io::Result<u32> {
-        let mut request = sys::v4l2_requestbuffers { count, type_: CAPTURE, memory: MMAP, ..zeroed() };
+        let mut request =
+            sys::v4l2_requestbuffers { count, type_: CAPTURE, memory: MMAP, ..zeroed() };
         call(self, vidioc::VIDIOC_REQBUFS, &mut request)?;
         Ok(request.count)
     }
@@ -185,7 +195,8 @@ impl Node {
         let mut buffer = sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() };
         call(self, vidioc::VIDIOC_QUERYBUF, &mut buffer)?;
         let length = buffer.length as usize;
-        // SAFETY: a fresh mapping of `length` bytes at the offset the kernel gave for memory-mapped buffers.
+        // SAFETY: a fresh mapping of `length` bytes at the offset the kernel gave for memory-mapped
+        // buffers.
         let start = unsafe {
             let place = u64::from(buffer.m.offset);
             mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, self, place)?
@@ -205,8 +216,8 @@ impl Node {
     pub(super) fn take(&self) -> io::Result<Filled> {
         let mut buffer = sys::v4l2_buffer { type_: CAPTURE, memory: MMAP, ..zeroed() };
         call(self, vidioc::VIDIOC_DQBUF, &mut buffer)?;
-        let monotonic =
-            buffer.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+        let monotonic = buffer.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK
+            == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
         let stamp = buffer.timestamp.tv_sec as f64 + buffer.timestamp.tv_usec as f64 * 1e-6;
         Ok(Filled {
             index: buffer.index,
@@ -214,7 +225,8 @@ impl Node {
             damaged: buffer.flags & sys::V4L2_BUF_FLAG_ERROR != 0,
             sequence: buffer.sequence,
             at_s: monotonic.then_some(stamp),
-            at_start: buffer.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE,
+            at_start: buffer.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK
+                == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE,
         })
     }
 
@@ -224,7 +236,8 @@ impl Node {
     }
 }
 
-/// A driver's control name in the spelling of `v4l2-ctl`: "Exposure Time, Absolute" → `exposure_time_absolute`.
+/// A driver's control name in the spelling of `v4l2-ctl`: "Exposure Time, Absolute" →
+/// `exposure_time_absolute`.
 pub(super) fn control_name(title: &str) -> String {
     let words = title.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("_")
@@ -240,8 +253,8 @@ pub(super) struct Map {
 unsafe impl Send for Map {}
 
 impl Map {
-    /// The first `used` bytes (fewer when the buffer is smaller). To be read only between taking the buffer and
-    /// queueing it again: the driver owns it otherwise.
+    /// The first `used` bytes (fewer when the buffer is smaller). To be read only between taking
+    /// the buffer and queueing it again: the driver owns it otherwise.
     pub(super) fn bytes(&self, used: usize) -> &[u8] {
         // SAFETY: the mapping is at least this long, readable, and lives as long as `self`.
         unsafe { std::slice::from_raw_parts(self.start.cast::<u8>(), used.min(self.length)) }
@@ -250,7 +263,8 @@ impl Map {
 
 impl Drop for Map {
     fn drop(&mut self) {
-        // SAFETY: unmaps exactly what `map_buffer` mapped. A failure would leak a mapping and nothing else.
+        // SAFETY: unmaps exactly what `map_buffer` mapped. A failure would leak a mapping and
+        // nothing else.
         let _ = unsafe { munmap(self.start, self.length) };
     }
 }

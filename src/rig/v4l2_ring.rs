@@ -1,7 +1,8 @@
 //! The capture ring: a fixed number of buffers that go round between driver and program.
 //!
-//! Own code instead of `v4l`'s stream: that one queues a buffer twice after a timeout, waits for ever by
-//! default, hides errors of `poll`, and panics when it is dropped after a fault. Nothing is allocated once it runs.
+//! Own code instead of `v4l`'s stream: that one queues a buffer twice after a timeout, waits for
+//! ever by default, hides errors of `poll`, and panics when it is dropped after a fault. Nothing is
+//! allocated once it runs.
 
 use std::io;
 
@@ -21,7 +22,8 @@ pub(super) struct Ring {
 }
 
 impl Ring {
-    /// Takes `count` buffers from the driver (it may give another number), queues them all and starts.
+    /// Takes `count` buffers from the driver (it may give another number), queues them all and
+    /// starts.
     pub(super) fn start(node: Node, count: usize) -> io::Result<Self> {
         let count = node.request_buffers(count.clamp(2, BUFFERS_MAX) as u32)?;
         let mut ring = Ring { maps: heapless::Vec::new(), node };
@@ -49,8 +51,9 @@ impl Ring {
             }
             match self.node.take() {
                 Ok(filled) => return Ok(Some(filled)),
-                // After an error event `poll` says "ready" and there is nothing: the true cause comes from here,
-                // unless there is none, and then it is the event itself that has to be told.
+                // After an error event `poll` says "ready" and there is nothing: the true cause
+                // comes from here, unless there is none, and then it is the event itself that has
+                // to be told.
                 Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
                     if waiting[0].revents().intersects(PollFlags::ERR | PollFlags::HUP) {
                         return Err(rustix::io::Errno::NODEV.into());

@@ -1,11 +1,12 @@
-//! What a photo costs the box itself: computing time, where it goes, and peak memory of the default method on the
-//! default rig (1024×768, colour), the simulator not counted.
+//! What a photo costs the box itself: computing time, where it goes, and peak memory of the default
+//! method on the default rig (1024×768, colour), the simulator not counted.
 //!
-//! One process photographs, calibrates and restores on the simulated rig and keeps every frame its camera delivered; a
-//! second one, which has no simulator, restores the same photo from the kept frames. Its clock and its peak resident
-//! memory (`VmHWM`) are what is printed.
+//! One process photographs, calibrates and restores on the simulated rig and keeps every frame its
+//! camera delivered; a second one, which has no simulator, restores the same photo from the kept
+//! frames. Its clock and its peak resident memory (`VmHWM`) are what is printed.
 //!
-//! Twice: with the lens as it was measured, and with one that was touched since, which its captures refine.
+//! Twice: with the lens as it was measured, and with one that was touched since, which its captures
+//! refine.
 //!
 //! Run: `cargo bench --bench appliance`
 
@@ -17,13 +18,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use relens::calibrate::calibrate;
 use relens::calibration::Calibration;
 use relens::config::{self, Glare, Kind, Lens};
 use relens::evaluate::scenes::Scene;
 use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
+use relens::measurement::calibrate;
 use relens::picture::Tone;
-use relens::restoration::{Bench, Request, method};
+use relens::pipeline::{Bench, Request, method};
 use relens::rig::exposure::{Rig, Timing};
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
 
@@ -38,7 +39,8 @@ fn main() {
 }
 
 fn rig() -> config::Rig {
-    config::parse(include_str!("../../rig-config/simulated.toml"), "simulated.toml", Path::new(".")).unwrap()
+    config::parse(include_str!("../../rig-config/simulated.toml"), "simulated.toml", Path::new("."))
+        .unwrap()
 }
 
 /// Seconds since the program began.
@@ -47,7 +49,8 @@ fn seconds() -> f64 {
     BEGUN.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
-/// The rig with a finger's mark on its lens: so much of the light is scattered over a few pixels. Guesses.
+/// The rig with a finger's mark on its lens: so much of the light is scattered over a few pixels.
+/// Guesses.
 fn touched(mut rig: config::Rig) -> config::Rig {
     if let Kind::Simulated(simulation) = &mut rig.kind {
         let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
@@ -63,10 +66,12 @@ fn whole(is_touched: bool) {
     );
     let rig = rig();
     let folder = tempfile::tempdir().unwrap();
-    let calibration = calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut |_| {}).unwrap();
+    let calibration =
+        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut |_| {}).unwrap();
     let now = if is_touched { touched(rig.clone()) } else { rig.clone() };
     let (mut devices, witness) = simulated::open(&now).unwrap();
-    std::fs::write(folder.path().join("calibration"), postcard::to_allocvec(&calibration).unwrap()).unwrap();
+    std::fs::write(folder.path().join("calibration"), postcard::to_allocvec(&calibration).unwrap())
+        .unwrap();
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let codes = Scene::Astronaut.codes(rig.photo.size());
     let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
@@ -97,7 +102,9 @@ fn alone(folder: &Path) {
         postcard::from_bytes(&std::fs::read(folder.join("calibration")).unwrap()).unwrap();
     let photo = Frame::from_planes(kept(&folder.join("photo"), rig.photo.size()));
     let mut frames = Vec::new();
-    while let Some(path) = Some(folder.join(format!("frame-{}", frames.len()))).filter(|p| p.exists()) {
+    while let Some(path) =
+        Some(folder.join(format!("frame-{}", frames.len()))).filter(|p| p.exists())
+    {
         let planes = kept(&path, rig.camera.size());
         frames.push(Counts::from_planes(planes.map(|p| p.map(|v: f32| v as u16))));
     }
@@ -115,7 +122,10 @@ fn alone(folder: &Path) {
     let (computing, captures, processor) = restore(&rig, &calibration, &photo, &mut devices);
     println!("default method, {} in colour, {captures} captures, no simulator", rig.photo.size());
     println!("computing          {computing:6.2} s ({processor:.2} s of processor time)");
-    println!("peak memory        {:6.0} MiB ({before:.0} MiB with photo and frames read)", memory());
+    println!(
+        "peak memory        {:6.0} MiB ({before:.0} MiB with photo and frames read)",
+        memory()
+    );
 }
 
 /// Restores and tells seconds of computing, captures and seconds of processor time.
@@ -130,13 +140,18 @@ fn restore(
     println!("the lens model and the corrections take {:.0} MiB", memory() - before);
     let solver = method(rig, rig.restore.method);
     let (begun, processor) = (seconds(), processor_seconds());
-    let mut watch = |_: &relens::restore::method::Step, _: Option<&Frame<Work>>| {};
-    let request = Request { photo, channels: Channels::Colour, method: &*solver, stopwatch: &seconds };
+    let mut watch = |_: &relens::deconvolution::method::Step, _: Option<&Frame<Work>>| {};
+    let request =
+        Request { photo, channels: Channels::Colour, method: &*solver, stopwatch: &seconds };
     let restored = bench.restore(devices, &request, &mut watch).unwrap();
     if restored.solution.look.refined.is_some() {
         println!("the lens model was refined");
     }
-    (seconds() - begun - restored.waited_seconds, restored.captures, processor_seconds() - processor)
+    (
+        seconds() - begun - restored.waited_seconds,
+        restored.captures,
+        processor_seconds() - processor,
+    )
 }
 
 /// Peak resident memory so far, MiB.
@@ -163,7 +178,8 @@ fn kept(path: &Path, size: Size) -> [Plane; 3] {
     let bytes = std::fs::read(path).unwrap();
     let values: Vec<f32> =
         bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    let mut planes = values.chunks_exact(size.area()).map(|v| Plane::from_vec(size, v.to_vec()).unwrap());
+    let mut planes =
+        values.chunks_exact(size.area()).map(|v| Plane::from_vec(size, v.to_vec()).unwrap());
     std::array::from_fn(|_| planes.next().unwrap())
 }
 

@@ -13,7 +13,8 @@ fn rig(name: &str) -> Rig {
     config::load(std::path::Path::new(name)).expect("built in")
 }
 
-/// A picture with something in every pixel, another one each time: nothing can be kept from the last.
+/// A picture with something in every pixel, another one each time: nothing can be kept from the
+/// last.
 fn picture(rig: &Rig, n: usize) -> Codes {
     Frame::from_fn(|channel| {
         Plane::from_fn(rig.panel.size(), |x, y| {

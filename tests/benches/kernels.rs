@@ -4,17 +4,18 @@
 #![allow(clippy::unwrap_used)]
 
 use divan::{Bencher, black_box};
+use relens::deconvolution::lens_model::{LensFunctions, LensModel};
+use relens::deconvolution::quality::ssim;
+use relens::deconvolution::wavelet::{Scratch, Sym8};
+use relens::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use relens::frame::resample::{Outside, resize, warp};
 use relens::frame::{Channel, Plane, Size};
-use relens::restore::lens_model::{LensFunctions, LensModel};
-use relens::restore::quality::ssim;
-use relens::restore::wavelet::{Scratch, Sym8};
-use relens::restore::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 
 const PHOTO: Size = Size::new(1024, 768);
 
 fn main() {
-    // One thread, and all within it: work handed to it from outside would be timed with the handing over.
+    // One thread, and all within it: work handed to it from outside would be timed with the handing
+    // over.
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(divan::main);
 }
 
@@ -23,11 +24,14 @@ fn picture(size: Size) -> Plane {
     Plane::from_fn(size, |x, y| {
         let (u, v) = (x as f32, y as f32);
         let shading = 100.0 + 50.0 * (u / 91.0).sin() * (v / 67.0).cos();
-        shading + if (x / 37 + y / 53) % 3 == 0 { 60.0 } else { 0.0 } + ((x * 31 + y * 17) % 13) as f32
+        shading
+            + if (x / 37 + y / 53) % 3 == 0 { 60.0 } else { 0.0 }
+            + ((x * 31 + y * 17) % 13) as f32
     })
 }
 
-/// A grid of `rows` × `columns` functions of `support_px`, Gaussians that widen and lean towards the corners.
+/// A grid of `rows` × `columns` functions of `support_px`, Gaussians that widen and lean towards
+/// the corners.
 fn functions(rows: usize, columns: usize, support_px: usize) -> LensFunctions {
     let r = (support_px / 2) as f32;
     let mut one = Vec::new();
@@ -37,8 +41,10 @@ fn functions(rows: usize, columns: usize, support_px: usize) -> LensFunctions {
             let sigma = 2.0 + 4.0 * (u * u + v * v);
             let taps: Vec<f32> = (0..support_px * support_px)
                 .map(|t| {
-                    let (x, y) =
-                        ((t % support_px) as f32 - r - 3.0 * u, (t / support_px) as f32 - r - 3.0 * v);
+                    let (x, y) = (
+                        (t % support_px) as f32 - r - 3.0 * u,
+                        (t / support_px) as f32 - r - 3.0 * v,
+                    );
                     (-(x * x + y * y + x * y * u * v) / (2.0 * sigma * sigma)).exp()
                 })
                 .collect();

@@ -22,7 +22,11 @@ struct Shown {
 }
 
 impl Restorer for Shown {
-    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure> {
         self.inner.restore(photo, progress)
     }
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
@@ -33,7 +37,8 @@ impl Restorer for Shown {
     }
 }
 
-/// Runs a box in `mode` over `root` until `until_s`, doing what `act` says at each look at the time.
+/// Runs a box in `mode` over `root` until `until_s`, doing what `act` says at each look at the
+/// time.
 fn attended(
     root: &Path,
     mode: Mode,
@@ -44,11 +49,13 @@ fn attended(
 ) -> (Summary, Vec<Screen>, Vec<Remedy>) {
     let calendar = || -> SystemTime { UNIX_EPOCH + Duration::from_secs(1_700_000_000) };
     let screens = Rc::default();
-    let (clock, mut restorer) = (TestClock::default(), Shown { inner, screens: Rc::clone(&screens) });
+    let (clock, mut restorer) =
+        (TestClock::default(), Shown { inner, screens: Rc::clone(&screens) });
     let folders = Folders::open(root).unwrap();
     let mut watcher = ();
     let schedule = Attended::new(front.clone(), mode, &clock, Box::new(()));
-    let daemon = Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let daemon =
+        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let act = RefCell::new(act);
     let summary = daemon.scheduled(Box::new(schedule)).run(&|| {
         act.borrow_mut()(clock.0.get(), front);
@@ -144,12 +151,15 @@ fn trouble_is_on_the_panel_with_what_to_do_and_clears_itself() {
     photos(root.path(), 1);
     let failing = Brightener { failures: vec![Remedy::CallOperator], ..Brightener::default() };
     let mut trouble = false;
-    let (summary, screens, _) = attended(root.path(), Mode::Folder, failing, 120.0, &front, |_, front| {
-        trouble |= matches!(front.state().0, State::Trouble { .. });
-    });
+    let (summary, screens, _) =
+        attended(root.path(), Mode::Folder, failing, 120.0, &front, |_, front| {
+            trouble |= matches!(front.state().0, State::Trouble { .. });
+        });
     assert!(
         trouble
-            && screens.iter().any(|s| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains("cables")))
+            && screens
+                .iter()
+                .any(|s| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains("cables")))
     );
     assert_eq!(summary.restored.len(), 1, "it went on by itself");
     assert!(!matches!(front.state().0, State::Trouble { .. }));

@@ -1,4 +1,5 @@
-//! The bed of these tests: a rig's size, a clock, a restorer that brightens, and files made on the spot.
+//! The bed of these tests: a rig's size, a clock, a restorer that brightens, and files made on the
+//! spot.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -7,8 +8,8 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::Curve;
 use relens::daemon::{
-    Certificate, Daemon, DaemonError, Folders, Iteration, Progress, Restored, Restorer, Setting, Summary,
-    Watcher,
+    Certificate, Daemon, DaemonError, Folders, Iteration, Progress, Restored, Restorer, Setting,
+    Summary, Watcher,
 };
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::{Format, Limits, Manner, Photo, encode};
@@ -17,7 +18,8 @@ use relens::rig::{Clock, Moment};
 
 pub const RIG: Size = Size::new(64, 48);
 
-/// The calendar of these tests, far in the future: whatever is in an inbox has been there for years.
+/// The calendar of these tests, far in the future: whatever is in an inbox has been there for
+/// years.
 pub const CALENDAR_UNIX_S: u64 = 4_000_000_000;
 
 /// A clock that passes when waited on.
@@ -56,7 +58,11 @@ pub struct Brightener {
 }
 
 impl Restorer for Brightener {
-    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure> {
         progress(Progress { done: 0.5, doing: "brightening", captures: 1 });
         assert!(!self.panics, "told to");
         if let Some(remedy) = self.failures.pop() {
@@ -133,5 +139,9 @@ pub fn read_back(path: &Path) -> Photo {
 /// A fresh root, in memory where there is such a place: these tests sync a thousand files.
 pub fn fresh_root() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
-    if memory.is_dir() { tempfile::tempdir_in(memory).unwrap() } else { tempfile::tempdir().unwrap() }
+    if memory.is_dir() {
+        tempfile::tempdir_in(memory).unwrap()
+    } else {
+        tempfile::tempdir().unwrap()
+    }
 }

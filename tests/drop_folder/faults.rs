@@ -1,8 +1,10 @@
-//! Random scripts of everything that goes wrong with a box: the disk fails, fills and goes away, the power is cut,
-//! the rig stumbles, the calendar jumps, customers drop, complete and take back photos, the service is stopped.
+//! Random scripts of everything that goes wrong with a box: the disk fails, fills and goes away,
+//! the power is cut, the rig stumbles, the calendar jumps, customers drop, complete and take back
+//! photos, the service is stopped.
 //!
-//! After every step each photo is whole and in one place; when the world has calmed down each has exactly one
-//! result or one reason. A script is its seed: `RELENS_FAULT_SEED=n` replays one, `RELENS_FAULT_SCRIPTS=n` runs more.
+//! After every step each photo is whole and in one place; when the world has calmed down each has
+//! exactly one result or one reason. A script is its seed: `RELENS_FAULT_SEED=n` replays one,
+//! `RELENS_FAULT_SCRIPTS=n` runs more.
 
 use std::cell::{Cell, RefCell};
 use std::io::ErrorKind;
@@ -122,7 +124,11 @@ impl World {
     }
 
     /// One thing happens. Whether the service is to be stopped.
-    fn step(&mut self, failures: &RefCell<Vec<Remedy>>, calendar: &Cell<u64>) -> Result<bool, String> {
+    fn step(
+        &mut self,
+        failures: &RefCell<Vec<Remedy>>,
+        calendar: &Cell<u64>,
+    ) -> Result<bool, String> {
         let what = self.chance.below(16);
         let soon = self.chance.below(50);
         let plan = Arc::clone(&self.plan);
@@ -130,8 +136,11 @@ impl World {
         let mut stop = false;
         let words = match what {
             0..=3 => match self.to_come.pop() {
-                Some(photo) if !self.disk.contents().now().contains_key(&self.inbox(photo.name)) => {
-                    let (path, words) = (self.inbox(photo.name), format!("{} is dropped", photo.name));
+                Some(photo)
+                    if !self.disk.contents().now().contains_key(&self.inbox(photo.name)) =>
+                {
+                    let (path, words) =
+                        (self.inbox(photo.name), format!("{} is dropped", photo.name));
                     self.put(&path, &photo.bytes);
                     self.dropped.push(photo);
                     words
@@ -200,15 +209,20 @@ impl World {
             14 => {
                 let now = self.disk.contents().now();
                 let taken = self.dropped.iter().position(|photo| {
-                    now.get(&self.inbox(photo.name)).is_some_and(|(_, holds)| holds[..] == photo.bytes[..])
+                    now.get(&self.inbox(photo.name))
+                        .is_some_and(|(_, holds)| holds[..] == photo.bytes[..])
                 });
                 match taken {
                     Some(n) if !plan.gone => {
                         let photo = self.dropped.remove(n);
-                        let there =
-                            now.values().any(|(_, holds)| photo.result.as_deref() == Some(&holds[..]));
+                        let there = now
+                            .values()
+                            .any(|(_, holds)| photo.result.as_deref() == Some(&holds[..]));
                         if there {
-                            return Err(format!("{} waits in the inbox and has a result", photo.name));
+                            return Err(format!(
+                                "{} waits in the inbox and has a result",
+                                photo.name
+                            ));
                         }
                         self.disk.take_away(&self.inbox(photo.name));
                         format!("{} is taken back", photo.name)
@@ -239,7 +253,8 @@ fn script(seed: u64) -> Result<usize, String> {
     let plan = Arc::<Mutex<Plan>>::default();
     let names = ["a.png", "b.png", "c.png", "A.png"];
     static GOOD: OnceLock<Vec<Dropped>> = OnceLock::new();
-    let good = GOOD.get_or_init(|| (0..9).map(|n| good(names[n % 4], 20.0 + 15.0 * n as f32)).collect());
+    let good =
+        GOOD.get_or_init(|| (0..9).map(|n| good(names[n % 4], 20.0 + 15.0 * n as f32)).collect());
     let mut to_come = good.clone();
     for (n, name) in names.into_iter().enumerate().take(3) {
         let bytes = format!("Dear Sir {n}").into_bytes();
@@ -256,7 +271,8 @@ fn script(seed: u64) -> Result<usize, String> {
         told: vec![],
     };
     let told = |world: &World, words: &str| {
-        let told = world.told.iter().filter(|w| *w != "nothing").cloned().collect::<Vec<_>>().join("; ");
+        let told =
+            world.told.iter().filter(|w| *w != "nothing").cloned().collect::<Vec<_>>().join("; ");
         format!("{words}\nafter: {told}")
     };
     let calendar = Cell::new(CALENDAR_UNIX_S);
@@ -270,7 +286,8 @@ fn script(seed: u64) -> Result<usize, String> {
     Ok(world.dropped.len())
 }
 
-/// One life of the service: until it is stopped or the power is cut, or, in a calm world, until all is done.
+/// One life of the service: until it is stopped or the power is cut, or, in a calm world, until all
+/// is done.
 fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), String> {
     let plan = Arc::clone(&world.plan);
     // Whoever restarts the box sees to the disk, or it would not start.
@@ -305,11 +322,13 @@ fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), Strin
             }
         };
         catch_unwind(AssertUnwindSafe(|| -> Result<(), String> {
-            let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).map_err(|e| e.to_string())?;
+            let folders =
+                Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).map_err(|e| e.to_string())?;
             let mut restorer = Stumbling { inner: Brightener::default(), failures: &failures };
             let mut watcher = ();
-            let mut daemon = Daemon::open(folders, setting, &mut restorer, &clock, &dates, &mut watcher)
-                .map_err(|e| e.to_string())?;
+            let mut daemon =
+                Daemon::open(folders, setting, &mut restorer, &clock, &dates, &mut watcher)
+                    .map_err(|e| e.to_string())?;
             daemon.run(&stop);
             Ok(())
         }))

@@ -71,12 +71,22 @@ fn each_bad_file_gets_its_own_sentence_and_is_kept() {
         drop_in(root, name, bytes);
     }
     let summary = once(root);
-    assert_eq!((summary.failed.len(), summary.restored.len()), (cases.len(), 0), "{:?}", summary.left);
+    assert_eq!(
+        (summary.failed.len(), summary.restored.len()),
+        (cases.len(), 0),
+        "{:?}",
+        summary.left
+    );
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     let mut sentences = BTreeSet::new();
     for (name, bytes, wanted) in &cases {
-        assert_eq!(&std::fs::read(root.join("failed").join(name)).unwrap(), bytes, "{name} is unchanged");
-        let note = std::fs::read_to_string(root.join("failed").join(format!("{name}.txt"))).unwrap();
+        assert_eq!(
+            &std::fs::read(root.join("failed").join(name)).unwrap(),
+            bytes,
+            "{name} is unchanged"
+        );
+        let note =
+            std::fs::read_to_string(root.join("failed").join(format!("{name}.txt"))).unwrap();
         assert!(note.contains(wanted) && note.contains("allowed") && note.contains(name), "{note}");
         let reason = &summary.failed.iter().find(|f| f.photo == *name).unwrap().reason;
         sentences.insert(reason.replace(name, ""));
@@ -96,14 +106,20 @@ fn names_collide_and_nothing_is_overwritten() {
     once(root);
     drop_in(root, "a.png", &second);
     once(root);
-    assert_eq!(names(&root.join("outbox")), set(&["a.png", "a.png.json", "a-2.png", "a-2.png.json"]));
+    assert_eq!(
+        names(&root.join("outbox")),
+        set(&["a.png", "a.png.json", "a-2.png", "a-2.png.json"])
+    );
     assert_eq!(std::fs::read(root.join("done/a.png")).unwrap(), first);
     assert_eq!(std::fs::read(root.join("done/a-2.png")).unwrap(), second);
     for _ in 0..2 {
         drop_in(root, "bad.png", b"");
         once(root);
     }
-    assert_eq!(names(&root.join("failed")), set(&["bad.png", "bad.png.txt", "bad-2.png", "bad-2.png.txt"]));
+    assert_eq!(
+        names(&root.join("failed")),
+        set(&["bad.png", "bad.png.txt", "bad-2.png", "bad-2.png.txt"])
+    );
 }
 
 #[test]
@@ -120,7 +136,9 @@ fn names_are_bytes_and_may_be_hostile_or_long() {
     }
     let summary = once(root);
     assert_eq!(summary.restored.len(), 3, "{:?}", summary.failed);
-    assert!(root.join("outbox").join(&latin).is_file() && root.join("outbox").join(&hostile).is_file());
+    assert!(
+        root.join("outbox").join(&latin).is_file() && root.join("outbox").join(&hostile).is_file()
+    );
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     assert_eq!(page.matches("<script>").count(), 1, "the page's own");
     assert!(page.contains("M%FCnchen.png"));
@@ -188,7 +206,10 @@ fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
     drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
     let summary = once(root);
     assert!(
-        summary.restored[0].notes.iter().any(|n| n.contains("resampled from 256×192 to the rig's 64×48"))
+        summary.restored[0]
+            .notes
+            .iter()
+            .any(|n| n.contains("resampled from 256×192 to the rig's 64×48"))
     );
     assert_eq!(read_back(&root.join("outbox/big.png")).light.size(), RIG);
 }

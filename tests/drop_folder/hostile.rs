@@ -1,6 +1,7 @@
-//! Bytes that mean harm, wherever bytes come in: photos of each format, the rig file, the calibration slots, the
-//! record of a photo under way. A seed each, a bounded number of mutations: cuts, flips, runs, splices, and numbers
-//! at their limits. Nothing may panic, hang or be believed that is not so.
+//! Bytes that mean harm, wherever bytes come in: photos of each format, the rig file, the
+//! calibration slots, the record of a photo under way. A seed each, a bounded number of mutations:
+//! cuts, flips, runs, splices, and numbers at their limits. Nothing may panic, hang or be believed
+//! that is not so.
 
 use std::path::Path;
 
@@ -16,7 +17,8 @@ pub struct Mischief(pub u64);
 
 impl Mischief {
     fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % n.max(1)
     }
 
@@ -73,7 +75,9 @@ fn photos_of_every_format_that_mean_harm_bring_a_sentence_or_a_photo() {
         let mut mischief = Mischief(seed as u64);
         for _ in 0..1500 {
             let bytes = mischief.changed(&whole);
-            match Photo::from_bytes(name, &bytes, Curve::Srgb, &limits).and_then(|photo| photo.fit(RIG)) {
+            match Photo::from_bytes(name, &bytes, Curve::Srgb, &limits)
+                .and_then(|photo| photo.fit(RIG))
+            {
                 Ok(photo) => {
                     told[0] += 1;
                     assert!(
@@ -98,12 +102,24 @@ fn rig_files_that_mean_harm_are_read_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rig.toml");
     let mut told = [0; 2];
-    for (seed, name) in ["small.toml", "simulated.toml", "raspberry-pi-5.toml"].into_iter().enumerate() {
+    for (seed, name) in
+        ["small.toml", "simulated.toml", "raspberry-pi-5.toml"].into_iter().enumerate()
+    {
         let whole =
-            std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config").join(name)).unwrap();
+            std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config").join(name))
+                .unwrap();
         let text = String::from_utf8(whole.clone()).unwrap();
-        let numbers =
-            ["0", "-1", "1e308", "nan", "inf", "18446744073709551616", "9223372036854775807", "\"\"", "[]"];
+        let numbers = [
+            "0",
+            "-1",
+            "1e308",
+            "nan",
+            "inf",
+            "18446744073709551616",
+            "9223372036854775807",
+            "\"\"",
+            "[]",
+        ];
         let mut mischief = Mischief(seed as u64);
         for n in 0..300 {
             let bytes = match n % 3 {
@@ -111,7 +127,8 @@ fn rig_files_that_mean_harm_are_read_or_refused() {
                 // One value for another.
                 _ => {
                     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-                    let valued: Vec<usize> = (0..lines.len()).filter(|&i| lines[i].contains(" = ")).collect();
+                    let valued: Vec<usize> =
+                        (0..lines.len()).filter(|&i| lines[i].contains(" = ")).collect();
                     let at = valued[mischief.below(valued.len())];
                     let key = lines[at].split(" = ").next().unwrap_or_default().to_owned();
                     lines[at] = format!("{key} = {}", numbers[mischief.below(numbers.len())]);
@@ -167,7 +184,8 @@ fn records_that_mean_harm_cost_no_photo() {
         fn step(&mut self, step: relens::daemon::Step) {
             if step == relens::daemon::Step::Named {
                 let found = std::fs::read_dir(self.0.join("working")).unwrap().flatten();
-                let found = found.map(|e| e.path()).find(|p| p.to_string_lossy().contains(".ledger-"));
+                let found =
+                    found.map(|e| e.path()).find(|p| p.to_string_lossy().contains(".ledger-"));
                 *self.1.borrow_mut() = std::fs::read(found.unwrap()).unwrap();
             }
         }
@@ -184,10 +202,14 @@ fn records_that_mean_harm_cost_no_photo() {
         std::fs::write(root.join("outbox/a.png"), b"somebody else's").unwrap();
         std::fs::write(root.join("working/a.png"), &bytes).unwrap();
         // FNV-1a of the name, as the ledger has it.
-        let hash = b"a.png"
-            .iter()
-            .fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
-        std::fs::write(root.join(format!("working/.ledger-{hash:016x}")), mischief.changed(&record)).unwrap();
+        let hash = b"a.png".iter().fold(0xcbf2_9ce4_8422_2325u64, |h, b| {
+            (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3)
+        });
+        std::fs::write(
+            root.join(format!("working/.ledger-{hash:016x}")),
+            mischief.changed(&record),
+        )
+        .unwrap();
         let summary = once(root);
         assert_eq!(summary.restored.len(), 1, "{n}: {summary:?}");
         assert_eq!(std::fs::read(root.join("outbox/a.png")).unwrap(), b"somebody else's");

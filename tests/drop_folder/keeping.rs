@@ -1,4 +1,5 @@
-//! What is kept, and for how long: limits of age and size take the oldest, and nothing else, whatever the power does.
+//! What is kept, and for how long: limits of age and size take the oldest, and nothing else,
+//! whatever the power does.
 
 use std::cell::Cell;
 use std::path::Path;
@@ -61,13 +62,15 @@ impl Later<'_> {
         let folders = Folders::open(root).unwrap();
         let setting = Setting { floor_bytes, ..setting() };
         let believed = || believed;
-        let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+        let daemon =
+            Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
         let mut daemon = daemon.scheduled(Box::new(Night(unproven))).keeping(keep, &believed);
         daemon.once().unwrap()
     }
 }
 
-/// Photos that are done: their results bear the date of so many days from now, their originals that of today.
+/// Photos that are done: their results bear the date of so many days from now, their originals that
+/// of today.
 fn done(root: &Path, photos: &[(&str, u32)]) {
     for &(name, days) in photos {
         drop_in(root, name, &file(Format::Png, 8, RIG));
@@ -111,7 +114,10 @@ fn what_is_past_its_age_goes_with_all_that_belongs_to_it_and_nothing_else_does()
 
 /// MiB of the files in `folder` whose names end so.
 fn mib(folder: &Path, ending: &str) -> f64 {
-    let files = names(folder).into_iter().filter(|name| name.ends_with(ending)).map(|name| folder.join(name));
+    let files = names(folder)
+        .into_iter()
+        .filter(|name| name.ends_with(ending))
+        .map(|name| folder.join(name));
     files.map(|file| file.metadata().unwrap().len() as f64).sum::<f64>() / f64::from(1 << 20)
 }
 
@@ -121,7 +127,8 @@ fn beyond_the_size_the_oldest_go_and_what_is_under_way_or_may_be_asked_back_stay
     let root = root.path();
     done(root, &[("a.png", 1), ("b.png", 2), ("c.png", 3), ("d.png", 4)]);
     // Room for two and a half of the four, which are nearly of one size.
-    let results_mib_max = 0.625 * (mib(&root.join("outbox"), "") + mib(&root.join("outbox/gallery"), ".jpg"));
+    let results_mib_max =
+        0.625 * (mib(&root.join("outbox"), "") + mib(&root.join("outbox/gallery"), ".jpg"));
     let originals_mib_max = 0.625 * mib(&root.join("done"), "");
     let keep = Keep { results_mib_max, originals_mib_max, ..Keep::default() };
     let unproven = vec![Delivered { kept: "a.png".into(), result: "a.png".into() }];
@@ -168,7 +175,8 @@ fn a_full_disk_is_a_reason_to_look_before_the_hour_and_else_the_photo_waits() {
     let calendar = || SystemTime::now() + days.get() * DAY;
     let floor = Setting { floor_bytes: u64::MAX, ..setting() };
     let folders = Folders::open(root).unwrap();
-    let daemon = Daemon::open(folders, floor, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let daemon =
+        Daemon::open(folders, floor, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     // Everything grows old while the photo waits for room.
     daemon.keeping(KEEP, &believed).run(&|| {
         days.set(if clock.0.get() > 300.0 { 99 } else { 0 });
@@ -181,7 +189,8 @@ fn a_full_disk_is_a_reason_to_look_before_the_hour_and_else_the_photo_waits() {
     assert!(root.join("inbox/b.png").is_file(), "the disk is as full as before");
 }
 
-/// A photo done a month ago and past the limits by now: the power fails at every instant, any number of times.
+/// A photo done a month ago and past the limits by now: the power fails at every instant, any
+/// number of times.
 fn search(skip: Option<&Label>) -> Result<Found, String> {
     let photo = good("a.png", 30.0);
     let begun = Age { calendar_unix_s: 0, ..Age::default() };
@@ -205,7 +214,8 @@ fn the_power_may_fail_while_things_are_removed_and_each_synchronisation_is_neede
     let removals: Vec<_> = removals.filter(|(_, words, _)| !words.contains("temporary")).collect();
     assert!(removals.len() >= 6 && found.cuts > 100, "{removals:?}, {} cuts", found.cuts);
     for words in ["sync folder box/outbox", "sync folder box/outbox/gallery"] {
-        // The outbox is synchronised when the folders are opened as well, which is the first of its like.
+        // The outbox is synchronised when the folders are opened as well, which is the first of its
+        // like.
         let ours = found.labels.iter().rfind(|(_, w, _)| w == words).unwrap();
         let harm = search(Some(ours)).expect_err("left out and nobody was harmed");
         println!("{ours:?}: {harm}");

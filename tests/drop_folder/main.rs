@@ -1,4 +1,5 @@
-//! The drop folder with a restorer that only brightens: what goes in, what comes out, what survives a stop.
+//! The drop folder with a restorer that only brightens: what goes in, what comes out, what survives
+//! a stop.
 
 // The functions that the tests share stop a test as the tests themselves do.
 #![allow(clippy::unwrap_used)]

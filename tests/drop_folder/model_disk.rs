@@ -1,5 +1,5 @@
-//! A disk made of nothing but its promises: what was synchronised is safe, and of everything else a power cut
-//! keeps whatever it likes.
+//! A disk made of nothing but its promises: what was synchronised is safe, and of everything else a
+//! power cut keeps whatever it likes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -70,7 +70,8 @@ pub enum Unsafe {
 }
 
 impl Unsafe {
-    pub const ALL: [Unsafe; 5] = [Unsafe::Kept, Unsafe::Empty, Unsafe::Zeros, Unsafe::Half, Unsafe::Garbled];
+    pub const ALL: [Unsafe; 5] =
+        [Unsafe::Kept, Unsafe::Empty, Unsafe::Zeros, Unsafe::Half, Unsafe::Garbled];
 
     fn of(self, holds: &Arc<[u8]>) -> Arc<[u8]> {
         match self {
@@ -84,7 +85,8 @@ impl Unsafe {
 }
 
 impl Contents {
-    /// Makes safe whatever changes names that `concern` somebody, and what came before it on the same names.
+    /// Makes safe whatever changes names that `concern` somebody, and what came before it on the
+    /// same names.
     fn make_safe(&mut self, concern: &dyn Fn(&Path) -> bool) {
         let Contents { pending, kept, .. } = self;
         let mut names: BTreeSet<PathBuf> = BTreeSet::new();
@@ -135,13 +137,14 @@ impl Contents {
         }
     }
 
-    /// All that may be left after a power cut now: every choice among the changes of names, or the telling ones
-    /// when there are too many; content that is not safe in every state of damage. `spared` files are not
-    /// damaged.
+    /// All that may be left after a power cut now: every choice among the changes of names, or the
+    /// telling ones when there are too many; content that is not safe in every state of damage.
+    /// `spared` files are not damaged.
     pub fn cuts(&self, spared: &dyn Fn(&Path) -> bool) -> Vec<Survivors> {
         // What is written anew at each start concerns nobody, and would only multiply the choices.
         let dull = |path: &&PathBuf| {
-            path.file_name().is_some_and(|name| name == ".relens-state.json" || name == "removed.json")
+            path.file_name()
+                .is_some_and(|name| name == ".relens-state.json" || name == "removed.json")
         };
         let dull: BTreeSet<&PathBuf> = (self.pending.iter())
             .filter(|change| change.names().iter().any(dull))
@@ -154,7 +157,8 @@ impl Contents {
             .collect();
         let n = pending.len();
         let every = (1u64 << n.min(6)) - 1;
-        let mut choices: BTreeSet<u64> = if n <= 6 { (0..=every).collect() } else { BTreeSet::new() };
+        let mut choices: BTreeSet<u64> =
+            if n <= 6 { (0..=every).collect() } else { BTreeSet::new() };
         let all = if n >= 64 { u64::MAX } else { (1 << n) - 1 };
         for i in 0..n.min(63) {
             choices.extend([all, 0, 1 << i, all & !(1 << i), (1 << i) - 1, all & !((1 << i) - 1)]);
@@ -171,7 +175,8 @@ impl Contents {
             for damage in Unsafe::ALL.into_iter().take(if any { 5 } else { 1 }) {
                 let survive = |(path, inode): (&PathBuf, &u64)| {
                     let holds = &self.inodes[inode].holds;
-                    let holds = if damaged(path, inode) { damage.of(holds) } else { Arc::clone(holds) };
+                    let holds =
+                        if damaged(path, inode) { damage.of(holds) } else { Arc::clone(holds) };
                     (path.clone(), (*inode, holds))
                 };
                 cuts.push(names.iter().map(survive).collect());
@@ -198,7 +203,8 @@ fn apply(change: &Change, names: &mut BTreeMap<PathBuf, u64>) {
     }
 }
 
-/// Called before each operation, with what the disk holds: may look on, refuse, or have it left out.
+/// Called before each operation, with what the disk holds: may look on, refuse, or have it left
+/// out.
 pub type Guard = Box<dyn FnMut(&Op, &Contents) -> io::Result<Verdict> + Send>;
 
 /// What becomes of an operation.
@@ -291,8 +297,12 @@ impl Disk for ModelDisk {
             return Err(not_found());
         }
         let name = |path: &PathBuf| path.file_name().map(OsString::from).unwrap_or_default();
-        let files = names.keys().filter(|path| holds(folder, path)).map(|path| (name(path), Kind::File));
-        let inner = folders.iter().filter(|path| holds(folder, path)).map(|path| (name(path), Kind::Folder));
+        let files =
+            names.keys().filter(|path| holds(folder, path)).map(|path| (name(path), Kind::File));
+        let inner = folders
+            .iter()
+            .filter(|path| holds(folder, path))
+            .map(|path| (name(path), Kind::Folder));
         Ok(files.chain(inner).collect())
     }
 

@@ -29,7 +29,12 @@ impl Clock for RealClock {
 }
 
 /// One box working until `stop` says so, told the time.
-fn work(root: &Path, name: &str, watcher: &mut dyn Watcher, stop: &dyn Fn(f64) -> bool) -> (Summary, usize) {
+fn work(
+    root: &Path,
+    name: &str,
+    watcher: &mut dyn Watcher,
+    stop: &dyn Fn(f64) -> bool,
+) -> (Summary, usize) {
     work_by(&TestClock::default(), setting(), root, name, watcher, stop)
 }
 
@@ -45,7 +50,8 @@ fn work_by(
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
     let setting = Setting { hints: false, ..setting };
     let mut daemon =
-        Daemon::open(shared(root, name), setting, &mut restorer, clock, &calendar, watcher).unwrap();
+        Daemon::open(shared(root, name), setting, &mut restorer, clock, &calendar, watcher)
+            .unwrap();
     let summary = daemon.run(&|| stop(clock.now().0));
     drop(daemon);
     (summary, restorer.restored)
@@ -77,7 +83,8 @@ fn two_boxes_share_the_work_and_never_a_photo() {
             let (restored, over) = (&restored, &over);
             scope.spawn(move || {
                 let setting = Setting { quiet_s: 0.0, poll_s: 0.01, ..setting() };
-                let (_, count) = work_by(&RealClock(Instant::now()), setting, root, name, &mut (), over);
+                let (_, count) =
+                    work_by(&RealClock(Instant::now()), setting, root, name, &mut (), over);
                 restored.fetch_add(count, Ordering::SeqCst)
             });
         }
@@ -104,11 +111,16 @@ fn a_dead_boxs_photos_are_taken_over_when_its_lease_has_run_out() {
         let root = root.path();
         drop_in(root, "a.png", &file(Format::Png, 8, RIG));
         let die = || std::panic::resume_unwind(Box::new("the power fails"));
-        let died = catch_unwind(AssertUnwindSafe(|| work(root, "left", &mut At(step, &die), &|_| false)));
+        let died =
+            catch_unwind(AssertUnwindSafe(|| work(root, "left", &mut At(step, &die), &|_| false)));
         assert!(died.is_err(), "{step:?}");
         let waits = !root.join("done/a.png").exists();
         let (_, early) = work(root, "right", &mut (), &|now| now > 200.0);
-        assert_eq!(waits, !root.join("done/a.png").exists(), "{step:?}: not before the lease has run out");
+        assert_eq!(
+            waits,
+            !root.join("done/a.png").exists(),
+            "{step:?}: not before the lease has run out"
+        );
         let (_, late) = work(root, "right", &mut (), &|now| now > 400.0);
         let delivered = step >= Step::Delivered;
         assert_eq!(early + late, usize::from(!delivered), "{step:?}");
@@ -125,8 +137,13 @@ fn a_box_that_only_slept_gives_up_what_was_taken_over() {
         let (_, restored) = work(root, "right", &mut (), &|now| now > 400.0);
         assert_eq!(restored, 1, "taken over while the other slept");
     };
-    let (summary, restored) = work(root, "left", &mut At(Step::Restored, &other_works), &|now| now > 100.0);
-    assert_eq!((restored, summary.restored.len()), (1, 0), "restored and not delivered: {summary:?}");
+    let (summary, restored) =
+        work(root, "left", &mut At(Step::Restored, &other_works), &|now| now > 100.0);
+    assert_eq!(
+        (restored, summary.restored.len()),
+        (1, 0),
+        "restored and not delivered: {summary:?}"
+    );
     all_done(root, 1);
 }
 
@@ -139,7 +156,8 @@ fn a_box_slower_than_its_lease_delivers_what_nobody_took_over() {
     let clock = TestClock::default();
     let takes_long = || clock.wait_until(Moment(clock.now().0 + 1000.0));
     let mut slow = At(Step::Restored, &takes_long);
-    let (summary, restored) = work_by(&clock, setting(), root, "left", &mut slow, &|now| now > 1500.0);
+    let (summary, restored) =
+        work_by(&clock, setting(), root, "left", &mut slow, &|now| now > 1500.0);
     assert_eq!((restored, summary.restored.len()), (1, 1), "{summary:?}");
     all_done(root, 1);
 }
@@ -163,7 +181,10 @@ fn a_box_that_cannot_renew_its_lease_delivers_nothing_until_it_can() {
         let delivered = root.join("outbox/a.png").exists() || root.join("done/a.png").exists();
         assert!(!delivered || !lease.is_dir(), "delivered without a lease");
         if now > 1030.0 && lease.is_dir() {
-            assert!(names(&root.join("inbox")).contains("a.png"), "meanwhile it is for whoever can");
+            assert!(
+                names(&root.join("inbox")).contains("a.png"),
+                "meanwhile it is for whoever can"
+            );
             std::fs::remove_dir_all(&lease).unwrap();
         }
         now > 2000.0
@@ -196,7 +217,9 @@ fn names_of_boxes_are_held_to_one_box_each_and_a_box_alone_shares_with_nobody() 
         assert!(Folders::open_shared(root, bad.as_ref()).is_err(), "{bad}");
     }
     let left = shared(root, "left");
-    assert!(Folders::open_shared(root, "left".as_ref()).unwrap_err().to_string().contains("in use"));
+    assert!(
+        Folders::open_shared(root, "left".as_ref()).unwrap_err().to_string().contains("in use")
+    );
     assert!(Folders::open(root).unwrap_err().to_string().contains("in use"));
     let right = shared(root, "right");
     drop((left, right));

@@ -1,8 +1,9 @@
-//! The power fails at every instant, any number of times, and the disk keeps what it likes: every state that can
-//! be reached is visited, and in each every photo is whole and in one place.
+//! The power fails at every instant, any number of times, and the disk keeps what it likes: every
+//! state that can be reached is visited, and in each every photo is whole and in one place.
 //!
-//! Then the other way round: each synchronisation and each renaming is left out in turn, and the same search
-//! must find harm. One whose absence goes unseen would be there for nothing, or the search blind.
+//! Then the other way round: each synchronisation and each renaming is left out in turn, and the
+//! same search must find harm. One whose absence goes unseen would be there for nothing, or the
+//! search blind.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -25,8 +26,8 @@ use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
 
 pub const TINY: Size = Size::new(8, 6);
 
-/// An operation by what it is for: the part of the job, the operation without the numbers in its names, and which
-/// of its like it is.
+/// An operation by what it is for: the part of the job, the operation without the numbers in its
+/// names, and which of its like it is.
 pub type Label = (&'static str, String, usize);
 
 /// Names of photos.
@@ -45,7 +46,8 @@ impl Watcher for Poison {
 
 /// One life of the daemon, from start to an empty inbox.
 pub struct Life {
-    /// What the disk held before each operation and at the end, and which photos had been begun by then.
+    /// What the disk held before each operation and at the end, and which photos had been begun by
+    /// then.
     pub instants: Vec<(Contents, Begun)>,
     labels: Vec<Label>,
     pub end: Result<Summary, DaemonError>,
@@ -55,7 +57,9 @@ fn without_numbers(op: &Op) -> String {
     let plain = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = match name {
-            name if name.starts_with(".relens-") && name.ends_with(".tmp") => "temporary".to_owned(),
+            name if name.starts_with(".relens-") && name.ends_with(".tmp") => {
+                "temporary".to_owned()
+            }
             name if name.starts_with(".ledger-") => "record".to_owned(),
             name if name.ends_with("-before.jpg") => "before".to_owned(),
             name if name.ends_with("-after.jpg") => "after".to_owned(),
@@ -151,12 +155,15 @@ pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: boo
     let setting = Setting { hints: false, ..Setting::new("test rig", TINY, Curve::Srgb) };
     let lived = catch_unwind(AssertUnwindSafe(|| {
         let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT))?;
-        let times = Times { clock: &clock, calendar: &calendar, is_set: &|| true, temperature_c: &|| None };
+        let times =
+            Times { clock: &clock, calendar: &calendar, is_set: &|| true, temperature_c: &|| None };
         let schedule = (age.nights.then(|| Nightly::new(&nights(), &folders, times)).flatten())
             .map(|night| Box::new(night) as Box<dyn Schedule>);
-        let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher)?;
+        let daemon =
+            Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher)?;
         let daemon = daemon.keeping(age.keep, &|| true);
-        let mut daemon = if let Some(schedule) = schedule { daemon.scheduled(schedule) } else { daemon };
+        let mut daemon =
+            if let Some(schedule) = schedule { daemon.scheduled(schedule) } else { daemon };
         daemon.once()
     }));
     let end = lived.unwrap_or_else(|_| Ok(Summary::default()));
@@ -167,15 +174,16 @@ pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: boo
     Life { instants, labels, end }
 }
 
-/// The same state under the same names: what the next start sweeps away, writes anew or overwrites unread is left
-/// out (temporary files, state, gallery, previews of no result), and inodes other than the photos' are numbered
-/// by name.
+/// The same state under the same names: what the next start sweeps away, writes anew or overwrites
+/// unread is left out (temporary files, state, gallery, previews of no result), and inodes other
+/// than the photos' are numbered by name.
 pub fn canonical(disk: Survivors) -> Survivors {
     let mut canonical = Survivors::new();
     let delivered: String = disk
         .iter()
         .filter(|(path, _)| {
-            path.extension().is_some_and(|e| e == "json") && disk.contains_key(&path.with_extension(""))
+            path.extension().is_some_and(|e| e == "json")
+                && disk.contains_key(&path.with_extension(""))
         })
         .map(|(_, (_, report))| String::from_utf8_lossy(report).into_owned())
         .collect();
@@ -235,11 +243,16 @@ impl Found {
 }
 
 /// Visits every state that any number of power cuts can lead to from `starts`.
-fn search(starts: Vec<Contents>, dropped: &[Dropped], skip: Option<&Label>) -> Result<Found, String> {
+fn search(
+    starts: Vec<Contents>,
+    dropped: &[Dropped],
+    skip: Option<&Label>,
+) -> Result<Found, String> {
     search_at(Age::default(), starts, dropped, skip, &|_, _| Ok(()))
 }
 
-/// The same at another time; `also` must be true of the disk at every instant, and whether it is the end.
+/// The same at another time; `also` must be true of the disk at every instant, and whether it is
+/// the end.
 pub fn search_at(
     age: Age,
     starts: Vec<Contents>,
@@ -289,16 +302,19 @@ pub fn search_at(
 /// What was said to be done or set aside stays so.
 fn settled(disk: &Survivors, summary: &Summary) -> Result<(), String> {
     let waits = |name: &str| {
-        disk.keys().any(|p| p.ends_with(format!("inbox/{name}")) || p.ends_with(format!("working/{name}")))
+        disk.keys()
+            .any(|p| p.ends_with(format!("inbox/{name}")) || p.ends_with(format!("working/{name}")))
     };
-    let told = summary.restored.iter().map(|r| &r.photo).chain(summary.failed.iter().map(|f| &f.photo));
+    let told =
+        summary.restored.iter().map(|r| &r.photo).chain(summary.failed.iter().map(|f| &f.photo));
     match told.into_iter().find(|name| waits(name)) {
         Some(name) => Err(format!("{name} was said to be settled and waits again")),
         None => Ok(()),
     }
 }
 
-/// A photo during which the power always fails is set aside by the fourth start, whatever the disk forgot.
+/// A photo during which the power always fails is set aside by the fourth start, whatever the disk
+/// forgot.
 fn search_poison(start: Contents, dropped: &[Dropped], skip: Option<&Label>) -> Result<(), String> {
     let mut level = vec![start];
     for _ in 0..3 {
@@ -326,7 +342,8 @@ fn search_poison(start: Contents, dropped: &[Dropped], skip: Option<&Label>) -> 
 
 /// A photo whose light is `level` and a little more to the right.
 pub fn good(name: &'static str, level: f32) -> Dropped {
-    let light: Frame<Work> = Frame::from_fn(|_| Plane::from_fn(TINY, |x, y| level + (x * y) as f32));
+    let light: Frame<Work> =
+        Frame::from_fn(|_| Plane::from_fn(TINY, |x, y| level + (x * y) as f32));
     let bytes = encode(name, &light, &Manner::plain(Format::Png, 8, Curve::Srgb), false).unwrap();
     let dropped = [Dropped { name, bytes: bytes.clone(), result: None, past_limits: false }];
     let life = live(filled(&dropped, None), None, false);
@@ -341,11 +358,15 @@ pub fn good(name: &'static str, level: f32) -> Dropped {
     Dropped { name, bytes, result: Some(result), past_limits: false }
 }
 
-/// The whole search: a good photo and a bad one; a namesake dropped when the first was just done, whatever was
-/// forgotten of that; a photo that is never survived.
+/// The whole search: a good photo and a bad one; a namesake dropped when the first was just done,
+/// whatever was forgotten of that; a photo that is never survived.
 fn everything(skip: Option<&Label>) -> Result<Found, String> {
-    let bad =
-        [Dropped { name: "b.png", bytes: b"Dear Sir or Madam".to_vec(), result: None, past_limits: false }];
+    let bad = [Dropped {
+        name: "b.png",
+        bytes: b"Dear Sir or Madam".to_vec(),
+        result: None,
+        past_limits: false,
+    }];
     let dropped = [good("a.png", 30.0)];
     search_poison(filled(&dropped, None), &dropped, skip)?;
     let mut found = search(vec![filled(&dropped, None)], &dropped, skip)?;
@@ -370,9 +391,17 @@ fn the_power_may_fail_at_every_instant_any_number_of_times() {
 
 /// Operations whose absence goes unseen, each with why it is there.
 const UNSEEN: [(&str, &str, &str); 4] = [
-    ("start", "rename box/temporary to box/.relens-state.json", "`relens status` reads it, no start does"),
+    (
+        "start",
+        "rename box/temporary to box/.relens-state.json",
+        "`relens status` reads it, no start does",
+    ),
     ("job", "rename box/temporary to box/.relens-state.json", "the same"),
-    ("start", "sync folder /box", "makes the folders themselves last, which on this disk they do anyway"),
+    (
+        "start",
+        "sync folder /box",
+        "makes the folders themselves last, which on this disk they do anyway",
+    ),
     ("start", "sync folder box/outbox", "the same, of the previews' folder"),
 ];
 

@@ -29,15 +29,17 @@ fn name(path: &Path) -> &str {
     path.file_name().and_then(OsStr::to_str).unwrap_or("")
 }
 
-/// Every photo whole and in exactly one place; whatever is in the outbox whole, with all that belongs to it;
-/// done only what is delivered, failed only with a reason.
+/// Every photo whole and in exactly one place; whatever is in the outbox whole, with all that
+/// belongs to it; done only what is delivered, failed only with a reason.
 pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
-    let at = |path: &str| disk.get(Path::new(&format!("{ROOT}/{path}"))).map(|(_, holds)| &holds[..]);
+    let at =
+        |path: &str| disk.get(Path::new(&format!("{ROOT}/{path}"))).map(|(_, holds)| &holds[..]);
     for photo in dropped {
         let homes: Vec<&PathBuf> = disk
             .iter()
             .filter(|(path, (_, holds))| {
-                ["inbox", "working", "done", "failed"].contains(&folder(path)) && holds[..] == photo.bytes[..]
+                ["inbox", "working", "done", "failed"].contains(&folder(path))
+                    && holds[..] == photo.bytes[..]
             })
             .map(|(path, _)| path)
             .collect();
@@ -67,12 +69,14 @@ pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), Str
             continue;
         }
         if !dropped.iter().any(|photo| photo.result.as_deref() == Some(&holds[..])) {
-            let report = at(&format!("outbox/{name}.json")).map(|r| String::from_utf8_lossy(r).into_owned());
+            let report =
+                at(&format!("outbox/{name}.json")).map(|r| String::from_utf8_lossy(r).into_owned());
             return Err(format!("outbox/{name} ({} bytes) is not whole: {report:?}", holds.len()));
         }
-        let report = at(&format!("outbox/{name}.json")).ok_or(format!("outbox/{name} has no report"))?;
-        let report: Report =
-            serde_json::from_slice(report).map_err(|e| format!("the report of outbox/{name}: {e}"))?;
+        let report =
+            at(&format!("outbox/{name}.json")).ok_or(format!("outbox/{name} has no report"))?;
+        let report: Report = serde_json::from_slice(report)
+            .map_err(|e| format!("the report of outbox/{name}: {e}"))?;
         for preview in [&report.before, &report.after] {
             // A JPEG from its first marker to its last.
             if !at(&format!("outbox/{preview}"))
@@ -95,7 +99,8 @@ fn results<'a>(disk: &'a Survivors, photo: &Dropped) -> Vec<&'a PathBuf> {
 
 /// No picture, and no report, of a result that is no more.
 pub fn nothing_is_orphaned(disk: &Survivors) -> Result<(), String> {
-    let reports = disk.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "json"));
+    let reports =
+        disk.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "json"));
     let known: String = reports.map(|(_, (_, report))| String::from_utf8_lossy(report)).collect();
     let picture = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "jpg");
     // Named by the same beginning.
@@ -106,15 +111,17 @@ pub fn nothing_is_orphaned(disk: &Survivors) -> Result<(), String> {
     }
 }
 
-/// Nothing waits, nothing is under way, nothing of ours lies about; each photo is done with one result, or set
-/// aside with none.
+/// Nothing waits, nothing is under way, nothing of ours lies about; each photo is done with one
+/// result, or set aside with none.
 pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
     at_every_instant(disk, dropped)?;
     for photo in dropped {
-        let home =
-            disk.iter().find(|(path, (_, holds))| folder(path) != "outbox" && holds[..] == photo.bytes[..]);
+        let home = disk
+            .iter()
+            .find(|(path, (_, holds))| folder(path) != "outbox" && holds[..] == photo.bytes[..]);
         // Set aside although it is good, because the program ended too often while it worked on it.
-        let note = home.and_then(|(path, _)| disk.get(Path::new(&format!("{}.txt", path.display()))));
+        let note =
+            home.and_then(|(path, _)| disk.get(Path::new(&format!("{}.txt", path.display()))));
         let interrupted =
             note.is_some_and(|(_, note)| String::from_utf8_lossy(note).contains("found 3 such"));
         let home = home.map_or("", |(path, _)| folder(path));
@@ -124,14 +131,18 @@ pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
             ("done", Some(_), 1) if !photo.past_limits => {}
             ("failed", None, 0) => {}
             ("failed", Some(_), 0) if interrupted => {}
-            (home, ..) => return Err(format!("{} is in {home} with the results {results:?}", photo.name)),
+            (home, ..) => {
+                return Err(format!("{} is in {home} with the results {results:?}", photo.name));
+            }
         }
     }
     let mut left: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for path in disk.keys() {
-        let result =
-            name(path).strip_suffix(".json").map(|result| Path::new(ROOT).join("outbox").join(result));
-        let orphan = folder(path) == "outbox" && result.is_some_and(|result| !disk.contains_key(&result));
+        let result = name(path)
+            .strip_suffix(".json")
+            .map(|result| Path::new(ROOT).join("outbox").join(result));
+        let orphan =
+            folder(path) == "outbox" && result.is_some_and(|result| !disk.contains_key(&result));
         let ours = name(path).starts_with('.') && !folder(path).is_empty();
         if ["inbox", "working"].contains(&folder(path)) || orphan || ours {
             left.entry(folder(path)).or_default().push(name(path));

@@ -10,14 +10,20 @@ use relens::picture::Format;
 
 use crate::bed::*;
 
-/// Watches `root` for `seconds`, telling `world` the time before each step; what became of the photos and how
-/// many were restored.
-fn watch(root: &Path, seconds: f64, setting: Setting, world: &mut dyn FnMut(f64)) -> (Summary, usize) {
+/// Watches `root` for `seconds`, telling `world` the time before each step; what became of the
+/// photos and how many were restored.
+fn watch(
+    root: &Path,
+    seconds: f64,
+    setting: Setting,
+    world: &mut dyn FnMut(f64),
+) -> (Summary, usize) {
     let clock = TestClock::default();
     let (mut restorer, mut watcher) = (Brightener::default(), ());
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
     let folders = Folders::open(root).unwrap();
-    let mut daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let mut daemon =
+        Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let world = RefCell::new(world);
     let summary = daemon.run(&|| {
         world.borrow_mut()(clock.0.get());
@@ -89,7 +95,11 @@ fn every_format_is_waited_for_and_a_broken_file_is_not() {
         for part in [&whole[..0], &whole[..whole.len() / 2], &tail[..]] {
             drop_in(root, name, part);
             let (summary, restored) = watch(root, 100.0, deaf(), &mut |_| ());
-            assert_eq!((restored, summary.failed.len(), summary.left.len()), (0, 0, 1), "{name} {summary:?}");
+            assert_eq!(
+                (restored, summary.failed.len(), summary.left.len()),
+                (0, 0, 1),
+                "{name} {summary:?}"
+            );
             assert!(summary.left[0].reason.contains("waiting for the rest of it"), "{summary:?}");
         }
         // Never whole: after a quarter of an hour without a change it is what it is.
@@ -121,7 +131,8 @@ fn emptied_once_an_unfinished_photo_that_changed_lately_stays() {
         )
         .unwrap();
         let mut daemon =
-            Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+            Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher)
+                .unwrap();
         let summary = daemon.once().unwrap();
         assert_eq!((summary.failed.len(), summary.left.len()), (0, 1), "{summary:?}");
     }
@@ -153,7 +164,11 @@ fn however_a_photo_comes_it_is_taken_without_events() {
     assert_eq!(restored, 5, "{summary:?}");
     let all = ["plain.png", "moved.png", "linked.png", "holiday-1.png", "holiday-sea-1.png"];
     assert_eq!(names(&root.join("done")), set(&all));
-    assert_eq!(std::fs::read(aside.join("linked.png")).unwrap(), bytes, "the other name of it stays");
+    assert_eq!(
+        std::fs::read(aside.join("linked.png")).unwrap(),
+        bytes,
+        "the other name of it stays"
+    );
     assert_eq!(names(&root.join("inbox")), set(&["holiday"]), "nothing is deleted");
 }
 
@@ -199,5 +214,8 @@ fn links_to_folders_are_not_entered_and_nested_folders_are_refused() {
     std::fs::create_dir_all(other.join("inbox/results")).unwrap();
     std::os::unix::fs::symlink(other.join("inbox/results"), other.join("outbox")).unwrap();
     let refused = Folders::open(other).unwrap_err().to_string();
-    assert!(refused.contains("inbox/results lies in") && refused.contains("five apart"), "{refused}");
+    assert!(
+        refused.contains("inbox/results lies in") && refused.contains("five apart"),
+        "{refused}"
+    );
 }

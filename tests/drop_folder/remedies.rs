@@ -116,7 +116,8 @@ fn a_disk_at_its_floor_holds_with_its_reason_and_goes_on_by_itself() {
             clock.now().0 > 100.0
         });
         assert_eq!((summary.restored.len(), summary.failed.len()), (wanted, 0));
-        let told = reasons.borrow().iter().any(|r| r.contains("nearly full") && r.contains("by itself"));
+        let told =
+            reasons.borrow().iter().any(|r| r.contains("nearly full") && r.contains("by itself"));
         assert_eq!(told, wanted == 0, "{reasons:?}");
     }
     assert!(root.join("done/a.png").is_file());

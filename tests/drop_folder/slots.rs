@@ -4,19 +4,23 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use relens::calibrate::calibrate;
 use relens::calibration::{Calibration, store};
 use relens::config;
 use relens::disk::Disk;
+use relens::measurement::calibrate;
 use relens::rig::simulated;
 
 use crate::model_disk::{Contents, ModelDisk, Op, Survivors, Verdict};
 
 const FOLDER: &str = "/flash";
 
-/// Keeps `new` on `start`, leaving out the n-th operation if told to; every disk a cut may leave, with whether
-/// the keeping had come to its end, and the operations.
-fn keep(start: Contents, new: &Calibration, skip: Option<usize>) -> (Vec<(Survivors, bool)>, Vec<Op>) {
+/// Keeps `new` on `start`, leaving out the n-th operation if told to; every disk a cut may leave,
+/// with whether the keeping had come to its end, and the operations.
+fn keep(
+    start: Contents,
+    new: &Calibration,
+    skip: Option<usize>,
+) -> (Vec<(Survivors, bool)>, Vec<Op>) {
     type Seen = (Vec<Contents>, Vec<Op>);
     let seen: Arc<Mutex<Seen>> = Arc::default();
     let watched = Arc::clone(&seen);
@@ -41,11 +45,13 @@ fn keep(start: Contents, new: &Calibration, skip: Option<usize>) -> (Vec<(Surviv
 
 fn kept_on(survivors: &Survivors, rig: u64) -> Result<u32, String> {
     let folders = BTreeSet::from([FOLDER.into()]);
-    let disk = ModelDisk::new(Contents::after(survivors, &folders), Box::new(|_, _| Ok(Verdict::Done)));
+    let disk =
+        ModelDisk::new(Contents::after(survivors, &folders), Box::new(|_, _| Ok(Verdict::Done)));
     store::load_from(&disk, Path::new(FOLDER), rig).map(|c| c.generation).map_err(|e| e.to_string())
 }
 
-/// Keeps generation after generation, cut wherever it may be, and goes on from each disk that leaves.
+/// Keeps generation after generation, cut wherever it may be, and goes on from each disk that
+/// leaves.
 fn search(first: &Calibration, skip: Option<usize>) -> Result<(usize, usize), String> {
     let empty = ModelDisk::new(Contents::default(), Box::new(|_, _| Ok(Verdict::Done)));
     empty.make_folder(Path::new(FOLDER)).unwrap();
@@ -76,7 +82,9 @@ fn search(first: &Calibration, skip: Option<usize>) -> Result<(usize, usize), St
         let mut kinds = BTreeSet::new();
         left.retain(|s| {
             kinds.insert(
-                s.iter().map(|(p, (_, b))| (p.clone(), b.len(), crc32fast::hash(b))).collect::<Vec<_>>(),
+                s.iter()
+                    .map(|(p, (_, b))| (p.clone(), b.len(), crc32fast::hash(b)))
+                    .collect::<Vec<_>>(),
             )
         });
         level = left;

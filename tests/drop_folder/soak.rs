@@ -1,5 +1,6 @@
-//! A thousand photos, one in twenty of them broken, with two power cuts, a camera lost twice and a disk filled once:
-//! each is accounted for, none twice, and the memory stays flat. `RELENS_SOAK_PHOTOS=n` does more.
+//! A thousand photos, one in twenty of them broken, with two power cuts, a camera lost twice and a
+//! disk filled once: each is accounted for, none twice, and the memory stays flat.
+//! `RELENS_SOAK_PHOTOS=n` does more.
 
 use std::cell::{Cell, RefCell};
 use std::ffi::OsString;
@@ -79,7 +80,9 @@ impl Watcher for Night<'_> {
             }
         }
         let n = self.photos.get();
-        if (n == self.of / 3 && step == Step::Named) || (n == self.of / 2 && step == Step::Delivered) {
+        if (n == self.of / 3 && step == Step::Named)
+            || (n == self.of / 2 && step == Step::Delivered)
+        {
             // So that it is cut once.
             self.photos.set(n + 1);
             std::panic::resume_unwind(Box::new("the power fails"));
@@ -99,7 +102,8 @@ fn resident_kib() -> u64 {
 
 #[test]
 fn a_thousand_photos_are_all_accounted_for() {
-    let of = std::env::var("RELENS_SOAK_PHOTOS").ok().and_then(|n| n.parse().ok()).unwrap_or(1000usize);
+    let of =
+        std::env::var("RELENS_SOAK_PHOTOS").ok().and_then(|n| n.parse().ok()).unwrap_or(1000usize);
     let root = fresh_root();
     let root = root.path().canonicalize().unwrap();
     std::fs::create_dir_all(root.join("inbox")).unwrap();
@@ -108,7 +112,8 @@ fn a_thousand_photos_are_all_accounted_for() {
         let light: Frame<Work> =
             Frame::from_fn(|_| Plane::from_fn(RIG, |x, y| ((n * 7 + x * 3 + y) % 200) as f32));
         let whole =
-            encode("p", &light, &Manner::plain(Format::Png, 8, relens::config::Curve::Srgb), false).unwrap();
+            encode("p", &light, &Manner::plain(Format::Png, 8, relens::config::Curve::Srgb), false)
+                .unwrap();
         let bytes = if bad(n) { b"Dear Sir or Madam".to_vec() } else { whole };
         std::fs::write(root.join(format!("inbox/p{n:05}.png")), bytes).unwrap();
     }
@@ -129,7 +134,8 @@ fn a_thousand_photos_are_all_accounted_for() {
             let disk = Arc::new(Fillable(LocalDisk::new(anchors), Arc::clone(&full)));
             let folders = Folders::on(disk, &root).unwrap();
             let mut daemon =
-                Daemon::open(folders, setting, &mut restorer, &clock, &dates, &mut watcher).unwrap();
+                Daemon::open(folders, setting, &mut restorer, &clock, &dates, &mut watcher)
+                    .unwrap();
             daemon.run(&|| {
                 // Somebody makes room after a while.
                 if full.load(Ordering::SeqCst) {
@@ -147,7 +153,10 @@ fn a_thousand_photos_are_all_accounted_for() {
     assert_eq!(lives, 3, "two power cuts");
     let broken = (0..of).filter(|&n| bad(n)).count();
     let good = of - broken;
-    assert_eq!((names(&root.join("done")).len(), names(&root.join("failed")).len()), (good, 2 * broken));
+    assert_eq!(
+        (names(&root.join("done")).len(), names(&root.join("failed")).len()),
+        (good, 2 * broken)
+    );
     let outbox = names(&root.join("outbox"));
     assert_eq!(outbox.len(), 2 * good);
     assert!(
@@ -155,11 +164,13 @@ fn a_thousand_photos_are_all_accounted_for() {
         "each under its own name, none twice"
     );
     assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
-    // One was cut before its result was delivered, and one lost its place on the full disk: made anew.
+    // One was cut before its result was delivered, and one lost its place on the full disk: made
+    // anew.
     assert_eq!(restored, good + 2);
     let resident = resident.into_inner();
     println!("{good} restored, {broken} set aside, in {lives} lives; memory {resident:?} KiB");
     let (early, late) = (resident[resident.len() / 3], *resident.last().unwrap());
-    // Other tests run in the same process; a photo of this size kept by mistake each time would be 37 MiB in all.
+    // Other tests run in the same process; a photo of this size kept by mistake each time would be
+    // 37 MiB in all.
     assert!(late < early + (24 << 10), "memory grew from {early} to {late} KiB");
 }

@@ -33,7 +33,8 @@ fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
                 }));
                 // Exactly one copy of the original at every moment.
                 let homes = ["inbox", "working", "done", "failed"];
-                let homes = homes.iter().filter(|home| root.join(home).join("a.png").is_file()).count();
+                let homes =
+                    homes.iter().filter(|home| root.join(home).join("a.png").is_file()).count();
                 assert_eq!(homes, 1, "stopped at {stop:?}");
                 if root.join("done/a.png").is_file() {
                     assert!(root.join("outbox/a.png").is_file(), "done means delivered");
@@ -43,12 +44,21 @@ fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
             // What another program left half written is no business of ours; what we left is.
             std::fs::write(root.join("outbox/.relens-1-1.tmp"), b"half").unwrap();
             once(root);
-            assert_eq!(names(&root.join("outbox")), set(&["a.png", "a.png.json"]), "{first:?}, {second:?}");
+            assert_eq!(
+                names(&root.join("outbox")),
+                set(&["a.png", "a.png.json"]),
+                "{first:?}, {second:?}"
+            );
             assert_eq!(std::fs::read(root.join("done/a.png")).unwrap(), bytes);
-            assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
+            assert!(
+                names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty()
+            );
             let hidden = |f: &str| {
                 let entries = std::fs::read_dir(root.join(f)).unwrap();
-                entries.flatten().filter(|e| e.file_name().to_string_lossy().starts_with('.')).count()
+                entries
+                    .flatten()
+                    .filter(|e| e.file_name().to_string_lossy().starts_with('.'))
+                    .count()
             };
             assert_eq!((hidden("working"), hidden("outbox")), (0, 0), "{first:?}, {second:?}");
         }
@@ -67,7 +77,10 @@ fn another_photo_of_the_same_name_is_not_taken_for_the_one_delivered() {
         assert!(stopped.is_err());
     }
     once(root);
-    assert_eq!(names(&root.join("outbox")), set(&["a.png", "a.png.json", "a-2.png", "a-2.png.json"]));
+    assert_eq!(
+        names(&root.join("outbox")),
+        set(&["a.png", "a.png.json", "a-2.png", "a-2.png.json"])
+    );
     assert_eq!(names(&root.join("done")), set(&["a.png", "a-2.png"]));
 }
 

@@ -47,9 +47,11 @@ fn calendar() -> SystemTime {
 /// Three photos, the oldest named last, and a broken one, newest.
 fn inbox(root: &std::path::Path) {
     for (age, name) in [(30, "c.png"), (20, "b.png"), (10, "a.png"), (5, "broken.png")] {
-        let bytes = if name == "broken.png" { b"no png".to_vec() } else { file(Format::Png, 8, RIG) };
+        let bytes =
+            if name == "broken.png" { b"no png".to_vec() } else { file(Format::Png, 8, RIG) };
         drop_in(root, name, &bytes);
-        let opened = std::fs::File::options().write(true).open(root.join("inbox").join(name)).unwrap();
+        let opened =
+            std::fs::File::options().write(true).open(root.join("inbox").join(name)).unwrap();
         opened.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
     }
 }
@@ -67,7 +69,8 @@ fn photos_go_oldest_first_and_each_outcome_is_told() {
         Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     daemon = daemon.scheduled(Box::new(script));
     daemon.once().unwrap();
-    let told = ["before 4", "c.png is c.png", "before 3", "b.png is b.png", "before 2", "a.png is a.png"];
+    let told =
+        ["before 4", "c.png is c.png", "before 3", "b.png is b.png", "before 2", "a.png is a.png"];
     let told = told.iter().chain(&["before 1", "broken.png failed", "idle"]);
     assert_eq!(*heard.borrow(), told.map(|s| (*s).to_owned()).collect::<Vec<_>>());
 }
@@ -76,8 +79,10 @@ fn photos_go_oldest_first_and_each_outcome_is_told() {
 fn a_hold_keeps_the_rest_in_the_inbox_and_is_asked_about_again() {
     let root = fresh_root();
     inbox(root.path());
-    let script =
-        Script { turns: vec![Turn::Go, hold(Some(1000.0)), hold(None), Turn::Go], ..Script::default() };
+    let script = Script {
+        turns: vec![Turn::Go, hold(Some(1000.0)), hold(None), Turn::Go],
+        ..Script::default()
+    };
     let (clock, mut restorer) = (TestClock::default(), Brightener::default());
     let folders = Folders::open(root.path()).unwrap();
     let mut watcher = ();
@@ -91,7 +96,10 @@ fn a_hold_keeps_the_rest_in_the_inbox_and_is_asked_about_again() {
             let state = State::read(root.path()).unwrap().unwrap();
             if matches!(state.doing, Doing::Paused { .. }) {
                 paused.push(now);
-                assert!(!root.path().join("done/b.png").exists() && root.path().join("inbox/b.png").exists());
+                assert!(
+                    !root.path().join("done/b.png").exists()
+                        && root.path().join("inbox/b.png").exists()
+                );
             }
             now > 100.0
         };

@@ -1,4 +1,5 @@
-//! A result that cannot be stood by is withdrawn, and its photo restored anew, whatever the power does meanwhile.
+//! A result that cannot be stood by is withdrawn, and its photo restored anew, whatever the power
+//! does meanwhile.
 
 use std::path::Path;
 
@@ -8,7 +9,8 @@ use crate::model_disk::{Contents, ModelDisk, Survivors, Verdict};
 use crate::power::{Age, Found, Label, canonical, filled, good, live_at, search_at};
 use crate::power_checks::{Dropped, ROOT};
 
-/// A photo that is done, and a night that has decided to do it again: every state that power cuts can lead to.
+/// A photo that is done, and a night that has decided to do it again: every state that power cuts
+/// can lead to.
 fn search(skip: Option<&Label>) -> Result<Found, String> {
     let photo = good("a.png", 30.0);
     let night = Age { nights: true, ..Age::default() };
@@ -16,18 +18,23 @@ fn search(skip: Option<&Label>) -> Result<Found, String> {
     let (end, _) = life.instants.last().ok_or("no instants")?;
     let mut folders = end.folders().clone();
     folders.insert(Path::new(ROOT).join("outbox/withdrawn"));
-    let disk =
-        ModelDisk::new(Contents::after(&canonical(end.now()), &folders), Box::new(|_, _| Ok(Verdict::Done)));
+    let disk = ModelDisk::new(
+        Contents::after(&canonical(end.now()), &folders),
+        Box::new(|_, _| Ok(Verdict::Done)),
+    );
     let delivered = Delivered { kept: "a.png".into(), result: "a.png".into() };
     let record = serde_json::json!({
         "floor_unix_s": 0.0, "unproven": [delivered], "doubted": true, "again": true
     });
     disk.drop_in(&Path::new(ROOT).join(".relens-night.json"), record.to_string().as_bytes(), 80);
     let dropped: [Dropped; 1] = [photo];
-    search_at(night, vec![disk.contents()], &dropped, skip, &|disk, end| withdrawn(disk, &dropped[0], end))
+    search_at(night, vec![disk.contents()], &dropped, skip, &|disk, end| {
+        withdrawn(disk, &dropped[0], end)
+    })
 }
 
-/// What is withdrawn is whole; in the end the photo waits, and all that belonged to its result is withdrawn.
+/// What is withdrawn is whole; in the end the photo waits, and all that belonged to its result is
+/// withdrawn.
 fn withdrawn(disk: &Survivors, photo: &Dropped, end: bool) -> Result<(), String> {
     let root = Path::new(ROOT);
     let folder = root.join("outbox/withdrawn");
@@ -61,8 +68,8 @@ fn the_power_may_fail_while_results_are_withdrawn_and_each_synchronisation_is_ne
             Ok(_) => unseen.push((&label.1[..], label.2)),
         }
     }
-    // Those of the folders themselves, which last at once on this disk; and of the night's record, without which
-    // the same is done again.
+    // Those of the folders themselves, which last at once on this disk; and of the night's record,
+    // without which the same is done again.
     let harmless = ["sync folder /box", "sync folder box/outbox", "sync box/temporary"];
     unseen.retain(|(words, _)| !harmless.contains(words));
     assert!(unseen.is_empty(), "left out and nobody was harmed: {unseen:#?}");

@@ -1,5 +1,6 @@
-//! What fuzzing starts from: `seeds PROGRAM DIR` writes a small file or two of every kind for each target of
-//! `tests/fuzz` into `DIR/TARGET`. Each is made by the program itself and is one that it takes.
+//! What fuzzing starts from: `seeds PROGRAM DIR` writes a small file or two of every kind for each
+//! target of `tests/fuzz` into `DIR/TARGET`. Each is made by the program itself and is one that it
+//! takes.
 #![allow(clippy::unwrap_used, missing_docs)] // a bench program: it says what failed and stops
 
 use std::fs::{self, File};
@@ -10,10 +11,10 @@ use relens::calibration::geometric::Geometry;
 use relens::calibration::surface::{Domain, Surface};
 use relens::calibration::{Calibration, CrossChannel, Curve, Noise, store};
 use relens::config;
+use relens::deconvolution::lens_model::{Halo, LensFunctions};
+use relens::deconvolution::level_norms::LevelNorms;
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::{Format, Layout, Limits, Manner, Photo, encode, worker};
-use relens::restore::lens_model::{Halo, LensFunctions};
-use relens::restore::level_norms::LevelNorms;
 
 /// A few files of each format, depth and layout, with and without a profile; a photo of a scene.
 fn photos(folder: &Path) {
@@ -53,9 +54,17 @@ fn answers(program: &Path, photos: &Path, folder: &Path) {
             "photo":["srgb",{{"width":{},"height":{}}}],"memory_bytes_max":1000000000,"processor_s_max":10}}"#,
             size.width, size.height
         );
-        let out = Command::new(program).args([worker::WORD, &ask]).stdin(Stdio::from(file)).output().unwrap();
+        let out = Command::new(program)
+            .args([worker::WORD, &ask])
+            .stdin(Stdio::from(file))
+            .output()
+            .unwrap();
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-        assert_eq!(worker::photo_of_answer(name, &out.stdout, size).is_ok(), path.exists(), "{name}");
+        assert_eq!(
+            worker::photo_of_answer(name, &out.stdout, size).is_ok(),
+            path.exists(),
+            "{name}"
+        );
         fs::write(folder.join(name), out.stdout).unwrap();
     }
 }
@@ -117,15 +126,19 @@ fn calibration(folder: &Path) {
     assert_eq!(store::load(folder, 7).unwrap(), calibration);
 }
 
-/// What the daemon writes for itself; `@file`, `@crc` and `@bytes` are put in by the target, which knows the photo.
+/// What the daemon writes for itself; `@file`, `@crc` and `@bytes` are put in by the target, which
+/// knows the photo.
 fn records(folder: &Path) {
     let name = "[97,46,112,110,103]";
     let ledger = |attempts: u32, result: &str| {
         format!(r#"{{"photo":{name},"file":@file,"attempts":{attempts},"result":{result}}}"#)
     };
-    let delivered = r#"{"kept":{"Unix":[99,46,112,110,103]},"result":{"Unix":[99,46,112,110,103]}}"#;
+    let delivered =
+        r#"{"kept":{"Unix":[99,46,112,110,103]},"result":{"Unix":[99,46,112,110,103]}}"#;
     let night = |again: bool| {
-        format!(r#"{{"floor_unix_s":1.0,"unproven":[{delivered}],"doubted":{again},"again":{again}}}"#)
+        format!(
+            r#"{{"floor_unix_s":1.0,"unproven":[{delivered}],"doubted":{again},"again":{again}}}"#
+        )
     };
     let pilots = r#"[{"unix-s":1,"drift":{"shift-px":0.1,"gain-percent":0.0,"offset-levels":0.0,"noise-ratio":1.0},"verdict":"good","temperature-c":40.0}]"#;
     let report = r#"{"photo":"a.png","result":"a.png","result-address":"a.png","outcome":"untouched","rig":"test",
@@ -134,16 +147,44 @@ fn records(folder: &Path) {
         "notes":[],"iterations":[],"photo-crc32":"@crc","photo-bytes":@bytes,"finished-unix-s":1,
         "before":"gallery/1-before.jpg","after":"gallery/1-after.jpg"}"#;
     serde_json::from_str::<relens::daemon::Report>(&report.replace("@bytes", "1")).unwrap();
-    let note = "d.png was not restored.\n\nd.png: it is no photo\n\nThe file lies beside this note.\n";
+    let note =
+        "d.png was not restored.\n\nd.png: it is no photo\n\nThe file lies beside this note.\n";
     let state = r#"{"rig":"test","doing":{"is":"restoring","photo":"a.png"},"restored":1,"failed":0,"left":0,"written-unix-s":1}"#;
     serde_json::from_str::<relens::daemon::State>(state).unwrap();
     let all = [
-        ("begun", [ledger(1, "null"), night(false), pilots.into(), String::new(), note.into(), state.into()]),
+        (
+            "begun",
+            [
+                ledger(1, "null"),
+                night(false),
+                pilots.into(),
+                String::new(),
+                note.into(),
+                state.into(),
+            ],
+        ),
         (
             "delivered",
-            [ledger(1, name), night(false), String::new(), report.into(), note.into(), "the result".into()],
+            [
+                ledger(1, name),
+                night(false),
+                String::new(),
+                report.into(),
+                note.into(),
+                "the result".into(),
+            ],
         ),
-        ("again", [ledger(9, name), night(true), String::new(), report.into(), String::new(), String::new()]),
+        (
+            "again",
+            [
+                ledger(9, name),
+                night(true),
+                String::new(),
+                report.into(),
+                String::new(),
+                String::new(),
+            ],
+        ),
     ];
     for (name, sections) in all {
         let mut text = sections.join("\0");

@@ -15,7 +15,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use relens::config::{self, ClockSource, Nights};
 use relens::daemon::on_rig::{self, OnRig};
 use relens::daemon::{
-    Daemon, Doing, Folders, Nightly, Progress, Reader, Restored, Restorer, Setting, State, Summary, Times,
+    Daemon, Doing, Folders, Nightly, Progress, Reader, Restored, Restorer, Setting, State, Summary,
+    Times,
 };
 use relens::frame::{Frame, Plane, Work};
 use relens::nights::pilot::{Drift, Limits};
@@ -24,8 +25,12 @@ use relens::remedy::{AnyFailure, Remedy};
 use relens::rig::simulated::{self, Witness};
 use relens::rig::{Clock, Moment};
 
-const LIMITS: Limits =
-    Limits { shift_max_px: 0.25, gain_max_percent: 3.0, offset_max_levels: 1.0, noise_max_ratio: 1.5 };
+const LIMITS: Limits = Limits {
+    shift_max_px: 0.25,
+    gain_max_percent: 3.0,
+    offset_max_levels: 1.0,
+    noise_max_ratio: 1.5,
+};
 
 /// A clock that passes when waited on.
 #[derive(Default)]
@@ -58,7 +63,11 @@ fn the_pilot_reads_what_was_done_to_the_rig() {
     let at_rest = pilot();
     println!("at rest: {at_rest:?}");
     assert_eq!(at_rest.complaint(&LIMITS), None);
-    assert!(at_rest.shift_px < 0.02 && at_rest.gain_percent.abs() < 0.3 && at_rest.offset_levels.abs() < 0.3);
+    assert!(
+        at_rest.shift_px < 0.02
+            && at_rest.gain_percent.abs() < 0.3
+            && at_rest.offset_levels.abs() < 0.3
+    );
     assert!((0.9..1.1).contains(&at_rest.noise_ratio));
 
     witness.knock_panel(0.4, -0.3);
@@ -104,7 +113,11 @@ struct Scripted<'a> {
 }
 
 impl Restorer for Scripted<'_> {
-    fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        _: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure> {
         self.log.borrow_mut().push(photo.name.clone());
         self.clock.0.set(self.clock.0.get() + self.photo_s);
         Ok(Restored {
@@ -151,7 +164,8 @@ fn photos(root: &Path, count: usize) {
     std::fs::create_dir_all(root.join("inbox")).unwrap();
     let size = relens::frame::Size::new(64, 48);
     for n in 0..count {
-        let light: Frame<Work> = Frame::from_fn(|_| Plane::from_fn(size, |x, y| (x + y + n) as f32));
+        let light: Frame<Work> =
+            Frame::from_fn(|_| Plane::from_fn(size, |x, y| (x + y + n) as f32));
         let manner = Manner::plain(Format::Png, 8, config::Curve::Srgb);
         let path = root.join("inbox").join(format!("{n}.png"));
         std::fs::write(&path, encode("n", &light, &manner, false).unwrap()).unwrap();
@@ -181,15 +195,18 @@ fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
     let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
     let calendar = || noon + Duration::from_secs_f64(begins_s + clock.0.get());
     let set = || is_set;
-    let times = Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &|| Some(40.0) };
+    let times =
+        Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &|| Some(40.0) };
     let folders = Folders::open(root).unwrap();
     let schedule = Nightly::new(&nights, &folders, times).unwrap();
     let mut restorer = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s };
     let size = relens::frame::Size::new(64, 48);
-    let setting = Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
+    let setting =
+        Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
     let mut watcher = ();
     let seen: RefCell<Vec<Doing>> = RefCell::default();
-    let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let daemon =
+        Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let summary = daemon.scheduled(Box::new(schedule)).run(&|| {
         if let Ok(Some(state)) = State::read(root)
             && seen.borrow().last() != Some(&state.doing)
@@ -204,11 +221,20 @@ fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
 fn night(root: &Path) -> Night<'_> {
     let nights = nights("22:00-06:00");
     // At 21:50, for twenty minutes.
-    Night { root, nights, pilots: vec![], begins_s: 35_400.0, lasts_s: 1200.0, is_set: true, photo_s: 1.0 }
+    Night {
+        root,
+        nights,
+        pilots: vec![],
+        begins_s: 35_400.0,
+        lasts_s: 1200.0,
+        is_set: true,
+        photo_s: 1.0,
+    }
 }
 
 fn in_folder(root: &Path, folder: &str) -> usize {
-    let hidden = |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
+    let hidden =
+        |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
     let entries = std::fs::read_dir(root.join(folder)).unwrap().flatten().map(|e| e.path());
     entries.filter(|p| p.extension().is_some_and(|e| e == "png") && !hidden(p)).count()
 }
@@ -220,11 +246,14 @@ fn photos_wait_for_the_night_the_rig_warms_up_and_pilots_come_between() {
     let (log, summary, seen) = live(night(root.path()));
     assert_eq!(summary.restored.len(), 7);
     let warm_up = ["pilot 0", "pilot 0", "pilot 0"];
-    let wanted = warm_up.into_iter().chain(["0.png", "1.png", "2.png", "pilot 0", "3.png", "4.png", "5.png"]);
+    let wanted = warm_up
+        .into_iter()
+        .chain(["0.png", "1.png", "2.png", "pilot 0", "3.png", "4.png", "5.png"]);
     let wanted: Vec<&str> = wanted.chain(["pilot 0", "6.png", "pilot 0"]).collect();
     assert_eq!(log, wanted);
-    let paused =
-        |words: &str| seen.iter().any(|d| matches!(d, Doing::Paused { reason } if reason.contains(words)));
+    let paused = |words: &str| {
+        seen.iter().any(|d| matches!(d, Doing::Paused { reason } if reason.contains(words)))
+    };
     assert!(paused("the night begins at 22:00") && paused("warming up"), "{seen:?}");
 }
 
@@ -235,8 +264,17 @@ fn drift_past_its_limit_calibrates_and_restores_anew_what_came_since_the_last_go
     // Warm-up, then 4 % too bright at the pilot after three photos.
     let pilots = vec![0.0, 0.0, 0.0, 4.0];
     let (log, summary, _) = live(Night { pilots, ..night(root.path()) });
-    let wanted =
-        ["pilot 0", "pilot 0", "pilot 0", "0.png", "1.png", "2.png", "pilot 4", "calibrated", "pilot 0"];
+    let wanted = [
+        "pilot 0",
+        "pilot 0",
+        "pilot 0",
+        "0.png",
+        "1.png",
+        "2.png",
+        "pilot 4",
+        "calibrated",
+        "pilot 0",
+    ];
     assert_eq!(log[..9], wanted);
     let times = |name: &str| log.iter().filter(|l| *l == name).count();
     assert_eq!([0, 1, 2, 3, 4].map(|n| times(&format!("{n}.png"))), [2, 2, 2, 1, 1], "{log:?}");
@@ -254,8 +292,10 @@ fn a_rig_that_may_not_be_calibrated_is_held_and_calls() {
     let (log, summary, seen) = live(Night { nights, pilots, ..night(root.path()) });
     assert!(!log.contains(&"calibrated".to_owned()) && summary.restored.len() == 3);
     assert!(
-        seen.iter()
-            .any(|d| matches!(d, Doing::Held { reason } if reason.contains("brightness changed by -9.0 %"))),
+        seen.iter().any(
+            |d| matches!(d, Doing::Held { reason } if reason.contains("brightness changed by \
+             -9.0 %"))
+        ),
         "{seen:?}"
     );
 }
@@ -284,7 +324,9 @@ fn a_clock_nobody_has_set_begins_no_night() {
     let (log, summary, seen) = live(Night { is_set: false, ..night(root.path()) });
     assert!(log.is_empty() && summary.restored.is_empty());
     assert!(
-        seen.iter().any(|d| matches!(d, Doing::Paused { reason } if reason.contains("no network has set")))
+        seen.iter().any(
+            |d| matches!(d, Doing::Paused { reason } if reason.contains("no network has set"))
+        )
     );
 }
 
@@ -302,18 +344,22 @@ fn a_batch_that_the_morning_cuts_short_goes_on_the_next_night() {
     const HOUR: f64 = 3600.0;
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 7);
-    // At 05:50, a photo every four minutes: the morning comes in the middle of the batch, the evening long after.
+    // At 05:50, a photo every four minutes: the morning comes in the middle of the batch, the
+    // evening long after.
     let begun = Night { begins_s: 17.0 * HOUR + 50.0 * 60.0, photo_s: 240.0, ..night(root.path()) };
     let (log, summary, seen) = live(Night { lasts_s: 17.0 * HOUR, ..begun });
     let warm_up = ["pilot 0"; 3];
     // The photo begun before the end is finished; then the pilot that proves the three of them.
     let first = warm_up.into_iter().chain(["0.png", "1.png", "2.png", "pilot 0"]);
-    let second = warm_up.into_iter().chain(["3.png", "4.png", "5.png", "pilot 0", "6.png", "pilot 0"]);
+    let second =
+        warm_up.into_iter().chain(["3.png", "4.png", "5.png", "pilot 0", "6.png", "pilot 0"]);
     let wanted: Vec<&str> = first.chain(second).collect();
     assert_eq!(log, wanted);
     assert_eq!((summary.restored.len(), in_folder(root.path(), "done")), (7, 7));
-    let waited =
-        |d: &Doing| matches!(d, Doing::Paused { reason } if reason.contains("the night begins at 22:00"));
+    let waited = |d: &Doing| {
+        matches!(d, Doing::Paused { reason } if reason.contains("the night \
+     begins at 22:00"))
+    };
     assert!(seen.iter().any(waited), "{seen:?}");
 }
 
@@ -326,7 +372,8 @@ fn a_batch_goes_on_after_a_reboot_in_the_night_and_after_one_in_the_day() {
         log.into_iter().filter(|line| line.ends_with(".png")).collect::<Vec<_>>()
     };
     // From 22:00 for six minutes, again for six, at noon for an hour, and the next night.
-    let lives = [at(36_000.0, 360.0), at(37_000.0, 360.0), at(86_400.0, 3600.0), at(122_400.0, 3600.0)];
+    let lives =
+        [at(36_000.0, 360.0), at(37_000.0, 360.0), at(86_400.0, 3600.0), at(122_400.0, 3600.0)];
     assert!(!lives[0].is_empty() && !lives[1].is_empty() && lives[2].is_empty(), "{lives:?}");
     let all: Vec<String> = (0..7).map(|n| format!("{n}.png")).collect();
     assert_eq!(lives.concat(), all, "none twice, none missed, the oldest first: {lives:?}");

@@ -1,5 +1,6 @@
-//! A night that never ran: when photos waited and a whole window passed without one, the box says so, since when and
-//! why, in its state, its log, its report and on its panel; and not when the calendar alone says that a night passed.
+//! A night that never ran: when photos waited and a whole window passed without one, the box says
+//! so, since when and why, in its state, its log, its report and on its panel; and not when the
+//! calendar alone says that a night passed.
 
 use std::cell::{Cell, RefCell};
 use std::path::Path;
@@ -64,7 +65,11 @@ impl Fragile<'_> {
 }
 
 impl Restorer for Fragile<'_> {
-    fn restore(&mut self, photo: &Photo, progress: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Restored, AnyFailure> {
         self.ask()?;
         self.inner.restore(photo, progress)
     }
@@ -143,9 +148,11 @@ fn live(root: &Path, life: &Life<'_>) -> Seen {
     let inner = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s: 1.0 };
     let mut restorer = Fragile { inner, gone: life.gone, screens: &screens };
     let size = relens::frame::Size::new(64, 48);
-    let setting = Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
+    let setting =
+        Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
     let mut watcher = ();
-    let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let daemon =
+        Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let summary = daemon.scheduled(Box::new(schedule)).run(&|| clock.0.get() > life.lasts_s);
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     let state = State::read(root).unwrap().unwrap();
@@ -153,7 +160,10 @@ fn live(root: &Path, life: &Life<'_>) -> Seen {
     Seen {
         restored: summary.restored.len(),
         missed: state.attention.into_iter().next(),
-        warned: warned.into_iter().filter(|words| words.contains("no photo was restored")).collect(),
+        warned: warned
+            .into_iter()
+            .filter(|words| words.contains("no photo was restored"))
+            .collect(),
         page,
         screens: screens.into_inner(),
         front: front.state().0,
@@ -186,7 +196,10 @@ fn a_night_without_a_camera_is_said_everywhere_once_it_is_over() {
         assert!(missed.contains(words), "{missed}");
     }
     assert!(seen.warned.len() == 1 && seen.warned[0] == missed, "one line: {:?}", seen.warned);
-    assert!(seen.page.contains("Attention: no photo was restored") && seen.page.contains("camera is gone"));
+    assert!(
+        seen.page.contains("Attention: no photo was restored")
+            && seen.page.contains("camera is gone")
+    );
     assert!(matches!(seen.front, front::State::Trouble { reason } if reason == missed), "the lamp");
     let last = seen.screens.last().unwrap();
     assert!(
@@ -214,18 +227,29 @@ fn the_next_night_counts_on_and_a_photo_restored_ends_it() {
 fn a_clock_that_nobody_sets_is_a_missed_night_when_any_night_must_have_passed() {
     let root = with_photos();
     let unset: Life<'_> = Life { is_set: &|_| false, gone: &|_| false, ..life(32.0) };
-    assert_eq!(live(root.path(), &unset).missed, None, "a night of eight hours, begun a minute too late");
+    assert_eq!(
+        live(root.path(), &unset).missed,
+        None,
+        "a night of eight hours, begun a minute too late"
+    );
     let root = with_photos();
     let seen = live(root.path(), &Life { lasts_s: 34.0 * HOUR, ..unset });
     let missed = seen.missed.unwrap();
-    assert!(missed.contains("for 33 hours") && missed.contains("no network has set the clock"), "{missed}");
+    assert!(
+        missed.contains("for 33 hours") && missed.contains("no network has set the clock"),
+        "{missed}"
+    );
     assert_eq!(seen.warned.len(), 1);
-    // Set at last, in the afternoon of the second day: the night that was missed is known by its date.
+    // Set at last, in the afternoon of the second day: the night that was missed is known by its
+    // date.
     let root = with_photos();
     let set = &|t| t > 20.0 * HOUR;
     let seen = live(root.path(), &Life { is_set: set, gone: &|_| false, ..life(21.0) });
     let missed = seen.missed.unwrap();
-    assert!(missed.contains("up to 2026-01-11 06:00") && missed.contains("no network has set"), "{missed}");
+    assert!(
+        missed.contains("up to 2026-01-11 06:00") && missed.contains("no network has set"),
+        "{missed}"
+    );
 }
 
 #[test]
@@ -235,7 +259,10 @@ fn a_box_that_was_off_says_so_when_it_is_switched_on() {
     let well = Life { begins_s: 21.0 * HOUR, gone: &|_| false, ..life(0.1) };
     let seen = live(root.path(), &well);
     let missed = seen.missed.unwrap();
-    assert!(missed.contains("the box was off, or relens did not run, before 2026-01-11 09:00"), "{missed}");
+    assert!(
+        missed.contains("the box was off, or relens did not run, before 2026-01-11 09:00"),
+        "{missed}"
+    );
     assert_eq!(seen.warned.len(), 1);
     // Held all night, and only then switched off and on: that is why.
     let root = with_photos();
@@ -251,13 +278,19 @@ fn a_day_forward_or_back_by_the_calendar_is_no_night() {
     {
         let root = with_photos();
         let nights = Nights { clock: source, ..nights("22:00-06:00") };
-        // At eight in the evening; the clock is changed half an hour later, and half an hour after that put right.
+        // At eight in the evening; the clock is changed half an hour later, and half an hour after
+        // that put right.
         let there = &|t| if t > 1800.0 { day } else { 0.0 };
         let there_and_back = &|t| if (1800.0..3600.0).contains(&t) { day } else { 0.0 };
-        let evening = |off_s| Life { nights: nights.clone(), begins_s: 8.0 * HOUR, off_s, ..life(1.9) };
+        let evening =
+            |off_s| Life { nights: nights.clone(), begins_s: 8.0 * HOUR, off_s, ..life(1.9) };
         assert_eq!(live(root.path(), &evening(there)).missed, None, "{day} {source:?}");
         let root = with_photos();
-        assert_eq!(live(root.path(), &evening(there_and_back)).missed, None, "{day} {source:?}, and back");
+        assert_eq!(
+            live(root.path(), &evening(there_and_back)).missed,
+            None,
+            "{day} {source:?}, and back"
+        );
         // And the night after it is one.
         let root = with_photos();
         let seen = live(root.path(), &Life { lasts_s: 11.0 * HOUR, ..evening(there) });

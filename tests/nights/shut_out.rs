@@ -1,5 +1,5 @@
-//! A night on which not even the rig could be opened: there is no daemon then, only the wait for a rig, and that a
-//! night was missed is said all the same.
+//! A night on which not even the rig could be opened: there is no daemon then, only the wait for a
+//! rig, and that a night was missed is said all the same.
 
 use std::cell::Cell;
 use std::path::Path;
@@ -14,14 +14,16 @@ use super::{TestClock, nights, photos};
 const HOUR: f64 = 3600.0;
 const WHY: &str = "the camera is gone: no camera is called \"DFK 37AUR0234\"";
 
-/// What is said of missed nights after so many hours before a rig that cannot be opened, since ten to ten in the
-/// evening.
+/// What is said of missed nights after so many hours before a rig that cannot be opened, since ten
+/// to ten in the evening.
 fn shut_out_for(root: &Path, hours: f64) -> Option<String> {
     let clock = TestClock(Cell::new(0.0));
     let ten_to_ten_unix_s = 1_768_042_800.0 + 9.0 * HOUR + 50.0 * 60.0;
     let calendar = || UNIX_EPOCH + Duration::from_secs_f64(ten_to_ten_unix_s + clock.0.get());
-    let times = Times { clock: &clock, calendar: &calendar, is_set: &|| true, temperature_c: &|| None };
-    let mut night = Nightly::new(&nights("22:00-06:00"), &Folders::open(root).unwrap(), times).unwrap();
+    let times =
+        Times { clock: &clock, calendar: &calendar, is_set: &|| true, temperature_c: &|| None };
+    let mut night =
+        Nightly::new(&nights("22:00-06:00"), &Folders::open(root).unwrap(), times).unwrap();
     while clock.0.get() < hours * HOUR {
         night.shut_out(WHY);
         clock.0.set(clock.0.get() + 30.0);
@@ -35,7 +37,10 @@ fn a_night_before_a_rig_that_cannot_be_opened_is_missed_once_it_is_over() {
     photos(root.path(), 2);
     assert_eq!(shut_out_for(root.path(), 8.0), None, "ten minutes before the end");
     let missed = shut_out_for(root.path(), 9.0).unwrap();
-    assert!(missed.starts_with("no photo was restored in the night up to 2026-01-11 06:00"), "{missed}");
+    assert!(
+        missed.starts_with("no photo was restored in the night up to 2026-01-11 06:00"),
+        "{missed}"
+    );
     assert!(missed.contains("wait since 2026-01-10 21:50") && missed.ends_with(WHY), "{missed}");
     // What lies in the inbox and is no photo waits for nothing.
     let root = tempfile::tempdir().unwrap();
@@ -44,7 +49,8 @@ fn a_night_before_a_rig_that_cannot_be_opened_is_missed_once_it_is_over() {
     assert_eq!(shut_out_for(root.path(), 9.0), None);
 }
 
-/// The program over `root`, until it has said that it is held; what it knows then, and what it logged.
+/// The program over `root`, until it has said that it is held; what it knows then, and what it
+/// logged.
 fn held(root: &Path, rig: &Path) -> (State, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
     command.args(["run", "--rig"]).arg(rig).arg("--folder").arg(root).stderr(Stdio::piped());
@@ -72,10 +78,12 @@ fn the_program_that_waits_for_its_rig_says_that_nights_were_missed() {
     // No simulated rig is away; but one whose calibration has no place cannot be used.
     std::fs::write(root.join("calibration"), b"a file where a folder should be").unwrap();
     let rig = root.join("rig.toml");
-    let tables = "[nights]\nwindow = \"22:00-06:00\"\ntime-zone = \"Europe/Vienna\"\nclock = \"battery\"\n\
+    let tables = "[nights]\nwindow = \"22:00-06:00\"\ntime-zone = \"Europe/Vienna\"\nclock = \
+     \"battery\"\n\
         pilot-every-photos = 50\nwarm-up-max-min = 60.0\nrecalibrate = true\nshift-max-px = 0.25\n\
         gain-max-percent = 3.0\noffset-max-levels = 1.0\nnoise-max-ratio = 1.5\n";
-    std::fs::write(&rig, format!("{}\n{tables}", include_str!("../../rig-config/small.toml"))).unwrap();
+    std::fs::write(&rig, format!("{}\n{tables}", include_str!("../../rig-config/small.toml")))
+        .unwrap();
     // As a life before left it: photos wait for three days.
     let now_unix_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();
     let vigil = serde_json::json!({ "since_unix_s": now_unix_s - 72.0 * HOUR, "obstacle": null });
@@ -88,7 +96,10 @@ fn the_program_that_waits_for_its_rig_says_that_nights_were_missed() {
     let (state, log) = held(root, &rig);
     let Doing::Held { reason } = state.doing else { panic!("held") };
     let [missed] = &state.attention[..] else { panic!("{:?}", state.attention) };
-    assert!(missed.starts_with("no photo was restored in ") && missed.contains("nights"), "{missed}");
+    assert!(
+        missed.starts_with("no photo was restored in ") && missed.contains("nights"),
+        "{missed}"
+    );
     assert!(missed.contains("the box was off, or relens did not run, before"), "{missed}");
     assert_eq!(log.matches(&**missed).count(), 1, "one line: {log}");
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();

@@ -2,8 +2,8 @@
 //!
 //!     RELENS_RIG=/etc/relens/rig.toml cargo test --release --features hardware --test real_rig -- --ignored rig_
 //!
-//! The virtual rig of `tests/vm` runs the same bodies, and those for a camera that misbehaves on request
-//! (the kernel's vivid, `RELENS_VIVID` its card name).
+//! The virtual rig of `tests/vm` runs the same bodies, and those for a camera that misbehaves on
+//! request (the kernel's vivid, `RELENS_VIVID` its card name).
 #![cfg(feature = "hardware")]
 
 #[path = "../counted/mod.rs"]
@@ -88,12 +88,19 @@ fn rig_every_capture_is_of_its_own_picture_by_the_legacy_interface() {
 fn every_capture_is_of_its_own_picture((mut rig, config): (Rig, config::Rig)) -> String {
     let codes = [30, 90, 150, 210];
     let levels = codes.map(|code| middle(&rig.capture(&grey(&config, code)).expect("a frame")));
-    assert!(levels.windows(2).all(|pair| pair[1] > pair[0]), "brighter codes are brighter: {levels:?}");
+    assert!(
+        levels.windows(2).all(|pair| pair[1] > pair[0]),
+        "brighter codes are brighter: {levels:?}"
+    );
     let step = levels.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
     for n in 0..12 {
         let which = (n * 7) % 4;
         let level = middle(&rig.capture(&grey(&config, codes[which])).expect("a frame"));
-        assert!((level - levels[which]).abs() < step / 3.0, "capture {n}: {level}, not {}", levels[which]);
+        assert!(
+            (level - levels[which]).abs() < step / 3.0,
+            "capture {n}: {level}, not {}",
+            levels[which]
+        );
     }
     format!("levels {levels:.1?}, rejected {:?}", rig.rejected())
 }
@@ -110,8 +117,10 @@ fn rig_opens_again_and_again() {
         assert!(levels[1] > levels[0], "{levels:?}");
         // The next opening finds a camera that was left with overlapped frames.
         let mut seen = [0.0; 4];
-        rig.capture_all(&[&light, &dark, &light, &dark], &mut |n, exposed| seen[n] = middle(&exposed))
-            .unwrap_or_else(|error| panic!("{error}"));
+        rig.capture_all(&[&light, &dark, &light, &dark], &mut |n, exposed| {
+            seen[n] = middle(&exposed)
+        })
+        .unwrap_or_else(|error| panic!("{error}"));
         assert!(seen[0] > seen[1] && seen[2] > seen[3], "{seen:?}");
         println!("opening {n}: {} exposures, rejected {:?}", rig.captures(), rig.rejected());
     }
@@ -129,7 +138,11 @@ fn rig_known_pictures_come_each_once() {
         assert!(levels[n].replace(middle(&exposed)).is_none(), "picture {n} came twice");
     })
     .unwrap_or_else(|error| panic!("{error}"));
-    println!("{:.0} ms a picture, rejected {:?}", (rig.seconds() - begin) / 9.0 * 1e3, rig.rejected());
+    println!(
+        "{:.0} ms a picture, rejected {:?}",
+        (rig.seconds() - begin) / 9.0 * 1e3,
+        rig.rejected()
+    );
     for n in 0..9 {
         let (this, first) = (levels[n].expect("it came"), levels[n % 3].expect("it came"));
         assert!((this - first).abs() < 0.05 * first + 2.0, "picture {n}: {levels:?}");
@@ -140,8 +153,8 @@ fn rig_known_pictures_come_each_once() {
 #[ignore = "needs a rig"]
 fn rig_timing_can_be_measured() {
     let (mut rig, config) = opened();
-    let timing =
-        relens::check::measure(&mut rig, config.panel.refresh_hz).unwrap_or_else(|error| panic!("{error}"));
+    let timing = relens::diagnosis::measure(&mut rig, config.panel.refresh_hz)
+        .unwrap_or_else(|error| panic!("{error}"));
     println!("{timing}");
     assert!(timing.settle_ms.is_finite(), "{timing}");
 }
@@ -151,7 +164,10 @@ fn rig_timing_can_be_measured() {
 fn rig_devices_are_given_back_and_can_be_had_again() {
     let (rig, config) = opened();
     let second = rig::open(&config).err().map(|error| error.to_string());
-    assert!(second.as_ref().is_some_and(|said| said.contains("held")), "a second one is told: {second:?}");
+    assert!(
+        second.as_ref().is_some_and(|said| said.contains("held")),
+        "a second one is told: {second:?}"
+    );
     drop(rig);
     rig::open(&config).unwrap_or_else(|error| panic!("after the first was dropped: {error}"));
 }
@@ -184,16 +200,28 @@ fn rig_display_taken_by_another_program_and_given_back() {
         let picture = grey(&config, 128);
         let before = middle(&rig.capture(&picture).expect("a frame"));
         let words = [&std::process::id().to_string(), "/dev/dri/card0", "3"];
-        let mut other = Command::new(&taker).args(words).stdout(Stdio::piped()).spawn().expect("it starts");
+        let mut other =
+            Command::new(&taker).args(words).stdout(Stdio::piped()).spawn().expect("it starts");
         let mut said = String::new();
-        BufReader::new(other.stdout.take().expect("piped")).read_line(&mut said).expect("it speaks");
+        BufReader::new(other.stdout.take().expect("piped"))
+            .read_line(&mut said)
+            .expect("it speaks");
         assert_eq!(said, "the display is taken\n");
         let told: Vec<_> = (0..4).map(|_| rig.capture(&picture).err()).collect();
-        assert!(other.try_wait().expect("it runs").is_none(), "the display was given back too early to tell");
+        assert!(
+            other.try_wait().expect("it runs").is_none(),
+            "the display was given back too early to tell"
+        );
         let held = |error: &RigError| matches!(error, RigError::Held { device: "panel", .. });
-        assert!(told.iter().all(|error| error.as_ref().is_some_and(held)), "{interface:?}: {told:?}");
+        assert!(
+            told.iter().all(|error| error.as_ref().is_some_and(held)),
+            "{interface:?}: {told:?}"
+        );
         let words: HashSet<_> = told.iter().flatten().map(ToString::to_string).collect();
-        assert!(words.len() == 1 && words.iter().all(|w| w.contains("another program drives")), "{words:?}");
+        assert!(
+            words.len() == 1 && words.iter().all(|w| w.contains("another program drives")),
+            "{words:?}"
+        );
         assert!(other.wait().expect("it ends").success());
         // Its end darkened the display: the mode has to be set again, and is.
         let after = middle(&rig.capture(&picture).unwrap_or_else(|error| panic!("{error}")));
@@ -218,9 +246,13 @@ fn rig_flips_are_stamped_at_whole_refreshes_by_either_interface() {
         for n in 0..20 {
             let asked = Monotonic.now().0;
             let flip = panel.show(&pictures[n % 2]).unwrap_or_else(|error| panic!("{error}"));
-            // Stamped with a refresh that began while we waited for it; half a refresh for a driver that rounds.
+            // Stamped with a refresh that began while we waited for it; half a refresh for a driver
+            // that rounds.
             let seen = Monotonic.now().0;
-            assert!(flip.at.0 > asked - interval_s / 2.0 && flip.at.0 <= seen + interval_s / 2.0, "flip {n}");
+            assert!(
+                flip.at.0 > asked - interval_s / 2.0 && flip.at.0 <= seen + interval_s / 2.0,
+                "flip {n}"
+            );
             if let Some(last) = last {
                 let refreshes = f64::from(flip.vblank.wrapping_sub(last.vblank) as u32);
                 let error_s = flip.at.0 - last.at.0 - refreshes * interval_s;

@@ -1,8 +1,9 @@
-//! The light between panel and camera of the virtual rig: a process of its own that is sent what was on scan-out when
-//! the trigger rose (`window.rs`), and answers with what the sensor counts after the simulator's lens.
+//! The light between panel and camera of the virtual rig: a process of its own that is sent what
+//! was on scan-out when the trigger rose (`window.rs`), and answers with what the sensor counts
+//! after the simulator's lens.
 //!
-//! `physics TRUTH.toml SOCKET` serves one run of the virtual machine. It runs outside of it, because an emulated
-//! processor takes twenty times as long, and knows nothing of the daemon.
+//! `physics TRUTH.toml SOCKET` serves one run of the virtual machine. It runs outside of it,
+//! because an emulated processor takes twenty times as long, and knows nothing of the daemon.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // a bench program: it says what failed and stops
 
 use std::io::{ErrorKind, Read, Write};
@@ -42,7 +43,9 @@ fn pack(counts: &Counts, bytes: &mut Vec<u8>) {
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [truth, socket] = words.as_slice() else { return Err("usage: physics TRUTH.toml SOCKET".into()) };
+    let [truth, socket] = words.as_slice() else {
+        return Err("usage: physics TRUTH.toml SOCKET".into());
+    };
     let truth = config::load(Path::new(truth))?;
     let (mut bench, _): (Rig, _) = simulated::open(&truth)?;
     let mut stream = connected(socket)?;

@@ -38,14 +38,16 @@ impl Card {
             let info = self.get_plane(plane)?;
             let (Some(_), Some(picture)) = (info.crtc(), info.framebuffer()) else { continue };
             let info = self.get_planar_framebuffer(picture)?;
-            let buffer = info.buffers()[0].ok_or("the kernel hides the buffer; physics must run as root")?;
+            let buffer =
+                info.buffers()[0].ok_or("the kernel hides the buffer; physics must run as root")?;
             let fd = self.buffer_to_prime_fd(buffer, rustix::fs::OFlags::CLOEXEC.bits())?;
             self.close_buffer(buffer)?;
             let (pitch, (width, height)) = (info.pitches()[0] as usize, info.size());
             let length = pitch * height as usize;
             // SAFETY: a fresh read-only mapping of the buffer's own length.
-            let start =
-                unsafe { mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, &fd, 0)? };
+            let start = unsafe {
+                mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, &fd, 0)?
+            };
             let size = Size::new(width as usize, height as usize);
             return Ok(Some(Shown { start, length, pitch, size, number: u32::from(picture) }));
         }
@@ -69,7 +71,8 @@ impl Shown {
         let bytes = unsafe { std::slice::from_raw_parts(self.start.cast::<u8>(), self.length) };
         // XRGB8888, little-endian: blue, green, red, unused.
         Codes::from_planes(
-            [2, 1, 0].map(|at| Plane::from_fn(self.size, |x, y| bytes[y * self.pitch + x * 4 + at])),
+            [2, 1, 0]
+                .map(|at| Plane::from_fn(self.size, |x, y| bytes[y * self.pitch + x * 4 + at])),
         )
     }
 }

@@ -1,9 +1,10 @@
-//! How much better a restored photo is: `score SHARP PHOTO RESTORED [GAIN]` prints the gain in SSIM (luminance of the
-//! display values) and fails when it is not within 0.01 of GAIN; `score --crop IN WIDTH HEIGHT OUT` cuts a scene.
+//! How much better a restored photo is: `score SHARP PHOTO RESTORED [GAIN]` prints the gain in SSIM
+//! (luminance of the display values) and fails when it is not within 0.01 of GAIN; `score --crop IN
+//! WIDTH HEIGHT OUT` cuts a scene.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // a bench program: it says what failed and stops
 
+use relens::deconvolution::quality::ssim;
 use relens::frame::{Plane, Size};
-use relens::restore::quality::ssim;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -11,8 +12,9 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 fn luma(path: &str) -> Outcome<Plane> {
     let picture = image::open(path)?.to_rgb8();
     let size = Size::new(picture.width() as usize, picture.height() as usize);
-    let value =
-        |p: &image::Rgb<u8>| 0.2126 * f32::from(p[0]) + 0.7152 * f32::from(p[1]) + 0.0722 * f32::from(p[2]);
+    let value = |p: &image::Rgb<u8>| {
+        0.2126 * f32::from(p[0]) + 0.7152 * f32::from(p[1]) + 0.0722 * f32::from(p[2])
+    };
     Ok(Plane::from_fn(size, |x, y| value(picture.get_pixel(x as u32, y as u32))))
 }
 
@@ -22,8 +24,11 @@ fn main() -> Outcome<()> {
     match words.as_slice() {
         ["--crop", from, width, height, to] => {
             let (width, height): (u32, u32) = (width.parse()?, height.parse()?);
-            let picture =
-                image::open(from)?.resize_to_fill(width, height, image::imageops::FilterType::Triangle);
+            let picture = image::open(from)?.resize_to_fill(
+                width,
+                height,
+                image::imageops::FilterType::Triangle,
+            );
             picture.to_rgb8().save(to)?;
             Ok(())
         }
@@ -41,6 +46,9 @@ fn main() -> Outcome<()> {
             }
             Ok(())
         }
-        _ => Err("usage: score SHARP PHOTO RESTORED [GAIN] | score --crop IN WIDTH HEIGHT OUT".into()),
+        _ => {
+            Err("usage: score SHARP PHOTO RESTORED [GAIN] | score --crop IN WIDTH HEIGHT OUT"
+                .into())
+        }
     }
 }

@@ -1,9 +1,10 @@
-//! Takes the display away from a program of the virtual rig, as a desktop that is started beside it would, and gives it
-//! back: `taker PID CARD SECONDS`.
+//! Takes the display away from a program of the virtual rig, as a desktop that is started beside it
+//! would, and gives it back: `taker PID CARD SECONDS`.
 //!
-//! Who may set modes (DRM master) belongs to the open file, so that a copy of the program's own descriptor is enough to
-//! give it up in its place. The next to ask has it: here this program, which shows its own picture for as long as it was
-//! told. With its end that picture goes, and the kernel darkens the display.
+//! Who may set modes (DRM master) belongs to the open file, so that a copy of the program's own
+//! descriptor is enough to give it up in its place. The next to ask has it: here this program,
+//! which shows its own picture for as long as it was told. With its end that picture goes, and the
+//! kernel darkens the display.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // a bench program: it says what failed and stops
 
 use std::fs::File;
@@ -71,7 +72,9 @@ fn show_something(card: &Card) -> Outcome<()> {
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [pid, card, seconds] = words.as_slice() else { return Err("usage: taker PID CARD SECONDS".into()) };
+    let [pid, card, seconds] = words.as_slice() else {
+        return Err("usage: taker PID CARD SECONDS".into());
+    };
     let pid = Pid::from_raw(pid.parse()?).ok_or("no process")?;
     let path = Path::new(card);
     give_up_for(pid, path)?;

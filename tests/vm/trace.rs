@@ -1,4 +1,5 @@
-//! The kernel's own record of what happened when: flips of the display and rises of the trigger line.
+//! The kernel's own record of what happened when: flips of the display and rises of the trigger
+//! line.
 
 use std::fs::{self, File};
 use std::io::Read;

@@ -1,10 +1,12 @@
-//! The virtual rig's panel glass and camera window: what is on scan-out when the trigger line rises goes out of the
-//! virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in by the camera's node.
+//! The virtual rig's panel glass and camera window: what is on scan-out when the trigger line rises
+//! goes out of the virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in
+//! by the camera's node.
 //!
-//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER` runs until it is killed. As long as there is a
-//! file SHUTTER, the camera gives no frames. It knows nothing of the daemon: the trigger comes from the kernel's trace of
-//! GPIO values, the picture from the display driver. Two threads, so that light is caught at the moment of the trigger
-//! however long the lens takes to compute. Every flip, exposure and frame is a line of standard output, with its moment on
+//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER` runs until it is killed.
+//! As long as there is a file SHUTTER, the camera gives no frames. It knows nothing of the daemon:
+//! the trigger comes from the kernel's trace of GPIO values, the picture from the display driver.
+//! Two threads, so that light is caught at the moment of the trigger however long the lens takes to
+//! compute. Every flip, exposure and frame is a line of standard output, with its moment on
 //! `CLOCK_MONOTONIC`.
 #![allow(unsafe_code)] // mmap of the scanned-out buffer
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, unreachable_pub)] // a bench program: it says what failed and stops
@@ -47,11 +49,18 @@ fn camera(video: &str, truth: &config::Rig) -> Outcome<v4l::Device> {
     Ok(node)
 }
 
-/// Delivers each frame when its exposure and read-out have passed, or as soon after as it has been computed.
-fn deliver(truth: &config::Rig, video: &str, mut port: File, rises_s: mpsc::Receiver<f64>) -> Outcome<()> {
+/// Delivers each frame when its exposure and read-out have passed, or as soon after as it has been
+/// computed.
+fn deliver(
+    truth: &config::Rig,
+    video: &str,
+    mut port: File,
+    rises_s: mpsc::Receiver<f64>,
+) -> Outcome<()> {
     let mut node = camera(video, truth)?;
     println!("the window is open");
-    let frame_s = (truth.camera.exposure_ms + truth.simulation().map_or(0.0, |s| s.sensor.readout_ms)) / 1e3;
+    let frame_s =
+        (truth.camera.exposure_ms + truth.simulation().map_or(0.0, |s| s.sensor.readout_ms)) / 1e3;
     let mut bytes = vec![0; truth.camera.size().area() * 3];
     for rise_s in rises_s {
         port.read_exact(&mut bytes)?;
@@ -91,19 +100,30 @@ fn look(
         let late_ms = |at_s: f64| (Monotonic.now().0 - at_s) * 1e3;
         match event {
             Event::Flip { at_s } => {
-                // Taken here and not at the trigger: the kernel names a buffer before its scan-out began.
+                // Taken here and not at the trigger: the kernel names a buffer before its scan-out
+                // began.
                 shown = card.scanned_out()?;
                 let number = shown.as_ref().map_or(0, |shown| shown.number);
                 println!("{at_s:.6} flip to {number}, seen {:.1} ms later", late_ms(at_s));
             }
-            Event::Rise { at_s } if shutter.exists() => println!("{at_s:.6} trigger, the shutter is closed"),
+            Event::Rise { at_s } if shutter.exists() => {
+                println!("{at_s:.6} trigger, the shutter is closed")
+            }
             Event::Rise { at_s } => {
-                let codes = shown.as_ref().map_or_else(|| Codes::zeros(truth.panel.size()), Shown::codes);
+                let codes =
+                    shown.as_ref().map_or_else(|| Codes::zeros(truth.panel.size()), Shown::codes);
                 let number = shown.as_ref().map_or(0, |shown| shown.number);
                 let seen = late_ms(at_s);
-                println!("{at_s:.6} exposure of {number} ({}), seen {seen:.1} ms later", fingerprint(&codes));
+                println!(
+                    "{at_s:.6} exposure of {number} ({}), seen {seen:.1} ms later",
+                    fingerprint(&codes)
+                );
                 if codes.size() != truth.panel.size() {
-                    println!("the panel shows {}, the truth has {}", codes.size(), truth.panel.size());
+                    println!(
+                        "the panel shows {}, the truth has {}",
+                        codes.size(),
+                        truth.panel.size()
+                    );
                     continue;
                 }
                 rises.send(at_s)?;

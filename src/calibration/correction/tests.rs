@@ -20,8 +20,9 @@ fn codes_have_the_light_of_the_picture_where_the_map_says() {
     let correction = Correction::new(&calibration(), layout()).unwrap();
     let canvas = layout().canvas();
     let light = |x: f64, y: f64| 90.0 + 2.0 * x + 1.0 * y;
-    let picture =
-        Frame::from_fn(|_| Plane::from_fn(canvas, |x, y| light(x as f64 - 4.0, y as f64 - 4.0) as f32));
+    let picture = Frame::from_fn(|_| {
+        Plane::from_fn(canvas, |x, y| light(x as f64 - 4.0, y as f64 - 4.0) as f32)
+    });
     let codes = correction.show(&picture);
     let curve = &calibration().curves[1];
     // Blocks of 8×8 panel pixels: error diffusion makes their mean light right.
@@ -53,8 +54,9 @@ fn seen_undoes_black_mixing_and_dark_corner() {
             let to = to.index();
             let mixed: f64 = (0..3)
                 .map(|from| {
-                    f64::from(calibration.cross_channel.c[from][to] * calibration.counts_per_level[from])
-                        * calibration.dark_corner[from].at(wx, wy)
+                    f64::from(
+                        calibration.cross_channel.c[from][to] * calibration.counts_per_level[from],
+                    ) * calibration.dark_corner[from].at(wx, wy)
                         * light(from, x, y)
                 })
                 .sum();
@@ -65,8 +67,13 @@ fn seen_undoes_black_mixing_and_dark_corner() {
     for c in Channel::ALL {
         for (x, y) in [(0, 0), (20, 15), (47, 37)] {
             let found = f64::from(seen.light.plane(c).at(x, y));
-            // Half a count of rounding is a sixth of a level, the mixing and the dark corner add to it.
-            assert!((found - light(c.index(), x, y)).abs() < 0.5, "{found} {}", light(c.index(), x, y));
+            // Half a count of rounding is a sixth of a level, the mixing and the dark corner add to
+            // it.
+            assert!(
+                (found - light(c.index(), x, y)).abs() < 0.5,
+                "{found} {}",
+                light(c.index(), x, y)
+            );
         }
     }
     assert!(seen.trusted.plane(Channel::Red).data().iter().all(|&t| t == 1));
@@ -90,8 +97,14 @@ fn canvas_beyond_the_sensor_is_not_trusted() {
     let correction = Correction::new(&calibration(), smaller).unwrap();
     let seen = correction.see(&Counts::filled(smaller.sensor, 300));
     let trusted = seen.trusted.plane(Channel::Green);
-    assert_eq!([trusted.at(2, 10), trusted.at(3, 10), trusted.at(44, 10), trusted.at(45, 10)], [0, 1, 1, 0]);
-    assert_eq!([trusted.at(10, 1), trusted.at(10, 2), trusted.at(10, 34), trusted.at(10, 35)], [0, 1, 1, 0]);
+    assert_eq!(
+        [trusted.at(2, 10), trusted.at(3, 10), trusted.at(44, 10), trusted.at(45, 10)],
+        [0, 1, 1, 0]
+    );
+    assert_eq!(
+        [trusted.at(10, 1), trusted.at(10, 2), trusted.at(10, 34), trusted.at(10, 35)],
+        [0, 1, 1, 0]
+    );
     assert!(seen.light.plane(Channel::Green).at(2, 10).abs() < 1e-9);
 }
 
@@ -108,8 +121,10 @@ fn time_of_show_and_see() {
     use crate::calibration::geometric::{Geometry, Map};
     use crate::calibration::surface::{Domain, Surface};
     let canvas = Domain { left: -32.0, top: -32.0, right: 1055.0, bottom: 799.0 };
-    let map =
-        Map { x: Surface::plane(canvas, 370.0, 1.16, 0.01), y: Surface::plane(canvas, 95.0, -0.01, 1.16) };
+    let map = Map {
+        x: Surface::plane(canvas, 370.0, 1.16, 0.01),
+        y: Surface::plane(canvas, 95.0, -0.01, 1.16),
+    };
     let pairs: Vec<_> = (0..800)
         .map(|n| {
             let from = (-32.0 + 36.0 * f64::from(n % 31), -32.0 + 33.0 * f64::from(n / 31));

@@ -1,26 +1,30 @@
 //! The broad light of a lens, from captures of large squares.
 //!
-//! With the functions known (each of sum 1) and flats seen flat, what is seen of a pattern x differs from P x by what is spread
-//! wider: y − P x = Σⱼ sⱼ (Gⱼ x − P x), and where dark lies beyond the canvas sⱼ (1 − Gⱼ 1) y is added on the right, for the flats
-//! have been scaled by it. The Gaussians' radii are given, each twice the one before; the shares are the least squares' with
-//! none below 0 (non-negative least squares by coordinate descent). A pattern held out tells
+//! With the functions known (each of sum 1) and flats seen flat, what is seen of a pattern x
+//! differs from P x by what is spread wider: y − P x = Σⱼ sⱼ (Gⱼ x − P x), and where dark lies
+//! beyond the canvas sⱼ (1 − Gⱼ 1) y is added on the right, for the flats have been scaled by it.
+//! The Gaussians' radii are given, each twice the one before; the shares are the least squares'
+//! with none below 0 (non-negative least squares by coordinate descent). A pattern held out tells
 //! whether any of it is true.
 
 use super::Shot;
+use crate::deconvolution::lens_model::broad::{SHARE_MAX, Veil};
+use crate::deconvolution::lens_model::{Beyond, Halo, LensModel};
 use crate::frame::{Channel, Plane, Size};
-use crate::restore::lens_model::broad::{SHARE_MAX, Veil};
-use crate::restore::lens_model::{Beyond, Halo, LensModel};
 
-/// Rounds of coordinate descent; the radii's columns are alike, so it takes many, and each costs next to nothing.
+/// Rounds of coordinate descent; the radii's columns are alike, so it takes many, and each costs
+/// next to nothing.
 const ROUNDS: usize = 2000;
 /// Smaller shares of the light are left out: a grey level of 255 is 0.4 %.
 const SHARE_MIN: f32 = 0.002;
-/// Broad light is believed when it takes away at least so much of the squared misfit of the pattern held out. Guess.
+/// Broad light is believed when it takes away at least so much of the squared misfit of the pattern
+/// held out. Guess.
 const BELIEVED: f64 = 0.2;
 /// Cells a radius of half a lens function has: what is compared are means over them.
 const CELLS: usize = 4;
 
-/// What one pattern says: the misfit without broad light, and what a share of each Gaussian would add, cell by cell.
+/// What one pattern says: the misfit without broad light, and what a share of each Gaussian would
+/// add, cell by cell.
 struct Evidence {
     misfit: Vec<f64>,
     columns: Vec<Vec<f64>>,
@@ -33,8 +37,9 @@ fn radii_px(support_px: usize, size: Size) -> Vec<f32> {
     std::iter::successors(Some(first), |r| Some(2.0 * r)).take_while(|r| *r <= widest).collect()
 }
 
-/// The halos of one channel: what `shots` say but for the last, believed when the last agrees; none when there are fewer than two.
-/// `functions_only` is the model without broad light; `trusted` has a 1 where all captures can be trusted.
+/// The halos of one channel: what `shots` say but for the last, believed when the last agrees; none
+/// when there are fewer than two. `functions_only` is the model without broad light; `trusted` has
+/// a 1 where all captures can be trusted.
 pub fn halos(
     functions_only: &LensModel,
     channel: Channel,
@@ -44,11 +49,14 @@ pub fn halos(
 ) -> Vec<Halo> {
     let support_px = functions_only.functions().support_px;
     let radii = radii_px(support_px, functions_only.canvas());
-    let Some((held_out, fitted)) = shots.split_last().filter(|(_, fitted)| !fitted.is_empty()) else {
+    let Some((held_out, fitted)) = shots.split_last().filter(|(_, fitted)| !fitted.is_empty())
+    else {
         return Vec::new();
     };
-    let veils: Vec<Veil> =
-        radii.iter().map(|&radius_px| Veil::new(functions_only.canvas(), radius_px, beyond)).collect();
+    let veils: Vec<Veil> = radii
+        .iter()
+        .map(|&radius_px| Veil::new(functions_only.canvas(), radius_px, beyond))
+        .collect();
     let cell = (support_px / (2 * CELLS)).max(1);
     let evidence = |shot: &Shot| evidence(functions_only, channel, shot, &veils, trusted, cell);
     let shares = shares(&fitted.iter().map(evidence).collect::<Vec<_>>(), veils.len());
@@ -79,11 +87,14 @@ fn evidence(
     let mut local = Plane::zeros(size);
     functions_only.forward(channel, &shot.shown, &mut local);
     let border = functions_only.functions().support_px / 2;
-    let sound =
-        |x0: usize, y0: usize| (y0..y0 + cell).all(|y| trusted.row(y)[x0..x0 + cell].iter().all(|&t| t > 0));
+    let sound = |x0: usize, y0: usize| {
+        (y0..y0 + cell).all(|y| trusted.row(y)[x0..x0 + cell].iter().all(|&t| t > 0))
+    };
     let corners: Vec<(usize, usize)> = (border..(size.height.saturating_sub(border + cell)))
         .step_by(cell)
-        .flat_map(|y| (border..(size.width.saturating_sub(border + cell))).step_by(cell).map(move |x| (x, y)))
+        .flat_map(|y| {
+            (border..(size.width.saturating_sub(border + cell))).step_by(cell).map(move |x| (x, y))
+        })
         .filter(|&(x, y)| sound(x, y))
         .collect();
     let mean = |of: &dyn Fn(usize) -> f64, (x, y): (usize, usize)| {
@@ -96,7 +107,8 @@ fn evidence(
     let columns = veils.iter().map(|veil| {
         let (spread, flat) = (veil.on_pixels(&shot.shown), veil.on_pixels(&white));
         let adds = |n: usize| {
-            f64::from(spread.data()[n] - local[n]) + f64::from(1.0 - flat.data()[n]) * f64::from(seen[n])
+            f64::from(spread.data()[n] - local[n])
+                + f64::from(1.0 - flat.data()[n]) * f64::from(seen[n])
         };
         corners.iter().map(|&at| mean(&adds, at)).collect()
     });
@@ -116,7 +128,8 @@ fn shares(evidence: &[Evidence], count: usize) -> Vec<f64> {
     let mut shares = vec![0.0f64; count];
     for _ in 0..ROUNDS {
         for i in 0..count {
-            let others: f64 = (0..count).filter(|&j| j != i).map(|j| normal[i][j] * shares[j]).sum();
+            let others: f64 =
+                (0..count).filter(|&j| j != i).map(|j| normal[i][j] * shares[j]).sum();
             let best = (side[i] - others) / normal[i][i].max(f64::MIN_POSITIVE);
             // All of them together are no more than a lens can scatter.
             let room = f64::from(SHARE_MAX) - (shares.iter().sum::<f64>() - shares[i]);
@@ -138,16 +151,20 @@ fn squared(evidence: &Evidence, shares: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::deconvolution::lens_model::LensFunctions;
     use crate::patterns::pseudo_random;
-    use crate::restore::lens_model::LensFunctions;
 
     const SIZE: Size = Size::new(240, 180);
 
     fn model(halos: &[Halo], beyond: Beyond) -> LensModel {
         let mut taps = vec![0.0; 81];
         taps[30..51].fill(1.0 / 21.0);
-        let functions =
-            LensFunctions { rows: 1, columns: 1, support_px: 9, taps: [taps.clone(), taps.clone(), taps] };
+        let functions = LensFunctions {
+            rows: 1,
+            columns: 1,
+            support_px: 9,
+            taps: [taps.clone(), taps.clone(), taps],
+        };
         let halos = std::array::from_fn(|_| halos.to_vec());
         LensModel::new(SIZE, 0, &functions).unwrap().with_broad_light(&halos, beyond).unwrap()
     }
@@ -183,7 +200,10 @@ mod tests {
                     beyond,
                 );
                 let share = |halos: &[Halo]| halos.iter().map(|h| h.share).sum::<f32>();
-                assert!((share(&found) / share(&truth) - 1.0).abs() < 0.1, "{beyond:?} {truth:?}: {found:?}");
+                assert!(
+                    (share(&found) / share(&truth) - 1.0).abs() < 0.1,
+                    "{beyond:?} {truth:?}: {found:?}"
+                );
                 // What counts is the light: a picture that no fit has seen.
                 let shown = Plane::from_fn(SIZE, |x, y| if x * 3 > y * 4 { 200.0 } else { 20.0 });
                 let mut light = [Plane::zeros(SIZE), Plane::zeros(SIZE)];
@@ -191,7 +211,11 @@ mod tests {
                 model(&found, beyond).forward(Channel::Green, &shown, &mut light[1]);
                 let [mut off, seen] = light;
                 off.add_scaled(-1.0, &seen);
-                assert!(off.rms() < 0.3, "{beyond:?} {truth:?}: {found:?}, off by {:.2}", off.rms());
+                assert!(
+                    off.rms() < 0.3,
+                    "{beyond:?} {truth:?}: {found:?}, off by {:.2}",
+                    off.rms()
+                );
             }
         }
     }

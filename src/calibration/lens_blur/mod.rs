@@ -1,25 +1,25 @@
 //! The lens functions, from captures of pseudo-random patterns.
 //!
-//! All functions of a channel are fitted at once: the taps whose interpolated model K(taps)·x comes nearest
-//! to what was seen of the patterns x, by conjugate gradients on the normal equations. Zero-mean white
-//! patterns make these nearly diagonal: in expectation they are the overlaps of the functions' weights, and
-//! with that as preconditioner a handful of rounds is enough. Negative taps stay: cutting them biases the
-//! model (study: it hurts).
+//! All functions of a channel are fitted at once: the taps whose interpolated model K(taps)·x comes
+//! nearest to what was seen of the patterns x, by conjugate gradients on the normal equations.
+//! Zero-mean white patterns make these nearly diagonal: in expectation they are the overlaps of the
+//! functions' weights, and with that as preconditioner a handful of rounds is enough. Negative taps
+//! stay: cutting them biases the model (study: it hurts).
 
 mod broad;
-mod check;
 mod overlaps;
+mod plausibility;
 mod shape;
 
 pub use broad::halos;
-pub use check::{dominant, misfit};
+pub use plausibility::{dominant, misfit};
 pub use shape::{centroid, displacement, moments, normalise};
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 use rayon::prelude::*;
 
+use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::frame::{Channel, Plane, Size};
-use crate::restore::lens_model::{LensFunctions, LensModel, LensModelError};
 
 /// Why no lens functions were found.
 #[derive(Debug, thiserror::Error)]
@@ -28,7 +28,10 @@ pub enum LensBlurError {
     #[error("the lens model cannot be set up")]
     Model(#[source] LensModelError),
     /// Too little was seen of some function.
-    #[error("some lens function is seen by too few trusted pixels: {trusted} of {all} pixels are trusted")]
+    #[error(
+        "some lens function is seen by too few trusted pixels: {trusted} of {all} pixels are \
+         trusted"
+    )]
     NotSeen {
         /// Trusted pixels.
         trusted: usize,
@@ -61,8 +64,9 @@ pub struct Shot {
     pub seen: Plane,
 }
 
-/// Weight of the penalty on the taps' squares, as a share of what the data say of one tap: noise over
-/// signal of a tap as the study has them (noise 1 grey level, patterns of 80, 65 000 pixels a function).
+/// Weight of the penalty on the taps' squares, as a share of what the data say of one tap: noise
+/// over signal of a tap as the study has them (noise 1 grey level, patterns of 80, 65 000 pixels a
+/// function).
 const RIDGE: f64 = 1e-3;
 
 impl Grid {
@@ -86,13 +90,16 @@ impl Grid {
         }
     }
 
-    /// Weight of each of `count` functions along a side, per canvas pixel: the model's bilinear hats.
+    /// Weight of each of `count` functions along a side, per canvas pixel: the model's bilinear
+    /// hats.
     fn hats(&self, photo_px: usize, count: usize) -> Vec<Vec<f64>> {
         let place = |pixel: usize| {
-            let along = (pixel as f64 - self.margin_px as f64 + 0.5) * count as f64 / photo_px as f64 - 0.5;
+            let along =
+                (pixel as f64 - self.margin_px as f64 + 0.5) * count as f64 / photo_px as f64 - 0.5;
             along.clamp(0.0, count as f64 - 1.0)
         };
-        let hats = |pixel| (0..count).map(|n| (1.0 - (place(pixel) - n as f64).abs()).max(0.0)).collect();
+        let hats =
+            |pixel| (0..count).map(|n| (1.0 - (place(pixel) - n as f64).abs()).max(0.0)).collect();
         (0..photo_px + 2 * self.margin_px).map(hats).collect()
     }
 }
@@ -109,14 +116,15 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// For `grid`, using pixels with `trusted` = 1 (canvas-sized). Patterns must be grey at the canvas's border,
-    /// so that what is shown beyond it, which the model knows nothing of, is no different from grey.
+    /// For `grid`, using pixels with `trusted` = 1 (canvas-sized). Patterns must be grey at the
+    /// canvas's border, so that what is shown beyond it, which the model knows nothing of, is no
+    /// different from grey.
     ///
     /// # Errors
     /// When the grid makes no model or some function is hardly seen.
     pub fn new(grid: Grid, trusted: &Plane<u8>) -> Result<Fit, LensBlurError> {
-        let model =
-            LensModel::new(grid.photo, grid.margin_px, &grid.unblurred()).map_err(LensBlurError::Model)?;
+        let model = LensModel::new(grid.photo, grid.margin_px, &grid.unblurred())
+            .map_err(LensBlurError::Model)?;
         let (canvas, trusted) = (grid.canvas(), trusted.clone());
         let normal = overlaps::overlaps(&grid, &trusted);
         let diagonal = normal.trace() / normal.nrows() as f64;
@@ -209,7 +217,8 @@ impl Fit {
     fn preconditioned(&self, rest: &[f32], power: f64) -> Vec<f32> {
         let one = self.grid.support_px.pow(2);
         let functions = self.grid.rows * self.grid.columns;
-        let mut sides = DMatrix::from_fn(functions, one, |n, tap| f64::from(rest[n * one + tap]) / power);
+        let mut sides =
+            DMatrix::from_fn(functions, one, |n, tap| f64::from(rest[n * one + tap]) / power);
         self.overlaps.solve_mut(&mut sides);
         let mut out = vec![0.0; rest.len()];
         for n in 0..functions {

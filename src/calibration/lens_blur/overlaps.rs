@@ -1,5 +1,5 @@
-//! How much the weights of neighbouring lens functions overlap: the normal matrix that white patterns have
-//! in expectation.
+//! How much the weights of neighbouring lens functions overlap: the normal matrix that white
+//! patterns have in expectation.
 
 use nalgebra::DMatrix;
 
@@ -30,7 +30,8 @@ pub(super) fn overlaps(grid: &Grid, trusted: &Plane<u8>) -> DMatrix<f64> {
                 }
                 for i in 0..grid.columns {
                     for j in i.saturating_sub(1)..grid.columns.min(i + 2) {
-                        normal[(p * grid.columns + i, q * grid.columns + j)] += weight * sums[(i, j)];
+                        normal[(p * grid.columns + i, q * grid.columns + j)] +=
+                            weight * sums[(i, j)];
                     }
                 }
             }

@@ -2,11 +2,12 @@
 
 use crate::calibration::geometric::{Map, Pair};
 use crate::calibration::surface::{Domain, SurfaceError};
+use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Size};
-use crate::restore::lens_model::LensFunctions;
 
-/// Scales every function to sum 1: what is flat is seen flat, by the definition of the dark corner. The
-/// light that glare carries beyond the support is thereby counted as if it stayed. Returns the mean sum before, per channel.
+/// Scales every function to sum 1: what is flat is seen flat, by the definition of the dark corner.
+/// The light that glare carries beyond the support is thereby counted as if it stayed. Returns the
+/// mean sum before, per channel.
 pub fn normalise(functions: &mut LensFunctions) -> [f32; 3] {
     let one = functions.support_px.pow(2);
     let count = (functions.rows * functions.columns) as f32;
@@ -15,7 +16,8 @@ pub fn normalise(functions: &mut LensFunctions) -> [f32; 3] {
         for function in taps.chunks_mut(one) {
             let sum: f32 = function.iter().sum();
             *mean += sum / count;
-            // A function that lost more than half its light is no function; left as it is, it is judged later.
+            // A function that lost more than half its light is no function; left as it is, it is
+            // judged later.
             if sum > 0.5 {
                 function.iter_mut().for_each(|t| *t /= sum);
             }
@@ -40,20 +42,23 @@ pub fn moments(taps: &[f32], support_px: usize) -> ((f64, f64), f64) {
     ((x, y), (srr / sum - x * x - y * y).max(0.0).sqrt())
 }
 
-/// Standard deviation of the bell that taps are smoothed with before their centroid is taken, pixels.
+/// Standard deviation of the bell that taps are smoothed with before their centroid is taken,
+/// pixels.
 const SMOOTHING_PX: f64 = 1.5;
 /// Smoothed taps above this many standard deviations of their noise are the function's for sure.
 const NOISE_FLOOR: f64 = 3.0;
-/// So are those this near to them: the faint tail of coma is below the noise and still moves a centroid.
+/// So are those this near to them: the faint tail of coma is below the noise and still moves a
+/// centroid.
 const TAIL_PX: isize = 5;
 
-/// Centroid (x, y) of one measured function, pixels from its middle. The noise of far taps counts by their
-/// distance, so the taps are smoothed, which moves no centroid, and what lies far from all that
-/// stands out of the noise is left out (noise: median of the outermost two rings).
+/// Centroid (x, y) of one measured function, pixels from its middle. The noise of far taps counts
+/// by their distance, so the taps are smoothed, which moves no centroid, and what lies far from all
+/// that stands out of the noise is left out (noise: median of the outermost two rings).
 pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
     let k = support_px as isize;
     let reach = (3.0 * SMOOTHING_PX).ceil() as isize;
-    let bell: Vec<f64> = (-reach..=reach).map(|t| (-0.5 * (t as f64 / SMOOTHING_PX).powi(2)).exp()).collect();
+    let bell: Vec<f64> =
+        (-reach..=reach).map(|t| (-0.5 * (t as f64 / SMOOTHING_PX).powi(2)).exp()).collect();
     let total: f64 = bell.iter().sum();
     let pass = |from: &[f64], across: isize, down: isize| -> Vec<f64> {
         (0..k * k)
@@ -63,7 +68,9 @@ pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
                     .filter_map(|t| {
                         let (u, v) = (x + t * across, y + t * down);
                         let inside = (0..k).contains(&u) && (0..k).contains(&v);
-                        inside.then(|| bell[(t + reach) as usize] * from[(v * k + u) as usize] / total)
+                        inside.then(|| {
+                            bell[(t + reach) as usize] * from[(v * k + u) as usize] / total
+                        })
                     })
                     .sum()
             })
@@ -92,8 +99,8 @@ pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
     moments(&kept, support_px).0
 }
 
-/// How far from its place the light of each Work place is seen, smooth over `canvas`, by the centroids of
-/// one channel's functions, which are given on pixels of `pixel_px` Work pixels.
+/// How far from its place the light of each Work place is seen, smooth over `canvas`, by the
+/// centroids of one channel's functions, which are given on pixels of `pixel_px` Work pixels.
 ///
 /// # Errors
 /// When there are too few functions for a smooth map; the caller then leaves the geometry as it is.
@@ -104,18 +111,21 @@ pub fn displacement(
     canvas: Domain,
     pixel_px: usize,
 ) -> Result<Map, SurfaceError> {
-    let centre = |n: usize, count: usize, side: usize| (n as f64 + 0.5) * side as f64 / count as f64 - 0.5;
+    let centre =
+        |n: usize, count: usize, side: usize| (n as f64 + 0.5) * side as f64 / count as f64 - 0.5;
     let mut pairs = Vec::new();
     for row in 0..functions.rows {
         for column in 0..functions.columns {
             let taps = functions.function(channel, row, column);
-            let from =
-                (centre(column, functions.columns, photo.width), centre(row, functions.rows, photo.height));
+            let from = (
+                centre(column, functions.columns, photo.width),
+                centre(row, functions.rows, photo.height),
+            );
             let (x, y) = centroid(taps, functions.support_px);
             pairs.push(Pair { from, to: (x * pixel_px as f64, y * pixel_px as f64) });
         }
     }
-    // One cubic over the field, as coma's displacement is: a centroid carries some hundredths of a pixel of
-    // noise, and fewer coefficients let less of it through.
+    // One cubic over the field, as coma's displacement is: a centroid carries some hundredths of a
+    // pixel of noise, and fewer coefficients let less of it through.
     Map::fit(canvas, (1, 1), &pairs, 1e-6)
 }

@@ -6,7 +6,8 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-const GRID: Grid = Grid { photo: Size::new(96, 72), margin_px: 4, columns: 3, rows: 2, support_px: 7 };
+const GRID: Grid =
+    Grid { photo: Size::new(96, 72), margin_px: 4, columns: 3, rows: 2, support_px: 7 };
 
 /// Functions that widen and move over the field.
 fn truth() -> LensFunctions {
@@ -70,7 +71,8 @@ fn noise_leaves_a_model_that_predicts_and_centroids_that_hold() {
         assert!((truth.0 - centre.0).hypot(truth.1 - centre.1) < 0.03, "{truth:?} {centre:?}");
     }
     let model = LensModel::new(GRID.photo, GRID.margin_px, &found).unwrap();
-    let held_out = &Shot { shown: pseudo_random(canvas, 99).map(|v| 80.0 * v), seen: Plane::zeros(canvas) };
+    let held_out =
+        &Shot { shown: pseudo_random(canvas, 99).map(|v| 80.0 * v), seen: Plane::zeros(canvas) };
     let mut seen = Plane::zeros(canvas);
     LensModel::new(GRID.photo, GRID.margin_px, &functions).unwrap().forward(
         Channel::Green,

@@ -57,7 +57,8 @@ fn a_write_cut_at_any_byte_leaves_the_old_one() {
     save(folder.path(), &old).unwrap();
     let new = encode(&Calibration { generation: 8, ..calibration() }).unwrap();
     for length in 0..new.len() {
-        // Whether the cut falls on the temporary file or, on a folder that lies about rename, on the slot.
+        // Whether the cut falls on the temporary file or, on a folder that lies about rename, on
+        // the slot.
         for name in [format!("{}.new", SLOTS[1]), SLOTS[1].to_owned()] {
             std::fs::write(folder.path().join(name), &new[..length]).unwrap();
             assert_eq!(load(folder.path(), old.rig).unwrap(), old);
@@ -70,11 +71,16 @@ fn both_bad_and_another_rig_are_stated() {
     let folder = tempfile::tempdir().unwrap();
     save(folder.path(), &calibration()).unwrap();
     let other = load(folder.path(), 5).unwrap_err();
-    assert!(matches!(other, StoreError::OtherRig { found, allowed: 5, .. } if found == calibration().rig));
+    assert!(
+        matches!(other, StoreError::OtherRig { found, allowed: 5, .. } if found == calibration().rig)
+    );
     assert_eq!(other.remedy(), Remedy::Recalibrate);
     for slot in SLOTS {
-        std::fs::write(folder.path().join(slot), b"relenscl and then something else entirely, no slot")
-            .unwrap();
+        std::fs::write(
+            folder.path().join(slot),
+            b"relenscl and then something else entirely, no slot",
+        )
+        .unwrap();
     }
     let bad = load(folder.path(), calibration().rig).unwrap_err();
     assert!(matches!(bad, StoreError::BothBad { a: SlotFault::Version { .. }, .. }), "{bad}");

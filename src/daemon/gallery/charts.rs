@@ -19,7 +19,8 @@ const BELOW: f64 = 18.0;
 
 /// The charts' HTML; empty when there is nothing to draw.
 pub(super) fn charts(reports: &[Report], pilots: &[Entry]) -> String {
-    let newest = reports.iter().map(|r| r.finished_unix_s).chain(pilots.iter().map(|p| p.unix_s)).max();
+    let newest =
+        reports.iter().map(|r| r.finished_unix_s).chain(pilots.iter().map(|p| p.unix_s)).max();
     let Some(newest) = newest.map(|unix_s| unix_s as f64) else { return String::new() };
     let oldest = newest - SPAN_S;
     let recent = |unix_s: u64| unix_s as f64 >= oldest;
@@ -30,7 +31,11 @@ pub(super) fn charts(reports: &[Report], pilots: &[Entry]) -> String {
     let throughput: Vec<(f64, f64)> =
         bars.iter().enumerate().map(|(n, &v)| (oldest + n as f64 * BAR_S, v)).collect();
     let line = |of: &dyn Fn(&Entry) -> Option<f64>| -> Vec<(f64, f64)> {
-        pilots.iter().filter(|p| recent(p.unix_s)).filter_map(|p| Some((p.unix_s as f64, of(p)?))).collect()
+        pilots
+            .iter()
+            .filter(|p| recent(p.unix_s))
+            .filter_map(|p| Some((p.unix_s as f64, of(p)?)))
+            .collect()
     };
     let drawn = [
         ("Photos an hour", "", throughput, true),
@@ -66,11 +71,13 @@ fn chart(
         (low, high) = (low - 0.5, high + 0.5);
     }
     let x = |unix_s: f64| LEFT + (WIDTH - LEFT) * (unix_s - span.0) / (span.1 - span.0);
-    let y = |value: f64| 6.0 + (HEIGHT - BELOW - 6.0) * (high - value.clamp(low, high)) / (high - low);
+    let y =
+        |value: f64| 6.0 + (HEIGHT - BELOW - 6.0) * (high - value.clamp(low, high)) / (high - low);
     // Writing to a string cannot fail.
     let _ = write!(
         html,
-        "<figure><figcaption>{title} <small>{unit}</small></figcaption><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
+        "<figure><figcaption>{title} <small>{unit}</small></figcaption><svg viewBox=\"0 0 {WIDTH} \
+         {HEIGHT}\" role=\"img\" \
          aria-label=\"{title}, {low:.1} to {high:.1} {unit}\">\
          <text x=\"{0}\" y=\"12\" text-anchor=\"end\">{high:.1}</text>\
          <text x=\"{0}\" y=\"{1:.0}\" text-anchor=\"end\">{low:.1}</text>\
@@ -103,7 +110,8 @@ fn chart(
         let anchor = ["start", "middle", "middle", "middle", "end"][quarter as usize];
         let _ = write!(
             html,
-            "<text class=\"hour\" x=\"{:.1}\" y=\"{:.0}\" text-anchor=\"{anchor}\" data-hour=\"{at:.0}\"></text>",
+            "<text class=\"hour\" x=\"{:.1}\" y=\"{:.0}\" text-anchor=\"{anchor}\" \
+             data-hour=\"{at:.0}\"></text>",
             x(at),
             HEIGHT - 4.0
         );

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::keeping::{self, Removed};
 use super::report::{Failed, Report};
-use super::{DaemonError, Folders, durable, history, inbox};
+use super::{DaemonError, Folders, atomic_file, history, inbox};
 
 /// Longer files are no reports or notes of ours.
 const REPORT_BYTES_MAX: u64 = 1 << 20;
@@ -36,7 +36,8 @@ impl Gallery {
     pub(super) fn load(folders: &Folders) -> Result<Gallery, DaemonError> {
         let mut gallery = Gallery::default();
         let (disk, outbox, failed) = (folders.disk(), folders.outbox(), folders.failed());
-        let list = |folder| disk.list(folder).map_err(DaemonError::files("read the folder", folder));
+        let list =
+            |folder| disk.list(folder).map_err(DaemonError::files("read the folder", folder));
         let found = list(outbox)?;
         let names: HashSet<&OsStr> = found.iter().map(|(name, _)| name.as_os_str()).collect();
         for name in &names {
@@ -45,18 +46,25 @@ impl Gallery {
             if path.extension().is_none_or(|e| e != "json") || !names.contains(result) {
                 continue;
             }
-            let read = durable::read(disk, &path, REPORT_BYTES_MAX).ok().flatten();
+            let read = atomic_file::read(disk, &path, REPORT_BYTES_MAX).ok().flatten();
             match read.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok()) {
                 Some(report) => gallery.add(&report),
-                None => log::warn!("{} is no report of relens and is not in the gallery", path.display()),
+                None => log::warn!(
+                    "{} is no report of relens and is not in the gallery",
+                    path.display()
+                ),
             }
         }
         let pages = list(folders.previews())?;
-        gallery.last_page = pages.iter().filter_map(|(name, _)| page::number(name)).max().unwrap_or(0);
+        gallery.last_page =
+            pages.iter().filter_map(|(name, _)| page::number(name)).max().unwrap_or(0);
         for (name, _) in list(failed)? {
             let mut note = name.clone();
             note.push(".txt");
-            let Ok(Some(note)) = durable::read(disk, &failed.join(note), REPORT_BYTES_MAX) else { continue };
+            let Ok(Some(note)) = atomic_file::read(disk, &failed.join(note), REPORT_BYTES_MAX)
+            else {
+                continue;
+            };
             if !inbox::is_hidden(&name) {
                 let note = String::from_utf8_lossy(&note);
                 gallery.failed.push(Failed::of_note(name.to_string_lossy().into_owned(), &note));
@@ -67,7 +75,8 @@ impl Gallery {
 
     /// Adds a photo with a result.
     pub(super) fn add(&mut self, report: &Report) {
-        // The record of the iterations is in the report's file; thousands of them are not kept in memory.
+        // The record of the iterations is in the report's file; thousands of them are not kept in
+        // memory.
         let mut report = report.clone();
         report.iterations = Vec::new();
         self.reports.push(report);
@@ -83,7 +92,8 @@ impl Gallery {
         self.failed.push(failed);
     }
 
-    /// Seconds between two writings while photos come one after another: more of them take longer to write.
+    /// Seconds between two writings while photos come one after another: more of them take longer
+    /// to write.
     pub(super) fn period_s(&self) -> f64 {
         10.0 + 0.05 * self.reports.len() as f64
     }
@@ -99,7 +109,8 @@ impl Gallery {
     ) -> Result<(), DaemonError> {
         let (disk, outbox) = (folders.disk(), folders.outbox());
         // Oldest first, sixty a page: a full page does not change any more.
-        self.reports.sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
+        self.reports
+            .sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
         let pages = self.reports.len().div_ceil(page::PHOTOS);
         self.written.resize(pages, 0);
         for (n, reports) in self.reports.chunks(page::PHOTOS).enumerate() {
@@ -108,8 +119,9 @@ impl Gallery {
             if pages > 1 && self.written[n] != sum {
                 let name = page::page_address(n + 1);
                 let path = outbox.join(&name);
-                let (folder, name) = (path.parent().unwrap_or(outbox), path.file_name().unwrap_or_default());
-                durable::replace(disk, folder, name, html.as_bytes())?;
+                let (folder, name) =
+                    (path.parent().unwrap_or(outbox), path.file_name().unwrap_or_default());
+                atomic_file::replace(disk, folder, name, html.as_bytes())?;
                 self.written[n] = sum;
             }
         }
@@ -133,7 +145,7 @@ impl Gallery {
         };
         let json = serde_json::to_vec(&data).map_err(std::io::Error::other);
         let json = json.map_err(DaemonError::files("write", outbox))?;
-        durable::replace_for_now(disk, folders.previews(), "report.json".as_ref(), &json)?;
+        atomic_file::replace_for_now(disk, folders.previews(), "report.json".as_ref(), &json)?;
         // Newest first.
         let newest: Vec<Report> = self.reports.iter().rev().cloned().collect();
         let html = page::first_page(&page::Overview {
@@ -146,12 +158,12 @@ impl Gallery {
             pilots: &pilots,
             now_unix_s,
         });
-        durable::replace(disk, outbox, "index.html".as_ref(), html.as_bytes())
+        atomic_file::replace(disk, outbox, "index.html".as_ref(), html.as_bytes())
     }
 }
 
-/// Writes the report of the rig called `rig` over `folders` while there is no daemon to do it: what lies there, and
-/// what the operator should know, a sentence each.
+/// Writes the report of the rig called `rig` over `folders` while there is no daemon to do it: what
+/// lies there, and what the operator should know, a sentence each.
 ///
 /// # Errors
 /// When a folder cannot be read or written.

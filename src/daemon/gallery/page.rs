@@ -49,7 +49,8 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
         }
     }
     let summary = format!(
-        "<p>{} · rig {} · <time data-unix=\"{now_unix_s}\"></time> · <a href=\"gallery/report.json\">as data</a></p>\n",
+        "<p>{} · rig {} · <time data-unix=\"{now_unix_s}\"></time> · <a \
+         href=\"gallery/report.json\">as data</a></p>\n",
         counts.join(" · "),
         escape(rig),
     );
@@ -65,12 +66,15 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
     list(&mut html, "Waiting", "still in the inbox, to be tried again", left);
     html.push_str(&charts::charts(reports, pilots));
     if reports.is_empty() {
-        html.push_str("<p class=\"empty\">No photo has been restored yet. Drop one into the inbox.</p>\n");
+        html.push_str(
+            "<p class=\"empty\">No photo has been restored yet. Drop one into the inbox.</p>\n",
+        );
     }
     pager(&mut html, pages);
     if removed != Removed::default() {
         html.push_str(&format!(
-            "<p class=\"removed\">Removed by the limits of this box so far: {} of the results, {} of the originals, {} MiB; the last \
+            "<p class=\"removed\">Removed by the limits of this box so far: {} of the results, {} \
+             of the originals, {} MiB; the last \
              <time data-unix=\"{}\"></time>.</p>\n",
             removed.results,
             removed.originals,
@@ -82,8 +86,8 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
     foot(html)
 }
 
-/// The `n`-th page, from 1 with the oldest photos, of `pages`, with these `reports`. It names its neighbours
-/// only, so that it does not change with every page that is added.
+/// The `n`-th page, from 1 with the oldest photos, of `pages`, with these `reports`. It names its
+/// neighbours only, so that it does not change with every page that is added.
 pub(super) fn photo_page(rig: &str, n: usize, pages: usize, reports: &[Report]) -> String {
     let summary = format!("<p>rig {} · page <b>{n}</b></p>\n", escape(rig));
     // Addresses are those of the first page, which lies one folder up.
@@ -116,9 +120,13 @@ fn photos<'a>(html: &mut String, reports: impl Iterator<Item = &'a Report> + Clo
         html.push_str("<div class=\"small\">\n");
         for (n, report) in reports.clone().enumerate() {
             let name = escape(&report.photo);
-            let (small, large) = (escape(&report.after.replace("-after.", "-small.")), escape(&report.after));
+            let (small, large) =
+                (escape(&report.after.replace("-after.", "-small.")), escape(&report.after));
             html.push_str(&format!(
-                "<a href=\"#photo-{n}\" title=\"{name}\" onclick=\"document.getElementById('photo-{n}').scrollIntoView();return false\"><img src=\"{small}\" data-large=\"{large}\" alt=\"{name}\" loading=\"lazy\"></a>\n"
+                "<a href=\"#photo-{n}\" title=\"{name}\" \
+                 onclick=\"document.getElementById('photo-{n}').scrollIntoView();return \
+                 false\"><img src=\"{small}\" data-large=\"{large}\" alt=\"{name}\" \
+                 loading=\"lazy\"></a>\n"
             ));
         }
         html.push_str("</div>\n");
@@ -141,13 +149,15 @@ fn head(summary: &str, base: &str, find: bool) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>relens: restored photos</title>\n{base}\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>relens: restored \
+         photos</title>\n{base}\
          <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>relens</h1>\n{summary}",
         include_str!("page.css"),
     );
     if find {
         html.push_str(
-            "<input id=\"find\" type=\"search\" placeholder=\"Find a name on this page\" aria-label=\"Find a name on this page\">\n",
+            "<input id=\"find\" type=\"search\" placeholder=\"Find a name on this page\" \
+             aria-label=\"Find a name on this page\">\n",
         );
     }
     html.push_str("</header>\n<main>\n");
@@ -159,12 +169,14 @@ fn list(html: &mut String, title: &str, where_they_are: &str, photos: &[Failed])
         return;
     }
     html.push_str(&format!(
-        "<details class=\"aside\" open><summary>{title}: {} <span>{where_they_are}</span></summary>\n<ul>\n",
+        "<details class=\"aside\" open><summary>{title}: {} \
+         <span>{where_they_are}</span></summary>\n<ul>\n",
         photos.len()
     ));
     for photo in photos {
         let name = escape(&photo.photo);
-        let reason = photo.reason.strip_prefix(&format!("{}: ", photo.photo)).unwrap_or(&photo.reason);
+        let reason =
+            photo.reason.strip_prefix(&format!("{}: ", photo.photo)).unwrap_or(&photo.reason);
         html.push_str(&format!("<li><b>{name}</b> {}</li>\n", escape(reason)));
     }
     html.push_str("</ul></details>\n");
@@ -177,11 +189,14 @@ fn card(html: &mut String, n: usize, report: &Report) {
         (width, height) = (height, width);
     }
     html.push_str(&format!(
-        "<article id=\"photo-{n}\" data-name=\"{}\">\n<div class=\"pair\" style=\"aspect-ratio:{width}/{height}\">\n\
+        "<article id=\"photo-{n}\" data-name=\"{}\">\n<div class=\"pair\" \
+         style=\"aspect-ratio:{width}/{height}\">\n\
          <img src=\"{}\" alt=\"{name}, restored\" loading=\"lazy\" draggable=\"false\">\n\
-         <img class=\"before\" src=\"{}\" alt=\"{name}, as it was\" loading=\"lazy\" draggable=\"false\">\n\
+         <img class=\"before\" src=\"{}\" alt=\"{name}, as it was\" loading=\"lazy\" \
+         draggable=\"false\">\n\
          <span class=\"tag left\">photo</span><span class=\"tag right\">{}</span><i></i>\n\
-         <input type=\"range\" min=\"0\" max=\"100\" step=\"0.5\" value=\"50\" aria-label=\"How much of {name} to show as it was\">\n\
+         <input type=\"range\" min=\"0\" max=\"100\" step=\"0.5\" value=\"50\" aria-label=\"How \
+         much of {name} to show as it was\">\n\
          </div>\n",
         escape(&report.photo.to_lowercase()),
         escape(&report.after),
@@ -194,7 +209,8 @@ fn card(html: &mut String, n: usize, report: &Report) {
         n => format!("{n} captures"),
     };
     html.push_str(&format!(
-        "<h2><a href=\"{}\">{name}</a><button type=\"button\" class=\"wide\" title=\"Large or small\" aria-label=\"Show {name} large or small\">⤢</button></h2>\n\
+        "<h2><a href=\"{}\">{name}</a><button type=\"button\" class=\"wide\" title=\"Large or \
+         small\" aria-label=\"Show {name} large or small\">⤢</button></h2>\n\
          <p class=\"facts\"><span title=\"{}\">rung {}: {}</span> · {} · {captures} · {}</p>\n",
         escape(&report.result_address),
         escape(&report.rung_reason),
@@ -205,7 +221,8 @@ fn card(html: &mut String, n: usize, report: &Report) {
     ));
     match &report.certificate {
         Some(certificate) => html.push_str(&format!(
-            "<p class=\"certificate {}\">{} <small>residual {:.2} grey levels; noise alone {:.2}</small></p>\n",
+            "<p class=\"certificate {}\">{} <small>residual {:.2} grey levels; noise alone \
+             {:.2}</small></p>\n",
             match certificate.ratio() {
                 r if r <= 1.25 => "good",
                 r if r <= 2.0 => "fair",
@@ -215,7 +232,10 @@ fn card(html: &mut String, n: usize, report: &Report) {
             certificate.residual_grey_levels,
             certificate.floor_grey_levels,
         )),
-        None => html.push_str("<p class=\"certificate none\">Not photographed again, so not certified.</p>\n"),
+        None => html.push_str(
+            "<p class=\"certificate none\">Not photographed again, so not \
+         certified.</p>\n",
+        ),
     }
     if !report.notes.is_empty() {
         html.push_str("<ul class=\"notes\">");
@@ -225,7 +245,8 @@ fn card(html: &mut String, n: usize, report: &Report) {
         html.push_str("</ul>\n");
     }
     html.push_str(&format!(
-        "<p class=\"more\"><time data-unix=\"{}\"></time> · {width}×{height} · <a href=\"{}.json\">report</a></p>\n</article>\n",
+        "<p class=\"more\"><time data-unix=\"{}\"></time> · {width}×{height} · <a \
+         href=\"{}.json\">report</a></p>\n</article>\n",
         report.finished_unix_s,
         escape(&report.result_address),
     ));
@@ -323,8 +344,10 @@ mod tests {
 
     #[test]
     fn the_page_says_all_that_a_customer_asks() {
-        let failed =
-            [Failed { photo: "b.jpg".into(), reason: "b.jpg: the file is empty: found 0 bytes".into() }];
+        let failed = [Failed {
+            photo: "b.jpg".into(),
+            reason: "b.jpg: the file is empty: found 0 bytes".into(),
+        }];
         let html = first_page(&overview("small", &[report("a.jpg")], &failed, &[]));
         for wanted in [
             "gallery/1-before.jpg",
@@ -359,7 +382,9 @@ mod tests {
         };
         let html = html + &first_page(&overview);
         assert!(html.contains("Attention: no photo was restored: &lt;img"));
-        assert!(!html.contains("<img src=x>") && !html.contains("<b>rig") && !html.contains('\u{202e}'));
+        assert!(
+            !html.contains("<img src=x>") && !html.contains("<b>rig") && !html.contains('\u{202e}')
+        );
         assert!(!html.contains("\"><script"));
     }
 }

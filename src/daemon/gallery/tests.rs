@@ -38,14 +38,16 @@ fn report(n: u64) -> Report {
     }
 }
 
-/// An outbox with `count` photos, two failures and a night of pilots; the pictures are one red and one blue.
+/// An outbox with `count` photos, two failures and a night of pilots; the pictures are one red and
+/// one blue.
 fn morning(root: &Path, count: u64) -> PathBuf {
     let folders = Folders::open(root).unwrap();
     let picture = |rgb: [f32; 3], px: usize| {
         use crate::config::Curve;
         use crate::frame::{Frame, Plane, Work};
         use crate::picture::{Format, Manner, preview};
-        let light: Frame<Work> = Frame::from_fn(|c| Plane::filled(Size::new(256, 192), rgb[c.index()]));
+        let light: Frame<Work> =
+            Frame::from_fn(|c| Plane::filled(Size::new(256, 192), rgb[c.index()]));
         preview("a", &light, &Manner::plain(Format::Jpeg, 8, Curve::Srgb), false, px).unwrap()
     };
     let previews = folders.previews().to_owned();
@@ -55,10 +57,15 @@ fn morning(root: &Path, count: u64) -> PathBuf {
     let mut gallery = Gallery::default();
     (0..count).for_each(|n| gallery.add(&report(n)));
     for name in ["cut.jpg", "empty.jpg"] {
-        gallery.add_failed(Failed { photo: name.into(), reason: format!("{name}: it is no photo") });
+        gallery
+            .add_failed(Failed { photo: name.into(), reason: format!("{name}: it is no photo") });
     }
     for n in 0..50u64 {
-        let drift = Drift { gain_percent: -0.05 * n as f64, shift_px: 0.002 * n as f64, ..Drift::default() };
+        let drift = Drift {
+            gain_percent: -0.05 * n as f64,
+            shift_px: 0.002 * n as f64,
+            ..Drift::default()
+        };
         let verdict = history::Verdict::Good;
         let entry = history::Entry {
             unix_s: 1_700_000_000 + 560 * n,
@@ -78,11 +85,16 @@ fn four_thousand_photos_are_on_pages_and_every_one_is_on_one() {
     let outbox = morning(root.path(), 4000);
     let index = std::fs::read_to_string(outbox.join("index.html")).unwrap();
     assert!(index.len() < 500_000, "the first page has {} bytes", index.len());
-    for wanted in ["<b>3428</b> restored", "<b>572</b> left as they were", "<b>2</b> not restored", "cut.jpg"]
+    for wanted in
+        ["<b>3428</b> restored", "<b>572</b> left as they were", "<b>2</b> not restored", "cut.jpg"]
     {
         assert!(index.contains(wanted), "{wanted}");
     }
-    assert_eq!(index.matches("<polyline").count(), 3 + 1, "brightness, displacement, light, temperature");
+    assert_eq!(
+        index.matches("<polyline").count(),
+        3 + 1,
+        "brightness, displacement, light, temperature"
+    );
     let mut found = 0;
     for page in 1..=67 {
         let html = std::fs::read_to_string(outbox.join(page::page_address(page))).unwrap();
@@ -90,7 +102,8 @@ fn four_thousand_photos_are_on_pages_and_every_one_is_on_one() {
     }
     assert_eq!(found, 4000);
     let data: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(outbox.join("gallery/report.json")).unwrap()).unwrap();
+        serde_json::from_slice(&std::fs::read(outbox.join("gallery/report.json")).unwrap())
+            .unwrap();
     assert_eq!(data["photos"].as_array().unwrap().len(), 4000);
     assert_eq!(data["failed"][1]["photo"], "empty.jpg");
 }
@@ -131,7 +144,8 @@ fn browser() -> Option<&'static str> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
     let found = names.into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
     if found.is_none() {
-        let skip = std::env::var_os("CI").is_none() || std::env::var_os("RELENS_NO_BROWSER").is_some();
+        let skip =
+            std::env::var_os("CI").is_none() || std::env::var_os("RELENS_NO_BROWSER").is_some();
         assert!(skip, "no browser (apt-get install chromium), and RELENS_NO_BROWSER is not set");
         log::warn!("*** THE REPORT WAS NOT LOOKED AT IN A BROWSER: there is none. ***");
     }
@@ -140,7 +154,13 @@ fn browser() -> Option<&'static str> {
 
 fn run(browser: &str, profile: &Path, arguments: &[&str], page: &Path) -> Vec<u8> {
     let out = Command::new(browser)
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1280,1400"])
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--hide-scrollbars",
+            "--window-size=1280,1400",
+        ])
         .args(["--virtual-time-budget=8000", "--run-all-compositor-stages-before-draw"])
         .arg(format!("--user-data-dir={}", profile.display()))
         .args(arguments)
@@ -161,7 +181,8 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
         let argument = format!("--screenshot={}", shot.display());
         run(browser, profile.path(), &[&argument], &outbox.join(&page));
         let read =
-            crate::picture::Photo::read(&shot, crate::config::Curve::Linear, &Default::default()).unwrap();
+            crate::picture::Photo::read(&shot, crate::config::Curve::Linear, &Default::default())
+                .unwrap();
         let count = |rgb: [bool; 3]| {
             let [red, green, blue] = read.light.planes();
             let pixels = red.data().iter().zip(green.data()).zip(blue.data());
@@ -172,7 +193,8 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
         let [red, green, blue] = read.light.planes();
         let pixels = red.data().iter().zip(green.data()).zip(blue.data());
         let near = |value: &f32, code: f32| (value - code).abs() < 6.0;
-        let alarm = pixels.filter(|((r, g), b)| near(r, 177.0) && near(g, 68.0) && near(b, 47.0)).count();
+        let alarm =
+            pixels.filter(|((r, g), b)| near(r, 177.0) && near(g, 68.0) && near(b, 47.0)).count();
         if page == "index.html" {
             assert!(alarm > 100, "the two failures stand out: {alarm} pixels");
         } else {
@@ -182,7 +204,8 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
         // Sixty stamps of about 83×62 pixels.
         assert!(small > photos * 83 * 62 / 2, "{page}: {small} pixels of small pictures");
         let dom =
-            String::from_utf8(run(browser, profile.path(), &["--dump-dom"], &outbox.join(&page))).unwrap();
+            String::from_utf8(run(browser, profile.path(), &["--dump-dom"], &outbox.join(&page)))
+                .unwrap();
         assert_eq!(dom.matches("<article").count(), photos, "{page}");
         let hours = dom.matches("data-hour").count();
         assert!(page != "index.html" || hours > 10, "the charts have their hours");
@@ -195,8 +218,16 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
     }
     // What a cut may leave of a small picture that nobody synchronised.
     std::fs::write(outbox.join("gallery/a-small.jpg"), [0; 100]).unwrap();
-    let dom = String::from_utf8(run(browser, profile.path(), &["--dump-dom"], &outbox.join("index.html")));
-    assert!(dom.unwrap().contains("<img src=\"gallery/a-after.jpg\" alt"), "the large one in its place");
+    let dom = String::from_utf8(run(
+        browser,
+        profile.path(),
+        &["--dump-dom"],
+        &outbox.join("index.html"),
+    ));
+    assert!(
+        dom.unwrap().contains("<img src=\"gallery/a-after.jpg\" alt"),
+        "the large one in its place"
+    );
     if let Some(keep) = std::env::var_os("RELENS_KEEP_SCREENSHOT") {
         let argument = format!("--screenshot={}", shot.display());
         run(browser, profile.path(), &[&argument], &outbox.join("index.html"));

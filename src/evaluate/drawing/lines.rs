@@ -52,7 +52,8 @@ pub struct LineChart {
     pub x_scale: Scale,
     /// Numbers marked on the x axis.
     pub x_ticks: Vec<f64>,
-    /// The least y shown; what lies below is drawn at the edge. The least of all points when not given.
+    /// The least y shown; what lies below is drawn at the edge. The least of all points when not
+    /// given.
     pub y_least: Option<f64>,
     /// A level below which harm is done, and its name.
     pub floor: Option<(f64, String)>,
@@ -95,7 +96,12 @@ impl LineChart {
         let mut tick = (y0 / step).ceil() * step;
         while tick <= y1 {
             sheet.line([[left, y(tick)], [right, y(tick)]], Stroke::new(FAINT, 1.0));
-            sheet.words(format!("{tick:.decimals$}"), [left - 8.0, y(tick) + 4.0], Anchor::End, 12.0);
+            sheet.words(
+                format!("{tick:.decimals$}"),
+                [left - 8.0, y(tick) + 4.0],
+                Anchor::End,
+                12.0,
+            );
             tick += step;
         }
         if let Some((level, name)) = &self.floor {
@@ -104,7 +110,11 @@ impl LineChart {
         }
         sheet.line([[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
         sheet.words(&self.x_label, [(left + right) / 2.0, bottom + 42.0], Anchor::Middle, 14.0);
-        sheet.marks.push(super::Mark::Upwards(self.y_label.clone(), [22.0, (top + bottom) / 2.0], 14.0));
+        sheet.marks.push(super::Mark::Upwards(
+            self.y_label.clone(),
+            [22.0, (top + bottom) / 2.0],
+            14.0,
+        ));
         for (n, series) in self.series.iter().enumerate() {
             let stroke = Stroke::new(series.colour, 2.0);
             let stroke = if series.dashed { stroke.dashed() } else { stroke };

@@ -1,4 +1,5 @@
-//! Line drawings: marks on a sheet, written out as SVG ([`svg`]) and as pixels ([`pixels`]) from the same list.
+//! Line drawings: marks on a sheet, written out as SVG ([`svg`]) and as pixels ([`pixels`]) from
+//! the same list.
 
 mod lines;
 mod pixels;

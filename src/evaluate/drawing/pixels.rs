@@ -14,7 +14,8 @@ const DASH: [f64; 2] = [6.0, 4.0];
 impl Drawing {
     /// The drawing as codes 0..255, `scale` pixels for a unit of the sheet.
     pub fn pixels(&self, scale: f64) -> Frame<Work> {
-        let size = Size::new((self.width * scale).ceil() as usize, (self.height * scale).ceil() as usize);
+        let size =
+            Size::new((self.width * scale).ceil() as usize, (self.height * scale).ceil() as usize);
         let mut canvas = Canvas { codes: Frame::filled(size, 255.0), scale };
         self.marks.iter().for_each(|mark| canvas.draw(mark));
         canvas.codes
@@ -118,8 +119,15 @@ impl Canvas {
         });
     }
 
-    /// Covers every pixel near `points` by how deep (in units of the sheet) its centre lies inside a shape.
-    fn cover(&mut self, points: &[[f64; 2]], reach: f64, ink: Colour, depth: impl Fn([f64; 2]) -> f64) {
+    /// Covers every pixel near `points` by how deep (in units of the sheet) its centre lies inside
+    /// a shape.
+    fn cover(
+        &mut self,
+        points: &[[f64; 2]],
+        reach: f64,
+        ink: Colour,
+        depth: impl Fn([f64; 2]) -> f64,
+    ) {
         let scale = self.scale;
         self.each_pixel(points, reach, |x, y| {
             let centre = [(x as f64 + 0.5) / scale, (y as f64 + 0.5) / scale];
@@ -127,7 +135,12 @@ impl Canvas {
         });
     }
 
-    fn each_pixel(&mut self, points: &[[f64; 2]], reach: f64, ink: impl Fn(i64, i64) -> (Colour, f64)) {
+    fn each_pixel(
+        &mut self,
+        points: &[[f64; 2]],
+        reach: f64,
+        ink: impl Fn(i64, i64) -> (Colour, f64),
+    ) {
         let range = |axis: usize| {
             let ends = points.iter().map(|p| p[axis]);
             let (low, high) = ends.fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
@@ -174,7 +187,8 @@ fn to_segment(at: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
 fn inside(at: [f64; 2], corners: &[[f64; 2]]) -> bool {
     let next = corners.iter().cycle().skip(1);
     let crossings = corners.iter().zip(next).filter(|(a, b)| {
-        (a[1] > at[1]) != (b[1] > at[1]) && at[0] < a[0] + (at[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+        (a[1] > at[1]) != (b[1] > at[1])
+            && at[0] < a[0] + (at[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
     });
     crossings.count() % 2 == 1
 }
@@ -194,16 +208,24 @@ mod tests {
         drawing.marks.push(Mark::Upwards("II".to_owned(), [50.0, 20.0], 10.0));
         let pixels = drawing.pixels(2.0);
         assert_eq!(pixels.size(), Size::new(120, 80));
-        let at = |c: Channel, x: f64, y: f64| pixels.plane(c).at((2.0 * x) as usize, (2.0 * y) as usize);
+        let at =
+            |c: Channel, x: f64, y: f64| pixels.plane(c).at((2.0 * x) as usize, (2.0 * y) as usize);
         assert_eq!((at(Channel::Red, 4.0, 5.0), at(Channel::Green, 4.0, 5.0)), (255.0, 0.0));
         assert_eq!(at(Channel::Green, 7.0, 5.0), 255.0);
         assert_eq!(at(Channel::Green, 30.0, 5.0), 0.0);
         assert_eq!((at(Channel::Blue, 30.0, 20.0), at(Channel::Red, 30.0, 20.0)), (255.0, 0.0));
         let ink = |x: usize, y: usize, width: usize, height: usize| {
             let part = crate::frame::Rect { x, y, size: Size::new(width, height) };
-            pixels.plane(Channel::Green).crop(part).map(|v: f32| 255.0 - v).data().iter().sum::<f32>()
+            pixels
+                .plane(Channel::Green)
+                .crop(part)
+                .map(|v: f32| 255.0 - v)
+                .data()
+                .iter()
+                .sum::<f32>()
         };
-        // The capitals stand on the base line at 30 and reach up 7; the others lie on their side left of 50.
+        // The capitals stand on the base line at 30 and reach up 7; the others lie on their side
+        // left of 50.
         assert!(ink(10, 46, 12, 14) > 2000.0 && ink(10, 62, 12, 10) == 0.0);
         assert!(ink(86, 30, 14, 20) > 2000.0 && ink(102, 30, 10, 20) == 0.0);
     }
@@ -215,6 +237,8 @@ mod tests {
         let pixels = drawing.pixels(1.0);
         let row = pixels.plane(Channel::Green).row(1);
         let dark: Vec<usize> = (0..40).filter(|&x| row[x] < 128.0).collect();
-        assert!(dark.contains(&3) && dark.contains(&13) && !dark.contains(&8) && !dark.contains(&18));
+        assert!(
+            dark.contains(&3) && dark.contains(&13) && !dark.contains(&8) && !dark.contains(&18)
+        );
     }
 }

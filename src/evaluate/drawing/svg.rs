@@ -18,7 +18,8 @@ impl Drawing {
         writeln!(
             out,
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
-             font-family=\"sans-serif\"><rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>"
+             font-family=\"sans-serif\"><rect width=\"{width}\" height=\"{height}\" \
+             fill=\"white\"/>"
         )?;
         self.marks.iter().try_for_each(|mark| mark.write_svg(out))?;
         out.write_str("</svg>\n")
@@ -52,14 +53,16 @@ impl Mark {
                 let words = escaped(words);
                 writeln!(
                     out,
-                    "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size}\">{words}</text>"
+                    "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" \
+                     font-size=\"{size}\">{words}</text>"
                 )
             }
             Mark::Upwards(words, [x, y], size) => {
                 let words = escaped(words);
                 writeln!(
                     out,
-                    "<text transform=\"translate({x:.1} {y:.1}) rotate(-90)\" text-anchor=\"middle\" \
+                    "<text transform=\"translate({x:.1} {y:.1}) rotate(-90)\" \
+                     text-anchor=\"middle\" \
                      font-size=\"{size}\">{words}</text>"
                 )
             }
@@ -113,7 +116,10 @@ mod tests {
         drawing.words("a<b & c", [1.0, 2.0], Anchor::End, 5.0);
         drawing.marks.push(Mark::Disc([3.0, 4.0], 1.0, Colour(255, 0, 16), "</svg>".to_owned()));
         let svg = drawing.svg();
-        assert!(svg.contains(">a&lt;b &amp; c</text>") && svg.contains("text-anchor=\"end\""), "{svg}");
+        assert!(
+            svg.contains(">a&lt;b &amp; c</text>") && svg.contains("text-anchor=\"end\""),
+            "{svg}"
+        );
         assert!(svg.contains("fill=\"#ff0010\"><title>&lt;/svg&gt;</title></circle>"), "{svg}");
         assert_eq!(svg.matches("</svg>").count(), 1);
     }

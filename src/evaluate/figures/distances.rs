@@ -1,21 +1,22 @@
 //! Figure 9: a photo taken at one distance, restored on a rig whose panel stands at another.
 
 use super::super::scenes::Scene;
-use super::super::stand::{StandError, Stopwatch};
 use super::super::study::Condition;
 use super::super::table::Table;
+use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, functions_map, mosaic};
 use super::stage::{Stage, printed, with_lens};
 use super::{Agreement, Figure};
 use crate::config;
+use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::method::Method;
 use crate::frame::Channel;
-use crate::restoration::hybrid;
-use crate::restore::lens_model::LensModel;
-use crate::restore::method::Method;
+use crate::pipeline::hybrid;
 
 /// The paper's two distances: name and millimetres.
 const DISTANCES: [(&str, f64); 2] = [("4 m", 4000.0), ("40 cm", 400.0)];
-/// A rig at the other distance may lose this share of the gain and still be called "reasonable and promising"; guess.
+/// A rig at the other distance may lose this share of the gain and still be called "reasonable and
+/// promising"; guess.
 const LOST_SHARE_MAX: f64 = 0.25;
 /// Relative difference of functions up to which they are "very similar"; guess.
 const SIMILAR: f64 = 0.2;
@@ -31,8 +32,10 @@ struct Cell {
 ///
 /// # Errors
 /// When a rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, StandError> {
-    let at = |mm: f64| with_lens(Condition::NoNoise.apply(rig.clone()), |lens| lens.object_distance_mm = mm);
+pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
+    let at = |mm: f64| {
+        with_lens(Condition::NoNoise.apply(rig.clone()), |lens| lens.object_distance_mm = mm)
+    };
     let mut stages = Vec::new();
     for (_, mm) in DISTANCES {
         stages.push(Stage::open(at(mm), stopwatch)?);
@@ -73,7 +76,12 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
                         format!("{:+.4}", ssim - blurred),
                         course.captures.to_string(),
                     ]);
-                    cells.push(Cell { photo, rig: panel, paper: *name == "paper", gain: ssim - blurred });
+                    cells.push(Cell {
+                        photo,
+                        rig: panel,
+                        paper: *name == "paper",
+                        gain: ssim - blurred,
+                    });
                     if scene == Scene::Chart && photo != panel && *name == "paper" {
                         crossed.extend([taken.blurred(), course.last]);
                     }
@@ -83,7 +91,8 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     }
     let maps: Vec<_> = [1, 0].map(|n: usize| functions_map(&stages[n].truth, 5, 5)).into();
     let tiles: Vec<_> = crossed.iter().map(|p| detail(p, (0.5, 0.5), 0.5, 1)).collect();
-    let seen = "The middle of the chart, left to right: photo at 4 m, and restored with the panel at 40 cm; photo at 40 \
+    let seen = "The middle of the chart, left to right: photo at 4 m, and restored with the panel \
+     at 40 cm; photo at 40 \
                 cm, and restored with the panel at 4 m (the paper's loop, 11 iterations).";
     let functions = "The lens's functions over the field, at 40 cm (left) and 4 m: square roots.";
     let (agreement, text) = judged(&cells, difference(&stages[1].truth, &stages[0].truth));
@@ -102,8 +111,8 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     })
 }
 
-/// Relative difference (of root mean squares) between the functions of two lenses in green: in the centre, in the
-/// corner, and the mean over the field.
+/// Relative difference (of root mean squares) between the functions of two lenses in green: in the
+/// centre, in the corner, and the mean over the field.
 fn difference(one: &LensModel, other: &LensModel) -> [f64; 3] {
     let (a, b) = (one.functions(), other.functions());
     let at = |row: usize, column: usize| {
@@ -115,8 +124,10 @@ fn difference(one: &LensModel, other: &LensModel) -> [f64; 3] {
         let whole: f64 = pairs().map(|(_, q)| f64::from(*q).powi(2)).sum();
         (apart / whole.max(f64::MIN_POSITIVE)).sqrt()
     };
-    let all: Vec<f64> =
-        (0..a.rows).flat_map(|r| (0..a.columns).map(move |c| (r, c))).map(|(r, c)| at(r, c)).collect();
+    let all: Vec<f64> = (0..a.rows)
+        .flat_map(|r| (0..a.columns).map(move |c| (r, c)))
+        .map(|(r, c)| at(r, c))
+        .collect();
     [at(a.rows / 2, a.columns / 2), at(0, 0), all.iter().sum::<f64>() / all.len().max(1) as f64]
 }
 
@@ -135,11 +146,16 @@ fn judged(cells: &[Cell], [centre, corner, mean]: [f64; 3]) -> (Agreement, Strin
     let reasonable = gains && worst(&paper) < LOST_SHARE_MAX;
     let similar = mean < SIMILAR;
     let text = format!(
-        "The paper: the functions at 40 cm and 4 m are very similar, and a photo of one distance restored on a rig of the \
-         other is still reasonable and promising. Here the functions differ by {:.0} % in the centre, {:.0} % in the corner \
-         and {:.0} % over the field (root mean square, both refocused): {} in the middle and {} outside it. On the rig \
-         of the other distance the paper's loop keeps {:.0} % of the gain in SSIM it has on its own, at worst; the default \
-         method, which trusts what it measured of the lens, keeps {:.0} % at worst, because its gain is larger and rests on \
+        "The paper: the functions at 40 cm and 4 m are very similar, and a photo of one distance \
+         restored on a rig of the \
+         other is still reasonable and promising. Here the functions differ by {:.0} % in the \
+         centre, {:.0} % in the corner \
+         and {:.0} % over the field (root mean square, both refocused): {} in the middle and {} \
+         outside it. On the rig \
+         of the other distance the paper's loop keeps {:.0} % of the gain in SSIM it has on its \
+         own, at worst; the default \
+         method, which trusts what it measured of the lens, keeps {:.0} % at worst, because its \
+         gain is larger and rests on \
          detail. {}",
         100.0 * centre,
         100.0 * corner,

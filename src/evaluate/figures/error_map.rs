@@ -1,15 +1,15 @@
 //! Figure 8: where flip–FC–flip differs from the exact adjoint.
 
 use super::super::scenes::Scene;
-use super::super::stand::{StandError, Stopwatch};
 use super::super::study::Condition;
 use super::super::table::Table;
+use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{enlarged, functions_map, halved, mosaic};
 use super::stage::{Stage, scaled, shown};
 use super::{Agreement, Figure};
 use crate::config;
+use crate::deconvolution::patches::PatchShape;
 use crate::frame::Plane;
-use crate::restore::patches::PatchShape;
 
 /// The paper's patch size for a photo 1024 wide.
 const PATCH_PX: usize = 80;
@@ -17,10 +17,12 @@ const PATCH_PX: usize = 80;
 const PATCHES_PX: [usize; 4] = [40, 80, 160, 1024];
 /// How much the error is brightened to be seen.
 const BRIGHTER: f32 = 20.0;
-/// A mean error in the corners of so many grey levels of 255 is "very high accuracy"; guess: what no eye sees.
+/// A mean error in the corners of so many grey levels of 255 is "very high accuracy"; guess: what
+/// no eye sees.
 const SMALL_LEVELS: f64 = 1.0;
 
-/// Mean and 99th percentile of the error, grey levels, in the centre, between, and in the corners, and at the frame.
+/// Mean and 99th percentile of the error, grey levels, in the centre, between, and in the corners,
+/// and at the frame.
 struct Zones {
     mean: [f64; 4],
     high: [f64; 4],
@@ -29,7 +31,8 @@ struct Zones {
 const ZONES: [&str; 4] = ["centre", "between", "corners", "at the frame"];
 
 impl Zones {
-    /// Zones by distance from the centre, in thirds of the half diagonal; a border of `border_px` is a zone of its own.
+    /// Zones by distance from the centre, in thirds of the half diagonal; a border of `border_px`
+    /// is a zone of its own.
     fn of(error: &Plane, border_px: usize) -> Zones {
         let (width, height) = (error.width(), error.height());
         let (cx, cy) = (0.5 * (width - 1) as f64, 0.5 * (height - 1) as f64);
@@ -48,8 +51,12 @@ impl Zones {
         }
         values.iter_mut().for_each(|zone| zone.sort_unstable_by(f64::total_cmp));
         Zones {
-            mean: std::array::from_fn(|z| values[z].iter().sum::<f64>() / values[z].len().max(1) as f64),
-            high: std::array::from_fn(|z| values[z].get(values[z].len() * 99 / 100).copied().unwrap_or(0.0)),
+            mean: std::array::from_fn(|z| {
+                values[z].iter().sum::<f64>() / values[z].len().max(1) as f64
+            }),
+            high: std::array::from_fn(|z| {
+                values[z].get(values[z].len() * 99 / 100).copied().unwrap_or(0.0)
+            }),
         }
     }
 }
@@ -58,15 +65,17 @@ impl Zones {
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a capture fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, StandError> {
+pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
     let mut stage = Stage::open(Condition::NoNoise.apply(rig.clone()), stopwatch)?;
     let taken = stage.take(Scene::Chart)?;
     let border_px = stage.truth.functions().support_px / 2;
     let mut head = vec!["patch"];
     head.extend(ZONES.iter().flat_map(|_| ["mean", "99 %"]));
     let caption = format!(
-        "Absolute difference in grey levels between backward convolution by light and by the true lens, chart: mean and \
-         99th percentile in the centre, between, in the corners (thirds of the half diagonal) and, on the right, in the \
+        "Absolute difference in grey levels between backward convolution by light and by the true \
+         lens, chart: mean and \
+         99th percentile in the centre, between, in the corners (thirds of the half diagonal) \
+         and, on the right, in the \
          border of {border_px} pixels around them."
     );
     let mut table = Table::new(caption, &head);
@@ -80,7 +89,9 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
         let error = error.map(f32::abs);
         let zones = Zones::of(&error, border_px);
         let mut row = vec![patch_px.to_string()];
-        row.extend((0..4).flat_map(|z| [format!("{:.2}", zones.mean[z]), format!("{:.2}", zones.high[z])]));
+        row.extend(
+            (0..4).flat_map(|z| [format!("{:.2}", zones.mean[z]), format!("{:.2}", zones.high[z])]),
+        );
         table.row(row);
         if patch_px == PATCH_PX {
             printed = Some((exact, light, error, zones));
@@ -92,7 +103,8 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     let bright = shown(&halved(&error).map(|v: f32| BRIGHTER * v));
     let [scene, photo, exact, light] = tiles;
     let seen = format!(
-        "Left to right, above: the scene; the photo; backward convolution of the scene by the true lens. Below: the same \
+        "Left to right, above: the scene; the photo; backward convolution of the scene by the \
+         true lens. Below: the same \
          by light, patches of {PATCH_PX}; the difference, {BRIGHTER} times as bright."
     );
     let functions = "The lens's functions over the field, each to its own maximum, square roots.";
@@ -127,12 +139,18 @@ fn judged(zones: &Zones, accuracy: f64) -> (Agreement, String) {
     let grows = corners > centre;
     let small = corners < SMALL_LEVELS;
     let text = format!(
-        "The paper: with patches of {PATCH_PX} the approximation is hard to tell from the truth; it works well in the \
-         centre, and the error grows slightly towards the corners, where the functions change faster. Here the mean error \
-         is {centre:.2} grey levels of 255 in the centre and {corners:.2} in the corners ({:.2} and {:.2} for the worst \
-         hundredth): it {} outwards, and it is {}. Part of that is not the approximation's: the light is rounded to 8 \
-         bits four times, and the true lens as computed here differs from the light by {accuracy:.2}. In the border as \
-         wide as the functions' radius the error is {frame:.2}: light that is thrown out of the frame does not come back, \
+        "The paper: with patches of {PATCH_PX} the approximation is hard to tell from the truth; \
+         it works well in the \
+         centre, and the error grows slightly towards the corners, where the functions change \
+         faster. Here the mean error \
+         is {centre:.2} grey levels of 255 in the centre and {corners:.2} in the corners ({:.2} \
+         and {:.2} for the worst \
+         hundredth): it {} outwards, and it is {}. Part of that is not the approximation's: the \
+         light is rounded to 8 \
+         bits four times, and the true lens as computed here differs from the light by \
+         {accuracy:.2}. In the border as \
+         wide as the functions' radius the error is {frame:.2}: light that is thrown out of the \
+         frame does not come back, \
          which the paper does not mention.",
         zones.high[0],
         zones.high[2],

@@ -1,19 +1,19 @@
 //! Figure 12: three lenses.
 //!
-//! The paper's three are real ones it does not describe. Here they are three prescriptions, as different as single lenses
-//! of 75 mm come.
+//! The paper's three are real ones it does not describe. Here they are three prescriptions, as
+//! different as single lenses of 75 mm come.
 
 use super::super::scenes::Scene;
-use super::super::stand::{StandError, Stopwatch};
 use super::super::study::Condition;
 use super::super::table::Table;
+use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, functions_map, mosaic};
 use super::stage::{Stage, printed, with_lens};
 use super::{Agreement, Figure};
 use crate::config::{self, Kind, Prescription, Surface};
+use crate::deconvolution::lens_model::LensModel;
 use crate::frame::Channel;
-use crate::restoration::hybrid;
-use crate::restore::lens_model::LensModel;
+use crate::pipeline::hybrid;
 
 /// Room above white: where the blur changes quickly over the field, light gathers on some pixels.
 const WHITE_SHARE: f64 = 0.9;
@@ -25,7 +25,8 @@ struct Singlet {
     stop_diameter_mm: f64,
 }
 
-/// Radii by the lens maker's formula for a thin lens of 75 mm and N-BK7's index of 1.5168 at 587.6 nm.
+/// Radii by the lens maker's formula for a thin lens of 75 mm and N-BK7's index of 1.5168 at 587.6
+/// nm.
 const LENSES: [Singlet; 3] = [
     Singlet {
         name: "biconvex, f/4",
@@ -64,7 +65,7 @@ impl Singlet {
 ///
 /// # Errors
 /// When a rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, StandError> {
+pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
     let mut table = Table::new(
         "Three lenses; spots in pixels (root mean square, green) in the centre and in the corner.",
         &[
@@ -83,7 +84,8 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     );
     let (mut pictures, mut maps, mut gains) = (Vec::new(), Vec::new(), Vec::new());
     for lens in &LENSES {
-        for (condition, noise) in [(Condition::NoNoise, "without noise"), (Condition::AsFiled, "with noise")]
+        for (condition, noise) in
+            [(Condition::NoNoise, "without noise"), (Condition::AsFiled, "with noise")]
         {
             let mut changed = with_lens(condition.apply(rig.clone()), |p| lens.put_into(p));
             if let Kind::Simulated(simulation) = &mut changed.kind {
@@ -116,15 +118,17 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
                 if scene == Scene::Astronaut && condition == Condition::AsFiled {
                     let last = courses.last().map(|(_, course)| course.last.clone());
                     let tiles = [Some(taken.truth.clone()), Some(taken.blurred()), last];
-                    pictures.extend(tiles.iter().flatten().map(|p| detail(p, (0.45, 0.25), 0.4, 1)));
+                    pictures
+                        .extend(tiles.iter().flatten().map(|p| detail(p, (0.45, 0.25), 0.4, 1)));
                     maps.push(functions_map(&stage.truth, 5, 5));
                 }
             }
         }
     }
-    let seen =
-        "A row a lens: the scene, the photo, and what the default method makes of it, with the rig's noise.";
-    let functions = "The lenses' functions over the field, in the same order from the left: square roots.";
+    let seen = "A row a lens: the scene, the photo, and what the default method makes of it, with \
+     the rig's noise.";
+    let functions =
+        "The lenses' functions over the field, in the same order from the left: square roots.";
     let (agreement, text) = judged(&gains);
     Ok(Figure {
         number: 12,
@@ -148,7 +152,10 @@ fn spots_px(lens: &LensModel) -> [f64; 2] {
     [(functions.rows / 2, functions.columns / 2), (0, 0)].map(|(row, column)| {
         let taps = functions.function(Channel::Green, row, column);
         let moment = |weight: &dyn Fn(f64, f64) -> f64| -> f64 {
-            taps.iter().enumerate().map(|(n, &t)| f64::from(t) * weight((n % k) as f64, (n / k) as f64)).sum()
+            taps.iter()
+                .enumerate()
+                .map(|(n, &t)| f64::from(t) * weight((n % k) as f64, (n / k) as f64))
+                .sum()
         };
         let sum = moment(&|_, _| 1.0);
         let (x, y) = (moment(&|u, _| u) / sum, moment(&|_, v| v) / sum);
@@ -164,9 +171,12 @@ fn judged(gains: &[(&str, bool, f64)]) -> (Agreement, String) {
     let (quiet, noisy) = (range("paper", true), range("paper", false));
     let (hybrid_quiet, hybrid) = (range("hybrid", true), range("hybrid", false));
     let text = format!(
-        "The paper shows promising results on three lenses it does not describe, and no numbers. Here, on three prescriptions \
-         and two photographs, its loop changes SSIM by {:+.3} to {:+.3} without noise and by {:+.3} to {:+.3} with the rig's; \
-         the default method by {:+.3} to {:+.3} and {:+.3} to {:+.3}. So the method carries over from lens to lens {}; what \
+        "The paper shows promising results on three lenses it does not describe, and no numbers. \
+         Here, on three prescriptions \
+         and two photographs, its loop changes SSIM by {:+.3} to {:+.3} without noise and by \
+         {:+.3} to {:+.3} with the rig's; \
+         the default method by {:+.3} to {:+.3} and {:+.3} to {:+.3}. So the method carries over \
+         from lens to lens {}; what \
          decides is the noise.",
         quiet.0,
         quiet.1,

@@ -1,5 +1,5 @@
-//! The paper's figures, regenerated: each is measured on a simulated rig, drawn, and compared in words with what the
-//! paper says of its own.
+//! The paper's figures, regenerated: each is measured on a simulated rig, drawn, and compared in
+//! words with what the paper says of its own.
 //!
 //! | figure | what | file |
 //! |---|---|---|
@@ -10,7 +10,8 @@
 //! | 11 | the first iterations | [`iterations`] |
 //! | 12 | three lenses | [`lenses`] |
 //!
-//! Figures 1 to 6 show the paper's apparatus and calibration; there is nothing in them to measure again.
+//! Figures 1 to 6 show the paper's apparatus and calibration; there is nothing in them to measure
+//! again.
 
 mod distances;
 mod error_map;
@@ -25,8 +26,8 @@ mod stage;
 pub use page::page;
 
 use super::drawing::Drawing;
-use super::stand::{StandError, Stopwatch};
 use super::table::Table;
+use super::test_rig::{Stopwatch, TestRigError};
 use crate::config;
 use crate::frame::Plane;
 
@@ -82,8 +83,9 @@ pub struct Figure {
     pub table: Table,
 }
 
-/// What measures a figure on rigs made from the simulated one given, whose photos must be linear as the study's.
-pub type Measure = fn(&config::Rig, Stopwatch) -> Result<Figure, StandError>;
+/// What measures a figure on rigs made from the simulated one given, whose photos must be linear as
+/// the study's.
+pub type Measure = fn(&config::Rig, Stopwatch) -> Result<Figure, TestRigError>;
 
 /// All figures: what each is, and what measures it.
 pub const ALL: [(&str, Measure); 6] = [
@@ -126,7 +128,8 @@ mod tests {
         assert_eq!(figure.pictures.len(), 2);
         let page = page(&[figure], "study", "relens");
         assert!(
-            page.contains("figure-08-error-map.png") && page.contains("grey levels of 255 in the centre")
+            page.contains("figure-08-error-map.png")
+                && page.contains("grey levels of 255 in the centre")
         );
     }
 

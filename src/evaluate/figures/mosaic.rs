@@ -1,9 +1,9 @@
 //! Pictures side by side.
 
+use crate::deconvolution::lens_model::LensModel;
 use crate::frame::Channel;
 use crate::frame::resample::resize;
 use crate::frame::{Plane, Rect, Size};
-use crate::restore::lens_model::LensModel;
 
 /// White between two tiles, pixels.
 const GAP_PX: usize = 6;
@@ -14,9 +14,11 @@ pub(super) fn mosaic(tiles: &[Plane], columns: usize) -> Plane {
     let columns = columns.clamp(1, tiles.len());
     let rows = tiles.len().div_ceil(columns);
     let along = |n: usize, length: usize| n * (length + GAP_PX) - GAP_PX;
-    let mut whole = Plane::filled(Size::new(along(columns, tile.width), along(rows, tile.height)), 255.0);
+    let mut whole =
+        Plane::filled(Size::new(along(columns, tile.width), along(rows, tile.height)), 255.0);
     for (n, picture) in tiles.iter().enumerate() {
-        let (x, y) = ((n % columns) * (tile.width + GAP_PX), (n / columns) * (tile.height + GAP_PX));
+        let (x, y) =
+            ((n % columns) * (tile.width + GAP_PX), (n / columns) * (tile.height + GAP_PX));
         for row in 0..tile.height.min(picture.height()) {
             let width = tile.width.min(picture.width());
             whole.row_mut(y + row)[x..x + width].copy_from_slice(&picture.row(row)[..width]);
@@ -25,8 +27,8 @@ pub(super) fn mosaic(tiles: &[Plane], columns: usize) -> Plane {
     whole
 }
 
-/// The part of `plane` about (`across`, `down`), shares of its sides, a share `part` of it each way, enlarged
-/// `times` by repeating pixels.
+/// The part of `plane` about (`across`, `down`), shares of its sides, a share `part` of it each
+/// way, enlarged `times` by repeating pixels.
 pub(super) fn detail(plane: &Plane, (across, down): (f64, f64), part: f64, times: usize) -> Plane {
     let size = plane.size();
     let cut = |length: usize| ((length as f64 * part) as usize).clamp(1, length);
@@ -49,8 +51,8 @@ pub(super) fn halved(plane: &Plane) -> Plane {
     resize(plane, Size::new(plane.width() / 2, plane.height() / 2))
 }
 
-/// Some of the functions of `lens` over its field, green channel: each to its own maximum, square roots, so that
-/// faint skirts are seen.
+/// Some of the functions of `lens` over its field, green channel: each to its own maximum, square
+/// roots, so that faint skirts are seen.
 pub(super) fn functions_map(lens: &LensModel, columns: usize, rows: usize) -> Plane {
     let functions = lens.functions();
     let side = Size::new(functions.support_px, functions.support_px);
@@ -58,7 +60,8 @@ pub(super) fn functions_map(lens: &LensModel, columns: usize, rows: usize) -> Pl
     for row in 0..rows {
         for column in 0..columns {
             let pick = |n: usize, of: usize, have: usize| (2 * n + 1) * have / (2 * of);
-            let (row, column) = (pick(row, rows, functions.rows), pick(column, columns, functions.columns));
+            let (row, column) =
+                (pick(row, rows, functions.rows), pick(column, columns, functions.columns));
             let taps = functions.function(Channel::Green, row, column);
             let most = taps.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
             let values = taps.iter().map(|t| 255.0 * (t.max(0.0) / most).sqrt()).collect();
@@ -77,7 +80,10 @@ mod tests {
         let tile = |v: f32| Plane::filled(Size::new(4, 3), v);
         let whole = mosaic(&[tile(1.0), tile(2.0), tile(3.0)], 2);
         assert_eq!(whole.size(), Size::new(8 + GAP_PX, 6 + GAP_PX));
-        assert_eq!((whole.at(0, 0), whole.at(4 + GAP_PX, 2), whole.at(3, 3 + GAP_PX)), (1.0, 2.0, 3.0));
+        assert_eq!(
+            (whole.at(0, 0), whole.at(4 + GAP_PX, 2), whole.at(3, 3 + GAP_PX)),
+            (1.0, 2.0, 3.0)
+        );
         assert_eq!((whole.at(5, 0), whole.at(4 + GAP_PX, 3 + GAP_PX)), (255.0, 255.0));
     }
 

@@ -16,14 +16,23 @@ fn write(out: &mut String, figures: &[Figure], rig: &str, command: &str) -> std:
     writeln!(out, "# The paper's figures, measured again\n")?;
     writeln!(
         out,
-        "Made by `{command}` on rig {rig}: ray-traced lens, 8-bit panel and camera, scenes whose truth is known; green \
-         channel, light 0..255. Sizes in pixels are given as the paper has them, for a photo 1024 wide; the rig's own \
-         are smaller in proportion. The words are written by the program from the numbers below them.\n"
+        "Made by `{command}` on rig {rig}: ray-traced lens, 8-bit panel and camera, scenes whose \
+         truth is known; green \
+         channel, light 0..255. Sizes in pixels are given as the paper has them, for a photo 1024 \
+         wide; the rig's own \
+         are smaller in proportion. The words are written by the program from the numbers below \
+         them.\n"
     )?;
     writeln!(out, "| figure | | |\n|---|---|---|")?;
     for figure in figures {
         let anchor = format!("#figure-{}", figure.number);
-        writeln!(out, "| [{}]({anchor}) | {} | {} |", figure.number, figure.title, figure.agreement.words())?;
+        writeln!(
+            out,
+            "| [{}]({anchor}) | {} | {} |",
+            figure.number,
+            figure.title,
+            figure.agreement.words()
+        )?;
     }
     for figure in figures {
         writeln!(

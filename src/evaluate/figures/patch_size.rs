@@ -2,15 +2,15 @@
 
 use super::super::drawing::{LineChart, PALETTE, Scale, Series};
 use super::super::scenes::Scene;
-use super::super::stand::{StandError, Stopwatch};
 use super::super::study::{Condition, whole_frame};
 use super::super::table::Table;
+use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, mosaic};
 use super::stage::{Course, Exact, Stage, printed, with_patches};
 use super::{Agreement, Figure};
 use crate::config;
-use crate::restore::method::Method;
-use crate::restore::method::paper::Paper;
+use crate::deconvolution::method::Method;
+use crate::deconvolution::method::paper::Paper;
 
 /// Patch sizes for a photo 1024 wide; the paper tries 60 and 80 and some it does not print.
 const PATCHES_PX: [usize; 6] = [40, 60, 80, 120, 160, 240];
@@ -18,20 +18,35 @@ const PATCHES_PX: [usize; 6] = [40, 60, 80, 120, 160, 240];
 const ITERATIONS: u32 = 20;
 /// The paper's iterations.
 const PRINTED: usize = 11;
-/// SSIM that nobody sees: what "very small" and "almost the same" are taken to mean (the issue's bound for a patch of 80).
+/// SSIM that nobody sees: what "very small" and "almost the same" are taken to mean (the issue's
+/// bound for a patch of 80).
 const SMALL_SSIM: f64 = 0.005;
-/// "Optimal performance at around 10 iterations": this much more after the paper's 11, up to the last, counts as none.
+/// "Optimal performance at around 10 iterations": this much more after the paper's 11, up to the
+/// last, counts as none.
 const FLAT_SSIM: f64 = 0.005;
 
 /// The figure, measured without noise.
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, StandError> {
+pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
     let mut stage = Stage::open(Condition::NoNoise.apply(rig.clone()), stopwatch)?;
     let mut table = Table::new(
         "SSIM after so many iterations, captures without noise.",
-        &["scene", "backward convolution", "0", "1", "2", "3", "5", "8", "11", "15", "20", "dB at 11"],
+        &[
+            "scene",
+            "backward convolution",
+            "0",
+            "1",
+            "2",
+            "3",
+            "5",
+            "8",
+            "11",
+            "15",
+            "20",
+            "dB at 11",
+        ],
     );
     let mut drawn = Vec::new();
     let mut pictures = Vec::new();
@@ -63,10 +78,12 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
         if scene == Scene::Chart {
             for wanted in ["exact adjoint", "patch 60", "one patch, the whole frame"] {
                 let course = courses.iter().find(|(name, _)| name == wanted);
-                details.extend(course.and_then(|(_, c)| c.pictures.first()).map(|(_, p)| p.clone()));
+                details
+                    .extend(course.and_then(|(_, c)| c.pictures.first()).map(|(_, p)| p.clone()));
             }
             let tiles: Vec<_> = details.iter().map(|p| detail(p, (0.2, 0.25), 0.4, 1)).collect();
-            let seen = "A corner of the chart, left to right: the scene; the photo; after 11 iterations with the exact \
+            let seen = "A corner of the chart, left to right: the scene; the photo; after 11 \
+             iterations with the exact \
                         adjoint, with patches of 60, and with one patch for the whole frame.";
             pictures.push(("", seen.to_owned(), mosaic(&tiles, 5)));
         }
@@ -74,8 +91,8 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     }
     let (agreement, text) = judged(&drawn);
     let drawings = drawn.iter().zip(["-chart", "-coffee"]);
-    let drawings =
-        drawings.map(|((scene, floor, courses), suffix)| (suffix, curves(*scene, *floor, courses).draw()));
+    let drawings = drawings
+        .map(|((scene, floor, courses), suffix)| (suffix, curves(*scene, *floor, courses).draw()));
     Ok(Figure {
         number: 7,
         stem: "figure-07-patch-size",
@@ -117,16 +134,22 @@ fn judged(drawn: &[Measured]) -> (Agreement, String) {
     let named = |courses: &'_ [(String, Course)], name: &str, iteration: usize| {
         courses.iter().find(|(n, _)| n == name).map_or(f64::NAN, |(_, c)| c.ssim_at(iteration))
     };
-    let worst = |of: &dyn Fn(&Measured) -> f64| drawn.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
-    let gap_60 = worst(&|(.., c)| named(c, "exact adjoint", PRINTED) - named(c, "patch 60", PRINTED));
-    let gap_80 = worst(&|(.., c)| named(c, "exact adjoint", PRINTED) - named(c, "patch 80", PRINTED));
-    let below_80 = worst(&|(.., c)| (named(c, "patch 40", PRINTED) - named(c, "patch 80", PRINTED)).abs());
+    let worst =
+        |of: &dyn Fn(&Measured) -> f64| drawn.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
+    let gap_60 =
+        worst(&|(.., c)| named(c, "exact adjoint", PRINTED) - named(c, "patch 60", PRINTED));
+    let gap_80 =
+        worst(&|(.., c)| named(c, "exact adjoint", PRINTED) - named(c, "patch 80", PRINTED));
+    let below_80 =
+        worst(&|(.., c)| (named(c, "patch 40", PRINTED) - named(c, "patch 80", PRINTED)).abs());
     let ordered = drawn.iter().all(|(.., courses)| {
-        let at: Vec<f64> = PATCHES_PX.map(|p| named(courses, &format!("patch {p}"), PRINTED)).into();
+        let at: Vec<f64> =
+            PATCHES_PX.map(|p| named(courses, &format!("patch {p}"), PRINTED)).into();
         at.windows(2).all(|pair| pair[0] >= pair[1] - 0.0005)
     });
-    let more =
-        worst(&|(.., c)| named(c, "exact adjoint", ITERATIONS as usize) - named(c, "exact adjoint", PRINTED));
+    let more = worst(&|(.., c)| {
+        named(c, "exact adjoint", ITERATIONS as usize) - named(c, "exact adjoint", PRINTED)
+    });
     let whole = worst(&|(_, floor, c)| named(c, "one patch, the whole frame", PRINTED) - floor);
     let held = [ordered, below_80 < SMALL_SSIM, gap_60 < SMALL_SSIM, more < FLAT_SSIM];
     let order = if ordered {
@@ -135,11 +158,15 @@ fn judged(drawn: &[Measured]) -> (Agreement, String) {
         "smaller patches are not always better"
     };
     let text = format!(
-        "The paper: smaller patches are better, below 80 the size hardly matters, patches of 60 are almost the same as \
+        "The paper: smaller patches are better, below 80 the size hardly matters, patches of 60 \
+         are almost the same as \
          accurate calculation, and around 10 iterations are optimal. Here, at 11 iterations, {}. \
-         From 80 down to 40 SSIM changes by {below_80:.4} at most; patches of 60 lie {gap_60:.4} and patches of 80 \
-         {gap_80:.4} below the exact adjoint at most. Going on from 11 to {ITERATIONS} iterations gains {more:.4} more at \
-         most, so the curve is {} there. One patch for the whole frame, which the paper does not print, ends {:.3} \
+         From 80 down to 40 SSIM changes by {below_80:.4} at most; patches of 60 lie {gap_60:.4} \
+         and patches of 80 \
+         {gap_80:.4} below the exact adjoint at most. Going on from 11 to {ITERATIONS} iterations \
+         gains {more:.4} more at \
+         most, so the curve is {} there. One patch for the whole frame, which the paper does not \
+         print, ends {:.3} \
          {} the blurred photo.",
         order,
         if more < FLAT_SSIM { "flat" } else { "still rising" },

@@ -1,21 +1,22 @@
-//! Figure 10: which λ is best at which noise variance, under two readings of where the noise enters.
+//! Figure 10: which λ is best at which noise variance, under two readings of where the noise
+//! enters.
 //!
-//! The paper adds "Gaussian white noise after each simulated display-imaging operation". Taken at its word that is every
-//! capture, those of the backward convolution too. The other reading has it on the photo and the forward captures,
-//! with the backward convolution computed.
+//! The paper adds "Gaussian white noise after each simulated display-imaging operation". Taken at
+//! its word that is every capture, those of the backward convolution too. The other reading has it
+//! on the photo and the forward captures, with the backward convolution computed.
 
 use super::super::drawing::{LineChart, PALETTE, Scale, Series};
 use super::super::scenes::Scene;
-use super::super::stand::{StandError, Stopwatch};
 use super::super::study::Condition;
 use super::super::table::Table;
+use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, mosaic};
 use super::stage::{Exact, Stage, half, printed};
 use super::{Agreement, Figure};
 use crate::config::Rig;
+use crate::deconvolution::method::Method;
+use crate::deconvolution::method::paper::Paper;
 use crate::frame::Plane;
-use crate::restore::method::Method;
-use crate::restore::method::paper::Paper;
 
 const LAMBDAS: [f32; 7] = [1.0, 3.0, 8.0, 18.0, 30.0, 45.0, 70.0];
 const VARIANCES: [f64; 4] = [3.0, 8.0, 18.0, 40.0];
@@ -62,10 +63,10 @@ impl Row {
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &Rig, stopwatch: Stopwatch) -> Result<Figure, StandError> {
+pub(super) fn measure(rig: &Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
     // Calibrated in quiet, so that the noise is in the loop and nowhere else.
     let mut stage = Stage::open(Condition::NoNoise.apply(half(rig)), stopwatch)?;
-    let as_printed = printed(stage.stand.config());
+    let as_printed = printed(stage.test_rig.config());
     let lens = stage.truth.clone();
     let (mut rows, mut details) = (Vec::new(), Vec::new());
     for scene in [Scene::Chart, Scene::Coffee] {
@@ -103,16 +104,19 @@ pub(super) fn measure(rig: &Rig, stopwatch: Stopwatch) -> Result<Figure, StandEr
         title: "λ against noise variance",
         agreement,
         text,
-        drawings: drawings.map(|(reading, suffix)| (suffix, curves(&rows, reading).draw())).collect(),
+        drawings: drawings
+            .map(|(reading, suffix)| (suffix, curves(&rows, reading).draw()))
+            .collect(),
         pictures: vec![("", seen(), strip(&details))],
-        table: table(&rows, stage.stand.config()),
+        table: table(&rows, stage.test_rig.config()),
     })
 }
 
 fn seen() -> String {
     let (variance, lambda) = PRINTED;
     format!(
-        "The middle of the chart at noise variance {variance}, left to right: the scene; the photo; after 11 iterations with \
+        "The middle of the chart at noise variance {variance}, left to right: the scene; the \
+         photo; after 11 iterations with \
          λ = {lambda} and {}; the same with {}.",
         Reading::ALL[0].name(),
         Reading::ALL[1].name()
@@ -126,8 +130,8 @@ fn strip(details: &[Plane]) -> Plane {
 
 fn table(rows: &[Row], rig: &Rig) -> Table {
     let head = [
-        "scene", "noise", "variance", "blurred", "λ 1", "λ 3", "λ 8", "λ 18", "λ 30", "λ 45", "λ 70",
-        "best λ",
+        "scene", "noise", "variance", "blurred", "λ 1", "λ 3", "λ 8", "λ 18", "λ 30", "λ 45",
+        "λ 70", "best λ",
     ];
     let caption = format!(
         "SSIM after 11 iterations; photo {}, patches as the paper's in proportion.",
@@ -157,7 +161,12 @@ fn curves(rows: &[Row], reading: Reading) -> LineChart {
         let ends = [LAMBDAS[0], LAMBDAS[LAMBDAS.len() - 1]].map(|l| [f64::from(l), row.blurred]);
         [
             Series { name, colour, dashed: false, points },
-            Series { name: "its blurred photo".to_owned(), colour, dashed: true, points: ends.to_vec() },
+            Series {
+                name: "its blurred photo".to_owned(),
+                colour,
+                dashed: true,
+                points: ends.to_vec(),
+            },
         ]
     });
     LineChart {
@@ -173,7 +182,8 @@ fn curves(rows: &[Row], reading: Reading) -> LineChart {
 }
 
 fn judged(rows: &[Row]) -> (Agreement, String) {
-    let noisy = |reading: Reading| rows.iter().filter(move |r| r.reading == reading && r.variance > 0.0);
+    let noisy =
+        |reading: Reading| rows.iter().filter(move |r| r.reading == reading && r.variance > 0.0);
     let near = |row: &Row| {
         let ratio = f64::from(row.best().0) / row.variance;
         (1.0 / NEAR..=NEAR).contains(&ratio)
@@ -200,13 +210,20 @@ fn judged(rows: &[Row]) -> (Agreement, String) {
     let (every_ssim, blurred) = at_printed(Reading::EveryCapture);
     let (forward_ssim, _) = at_printed(Reading::ForwardOnly);
     let text = format!(
-        "The paper: SSIM is best when λ is near the noise variance; at 18 and 18 detail is enhanced but much noise stays. \
-         Taken at its word, with noise in every capture, the best λ of the grid (chart and coffee) is {every}: within a factor \
-         of {NEAR} of the variance in {every_near} of {all} cases, and better than the blurred photo in {every_helped}. At \
-         18 and 18 the chart ends at {every_ssim:.3} where the blurred photo has {blurred:.3}. With noise in the photo and \
-         the forward captures alone and the backward step computed, the best λ is {forward}: near the variance in \
-         {forward_near} of {all}, better than the blurred photo in {forward_helped}, and {forward_ssim:.3} at 18 and 18. \
-         The backward captures' noise enters the picture unfiltered in every iteration, and that of BC(B) is the same each \
+        "The paper: SSIM is best when λ is near the noise variance; at 18 and 18 detail is \
+         enhanced but much noise stays. \
+         Taken at its word, with noise in every capture, the best λ of the grid (chart and \
+         coffee) is {every}: within a factor \
+         of {NEAR} of the variance in {every_near} of {all} cases, and better than the blurred \
+         photo in {every_helped}. At \
+         18 and 18 the chart ends at {every_ssim:.3} where the blurred photo has {blurred:.3}. \
+         With noise in the photo and \
+         the forward captures alone and the backward step computed, the best λ is {forward}: near \
+         the variance in \
+         {forward_near} of {all}, better than the blurred photo in {forward_helped}, and \
+         {forward_ssim:.3} at 18 and 18. \
+         The backward captures' noise enters the picture unfiltered in every iteration, and that \
+         of BC(B) is the same each \
          time; only shrinkage far above the variance removes it, and detail with it."
     );
     let holds = |n: usize| 2 * n > all;

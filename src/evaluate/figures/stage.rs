@@ -3,28 +3,28 @@
 use std::sync::Arc;
 
 use super::super::scenes::Scene;
-use super::super::stand::{Stand, StandError, Stopwatch};
+use super::super::test_rig::{Stopwatch, TestRig, TestRigError};
 use crate::config::{self, Kind, Lens};
+use crate::deconvolution::data_term;
+use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::deconvolution::method::paper::{Backward, Paper};
+use crate::deconvolution::method::{Method, MethodError, Problem, Solution, Watch};
+use crate::deconvolution::patches::PatchShape;
+use crate::deconvolution::quality::{psnr, ssim};
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Work};
-use crate::restoration::paper;
-use crate::restore::data_term;
-use crate::restore::forward_convolution::ForwardConvolution;
-use crate::restore::lens_model::{LensFunctions, LensModel};
-use crate::restore::method::paper::{Backward, Paper};
-use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
-use crate::restore::patches::PatchShape;
-use crate::restore::quality::{psnr, ssim};
+use crate::pipeline::paper;
 use crate::rig::simulated::{Light, Witness};
 
 /// Width that sizes in the paper refer to.
 const PAPER_WIDTH_PX: usize = 1024;
-/// Functions of the true lens, at most, along the longer and the shorter side: 192 are within 0.4 to 0.7 grey levels of
-/// the light (study), and an operator of 768 takes many times as long.
+/// Functions of the true lens, at most, along the longer and the shorter side: 192 are within 0.4
+/// to 0.7 grey levels of the light (study), and an operator of 768 takes many times as long.
 const TRUE_FUNCTIONS: (usize, usize) = (16, 12);
 
 /// A rig and its true lens.
 pub(super) struct Stage {
-    pub(super) stand: Stand,
+    pub(super) test_rig: TestRig,
     pub(super) witness: Arc<Witness>,
     pub(super) truth: LensModel,
 }
@@ -79,18 +79,18 @@ impl Stage {
     ///
     /// # Errors
     /// When the rig cannot be opened or calibrated.
-    pub(super) fn open(rig: config::Rig, stopwatch: Stopwatch) -> Result<Stage, StandError> {
-        let (stand, witness) = Stand::open_witnessed(rig, stopwatch)?;
-        let truth = true_lens(stand.config(), &witness)?;
-        Ok(Stage { stand, witness, truth })
+    pub(super) fn open(rig: config::Rig, stopwatch: Stopwatch) -> Result<Stage, TestRigError> {
+        let (test_rig, witness) = TestRig::open_witnessed(rig, stopwatch)?;
+        let truth = true_lens(test_rig.config(), &witness)?;
+        Ok(Stage { test_rig, witness, truth })
     }
 
     /// The photo that the rig's camera takes of `scene`.
     ///
     /// # Errors
     /// None on a simulated rig.
-    pub(super) fn take(&mut self, scene: Scene) -> Result<Taken, StandError> {
-        let (truth, photo) = self.stand.take_grey(scene)?;
+    pub(super) fn take(&mut self, scene: Scene) -> Result<Taken, TestRigError> {
+        let (truth, photo) = self.test_rig.take_grey(scene)?;
         Ok(Taken { truth, photo })
     }
 
@@ -103,18 +103,19 @@ impl Stage {
         taken: &Taken,
         method: &dyn Method,
         wanted: &[u32],
-    ) -> Result<Course, StandError> {
-        let rect = self.stand.config().photo_on_canvas();
+    ) -> Result<Course, TestRigError> {
+        let rect = self.test_rig.config().photo_on_canvas();
         let (mut ssims, mut psnrs, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
-        let (restored, _) = self.stand.run(&taken.photo, Channels::Green, method, &mut |step, picture| {
-            let Some(picture) = picture else { return };
-            let seen = shown(&picture.plane(Channel::Green).crop(rect));
-            ssims.push(ssim(&seen, &taken.truth));
-            psnrs.push(psnr(&seen, &taken.truth));
-            if wanted.contains(&step.iteration) {
-                pictures.push((step.iteration, seen));
-            }
-        })?;
+        let (restored, _) =
+            self.test_rig.run(&taken.photo, Channels::Green, method, &mut |step, picture| {
+                let Some(picture) = picture else { return };
+                let seen = shown(&picture.plane(Channel::Green).crop(rect));
+                ssims.push(ssim(&seen, &taken.truth));
+                psnrs.push(psnr(&seen, &taken.truth));
+                if wanted.contains(&step.iteration) {
+                    pictures.push((step.iteration, seen));
+                }
+            })?;
         Ok(Course {
             ssim: ssims,
             psnr_db: psnrs,
@@ -125,29 +126,35 @@ impl Stage {
         })
     }
 
-    /// KᵀX by the true lens and by the light with patches of `shape`, both photo-sized, and how often it was shown.
+    /// KᵀX by the true lens and by the light with patches of `shape`, both photo-sized, and how
+    /// often it was shown.
     ///
     /// # Errors
     /// When a capture fails.
-    pub(super) fn backward(&mut self, x: &Plane, shape: PatchShape) -> Result<(Plane, Plane), StandError> {
-        use crate::restore::backward_convolution::{Sign, backward_convolution};
-        use crate::restore::patches::PatchGrid;
-        let margin = self.stand.config().canvas.margin_px;
+    pub(super) fn backward(
+        &mut self,
+        x: &Plane,
+        shape: PatchShape,
+    ) -> Result<(Plane, Plane), TestRigError> {
+        use crate::deconvolution::backward_convolution::{Sign, backward_convolution};
+        use crate::deconvolution::patches::PatchGrid;
+        let margin = self.test_rig.config().canvas.margin_px;
         let (canvas, rect) = data_term::canvas_of(x.size(), margin);
         let mut shown = Frame::zeros(canvas);
         *shown.plane_mut(Channel::Green) = data_term::place(x, canvas, rect, 0.0);
         let mut exact = Plane::zeros(canvas);
         self.truth.adjoint(Channel::Green, shown.plane(Channel::Green), &mut exact);
         let grid = PatchGrid::new(canvas, rect, shape);
-        let mut path = self.stand.light_path();
-        let light = backward_convolution(&mut path, &shown, &grid, Channels::Green, Sign::Unsigned, None)
-            .map_err(MethodError::from)?;
+        let mut path = self.test_rig.light_path();
+        let light =
+            backward_convolution(&mut path, &shown, &grid, Channels::Green, Sign::Unsigned, None)
+                .map_err(MethodError::from)?;
         Ok((exact.crop(rect), light.plane(Channel::Green).crop(rect)))
     }
 
     /// RMS in grey levels between the true lens as computed here and the light itself, on `x`.
     pub(super) fn truth_error(&self, x: &Plane) -> f64 {
-        let margin = self.stand.config().canvas.margin_px;
+        let margin = self.test_rig.config().canvas.margin_px;
         let (canvas, rect) = data_term::canvas_of(x.size(), margin);
         let mut scene = Frame::zeros(canvas);
         *scene.plane_mut(Channel::Green) = data_term::place(x, canvas, rect, 0.0);
@@ -181,7 +188,10 @@ pub(super) fn with_patches(rig: &config::Rig, patch_px: usize) -> Paper {
 }
 
 /// `rig` with `change` made to its lens.
-pub(super) fn with_lens(mut rig: config::Rig, change: impl FnOnce(&mut config::Prescription)) -> config::Rig {
+pub(super) fn with_lens(
+    mut rig: config::Rig,
+    change: impl FnOnce(&mut config::Prescription),
+) -> config::Rig {
     if let Kind::Simulated(simulation) = &mut rig.kind
         && let Lens::Prescription(prescription, _) = &mut simulation.lens
     {
@@ -198,12 +208,20 @@ pub(super) fn half(rig: &config::Rig) -> config::Rig {
         (lens.node_columns, lens.node_rows) = (lens.node_columns / 2, lens.node_rows / 2);
     });
     let photo = &mut rig.photo;
-    let sizes =
-        [&mut photo.width_px, &mut photo.height_px, &mut rig.panel.width_px, &mut rig.panel.height_px];
+    let sizes = [
+        &mut photo.width_px,
+        &mut photo.height_px,
+        &mut rig.panel.width_px,
+        &mut rig.panel.height_px,
+    ];
     sizes.into_iter().for_each(|px| *px /= 2);
     let camera = &mut rig.camera;
-    let places =
-        [&mut camera.width_px, &mut camera.height_px, &mut camera.photo_x_px, &mut camera.photo_y_px];
+    let places = [
+        &mut camera.width_px,
+        &mut camera.height_px,
+        &mut camera.photo_x_px,
+        &mut camera.photo_y_px,
+    ];
     places.into_iter().for_each(|px| *px /= 2);
     rig.calibration.checker_square_px /= 2;
     rig.calibration.function_support_px = (rig.calibration.function_support_px / 2) | 1;
@@ -213,8 +231,8 @@ pub(super) fn half(rig: &config::Rig) -> config::Rig {
     rig
 }
 
-/// The paper's loop with the "accurate numerical calculation" of §4.1 for its backward step: the adjoint of the true
-/// lens. Forward it uses the light, as always.
+/// The paper's loop with the "accurate numerical calculation" of §4.1 for its backward step: the
+/// adjoint of the true lens. Forward it uses the light, as always.
 pub(super) struct Exact<'a> {
     pub(super) paper: Paper,
     pub(super) lens: &'a LensModel,
@@ -249,7 +267,7 @@ impl Method for Exact<'_> {
 }
 
 /// The true lens of a simulated rig as an operator, from the witness's functions.
-fn true_lens(rig: &config::Rig, witness: &Witness) -> Result<LensModel, StandError> {
+fn true_lens(rig: &config::Rig, witness: &Witness) -> Result<LensModel, TestRigError> {
     let (columns, rows) = TRUE_FUNCTIONS;
     let Rect { x, y, size } = rig.photo_on_sensor();
     let centre = |n: usize, of: usize, length: usize, start: usize| {
@@ -260,7 +278,8 @@ fn true_lens(rig: &config::Rig, witness: &Witness) -> Result<LensModel, StandErr
         let mut taps = Vec::new();
         for row in 0..rows {
             for column in 0..columns {
-                let at = [centre(column, columns, size.width, x), centre(row, rows, size.height, y)];
+                let at =
+                    [centre(column, columns, size.width, x), centre(row, rows, size.height, y)];
                 let function = witness.function(Light::Panel, channel, at);
                 support_px = function.width();
                 taps.extend(function.into_vec());

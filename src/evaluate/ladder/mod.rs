@@ -1,4 +1,5 @@
-//! The ladder on scenes that call for different rungs: which one the box takes, and what the others would have given.
+//! The ladder on scenes that call for different rungs: which one the box takes, and what the others
+//! would have given.
 //!
 //! | rung | what is run for the table |
 //! |---|---|
@@ -7,8 +8,9 @@
 //! | 2 | the lens model, no capture |
 //! | 3 | the lens model and captures |
 //!
-//! The box takes rung 0, 2 or 3. Rung 1 is run to show what it would be worth: it would do for a wall, a night sky and a
-//! small thing in the middle, and spare such photos part of two seconds of computing. It is not built into the box.
+//! The box takes rung 0, 2 or 3. Rung 1 is run to show what it would be worth: it would do for a
+//! wall, a night sky and a small thing in the middle, and spare such photos part of two seconds of
+//! computing. It is not built into the box.
 
 pub mod scenes;
 
@@ -17,15 +19,15 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::chart::Chart;
-use super::stand::{StandError, Stopwatch, display_luminance};
 use super::table::Table;
-use crate::calibrate::calibrate;
+use super::test_rig::{Stopwatch, TestRigError, display_luminance};
 use crate::config::{self, Method};
+use crate::deconvolution::ladder::Rung;
+use crate::deconvolution::quality::ssim;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
+use crate::measurement::calibrate;
 use crate::picture::Tone;
-use crate::restoration::{Bench, Request, Restored, Verdict, method, second_opinion};
-use crate::restore::ladder::Rung;
-use crate::restore::quality::ssim;
+use crate::pipeline::{Bench, Request, Restored, Verdict, method, reference_solution};
 use crate::rig::exposure::Rig;
 use crate::rig::simulated::{Witness, open};
 use scenes::{Varied, varied};
@@ -37,7 +39,7 @@ const NOISE_LEVELS: f32 = 1.0;
 
 /// A scene on the ladder.
 #[derive(Debug, Clone)]
-pub struct Climb {
+pub struct LadderRow {
     /// The scene.
     pub name: &'static str,
     /// SSIM of the photo, and of what rungs 1, 2 and 3 make of it.
@@ -54,7 +56,7 @@ pub struct Climb {
     pub why: String,
 }
 
-impl Climb {
+impl LadderRow {
     /// What the next larger rung would have gained over what was delivered; nothing above the last.
     pub fn next_gains(&self) -> Option<f64> {
         // From rung 0 the next one that the box has is 2.
@@ -79,8 +81,8 @@ struct Ladder<'a> {
 pub fn climb(
     config: &config::Rig,
     stopwatch: Stopwatch,
-    each: &mut dyn FnMut(&Climb),
-) -> Result<Vec<Climb>, StandError> {
+    each: &mut dyn FnMut(&LadderRow),
+) -> Result<Vec<LadderRow>, TestRigError> {
     let (mut rig, witness) = open(config)?;
     let calibration = calibrate(&mut rig, config, None, &mut |_| {})?;
     let mut one = calibration.clone();
@@ -110,14 +112,17 @@ pub fn climb(
 pub fn chart(
     config: &config::Rig,
     stopwatch: Stopwatch,
-    each: &mut dyn FnMut(&Climb),
-) -> Result<Chart, StandError> {
+    each: &mut dyn FnMut(&LadderRow),
+) -> Result<Chart, TestRigError> {
     let climbs = climb(config, stopwatch, each)?;
-    let (gains, count) =
-        climbs.iter().filter_map(Climb::next_gains).fold((0.0, 0), |(sum, n), gain| (sum + gain, n + 1));
+    let (gains, count) = climbs
+        .iter()
+        .filter_map(LadderRow::next_gains)
+        .fold((0.0, 0), |(sum, n), gain| (sum + gain, n + 1));
     let mut table = Table::new(
         format!(
-            "{}: the rung that each scene takes, and what the others would have given (SSIM, luminance of display \
+            "{}: the rung that each scene takes, and what the others would have given (SSIM, \
+             luminance of display \
              values). The next larger rung would have gained {:+.4} on average (0.002 allowed).",
             config.name,
             gains / f64::from(count.max(1))
@@ -151,7 +156,7 @@ pub fn chart(
 }
 
 impl Ladder<'_> {
-    fn climb(&mut self, scene: &Varied) -> Result<Climb, StandError> {
+    fn climb(&mut self, scene: &Varied) -> Result<LadderRow, TestRigError> {
         let photo = self.photo(scene);
         let score = |tone: &Tone, light: &Frame<Work>| {
             let shown = |light: &Frame<Work>| match scene.channels {
@@ -166,15 +171,19 @@ impl Ladder<'_> {
             let bench = if one { &self.one_function } else { &self.bench };
             let solver = method(self.config, which);
             let stopwatch = self.stopwatch;
-            let request =
-                Request { photo: &photo, channels: scene.channels, method: &*solver, stopwatch: &stopwatch };
+            let request = Request {
+                photo: &photo,
+                channels: scene.channels,
+                method: &*solver,
+                stopwatch: &stopwatch,
+            };
             let restored = bench.restore(&mut self.rig, &request, &mut |_, _| {})?;
             *found = score(&self.tone, &restored.picture);
         }
         let begun = (self.stopwatch)();
         let (taken, restored, why) = self.as_the_box_does(&photo, scene.channels)?;
         let waited = restored.as_ref().map_or(0.0, |restored| restored.waited_seconds);
-        Ok(Climb {
+        Ok(LadderRow {
             name: scene.name,
             delivered_ssim: match &restored {
                 Some(restored) if taken > 0 => score(&self.tone, &restored.picture),
@@ -193,19 +202,24 @@ impl Ladder<'_> {
         &mut self,
         photo: &Frame<Work>,
         channels: Channels,
-    ) -> Result<(usize, Option<Restored>, String), StandError> {
+    ) -> Result<(usize, Option<Restored>, String), TestRigError> {
         let leave = usize::from(Rung::LeaveIt.number());
         if self.bench.is_blank(photo, channels) {
             return Ok((leave, None, Rung::LeaveIt.reason().to_owned()));
         }
-        let (solver, second) = (method(self.config, self.config.restore.method), second_opinion(self.config));
+        let (solver, second) =
+            (method(self.config, self.config.restore.method), reference_solution(self.config));
         let stopwatch = self.stopwatch;
         let request = Request { photo, channels, method: &*solver, stopwatch: &stopwatch };
         let judged = self.bench.restore_judged(&mut self.rig, &request, &second, &mut |_, _| {})?;
         let rung = Rung::of(&judged.restored.solution.certificate);
         Ok(match judged.verdict {
-            Verdict::Sound => (usize::from(rung.number()), Some(judged.restored), rung.reason().to_owned()),
-            Verdict::Repaired(why) => (usize::from(Rung::LensModel.number()), Some(judged.restored), why),
+            Verdict::Sound => {
+                (usize::from(rung.number()), Some(judged.restored), rung.reason().to_owned())
+            }
+            Verdict::Repaired(why) => {
+                (usize::from(Rung::LensModel.number()), Some(judged.restored), why)
+            }
             Verdict::Untouched(why) => (leave, Some(judged.restored), why),
         })
     }

@@ -1,4 +1,5 @@
-//! Scenes that call for different amounts of model: a page of text and a flat wall are not one photo.
+//! Scenes that call for different amounts of model: a page of text and a flat wall are not one
+//! photo.
 
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -22,7 +23,8 @@ pub struct Varied {
 
 /// All of them at `size`; those that are drawn at random, from `seed`.
 pub fn varied(size: Size, seed: u64) -> Vec<Varied> {
-    let colour = |name, light| Varied { name, light, channels: Channels::Colour, through_lens: true };
+    let colour =
+        |name, light| Varied { name, light, channels: Channels::Colour, through_lens: true };
     let grey = |name, plane: Plane| {
         let mut light = Frame::zeros(size);
         *light.plane_mut(Channel::Green) = plane;
@@ -31,11 +33,17 @@ pub fn varied(size: Size, seed: u64) -> Vec<Varied> {
     vec![
         grey("text page", text_page(size)),
         colour("night sky", night_sky(size, seed)),
-        colour("flat wall", Frame::from_fn(|c| Plane::filled(size, [150.0, 138.0, 120.0][c.index()]))),
+        colour(
+            "flat wall",
+            Frame::from_fn(|c| Plane::filled(size, [150.0, 138.0, 120.0][c.index()])),
+        ),
         colour("portrait", Scene::Astronaut.light(size)),
         colour("chart", Scene::Chart.light(size)),
         colour("foliage", foliage(size, seed)),
-        Varied { through_lens: false, ..colour("noise only", Frame::from_fn(|_| Plane::filled(size, 90.0))) },
+        Varied {
+            through_lens: false,
+            ..colour("noise only", Frame::from_fn(|_| Plane::filled(size, 90.0)))
+        },
         Varied { through_lens: false, ..colour("already sharp", Scene::Coffee.light(size)) },
         colour("small thing", small_thing(size)),
     ]
@@ -43,8 +51,8 @@ pub fn varied(size: Size, seed: u64) -> Vec<Varied> {
 
 /// Black lines of words on white paper.
 fn text_page(size: Size) -> Plane {
-    const WORDS: &str =
-        "The lens computes its own convolution. Show, see, adjust: until its photograph is the photo.";
+    const WORDS: &str = "The lens computes its own convolution. Show, see, adjust: until its \
+     photograph is the photo.";
     let mut page: Plane = Plane::filled(size, 0.8 * FULL_SCALE);
     let height_px = size.height as f32 / 16.0;
     let mut y = height_px;
@@ -66,7 +74,8 @@ fn night_sky(size: Size, seed: u64) -> Frame<Work> {
     let mut sky: Frame<Work> = Frame::from_fn(|c| Plane::filled(size, [1.5, 1.8, 3.0][c.index()]));
     for _ in 0..size.area() / 2000 {
         let (x, y) = (random.random_range(0..size.width), random.random_range(0..size.height));
-        // As many stars of each magnitude as there are in the sky, about: four times for half the light.
+        // As many stars of each magnitude as there are in the sky, about: four times for half the
+        // light.
         let light = (10.0 / random.random_range(0.04f32..1.0)).min(FULL_SCALE);
         let warmth = random.random_range(0.7f32..1.0);
         for c in Channel::ALL {
@@ -79,11 +88,14 @@ fn night_sky(size: Size, seed: u64) -> Frame<Work> {
 /// Leaves over leaves: discs of all sizes in all greens, the later ones in front ("dead leaves").
 fn foliage(size: Size, seed: u64) -> Frame<Work> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed + 1);
-    let mut leaves: Frame<Work> = Frame::from_fn(|c| Plane::filled(size, [20.0, 30.0, 10.0][c.index()]));
+    let mut leaves: Frame<Work> =
+        Frame::from_fn(|c| Plane::filled(size, [20.0, 30.0, 10.0][c.index()]));
     for _ in 0..size.area() / 60 {
         let radius = 1.5 / random.random_range(0.03f32..1.0).sqrt();
-        let (cx, cy) =
-            (random.random_range(0.0..size.width as f32), random.random_range(0.0..size.height as f32));
+        let (cx, cy) = (
+            random.random_range(0.0..size.width as f32),
+            random.random_range(0.0..size.height as f32),
+        );
         let (light, flat) = (random.random_range(0.1f32..1.0), random.random_range(0.3f32..1.0));
         let colour = [90.0 * light, 170.0 * light, 45.0 * light];
         let span = |at: f32, side: usize| {
@@ -92,7 +104,9 @@ fn foliage(size: Size, seed: u64) -> Frame<Work> {
         for y in span(cy, size.height) {
             for x in span(cx, size.width) {
                 if (x as f32 - cx).powi(2) + ((y as f32 - cy) / flat).powi(2) < radius * radius {
-                    Channel::ALL.iter().for_each(|&c| leaves.plane_mut(c).set(x, y, colour[c.index()]));
+                    Channel::ALL
+                        .iter()
+                        .for_each(|&c| leaves.plane_mut(c).set(x, y, colour[c.index()]));
                 }
             }
         }

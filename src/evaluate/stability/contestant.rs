@@ -2,9 +2,9 @@
 
 use super::fault::Fault;
 use crate::config;
-use crate::restoration::{method, second_opinion};
-use crate::restore::forward_convolution::ForwardConvolution;
-use crate::restore::method::{Method, MethodError, Problem, Solution, Watch};
+use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::method::{Method, MethodError, Problem, Solution, Watch};
+use crate::pipeline::{method, reference_solution};
 
 /// The methods that are swept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,7 +54,12 @@ impl Contestant {
     }
 
     /// The method with the settings of `rig` under `fault`.
-    pub fn method(self, rig: &config::Rig, fault: Fault, strength: f64) -> Box<dyn Method + Send + Sync> {
+    pub fn method(
+        self,
+        rig: &config::Rig,
+        fault: Fault,
+        strength: f64,
+    ) -> Box<dyn Method + Send + Sync> {
         let mut rig = rig.clone();
         match fault {
             Fault::SmallPatch => {
@@ -68,7 +73,7 @@ impl Contestant {
         }
         let made: Box<dyn Method + Send + Sync> = match self {
             Contestant::Named(which) => method(&rig, which),
-            Contestant::TotalVariation => Box::new(second_opinion(&rig)),
+            Contestant::TotalVariation => Box::new(reference_solution(&rig)),
         };
         match fault {
             Fault::Step => Box::new(Longer { method: made, times: strength as f32 }),
@@ -94,7 +99,8 @@ impl Method for Longer {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let level_norms = problem.level_norms.each_ref().map(|norms| norms.scaled(1.0 / self.times));
+        let level_norms =
+            problem.level_norms.each_ref().map(|norms| norms.scaled(1.0 / self.times));
         let norm_squared = problem.norm_squared.map(|norm| norm / self.times);
         let problem = Problem { norm_squared, level_norms: &level_norms, ..*problem };
         self.method.solve(&problem, optics, watch)

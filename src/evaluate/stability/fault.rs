@@ -174,7 +174,8 @@ impl Fault {
                 [patch, 2.0 * patch, frame / 4.0, frame / 2.0, frame]
             }
             Fault::Functions => {
-                let full = (rig.calibration.function_columns * rig.calibration.function_rows) as f64;
+                let full =
+                    (rig.calibration.function_columns * rig.calibration.function_rows) as f64;
                 [full, 12.0, 4.0, 2.0, 1.0]
             }
         }
@@ -189,7 +190,9 @@ impl Fault {
             (Fault::SharperLens | Fault::BlurrierLens, Lens::Prescription(lens, _)) => {
                 lens.stop_diameter_mm *= self.strengths(rig)[0] / strength;
             }
-            (Fault::Spectrum, _) => simulation.sensor.filters = broader(&simulation.sensor.filters, strength),
+            (Fault::Spectrum, _) => {
+                simulation.sensor.filters = broader(&simulation.sensor.filters, strength)
+            }
             _ => {}
         })
     }
@@ -205,10 +208,18 @@ impl Fault {
         })
     }
 
-    fn changed(self, rig: &config::Rig, change: impl FnOnce(&mut Simulation)) -> Option<config::Rig> {
+    fn changed(
+        self,
+        rig: &config::Rig,
+        change: impl FnOnce(&mut Simulation),
+    ) -> Option<config::Rig> {
         let concerned = matches!(
             self,
-            Fault::Distance | Fault::SharperLens | Fault::BlurrierLens | Fault::Spectrum | Fault::Glare
+            Fault::Distance
+                | Fault::SharperLens
+                | Fault::BlurrierLens
+                | Fault::Spectrum
+                | Fault::Glare
         );
         let mut rig = concerned.then(|| rig.clone())?;
         if let Kind::Simulated(simulation) = &mut rig.kind {
@@ -236,9 +247,13 @@ impl Fault {
                 witness.set_read_noise_levels(sensor.read_noise_levels.hypot(strength));
             }
             Fault::Shift => witness.knock_panel(0.8 * strength, 0.6 * strength),
-            Fault::Ambient => witness.set_ambient_levels(sensor.ambient_levels.map(|v| v + strength)),
+            Fault::Ambient => {
+                witness.set_ambient_levels(sensor.ambient_levels.map(|v| v + strength))
+            }
             Fault::Gain => witness.set_white_share(sensor.white_share * (1.0 - share)),
-            Fault::Response => witness.set_wear(Wear { gamma_factor: 1.0 + share, ..Wear::default() }),
+            Fault::Response => {
+                witness.set_wear(Wear { gamma_factor: 1.0 + share, ..Wear::default() })
+            }
             // A job takes seconds; so does the warming up that shows most.
             Fault::WarmUp => {
                 witness.set_wear(Wear { warm_up_share: share, warm_up_s: 2.0, ..Wear::default() });
@@ -247,18 +262,23 @@ impl Fault {
             Fault::DeadPixels => {
                 witness.set_wear(Wear { dead_share: strength / 10_000.0, ..Wear::default() });
             }
-            Fault::Dust => witness.set_wear(Wear { dust_grains: strength as usize, ..Wear::default() }),
+            Fault::Dust => {
+                witness.set_wear(Wear { dust_grains: strength as usize, ..Wear::default() })
+            }
             _ => {}
         }
     }
 }
 
-/// Every wavelength `factor` times as far from its channel's middle, within what light and glass are.
+/// Every wavelength `factor` times as far from its channel's middle, within what light and glass
+/// are.
 fn broader(filters: &Primaries, factor: f64) -> Primaries {
     let wider = |list: &[Wavelength]| {
         let total: f64 = list.iter().map(|w| w.1).sum();
         let middle = list.iter().map(|w| w.0 * w.1).sum::<f64>() / total;
-        let moved = |w: &Wavelength| Wavelength((middle + factor * (w.0 - middle)).clamp(400.0, 700.0), w.1);
+        let moved = |w: &Wavelength| {
+            Wavelength((middle + factor * (w.0 - middle)).clamp(400.0, 700.0), w.1)
+        };
         list.iter().map(moved).collect()
     };
     let [red, green, blue] = filters.lists().map(wider);

@@ -9,10 +9,14 @@ use crate::frame::{Channel, Frame, Plane, Work};
 ///
 /// # Errors
 /// When the coder refuses.
-pub(super) fn through(codes: &Frame<Work, u8>, quality: u8) -> Result<Frame<Work, u8>, image::ImageError> {
+pub(super) fn through(
+    codes: &Frame<Work, u8>,
+    quality: u8,
+) -> Result<Frame<Work, u8>, image::ImageError> {
     let size = codes.size();
     let [red, green, blue] = codes.planes().each_ref().map(|plane| plane.data());
-    let pixels: Vec<u8> = red.iter().zip(green).zip(blue).flat_map(|((&r, &g), &b)| [r, g, b]).collect();
+    let pixels: Vec<u8> =
+        red.iter().zip(green).zip(blue).flat_map(|((&r, &g), &b)| [r, g, b]).collect();
     let mut file = Vec::new();
     JpegEncoder::new_with_quality(&mut file, quality).write_image(
         &pixels,

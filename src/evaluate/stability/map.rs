@@ -1,4 +1,5 @@
-//! The map of faults and methods, as a drawing in SVG: where results gain, where they harm, and what is delivered.
+//! The map of faults and methods, as a drawing in SVG: where results gain, where they harm, and
+//! what is delivered.
 
 use std::fmt::Write;
 
@@ -24,15 +25,18 @@ pub fn svg(cells: &[Cell], title: &str) -> String {
 }
 
 fn draw(out: &mut String, cells: &[Cell], title: &str) -> std::fmt::Result {
-    let contestants: Vec<Contestant> =
-        Contestant::ALL.into_iter().filter(|c| cells.iter().any(|cell| cell.contestant == *c)).collect();
+    let contestants: Vec<Contestant> = Contestant::ALL
+        .into_iter()
+        .filter(|c| cells.iter().any(|cell| cell.contestant == *c))
+        .collect();
     let faults: Vec<Fault> =
         Fault::ALL.into_iter().filter(|f| cells.iter().any(|cell| cell.fault == *f)).collect();
     let width = ORIGIN[0] + PITCH[0] * contestants.len() as f64 + 20.0;
     let height = ORIGIN[1] + PITCH[1] * faults.len() as f64 + 20.0;
     writeln!(
         out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
+         font-family=\"sans-serif\" \
          font-size=\"13\"><rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\
          <text x=\"20\" y=\"28\" font-size=\"18\">{title}</text>"
     )?;
@@ -52,7 +56,8 @@ fn draw(out: &mut String, cells: &[Cell], title: &str) -> std::fmt::Result {
         writeln!(
             out,
             "<text x=\"{0}\" y=\"{1}\" text-anchor=\"end\">{name}</text>\
-             <text x=\"{0}\" y=\"{2}\" text-anchor=\"end\" font-size=\"10\" fill=\"#666\">{ends}</text>",
+             <text x=\"{0}\" y=\"{2}\" text-anchor=\"end\" font-size=\"10\" \
+             fill=\"#666\">{ends}</text>",
             ORIGIN[0] - 10.0,
             y + 11.0,
             y + 23.0
@@ -88,7 +93,8 @@ fn colour(gain: f64) -> String {
 fn place(out: &mut String, cell: &Cell, [x, y]: [f64; 2]) -> std::fmt::Result {
     let gain = cell.ssim - cell.photo_ssim;
     let title = format!(
-        "{}, {} at {} {}: SSIM {:.4}, the photo {:.4}, delivered {:.4}; {} of {} harmful results noticed",
+        "{}, {} at {} {}: SSIM {:.4}, the photo {:.4}, delivered {:.4}; {} of {} harmful results \
+         noticed",
         cell.contestant.name(),
         cell.fault.name().0,
         cell.strength,
@@ -101,7 +107,8 @@ fn place(out: &mut String, cell: &Cell, [x, y]: [f64; 2]) -> std::fmt::Result {
     );
     writeln!(
         out,
-        "<rect x=\"{x}\" y=\"{y}\" width=\"{}\" height=\"{}\" fill=\"{}\" stroke=\"#bbb\" stroke-width=\"0.5\">\
+        "<rect x=\"{x}\" y=\"{y}\" width=\"{}\" height=\"{}\" fill=\"{}\" stroke=\"#bbb\" \
+         stroke-width=\"0.5\">\
          <title>{title}</title></rect>",
         BOX[0] - 1.0,
         BOX[1],
@@ -121,7 +128,8 @@ fn place(out: &mut String, cell: &Cell, [x, y]: [f64; 2]) -> std::fmt::Result {
         let fill = if cell.noticed == cell.runs { "black" } else { "white" };
         writeln!(
             out,
-            "<circle cx=\"{middle_x:.1}\" cy=\"{middle_y:.1}\" r=\"3.5\" fill=\"{fill}\" stroke=\"black\"/>"
+            "<circle cx=\"{middle_x:.1}\" cy=\"{middle_y:.1}\" r=\"3.5\" fill=\"{fill}\" \
+             stroke=\"black\"/>"
         )?;
     }
     Ok(())
@@ -143,9 +151,11 @@ fn legend(out: &mut String) -> std::fmt::Result {
     }
     writeln!(
         out,
-        "<text x=\"{0}\" y=\"{1}\">the method's own result, SSIM above or below the untouched photo; faults grow to the \
+        "<text x=\"{0}\" y=\"{1}\">the method's own result, SSIM above or below the untouched \
+         photo; faults grow to the \
          right, the first box has none</text>\
-         <circle cx=\"{2}\" cy=\"{3}\" r=\"3.5\"/><text x=\"{4}\" y=\"{5}\">noticed and replaced (ring: on some views)</text>\
+         <circle cx=\"{2}\" cy=\"{3}\" r=\"3.5\"/><text x=\"{4}\" y=\"{5}\">noticed and replaced \
+         (ring: on some views)</text>\
          <path d=\"M{6} {7}l8 8m0 -8l-8 8\" stroke=\"black\" stroke-width=\"2\"/>\
          <text x=\"{8}\" y=\"{5}\">harm delivered</text>",
         x + 10.0,

@@ -1,8 +1,8 @@
 //! Where methods fail, and who notices: every method under every fault, in growing strengths.
 //!
-//! The rig is calibrated while it is healthy; then the fault is put on it, on the photo or on the method. The limits by which
-//! the box notices ([`crate::restoration::Verdict`]) were set on whole scenes; here quarters of two of them are used, with
-//! other seeds.
+//! The rig is calibrated while it is healthy; then the fault is put on it, on the photo or on the
+//! method. The limits by which the box notices ([`crate::pipeline::Verdict`]) were set on whole
+//! scenes; here quarters of two of them are used, with other seeds.
 
 pub mod contestant;
 pub mod fault;
@@ -14,7 +14,7 @@ pub mod view;
 
 use super::chart::Chart;
 use super::scenes::Scene;
-use super::stand::{StandError, Stopwatch};
+use super::test_rig::{Stopwatch, TestRigError};
 use crate::config;
 use contestant::Contestant;
 use fault::Fault;
@@ -27,7 +27,8 @@ const HELD_OUT: [Scene; 2] = [Scene::Astronaut, Scene::Rocket];
 /// Seeds that no limit was set on: of the sweep, and of more results without fault.
 const SEEDS: [u64; 2] = [2, 3];
 
-/// Sweeps the simulated rig of `rig`; `quick` takes one strength of each fault and half of the views, and leaves out the paper's loop.
+/// Sweeps the simulated rig of `rig`; `quick` takes one strength of each fault and half of the
+/// views, and leaves out the paper's loop.
 ///
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
@@ -36,7 +37,7 @@ pub fn chart(
     quick: bool,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Run),
-) -> Result<Chart, StandError> {
+) -> Result<Chart, TestRigError> {
     let quarters = |n: usize| HELD_OUT.map(|scene| View::quarter(scene, n));
     let every: Vec<View> = (0..4).flat_map(quarters).collect();
     let views = if quick { &every[..2] } else { &every[..4] };
@@ -63,20 +64,29 @@ pub fn chart(
     runs.extend(sweep(rig, &more, stopwatch, each)?);
     // A rate of one in a hundred wants some hundreds of results of the method that is the default.
     for seed in (SEEDS[1] + 1..).take(if quick { 5 } else { 40 }) {
-        let plan = Plan { contestants: &[Contestant::Named(config::Method::Hybrid)], seed, ..more.clone() };
+        let plan = Plan {
+            contestants: &[Contestant::Named(config::Method::Hybrid)],
+            seed,
+            ..more.clone()
+        };
         runs.extend(sweep(rig, &plan, stopwatch, each)?);
     }
     let title = format!("Where methods harm, and who notices, on rig {}", rig.name);
     let harm = format!(
-        "The strength at which a method begins to do harm: SSIM more than {} below the untouched photo; {about}. In brackets: \
-         how many of the harmful results there the box noticed. A dash: the fault cannot touch the method.",
+        "The strength at which a method begins to do harm: SSIM more than {} below the untouched \
+         photo; {about}. In brackets: \
+         how many of the harmful results there the box noticed. A dash: the fault cannot touch \
+         the method.",
         report::HARM
     );
     let rates = format!(
-        "How often noticing goes wrong, rig {}; views and seeds that no limit was set on. Healthy: results without a fault \
-         that do no harm; more of them than in the map, from {} views and other seeds. Costly: those whose replacement was less \
+        "How often noticing goes wrong, rig {}; views and seeds that no limit was set on. \
+         Healthy: results without a fault \
+         that do no harm; more of them than in the map, from {} views and other seeds. Costly: \
+         those whose replacement was less \
          good. By lens alone, by the photo: what \
-         caught results were replaced by. Gain given up: results under a fault that did no harm and were replaced by \
+         caught results were replaced by. Gain given up: results under a fault that did no harm \
+         and were replaced by \
          something less good.",
         rig.name,
         every.len()

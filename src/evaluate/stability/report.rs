@@ -1,10 +1,11 @@
-//! What a sweep found, as tables: where each method begins to do harm, who noticed, and how often that goes wrong.
+//! What a sweep found, as tables: where each method begins to do harm, who noticed, and how often
+//! that goes wrong.
 
 use super::contestant::Contestant;
 use super::fault::Fault;
 use super::sweep::Run;
 use crate::evaluate::table::Table;
-use crate::restoration::Verdict;
+use crate::pipeline::Verdict;
 
 /// SSIM below the untouched photo's that counts as harm; the study: less means nothing.
 pub const HARM: f64 = 0.002;
@@ -59,7 +60,8 @@ impl Cell {
 pub fn cells(runs: &[Run]) -> Vec<Cell> {
     let mut cells: Vec<Cell> = Vec::new();
     for run in runs {
-        let same = |c: &Cell| (c.fault, c.step, c.contestant) == (run.fault, run.step, run.contestant);
+        let same =
+            |c: &Cell| (c.fault, c.step, c.contestant) == (run.fault, run.step, run.contestant);
         let n = cells.iter().position(same).unwrap_or_else(|| {
             cells.push(Cell {
                 fault: run.fault,
@@ -132,11 +134,14 @@ pub fn begins(cells: &[Cell], contestant: Contestant, fault: Fault) -> Option<&C
     cells.iter().find(|c| c.contestant == contestant && c.fault == fault && c.harms())
 }
 
-/// Methods by faults: the strength at which harm begins, and how many of the harmful results there were noticed.
+/// Methods by faults: the strength at which harm begins, and how many of the harmful results there
+/// were noticed.
 pub fn harm_table(caption: String, cells: &[Cell]) -> Table {
     let mut head = vec!["fault"];
-    let contestants: Vec<Contestant> =
-        Contestant::ALL.into_iter().filter(|c| cells.iter().any(|cell| cell.contestant == *c)).collect();
+    let contestants: Vec<Contestant> = Contestant::ALL
+        .into_iter()
+        .filter(|c| cells.iter().any(|cell| cell.contestant == *c))
+        .collect();
     head.extend(contestants.iter().map(|c| c.name()));
     let mut table = Table::new(caption, &head);
     for fault in Fault::ALL.into_iter().filter(|f| cells.iter().any(|cell| cell.fault == *f)) {
@@ -146,7 +151,9 @@ pub fn harm_table(caption: String, cells: &[Cell]) -> Table {
             let concerned =
                 cells.iter().any(|c| c.contestant == contestant && c.fault == fault && c.step > 0);
             match begins(cells, contestant, fault) {
-                Some(cell) if cell.step == 0 => format!("always ({}/{})", cell.caught, cell.harmful),
+                Some(cell) if cell.step == 0 => {
+                    format!("always ({}/{})", cell.caught, cell.harmful)
+                }
                 Some(cell) => format!("{} ({}/{})", cell.strength, cell.caught, cell.harmful),
                 None if concerned => "never".to_owned(),
                 None => "–".to_owned(),
@@ -224,8 +231,9 @@ pub fn rates_table(caption: String, runs: &[Run]) -> Table {
     let mut table = Table::new(caption, &head);
     let mut row = |name: &str, of: &[&Run]| {
         let rates = Rates::of(of.iter().copied());
-        let replaced =
-            |by: fn(&Verdict) -> bool| of.iter().filter(|r| r.harms() && by(&r.verdict)).count().to_string();
+        let replaced = |by: fn(&Verdict) -> bool| {
+            of.iter().filter(|r| r.harms() && by(&r.verdict)).count().to_string()
+        };
         let share = |part: usize, whole: usize| match whole {
             0 => "–".to_owned(),
             _ => format!("{part} ({:.1} %)", 100.0 * part as f64 / whole as f64),

@@ -1,4 +1,5 @@
-//! Runs methods under faults on a simulated rig that was calibrated healthy, and takes down what became of them.
+//! Runs methods under faults on a simulated rig that was calibrated healthy, and takes down what
+//! became of them.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -6,15 +7,15 @@ use std::sync::Arc;
 use super::contestant::Contestant;
 use super::fault::{Fault, Place};
 use super::view::View;
-use crate::calibrate::calibrate;
 use crate::calibration::Calibration;
 use crate::config::{self, Curve, Kind};
-use crate::evaluate::stand::{StandError, Stopwatch, display_luminance};
+use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::deconvolution::quality::ssim;
+use crate::evaluate::test_rig::{Stopwatch, TestRigError, display_luminance};
 use crate::frame::{Channel, Channels, Frame, Plane, Work};
+use crate::measurement::calibrate;
 use crate::picture::Tone;
-use crate::restoration::{Bench, BenchError, Request, Restored, Verdict, second_opinion};
-use crate::restore::lens_model::{LensFunctions, LensModel};
-use crate::restore::quality::ssim;
+use crate::pipeline::{Bench, BenchError, Request, Restored, Verdict, reference_solution};
 use crate::rig::exposure::Rig;
 use crate::rig::simulated::{Witness, open};
 
@@ -69,7 +70,7 @@ pub fn sweep(
     plan: &Plan<'_>,
     stopwatch: Stopwatch,
     each: &mut dyn FnMut(&Run),
-) -> Result<Vec<Run>, StandError> {
+) -> Result<Vec<Run>, TestRigError> {
     let mut healthy = rig.clone();
     if let Kind::Simulated(simulation) = &mut healthy.kind {
         simulation.seed = plan.seed;
@@ -97,9 +98,10 @@ pub fn sweep(
             let photos: Vec<(Frame<Work>, Plane)> = photos.collect::<Result<_, _>>()?;
             ground.put_fault_on();
             for (&view, (photo, truth)) in plan.views.iter().zip(photos) {
-                let second = ground.second_opinion(None, &photo)?;
+                let second = ground.reference_solution(None, &photo)?;
                 for &contestant in plan.contestants.iter().filter(|c| concerned(**c, fault, step)) {
-                    let (restored, verdict, second) = ground.run(contestant, &photo, &second, stopwatch)?;
+                    let (restored, verdict, second) =
+                        ground.run(contestant, &photo, &second, stopwatch)?;
                     let score = |picture: &Frame<Work>| ssim(&ground.display(picture), &truth);
                     let (result, untouched) = (score(&restored.picture), score(&photo));
                     let run = Run {
@@ -139,7 +141,7 @@ fn concerned(contestant: Contestant, fault: Fault, step: usize) -> bool {
         }
 }
 
-fn calibrated(rig: &config::Rig) -> Result<Calibration, StandError> {
+fn calibrated(rig: &config::Rig) -> Result<Calibration, TestRigError> {
     let (mut devices, _) = open(rig)?;
     Ok(calibrate(&mut devices, rig, None, &mut |_| {})?)
 }
@@ -148,7 +150,7 @@ fn calibrated(rig: &config::Rig) -> Result<Calibration, StandError> {
 fn with_fewer_functions(
     calibration: &Calibration,
     (columns, rows): (usize, usize),
-) -> Result<Calibration, StandError> {
+) -> Result<Calibration, TestRigError> {
     let all = &calibration.functions;
     let mut fewer = LensFunctions { columns, rows, ..all.clone() };
     let area = all.support_px * all.support_px;
@@ -156,7 +158,8 @@ fn with_fewer_functions(
         *taps = vec![0.0; columns * rows * area];
         let mut counts = vec![0.0f32; columns * rows];
         for (n, function) in all_taps.chunks_exact(area).enumerate() {
-            let at = n / all.columns * rows / all.rows * columns + n % all.columns * columns / all.columns;
+            let at = n / all.columns * rows / all.rows * columns
+                + n % all.columns * columns / all.columns;
             taps[at * area..][..area].iter_mut().zip(function).for_each(|(sum, tap)| *sum += tap);
             counts[at] += 1.0;
         }
@@ -184,7 +187,7 @@ impl Ground {
         healthy: &config::Rig,
         calibration: &Calibration,
         (fault, strength): (Fault, f64),
-    ) -> Result<Ground, StandError> {
+    ) -> Result<Ground, TestRigError> {
         let config = fault.changed_rig(strength, healthy).unwrap_or_else(|| healthy.clone());
         let bench = match fault.functions(strength) {
             Some(grid) => Bench::new(&config, &with_fewer_functions(calibration, grid)?)?,
@@ -209,7 +212,7 @@ impl Ground {
     }
 
     /// The photo of `view`, and how the scene would be displayed.
-    fn photograph(&self, view: View, seed: u64) -> Result<(Frame<Work>, Plane), StandError> {
+    fn photograph(&self, view: View, seed: u64) -> Result<(Frame<Work>, Plane), TestRigError> {
         let tone = Tone::of_curve(self.config.photo.curve, 8);
         let codes = view.codes(self.config.photo.size());
         let brighter = if self.fault == Fault::Saturation { self.strength as f32 } else { 1.0 };
@@ -232,39 +235,40 @@ impl Ground {
     }
 
     /// What `lens` alone, or the measured one, makes of `photo`.
-    fn second_opinion(
+    fn reference_solution(
         &mut self,
         lens: Option<&Arc<LensModel>>,
         photo: &Frame<Work>,
-    ) -> Result<Restored, StandError> {
-        let (channels, method) = (self.channels(), second_opinion(&self.config));
+    ) -> Result<Restored, TestRigError> {
+        let (channels, method) = (self.channels(), reference_solution(&self.config));
         let request = Request { photo, channels, method: &method, stopwatch: &|| 0.0 };
         let lens = lens.unwrap_or(self.bench.model());
         Ok(self.bench.restore_through(lens, &mut self.devices, &request, &mut |_, _| {})?)
     }
 
-    /// What the contestant makes of `photo`, how it is judged, and by which second opinion: `second`, or one with the lens as
-    /// the photo's captures say it is.
+    /// What the contestant makes of `photo`, how it is judged, and by which reference solution:
+    /// `second`, or one with the lens as the photo's captures say it is.
     fn run<'a>(
         &mut self,
         contestant: Contestant,
         photo: &Frame<Work>,
         second: &'a Restored,
         stopwatch: Stopwatch,
-    ) -> Result<(Restored, Verdict, Cow<'a, Restored>), StandError> {
+    ) -> Result<(Restored, Verdict, Cow<'a, Restored>), TestRigError> {
         if self.fault == Fault::WarmUp {
             // Each job finds the panel cold.
             self.put_fault_on();
         }
         let method = contestant.method(&self.config, self.fault, self.strength);
-        let request = Request { photo, channels: self.channels(), method: &*method, stopwatch: &stopwatch };
+        let request =
+            Request { photo, channels: self.channels(), method: &*method, stopwatch: &stopwatch };
         let restored = self.bench.restore(&mut self.devices, &request, &mut |_, _| {})?;
         if !self.bench.is_suspect(&request, &restored) {
             return Ok((restored, Verdict::Sound, Cow::Borrowed(second)));
         }
         let second = match restored.solution.look.refined {
             None => Cow::Borrowed(second),
-            Some(_) => Cow::Owned(self.second_opinion(Some(&restored.lens), photo)?),
+            Some(_) => Cow::Owned(self.reference_solution(Some(&restored.lens), photo)?),
         };
         let verdict = self.bench.judge(&request, &restored, &second);
         Ok((restored, verdict, second))
@@ -274,7 +278,9 @@ impl Ground {
     fn display(&self, picture: &Frame<Work>) -> Plane {
         match self.channels() {
             Channels::Green => picture.plane(Channel::Green).map(|v: f32| v.clamp(0.0, 255.0)),
-            Channels::Colour => display_luminance(&Tone::of_curve(self.config.photo.curve, 8), picture),
+            Channels::Colour => {
+                display_luminance(&Tone::of_curve(self.config.photo.curve, 8), picture)
+            }
         }
     }
 }

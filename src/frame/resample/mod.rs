@@ -1,8 +1,9 @@
-//! Bicubic resampling of a plane: at given places ([`warp`], [`sample`]), and to another size ([`resize`]).
+//! Bicubic resampling of a plane: at given places ([`warp`], [`sample`]), and to another size
+//! ([`resize`]).
 //!
-//! The kernel is Keys' cubic convolution ("Cubic convolution interpolation for digital image processing",
-//! 1981) with a = −½, the one value whose error falls with the third power of the pixel pitch. OpenCV's −¾
-//! sharpens: a test below measures both on a smooth picture.
+//! The kernel is Keys' cubic convolution ("Cubic convolution interpolation for digital image
+//! processing", 1981) with a = −½, the one value whose error falls with the third power of the
+//! pixel pitch. OpenCV's −¾ sharpens: a test below measures both on a smooth picture.
 
 mod resize;
 
@@ -41,13 +42,14 @@ fn weights<const FUSED: bool>(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
     let mut weights = [0.0; 4];
     for (j, weight) in weights.iter_mut().enumerate() {
         let upper = multiply_add::<FUSED>(cubics[3][j], t, cubics[2][j]);
-        *weight = multiply_add::<FUSED>(multiply_add::<FUSED>(upper, t, cubics[1][j]), t, cubics[0][j]);
+        *weight =
+            multiply_add::<FUSED>(multiply_add::<FUSED>(upper, t, cubics[1][j]), t, cubics[0][j]);
     }
     weights
 }
 
-/// The value of `plane` at column `x`, row `y` (pixel centres are whole numbers). Zero where a place is not a
-/// finite number or the plane is empty.
+/// The value of `plane` at column `x`, row `y` (pixel centres are whole numbers). Zero where a
+/// place is not a finite number or the plane is empty.
 pub fn sample(plane: &Plane, x: f32, y: f32, outside: Outside) -> f32 {
     sample_by(&CUBICS, plane, x, y, outside)
 }
@@ -77,8 +79,8 @@ fn border_taps(
 ) -> ([usize; 4], [f32; 4]) {
     // Far outside all taps are outside; clamping keeps the arithmetic small.
     let place = place.clamp(-4.0, length as f32 + 3.0);
-    // Counted from −5, so that cutting off the fraction is rounding down: `floor` is a library call on
-    // baseline x86-64.
+    // Counted from −5, so that cutting off the fraction is rounding down: `floor` is a library call
+    // on baseline x86-64.
     let first = (place + 5.0) as isize - 6;
     let mut weights = weights::<false>(cubics, place - (first + 1) as f32);
     let mut taps = [0; 4];
@@ -102,7 +104,13 @@ pub fn warp(source: &Plane, map_x: &Plane, map_y: &Plane, outside: Outside, out:
         map_x.size() == out.size() && map_y.size() == out.size(),
         "the maps have the size of the plane they make"
     );
-    run_fastest(Warp { source, map_x: map_x.data(), map_y: map_y.data(), outside, out: out.data_mut() });
+    run_fastest(Warp {
+        source,
+        map_x: map_x.data(),
+        map_y: map_y.data(),
+        outside,
+        out: out.data_mut(),
+    });
 }
 
 struct Warp<'a> {
@@ -141,8 +149,9 @@ impl Kernel for Warp<'_> {
     }
 }
 
-/// Whether the four taps of all `places` along a side of `length` pixels lie inside. One more pixel is left off at the
-/// far end, so that rounding cannot bring a tap outside; places that are not numbers are not inside.
+/// Whether the four taps of all `places` along a side of `length` pixels lie inside. One more pixel
+/// is left off at the far end, so that rounding cannot bring a tap outside; places that are not
+/// numbers are not inside.
 #[inline(always)]
 fn all_inside(length: usize, places: &[f32; AT_A_TIME]) -> bool {
     let end = length as f32 - 3.0;
@@ -153,10 +162,11 @@ fn all_inside(length: usize, places: &[f32; AT_A_TIME]) -> bool {
     inside
 }
 
-/// Along one side: the first tap of each place (above 1, below 2²²) and how far behind the second tap it lies.
+/// Along one side: the first tap of each place (above 1, below 2²²) and how far behind the second
+/// tap it lies.
 ///
-/// The whole part comes without `floor`, which is a library call on baseline x86-64; it may be one too small with a
-/// rest of 1, which is the same place.
+/// The whole part comes without `floor`, which is a library call on baseline x86-64; it may be one
+/// too small with a rest of 1, which is the same place.
 #[inline(always)]
 fn first_taps(places: &[f32; AT_A_TIME]) -> ([u32; AT_A_TIME], [f32; AT_A_TIME]) {
     const SHIFT: f32 = 8_388_608.0; // 2²³: from here on the spacing of f32 is 1
@@ -179,8 +189,9 @@ fn inner<const FUSED: bool>(
     y: &[f32; AT_A_TIME],
 ) -> [f32; AT_A_TIME] {
     let ((columns, tx), (rows, ty)) = (first_taps(x), first_taps(y));
-    // The weights of the rows for all places at once; those of the columns place by place, where they are used side by side.
-    // Loops and no closures: what is not compiled inside the kernel calls a library for each fused product (8 times slower).
+    // The weights of the rows for all places at once; those of the columns place by place, where
+    // they are used side by side. Loops and no closures: what is not compiled inside the kernel
+    // calls a library for each fused product (8 times slower).
     let mut wy = [[0.0f32; AT_A_TIME]; 4];
     for (j, of_row) in wy.iter_mut().enumerate() {
         for (weight, t) in of_row.iter_mut().zip(&ty) {
@@ -193,7 +204,8 @@ fn inner<const FUSED: bool>(
     let length = data.len().saturating_sub(3 * width);
     let (up, mid) = (&data[..length], &data[width..][..length]);
     let (low, down) = (&data[2 * width..][..length], &data[3 * width..][..length]);
-    // Down the columns first: four sums of four pixels each, one place at a time, each row one load.
+    // Down the columns first: four sums of four pixels each, one place at a time, each row one
+    // load.
     let mut sums = [[0.0f32; 4]; AT_A_TIME];
     for i in 0..AT_A_TIME {
         let start = rows[i] as usize * width + columns[i] as usize;

@@ -3,9 +3,10 @@
 use super::KEYS_A;
 use crate::frame::{Plane, Size};
 
-/// `plane` resampled to `size`. Both cover the same rectangle: pixel i of n lies at (i+½)/n of its side. Each new
-/// pixel is a mean of old ones weighted by Keys' kernel, stretched to the new pixel's width where the picture gets
-/// smaller, so that no detail folds over; at the border only pixels inside count. Nothing to take from gives black.
+/// `plane` resampled to `size`. Both cover the same rectangle: pixel i of n lies at (i+½)/n of its
+/// side. Each new pixel is a mean of old ones weighted by Keys' kernel, stretched to the new
+/// pixel's width where the picture gets smaller, so that no detail folds over; at the border only
+/// pixels inside count. Nothing to take from gives black.
 pub fn resize(plane: &Plane, size: Size) -> Plane {
     if plane.size().area() == 0 || size.area() == 0 {
         return Plane::zeros(size);
@@ -46,7 +47,8 @@ fn taps(from: usize, to: usize) -> Vec<Taps> {
             let middle = (i as f64 + 0.5) * scale - 0.5;
             let first = (middle - 2.0 * stretch).ceil().max(0.0) as usize;
             let last = ((middle + 2.0 * stretch).floor() as usize).min(from - 1);
-            let raw: Vec<f64> = (first..=last).map(|n| kernel((n as f64 - middle) / stretch)).collect();
+            let raw: Vec<f64> =
+                (first..=last).map(|n| kernel((n as f64 - middle) / stretch)).collect();
             let total: f64 = raw.iter().sum();
             Taps { first, weights: raw.iter().map(|w| (w / total) as f32).collect() }
         })

@@ -1,4 +1,5 @@
-//! Resampling: exactness where the kernel is exact, borders, accuracy, and both forms against each other.
+//! Resampling: exactness where the kernel is exact, borders, accuracy, and both forms against each
+//! other.
 
 use super::*;
 use crate::frame::Size;
@@ -6,7 +7,9 @@ use crate::frame::Size;
 /// A smooth picture that can be looked up anywhere: the shortest wave is `shortest_px` long.
 fn smooth(shortest_px: f32, x: f32, y: f32) -> f32 {
     let wave = std::f32::consts::TAU / shortest_px;
-    128.0 + 60.0 * (wave * x * 0.8 + wave * y * 0.6).sin() + 40.0 * (wave * x * 0.3 - wave * y * 0.9).cos()
+    128.0
+        + 60.0 * (wave * x * 0.8 + wave * y * 0.6).sin()
+        + 40.0 * (wave * x * 0.3 - wave * y * 0.9).cos()
 }
 
 fn smooth_plane(size: Size, shortest_px: f32) -> Plane {
@@ -27,7 +30,9 @@ fn error_with(a: f32, shortest_px: f32) -> f64 {
 fn keys_own_parameter_is_the_more_accurate_on_smooth_pictures() {
     for shortest_px in [6.0, 10.0, 20.0] {
         let (ours, opencv) = (error_with(-0.5, shortest_px), error_with(-0.75, shortest_px));
-        println!("waves of {shortest_px} px: RMS error {ours:.3} with -0.5, {opencv:.3} with -0.75");
+        println!(
+            "waves of {shortest_px} px: RMS error {ours:.3} with -0.5, {opencv:.3} with -0.75"
+        );
         assert!(ours < 0.6 * opencv, "{shortest_px}: {ours} {opencv}");
     }
 }
@@ -83,7 +88,13 @@ fn outside_is_the_edge_or_black() {
 fn tiny_planes_are_no_trouble() {
     let one = Plane::filled(Size::new(1, 1), 7.0);
     let mut out = Plane::zeros(Size::new(3, 1));
-    warp(&one, &Plane::filled(out.size(), 0.3), &Plane::filled(out.size(), 0.2), Outside::Edge, &mut out);
+    warp(
+        &one,
+        &Plane::filled(out.size(), 0.3),
+        &Plane::filled(out.size(), 0.2),
+        Outside::Edge,
+        &mut out,
+    );
     assert!(out.data().iter().all(|&v| (v - 7.0).abs() < 1e-5));
     assert!(resize(&one, Size::new(5, 4)).data().iter().all(|&v| (v - 7.0).abs() < 1e-5));
     assert_eq!(sample(&Plane::zeros(Size::new(0, 0)), 0.0, 0.0, Outside::Edge), 0.0);
@@ -97,7 +108,8 @@ fn another_size_keeps_place_and_mean_and_folds_nothing_over() {
         let (scale_x, scale_y) = (240.0 / size.width as f32, 160.0 / size.height as f32);
         for y in 8..size.height - 8 {
             for x in 8..size.width - 8 {
-                let (at_x, at_y) = ((x as f32 + 0.5) * scale_x - 0.5, (y as f32 + 0.5) * scale_y - 0.5);
+                let (at_x, at_y) =
+                    ((x as f32 + 0.5) * scale_x - 0.5, (y as f32 + 0.5) * scale_y - 0.5);
                 assert!((made.at(x, y) - smooth(40.0, at_x, at_y)).abs() < 3.0, "{size} {x} {y}");
             }
         }

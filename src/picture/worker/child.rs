@@ -21,9 +21,9 @@ pub fn serve(ask: &str) -> io::Result<()> {
     let mut out = BufWriter::new(io::stdout().lock());
     let read = match ask.photo {
         None => whole(&ask.name, file, &ask.limits).map(|()| None),
-        Some((curve, size)) => {
-            Photo::of_file(&ask.name, file, curve, &ask.limits).and_then(|photo| photo.fit(size)).map(Some)
-        }
+        Some((curve, size)) => Photo::of_file(&ask.name, file, curve, &ask.limits)
+            .and_then(|photo| photo.fit(size))
+            .map(Some),
     };
     match read {
         Ok(Some(photo)) => wire::write_photo(&mut out, &photo)?,
@@ -41,7 +41,8 @@ pub fn serve(ask: &str) -> io::Result<()> {
 
 /// Whatever the file makes of this process from here on, it is small, short, mute and alone.
 fn raise_walls(ask: &Ask) -> io::Result<()> {
-    let wall = |resource, most| setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) });
+    let wall =
+        |resource, most| setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) });
     // The daemon's end is the worker's end.
     set_parent_process_death_signal(Some(Signal::KILL))?;
     rustix::thread::set_no_new_privs(true)?;
@@ -51,7 +52,8 @@ fn raise_walls(ask: &Ask) -> io::Result<()> {
     wall(Resource::Fsize, 0)?;
     wall(Resource::Nofile, 8)?;
     wall(Resource::Core, 0)?;
-    // Should the box run out of memory all the same, this is the process that goes. Not every kernel lets one say so.
+    // Should the box run out of memory all the same, this is the process that goes. Not every
+    // kernel lets one say so.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
     Ok(())
 }

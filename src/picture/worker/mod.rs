@@ -1,9 +1,9 @@
 //! Photo files read in a process of their own, which a hostile file may kill and no more.
 //!
-//! The worker is this same program, started anew for each file with the file at its standard input. Before it
-//! looks at a byte it bounds its own memory, processor time, open files and written files to what a photo
-//! needs (setrlimit(2)); a timer ends it when it sits still. The daemon gets linear light of the rig's size, and
-//! never parses a byte of the file itself.
+//! The worker is this same program, started anew for each file with the file at its standard input.
+//! Before it looks at a byte it bounds its own memory, processor time, open files and written files
+//! to what a photo needs (setrlimit(2)); a timer ends it when it sits still. The daemon gets linear
+//! light of the rig's size, and never parses a byte of the file itself.
 
 mod child;
 mod wire;
@@ -16,7 +16,8 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::{
-    Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create, timerfd_settime,
+    Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create,
+    timerfd_settime,
 };
 
 use super::{Limits, Photo, PictureError};
@@ -43,9 +44,9 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Workers of the program that is running, whatever has its name by now. The bounds are guesses: a
-    /// 24-megapixel photo of 16 bits takes 1.0 GiB and 2 s of processor time on a desktop, a board is ten times
-    /// slower.
+    /// Workers of the program that is running, whatever has its name by now. The bounds are
+    /// guesses: a 24-megapixel photo of 16 bits takes 1.0 GiB and 2 s of processor time on a
+    /// desktop, a board is ten times slower.
     pub fn of_this_program() -> Worker {
         Worker::of("/proc/self/exe".into())
     }
@@ -111,7 +112,9 @@ impl Worker {
             Taken::All(bytes) if ended.success() => Ok(bytes),
             Taken::All(_) => Err(died(&ask.name, self.cause(ended))),
             Taken::TooMuch => Err(died(&ask.name, "it gave more than was asked for".to_owned())),
-            Taken::TooLate => Err(died(&ask.name, format!("found no answer, allowed {} s", self.wall_s_max))),
+            Taken::TooLate => {
+                Err(died(&ask.name, format!("found no answer, allowed {} s", self.wall_s_max)))
+            }
         }
     }
 
@@ -128,7 +131,8 @@ impl Worker {
         )?;
         let (mut bytes, mut piece) = (Vec::new(), vec![0; 1 << 16]);
         loop {
-            let mut watched = [PollFd::new(&out, PollFlags::IN), PollFd::new(&timer, PollFlags::IN)];
+            let mut watched =
+                [PollFd::new(&out, PollFlags::IN), PollFd::new(&timer, PollFlags::IN)];
             match poll(&mut watched, None) {
                 Err(rustix::io::Errno::INTR) => continue,
                 polled => polled?,
@@ -138,7 +142,9 @@ impl Worker {
             }
             match out.read(&mut piece) {
                 Ok(0) => return Ok(Taken::All(bytes)),
-                Ok(length) if (bytes.len() + length) as u64 > bytes_max => return Ok(Taken::TooMuch),
+                Ok(length) if (bytes.len() + length) as u64 > bytes_max => {
+                    return Ok(Taken::TooMuch);
+                }
                 Ok(length) => bytes.extend_from_slice(&piece[..length]),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error),
@@ -150,7 +156,9 @@ impl Worker {
     fn cause(&self, ended: ExitStatus) -> String {
         match ended.signal() {
             // Rust's answer to memory that is refused is to abort.
-            Some(6) => format!("it aborted; {} MiB of memory are allowed", self.memory_bytes_max >> 20),
+            Some(6) => {
+                format!("it aborted; {} MiB of memory are allowed", self.memory_bytes_max >> 20)
+            }
             Some(9 | 24) => {
                 format!("it was killed; {} s of processor time are allowed", self.processor_s_max)
             }
@@ -160,17 +168,16 @@ impl Worker {
     }
 }
 
-/// The photo called `name` in all that a worker answered when it was asked for one on the grid `size`. The worker is
-/// trusted in nothing: the file may have taken it over.
+/// The photo called `name` in all that a worker answered when it was asked for one on the grid
+/// `size`. The worker is trusted in nothing: the file may have taken it over.
 ///
 /// # Errors
 /// Why it is none: as [`Worker::photo`].
 pub fn photo_of_answer(name: &str, answer: &[u8], size: Size) -> Result<Photo, PictureError> {
     let mut rest = answer;
     match read(name, &mut rest)? {
-        Answer::Photo(header) => {
-            wire::read_photo(*header, &mut rest, size).map_err(|how| died(name, format!("it gave {how}")))
-        }
+        Answer::Photo(header) => wire::read_photo(*header, &mut rest, size)
+            .map_err(|how| died(name, format!("it gave {how}"))),
         other => Err(refusal(name, other)),
     }
 }
@@ -192,7 +199,9 @@ fn died(name: &str, how: String) -> PictureError {
 fn refusal(name: &str, answer: Answer) -> PictureError {
     match answer {
         Answer::Refused { words, growth } => PictureError::Told { words, growth },
-        Answer::Unread { words } => PictureError::Read { path: name.into(), source: io::Error::other(words) },
+        Answer::Unread { words } => {
+            PictureError::Read { path: name.into(), source: io::Error::other(words) }
+        }
         Answer::Whole | Answer::Photo(_) => died(name, "it answered something else".to_owned()),
     }
 }

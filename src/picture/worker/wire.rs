@@ -1,8 +1,9 @@
-//! What goes between the daemon and a worker: one question in, one answer out, planes as plain numbers.
+//! What goes between the daemon and a worker: one question in, one answer out, planes as plain
+//! numbers.
 //!
-//! An answer is a length (u32, little-endian), that many bytes of postcard, and then the planes named in them,
-//! row by row, f32 little-endian. Whoever reads it trusts none of it: a worker may have been taken over by the
-//! file it read.
+//! An answer is a length (u32, little-endian), that many bytes of postcard, and then the planes
+//! named in them, row by row, f32 little-endian. Whoever reads it trusts none of it: a worker may
+//! have been taken over by the file it read.
 
 use std::io::{self, Read, Write};
 
@@ -57,7 +58,8 @@ pub(super) struct Header {
     notes: Vec<String>,
 }
 
-/// Longest answer without its planes: curves of 3 × 65536 steps, and 16 MiB each of profile and EXIF. Guess.
+/// Longest answer without its planes: curves of 3 × 65536 steps, and 16 MiB each of profile and
+/// EXIF. Guess.
 const HEADER_BYTES_MAX: u32 = 36 << 20;
 
 /// Most bytes an answer to `ask` may have.
@@ -70,7 +72,8 @@ pub(super) fn bytes_max(ask: &Ask) -> u64 {
 pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
     let bytes = postcard::to_allocvec(answer).map_err(io::Error::other)?;
     let length = u32::try_from(bytes.len()).ok().filter(|&length| length <= HEADER_BYTES_MAX);
-    let length = length.ok_or_else(|| io::Error::other(format!("{} bytes of metadata", bytes.len())))?;
+    let length =
+        length.ok_or_else(|| io::Error::other(format!("{} bytes of metadata", bytes.len())))?;
     out.write_all(&length.to_le_bytes())?;
     out.write_all(&bytes)
 }
@@ -120,7 +123,11 @@ pub(super) fn read(bytes: &mut &[u8]) -> Result<Answer, &'static str> {
 ///
 /// # Errors
 /// A few words on what is wrong with it.
-pub(super) fn read_photo(header: Header, bytes: &mut &[u8], allowed: Size) -> Result<Photo, &'static str> {
+pub(super) fn read_photo(
+    header: Header,
+    bytes: &mut &[u8],
+    allowed: Size,
+) -> Result<Photo, &'static str> {
     let steps = match header.bits {
         8 => 256,
         16 => 65536,
@@ -141,7 +148,9 @@ pub(super) fn read_photo(header: Header, bytes: &mut &[u8], allowed: Size) -> Re
     };
     let light = match header.channels {
         Channels::Colour => Frame::from_planes([plane()?, plane()?, plane()?]),
-        Channels::Green => Frame::from_planes([Plane::zeros(allowed), plane()?, Plane::zeros(allowed)]),
+        Channels::Green => {
+            Frame::from_planes([Plane::zeros(allowed), plane()?, Plane::zeros(allowed)])
+        }
     };
     let alpha = if header.alpha { Some(plane()?) } else { None };
     if !bytes.is_empty() {
@@ -156,7 +165,8 @@ pub(super) fn read_photo(header: Header, bytes: &mut &[u8], allowed: Size) -> Re
             layout: header.layout,
             bits: header.bits,
             tone: header.tone,
-            orientation: Orientation::from_exif(header.orientation).ok_or("no known orientation")?,
+            orientation: Orientation::from_exif(header.orientation)
+                .ok_or("no known orientation")?,
             icc: header.icc,
             exif: header.exif,
             alpha,

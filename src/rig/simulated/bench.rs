@@ -1,7 +1,8 @@
 //! The simulated optical bench in time: what is on the panel, what the camera does, when.
 //!
-//! Time is a number that waiting moves; nothing sleeps. The rows of a picture appear together: the scan-out
-//! of up to one refresh is part of what `panel.settle-ms` has to cover, not of the picture.
+//! Time is a number that waiting moves; nothing sleeps. The rows of a picture appear together: the
+//! scan-out of up to one refresh is part of what `panel.settle-ms` has to cover, not of the
+//! picture.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -49,7 +50,8 @@ pub(super) struct Bench {
     before: Picture,
     now: Picture,
     change_s: f64,
-    /// Exposures begun whose frames have not been taken; a sensor exposes one while it reads out another.
+    /// Exposures begun whose frames have not been taken; a sensor exposes one while it reads out
+    /// another.
     fired_s: VecDeque<f64>,
     exposures: u64,
     sequence: u32,
@@ -155,7 +157,8 @@ impl Bench {
         let share = 1.0 - (-(change_s - self.change_s) / (self.display.response_ms / 1000.0)).exp();
         if share < ARRIVED {
             let light = self.mixed_light(share);
-            self.before = Picture { codes: Arc::clone(&self.now.codes), light: Some(Arc::new(light)) };
+            self.before =
+                Picture { codes: Arc::clone(&self.now.codes), light: Some(Arc::new(light)) };
         } else {
             self.before = self.now.clone();
         }
@@ -234,7 +237,8 @@ impl Bench {
         } else {
             Arc::new(self.mixed_light(share))
         };
-        let light = if self.wear.is_unsteady() { Arc::new(self.unsteady(&light, number)) } else { light };
+        let light =
+            if self.wear.is_unsteady() { Arc::new(self.unsteady(&light, number)) } else { light };
         self.sensor.expose(&light, self.optics.dark_corner(Light::Panel), self.seed, number)
     }
 
@@ -327,7 +331,10 @@ impl Bench {
             *value *= share;
         }
         if let Some(dust) = &self.dust {
-            seen.data_mut().iter_mut().zip(dust.data()).for_each(|(value, passed)| *value *= passed);
+            seen.data_mut()
+                .iter_mut()
+                .zip(dust.data())
+                .for_each(|(value, passed)| *value *= passed);
         }
         seen
     }

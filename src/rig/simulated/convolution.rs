@@ -1,7 +1,9 @@
-//! Spatially varying convolution of the simulated lens: out = Σ_n P_n * (w_n·in), by tiles in frequency.
+//! Spatially varying convolution of the simulated lens: out = Σ_n P_n * (w_n·in), by tiles in
+//! frequency.
 //!
-//! The weights w_n are hat functions around evenly spread nodes and sum to 1 everywhere (object-side
-//! bilinear interpolation between the functions P_n); outside the frame there is no light.
+//! The weights w_n are hat functions around evenly spread nodes and sum to 1 everywhere
+//! (object-side bilinear interpolation between the functions P_n); outside the frame there is no
+//! light.
 
 use std::sync::Arc;
 
@@ -109,9 +111,14 @@ impl TileTransform {
         for y in 0..rows {
             scratch.row.fill(0.0);
             fill(y, &mut scratch.row);
-            // Lengths are those the plan was made for, so it cannot fail; a failure would leave a zero row.
+            // Lengths are those the plan was made for, so it cannot fail; a failure would leave a
+            // zero row.
             let work = &mut scratch.work[..self.forward_rows.get_scratch_len()];
-            if self.forward_rows.process_with_scratch(&mut scratch.row, &mut scratch.line, work).is_ok() {
+            if self
+                .forward_rows
+                .process_with_scratch(&mut scratch.row, &mut scratch.line, work)
+                .is_ok()
+            {
                 for (bin, &value) in scratch.line.iter().enumerate() {
                     scratch.spectrum[bin * self.height + y] = value;
                 }
@@ -133,7 +140,11 @@ impl TileTransform {
                 scratch.line[self.width / 2].im = 0.0;
             }
             let work = &mut scratch.work[..self.inverse_rows.get_scratch_len()];
-            if self.inverse_rows.process_with_scratch(&mut scratch.line, &mut scratch.row, work).is_ok() {
+            if self
+                .inverse_rows
+                .process_with_scratch(&mut scratch.line, &mut scratch.row, work)
+                .is_ok()
+            {
                 take(y, &scratch.row);
             }
         }
@@ -152,8 +163,8 @@ pub(super) struct Convolution {
 }
 
 impl Convolution {
-    /// Plans the convolution on a grid of `size` with nodes along `axes` (x, y). `function` gives the
-    /// function of a channel at node (column, row): `support_px`² values, row-major.
+    /// Plans the convolution on a grid of `size` with nodes along `axes` (x, y). `function` gives
+    /// the function of a channel at node (column, row): `support_px`² values, row-major.
     pub(super) fn new(
         size: Size,
         axes: [Axis; 2],
@@ -182,7 +193,9 @@ impl Convolution {
                     |scratch, n| {
                         let taps = function(channel, n % columns.len(), n / columns.len());
                         transform.forward(scratch, support_px, |y, row| {
-                            for (to, from) in row.iter_mut().zip(&taps[y * support_px..][..support_px]) {
+                            for (to, from) in
+                                row.iter_mut().zip(&taps[y * support_px..][..support_px])
+                            {
                                 *to = from * scale;
                             }
                         });
@@ -199,7 +212,8 @@ impl Convolution {
         debug_assert_eq!(light.size(), self.size);
         let half = self.support_px / 2;
         let stride = self.size.width + self.support_px - 1;
-        // One strip a row of nodes, each written by one worker: the sum does not depend on their number.
+        // One strip a row of nodes, each written by one worker: the sum does not depend on their
+        // number.
         let strips: Vec<(usize, Vec<f32>)> = (0..self.rows.len())
             .into_par_iter()
             .map_init(
@@ -242,7 +256,8 @@ impl Convolution {
             if columns.weights.is_empty() {
                 continue;
             }
-            let lit = |y: usize| &light.row(rows.start + y)[columns.start..][..columns.weights.len()];
+            let lit =
+                |y: usize| &light.row(rows.start + y)[columns.start..][..columns.weights.len()];
             if (0..rows.weights.len()).all(|y| lit(y).iter().all(|&v| v == 0.0)) {
                 continue;
             }
@@ -267,7 +282,8 @@ impl Convolution {
     }
 }
 
-/// The smallest multiple of `step` from `least` on whose transform is fast: no prime factor above 5.
+/// The smallest multiple of `step` from `least` on whose transform is fast: no prime factor above
+/// 5.
 fn good_length(least: usize, step: usize) -> usize {
     let smooth = |mut n: usize| {
         for p in [2, 3, 5] {
@@ -285,7 +301,12 @@ mod tests {
     use super::*;
 
     /// The sum as it is written, pixel by pixel.
-    fn plain(light: &Plane, axes: [Axis; 2], k: usize, function: impl Fn(usize, usize) -> Vec<f32>) -> Plane {
+    fn plain(
+        light: &Plane,
+        axes: [Axis; 2],
+        k: usize,
+        function: impl Fn(usize, usize) -> Vec<f32>,
+    ) -> Plane {
         let (size, half) = (light.size(), (k / 2) as isize);
         let mut out = Plane::zeros(size);
         for row in 0..axes[1].count {
@@ -293,12 +314,19 @@ mod tests {
                 let taps = function(column, row);
                 for y in 0..size.height {
                     for x in 0..size.width {
-                        let weight = axes[0].weight(column, x as f64) * axes[1].weight(row, y as f64);
+                        let weight =
+                            axes[0].weight(column, x as f64) * axes[1].weight(row, y as f64);
                         let value = light.at(x, y) * weight as f32;
                         for (n, tap) in taps.iter().enumerate() {
-                            let (i, j) =
-                                (x as isize + (n % k) as isize - half, y as isize + (n / k) as isize - half);
-                            if i >= 0 && j >= 0 && (i as usize) < size.width && (j as usize) < size.height {
+                            let (i, j) = (
+                                x as isize + (n % k) as isize - half,
+                                y as isize + (n / k) as isize - half,
+                            );
+                            if i >= 0
+                                && j >= 0
+                                && (i as usize) < size.width
+                                && (j as usize) < size.height
+                            {
                                 let (i, j) = (i as usize, j as usize);
                                 out.set(i, j, out.at(i, j) + value * tap);
                             }
@@ -314,13 +342,15 @@ mod tests {
     fn tiles_agree_with_the_plain_sum() {
         let size = Size::new(53, 41);
         let light = Plane::from_fn(size, |x, y| ((x * 31 + y * 17) % 23) as f32 * 11.0);
-        let axes = [Axis { first: -4.2, step: 12.3, count: 6 }, Axis { first: 7.5, step: 13.0, count: 3 }];
+        let axes =
+            [Axis { first: -4.2, step: 12.3, count: 6 }, Axis { first: 7.5, step: 13.0, count: 3 }];
         let function = |column: usize, row: usize| -> Vec<f32> {
             (0..49).map(|n| ((n * (column + 2) + row * 5) % 13) as f32 / 300.0).collect()
         };
         let plan = Convolution::new(size, axes, 7, |_, column, row| function(column, row));
         let (fast, slow) = (plan.apply(Channel::Red, &light), plain(&light, axes, 7, function));
-        let worst = fast.data().iter().zip(slow.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let worst =
+            fast.data().iter().zip(slow.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-3, "{worst}");
         assert!(slow.rms() > 10.0);
     }

@@ -57,7 +57,8 @@ mod tests {
             unplugged_ms: 1.0,
         };
         let drawn: Vec<Fault> = (0..10_000).map(|n| draw(&faults, 5, n)).collect();
-        let share = |test: fn(&Fault) -> bool| drawn.iter().filter(|f| test(f)).count() as f64 / 1e4;
+        let share =
+            |test: fn(&Fault) -> bool| drawn.iter().filter(|f| test(f)).count() as f64 / 1e4;
         assert!((share(|f| *f == Fault::Stale) - 0.1).abs() < 0.015);
         assert!((share(|f| *f == Fault::Missing) - 0.2).abs() < 0.02);
         assert!((share(|f| matches!(f, Fault::Mixed(_))) - 0.3).abs() < 0.02);

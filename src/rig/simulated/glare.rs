@@ -15,7 +15,8 @@ pub(super) fn scatter(light: Plane, glare: Glare) -> Plane {
     }
     let cell = ((glare.radius_px / CELLS_PER_SIGMA) as usize).max(1);
     let coarse = cell_means(&light, cell);
-    // Cell means and linear interpolation spread the light by themselves, together cell²/4 in variance.
+    // Cell means and linear interpolation spread the light by themselves, together cell²/4 in
+    // variance.
     let spread = if cell == 1 { 0.0 } else { 0.25 };
     let sigma = ((glare.radius_px / cell as f32).powi(2) - spread).max(0.01).sqrt();
     let taps = gaussian(sigma);
@@ -35,8 +36,8 @@ pub(super) fn scatter(light: Plane, glare: Glare) -> Plane {
     out
 }
 
-/// Means over cells of `cell`² pixels, beginning one cell outside the frame: cells beyond the border are
-/// dark, and a cell across it counts its missing pixels as dark.
+/// Means over cells of `cell`² pixels, beginning one cell outside the frame: cells beyond the
+/// border are dark, and a cell across it counts its missing pixels as dark.
 fn cell_means(light: &Plane, cell: usize) -> Plane {
     let size = light.size();
     let coarse = Size::new(size.width.div_ceil(cell) + 2, size.height.div_ceil(cell) + 2);
@@ -61,7 +62,8 @@ fn between(x: usize, cell: usize, length: usize) -> (usize, usize, f32) {
 /// Sampled Gaussian that sums to 1, from −n to n.
 fn gaussian(sigma: f32) -> Vec<f32> {
     let reach = (CUT * sigma).ceil() as i32;
-    let taps: Vec<f32> = (-reach..=reach).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
+    let taps: Vec<f32> =
+        (-reach..=reach).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
     let sum: f32 = taps.iter().sum();
     taps.into_iter().map(|v| v / sum).collect()
 }
@@ -84,7 +86,8 @@ mod tests {
     #[test]
     fn the_coarse_way_agrees_with_the_sum_as_written() {
         let size = Size::new(90, 70);
-        let light = Plane::from_fn(size, |x, y| if (x / 9 + y / 7) % 2 == 0 { 255.0 } else { 20.0 });
+        let light =
+            Plane::from_fn(size, |x, y| if (x / 9 + y / 7) % 2 == 0 { 255.0 } else { 20.0 });
         let glare = Glare { share: 0.5, radius_px: 20.0 };
         let taps = gaussian(20.0);
         let veil = transposed_blur(&transposed_blur(&light, &taps), &taps);

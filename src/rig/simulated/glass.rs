@@ -37,8 +37,8 @@ pub(super) fn names() -> String {
     format!("air, {}", glasses.join(", "))
 }
 
-/// Refractive index of the glass called `name` at `wavelength_nm`, relative to air taken as 1; `None` for
-/// an unknown glass.
+/// Refractive index of the glass called `name` at `wavelength_nm`, relative to air taken as 1;
+/// `None` for an unknown glass.
 pub(super) fn index(name: &str, wavelength_nm: f64) -> Option<f64> {
     if name == "air" {
         return Some(1.0);

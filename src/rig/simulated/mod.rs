@@ -1,8 +1,9 @@
 //! A rig made of physics, and the witness to what is true of it.
 //!
-//! Light path: codes → [`panel`] response → [`pose`] → [`point_spread`] by [`convolution`] → [`glare`] → dark
-//! corner → [`sensor`]. The lens is traced from its [`prescription`] through [`glass`]; [`bench`] puts it all
-//! into time, [`faults`] into the world. It shares no code with the solver or the calibration.
+//! Light path: codes → [`panel`] response → [`pose`] → [`point_spread`] by [`convolution`] →
+//! [`glare`] → dark corner → [`sensor`]. The lens is traced from its [`prescription`] through
+//! [`glass`]; [`bench`] puts it all into time, [`faults`] into the world. It shares no code with
+//! the solver or the calibration.
 
 mod bench;
 mod convolution;

@@ -19,10 +19,11 @@ const LOST_SHARE_MAX: f64 = 0.02;
 pub enum Light {
     /// The panel's primaries, in the green channel's geometry: a capture.
     Panel,
-    /// The panel's primaries, each channel's functions on their own centroids: a capture whose lateral
-    /// colour was taken out by per-channel geometry.
+    /// The panel's primaries, each channel's functions on their own centroids: a capture whose
+    /// lateral colour was taken out by per-channel geometry.
     PanelCentred,
-    /// A scene's broad light through the sensor's filters, in the green channel's geometry: a photograph.
+    /// A scene's broad light through the sensor's filters, in the green channel's geometry: a
+    /// photograph.
     Scene,
 }
 
@@ -37,20 +38,29 @@ struct Traced {
 }
 
 impl Traced {
-    fn new(prescription: &Prescription, simulation: &Simulation, sensor: Size) -> Result<Traced, RigError> {
+    fn new(
+        prescription: &Prescription,
+        simulation: &Simulation,
+        sensor: Size,
+    ) -> Result<Traced, RigError> {
         let filters = simulation.sensor.filters.clone();
         let lens = Focused::new(prescription, filters.lists()[Channel::Green.index()])?;
         log::debug!(
-            "simulated lens: focal length {:.3} mm at 540 nm, image plane {:.3} mm behind the first vertex",
+            "simulated lens: focal length {:.3} mm at 540 nm, image plane {:.3} mm behind the \
+             first vertex",
             lens.lens.focal_length(540.0),
             lens.image_z
         );
         let half = (prescription.support_px / 2) as f64;
         let [aside, down] = prescription.axis_offset_px.map(f64::abs);
-        let reach_px =
-            (sensor.width as f64 / 2.0 + half + aside).hypot(sensor.height as f64 / 2.0 + half + down);
-        let radial =
-            Radial::new(&lens, prescription, &filters, reach_px * prescription.pixel_pitch_um / 1000.0);
+        let reach_px = (sensor.width as f64 / 2.0 + half + aside)
+            .hypot(sensor.height as f64 / 2.0 + half + down);
+        let radial = Radial::new(
+            &lens,
+            prescription,
+            &filters,
+            reach_px * prescription.pixel_pitch_um / 1000.0,
+        );
         let panel = Fan::new(&lens, prescription, &radial, &simulation.display.primaries);
         let scene = OnceLock::new();
         if simulation.display.primaries == filters {
@@ -63,7 +73,8 @@ impl Traced {
         match light {
             Light::Panel | Light::PanelCentred => &self.panel,
             Light::Scene => {
-                let trace = || Fan::new(&self.lens, &self.prescription, &self.radial, &self.filters);
+                let trace =
+                    || Fan::new(&self.lens, &self.prescription, &self.radial, &self.filters);
                 self.scene.get_or_init(trace)
             }
         }
@@ -76,8 +87,8 @@ enum Functions {
     Measured(BlurGrid),
 }
 
-/// The lens of one rig. Light lives on a grid that reaches `pad` pixels beyond the sensor on every side,
-/// as far as a function throws it.
+/// The lens of one rig. Light lives on a grid that reaches `pad` pixels beyond the sensor on every
+/// side, as far as a function throws it.
 pub(super) struct Optics {
     pub(super) sensor: Size,
     pub(super) photo: Rect,
@@ -120,8 +131,17 @@ impl Optics {
         };
         let (convolutions, dark_corners) = Default::default();
         let glare = simulation.lens.glare();
-        let optics =
-            Optics { sensor, photo, pad, support_px, functions, axes, glare, convolutions, dark_corners };
+        let optics = Optics {
+            sensor,
+            photo,
+            pad,
+            support_px,
+            functions,
+            axes,
+            glare,
+            convolutions,
+            dark_corners,
+        };
         optics.warn_of_lost_light();
         optics.convolution(Light::Panel);
         optics.dark_corner(Light::Panel);
@@ -139,7 +159,8 @@ impl Optics {
             Functions::Measured(_) => Map::new(pose, panel, self.sensor, f64::INFINITY, None),
             Functions::Traced(traced) => {
                 let pitch = traced.prescription.pixel_pitch_um / 1000.0;
-                let distance = traced.prescription.object_distance_mm * traced.radial.magnification() / pitch;
+                let distance =
+                    traced.prescription.object_distance_mm * traced.radial.magnification() / pitch;
                 Map::new(pose, panel, self.sensor, distance, Some((traced.radial.clone(), pitch)))
             }
         }
@@ -155,7 +176,8 @@ impl Optics {
         [at[0] - middle[0] - offset[0], at[1] - middle[1] - offset[1]]
     }
 
-    /// How far the light of `channel` seen at sensor place `at` in the green geometry really is from there.
+    /// How far the light of `channel` seen at sensor place `at` in the green geometry really is
+    /// from there.
     pub(super) fn lateral_colour_px(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
         let Functions::Traced(traced) = &self.functions else { return [0.0; 2] };
         let from_axis = self.relative_to_axis(at);
@@ -164,13 +186,18 @@ impl Optics {
         if radius > 0.0 { from_axis.map(|v| v / radius * out) } else { [0.0; 2] }
     }
 
-    /// The function of `channel` for a point seen at sensor place `at`, row-major, and the share of light
-    /// outside its support. Of a measured blur the nearest one.
+    /// The function of `channel` for a point seen at sensor place `at`, row-major, and the share of
+    /// light outside its support. Of a measured blur the nearest one.
     pub(super) fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> (Vec<f32>, f64) {
         match &self.functions {
             Functions::Traced(traced) => {
                 let own_centroid = light == Light::PanelCentred;
-                traced.fan(light).function(channel, self.relative_to_axis(at), self.support_px, own_centroid)
+                traced.fan(light).function(
+                    channel,
+                    self.relative_to_axis(at),
+                    self.support_px,
+                    own_centroid,
+                )
             }
             Functions::Measured(blur) => {
                 let nearest = |axis: Axis, x: f64| {
@@ -201,13 +228,16 @@ impl Optics {
                     return Plane::filled(self.sensor, 1.0);
                 };
                 // Smooth over the field: looked up by radius, half a pixel apart.
-                let (right, bottom) = (self.sensor.width as f64 - 1.0, self.sensor.height as f64 - 1.0);
+                let (right, bottom) =
+                    (self.sensor.width as f64 - 1.0, self.sensor.height as f64 - 1.0);
                 let corners = [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];
-                let reach = corners.map(|at| self.relative_to_axis(at)).map(|[dx, dy]| dx.hypot(dy));
+                let reach =
+                    corners.map(|at| self.relative_to_axis(at)).map(|[dx, dy]| dx.hypot(dy));
                 let radii = (reach.into_iter().fold(0.0, f64::max) * 2.0) as usize + 2;
                 let fan = traced.fan(light);
-                let table: Vec<f32> =
-                    (0..radii).map(|n| fan.relative_light(channel, n as f64 / 2.0) as f32).collect();
+                let table: Vec<f32> = (0..radii)
+                    .map(|n| fan.relative_light(channel, n as f64 / 2.0) as f32)
+                    .collect();
                 Plane::from_fn(self.sensor, |x, y| {
                     let [dx, dy] = self.relative_to_axis([x as f64, y as f64]);
                     table[((dx.hypot(dy) * 2.0).round() as usize).min(radii - 1)]
@@ -216,8 +246,8 @@ impl Optics {
         })
     }
 
-    /// Light of one channel on the grid, through the lens: blurred and veiled, on the grid, without the dark
-    /// corner.
+    /// Light of one channel on the grid, through the lens: blurred and veiled, on the grid, without
+    /// the dark corner.
     pub(super) fn through_lens(&self, light: Light, channel: Channel, on_grid: &Plane) -> Plane {
         glare::scatter(self.convolution(light).apply(channel, on_grid), self.glare)
     }
@@ -228,7 +258,8 @@ impl Optics {
             if lost > LOST_SHARE_MAX {
                 let percent = lost * 100.0;
                 log::warn!(
-                    "the simulated lens throws {percent:.1} % of a corner's {} light beyond lens.support-px = {}",
+                    "the simulated lens throws {percent:.1} % of a corner's {} light beyond \
+                     lens.support-px = {}",
                     channel.name(),
                     self.support_px
                 );

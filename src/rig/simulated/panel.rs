@@ -17,8 +17,8 @@ pub(super) fn response(display: &Display, channel: usize) -> [f32; 256] {
     })
 }
 
-/// How far the panel has come from the last picture to the new one, on average over an exposure, 0..1.
-/// The change begins at `change_s`; the approach is exponential with `response_s`.
+/// How far the panel has come from the last picture to the new one, on average over an exposure,
+/// 0..1. The change begins at `change_s`; the approach is exponential with `response_s`.
 pub(super) fn approach(change_s: f64, response_s: f64, from_s: f64, to_s: f64) -> f64 {
     let begin = from_s.max(change_s);
     if to_s <= begin {
@@ -28,7 +28,8 @@ pub(super) fn approach(change_s: f64, response_s: f64, from_s: f64, to_s: f64) -
     ((to_s - begin) - response_s * (left(begin) - left(to_s))) / (to_s - from_s)
 }
 
-/// Which part of the panel each pixel of a grid sees: its footprint, an upright square on the panel.
+/// Which part of the panel each pixel of a grid sees: its footprint, an upright square on the
+/// panel.
 pub(super) struct Projection {
     size: Size,
     /// Footprint centres on the panel, x and y.
@@ -41,7 +42,12 @@ pub(super) struct Projection {
 
 impl Projection {
     /// The footprints of a grid of `size` whose pixel (0, 0) is sensor pixel (−pad, −pad).
-    pub(super) fn new(map: &Map, size: Size, pad: usize, sensor_px_per_panel_px: f64) -> Projection {
+    pub(super) fn new(
+        map: &Map,
+        size: Size,
+        pad: usize,
+        sensor_px_per_panel_px: f64,
+    ) -> Projection {
         let pad = pad as f64;
         let centres: Vec<[f32; 2]> = (0..size.area())
             .into_par_iter()
@@ -62,8 +68,8 @@ impl Projection {
         Projection { size, centres, half: (0.5 / sensor_px_per_panel_px) as f32, identity }
     }
 
-    /// The light the grid's pixels would see through a perfect lens: the mean of the panel's light over
-    /// each footprint, dark beyond the panel.
+    /// The light the grid's pixels would see through a perfect lens: the mean of the panel's light
+    /// over each footprint, dark beyond the panel.
     pub(super) fn light(&self, codes: &Plane<u8>, response: &[f32; 256]) -> Plane {
         let panel = codes.map(|code| response[usize::from(code)]);
         let mut out = Plane::zeros(self.size);
@@ -73,7 +79,8 @@ impl Projection {
                 let Some(from) = row_of(&panel, y0 + y as isize) else { return };
                 for (x, value) in row.iter_mut().enumerate() {
                     let x = x0 + x as isize;
-                    *value = usize::try_from(x).ok().and_then(|x| from.get(x)).copied().unwrap_or(0.0);
+                    *value =
+                        usize::try_from(x).ok().and_then(|x| from.get(x)).copied().unwrap_or(0.0);
                 }
             }
             None => {
@@ -132,7 +139,10 @@ mod tests {
             let found = footprint(&panel, [x, y], 0.58);
             let (low, high) = ((x - 0.58f32).round(), (x + 0.58f32).round());
             // Piecewise constant pixels: the mean is a mix of the pixels touched.
-            assert!(found >= 10.0 * low + (y - 0.58).round() && found <= 10.0 * high + (y + 0.58).round());
+            assert!(
+                found >= 10.0 * low + (y - 0.58).round()
+                    && found <= 10.0 * high + (y + 0.58).round()
+            );
         }
         let (_, all) = shares(3.7, 0.58);
         assert!((all.iter().sum::<f32>() - 1.0).abs() < 1e-6);

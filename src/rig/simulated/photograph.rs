@@ -7,8 +7,8 @@ use super::sensor::{Sensor, Stream, random};
 use crate::config::{Curve, Surround};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 
-/// Takes the photograph of `scene`: photo-sized linear light, 0..255, as a perfect lens with the green
-/// channel's geometry would record it. Red and blue come out displaced by the lateral colour.
+/// Takes the photograph of `scene`: photo-sized linear light, 0..255, as a perfect lens with the
+/// green channel's geometry would record it. Red and blue come out displaced by the lateral colour.
 pub(super) fn take(
     optics: &Optics,
     sensor: &Sensor,
@@ -68,7 +68,8 @@ pub(super) fn surrounded(scene: &Plane, grid: Size, place: Rect, surround: Surro
         Surround::Black => {
             let mut out = Plane::zeros(grid);
             for y in 0..place.size.height {
-                out.row_mut(place.y + y)[place.x..place.x + place.size.width].copy_from_slice(scene.row(y));
+                out.row_mut(place.y + y)[place.x..place.x + place.size.width]
+                    .copy_from_slice(scene.row(y));
             }
             out
         }

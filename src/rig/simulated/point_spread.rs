@@ -1,8 +1,8 @@
 //! Point spread functions over the field, from a fan of traced field heights.
 //!
-//! The lens is rotationally symmetric, so object points along one radius are traced once, and their spots
-//! are turned to wherever they are needed. A function is a histogram of rays over sensor pixels: the
-//! light of a point in a pixel's centre, integrated over the pixels it falls on.
+//! The lens is rotationally symmetric, so object points along one radius are traced once, and their
+//! spots are turned to wherever they are needed. A function is a histogram of rays over sensor
+//! pixels: the light of a point in a pixel's centre, integrated over the pixels it falls on.
 
 use std::f64::consts::PI;
 
@@ -17,7 +17,8 @@ const RAYS: usize = 20_000;
 /// Traced field heights; the spots between are interpolated.
 const HEIGHTS: usize = 33;
 
-/// The spot of one object height in one channel: where its rays arrive relative to the green geometry.
+/// The spot of one object height in one channel: where its rays arrive relative to the green
+/// geometry.
 #[derive(Debug, Clone)]
 struct Spot {
     across_mm: Vec<f32>,
@@ -109,15 +110,16 @@ impl Fan {
         }
     }
 
-    /// The two traced heights around sensor distance `radius_px` from the axis, and how far between them.
+    /// The two traced heights around sensor distance `radius_px` from the axis, and how far between
+    /// them.
     fn around(&self, radius_px: f64) -> (usize, f64) {
         let place = self.radial.object_mm(radius_px * self.pitch_mm) / self.radial.object_step_mm;
         let n = (place as usize).min(HEIGHTS - 2);
         (n, place - n as f64)
     }
 
-    /// How far out the centroid of `channel` lies from the green geometry at `radius_px`, in pixels: the
-    /// lateral colour.
+    /// How far out the centroid of `channel` lies from the green geometry at `radius_px`, in
+    /// pixels: the lateral colour.
     pub(super) fn offset_px(&self, channel: Channel, radius_px: f64) -> f64 {
         if self.centred {
             return 0.0;
@@ -128,8 +130,8 @@ impl Fan {
         (off(n) + t * (off(n + 1) - off(n))) / self.pitch_mm
     }
 
-    /// Light at `radius_px` relative to the axis, as it comes out of the trace: cos⁴, clipped rays, and the
-    /// area of the object that a pixel sees.
+    /// Light at `radius_px` relative to the axis, as it comes out of the trace: cos⁴, clipped rays,
+    /// and the area of the object that a pixel sees.
     pub(super) fn relative_light(&self, channel: Channel, radius_px: f64) -> f64 {
         if !self.dark_corner {
             return 1.0;
@@ -148,9 +150,9 @@ impl Fan {
         (total(n) + t * (total(n + 1) - total(n))) * stretch * slope * magnification * magnification
     }
 
-    /// The function of `channel` for a point seen at (`x_px`, `y_px`) from the axis: `support_px`² values
-    /// that sum to 1, and the share of the light that fell outside. It is placed on the green geometry, or
-    /// with `own_centroid` on its own centroid.
+    /// The function of `channel` for a point seen at (`x_px`, `y_px`) from the axis: `support_px`²
+    /// values that sum to 1, and the share of the light that fell outside. It is placed on the
+    /// green geometry, or with `own_centroid` on its own centroid.
     pub(super) fn function(
         &self,
         channel: Channel,
@@ -194,7 +196,8 @@ impl Fan {
     }
 }
 
-/// Traces the spot of one object height through all `wavelengths`, rays on a sunflower spiral over the stop.
+/// Traces the spot of one object height through all `wavelengths`, rays on a sunflower spiral over
+/// the stop.
 fn spot(lens: &Focused, object_mm: f64, wavelengths: &[crate::config::Wavelength]) -> Spot {
     let count = RAYS / wavelengths.len();
     let golden = PI * (3.0 - 5f64.sqrt());
@@ -212,9 +215,11 @@ fn spot(lens: &Focused, object_mm: f64, wavelengths: &[crate::config::Wavelength
         let indices = lens.lens.indices(wavelength.0);
         for n in 0..count {
             let (radius, angle) = (((n as f64 + 0.5) / count as f64).sqrt(), n as f64 * golden);
-            let arrival = lens.arrival(object_mm, [radius * angle.cos(), radius * angle.sin()], &indices);
+            let arrival =
+                lens.arrival(object_mm, [radius * angle.cos(), radius * angle.sin()], &indices);
             // A ray that misses the glass carries nothing and may lie anywhere.
-            let (across, out, light) = arrival.map_or((0.0, 0.0, 0.0), |a| (a.across_mm, a.out_mm, a.light));
+            let (across, out, light) =
+                arrival.map_or((0.0, 0.0, 0.0), |a| (a.across_mm, a.out_mm, a.light));
             let light = light * wavelength.1 / weights / count as f64;
             spot.centroid_mm += light * out;
             spot.total += light;

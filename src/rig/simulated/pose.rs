@@ -1,4 +1,5 @@
-//! Where panel pixels come to lie on the sensor: the panel's pose, perspective, and the lens's distortion.
+//! Where panel pixels come to lie on the sensor: the panel's pose, perspective, and the lens's
+//! distortion.
 //!
 //! Places are pixel coordinates with (0, 0) in the centre of the first pixel.
 
@@ -20,7 +21,8 @@ pub(super) struct Map {
 
 impl Map {
     /// The map of `pose`. `distortion` is the lens's radial table and the sensor pitch in mm;
-    /// `distance_px` is the object distance in sensor pixels' worth of object (infinite: no perspective).
+    /// `distance_px` is the object distance in sensor pixels' worth of object (infinite: no
+    /// perspective).
     pub(super) fn new(
         pose: &Pose,
         panel: Size,
@@ -28,8 +30,10 @@ impl Map {
         distance_px: f64,
         distortion: Option<(Radial, f64)>,
     ) -> Map {
-        let centre = |size: Size| [(size.width as f64 - 1.0) / 2.0, (size.height as f64 - 1.0) / 2.0];
-        // Columns: where one panel pixel to the right, and one down, leads in space; units of sensor pixels.
+        let centre =
+            |size: Size| [(size.width as f64 - 1.0) / 2.0, (size.height as f64 - 1.0) / 2.0];
+        // Columns: where one panel pixel to the right, and one down, leads in space; units of
+        // sensor pixels.
         let turn = Rotation3::from_euler_angles(
             pose.tilt_x_deg.to_radians(),
             pose.tilt_y_deg.to_radians(),
@@ -71,7 +75,8 @@ impl Map {
 
     /// Where on the sensor panel place `at` is seen.
     pub(super) fn to_sensor(&self, at: [f64; 2]) -> [f64; 2] {
-        let mut seen = project(&self.to_sensor, [at[0] - self.panel_centre[0], at[1] - self.panel_centre[1]]);
+        let mut seen =
+            project(&self.to_sensor, [at[0] - self.panel_centre[0], at[1] - self.panel_centre[1]]);
         if let Some((radial, pitch)) = &self.distortion {
             let ideal = seen[0].hypot(seen[1]);
             if ideal > 0.0 {

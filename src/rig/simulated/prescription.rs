@@ -4,8 +4,8 @@ use super::trace::{Lens, Ray};
 use crate::config::{Prescription, Wavelength};
 use crate::rig::RigError;
 
-/// Cells along the pupil's diameter when focusing, and when measuring a spot. With these two the study's
-/// spot sizes come out to all their digits; more cells change them by less than 0.2 %.
+/// Cells along the pupil's diameter when focusing, and when measuring a spot. With these two the
+/// study's spot sizes come out to all their digits; more cells change them by less than 0.2 %.
 const FOCUS_CELLS: usize = 120;
 const SPOT_CELLS: usize = 200;
 
@@ -33,7 +33,10 @@ impl Focused {
     ///
     /// # Errors
     /// When a glass is unknown, or no light comes through, or it never comes to a focus.
-    pub(super) fn new(prescription: &Prescription, wavelengths: &[Wavelength]) -> Result<Focused, RigError> {
+    pub(super) fn new(
+        prescription: &Prescription,
+        wavelengths: &[Wavelength],
+    ) -> Result<Focused, RigError> {
         let lens = Lens::new(prescription)?;
         let pupil = square_pupil(FOCUS_CELLS);
         let from = [0.0, 0.0, lens.object_z];
@@ -45,8 +48,10 @@ impl Focused {
                 let to = [px * lens.stop_radius, py * lens.stop_radius, lens.stop_z];
                 let Some(traced) = lens.trace(Ray::between(from, to), &indices) else { continue };
                 let [x, y] = traced.ray.on_plane(0.0);
-                let u =
-                    [traced.ray.along[0] / traced.ray.along[2], traced.ray.along[1] / traced.ray.along[2]];
+                let u = [
+                    traced.ray.along[0] / traced.ray.along[2],
+                    traced.ray.along[1] / traced.ray.along[2],
+                ];
                 au += wavelength.1 * (x * u[0] + y * u[1]);
                 uu += wavelength.1 * (u[0] * u[0] + u[1] * u[1]);
             }
@@ -62,9 +67,15 @@ impl Focused {
         Ok(Focused { lens, image_z })
     }
 
-    /// Where light of `wavelength_nm` from object height `object_mm` through the pupil point (of the unit
-    /// disc) arrives. Light follows Lambert's law at the panel: cos⁴ between object point and stop.
-    pub(super) fn arrival(&self, object_mm: f64, pupil: [f64; 2], indices: &[f64]) -> Option<Arrival> {
+    /// Where light of `wavelength_nm` from object height `object_mm` through the pupil point (of
+    /// the unit disc) arrives. Light follows Lambert's law at the panel: cos⁴ between object point
+    /// and stop.
+    pub(super) fn arrival(
+        &self,
+        object_mm: f64,
+        pupil: [f64; 2],
+        indices: &[f64],
+    ) -> Option<Arrival> {
         let lens = &self.lens;
         let from = [0.0, object_mm, lens.object_z];
         let to = [pupil[0] * lens.stop_radius, pupil[1] * lens.stop_radius, lens.stop_z];
@@ -76,15 +87,18 @@ impl Focused {
         Some(Arrival { across_mm: -x, out_mm: -y, light: if traced.passed { cos4 } else { 0.0 } })
     }
 
-    /// Centroid height and RMS radius of the spot of object height `object_mm` at one wavelength, in mm,
-    /// every ray through the stop counting alike (as the study measures spots).
+    /// Centroid height and RMS radius of the spot of object height `object_mm` at one wavelength,
+    /// in mm, every ray through the stop counting alike (as the study measures spots).
     pub(super) fn spot(&self, object_mm: f64, wavelength_nm: f64) -> (f64, f64) {
         let indices = self.lens.indices(wavelength_nm);
-        let arrivals: Vec<Arrival> =
-            square_pupil(SPOT_CELLS).iter().filter_map(|&p| self.arrival(object_mm, p, &indices)).collect();
+        let arrivals: Vec<Arrival> = square_pupil(SPOT_CELLS)
+            .iter()
+            .filter_map(|&p| self.arrival(object_mm, p, &indices))
+            .collect();
         let n = arrivals.len().max(1) as f64;
         let height = arrivals.iter().map(|a| a.out_mm).sum::<f64>() / n;
-        let square: f64 = arrivals.iter().map(|a| a.across_mm.powi(2) + (a.out_mm - height).powi(2)).sum();
+        let square: f64 =
+            arrivals.iter().map(|a| a.across_mm.powi(2) + (a.out_mm - height).powi(2)).sum();
         (height, (square / n).sqrt())
     }
 
@@ -115,7 +129,8 @@ mod tests {
 
     fn study(stop_diameter_mm: f64) -> Focused {
         let rig = load(std::path::Path::new("study.toml")).expect("built in");
-        let LensConfig::Prescription(mut prescription, _) = rig.simulation().expect("simulated").lens.clone()
+        let LensConfig::Prescription(mut prescription, _) =
+            rig.simulation().expect("simulated").lens.clone()
         else {
             panic!("a prescription")
         };
@@ -140,7 +155,8 @@ mod tests {
 
     #[test]
     fn spots_agree_with_the_independent_ray_tracer_within_a_thousandth() {
-        // numbers.md, "Lens": (stop diameter, height of the green centroid, [green, red, blue]) in mm.
+        // numbers.md, "Lens": (stop diameter, height of the green centroid, [green, red, blue]) in
+        // mm.
         let table = [
             (18.75, 0.0, [0.03876, 0.05569, 0.07517]),
             (18.75, 3.0, [0.04609, 0.05206, 0.08892]),
@@ -153,7 +169,10 @@ mod tests {
             for (wavelength, expected) in [540.0, 610.0, 465.0].into_iter().zip(expected) {
                 let found = spot_at(&lens, height, wavelength);
                 let off = found / expected - 1.0;
-                assert!(off.abs() < 1e-3, "{diameter} {height} {wavelength}: {found}, off by {off:.2e}");
+                assert!(
+                    off.abs() < 1e-3,
+                    "{diameter} {height} {wavelength}: {found}, off by {off:.2e}"
+                );
             }
         }
     }

@@ -24,13 +24,15 @@ pub(super) enum Stream {
     Wear = 4,
 }
 
-/// The generator of one stream: the same seed and numbers give the same values on any number of threads.
+/// The generator of one stream: the same seed and numbers give the same values on any number of
+/// threads.
 pub(super) fn random(seed: u64, stream: Stream, number: u64, part: u64) -> Xoshiro256PlusPlus {
     // SplitMix64's mixer over the numbers, one after another (Steele, Lea and Flood 2014).
     let mut state = seed;
     for word in [stream as u64, number, part] {
-        state =
-            state.wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_add(word.wrapping_mul(0xd134_2543_de82_ef95));
+        state = state
+            .wrapping_add(0x9e37_79b9_7f4a_7c15)
+            .wrapping_add(word.wrapping_mul(0xd134_2543_de82_ef95));
         state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         state ^= state >> 31;
@@ -45,8 +47,8 @@ impl Sensor {
 
     /// Counts that one grey level of a panel primary adds in its own channel.
     pub(super) fn counts_per_level(&self) -> f32 {
-        (self.config.white_share * (f64::from(self.count_max) - self.config.black_level_counts) / 255.0)
-            as f32
+        (self.config.white_share * (f64::from(self.count_max) - self.config.black_level_counts)
+            / 255.0) as f32
     }
 
     /// Variance per grey level of light: shot noise, in grey levels².
@@ -59,12 +61,15 @@ impl Sensor {
 
     /// Standard deviation of the noise at a light of `level`, before counts are rounded.
     pub(super) fn noise_levels(&self, level: f64) -> f64 {
-        (level.max(0.0) * f64::from(self.variance_per_level()) + self.config.read_noise_levels.powi(2)).sqrt()
+        (level.max(0.0) * f64::from(self.variance_per_level())
+            + self.config.read_noise_levels.powi(2))
+        .sqrt()
     }
 
     /// Adds shot and read noise to one row of light, in grey levels.
     pub(super) fn add_noise(&self, row: &mut [f32], mut random: Xoshiro256PlusPlus) {
-        let (shot, read) = (self.variance_per_level(), (self.config.read_noise_levels as f32).powi(2));
+        let (shot, read) =
+            (self.variance_per_level(), (self.config.read_noise_levels as f32).powi(2));
         if shot <= 0.0 && read <= 0.0 {
             return;
         }
@@ -75,9 +80,15 @@ impl Sensor {
         }
     }
 
-    /// Counts of one exposure. `light` is what each primary brought (dark corner included), `falloff` the
-    /// dark corner that ambient light passes too.
-    pub(super) fn expose(&self, light: &[Plane; 3], falloff: &[Plane; 3], seed: u64, number: u64) -> Counts {
+    /// Counts of one exposure. `light` is what each primary brought (dark corner included),
+    /// `falloff` the dark corner that ambient light passes too.
+    pub(super) fn expose(
+        &self,
+        light: &[Plane; 3],
+        falloff: &[Plane; 3],
+        seed: u64,
+        number: u64,
+    ) -> Counts {
         let size = light[0].size();
         let (gain, black) = (self.counts_per_level(), self.config.black_level_counts as f32);
         Frame::from_fn(|channel| {
@@ -134,11 +145,16 @@ mod tests {
         for name in ["simulated.toml", "small.toml"] {
             let sensor = sensor(name);
             let ones = flat(128.0).map(|p| p.map(|_| 1.0));
-            let (mean, sigma) = mean_and_sigma(&sensor.expose(&flat(128.0), &ones, 7, 0), Channel::Green);
+            let (mean, sigma) =
+                mean_and_sigma(&sensor.expose(&flat(128.0), &ones, 7, 0), Channel::Green);
             let gain = f64::from(sensor.counts_per_level());
             // Rounding to counts adds 1/12 of a count's square.
             let expected = (sensor.noise_levels(128.5).powi(2) + 1.0 / 12.0 / gain / gain).sqrt();
-            assert!((sigma / gain / expected - 1.0).abs() < 0.03, "{name}: {} {expected}", sigma / gain);
+            assert!(
+                (sigma / gain / expected - 1.0).abs() < 0.03,
+                "{name}: {} {expected}",
+                sigma / gain
+            );
             assert!((sigma / gain - 1.0).abs() < 0.1, "{name}: {}", sigma / gain);
             assert!((mean - 64.0 - gain * 128.5).abs() < 0.1, "{name}: {mean}");
         }
@@ -161,11 +177,16 @@ mod tests {
     fn the_study_s_sensor_counts_grey_levels() {
         let sensor = sensor("study.toml");
         let ones = flat(100.0).map(|p| p.map(|_| 1.0));
-        let (mean, sigma) = mean_and_sigma(&sensor.expose(&flat(100.0), &ones, 7, 0), Channel::Green);
-        // The rig's white leaves room below the largest count: a little less than one count a level.
+        let (mean, sigma) =
+            mean_and_sigma(&sensor.expose(&flat(100.0), &ones, 7, 0), Channel::Green);
+        // The rig's white leaves room below the largest count: a little less than one count a
+        // level.
         let gain = f64::from(sensor.counts_per_level());
         let noise = (gain * gain + 1.0 / 12.0).sqrt();
-        assert!((mean - 100.0 * gain).abs() < 0.05 && (sigma - noise).abs() < 0.03, "{mean} {sigma}");
+        assert!(
+            (mean - 100.0 * gain).abs() < 0.05 && (sigma - noise).abs() < 0.03,
+            "{mean} {sigma}"
+        );
     }
 
     #[test]

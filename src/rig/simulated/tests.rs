@@ -74,7 +74,11 @@ fn a_flat_panel_is_seen_as_the_witness_says() {
         let expected = witness.black_level_counts() + level * witness.counts_per_level();
         let found = f64::from(seen.plane(channel).at(x, y));
         // Half a count of rounding, and what glare throws beyond the panel.
-        assert!((found - expected).abs() < 0.6 + 2e-3 * expected, "{}: {found} {expected}", channel.name());
+        assert!(
+            (found - expected).abs() < 0.6 + 2e-3 * expected,
+            "{}: {found} {expected}",
+            channel.name()
+        );
     }
     let corner = witness.dark_corner(Channel::Green);
     assert!(corner.at(0, 0) < 0.97 && corner.at(0, 0) > 0.5, "{}", corner.at(0, 0));
@@ -107,7 +111,8 @@ fn a_blob_is_seen_where_the_map_says_in_every_channel() {
             let found = [x / sum, y / sum];
             let expected = witness.panel_to_sensor(channel, at.map(|v| v as f64));
             let off = (found[0] - expected[0]).hypot(found[1] - expected[1]);
-            // Spots with edges sharper than a pixel lose up to 0.02 px of their centroid in the binning.
+            // Spots with edges sharper than a pixel lose up to 0.02 px of their centroid in the
+            // binning.
             assert!(off < 0.03, "{} {at:?}: {found:?} {expected:?}", channel.name());
             let back = witness.sensor_to_panel(channel, expected);
             assert!((back[0] - at[0] as f64).hypot(back[1] - at[1] as f64) < 1e-3, "{back:?}");
@@ -122,11 +127,16 @@ fn the_whole_sensor_sees_panel() {
         let Some(simulation) = config.simulation() else { continue };
         let optics = Optics::new(&config, simulation).expect("a good lens");
         let map = optics.map(&simulation.pose, config.panel.size());
-        let (width, height) = (config.camera.width_px as f64 - 1.0, config.camera.height_px as f64 - 1.0);
+        let (width, height) =
+            (config.camera.width_px as f64 - 1.0, config.camera.height_px as f64 - 1.0);
         for corner in [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]] {
             let [x, y] = map.to_panel(corner);
-            let (right, bottom) = (config.panel.width_px as f64 - 1.0, config.panel.height_px as f64 - 1.0);
-            assert!(x >= -1e-6 && y >= -1e-6 && x <= right + 1e-6 && y <= bottom + 1e-6, "{name}: {x} {y}");
+            let (right, bottom) =
+                (config.panel.width_px as f64 - 1.0, config.panel.height_px as f64 - 1.0);
+            assert!(
+                x >= -1e-6 && y >= -1e-6 && x <= right + 1e-6 && y <= bottom + 1e-6,
+                "{name}: {x} {y}"
+            );
         }
     }
 }
@@ -135,7 +145,9 @@ fn the_whole_sensor_sees_panel() {
 fn on_the_study_s_rig_a_capture_is_the_operator_and_its_noise() {
     let (config, mut rig, witness) = opened("study.toml");
     let codes: Codes = Frame::from_fn(|c| {
-        Plane::from_fn(config.panel.size(), |x, y| (60 + (x / 9 + y / 7 + c.index()) % 2 * 120) as u8)
+        Plane::from_fn(config.panel.size(), |x, y| {
+            (60 + (x / 9 + y / 7 + c.index()) % 2 * 120) as u8
+        })
     });
     let shown: Frame<Work> = Frame::from_fn(|c| codes.plane(c).map(f32::from));
     let truth = witness.forward(&shown, Light::Panel);
@@ -197,19 +209,23 @@ fn a_photograph_has_its_noise_its_surround_and_its_seed() {
     let scene: Frame<Work> = Frame::filled(config.photo.size(), 128.0);
     let photo = witness.photograph(&scene, 3);
     // The scene goes on: no darker than the dark corner; sRGB code of linear 128 is 188.
-    assert!(photo.plane(Channel::Green).at(0, 0) > 175 && photo.plane(Channel::Green).at(128, 96) > 184);
+    assert!(
+        photo.plane(Channel::Green).at(0, 0) > 175 && photo.plane(Channel::Green).at(128, 96) > 184
+    );
 }
 
 #[test]
 fn a_panel_not_settled_still_shows_the_last_picture() {
-    let changes: Vec<_> = QUIET.into_iter().chain([("settle-ms = 100.0", "settle-ms = 0.0")]).collect();
+    let changes: Vec<_> =
+        QUIET.into_iter().chain([("settle-ms = 100.0", "settle-ms = 0.0")]).collect();
     let (config, mut rig, witness) = small_with(&changes);
     let middle = config.camera.height_px / 2..config.camera.height_px / 2 + 1;
     let seen = rig.capture(&grey(&config, 255)).expect("no faults").counts;
     let early = mean(&seen, Channel::Green, middle.clone()) - witness.black_level_counts();
     let settled = rig.capture(&grey(&config, 255)).expect("no faults").counts;
     let full = mean(&settled, Channel::Green, middle) - witness.black_level_counts();
-    // Two refreshes of 60 Hz pass before the change; of 50 ms the panel is on its way for 16.7 ms, at 5 ms.
+    // Two refreshes of 60 Hz pass before the change; of 50 ms the panel is on its way for 16.7 ms,
+    // at 5 ms.
     let passed_ms = 50.0 - 2000.0 / 60.0;
     let expected = (passed_ms - 5.0 * (1.0 - (-passed_ms / 5.0f64).exp())) / 50.0;
     assert!((early / full - expected).abs() < 0.005, "{} {expected}", early / full);
@@ -222,12 +238,14 @@ fn faults_show_what_they_are_called() {
     rig.capture(&grey(&config, 0)).expect("no faults");
 
     witness.set_faults(only(1.0, 0.0, 0.0, 0.0, 0.0));
-    let stale = rig.capture(&grey(&config, 255)).expect("a stale frame looks like any other").counts;
+    let stale =
+        rig.capture(&grey(&config, 255)).expect("a stale frame looks like any other").counts;
     assert!(mean(&stale, Channel::Green, all) < 300.0);
 
     witness.set_faults(only(0.0, 0.0, 0.0, 1.0, 0.0));
     rig.capture(&grey(&config, 0)).expect("mixed");
-    let mixed = rig.capture(&grey(&config, 255)).expect("a mixed frame looks like any other").counts;
+    let mixed =
+        rig.capture(&grey(&config, 255)).expect("a mixed frame looks like any other").counts;
     assert!(
         mean(&mixed, Channel::Green, 0..1) < 300.0
             && mean(&mixed, Channel::Green, height - 1..height) > 2000.0
@@ -247,7 +265,10 @@ fn faults_show_what_they_are_called() {
     assert!(matches!(rig.capture(&grey(&config, 9)), Err(RigError::Gone { .. })));
     assert!(matches!(rig.reopen(), Err(RigError::Gone { .. })));
     rig.clock.wait_until(Moment(rig.clock.now().0 + 2.0));
-    assert!(matches!(rig.capture(&grey(&config, 9)), Err(RigError::Gone { .. })), "not opened again yet");
+    assert!(
+        matches!(rig.capture(&grey(&config, 9)), Err(RigError::Gone { .. })),
+        "not opened again yet"
+    );
     rig.reopen().expect("it is back");
     rig.capture(&grey(&config, 9)).expect("no faults");
 }
@@ -276,7 +297,10 @@ fn the_same_seed_gives_the_same_captures() {
     let (_, mut other, _) = opened("small.toml");
     let pictures = [grey(&config, 40), grey(&config, 200)];
     for codes in &pictures {
-        assert_eq!(one.capture(codes).expect("no faults"), other.capture(codes).expect("no faults"));
+        assert_eq!(
+            one.capture(codes).expect("no faults"),
+            other.capture(codes).expect("no faults")
+        );
     }
 }
 

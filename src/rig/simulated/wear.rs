@@ -1,4 +1,5 @@
-//! What has become of a bench since it was new: a panel that warms up, fades, loses pixels and gathers dust.
+//! What has become of a bench since it was new: a panel that warms up, fades, loses pixels and
+//! gathers dust.
 
 use rand::RngExt;
 
@@ -18,8 +19,8 @@ pub struct Wear {
     pub warm_up_share: f64,
     /// Time constant of the warming up, from now on.
     pub warm_up_s: f64,
-    /// Amplitude of bands over the captures, as a share of the light: a backlight that flickers, exposed for
-    /// something else than whole periods.
+    /// Amplitude of bands over the captures, as a share of the light: a backlight that flickers,
+    /// exposed for something else than whole periods.
     pub band_share: f64,
 }
 
@@ -70,8 +71,16 @@ impl Wear {
         })
     }
 
-    /// What the light of row `y` of `rows` is multiplied by in exposure `number`, `since_s` after the wear began.
-    pub(super) fn row_share(&self, y: usize, rows: usize, since_s: f64, seed: u64, number: u64) -> f32 {
+    /// What the light of row `y` of `rows` is multiplied by in exposure `number`, `since_s` after
+    /// the wear began.
+    pub(super) fn row_share(
+        &self,
+        y: usize,
+        rows: usize,
+        since_s: f64,
+        seed: u64,
+        number: u64,
+    ) -> f32 {
         let cold = self.warm_up_share * (-since_s / self.warm_up_s).exp();
         let phase: f64 = random(seed, Stream::Wear, 2, number).random();
         let band = (std::f64::consts::TAU * (phase + BANDS * y as f64 / rows as f64)).sin();

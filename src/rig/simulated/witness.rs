@@ -1,5 +1,5 @@
-//! The scorer's window on the truth of a simulated rig. Nothing but scoring and tests may use it: what a
-//! method or a calibration knows comes from captures.
+//! The scorer's window on the truth of a simulated rig. Nothing but scoring and tests may use it:
+//! what a method or a calibration knows comes from captures.
 
 use std::sync::Arc;
 
@@ -26,10 +26,10 @@ pub struct Witness {
 }
 
 impl Witness {
-    /// The photograph the rig's camera would have taken of `scene`, which is photo-sized linear light,
-    /// 0..255, as a perfect lens with the green channel's geometry would record it. What comes back are the
-    /// codes a camera file holds: 8 bits, the photo's curve, dark corner, glare and noise in it, red and
-    /// blue displaced by the lateral colour. `seed` is that of its noise.
+    /// The photograph the rig's camera would have taken of `scene`, which is photo-sized linear
+    /// light, 0..255, as a perfect lens with the green channel's geometry would record it. What
+    /// comes back are the codes a camera file holds: 8 bits, the photo's curve, dark corner, glare
+    /// and noise in it, red and blue displaced by the lateral colour. `seed` is that of its noise.
     ///
     /// # Panics
     /// When `scene` is not photo-sized, which is a bug of the caller.
@@ -40,8 +40,8 @@ impl Witness {
     }
 
     /// K·L: what the lens makes of `scene` (canvas-sized, linear light) in the light of the panel's
-    /// primaries, or of a scene, without noise, dark corner, panel pixels or mixing, black outside the
-    /// canvas. The truth behind the operator error.
+    /// primaries, or of a scene, without noise, dark corner, panel pixels or mixing, black outside
+    /// the canvas. The truth behind the operator error.
     ///
     /// # Panics
     /// When `scene` is not canvas-sized, which is a bug of the caller.
@@ -59,11 +59,12 @@ impl Witness {
     pub fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> Plane {
         let support = self.optics.support_px;
         let (values, _) = self.optics.function(light, channel, at);
-        Plane::from_vec(Size::new(support, support), values).unwrap_or_else(|| Plane::zeros(Size::new(0, 0)))
+        Plane::from_vec(Size::new(support, support), values)
+            .unwrap_or_else(|| Plane::zeros(Size::new(0, 0)))
     }
 
-    /// Where on the sensor the light of panel place `at` has its centroid, in pixels; (0, 0) is the centre of
-    /// the first pixel.
+    /// Where on the sensor the light of panel place `at` has its centroid, in pixels; (0, 0) is the
+    /// centre of the first pixel.
     pub fn panel_to_sensor(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
         let green = self.map.to_sensor(at);
         let off = self.optics.lateral_colour_px(channel, green);
@@ -73,7 +74,8 @@ impl Witness {
     /// Which panel place has its centroid at sensor place `at`.
     pub fn sensor_to_panel(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
         let mut green = at;
-        // The lateral colour changes by far less than a pixel per pixel: three rounds leave nothing.
+        // The lateral colour changes by far less than a pixel per pixel: three rounds leave
+        // nothing.
         for _ in 0..3 {
             let off = self.optics.lateral_colour_px(channel, green);
             green = [at[0] - off[0], at[1] - off[1]];
@@ -81,13 +83,14 @@ impl Witness {
         self.map.to_panel(green)
     }
 
-    /// Light towards the corners, relative to the centre, per sensor pixel, for the panel's primaries.
+    /// Light towards the corners, relative to the centre, per sensor pixel, for the panel's
+    /// primaries.
     pub fn dark_corner(&self, channel: Channel) -> Plane {
         self.optics.dark_corner(Light::Panel)[channel.index()].clone()
     }
 
-    /// What a panel showing `codes` brings to the sensor, per primary, in grey levels: everything but
-    /// mixing, ambient light, black level and noise.
+    /// What a panel showing `codes` brings to the sensor, per primary, in grey levels: everything
+    /// but mixing, ambient light, black level and noise.
     pub fn light_on_sensor(&self, codes: &crate::frame::Codes) -> [Plane; 3] {
         self.shared.bench().light_of(codes)
     }
@@ -112,7 +115,8 @@ impl Witness {
         f64::from(self.shared.bench().sensor.counts_per_level())
     }
 
-    /// Standard deviation of a capture's noise at a light of `level`, in grey levels, before rounding.
+    /// Standard deviation of a capture's noise at a light of `level`, in grey levels, before
+    /// rounding.
     pub fn noise_levels(&self, level: f64) -> f64 {
         self.shared.bench().sensor.noise_levels(level)
     }
@@ -127,12 +131,14 @@ impl Witness {
         self.shared.bench().sensor.config.ambient_levels = levels;
     }
 
-    /// From now on captures and photographs carry this much light-independent noise, in grey levels.
+    /// From now on captures and photographs carry this much light-independent noise, in grey
+    /// levels.
     pub fn set_read_noise_levels(&self, levels: f64) {
         self.shared.bench().sensor.config.read_noise_levels = levels;
     }
 
-    /// From now on a pixel holds this many electrons at its largest count; infinite for no shot noise.
+    /// From now on a pixel holds this many electrons at its largest count; infinite for no shot
+    /// noise.
     pub fn set_full_well_electrons(&self, electrons: f64) {
         self.shared.bench().sensor.config.full_well_electrons = electrons;
     }
@@ -152,7 +158,8 @@ impl Witness {
         self.shared.bench().unplug();
     }
 
-    /// Someone knocks at the panel: it now stands (`x_px`, `y_px`) sensor pixels further right and down.
+    /// Someone knocks at the panel: it now stands (`x_px`, `y_px`) sensor pixels further right and
+    /// down.
     pub fn knock_panel(&mut self, x_px: f64, y_px: f64) {
         self.pose.shift_x_px += x_px;
         self.pose.shift_y_px += y_px;

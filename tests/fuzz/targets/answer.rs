@@ -1,4 +1,5 @@
-//! What a worker answers that a file has taken over: it is a photo of the size asked for, or refused.
+//! What a worker answers that a file has taken over: it is a photo of the size asked for, or
+//! refused.
 
 #![no_main]
 

@@ -1,5 +1,5 @@
-//! A slot of the calibration: as it is, and with a length and a checksum that are right, so that its payload is
-//! looked at. A calibration that is believed can be put to work.
+//! A slot of the calibration: as it is, and with a length and a checksum that are right, so that
+//! its payload is looked at. A calibration that is believed can be put to work.
 
 #![no_main]
 

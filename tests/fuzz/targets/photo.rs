@@ -1,5 +1,6 @@
-//! A customer's file as the worker reads it: bytes to linear light, fitted to the rig's grid, and encoded again.
-//! What is taken is light with values, and what is written of it is read back at the same size.
+//! A customer's file as the worker reads it: bytes to linear light, fitted to the rig's grid, and
+//! encoded again. What is taken is light with values, and what is written of it is read back at the
+//! same size.
 
 #![no_main]
 
@@ -28,9 +29,11 @@ fuzz_target!(init: forgive_decoders(), |bytes: &[u8]| {
     if let Ok(written) = encode("photo", &photo.light, &photo.manner, grey) {
         // What the photo carried may take more room than it had in there.
         let room = Limits { bytes_max: 1 << 24, ..LIMITS };
-        let back = Photo::from_bytes("photo", &written, Curve::Srgb, &room).expect("a result that can be read");
+        let back = Photo::from_bytes("photo", &written, Curve::Srgb, &room).expect("a result that \
+         can be read");
         let (one, other) = (back.stored, photo.stored);
-        assert!(one == other || (one.width, one.height) == (other.height, other.width), "{one} of {other}");
+        assert!(one == other || (one.width, one.height) == (other.height, other.width), "{one} of \
+         {other}");
     }
     if let Ok(fitted) = photo.fit(RIG) {
         assert_eq!(fitted.light.size(), RIG);

@@ -1,6 +1,7 @@
-//! What the daemon writes down for itself, read back as anything at all: the record of a photo under way, of the night,
-//! of the pilots, the report beside a result, the note beside a failure, the state. No photo may be lost or doubled
-//! by it, no result that is somebody else's touched, nothing outside the folders.
+//! What the daemon writes down for itself, read back as anything at all: the record of a photo
+//! under way, of the night, of the pilots, the report beside a result, the note beside a failure,
+//! the state. No photo may be lost or doubled by it, no result that is somebody else's touched,
+//! nothing outside the folders.
 
 #![no_main]
 
@@ -165,6 +166,7 @@ fuzz_target!(|bytes: &[u8]| {
     for result in [&b"a result of somebody else"[..], b"the result of c"] {
         assert_eq!(copies(&root.join("outbox"), result), 1, "{}", String::from_utf8_lossy(result));
     }
-    assert_eq!(fs::read(outside.path().join("c.png")).ok().as_deref(), Some(&b"nobody's business"[..]));
+    assert_eq!(fs::read(outside.path().join("c.png")).ok().as_deref(), Some(&b"nobody's \
+     business"[..]));
     assert_eq!(fs::read_dir(outside.path()).expect("a folder").count(), 2);
 });

@@ -1,0 +1,172 @@
+//! The groups' coefficients freed from noise, and the blocks put back where they came from.
+
+use rayon::prelude::*;
+
+use super::noise::Noise;
+use super::search::{Groups, Members, Task};
+use super::transform::{AREA, Block, Cosines, SIDE, haar, haar_back};
+use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
+use crate::frame::{Plane, Size};
+
+/// `noisy` with the `noise` of its groups taken away by Wiener's rule, the signal's power being
+/// that of the same coefficient in `guide`. A pixel that no group covers stays.
+///
+/// # Panics
+/// When planes and groups have different sizes, which is a bug of the caller.
+pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &Noise<'_>) -> Plane {
+    let size = noisy.size();
+    assert!(groups.size() == size && guide.size() == size, "groups and planes of one size");
+    let (window, cosines) = (&window(), &Cosines::new());
+    let sums: Vec<Sums> = groups
+        .tasks()
+        .par_iter()
+        .map(|task| {
+            let mut found = Sums::new(task, size.width);
+            run_fastest(Filter { task, noisy, guide, noise, window, cosines, sums: &mut found });
+            found
+        })
+        .collect();
+    // In the order of the tasks, whoever computed them: the same sums on any number of threads.
+    let (mut total, mut weights) = (Plane::zeros(size), Plane::zeros(size));
+    for sums in &sums {
+        let from = sums.first_row * size.width;
+        let add = |to: &mut Plane, what: &[f32]| {
+            to.data_mut()[from..][..what.len()].iter_mut().zip(what).for_each(|(t, w)| *t += w);
+        };
+        add(&mut total, &sums.values);
+        add(&mut weights, &sums.weights);
+    }
+    for ((value, weight), before) in
+        total.data_mut().iter_mut().zip(weights.data()).zip(noisy.data())
+    {
+        *value = if *weight > 0.0 { *value / weight } else { *before };
+    }
+    total
+}
+
+/// What the blocks of a task add up to, weighted, and their weights.
+struct Sums {
+    first_row: usize,
+    values: Vec<f32>,
+    weights: Vec<f32>,
+}
+
+impl Sums {
+    fn new(task: &Task, width: usize) -> Self {
+        let none = vec![0.0; task.rows * width];
+        Sums { first_row: task.first_row, values: none.clone(), weights: none }
+    }
+}
+
+struct Filter<'a> {
+    task: &'a Task,
+    noisy: &'a Plane,
+    guide: &'a Plane,
+    noise: &'a Noise<'a>,
+    window: &'a Block,
+    cosines: &'a Cosines,
+    sums: &'a mut Sums,
+}
+
+impl Kernel for Filter<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Filter { task, noisy, guide, noise, window, cosines, sums } = self;
+        let (mut blocks, mut signals) = (Vec::new(), Vec::new());
+        for members in task.groups() {
+            let Some(&(x, y)) = members.first() else { continue };
+            let (variances, factor) = noise.at(x as usize, y as usize, noisy.size());
+            analyse::<FUSED>(noisy, members, cosines, &mut blocks);
+            analyse::<FUSED>(guide, members, cosines, &mut signals);
+            let left = draw(&mut blocks, &signals, variances, factor);
+            haar_back(&mut blocks);
+            // The less noise is left in a group, the more it counts.
+            let weight = 1.0 / left.max(LEAST);
+            for (block, &place) in blocks.iter_mut().zip(members) {
+                cosines.synthesise::<FUSED>(block);
+                put_back::<FUSED>(block, place, noisy.size(), weight, window, sums);
+            }
+        }
+    }
+}
+
+/// Noise power that a group has left at least, grey levels²: a group of nothing must not outweigh
+/// all others.
+pub(super) const LEAST: f32 = 1e-6;
+
+/// `blocks` = the coefficients of the group of `members`.
+#[inline(always)]
+fn analyse<const FUSED: bool>(
+    picture: &Plane,
+    members: &Members,
+    cosines: &Cosines,
+    blocks: &mut Vec<Block>,
+) {
+    blocks.clear();
+    let width = picture.width();
+    for &(x, y) in members {
+        let from = &picture.data()[y as usize * width + x as usize..][..(SIDE - 1) * width + SIDE];
+        let mut block = [0.0; AREA];
+        for (row, to) in block.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
+            to.copy_from_slice(&from[row * width..][..SIDE]);
+        }
+        cosines.analyse::<FUSED>(&mut block);
+        blocks.push(block);
+    }
+    haar(blocks);
+}
+
+/// Draws `blocks` by Wiener's rule with the power of `signals`, and returns the noise power that is
+/// left.
+#[inline(always)]
+fn draw(blocks: &mut [Block], signals: &[Block], variances: &Block, factor: f32) -> f32 {
+    let mut left = [0.0f32; AREA];
+    for (block, signals) in blocks.iter_mut().zip(signals) {
+        let coefficients = block.iter_mut().zip(signals).zip(variances).zip(&mut left);
+        for (((value, signal), variance), left) in coefficients {
+            let power = signal * signal;
+            let share = power / (power + factor * variance).max(f32::MIN_POSITIVE);
+            *value *= share;
+            *left += share * share * variance;
+        }
+    }
+    factor * left.iter().sum::<f32>()
+}
+
+#[inline(always)]
+fn put_back<const FUSED: bool>(
+    block: &Block,
+    (x, y): (u32, u32),
+    size: Size,
+    weight: f32,
+    window: &Block,
+    sums: &mut Sums,
+) {
+    let from = (y as usize - sums.first_row) * size.width + x as usize;
+    let rows = block.as_chunks::<SIDE>().0.iter().zip(window.as_chunks::<SIDE>().0);
+    for (row, (values, shares)) in rows.enumerate() {
+        let at = from + row * size.width;
+        let to = sums.values[at..at + SIDE].iter_mut().zip(&mut sums.weights[at..at + SIDE]);
+        for ((sum, total), (value, share)) in to.zip(values.iter().zip(shares)) {
+            let weight = weight * share;
+            *sum = multiply_add::<FUSED>(weight, *value, *sum);
+            *total += weight;
+        }
+    }
+}
+
+/// Kaiser's window with β = 2, against seams (Dabov et al. 2007).
+pub(super) fn window() -> Block {
+    let bessel = |x: f64| {
+        let terms = (1..20).scan(1.0, |term, k| {
+            *term *= (x / 2.0 / f64::from(k)).powi(2);
+            Some(*term)
+        });
+        1.0 + terms.sum::<f64>()
+    };
+    let along: [f64; SIDE] = std::array::from_fn(|k| {
+        let from_middle = 2.0 * k as f64 / (SIDE - 1) as f64 - 1.0;
+        bessel(2.0 * (1.0 - from_middle * from_middle).sqrt()) / bessel(2.0)
+    });
+    std::array::from_fn(|n| (along[n / SIDE] * along[n % SIDE]) as f32)
+}

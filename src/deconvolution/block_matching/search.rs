@@ -1,0 +1,213 @@
+//! Which blocks look alike.
+
+use rayon::prelude::*;
+
+use super::transform::SIDE;
+use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
+use crate::frame::{Plane, Size};
+
+/// Rows of references that make one task, whatever the number of threads.
+pub(super) const ROWS_A_TASK: usize = 8;
+
+/// How blocks are looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Search {
+    /// Pixels from one reference block to the next, at least 1.
+    pub step_px: usize,
+    /// Pixels that a block may lie from its reference, either way.
+    pub reach_px: usize,
+    /// Blocks of a group at most, the reference with them; rounded down to a power of two.
+    pub group_max: usize,
+    /// Mean square difference per pixel, grey levels², up to which a block is like its reference.
+    pub difference_max: f32,
+}
+
+/// Where the blocks of a group begin, nearest to the reference first.
+pub(super) type Members = [(u32, u32)];
+
+/// Groups of like blocks over a picture.
+#[derive(Debug, Clone)]
+pub struct Groups {
+    size: Size,
+    tasks: Vec<Task>,
+}
+
+/// The groups of some rows of references.
+#[derive(Debug, Clone)]
+pub(super) struct Task {
+    /// First row of pixels that any of its blocks can lie in, and how many.
+    pub(super) first_row: usize,
+    pub(super) rows: usize,
+    places: Vec<(u32, u32)>,
+    /// Where each group ends in `places`.
+    ends: Vec<usize>,
+}
+
+impl Task {
+    /// The groups one after the other.
+    pub(super) fn groups(&self) -> impl Iterator<Item = &Members> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, &end)| &self.places[start..end])
+    }
+}
+
+impl Groups {
+    /// Groups of blocks that look alike in `picture`; the grid of references is moved by `turn`
+    /// pixels. None when the picture is smaller than a block.
+    pub fn find(picture: &Plane, search: Search, turn: usize) -> Groups {
+        let size = picture.size();
+        let (across, down) =
+            (grid(size.width, search.step_px, turn), grid(size.height, search.step_px, turn));
+        let tasks = down.par_chunks(ROWS_A_TASK).map(|rows| {
+            let first_row = rows[0].saturating_sub(search.reach_px);
+            let last = (rows[rows.len() - 1] + search.reach_px).min(size.height - SIDE);
+            let mut task = Task {
+                first_row,
+                rows: last + SIDE - first_row,
+                places: Vec::with_capacity(rows.len() * across.len() * search.group_max),
+                ends: Vec::with_capacity(rows.len() * across.len()),
+            };
+            run_fastest(Look { picture, search, rows, across: &across, task: &mut task });
+            task
+        });
+        Groups { size, tasks: if across.is_empty() { Vec::new() } else { tasks.collect() } }
+    }
+
+    /// Size of the picture.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    pub(super) fn tasks(&self) -> &[Task] {
+        &self.tasks
+    }
+}
+
+/// Where references begin along a side: every `step` pixels, the first and the last place always.
+pub(super) fn grid(length: usize, step: usize, turn: usize) -> Vec<usize> {
+    let Some(last) = length.checked_sub(SIDE) else { return Vec::new() };
+    let step = step.max(1);
+    let mut places: Vec<usize> = (turn % step..last).step_by(step).collect();
+    if places.first() != Some(&0) && last > 0 {
+        places.insert(0, 0);
+    }
+    places.push(last);
+    places
+}
+
+struct Look<'a> {
+    picture: &'a Plane,
+    search: Search,
+    rows: &'a [usize],
+    across: &'a [usize],
+    task: &'a mut Task,
+}
+
+impl Kernel for Look<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Look { picture, search, rows, across, task } = self;
+        let area = (SIDE * SIDE) as f32;
+        let group_max = floor_power_of_two(search.group_max);
+        let mut found: Vec<(f32, (u32, u32))> = Vec::with_capacity(group_max + 1);
+        for &y in rows {
+            for &x in across {
+                let reference = block(picture, x, y);
+                found.clear();
+                found.push((-1.0, (x as u32, y as u32)));
+                let mut worst = search.difference_max * area;
+                let near = |at: usize, length: usize| {
+                    at.saturating_sub(search.reach_px)..=(at + search.reach_px).min(length - SIDE)
+                };
+                for v in near(y, picture.height()) {
+                    for u in near(x, picture.width()) {
+                        let difference = difference::<FUSED>(&reference, picture, u, v);
+                        if difference > worst || (u, v) == (x, y) || group_max == 1 {
+                            continue;
+                        }
+                        // The first found of equally like ones comes first.
+                        let place = found.partition_point(|&(other, _)| other <= difference);
+                        if place < group_max {
+                            found.truncate(group_max - 1);
+                            found.insert(place, (difference, (u as u32, v as u32)));
+                            if found.len() == group_max {
+                                worst = found[group_max - 1].0;
+                            }
+                        }
+                    }
+                }
+                let members = floor_power_of_two(found.len());
+                task.places.extend(found[..members].iter().map(|&(_, place)| place));
+                task.ends.push(task.places.len());
+            }
+        }
+    }
+}
+
+pub(super) fn floor_power_of_two(n: usize) -> usize {
+    1 << n.max(1).ilog2()
+}
+
+#[inline(always)]
+fn block(picture: &Plane, x: usize, y: usize) -> [[f32; SIDE]; SIDE] {
+    std::array::from_fn(|row| {
+        let from = &picture.row(y + row)[x..][..SIDE];
+        std::array::from_fn(|column| from[column])
+    })
+}
+
+/// Sum of squared differences between `reference` and the block at (`x`, `y`).
+#[inline(always)]
+fn difference<const FUSED: bool>(
+    reference: &[[f32; SIDE]; SIDE],
+    picture: &Plane,
+    x: usize,
+    y: usize,
+) -> f32 {
+    let mut sums = [0.0f32; SIDE];
+    let width = picture.width();
+    let from = &picture.data()[y * width + x..][..(SIDE - 1) * width + SIDE];
+    for (row, wanted) in reference.iter().enumerate() {
+        let found = &from[row * width..][..SIDE];
+        for ((sum, w), f) in sums.iter_mut().zip(wanted).zip(found) {
+            let apart = w - f;
+            *sum = multiply_add::<FUSED>(apart, apart, *sum);
+        }
+    }
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn references_reach_both_borders_at_every_turn() {
+        assert_eq!(grid(20, 5, 0), vec![0, 5, 10, 12]);
+        assert_eq!(grid(20, 5, 7), vec![0, 2, 7, 12]);
+        assert_eq!(grid(8, 3, 2), vec![0]);
+        assert_eq!(grid(9, 3, 2), vec![0, 1]);
+        assert!(grid(7, 3, 0).is_empty());
+    }
+
+    #[test]
+    fn a_repeated_pattern_is_found_where_it_repeats() {
+        let picture = Plane::from_fn(Size::new(48, 40), |x, y| {
+            ((x % 12) * 17 + (y % 10) * 23) as f32 + if x < 24 { 0.0 } else { 3.0 }
+        });
+        let search = Search { step_px: 4, reach_px: 14, group_max: 16, difference_max: 1.0 };
+        let groups = Groups::find(&picture, search, 0);
+        assert_eq!(groups.tasks().len(), 2);
+        let first: Vec<_> = groups.tasks()[0].groups().next().unwrap().to_vec();
+        // At (12, 0), (0, 10) and (12, 10) are the same pixels, and no others within reach.
+        assert_eq!(first, vec![(0, 0), (12, 0), (0, 10), (12, 10)]);
+        for task in groups.tasks() {
+            for &(_, y) in task.groups().flatten() {
+                assert!(
+                    y as usize >= task.first_row && y as usize + SIDE <= task.first_row + task.rows
+                );
+            }
+        }
+    }
+}

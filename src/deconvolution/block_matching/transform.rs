@@ -1,0 +1,166 @@
+//! The transform of a group: the cosine transform of each 8×8 block, and Haar's along the group.
+//!
+//! Both are orthonormal, so white noise stays as it is. Coefficients are kept turned about the
+//! diagonal: column frequencies down, row frequencies across; turning them back would cost and gain
+//! nothing.
+
+use crate::frame::instructions::multiply_add;
+
+/// Side of a block, pixels.
+pub(super) const SIDE: usize = 8;
+/// Pixels of a block.
+pub(super) const AREA: usize = SIDE * SIDE;
+
+/// Pixels or coefficients of one block, row-major.
+pub(super) type Block = [f32; AREA];
+
+/// The cosine transform (type II, orthonormal): `0[i][k]` = √(2/8) cᵢ cos(π(2k+1)i/16), c₀ = √½.
+#[derive(Debug, Clone)]
+pub(super) struct Cosines {
+    forward: [[f32; SIDE]; SIDE],
+    backward: [[f32; SIDE]; SIDE],
+}
+
+impl Cosines {
+    pub(super) fn new() -> Self {
+        let forward: [[f32; SIDE]; SIDE] =
+            std::array::from_fn(|i| std::array::from_fn(|k| basis(i, k) as f32));
+        let backward = std::array::from_fn(|i| std::array::from_fn(|k| forward[k][i]));
+        Cosines { forward, backward }
+    }
+
+    /// Pixels to coefficients.
+    #[inline(always)]
+    pub(super) fn analyse<const FUSED: bool>(&self, block: &mut Block) {
+        both_ways::<FUSED>(&self.forward, block);
+    }
+
+    /// Coefficients to pixels.
+    #[inline(always)]
+    pub(super) fn synthesise<const FUSED: bool>(&self, block: &mut Block) {
+        both_ways::<FUSED>(&self.backward, block);
+    }
+}
+
+/// Value of basis function `i` at sample `k`.
+pub(super) fn basis(i: usize, k: usize) -> f64 {
+    let angle = std::f64::consts::PI * (2 * k + 1) as f64 * i as f64 / (2 * SIDE) as f64;
+    let share = if i == 0 { 1.0 } else { 2.0 };
+    (share / SIDE as f64).sqrt() * angle.cos()
+}
+
+/// (M X Mᵀ)ᵀ in place of X.
+#[inline(always)]
+fn both_ways<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &mut Block) {
+    let once = transposed(&down::<FUSED>(matrix, block));
+    *block = down::<FUSED>(matrix, &once);
+}
+
+/// M X.
+#[inline(always)]
+fn down<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &Block) -> Block {
+    let mut out = [0.0; AREA];
+    for (row, weights) in out.as_chunks_mut::<SIDE>().0.iter_mut().zip(matrix) {
+        for (from, weight) in block.as_chunks::<SIDE>().0.iter().zip(weights) {
+            for (o, f) in row.iter_mut().zip(from) {
+                *o = multiply_add::<FUSED>(*weight, *f, *o);
+            }
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn transposed(block: &Block) -> Block {
+    let mut out = [0.0; AREA];
+    for y in 0..SIDE {
+        for x in 0..SIDE {
+            out[x * SIDE + y] = block[y * SIDE + x];
+        }
+    }
+    out
+}
+
+/// Haar's transform along the group, in place; the mean ends in the first block. The number of
+/// blocks is a power of two.
+#[inline(always)]
+pub(super) fn haar(group: &mut [Block]) {
+    let mut apart = 1;
+    while apart < group.len() {
+        pairs(group, apart);
+        apart *= 2;
+    }
+}
+
+/// Undoes [`haar`].
+#[inline(always)]
+pub(super) fn haar_back(group: &mut [Block]) {
+    let mut apart = group.len() / 2;
+    while apart > 0 {
+        pairs(group, apart);
+        apart /= 2;
+    }
+}
+
+/// (a, b) → ((a + b)/√2, (a − b)/√2) for blocks `apart`; its own inverse.
+#[inline(always)]
+fn pairs(group: &mut [Block], apart: usize) {
+    for pair in group.chunks_exact_mut(2 * apart) {
+        let (left, right) = pair.split_at_mut(apart);
+        for (a, b) in left[0].iter_mut().zip(&mut right[0]) {
+            (*a, *b) = (
+                (*a + *b) * std::f32::consts::FRAC_1_SQRT_2,
+                (*a - *b) * std::f32::consts::FRAC_1_SQRT_2,
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block(seed: usize) -> Block {
+        std::array::from_fn(|n| ((n * (7 + seed) + n * n * (3 + seed)) % 251) as f32)
+    }
+
+    #[test]
+    fn both_transforms_keep_power_and_come_back() {
+        let cosines = Cosines::new();
+        let blocks: Vec<Block> = (0..8).map(block).collect();
+        let mut changed = blocks.clone();
+        changed.iter_mut().for_each(|block| cosines.analyse::<false>(block));
+        haar(&mut changed);
+        let power = |group: &[Block]| group.iter().flatten().map(|v| f64::from(v * v)).sum::<f64>();
+        assert!((power(&changed) / power(&blocks) - 1.0).abs() < 1e-5);
+        haar_back(&mut changed);
+        changed.iter_mut().for_each(|block| cosines.synthesise::<true>(block));
+        for (a, b) in changed.iter().flatten().zip(blocks.iter().flatten()) {
+            assert!((a - b).abs() < 1e-3, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn coefficients_are_the_sums_of_the_definition() {
+        let source = block(1);
+        let mut found = source;
+        Cosines::new().analyse::<true>(&mut found);
+        for (v, u) in [(0, 0), (3, 1), (7, 6)] {
+            let mut sum = 0.0;
+            for y in 0..SIDE {
+                for x in 0..SIDE {
+                    sum += basis(v, y) * basis(u, x) * f64::from(source[y * SIDE + x]);
+                }
+            }
+            assert!((f64::from(found[u * SIDE + v]) - sum).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn equal_blocks_have_only_a_mean() {
+        let mut group = vec![block(2); 4];
+        haar(&mut group);
+        assert!(group[1..].iter().flatten().all(|v| v.abs() < 1e-4));
+        assert!((group[0][5] - 2.0 * block(2)[5]).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,54 @@
+//! A lens model in place of the light: optics that compute, for tests of the mathematics and for
+//! the paper's comparisons with "accurate numerical calculation" (§4.1).
+
+use super::data_term::TRUSTED;
+use super::forward_convolution::{ForwardConvolution, Seen};
+use super::lens_model::LensModel;
+use crate::frame::{Channel, FULL_SCALE, Frame, Size, Work};
+use crate::remedy::AnyFailure;
+
+/// FC(L) = K·L computed.
+pub struct ComputedOptics<'a> {
+    model: &'a LensModel,
+    eight_bit: bool,
+    captures: usize,
+}
+
+impl<'a> ComputedOptics<'a> {
+    /// Optics of `model`. With `eight_bit`, what is shown and what is seen are clipped to 0..255
+    /// and rounded to whole levels; without, any number goes through.
+    pub fn new(model: &'a LensModel, eight_bit: bool) -> Self {
+        ComputedOptics { model, eight_bit, captures: 0 }
+    }
+
+    fn level(&self, value: f32) -> f32 {
+        if self.eight_bit { value.clamp(0.0, FULL_SCALE).round() } else { value }
+    }
+}
+
+impl ForwardConvolution for ComputedOptics<'_> {
+    fn size(&self) -> Size {
+        self.model.canvas()
+    }
+
+    fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        self.captures += 1;
+        let mut light: Frame<Work> = Frame::zeros(self.size());
+        for channel in Channel::ALL {
+            let on_panel = shown.plane(channel).map(|v: f32| self.level(v));
+            if on_panel.data().iter().any(|&v| v != 0.0) {
+                self.model.forward(channel, &on_panel, light.plane_mut(channel));
+                light.plane_mut(channel).data_mut().iter_mut().for_each(|v| *v = self.level(*v));
+            }
+        }
+        Ok(Seen { light, trusted: Frame::filled(self.size(), TRUSTED) })
+    }
+
+    fn captures(&self) -> usize {
+        self.captures
+    }
+
+    fn seconds(&self) -> f64 {
+        0.0
+    }
+}

@@ -1,0 +1,172 @@
+//! The data term of Eq. 2 where data can be missing or clipped: what a pixel of the photo says
+//! about L.
+
+use rayon::prelude::*;
+
+use crate::frame::{Plane, Rect, STRETCH, Size};
+
+/// Nothing is known here (outside the photo, dead pixel).
+pub const MISSING: u8 = 0;
+/// The value is what the sensor saw.
+pub const TRUSTED: u8 = 1;
+/// The value is a lower bound: the sensor was full.
+pub const SATURATED: u8 = 2;
+
+/// (K L − B) pixel by pixel: zero where data is missing, and where a saturated pixel is predicted
+/// to be at least as bright as its bound.
+pub fn residual(predicted: &Plane, photo: &Plane, trust: &Plane<u8>, out: &mut Plane) {
+    out.data_mut().copy_from_slice(predicted.data());
+    residual_in_place(out, photo, trust);
+}
+
+/// [`residual`], with `predicted` overwritten.
+pub fn residual_in_place(predicted: &mut Plane, photo: &Plane, trust: &Plane<u8>) {
+    let stretches = (predicted.data_mut().par_chunks_mut(STRETCH))
+        .zip(photo.data().par_chunks(STRETCH))
+        .zip(trust.data().par_chunks(STRETCH));
+    stretches.for_each(|((predicted, photo), trust)| {
+        for ((p, &b), &t) in predicted.iter_mut().zip(photo).zip(trust) {
+            let difference = *p - b;
+            *p = match t {
+                TRUSTED => difference,
+                SATURATED => difference.min(0.0),
+                _ => 0.0,
+            };
+        }
+    });
+}
+
+/// Root mean square of a residual over the pixels that carry data; 0 when none does.
+pub fn rms_over_data(residual: &Plane, trust: &Plane<u8>) -> f32 {
+    let count = trust.data().iter().filter(|&&t| t != MISSING).count();
+    if count == 0 {
+        return 0.0;
+    }
+    (residual.dot(residual) / count as f64).sqrt() as f32
+}
+
+/// `inner` placed at `photo` on a canvas, its edge pixels repeated outside: the best guess of a
+/// scene that goes on. With a black surround use [`place`].
+pub fn place_with_edges(inner: &Plane, canvas: Size, photo: Rect) -> Plane {
+    Plane::from_fn(canvas, |x, y| {
+        let column = x.saturating_sub(photo.x).min(photo.size.width - 1);
+        let row = y.saturating_sub(photo.y).min(photo.size.height - 1);
+        inner.at(column, row)
+    })
+}
+
+/// `inner` placed at `photo` on a canvas of `outside`.
+pub fn place<T: Copy + Default>(
+    inner: &Plane<T>,
+    canvas: Size,
+    photo: Rect,
+    outside: T,
+) -> Plane<T> {
+    let mut plane = Plane::filled(canvas, outside);
+    for y in 0..photo.size.height {
+        plane.row_mut(photo.y + y)[photo.x..][..photo.size.width].copy_from_slice(inner.row(y));
+    }
+    plane
+}
+
+/// Where a photo of size `photo` lies on its canvas with `margin_px` on every side, and the canvas
+/// size.
+pub fn canvas_of(photo: Size, margin_px: usize) -> (Size, Rect) {
+    let canvas = Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px);
+    (canvas, Rect { x: margin_px, y: margin_px, size: photo })
+}
+
+/// The standard deviation of the noise in `photo`, in its own units: the median absolute diagonal
+/// second difference, scaled for Gaussian noise. A lens's blur leaves nothing else at that scale.
+///
+/// Source: Immerkær's idea of a difference operator blind to image structure (1996), with the
+/// median of Donoho & Johnstone (1994) in place of the mean, so that the few real edges do not
+/// count.
+pub fn noise_of(photo: &Plane) -> f32 {
+    let (width, height) = (photo.width(), photo.height());
+    if width < 3 || height < 3 {
+        return 0.0;
+    }
+    let mut differences: Vec<f32> = Vec::with_capacity((width - 2) * (height - 2));
+    for y in 1..height - 1 {
+        let (above, here, below) = (photo.row(y - 1), photo.row(y), photo.row(y + 1));
+        for x in 1..width - 1 {
+            let mask = above[x - 1] + above[x + 1] + below[x - 1] + below[x + 1]
+                - 2.0 * (above[x] + below[x] + here[x - 1] + here[x + 1])
+                + 4.0 * here[x];
+            differences.push(mask.abs());
+        }
+    }
+    // The mask's weights have norm √36 = 6; 0.6745 is the median of |N(0,1)|.
+    median_of_positive(&differences) / (6.0 * 0.674_5)
+}
+
+/// The upper median of numbers that are not negative. Such numbers are ordered as their bits are:
+/// the middle one's upper half is found by counting, and only those that share it are compared.
+fn median_of_positive(values: &[f32]) -> f32 {
+    let mut counts = vec![0usize; 1 << 16];
+    values.iter().for_each(|value| counts[(value.to_bits() >> 16) as usize] += 1);
+    let mut before = 0;
+    let middle = values.len() / 2;
+    let upper = counts.iter().position(|&count| {
+        before += count;
+        before > middle
+    });
+    let Some(upper) = upper else { return 0.0 };
+    let nth = middle + counts[upper] - before;
+    let alike = values.iter().filter(|value| (value.to_bits() >> 16) as usize == upper);
+    let mut alike: Vec<f32> = alike.copied().collect();
+    *alike.select_nth_unstable_by(nth, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn missing_pixels_say_nothing_and_saturated_ones_only_that_it_was_bright() {
+        let size = Size::new(4, 1);
+        let predicted = Plane::from_vec(size, vec![10.0, 300.0, 200.0, 5.0]).unwrap();
+        let photo = Plane::from_vec(size, vec![4.0, 255.0, 255.0, 9.0]).unwrap();
+        let trust = Plane::from_vec(size, vec![TRUSTED, SATURATED, SATURATED, MISSING]).unwrap();
+        let mut out = Plane::zeros(size);
+        residual(&predicted, &photo, &trust, &mut out);
+        assert_eq!(out.data(), &[6.0, 0.0, -55.0, 0.0]);
+        assert!((rms_over_data(&out, &trust) - ((36.0f32 + 3025.0) / 3.0).sqrt()).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_noise_of_a_smooth_noisy_picture_is_found() {
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(5);
+        let noisy = Plane::from_fn(Size::new(200, 150), |x, y| {
+            let noise: f32 = StandardNormal.sample(&mut random);
+            100.0 + 40.0 * ((x as f32) / 23.0).sin() + 0.2 * y as f32 + 1.7 * noise
+        });
+        assert!((noise_of(&noisy) - 1.7).abs() < 0.08, "{}", noise_of(&noisy));
+    }
+
+    #[test]
+    fn the_median_by_counting_is_the_median() {
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(9);
+        for count in [1, 2, 3, 10, 1001, 4096] {
+            let number = |_| -> f32 { f32::abs(StandardNormal.sample(&mut random)) };
+            let mut values: Vec<f32> =
+                (0..count).map(number).map(|v| (8.0 * v).floor() / 8.0 + v / 1e3).collect();
+            let found = median_of_positive(&values);
+            values.sort_by(f32::total_cmp);
+            assert_eq!(found, values[count / 2], "{count}");
+        }
+        assert_eq!(median_of_positive(&[0.0; 7]), 0.0);
+    }
+
+    #[test]
+    fn edges_are_repeated_outside_the_photo() {
+        let inner = Plane::from_vec(Size::new(2, 1), vec![1.0, 2.0]).unwrap();
+        let (canvas, photo) = canvas_of(inner.size(), 1);
+        let placed = place_with_edges(&inner, canvas, photo);
+        assert_eq!(placed.row(0), &[1.0, 1.0, 2.0, 2.0]);
+        assert_eq!(placed.row(2), &[1.0, 1.0, 2.0, 2.0]);
+    }
+}

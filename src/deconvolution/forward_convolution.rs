@@ -1,0 +1,73 @@
+//! What a method may ask of the light: a picture shown, a picture seen (paper §2.1, Eq. 8).
+//!
+//! A method holds a `dyn` [`ForwardConvolution`] and nothing else of the rig. Behind it stands a
+//! rig ([`crate::light_path`], layer 3), or for tests a lens model that convolves by computing.
+
+use rayon::prelude::*;
+
+use super::data_term::TRUSTED;
+use super::lens_model::LensModel;
+use crate::frame::{Channel, Frame, Plane, Size, Work};
+use crate::remedy::AnyFailure;
+
+/// One look through the lens: FC(L)(i,j) = Σ L(m,n) K(i,j,m,n), in linear light, 0..255.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    /// The picture seen, black level, dark corner and cross-channel mixing undone.
+    pub light: Frame<Work>,
+    /// 1 where the sensor's value can be trusted, 0 where it was saturated or missing.
+    pub trusted: Frame<Work, u8>,
+}
+
+impl Seen {
+    /// What `model` leaves unexplained of this when `shown` was shown, y − K̂L, in the `channels`;
+    /// zero where the capture cannot be trusted.
+    pub fn unexplained(
+        &self,
+        model: &LensModel,
+        shown: &Frame<Work>,
+        channels: &[Channel],
+    ) -> Frame<Work> {
+        let left = channels.par_iter().map(|&c| {
+            let mut plane = Plane::zeros(shown.size());
+            model.forward(c, shown.plane(c), &mut plane);
+            let captured = self.light.plane(c).data().iter().zip(self.trusted.plane(c).data());
+            for (p, (&y, &t)) in plane.data_mut().iter_mut().zip(captured) {
+                *p = if t == TRUSTED { y - *p } else { 0.0 };
+            }
+            (c, plane)
+        });
+        let left: Vec<(Channel, Plane)> = left.collect();
+        let mut all = Frame::zeros(shown.size());
+        left.into_iter().for_each(|(c, plane)| *all.plane_mut(c) = plane);
+        all
+    }
+}
+
+/// The optics as an operator, one capture a call.
+pub trait ForwardConvolution {
+    /// The Work grid.
+    fn size(&self) -> Size;
+
+    /// Shows `shown` (linear light, clipped to 0..255 by the panel) and returns what was seen.
+    /// Outside the frame the panel continues the picture as the light path is configured to.
+    ///
+    /// # Errors
+    /// Whatever keeps the rig from bringing this picture's frame, with its remedy.
+    fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure>;
+
+    /// What a flat picture looks like through the lens. It does not depend on the photo, so a rig
+    /// may look once and remember.
+    ///
+    /// # Errors
+    /// As [`ForwardConvolution::forward`].
+    fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        self.forward(flat)
+    }
+
+    /// Captures made so far; every exposure counts, also those thrown away.
+    fn captures(&self) -> usize;
+
+    /// Seconds the captures took so far, on the rig's own clock.
+    fn seconds(&self) -> f64;
+}

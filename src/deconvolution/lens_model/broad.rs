@@ -1,0 +1,444 @@
+//! The broad light of a lens: veiling glare and haze, wider than any of its functions.
+//!
+//! K x = d (a P x + Σⱼ sⱼ Gⱼ x): a share a of the light goes where the lens functions P send it,
+//! shares sⱼ are spread over Gaussians Gⱼ, and a + Σ sⱼ = 1. A Gaussian is computed on cells of a
+//! quarter of its radius: means over cells, two small matrices, linear interpolation; each part has
+//! its exact transpose. The light P x is not computed first: beside a Gaussian several times as
+//! wide its blur makes no difference.
+//!
+//! d undoes what the flats of a calibration have taken for a dark corner: where dark lies beyond
+//! the canvas, a flat is dimmer at the border, for no light comes in from there.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::frame::{Plane, STRETCH, Size};
+
+/// A share of the light that is spread over a Gaussian.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Halo {
+    /// Standard deviation in photo pixels.
+    pub radius_px: f32,
+    /// Share of the light, 0 to 1.
+    pub share: f32,
+}
+
+/// What lies beyond the canvas, as far as a halo reaches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Beyond {
+    /// Nothing.
+    Dark,
+    /// What is at the border goes on.
+    LikeTheBorder,
+}
+
+/// Cells per standard deviation. With the cells' own spread taken out, the halo of a picture of
+/// squares is within 1 % of its peak of the Gaussian as written, and at the very border within 5 %
+/// (2026-11-21, the test below).
+const CELLS_PER_RADIUS: f32 = 4.0;
+/// Where a Gaussian is cut, in standard deviations: 6e-5 of its light lies beyond.
+const CUT: f32 = 4.0;
+
+/// One side of the grid of cells.
+#[derive(Debug, Clone)]
+struct Side {
+    /// Pixels of a cell; the last may have fewer.
+    cell: usize,
+    /// What a pixel counts for in its cell's mean.
+    weights: Vec<f32>,
+    /// `[to][from]`: how cells spread over cells;
+    spread: Vec<f32>,
+    /// nought farther apart than so many cells.
+    reach: usize,
+    /// For each pixel the cell before it,
+    lower: Vec<usize>,
+    /// and how far it is on the way to the next.
+    along: Vec<f32>,
+    /// Pixels with the same cell before them: that cell, the first pixel, the one after the last.
+    runs: Vec<(usize, usize, usize)>,
+}
+
+impl Side {
+    fn new(length: usize, radius_px: f32, beyond: Beyond) -> Side {
+        let cell = ((radius_px / CELLS_PER_RADIUS) as usize).clamp(1, length.max(1));
+        let count = length.div_ceil(cell).max(1);
+        let pixels = |n: usize| match beyond {
+            Beyond::Dark => cell,
+            Beyond::LikeTheBorder => cell.min(length - n * cell).max(1),
+        };
+        // A mean over a cell has a variance of 1/12 cells², linear interpolation one of 1/6.
+        let own = if cell == 1 { 0.0 } else { 0.25 };
+        let sigma = ((radius_px / cell as f32).powi(2) - own).max(0.01).sqrt();
+        let reach = (CUT * sigma).ceil() as isize;
+        let weight = |step: isize| (-0.5 * (step as f32 / sigma).powi(2)).exp();
+        let whole: f32 = (-reach..=reach).map(weight).sum();
+        let mut spread = vec![0.0; count * count];
+        for to in 0..count {
+            for step in -reach..=reach {
+                let from = to as isize + step;
+                let inside = from.clamp(0, count as isize - 1);
+                if inside == from || beyond == Beyond::LikeTheBorder {
+                    spread[to * count + inside as usize] += weight(step) / whole;
+                }
+            }
+        }
+        let place = |pixel: usize| {
+            let place = ((pixel as f32 + 0.5) / cell as f32 - 0.5).clamp(0.0, (count - 1) as f32);
+            let lower = (place as usize).min(count.saturating_sub(2));
+            (lower, place - lower as f32)
+        };
+        let (lower, along): (Vec<usize>, Vec<f32>) = (0..length).map(place).unzip();
+        let mut runs = Vec::new();
+        let mut start = 0;
+        for same in lower.chunk_by(|a, b| a == b) {
+            runs.push((same[0], start, start + same.len()));
+            start += same.len();
+        }
+        Side {
+            cell,
+            weights: (0..count).map(|n| 1.0 / pixels(n) as f32).collect(),
+            spread,
+            reach: reach as usize,
+            lower,
+            along,
+            runs,
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// The cell after `lower`; the same where there is but one.
+    fn after(&self, lower: usize) -> usize {
+        (lower + 1).min(self.count() - 1)
+    }
+}
+
+/// A Gaussian on its cells.
+#[derive(Debug, Clone)]
+pub(crate) struct Veil {
+    x: Side,
+    y: Side,
+}
+
+impl Veil {
+    /// A Gaussian of standard deviation `radius_px` on planes of `size`.
+    pub(crate) fn new(size: Size, radius_px: f32, beyond: Beyond) -> Veil {
+        Veil {
+            x: Side::new(size.width, radius_px, beyond),
+            y: Side::new(size.height, radius_px, beyond),
+        }
+    }
+
+    fn cells(&self) -> Size {
+        Size::new(self.x.count(), self.y.count())
+    }
+
+    /// `light` spread, on cells.
+    pub(crate) fn spread(&self, light: &Plane) -> Plane {
+        let mut means: Plane = Plane::zeros(self.cells());
+        let rows = means.data_mut().par_chunks_mut(self.x.count()).enumerate();
+        rows.for_each_init(
+            || vec![0.0f32; light.width()],
+            |sum, (n, to)| {
+                sum.fill(0.0);
+                for y in n * self.y.cell..((n + 1) * self.y.cell).min(light.height()) {
+                    sum.iter_mut().zip(light.row(y)).for_each(|(s, v)| *s += v);
+                }
+                for ((to, part), weight) in
+                    to.iter_mut().zip(sum.chunks(self.x.cell)).zip(&self.x.weights)
+                {
+                    *to = part.iter().sum::<f32>() * weight * self.y.weights[n];
+                }
+            },
+        );
+        let along_x = times(&means, &self.x, |spread, count, to, from| spread[to * count + from]);
+        times(&along_x, &self.y, |spread, count, to, from| spread[to * count + from])
+    }
+
+    /// Adds `share` of what is on `cells` to row `y` of a plane.
+    pub(crate) fn add_row(&self, cells: &Plane, share: f32, y: usize, row: &mut [f32]) {
+        let (above, ty) = (self.y.lower[y], self.y.along[y]);
+        let below = self.y.after(above);
+        let line: Vec<f32> = cells
+            .row(above)
+            .iter()
+            .zip(cells.row(below))
+            .map(|(a, b)| share * (a + ty * (b - a)))
+            .collect();
+        for &(lower, start, end) in &self.x.runs {
+            let left = line[lower];
+            let rise = line[self.x.after(lower)] - left;
+            let pixels = row[start..end].iter_mut().zip(&self.x.along[start..end]);
+            pixels.for_each(|(value, tx)| *value += left + tx * rise);
+        }
+    }
+
+    /// `light` spread, on pixels.
+    pub(crate) fn on_pixels(&self, light: &Plane) -> Plane {
+        let (cells, mut out) = (self.spread(light), Plane::zeros(light.size()));
+        (0..light.height()).for_each(|y| self.add_row(&cells, 1.0, y, out.row_mut(y)));
+        out
+    }
+
+    /// The transpose of all rows of [`Veil::add_row`] and of [`Veil::spread`]'s matrices: what each
+    /// cell's mean counts for.
+    fn gathered(&self, seen: &Plane) -> Plane {
+        let mut cells: Plane = Plane::zeros(self.cells());
+        let rows = cells.data_mut().par_chunks_mut(self.x.count()).enumerate();
+        rows.for_each_init(
+            || vec![0.0f32; seen.width()],
+            |sum, (n, to)| {
+                sum.fill(0.0);
+                // A pixel looks at the cell before it and at the one after that.
+                let near = |n: usize| (n * self.y.cell).min(seen.height());
+                for y in near(n.saturating_sub(1))..near(n + 2) {
+                    let (above, ty) = (self.y.lower[y], self.y.along[y]);
+                    let mut weight = if above == n { 1.0 - ty } else { 0.0 };
+                    weight += if self.y.after(above) == n { ty } else { 0.0 };
+                    if weight > 0.0 {
+                        sum.iter_mut().zip(seen.row(y)).for_each(|(s, v)| *s += weight * v);
+                    }
+                }
+                for ((value, tx), &lower) in sum.iter().zip(&self.x.along).zip(&self.x.lower) {
+                    to[lower] += (1.0 - tx) * value;
+                    to[self.x.after(lower)] += tx * value;
+                }
+            },
+        );
+        let along_x = times(&cells, &self.x, |spread, count, to, from| spread[from * count + to]);
+        times(&along_x, &self.y, |spread, count, to, from| spread[from * count + to])
+    }
+
+    /// Adds `share` of what each pixel counts for, by its cell, to row `y` of a plane.
+    fn add_row_adjoint(&self, cells: &Plane, share: f32, y: usize, row: &mut [f32]) {
+        let n = y / self.y.cell;
+        let weights = cells.row(n).iter().zip(&self.x.weights);
+        for (part, (value, weight)) in row.chunks_mut(self.x.cell).zip(weights) {
+            let add = share * value * weight * self.y.weights[n];
+            part.iter_mut().for_each(|v| *v += add);
+        }
+    }
+}
+
+/// A matrix applied along the rows of `cells`, the result transposed; twice of it has applied one
+/// along each side.
+fn times(
+    cells: &Plane,
+    side: &Side,
+    at: impl Fn(&[f32], usize, usize, usize) -> f32 + Sync,
+) -> Plane {
+    let (count, height) = (cells.width(), cells.height());
+    let mut out = vec![0.0f32; count * height];
+    out.par_chunks_mut(height.max(1)).enumerate().for_each(|(to, line)| {
+        let near = to.saturating_sub(side.reach)..(to + side.reach + 1).min(count);
+        let weights: Vec<f32> =
+            near.clone().map(|from| at(&side.spread, count, to, from)).collect();
+        for (y, value) in line.iter_mut().enumerate() {
+            *value =
+                cells.row(y)[near.clone()].iter().zip(&weights).map(|(v, weight)| weight * v).sum();
+        }
+    });
+    Plane::from_vec(Size::new(height, count), out)
+        .unwrap_or_else(|| Plane::zeros(Size::new(height, count)))
+}
+
+/// The broad light of one channel.
+#[derive(Debug, Clone)]
+pub(super) struct Broad {
+    veils: Vec<(Veil, f32)>,
+    /// Share of the light that goes where the lens functions send it.
+    local_share: f32,
+    /// d, where it is not 1 everywhere.
+    gain: Option<Plane>,
+}
+
+impl Broad {
+    /// `halos` on a canvas; `None` without any.
+    pub(super) fn new(canvas: Size, halos: &[Halo], beyond: Beyond) -> Option<Broad> {
+        let veils: Vec<(Veil, f32)> = halos
+            .iter()
+            .map(|halo| (Veil::new(canvas, halo.radius_px, beyond), halo.share))
+            .collect();
+        let local_share = 1.0 - halos.iter().map(|halo| halo.share).sum::<f32>();
+        let mut broad = Broad { veils, local_share, gain: None };
+        if broad.veils.is_empty() {
+            return None;
+        }
+        if beyond == Beyond::Dark {
+            let white = Plane::filled(canvas, 1.0);
+            let mut flat = white.clone();
+            broad.add(&white, &mut flat);
+            broad.gain = Some(flat.map(|v| 1.0 / v));
+        }
+        Some(broad)
+    }
+
+    /// `out`, P x until now, becomes K x.
+    pub(super) fn add(&self, x: &Plane, out: &mut Plane) {
+        let spread: Vec<Plane> = self.veils.iter().map(|(veil, _)| veil.spread(x)).collect();
+        let width = out.width().max(1);
+        out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            row.iter_mut().for_each(|v| *v *= self.local_share);
+            for ((veil, share), cells) in self.veils.iter().zip(&spread) {
+                veil.add_row(cells, *share, y, row);
+            }
+            if let Some(gain) = &self.gain {
+                row.iter_mut().zip(gain.row(y)).for_each(|(v, d)| *v *= d);
+            }
+        });
+    }
+
+    /// d y, which Pᵀ and the transposed Gaussians are for.
+    pub(super) fn before_adjoint(&self, y: &Plane) -> Option<Plane> {
+        self.gain.as_ref().map(|gain| {
+            let mut scaled = Plane::zeros(y.size());
+            let stretches = (scaled.data_mut().par_chunks_mut(STRETCH))
+                .zip(y.data().par_chunks(STRETCH))
+                .zip(gain.data().par_chunks(STRETCH));
+            stretches.for_each(|((scaled, y), gain)| {
+                scaled.iter_mut().zip(y).zip(gain).for_each(|((s, v), d)| *s = v * d);
+            });
+            scaled
+        })
+    }
+
+    /// `out`, Pᵀ d y until now, becomes Kᵀ y; `y` is d y.
+    pub(super) fn add_adjoint(&self, y: &Plane, out: &mut Plane) {
+        let gathered: Vec<Plane> = self.veils.iter().map(|(veil, _)| veil.gathered(y)).collect();
+        let width = out.width().max(1);
+        out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            row.iter_mut().for_each(|v| *v *= self.local_share);
+            for ((veil, share), cells) in self.veils.iter().zip(&gathered) {
+                veil.add_row_adjoint(cells, *share, y, row);
+            }
+        });
+    }
+}
+
+/// What is wrong with `halos`, in words.
+pub(crate) fn check_halos(halos: &[Halo]) -> Result<(), String> {
+    let sound =
+        |halo: &Halo| (1.0..=1e4).contains(&halo.radius_px) && (0.0..=1.0).contains(&halo.share);
+    let share: f32 = halos.iter().map(|halo| halo.share).sum();
+    if halos.len() > HALOS_MAX || !halos.iter().all(sound) || share > SHARE_MAX {
+        return Err(format!(
+            "broad light of {halos:?}; at most {HALOS_MAX} halos of 1 to 10000 px are allowed, \
+             together at most {SHARE_MAX}"
+        ));
+    }
+    Ok(())
+}
+
+/// More halos than any fit tries.
+const HALOS_MAX: usize = 16;
+/// A lens that scatters more than this is none. Guess.
+pub(crate) const SHARE_MAX: f32 = 0.9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Rect;
+
+    const SIZE: Size = Size::new(150, 110);
+
+    fn random(seed: u64) -> Plane {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(seed);
+        Plane::from_fn(SIZE, |_, _| random.random::<f32>() - 0.3)
+    }
+
+    fn halos() -> Vec<Halo> {
+        vec![
+            Halo { radius_px: 3.0, share: 0.1 },
+            Halo { radius_px: 20.0, share: 0.2 },
+            Halo { radius_px: 900.0, share: 0.1 },
+        ]
+    }
+
+    #[test]
+    fn the_adjoint_is_exact() {
+        for beyond in [Beyond::Dark, Beyond::LikeTheBorder] {
+            let broad = Broad::new(SIZE, &halos(), beyond).unwrap();
+            let (x, y) = (random(1), random(2));
+            // P is the identity here.
+            let mut forward = x.clone();
+            broad.add(&x, &mut forward);
+            let scaled = broad.before_adjoint(&y).unwrap_or_else(|| y.clone());
+            let mut adjoint = scaled.clone();
+            broad.add_adjoint(&scaled, &mut adjoint);
+            let (a, b) = (forward.dot(&y), x.dot(&adjoint));
+            assert!(
+                (a - b).abs() < 1e-5 * forward.dot(&forward).sqrt() * y.dot(&y).sqrt(),
+                "{a} {b}"
+            );
+        }
+    }
+
+    #[test]
+    fn flat_light_stays_flat_whatever_lies_beyond() {
+        for beyond in [Beyond::Dark, Beyond::LikeTheBorder] {
+            let broad = Broad::new(SIZE, &halos(), beyond).unwrap();
+            let flat = Plane::filled(SIZE, 100.0);
+            let mut seen = flat.clone();
+            broad.add(&flat, &mut seen);
+            let off = seen.data().iter().map(|v| (v - 100.0).abs()).fold(0.0, f32::max);
+            assert!(off < 1e-2, "{off}");
+        }
+    }
+
+    /// The Gaussian as written: every pixel from every other.
+    fn plain(light: &Plane, radius_px: f32) -> Plane {
+        let bell = |d: usize| {
+            (-0.5 * (d as f32 / radius_px).powi(2)).exp()
+                / (std::f32::consts::TAU.sqrt() * radius_px)
+        };
+        let along_x: Plane = Plane::from_fn(light.size(), |x, y| {
+            light.row(y).iter().enumerate().map(|(n, v)| v * bell(n.abs_diff(x))).sum::<f32>()
+        });
+        Plane::from_fn(light.size(), |x, y| {
+            (0..light.height()).map(|n| along_x.at(x, n) * bell(n.abs_diff(y))).sum()
+        })
+    }
+
+    #[test]
+    fn cells_agree_with_the_gaussian_as_written() {
+        let mut spot = Plane::zeros(SIZE);
+        spot.set(75, 55, 1.0);
+        let squares =
+            Plane::from_fn(SIZE, |x, y| if (x / 19 + y / 13) % 2 == 0 { 1.0 } else { 0.0 });
+        // A pixel's halo may lie half a cell off its place, an eighth of its radius; a picture is
+        // many pixels. Half a cell at the border has no cell beyond it to look at.
+        for (light, inside, at_border) in [(spot, 0.1, 0.1), (squares, 0.01, 0.05)] {
+            for radius_px in [8.0, 12.0, 21.0, 2.0] {
+                let right = plain(&light, radius_px);
+                let peak = right.data().iter().copied().fold(0.0, f32::max);
+                let mut off = Veil::new(SIZE, radius_px, Beyond::Dark).on_pixels(&light);
+                off.add_scaled(-1.0, &right);
+                let worst = |from: usize| {
+                    let inner = Rect {
+                        x: from,
+                        y: from,
+                        size: Size::new(SIZE.width - 2 * from, SIZE.height - 2 * from),
+                    };
+                    off.crop(inner).data().iter().fold(0.0f32, |a, v| a.max(v.abs())) / peak
+                };
+                let found = (worst(radius_px as usize / 2), worst(0));
+                println!("radius {radius_px}: {found:.4?} of the peak");
+                assert!(found.0 < inside && found.1 < at_border, "radius {radius_px}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn halos_that_cannot_be_are_refused() {
+        assert!(check_halos(&halos()).is_ok() && check_halos(&[]).is_ok());
+        let one = |radius_px, share| check_halos(&[Halo { radius_px, share }]);
+        for (radius_px, share) in
+            [(0.5, 0.1), (f32::NAN, 0.1), (10.0, 0.95), (10.0, -0.1), (10.0, f32::NAN), (1e9, 0.1)]
+        {
+            assert!(one(radius_px, share).is_err(), "{radius_px} {share}");
+        }
+    }
+}

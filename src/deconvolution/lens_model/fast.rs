@@ -1,0 +1,331 @@
+//! The lens model by Fourier transforms of cells: forward and adjoint.
+//!
+//! In a cell the weights are products: (1−v, v) down the rows times (1−u, u) along them. The
+//! weights of the rows go in before the transform down the columns, two real pictures as one
+//! complex; those of the columns between the two transforms. So one cell costs one transform down,
+//! four along, one along back and one down back. All is exact but for rounding; the adjoint is the
+//! same steps transposed.
+
+use super::cells::{Cells, Spectrum, Stretch, frequency_groups};
+use super::fourier::Fourier;
+use super::halves::{Part, store, up};
+use super::lanes::{Complex, LANES, Lanes};
+use crate::frame::instructions::Kernel;
+use crate::frame::{Plane, Size};
+
+/// Memory that one operation works in.
+#[derive(Debug, Default)]
+pub(super) struct Workspace {
+    pub(super) data: Vec<Complex>,
+    pub(super) spare: Vec<Complex>,
+    pub(super) sum: Vec<Complex>,
+    pub(super) halves: [Vec<Complex>; 3],
+    pub(super) corners: [Vec<Complex>; 4],
+}
+
+impl Workspace {
+    /// Makes room for cells of `nx` × `ny`.
+    pub(super) fn fit(&mut self, nx: usize, ny: usize, corners: bool) {
+        let grow = |buffer: &mut Vec<Complex>, length: usize| {
+            if buffer.len() < length {
+                buffer.resize(length, Complex::default());
+            }
+        };
+        let half = frequency_groups(ny) * pitch(nx);
+        for line in [&mut self.data, &mut self.spare, &mut self.sum] {
+            grow(line, nx.max(ny));
+        }
+        self.halves.iter_mut().for_each(|buffer| grow(buffer, half));
+        if corners {
+            self.corners.iter_mut().for_each(|buffer| grow(buffer, half));
+        }
+    }
+}
+
+/// Numbers in a row of a half spectrum: whole pairs of eight columns.
+pub(super) fn pitch(nx: usize) -> usize {
+    nx.next_multiple_of(2 * LANES)
+}
+
+/// One cell with its transforms and weights.
+pub(super) struct Cell<'a> {
+    pub(super) x: &'a Stretch,
+    pub(super) y: &'a Stretch,
+    pub(super) fx: &'a Fourier,
+    pub(super) fy: &'a Fourier,
+    /// Weights of the second function along each side of the cell.
+    pub(super) u: &'a [f32],
+    pub(super) v: &'a [f32],
+    support_px: usize,
+}
+
+impl<'a> Cell<'a> {
+    #[inline(always)]
+    pub(super) fn of(cells: &'a Cells, y: &'a Stretch, x: &'a Stretch) -> Self {
+        Cell {
+            x,
+            y,
+            fx: &cells.along_x.transforms[x.transform],
+            fy: &cells.along_y.transforms[y.transform],
+            u: &cells.along_x.weight[x.start..x.start + x.length],
+            v: &cells.along_y.weight[y.start..y.start + y.length],
+            support_px: cells.support_px,
+        }
+    }
+
+    /// Pixels that the cell's light reaches.
+    pub(super) fn reach(&self) -> Size {
+        Size::new(self.x.length + self.support_px - 1, self.y.length + self.support_px - 1)
+    }
+
+    /// The half spectra of the cell weighted by 1−v and by v.
+    #[inline(always)]
+    pub(super) fn weighted_halves(&self, plane: &Plane, work: &mut Workspace) {
+        let pitch = pitch(self.fx.length());
+        let [upper, lower, _] = &mut work.halves;
+        for column in (0..self.x.length).step_by(LANES) {
+            let columns = LANES.min(self.x.length - column);
+            for (y, value) in work.data[..self.fy.length()].iter_mut().enumerate() {
+                *value = Complex::default();
+                if y < self.y.length {
+                    let row = &plane.row(self.y.start + y)[self.x.start + column..];
+                    let light = lanes(row, columns);
+                    *value = Complex { re: light * (1.0 - self.v[y]), im: light * self.v[y] };
+                }
+            }
+            let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.spare);
+            store(found, self.fy.length(), Part::Real, upper, pitch, column);
+            if self.y.functions.len() > 1 {
+                store(found, self.fy.length(), Part::Imaginary, lower, pitch, column);
+            }
+        }
+    }
+
+    /// The half spectrum of what the cell's light reaches of `plane`, into `halves[2]`.
+    #[inline(always)]
+    pub(super) fn reached_half(&self, plane: &Plane, work: &mut Workspace) {
+        let (pitch, reach, r) = (pitch(self.fx.length()), self.reach(), self.support_px / 2);
+        let half = &mut work.halves[2];
+        for column in (0..reach.width).step_by(2 * LANES) {
+            for (y, value) in work.data[..self.fy.length()].iter_mut().enumerate() {
+                *value = Complex::default();
+                let row = (self.y.start + y).wrapping_sub(r);
+                if y < reach.height && row < plane.height() {
+                    let left = (self.x.start + column) as isize - r as isize;
+                    value.re = lanes_at(plane.row(row), left);
+                    value.im = lanes_at(plane.row(row), left + LANES as isize);
+                }
+            }
+            let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.spare);
+            store(found, self.fy.length(), Part::Real, half, pitch, column);
+            store(found, self.fy.length(), Part::Imaginary, half, pitch, column + LANES);
+        }
+    }
+
+    /// Row `group` of a half spectrum, weighted along the cell by function `b` and transformed
+    /// along the row.
+    #[inline(always)]
+    pub(super) fn along<'w>(
+        &self,
+        half: &[Complex],
+        group: usize,
+        b: usize,
+        data: &'w mut [Complex],
+        spare: &'w mut [Complex],
+    ) -> (&'w mut [Complex], &'w mut [Complex]) {
+        let row = &half[group * pitch(self.fx.length())..][..self.u.len()];
+        let (filled, rest) = data[..self.fx.length()].split_at_mut(self.u.len());
+        for ((value, &light), &u) in filled.iter_mut().zip(row).zip(self.u) {
+            *value = light * (if b == 0 { 1.0 - u } else { u });
+        }
+        rest.fill(Complex::default());
+        self.fx.run::<false>(data, spare)
+    }
+}
+
+/// Up to eight pixels from the head of `row`, black after `columns`.
+#[inline(always)]
+fn lanes(row: &[f32], columns: usize) -> Lanes {
+    if columns == LANES
+        && let Some(pixels) = row.first_chunk()
+    {
+        return Lanes(*pixels);
+    }
+    let mut lanes = Lanes::default();
+    lanes.0[..columns].copy_from_slice(&row[..columns]);
+    lanes
+}
+
+/// Eight pixels of `row` from `left`, black outside.
+#[inline(always)]
+pub(super) fn lanes_at(row: &[f32], left: isize) -> Lanes {
+    if let Some(pixels) = usize::try_from(left).ok().and_then(|left| row.get(left..)?.first_chunk())
+    {
+        return Lanes(*pixels);
+    }
+    let mut lanes = Lanes::default();
+    for (i, lane) in lanes.0.iter_mut().enumerate() {
+        let column = left + i as isize;
+        if column >= 0 && (column as usize) < row.len() {
+            *lane = row[column as usize];
+        }
+    }
+    lanes
+}
+
+/// Adds eight pixels to `row` from `left`, none outside.
+#[inline(always)]
+fn add_at(row: &mut [f32], left: isize, lanes: Lanes) {
+    if left >= 0
+        && let Some(pixels) = row.get_mut(left as usize..).and_then(|row| row.first_chunk_mut())
+    {
+        *pixels = (Lanes(*pixels) + lanes).0;
+        return;
+    }
+    for (i, lane) in lanes.0.iter().enumerate() {
+        let column = left + i as isize;
+        if column >= 0 && (column as usize) < row.len() {
+            row[column as usize] += lane;
+        }
+    }
+}
+
+/// K x, the part of one row of cells.
+pub(super) struct Forward<'a> {
+    pub(super) cells: &'a Cells,
+    pub(super) spectra: &'a [Spectrum],
+    pub(super) x: &'a Plane,
+    /// Which row of cells.
+    pub(super) row: usize,
+    /// Where the light of this row goes that stays in it: the canvas's rows of these cells.
+    pub(super) band: &'a mut [f32],
+    /// Where the rest goes: support − 1 rows, those above the band first, then those below.
+    pub(super) spill: &'a mut [f32],
+    pub(super) work: &'a mut Workspace,
+}
+
+impl Kernel for Forward<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Forward { cells, spectra, x, row, band, spill, work } = self;
+        band.fill(0.0);
+        spill.fill(0.0);
+        let (r, canvas_width) = (cells.support_px / 2, x.width());
+        for (along_y, along_x, of) in cells.row(row) {
+            let cell = Cell::of(cells, along_y, along_x);
+            let (nx, ny) = (cell.fx.length(), cell.fy.length());
+            let pitch = pitch(nx);
+            work.fit(nx, ny, false);
+            cell.weighted_halves(x, work);
+            let Workspace { data, spare, sum, halves: [upper, lower, seen], .. } = &mut *work;
+            for group in 0..frequency_groups(ny) {
+                for a in 0..along_y.functions.len() {
+                    let half = if a == 0 { &*upper } else { &*lower };
+                    for b in 0..along_x.functions.len() {
+                        let (found, _) = cell.along(half, group, b, data, spare);
+                        let function = &spectra[of[2 * a + b]][group * nx..][..nx];
+                        let terms = sum[..nx].iter_mut().zip(&*found).zip(function);
+                        if a + b == 0 {
+                            terms.for_each(|((sum, &light), &p)| *sum = light.product::<FUSED>(p));
+                        } else {
+                            terms.for_each(|((sum, &light), &p)| {
+                                *sum = light.product_plus::<FUSED>(p, *sum)
+                            });
+                        }
+                    }
+                }
+                let (found, _) = cell.fx.run::<true>(sum, spare);
+                let row = &mut seen[group * pitch..][..pitch];
+                row[..nx].copy_from_slice(found);
+                row[nx..].fill(Complex::default());
+            }
+            let reach = cell.reach();
+            for column in (0..reach.width).step_by(2 * LANES) {
+                let both = up(cell.fy, (seen, column), (seen, column + LANES), pitch, data, spare);
+                let left = (along_x.start + column) as isize - r as isize;
+                for (y, light) in both[..reach.height].iter().enumerate() {
+                    let rows =
+                        if y < r || y >= r + along_y.length { &mut *spill } else { &mut *band };
+                    let place = match y {
+                        above if above < r => above,
+                        inside if inside < r + along_y.length => inside - r,
+                        below => below - along_y.length,
+                    };
+                    let row = &mut rows[place * canvas_width..][..canvas_width];
+                    add_at(row, left, light.re);
+                    add_at(row, left + LANES as isize, light.im);
+                }
+            }
+        }
+    }
+}
+
+/// Kᵀ y, where one row of cells lies.
+pub(super) struct Adjoint<'a> {
+    pub(super) cells: &'a Cells,
+    pub(super) spectra: &'a [Spectrum],
+    pub(super) y: &'a Plane,
+    /// Which row of cells.
+    pub(super) row: usize,
+    /// The canvas's rows of these cells.
+    pub(super) band: &'a mut [f32],
+    pub(super) work: &'a mut Workspace,
+}
+
+impl Kernel for Adjoint<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Adjoint { cells, spectra, y, row, band, work } = self;
+        let canvas_width = y.width();
+        for (along_y, along_x, of) in cells.row(row) {
+            let cell = Cell::of(cells, along_y, along_x);
+            let (nx, ny) = (cell.fx.length(), cell.fy.length());
+            let (pitch, width) = (pitch(nx), along_x.length);
+            work.fit(nx, ny, false);
+            cell.reached_half(y, work);
+            let Workspace { data, spare, sum, halves: [upper, lower, seen], .. } = &mut *work;
+            for group in 0..frequency_groups(ny) {
+                data[..nx].copy_from_slice(&seen[group * pitch..][..nx]);
+                data[cell.reach().width..nx].fill(Complex::default());
+                let (light, free) = cell.fx.run::<false>(data, spare);
+                for a in 0..along_y.functions.len() {
+                    let row = &mut (if a == 0 { &mut *upper } else { &mut *lower })
+                        [group * pitch..][..pitch];
+                    row[width..].fill(Complex::default());
+                    for b in 0..along_x.functions.len() {
+                        let function = &spectra[of[2 * a + b]][group * nx..][..nx];
+                        for ((product, &l), &p) in sum[..nx].iter_mut().zip(&*light).zip(function) {
+                            *product = l.product_conjugate::<FUSED>(p);
+                        }
+                        let (found, _) = cell.fx.run::<true>(sum, free);
+                        for ((value, &l), &u) in row.iter_mut().zip(&*found).zip(cell.u) {
+                            if b == 0 {
+                                *value = l * (1.0 - u);
+                            } else {
+                                *value = l.times_plus::<FUSED>(u, *value);
+                            }
+                        }
+                    }
+                }
+            }
+            if along_y.functions.len() == 1 {
+                // Its weight is zero, but an earlier cell's values there would still add their
+                // rounding.
+                lower.fill(Complex::default());
+            }
+            for column in (0..width).step_by(LANES) {
+                let both = up(cell.fy, (upper, column), (lower, column), pitch, data, spare);
+                let columns = LANES.min(width - column);
+                for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
+                    let values = light.im.times_plus::<FUSED>(Lanes::all(v), light.re * (1.0 - v));
+                    let row = &mut band[i * canvas_width + along_x.start + column..][..columns];
+                    // Eight at once without a call: their number is known here.
+                    match row.first_chunk_mut() {
+                        Some(row) => *row = values.0,
+                        None => row.copy_from_slice(&values.0[..columns]),
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Down the columns of a picture and back: eight real columns twice over, as one complex transform.
+//!
+//! Two real pictures travel as real and imaginary part of one complex one. After the transform down
+//! the columns they are told apart by symmetry, and turned so that the lanes are eight neighbouring
+//! *vertical frequencies* and the transform along the rows finds its line in memory. A half
+//! spectrum is rows of `pitch` numbers, one row for each group of eight of the frequencies
+//! 0..=ny/2. Both pictures come out doubled; the spectra of the functions are scaled for that.
+
+use super::cells::frequency_groups;
+use super::fourier::Fourier;
+use super::lanes::{Complex, LANES, Lanes, transposed};
+
+/// Which of the two pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    /// The one that travelled as real part.
+    Real,
+    /// The one that travelled as imaginary part.
+    Imaginary,
+}
+
+/// Puts twice the half spectrum of one part of `found`, transformed columns of length `n`, into
+/// `column`.. of `half`.
+#[inline(always)]
+pub(super) fn store(
+    found: &[Complex],
+    n: usize,
+    part: Part,
+    half: &mut [Complex],
+    pitch: usize,
+    column: usize,
+) {
+    let found = &found[..n];
+    for group in 0..frequency_groups(n) {
+        store_group(found, group, part, &mut half[group * pitch + column..][..LANES]);
+    }
+}
+
+/// Tells apart and turns eight frequencies. Frequencies above n/2 repeat n/2 and are never read.
+#[inline(always)]
+fn store_group(found: &[Complex], group: usize, part: Part, to: &mut [Complex]) {
+    let n = found.len();
+    let mut re = [Lanes::default(); LANES];
+    let mut im = [Lanes::default(); LANES];
+    for i in 0..LANES {
+        let f = (group * LANES + i).min(n / 2);
+        let (low, high) = (found[f], found[if f == 0 { 0 } else { n - f }]);
+        if part == Part::Real {
+            re[i] = low.re + high.re;
+            im[i] = low.im - high.im;
+        } else {
+            re[i] = low.im + high.im;
+            im[i] = high.re - low.re;
+        }
+    }
+    let (re, im) = (transposed(&re), transposed(&im));
+    for i in 0..LANES {
+        to[i] = Complex { re: re[i], im: im[i] };
+    }
+}
+
+/// The way back: from columns `first_column`.. of the half spectrum `first` and `second_column`..
+/// of `second` to eight columns each of two real pictures, as real and imaginary parts of the
+/// returned numbers, n times too large.
+#[inline(always)]
+pub(super) fn up<'a>(
+    fourier: &Fourier,
+    (first, first_column): (&[Complex], usize),
+    (second, second_column): (&[Complex], usize),
+    pitch: usize,
+    data: &'a mut [Complex],
+    spare: &'a mut [Complex],
+) -> &'a [Complex] {
+    let n = fourier.length();
+    for group in 0..frequency_groups(n) {
+        let (p_re, p_im) = load(&first[group * pitch + first_column..][..LANES]);
+        let (q_re, q_im) = load(&second[group * pitch + second_column..][..LANES]);
+        for i in 0..LANES.min(n / 2 + 1 - group * LANES) {
+            let f = group * LANES + i;
+            data[f] = Complex { re: p_re[i] - q_im[i], im: p_im[i] + q_re[i] };
+            if f > 0 && 2 * f < n {
+                data[n - f] = Complex { re: p_re[i] + q_im[i], im: q_re[i] - p_im[i] };
+            }
+        }
+    }
+    fourier.run::<true>(data, spare).0
+}
+
+#[inline(always)]
+fn load(from: &[Complex]) -> ([Lanes; LANES], [Lanes; LANES]) {
+    let mut re = [Lanes::default(); LANES];
+    let mut im = [Lanes::default(); LANES];
+    for i in 0..LANES {
+        (re[i], im[i]) = (from[i].re, from[i].im);
+    }
+    (transposed(&re), transposed(&im))
+}

@@ -1,0 +1,59 @@
+//! Which two functions hold at a place along one side of the frame, and with which weights.
+
+/// The interpolation along one side: per canvas pixel the lower function's index and the upper
+/// one's weight.
+#[derive(Debug, Clone)]
+pub(super) struct Interpolation {
+    /// Lower function of each pixel.
+    pub(super) lower: Vec<usize>,
+    /// Upper function of each pixel; equal to `lower` where there is only one.
+    pub(super) upper: Vec<usize>,
+    /// Weight of the upper function, 0..=1.
+    pub(super) weight: Vec<f32>,
+}
+
+impl Interpolation {
+    /// Over `photo_px` pixels with `margin_px` more on either side, between `functions` functions.
+    pub(super) fn new(photo_px: usize, margin_px: usize, functions: usize) -> Self {
+        let canvas_px = photo_px + 2 * margin_px;
+        let spacing = photo_px as f64 / functions as f64;
+        let last = functions - 1;
+        let mut made = Interpolation {
+            lower: Vec::with_capacity(canvas_px),
+            upper: Vec::with_capacity(canvas_px),
+            weight: Vec::with_capacity(canvas_px),
+        };
+        for pixel in 0..canvas_px {
+            // Position in units of functions: 0 at the first centre, `last` at the last one.
+            let place =
+                ((pixel as f64 - margin_px as f64 + 0.5) / spacing - 0.5).clamp(0.0, last as f64);
+            let lower = (place.floor() as usize).min(last.saturating_sub(1));
+            made.lower.push(lower);
+            made.upper.push((lower + 1).min(last));
+            made.weight.push((place - lower as f64) as f32);
+        }
+        made
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn centres_are_evenly_spread_and_the_outermost_hold_beyond() {
+        let along = Interpolation::new(8, 2, 2); // centres at 1.5 and 5.5 of the photo
+        assert_eq!(along.weight[0], 0.0);
+        assert_eq!(along.weight[3], 0.0);
+        assert_eq!(along.weight[4], 0.125);
+        assert_eq!(along.weight[7], 0.875);
+        assert_eq!(along.weight[11], 1.0);
+    }
+
+    #[test]
+    fn one_function_holds_everywhere() {
+        let along = Interpolation::new(5, 0, 1);
+        assert!(along.lower.iter().chain(&along.upper).all(|&n| n == 0));
+        assert!(along.weight.iter().all(|&w| w == 0.0));
+    }
+}

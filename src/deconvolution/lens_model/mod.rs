@@ -1,0 +1,326 @@
+//! The lens as measured: a convolution that varies over the field, and its exact adjoint.
+//!
+//! K X = Σₙ Pₙ * (wₙ X): light of each object point is spread by the function that holds *there*,
+//! the functions Pₙ interpolated bilinearly by the weights wₙ (paper Eq. 1; [`LensFunctions`]).
+//! Nothing is seen from outside the canvas. One function reaches k/2 pixels, so everything here is
+//! exact, not cut to tiles. Rows of cells ([`cells`]) are tasks of their own, so that a channel
+//! alone still keeps all cores busy. What a lens scatters wider than its functions reach is in
+//! [`broad`].
+
+pub(crate) mod broad;
+mod cells;
+mod fast;
+mod fourier;
+mod functions;
+mod halves;
+mod interpolation;
+mod lanes;
+#[cfg(test)]
+mod plain;
+mod taps;
+
+pub use broad::{Beyond, Halo};
+pub use functions::LensFunctions;
+
+use crate::frame::instructions::run_fastest;
+use crate::frame::{Channel, Plane, Size};
+use crate::remedy::{Remediable, Remedy};
+use broad::Broad;
+use cells::{Cells, Spectrum};
+use fast::{Adjoint, Forward, Workspace};
+use interpolation::Interpolation;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+use taps::Correlate;
+
+/// Why functions are no lens model.
+#[derive(Debug, thiserror::Error)]
+pub enum LensModelError {
+    /// The array has another shape.
+    #[error("the blur grid has shape {found:?}; [rows, columns, 3, k, k] is allowed")]
+    Shape {
+        /// Its shape.
+        found: Vec<usize>,
+    },
+    /// There is no function in the grid.
+    #[error(
+        "the lens model has {rows} rows of {columns} functions; at least one of one is allowed"
+    )]
+    NoFunctions {
+        /// Rows found.
+        rows: usize,
+        /// Columns found.
+        columns: usize,
+    },
+    /// The support has no middle.
+    #[error("the lens model's functions are {found} px wide; an odd width is allowed")]
+    Support {
+        /// Width found.
+        found: usize,
+    },
+    /// Too few or too many taps.
+    #[error("the lens model has {found} taps in {channel}; {wanted} make its grid")]
+    Taps {
+        /// Channel.
+        channel: &'static str,
+        /// Number found.
+        found: usize,
+        /// Number that fits the grid.
+        wanted: usize,
+    },
+    /// A tap is infinite or not a number.
+    #[error("tap {place} of the lens model in {channel} is not finite; finite numbers are allowed")]
+    NotFinite {
+        /// Channel.
+        channel: &'static str,
+        /// Place of the tap.
+        place: usize,
+    },
+    /// The broad light is none.
+    #[error("{found}")]
+    Broad {
+        /// What is wrong with it.
+        found: String,
+    },
+    /// The photo has no pixels.
+    #[error("the lens model is asked for a photo of {found} pixels; at least 1×1 is allowed")]
+    Empty {
+        /// Photo size found.
+        found: Size,
+    },
+}
+
+impl Remediable for LensModelError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            LensModelError::Empty { .. } => Remedy::CallOperator,
+            _ => Remedy::Recalibrate,
+        }
+    }
+}
+
+/// The operator K of one rig on its canvas, and Kᵀ.
+#[derive(Debug, Clone)]
+pub struct LensModel {
+    canvas: Size,
+    functions: LensFunctions,
+    cells: Cells,
+    spectra: [Vec<Spectrum>; 3],
+    broad: [Option<Broad>; 3],
+    workspaces: Workspaces,
+}
+
+/// Workspaces not in use; there come to be as many as threads ask at once.
+#[derive(Debug, Default)]
+struct Workspaces(Mutex<Vec<Workspace>>);
+
+impl Workspaces {
+    /// Lends a workspace to `work`.
+    fn lend<R>(&self, work: impl FnOnce(&mut Workspace) -> R) -> R {
+        // A workspace is only put back whole, so a poisoned list is as good as any.
+        let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut workspace = free().pop().unwrap_or_default();
+        let result = work(&mut workspace);
+        free().push(workspace);
+        result
+    }
+}
+
+impl Clone for Workspaces {
+    fn clone(&self) -> Self {
+        Workspaces::default()
+    }
+}
+
+impl LensModel {
+    /// The model of `functions` spread over a photo of size `photo`, on a canvas with `margin_px`
+    /// more pixels on every side.
+    ///
+    /// # Errors
+    /// When the functions do not make a grid ([`LensFunctions::check`]) or the photo is empty.
+    pub fn new(
+        photo: Size,
+        margin_px: usize,
+        functions: &LensFunctions,
+    ) -> Result<Self, LensModelError> {
+        functions.check()?;
+        if photo.area() == 0 {
+            return Err(LensModelError::Empty { found: photo });
+        }
+        let along_x = Interpolation::new(photo.width, margin_px, functions.columns);
+        let along_y = Interpolation::new(photo.height, margin_px, functions.rows);
+        let cells = Cells::new(&along_x, &along_y, functions);
+        Ok(LensModel {
+            canvas: Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px),
+            spectra: Channel::ALL.map(|channel| cells.transform(functions, channel)),
+            cells,
+            functions: functions.clone(),
+            broad: [None, None, None],
+            workspaces: Workspaces::default(),
+        })
+    }
+
+    /// The same lens with `halos` for each channel: of all light so much goes there, and less where
+    /// the functions send it.
+    ///
+    /// # Errors
+    /// When their radii or shares cannot be.
+    pub fn with_broad_light(
+        mut self,
+        halos: &[Vec<Halo>; 3],
+        beyond: Beyond,
+    ) -> Result<Self, LensModelError> {
+        for (broad, halos) in self.broad.iter_mut().zip(halos) {
+            broad::check_halos(halos).map_err(|found| LensModelError::Broad { found })?;
+            *broad = Broad::new(self.canvas, halos, beyond);
+        }
+        Ok(self)
+    }
+
+    /// Size of the planes it works on: the photo and its margins.
+    pub fn canvas(&self) -> Size {
+        self.canvas
+    }
+
+    /// The functions it is made of.
+    pub fn functions(&self) -> &LensFunctions {
+        &self.functions
+    }
+
+    /// Replaces the taps of one channel, `[rows][columns][k][k]`, keeping the plans.
+    ///
+    /// # Errors
+    /// When their number is another, or one is not finite; the model is then unchanged.
+    pub fn set_taps(&mut self, channel: Channel, taps: &[f32]) -> Result<(), LensModelError> {
+        let old = std::mem::replace(&mut self.functions.taps[channel.index()], taps.to_vec());
+        if let Err(wrong) = self.functions.check() {
+            self.functions.taps[channel.index()] = old;
+            return Err(wrong);
+        }
+        self.spectra[channel.index()] = self.cells.transform(&self.functions, channel);
+        Ok(())
+    }
+
+    /// The same lens with other `functions`, on a photo and canvas of the same sizes.
+    ///
+    /// # Errors
+    /// When the functions do not make a grid ([`LensFunctions::check`]) or the photo is empty.
+    pub fn with_functions(
+        &self,
+        photo: Size,
+        margin_px: usize,
+        functions: &LensFunctions,
+    ) -> Result<Self, LensModelError> {
+        let made = LensModel::new(photo, margin_px, functions)?;
+        let LensModel { functions, cells, spectra, .. } = made;
+        Ok(LensModel { functions, cells, spectra, ..self.clone() })
+    }
+
+    /// `out` = K x: what is seen when `x` is shown.
+    ///
+    /// # Panics
+    /// When a plane has not the canvas's size, which is a bug of the caller. So do the other
+    /// operations.
+    pub fn forward(&self, channel: Channel, x: &Plane, out: &mut Plane) {
+        assert!(
+            x.size() == self.canvas && out.size() == self.canvas,
+            "planes have the canvas's size"
+        );
+        let (rows, spectra) = (&self.cells.along_y.stretches, &self.spectra[channel.index()]);
+        let spill_length = (self.cells.support_px - 1) * self.canvas.width;
+        let mut bands = self.bands(out);
+        let spills: Vec<Vec<f32>> = bands
+            .par_iter_mut()
+            .enumerate()
+            .map(|(row, band)| {
+                self.workspaces.lend(|work| {
+                    let mut spill = vec![0.0; spill_length];
+                    let (cells, spill_rows) = (&self.cells, &mut spill[..]);
+                    run_fastest(Forward { cells, spectra, x, row, band, spill: spill_rows, work });
+                    spill
+                })
+            })
+            .collect();
+        // In the order of the rows, whoever computed them: the same sums on any number of threads.
+        let r = self.cells.support_px / 2;
+        for (stretch, spill) in rows.iter().zip(&spills) {
+            for (n, light) in spill.chunks_exact(self.canvas.width).enumerate() {
+                let below = if n < r { 0 } else { stretch.length };
+                let y = (stretch.start + n + below).wrapping_sub(r);
+                if y < self.canvas.height {
+                    out.row_mut(y).iter_mut().zip(light).for_each(|(value, l)| *value += l);
+                }
+            }
+        }
+        if let Some(broad) = &self.broad[channel.index()] {
+            broad.add(x, out);
+        }
+    }
+
+    /// `out` = Kᵀ y.
+    pub fn adjoint(&self, channel: Channel, y: &Plane, out: &mut Plane) {
+        assert!(
+            y.size() == self.canvas && out.size() == self.canvas,
+            "planes have the canvas's size"
+        );
+        let (cells, spectra) = (&self.cells, &self.spectra[channel.index()]);
+        let broad = self.broad[channel.index()].as_ref();
+        let scaled = broad.and_then(|broad| broad.before_adjoint(y));
+        let y = scaled.as_ref().unwrap_or(y);
+        self.bands(out).par_iter_mut().enumerate().for_each(|(row, band)| {
+            self.workspaces
+                .lend(|work| run_fastest(Adjoint { cells, spectra, y, row, band, work }));
+        });
+        if let Some(broad) = broad {
+            broad.add_adjoint(y, out);
+        }
+    }
+
+    /// The rows of `out` that belong to each row of cells.
+    fn bands<'a>(&self, out: &'a mut Plane) -> Vec<&'a mut [f32]> {
+        let mut rest = out.data_mut();
+        let lengths = self.cells.along_y.stretches.iter().map(|stretch| stretch.length);
+        lengths
+            .map(|length| rest.split_off_mut(..length * self.canvas.width).unwrap_or_default())
+            .collect()
+    }
+
+    /// Gradient of ½‖K x − y‖² with respect to the taps, where `residual` is K x − y: the adjoint
+    /// of taps ↦ K(taps) x, broad light left out. Laid out as [`LensFunctions::taps`].
+    pub fn correlate(&self, _channel: Channel, x: &Plane, residual: &Plane) -> Vec<f32> {
+        assert!(
+            x.size() == self.canvas && residual.size() == self.canvas,
+            "planes have the canvas's size"
+        );
+        let mut taps = vec![0.0; self.functions.taps[0].len()];
+        self.workspaces.lend(|work| {
+            run_fastest(Correlate { cells: &self.cells, x, residual, taps: &mut taps, work });
+        });
+        taps
+    }
+
+    /// ‖K‖² of one channel: the largest eigenvalue of KᵀK, by `iterations` of the power method from
+    /// random numbers of `seed`. Approached from below.
+    pub fn norm_squared(&self, channel: Channel, iterations: usize, seed: u64) -> f32 {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut x = Plane::from_fn(self.canvas, |_, _| random.random::<f32>());
+        let mut seen = Plane::zeros(self.canvas);
+        let mut largest = 0.0;
+        for _ in 0..iterations {
+            let length = x.dot(&x).sqrt();
+            if length == 0.0 {
+                return 0.0;
+            }
+            x.data_mut().iter_mut().for_each(|v| *v = (f64::from(*v) / length) as f32);
+            self.forward(channel, &x, &mut seen);
+            largest = seen.dot(&seen);
+            self.adjoint(channel, &seen, &mut x);
+        }
+        largest as f32
+    }
+}
+
+#[cfg(test)]
+mod tests;

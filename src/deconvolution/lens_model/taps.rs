@@ -1,0 +1,117 @@
+//! Between taps and spectra: the spectrum of a function, and the gradient of the taps.
+
+use super::cells::{Cells, Spectrum, frequency_groups};
+use super::fast::{Cell, Workspace, lanes_at, pitch};
+use super::fourier::Fourier;
+use super::halves::{Part, store, up};
+use super::lanes::{Complex, LANES};
+use crate::frame::Plane;
+use crate::frame::instructions::{Kernel, run_fastest};
+
+/// The spectrum of `taps` `[k][k]`, scaled so that a product with a doubled half spectrum,
+/// transformed back, is right.
+pub(super) fn spectrum(taps: &[f32], k: usize, fx: &Fourier, fy: &Fourier) -> Spectrum {
+    let mut spectrum = vec![Complex::default(); frequency_groups(fy.length()) * fx.length()];
+    run_fastest(Transform { taps, k, fx, fy, spectrum: &mut spectrum });
+    spectrum
+}
+
+struct Transform<'a> {
+    taps: &'a [f32],
+    k: usize,
+    fx: &'a Fourier,
+    fy: &'a Fourier,
+    spectrum: &'a mut [Complex],
+}
+
+impl Kernel for Transform<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Transform { taps, k, fx, fy, spectrum } = self;
+        let (nx, ny) = (fx.length(), fy.length());
+        // Once for storing this function doubled, once for storing the picture doubled.
+        let scale = 0.25 / (nx * ny) as f32;
+        let mut work = Workspace::default();
+        work.fit(nx, ny, false);
+        let pitch = pitch(nx);
+        let half = &mut work.halves[0];
+        for column in (0..k).step_by(2 * LANES) {
+            work.data[..ny].fill(Complex::default());
+            for (value, row) in work.data.iter_mut().zip(taps.chunks_exact(k)) {
+                value.re = lanes_at(row, column as isize) * scale;
+                value.im = lanes_at(row, (column + LANES) as isize) * scale;
+            }
+            let (found, _) = fy.run::<false>(&mut work.data, &mut work.spare);
+            store(found, ny, Part::Real, half, pitch, column);
+            store(found, ny, Part::Imaginary, half, pitch, column + LANES);
+        }
+        for (group, out) in spectrum.chunks_exact_mut(nx).enumerate() {
+            work.data[..nx].fill(Complex::default());
+            work.data[..k].copy_from_slice(&half[group * pitch..][..k]);
+            let (found, _) = fx.run::<false>(&mut work.data, &mut work.spare);
+            out.copy_from_slice(found);
+        }
+    }
+}
+
+/// The adjoint of taps ↦ K(taps) x, applied to `residual`, added to `taps` `[rows][columns][k][k]`.
+pub(super) struct Correlate<'a> {
+    pub(super) cells: &'a Cells,
+    pub(super) x: &'a Plane,
+    pub(super) residual: &'a Plane,
+    pub(super) taps: &'a mut [f32],
+    pub(super) work: &'a mut Workspace,
+}
+
+impl Kernel for Correlate<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Correlate { cells, x, residual, taps, work } = self;
+        let k = cells.support_px;
+        for (along_y, along_x, of) in cells.iter() {
+            let cell = Cell::of(cells, along_y, along_x);
+            let (nx, ny) = (cell.fx.length(), cell.fy.length());
+            let pitch = pitch(nx);
+            work.fit(nx, ny, true);
+            cell.weighted_halves(x, work);
+            cell.reached_half(residual, work);
+            let Workspace { data, spare, sum, halves: [upper, lower, seen], corners } = &mut *work;
+            for group in 0..frequency_groups(ny) {
+                data[..nx].copy_from_slice(&seen[group * pitch..][..nx]);
+                data[cell.reach().width..nx].fill(Complex::default());
+                sum[..nx].copy_from_slice(cell.fx.run::<false>(data, spare).0);
+                for a in 0..along_y.functions.len() {
+                    let half = if a == 0 { &*upper } else { &*lower };
+                    for b in 0..along_x.functions.len() {
+                        let (shown, free) = cell.along(half, group, b, data, spare);
+                        for (value, seen) in shown.iter_mut().zip(sum.iter()) {
+                            *value = seen.product_conjugate::<FUSED>(*value);
+                        }
+                        let (found, _) = cell.fx.run::<true>(shown, free);
+                        let row = &mut corners[2 * a + b][group * pitch..][..pitch];
+                        row[..nx].copy_from_slice(found);
+                        row[nx..].fill(Complex::default());
+                    }
+                }
+            }
+            let scale = 0.25 / (nx * ny) as f32;
+            for (corner, &spectrum) in of.iter().enumerate().filter(|(_, s)| **s != usize::MAX) {
+                let function = &cells.spectra[spectrum];
+                let place = (function.row * cells.columns + function.column) * k * k;
+                let half = &corners[corner];
+                for column in (0..k).step_by(2 * LANES) {
+                    let both =
+                        up(cell.fy, (half, column), (half, column + LANES), pitch, data, spare);
+                    for (found, row) in
+                        both.iter().zip(taps[place..place + k * k].chunks_exact_mut(k))
+                    {
+                        let lanes = found.re.0.iter().chain(&found.im.0);
+                        for (tap, value) in row[column..].iter_mut().zip(lanes) {
+                            *tap += value * scale;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The lens model against golden arrays made by an independent program, and against its own
+//! definition.
+
+use std::path::Path;
+
+use super::plain::Plain;
+use super::*;
+use crate::frame::read_npy_f32;
+
+/// A golden plane of `tests/golden`.
+fn golden(name: &str) -> Plane {
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name).with_extension("npy");
+    let (shape, values) = read_npy_f32(&path).unwrap();
+    Plane::from_vec(Size::new(shape[1], shape[0]), values).unwrap()
+}
+
+fn golden_functions() -> LensFunctions {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/psf_grid.npy");
+    let (shape, values) = read_npy_f32(&path).unwrap();
+    LensFunctions::from_npy(&shape, &values).unwrap()
+}
+
+fn golden_model() -> LensModel {
+    LensModel::new(Size::new(128, 96), 0, &golden_functions()).unwrap()
+}
+
+fn random_plane(size: Size, seed: u64) -> Plane {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    Plane::from_fn(size, |_, _| random.random::<f32>() - 0.3)
+}
+
+/// Random functions with no symmetry that could hide a transposition.
+fn random_functions(rows: usize, columns: usize, k: usize, seed: u64) -> LensFunctions {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let one =
+        |_| (0..rows * columns * k * k).map(|_| random.random::<f32>() / (k * k) as f32).collect();
+    LensFunctions { rows, columns, support_px: k, taps: [0, 1, 2].map(one) }
+}
+
+fn largest_difference(a: &Plane, b: &Plane) -> f32 {
+    a.data().iter().zip(b.data()).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max)
+}
+
+fn model_shapes() -> Vec<(Size, usize, LensFunctions)> {
+    vec![
+        (Size::new(40, 30), 0, random_functions(1, 1, 7, 1)),
+        (Size::new(40, 30), 5, random_functions(2, 3, 9, 2)),
+        (Size::new(37, 29), 3, random_functions(3, 4, 5, 3)),
+        (Size::new(50, 41), 0, random_functions(1, 5, 11, 4)),
+        (Size::new(9, 8), 2, random_functions(2, 2, 15, 5)),
+        (Size::new(64, 48), 4, random_functions(4, 1, 1, 6)),
+        (Size::new(20, 20), 1, random_functions(20, 20, 3, 7)),
+    ]
+}
+
+#[test]
+fn forward_and_adjoint_agree_with_the_golden_arrays() {
+    let model = golden_model();
+    let mut out = Plane::zeros(model.canvas());
+    for (input, wanted, tolerance) in
+        [("operator_x", "operator_k_x", 2e-4), ("operator_rand_x", "operator_k_rand_x", 1e-6)]
+    {
+        model.forward(Channel::Green, &golden(input), &mut out);
+        assert!(largest_difference(&out, &golden(wanted)) < tolerance, "{wanted}");
+    }
+    for (input, wanted, tolerance) in
+        [("operator_x", "operator_kt_x", 2e-4), ("operator_rand_y", "operator_kt_rand_y", 1e-6)]
+    {
+        model.adjoint(Channel::Green, &golden(input), &mut out);
+        assert!(largest_difference(&out, &golden(wanted)) < tolerance, "{wanted}");
+    }
+}
+
+#[test]
+fn the_norm_is_the_golden_one() {
+    let found = golden_model().norm_squared(Channel::Green, 40, 1);
+    assert!((found - 0.995_243).abs() < 1e-3, "{found}");
+}
+
+#[test]
+fn adjoint_passes_the_dot_test() {
+    for (photo, margin, functions) in model_shapes() {
+        let model = LensModel::new(photo, margin, &functions).unwrap();
+        let (x, y) = (random_plane(model.canvas(), 1), random_plane(model.canvas(), 2));
+        let (mut kx, mut kty) = (x.clone(), x.clone());
+        for channel in Channel::ALL {
+            model.forward(channel, &x, &mut kx);
+            model.adjoint(channel, &y, &mut kty);
+            let scale = kx.dot(&kx).sqrt() * y.dot(&y).sqrt();
+            assert!((kx.dot(&y) - x.dot(&kty)).abs() < 1e-5 * scale, "{photo} {channel:?}");
+        }
+    }
+}
+
+#[test]
+fn correlate_is_the_adjoint_of_taps_to_picture() {
+    for (photo, margin, functions) in model_shapes() {
+        let model = LensModel::new(photo, margin, &functions).unwrap();
+        let (x, residual) = (random_plane(model.canvas(), 3), random_plane(model.canvas(), 4));
+        let mut kx = x.clone();
+        model.forward(Channel::Blue, &x, &mut kx);
+        let gradient = model.correlate(Channel::Blue, &x, &residual);
+        let taps = &functions.taps[2];
+        assert_eq!(gradient.len(), taps.len());
+        let along: f64 =
+            gradient.iter().zip(taps).map(|(&g, &t)| f64::from(g) * f64::from(t)).sum();
+        let scale = kx.dot(&kx).sqrt() * residual.dot(&residual).sqrt();
+        assert!((along - kx.dot(&residual)).abs() < 1e-5 * scale, "{photo}");
+    }
+}
+
+/// K as an explicit matrix, entry by entry from the definition, for a canvas of few pixels.
+#[test]
+fn forward_is_the_matrix_of_the_definition() {
+    let functions = random_functions(2, 3, 3, 9);
+    let (photo, margin) = (Size::new(9, 6), 1);
+    let model = LensModel::new(photo, margin, &functions).unwrap();
+    let canvas = model.canvas();
+    let weight = |n: usize, count: usize, length: usize, pixel: usize| {
+        let place = ((pixel as f64 - 1.0 + 0.5) * count as f64 / length as f64 - 0.5)
+            .clamp(0.0, count as f64 - 1.0);
+        (1.0 - (place - n as f64).abs()).max(0.0)
+    };
+    for y in 0..canvas.height {
+        for x in 0..canvas.width {
+            let mut point = Plane::zeros(canvas);
+            point.set(x, y, 1.0);
+            let mut seen = Plane::zeros(canvas);
+            model.forward(Channel::Red, &point, &mut seen);
+            for j in 0..canvas.height {
+                for i in 0..canvas.width {
+                    let (u, v) = (i as isize - x as isize + 1, j as isize - y as isize + 1);
+                    let mut wanted = 0.0;
+                    if (0..3).contains(&u) && (0..3).contains(&v) {
+                        for n in 0..6 {
+                            let w = weight(n / 3, 2, 6, y) * weight(n % 3, 3, 9, x);
+                            let tap = functions.function(Channel::Red, n / 3, n % 3)
+                                [(3 * v + u) as usize];
+                            wanted += w * f64::from(tap);
+                        }
+                    }
+                    assert!((f64::from(seen.at(i, j)) - wanted).abs() < 1e-6);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn wrong_functions_are_refused_by_name() {
+    let mut functions = random_functions(2, 2, 3, 1);
+    functions.taps[1].pop();
+    let refused = LensModel::new(Size::new(8, 8), 0, &functions).unwrap_err();
+    assert_eq!(refused.to_string(), "the lens model has 35 taps in green; 36 make its grid");
+    assert!(matches!(
+        LensFunctions::from_npy(&[2, 2, 3, 4, 4], &[0.0; 192]),
+        Err(LensModelError::Support { found: 4 })
+    ));
+    assert!(matches!(
+        LensFunctions::from_npy(&[2, 2, 4, 3, 3], &[0.0; 144]),
+        Err(LensModelError::Shape { .. })
+    ));
+    let mut model = LensModel::new(Size::new(8, 8), 0, &random_functions(1, 1, 3, 1)).unwrap();
+    assert!(model.set_taps(Channel::Red, &[f32::NAN; 9]).is_err());
+    assert!(model.functions().taps[0].iter().all(|t| t.is_finite()));
+}
+
+#[test]
+fn the_fast_form_is_the_plain_one() {
+    for (photo, margin, functions) in model_shapes() {
+        let model = LensModel::new(photo, margin, &functions).unwrap();
+        let along_x = Interpolation::new(photo.width, margin, functions.columns);
+        let along_y = Interpolation::new(photo.height, margin, functions.rows);
+        let plain = Plain { functions: &functions, along_x: &along_x, along_y: &along_y };
+        let (x, y) = (random_plane(model.canvas(), 5), random_plane(model.canvas(), 6));
+        let mut found = x.clone();
+        for channel in Channel::ALL {
+            model.forward(channel, &x, &mut found);
+            assert!(largest_difference(&found, &plain.forward(channel, &x)) < 1e-5, "{photo}");
+            model.adjoint(channel, &y, &mut found);
+            assert!(largest_difference(&found, &plain.adjoint(channel, &y)) < 1e-5, "{photo}");
+        }
+        let (fast, slow) = (model.correlate(Channel::Red, &x, &y), plain.correlate(&x, &y));
+        let far = fast.iter().zip(&slow).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(far < 1e-4, "{photo}: {far}");
+    }
+}
+
+#[test]
+fn grids_whose_numbers_of_taps_overflow_are_refused() {
+    let functions = LensFunctions {
+        rows: 1 << 32,
+        columns: 1 << 32,
+        support_px: 1,
+        taps: [vec![], vec![], vec![]],
+    };
+    assert!(matches!(functions.check(), Err(LensModelError::Taps { found: 0, .. })));
+}

@@ -1,0 +1,117 @@
+//! The named ways to solve, one file each.
+//!
+//! | name | captures a photo | what it is |
+//! |---|---|---|
+//! | [`paper`] | 4 + 5·n | Eqs. 4–7 as printed, flip–FC–flip backward |
+//! | [`residual`] | 5·n | optics only: signed residual on a pedestal, momentum with restart |
+//! | [`unmatched`] | n | lens model backward, optics forward |
+//! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; the default |
+//! | block-matching | 1 + corrections | [`hybrid`] whose corrections have block matching for the prior ([`blocks`]); slower and better |
+//! | [`digital`] | 0 | lens model only |
+//! | [`krylov`] | 2 + n | conjugate directions by light; on the chart only |
+//! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
+//!
+//! Where the paper leaves a choice, and what is done here (each held by a test in
+//! `tests/method.rs`):
+//!
+//! * **Factor 2 of Eq. 7** is kept in `paper`: the step on Kᵀ(KL − B) is 2τ, stable for τ < 1/‖K‖².
+//! * **Threshold λτ/2** of Eq. 6 is kept as printed, although the proximal step of Eq. 4 would be
+//!   λτ.
+//! * **Levels**: four, approximation untouched; borders of the transform periodised, hence
+//!   orthonormal.
+//! * **Boundary**: the canvas is larger than the photo and solved with it; B counts only where it
+//!   exists.
+//! * **Margin and border patches**: see [`super::patches`].
+
+pub mod averaging;
+pub mod blocks;
+pub mod digital;
+pub mod hybrid;
+pub mod krylov;
+pub mod paper;
+pub mod residual;
+pub mod richardson_lucy;
+pub mod total_variation;
+pub mod unmatched;
+pub mod wiener;
+
+mod brake;
+mod momentum;
+mod problem;
+mod record;
+mod strength;
+
+pub use momentum::Momentum;
+pub use problem::{Certificate, MethodError, Problem, Solution};
+pub use record::{IterationRecord, ResidualOf, Step};
+pub use strength::Strength;
+
+use super::forward_convolution::{ForwardConvolution, Seen};
+use super::wavelet_shrinkage::Shrinkage;
+use crate::frame::{Channel, Frame, Size, Work};
+use crate::remedy::AnyFailure;
+
+/// Called after each step with the step's record and, where the method has it at hand, the picture
+/// as it is now. Whoever looks after the program knows by it that a long solve is alive.
+pub type Watch<'a> = dyn FnMut(&Step, Option<&Frame<Work>>) + 'a;
+
+/// A named way to solve, with its parameters.
+pub trait Method {
+    /// The word used in rig files, tables and reports.
+    fn name(&self) -> &'static str;
+
+    /// Solves `problem`, asking `optics` for captures.
+    ///
+    /// # Errors
+    /// A failed capture, or a model that the method needs and the problem lacks.
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError>;
+}
+
+/// The paper's prior, shifted from step to step when `cycle_spun`.
+fn shrinkage(size: Size, levels: usize, cycle_spun: bool) -> Shrinkage {
+    let plain = Shrinkage::new(size, levels);
+    if cycle_spun { plain.cycle_spun() } else { plain }
+}
+
+/// The momentum of each channel, from `start`.
+fn momenta(channels: &[Channel], start: &Frame<Work>) -> Vec<Momentum> {
+    channels.iter().map(|&c| Momentum::new(start.plane(c))).collect()
+}
+
+/// The optics when there are none: every capture fails.
+#[derive(Debug, Clone, Copy)]
+pub struct NoOptics {
+    /// The Work grid.
+    pub size: Size,
+}
+
+/// A capture was asked for where no camera is.
+#[derive(Debug, Clone, Copy, thiserror::Error)]
+#[error("a capture was asked for, and there is no camera")]
+pub struct NoCamera;
+
+impl crate::remedy::Remediable for NoCamera {
+    fn remedy(&self) -> crate::remedy::Remedy {
+        crate::remedy::Remedy::ReopenRig
+    }
+}
+
+impl ForwardConvolution for NoOptics {
+    fn size(&self) -> Size {
+        self.size
+    }
+    fn forward(&mut self, _: &Frame<Work>) -> Result<Seen, AnyFailure> {
+        Err(Box::new(NoCamera))
+    }
+    fn captures(&self) -> usize {
+        0
+    }
+    fn seconds(&self) -> f64 {
+        0.0
+    }
+}

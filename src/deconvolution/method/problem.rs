@@ -1,0 +1,176 @@
+//! What a method is given and what it gives back.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::record::IterationRecord;
+use crate::deconvolution::data_term::{MISSING, rms_over_data};
+use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::level_norms::LevelNorms;
+use crate::deconvolution::refinement::{Learnt, Look};
+use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
+use crate::remedy::{AnyFailure, Remediable, Remedy};
+
+/// One photo to be solved.
+pub struct Problem<'a> {
+    /// B: the photo on its canvas, linear light 0..255; outside the photo a guess (repeated edges).
+    pub photo: &'a Frame<Work>,
+    /// What each pixel of `photo` is worth, see [`crate::deconvolution::data_term`].
+    pub trust: &'a Frame<Work, u8>,
+    /// Where the photo lies on the canvas.
+    pub rect: Rect,
+    /// Which channels are solved.
+    pub channels: Channels,
+    /// The measured lens, when there is one.
+    pub model: Option<&'a LensModel>,
+    /// ‖K‖² of each channel, an upper estimate; bounds the steps.
+    pub norm_squared: [f32; 3],
+    /// How much of each wavelet level arrives, per channel; sets the steps of solves with the
+    /// model.
+    pub level_norms: &'a [LevelNorms; 3],
+    /// The lens as captures of other photos say it is.
+    pub learnt: Option<&'a Learnt>,
+    /// Standard deviation of the photo's noise per channel, grey levels.
+    pub photo_noise: [f32; 3],
+    /// Standard deviation of one capture's noise per channel, grey levels.
+    pub capture_noise: [f32; 3],
+    /// Seconds on the caller's clock.
+    pub stopwatch: &'a (dyn Fn() -> f64 + Sync),
+}
+
+impl<'a> Problem<'a> {
+    /// The canvas.
+    pub fn size(&self) -> Size {
+        self.photo.size()
+    }
+
+    /// The measured lens.
+    ///
+    /// # Errors
+    /// When the method needs a lens model and there is none.
+    pub fn needs_model(&self, method: &'static str) -> Result<&'a LensModel, MethodError> {
+        self.model.ok_or(MethodError::NoModel { method })
+    }
+
+    /// Zero where the photo has no data.
+    pub fn mask(&self, channel: Channel, plane: &mut Plane) {
+        for (v, &t) in plane.data_mut().iter_mut().zip(self.trust.plane(channel).data()) {
+            if t == MISSING {
+                *v = 0.0;
+            }
+        }
+    }
+
+    /// What noise alone leaves of FC(L) − B in one channel: √(photo² + capture²), grey levels.
+    pub fn noise_floor(&self, channel: Channel) -> f32 {
+        let least = |noise: [f32; 3]| noise[channel.index()].max(ROUNDING);
+        least(self.photo_noise).hypot(least(self.capture_noise))
+    }
+
+    /// RMS over the photo of `predicted − B` in one channel, grey levels.
+    pub fn residual_rms(&self, channel: Channel, predicted: &Plane) -> f32 {
+        let mut difference = Plane::zeros(self.size());
+        let trust = self.trust.plane(channel);
+        crate::deconvolution::data_term::residual(
+            predicted,
+            self.photo.plane(channel),
+            trust,
+            &mut difference,
+        );
+        rms_over_data(&difference, trust)
+    }
+}
+
+/// A finished picture.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// L on the canvas, linear light.
+    pub picture: Frame<Work>,
+    /// The iterations.
+    pub record: IterationRecord,
+    /// What was measured of the result.
+    pub certificate: Certificate,
+    /// What its captures say of the lens; nothing where none was looked at for that.
+    pub look: Look,
+}
+
+impl Solution {
+    /// One that says nothing of the lens.
+    pub fn of(picture: Frame<Work>, record: IterationRecord, certificate: Certificate) -> Solution {
+        Solution { picture, record, certificate, look: Look::default() }
+    }
+}
+
+/// Is the picture's photograph the photo? Residuals in grey levels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Certificate {
+    /// RMS(FC(L) − B) of the returned picture, when it was photographed; of the channel that is
+    /// worst over its floor.
+    pub optical_residual: Option<f32>,
+    /// RMS(K̂L − B) of the returned picture, when there is a lens model; green channel.
+    pub model_residual: Option<f32>,
+    /// What the optical residual would be from noise alone, √(photo² + capture²), in that channel;
+    /// green before any was measured.
+    pub noise_floor: f32,
+    /// Corrections from captures that went into the picture.
+    pub corrections: u32,
+}
+
+/// Deviation of 8-bit rounding, 1/√12 grey levels: no photo or capture is less noisy than that.
+const ROUNDING: f32 = 0.289;
+
+impl Certificate {
+    /// Nothing measured but what noise alone would leave.
+    pub fn uncertified(problem: &Problem<'_>) -> Self {
+        Certificate { noise_floor: problem.noise_floor(Channel::Green), ..Certificate::default() }
+    }
+
+    /// Takes down what is `seen` of the picture.
+    pub fn look(&mut self, problem: &Problem<'_>, seen: &Frame<Work>) {
+        let worst = problem.channels.list().par_iter().map(|&c| {
+            let residual = problem.residual_rms(c, seen.plane(c));
+            (residual, problem.noise_floor(c))
+        });
+        let worst: Vec<(f32, f32)> = worst.collect();
+        if let Some((residual, floor)) =
+            worst.into_iter().max_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)))
+        {
+            (self.optical_residual, self.noise_floor) = (Some(residual), floor);
+        }
+    }
+
+    /// Optical residual over the noise floor; 1 is perfect.
+    pub fn ratio(&self) -> Option<f32> {
+        self.optical_residual.map(|r| r / self.noise_floor.max(f32::MIN_POSITIVE))
+    }
+}
+
+/// Why a method gave no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum MethodError {
+    /// The method computes with the measured lens, and there is none.
+    #[error("method {method} needs a measured lens, and the calibration holds none")]
+    NoModel {
+        /// The method's name.
+        method: &'static str,
+    },
+    /// A capture failed.
+    #[error("a capture failed: {0}")]
+    Optics(AnyFailure),
+}
+
+impl From<AnyFailure> for MethodError {
+    fn from(failure: AnyFailure) -> Self {
+        MethodError::Optics(failure)
+    }
+}
+
+impl Remediable for MethodError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            MethodError::NoModel { .. } => Remedy::Recalibrate,
+            MethodError::Optics(failure) => failure.remedy(),
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! Wiener's filter with the measured lens: a baseline, and where the solver starts. No capture.
+
+use rayon::prelude::*;
+
+use super::richardson_lucy::finish;
+use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
+use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
+
+/// Noise assumed at least: the rounding of an 8-bit photo, 1/√12 grey levels.
+const NOISE_MIN: f32 = 0.29;
+
+/// Wiener (1949), tile by tile with the function that holds in the tile's middle; the tiles are cut
+/// twice their size under a cosine and added up, so that no seam shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wiener {
+    /// Noise power over signal power at one grey level of noise; grows with the square of the
+    /// noise.
+    pub noise_to_signal: f32,
+}
+
+impl Method for Wiener {
+    fn name(&self) -> &'static str {
+        "wiener"
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        _optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let model = problem.needs_model("wiener")?;
+        let begun = (problem.stopwatch)();
+        let channels = problem.channels.list();
+        let solved = channels
+            .par_iter()
+            .map(|&c| {
+                let picture = self.filtered(problem, model, c);
+                let mut predicted = Plane::zeros(problem.size());
+                model.forward(c, &picture, &mut predicted);
+                let residual = problem.residual_rms(c, &predicted);
+                let seconds = (problem.stopwatch)() - begun;
+                let mut record = IterationRecord::default();
+                record.push(Step {
+                    iteration: 1,
+                    residual,
+                    of: ResidualOf::Model,
+                    captures: 0,
+                    seconds,
+                });
+                (picture, record)
+            })
+            .collect();
+        Ok(finish(problem, solved, watch))
+    }
+}
+
+impl Wiener {
+    /// One channel of the photo filtered.
+    fn filtered(&self, problem: &Problem<'_>, model: &LensModel, channel: Channel) -> Plane {
+        let noise = problem.photo_noise[channel.index()].max(NOISE_MIN);
+        filter_tiles(model.functions(), channel, problem, self.noise_to_signal * noise * noise)
+    }
+
+    /// The photo filtered in the channels that are solved; black in others.
+    pub(super) fn start(&self, problem: &Problem<'_>, model: &LensModel) -> Frame<Work> {
+        let channels = problem.channels.list();
+        let filtered: Vec<Plane> =
+            channels.par_iter().map(|&c| self.filtered(problem, model, c)).collect();
+        let mut start = Frame::zeros(problem.size());
+        for (&c, plane) in channels.iter().zip(filtered) {
+            *start.plane_mut(c) = plane;
+        }
+        start
+    }
+}
+
+/// One channel filtered tile by tile.
+fn filter_tiles(
+    functions: &LensFunctions,
+    channel: Channel,
+    problem: &Problem<'_>,
+    ratio: f32,
+) -> Plane {
+    let (photo, rect) = (problem.photo.plane(channel), problem.rect);
+    let size = photo.size();
+    let tile = Size::new(
+        rect.size.width.div_ceil(functions.columns.max(1)),
+        rect.size.height.div_ceil(functions.rows.max(1)),
+    );
+    // Twice the tile for the cosine, and the blur's reach on both sides so that nothing wraps
+    // around.
+    let reach = functions.support_px / 2;
+    let length = |tile: usize| smooth_length(2 * tile + 2 * reach);
+    let transform = Transform2::new(Size::new(length(tile.width), length(tile.height)));
+    let along = |tile: usize| (0..2 * tile).map(|at| cosine(at, tile)).collect::<Vec<f32>>();
+    let (along_x, along_y) = (along(tile.width), along(tile.height));
+    let corner = |place: isize, first: usize, tile: usize| {
+        first as isize + place * tile as isize - (tile / 2) as isize
+    };
+    let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
+    // One row of tiles, which overlaps the next by half.
+    let filtered_row = |row: isize| {
+        let mut strip = Plane::zeros(Size::new(size.width, 2 * tile.height));
+        let y0 = corner(row, rect.y, tile.height);
+        let [mut values, mut lens] =
+            [(); 2].map(|()| vec![Complex::default(); transform.size.area()]);
+        let columns: Vec<isize> = (-1..=functions.columns as isize).collect();
+        for pair in columns.chunks(2) {
+            // Two tiles in one transform, the second one (the first again, where there is none) as
+            // its imaginary part.
+            let pair = [pair[0], pair[pair.len() - 1]];
+            let left = pair.map(|column| corner(column, rect.x, tile.width));
+            let columns_of = |x0: isize| -> Vec<usize> {
+                let place = |x: usize| clamped(x0 + x as isize - reach as isize, size.width);
+                (0..transform.size.width).map(place).collect()
+            };
+            let columns = left.map(columns_of);
+            for (y, line) in values.chunks_exact_mut(transform.size.width).enumerate() {
+                let row = photo.row(clamped(y0 + y as isize - reach as isize, size.height));
+                for ((value, &first), &second) in line.iter_mut().zip(&columns[0]).zip(&columns[1])
+                {
+                    *value = Complex { re: row[first], im: row[second] };
+                }
+            }
+            let taps = pair.map(|column| {
+                functions.function(
+                    channel,
+                    clamped(row, functions.rows),
+                    clamped(column, functions.columns),
+                )
+            });
+            transform.filter(&mut values, taps, functions.support_px, ratio, &mut lens);
+            let mut add = |x0: isize, value_of: fn(&Complex) -> f32| {
+                for (y, weight) in along_y.iter().enumerate() {
+                    let from = &values[(y + reach) * transform.size.width + reach..];
+                    let to = strip.row_mut(y);
+                    for (x, value) in from[..2 * tile.width].iter().enumerate() {
+                        let to_x = x0 + x as isize;
+                        if (0..size.width as isize).contains(&to_x) {
+                            to[to_x as usize] += weight * along_x[x] * value_of(value);
+                        }
+                    }
+                }
+            };
+            add(left[0], |value| value.re);
+            if pair[1] != pair[0] {
+                add(left[1], |value| value.im);
+            }
+        }
+        (y0, strip)
+    };
+    // A ring of tiles around the photo's completes the cosines to one everywhere.
+    let rows: Vec<isize> = (-1..=functions.rows as isize).collect();
+    let strips: Vec<(isize, Plane)> = rows.into_par_iter().map(filtered_row).collect();
+    let mut picture: Plane = Plane::zeros(size);
+    for (y0, strip) in &strips {
+        for y in 0..strip.height() {
+            let to_y = y0 + y as isize;
+            if (0..size.height as isize).contains(&to_y) {
+                let pairs = picture.row_mut(to_y as usize).iter_mut().zip(strip.row(y));
+                pairs.for_each(|(sum, value)| *sum += value);
+            }
+        }
+    }
+    picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+    picture
+}
+
+/// The next product of 2, 3 and 5: other lengths transform several times slower.
+fn smooth_length(least: usize) -> usize {
+    let smooth = |n: usize| {
+        let without = |mut n: usize, factor: usize| {
+            while n.is_multiple_of(factor) {
+                n /= factor;
+            }
+            n
+        };
+        [2, 3, 5].into_iter().fold(n, without) == 1
+    };
+    (least.max(1)..).find(|&n| smooth(n)).unwrap_or(least)
+}
+
+/// Raised cosine over two tiles; neighbours a tile apart add up to one.
+fn cosine(at: usize, tile: usize) -> f32 {
+    0.5 - 0.5 * (std::f32::consts::PI * (at as f32 + 0.5) / tile as f32).cos()
+}
+
+/// Columns transformed together.
+const COLUMNS_AT_A_TIME: usize = 8;
+
+/// A planned two-dimensional transform of one size.
+struct Transform2 {
+    size: Size,
+    rows: [std::sync::Arc<dyn rustfft::Fft<f32>>; 2],
+    columns: [std::sync::Arc<dyn rustfft::Fft<f32>>; 2],
+}
+
+type Complex = rustfft::num_complex::Complex32;
+
+impl Transform2 {
+    fn new(size: Size) -> Self {
+        let mut planner = rustfft::FftPlanner::new();
+        let mut both = |n| [planner.plan_fft_forward(n), planner.plan_fft_inverse(n)];
+        Transform2 { size, rows: both(size.width), columns: both(size.height) }
+    }
+
+    fn run(&self, values: &mut [Complex], direction: usize) {
+        self.rows[direction].process(values);
+        let (width, height) = (self.size.width, self.size.height);
+        // Eight neighbouring columns at a time, so that each line of memory is fetched once.
+        let mut columns = vec![Complex::default(); COLUMNS_AT_A_TIME * height];
+        for start in (0..width).step_by(COLUMNS_AT_A_TIME) {
+            let count = COLUMNS_AT_A_TIME.min(width - start);
+            for (y, row) in values.chunks_exact(width).enumerate() {
+                (0..count).for_each(|x| columns[x * height + y] = row[start + x]);
+            }
+            self.columns[direction].process(&mut columns[..count * height]);
+            for (y, row) in values.chunks_exact_mut(width).enumerate() {
+                (0..count).for_each(|x| row[start + x] = columns[x * height + y]);
+            }
+        }
+    }
+
+    /// Two real pictures, the real and the imaginary part of `values`, each through H* / (|H|² +
+    /// ratio), H the transform of its own `taps` with their middle at the origin. `lens` is memory
+    /// to work in, as large as `values`.
+    fn filter(
+        &self,
+        values: &mut [Complex],
+        taps: [&[f32]; 2],
+        support: usize,
+        ratio: f32,
+        lens: &mut [Complex],
+    ) {
+        let (width, height) = (self.size.width, self.size.height);
+        lens.fill(Complex::default());
+        for (k, (&re, &im)) in taps[0].iter().zip(taps[1]).enumerate() {
+            let x = (k % support + width - support / 2) % width;
+            let y = (k / support + height - support / 2) % height;
+            lens[y * width + x] = Complex { re, im };
+        }
+        self.run(lens, 0);
+        self.run(values, 0);
+        let scale = 1.0 / (width * height) as f32;
+        let i = Complex::i();
+        for y in 0..height {
+            let mirrored_row = (height - y) % height * width;
+            for x in 0..width {
+                let (here, there) = (y * width + x, mirrored_row + (width - x) % width);
+                if there < here {
+                    continue;
+                }
+                // A real picture's transform at −k is the conjugate of that at k, which tells the
+                // two apart.
+                let apart = |z: &[Complex]| {
+                    let (z, mirrored) = (z[here], z[there].conj());
+                    [(z + mirrored) * 0.5, (z - mirrored) * -0.5 * i]
+                };
+                let ([p, q], [h, g]) = (apart(values), apart(lens));
+                let first = p * h.conj() * (scale / (h.norm_sqr() + ratio));
+                let second = q * g.conj() * (scale / (g.norm_sqr() + ratio));
+                values[here] = first + second * i;
+                values[there] = first.conj() + second.conj() * i;
+            }
+        }
+        self.run(values, 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two pictures, two functions of 3×3 that differ.
+    fn pair(size: Size) -> ([Vec<f32>; 2], [[f32; 9]; 2]) {
+        let picture =
+            |k: usize| (0..size.area()).map(|i| ((i * (7 + k) + i * i % 11) % 97) as f32).collect();
+        let first = [0.0, 0.1, 0.0, 0.1, 0.65, 0.05, 0.0, 0.1, 0.0];
+        let second = [0.1, 0.0, 0.0, 0.0, 0.6, 0.0, 0.1, 0.0, 0.2];
+        ([picture(0), picture(4)], [first, second])
+    }
+
+    fn filtered(size: Size, pictures: [&[f32]; 2], taps: [&[f32]; 2], ratio: f32) -> [Vec<f32>; 2] {
+        let mut values: Vec<Complex> =
+            pictures[0].iter().zip(pictures[1]).map(|(&re, &im)| Complex { re, im }).collect();
+        let mut lens = values.clone();
+        Transform2::new(size).filter(&mut values, taps, 3, ratio, &mut lens);
+        [values.iter().map(|v| v.re).collect(), values.iter().map(|v| v.im).collect()]
+    }
+
+    #[test]
+    fn two_tiles_in_one_transform_do_not_see_each_other() {
+        for size in [Size::new(12, 10), Size::new(9, 15)] {
+            let (pictures, taps) = pair(size);
+            let black = vec![0.0; size.area()];
+            let [first, second] =
+                filtered(size, [&pictures[0], &pictures[1]], [&taps[0], &taps[1]], 0.01);
+            let [alone, nothing] =
+                filtered(size, [&pictures[0], &black], [&taps[0], &taps[0]], 0.01);
+            let [_, other_alone] =
+                filtered(size, [&black, &pictures[1]], [&taps[0], &taps[1]], 0.01);
+            let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3);
+            assert!(
+                close(&first, &alone) && close(&second, &other_alone) && close(&nothing, &black)
+            );
+        }
+    }
+
+    #[test]
+    fn without_noise_the_filter_undoes_the_blur() {
+        let size = Size::new(12, 10);
+        let (pictures, taps) = pair(size);
+        // Periodic convolution from its definition.
+        let blurred = |picture: &[f32], taps: &[f32; 9]| -> Vec<f32> {
+            let at = |x: usize, y: usize| picture[y % size.height * size.width + x % size.width];
+            let one = |i: usize| {
+                let (x, y) = (i % size.width + size.width, i / size.width + size.height);
+                (0..9).map(|t| taps[t] * at(x + 1 - t % 3, y + 1 - t / 3)).sum()
+            };
+            (0..size.area()).map(one).collect()
+        };
+        let seen = [blurred(&pictures[0], &taps[0]), blurred(&pictures[1], &taps[1])];
+        let found = filtered(size, [&seen[0], &seen[1]], [&taps[0], &taps[1]], 1e-7);
+        for (found, picture) in found.iter().zip(&pictures) {
+            let furthest =
+                found.iter().zip(picture).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(furthest < 0.1, "{furthest}");
+        }
+    }
+}

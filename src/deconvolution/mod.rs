@@ -1,0 +1,28 @@
+//! The paper's mathematics: no device, file, clock or rig in here.
+//!
+//! | paper | here |
+//! |---|---|
+//! | Eq. 1, 8: forward convolution | [`forward_convolution`], modelled by [`lens_model`] |
+//! | Eqs. 9–12: flip–FC–flip | [`backward_convolution`] over [`patches`] |
+//! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
+//! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
+//! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`opponent`] |
+
+pub mod backward_convolution;
+pub mod block_matching;
+pub mod blocking;
+pub mod computed_optics;
+pub mod data_term;
+pub mod detail_mask;
+pub mod dot_test;
+pub mod forward_convolution;
+pub mod ladder;
+pub mod lens_model;
+pub mod level_norms;
+pub mod method;
+pub mod opponent;
+pub mod patches;
+pub mod quality;
+pub mod refinement;
+pub mod wavelet;
+pub mod wavelet_shrinkage;

@@ -1,0 +1,152 @@
+//! How near a restored picture is to the true one: SSIM and PSNR.
+//!
+//! SSIM as Wang, Bovik, Sheikh and Simoncelli defined it ("Image quality assessment", 2004):
+//! Gaussian window of 11×11, σ 1.5, population covariance, K₁ 0.01, K₂ 0.03, full scale 255, mean
+//! over all places where the whole window lies in the picture. scikit-image gives the same with
+//! `gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=255`, which is what
+//! the golden values were made with.
+
+use crate::frame::{FULL_SCALE, Plane, Size};
+
+/// Pixels from the middle of the window to its border.
+const RADIUS: usize = 5;
+const WINDOW: usize = 2 * RADIUS + 1;
+
+/// (K₁ · 255)² and (K₂ · 255)².
+const STABLE_MEAN: f32 = (0.01 * FULL_SCALE) * (0.01 * FULL_SCALE);
+const STABLE_SPREAD: f32 = (0.03 * FULL_SCALE) * (0.03 * FULL_SCALE);
+
+/// Subtracted before squares are taken, so that differences of squares lose less in single
+/// precision.
+const MIDDLE: f32 = FULL_SCALE / 2.0;
+
+/// Mean structural similarity of two planes in 0..255, at most 1; not a number when they are
+/// smaller than the window of 11×11.
+///
+/// # Panics
+/// When the planes differ in size, which is a bug of the caller. So do the other measures.
+pub fn ssim(a: &Plane, b: &Plane) -> f64 {
+    let (mut total, mut places) = (0.0, 0usize);
+    for_each_row(a, b, |row| {
+        total += row.iter().map(|&v| f64::from(v)).sum::<f64>();
+        places += row.len();
+    });
+    total / places as f64
+}
+
+/// Structural similarity at each place where the whole window lies in the planes: ten pixels less
+/// in both directions, place (0, 0) is pixel (5, 5). `None` when there is no such place.
+pub fn ssim_map(a: &Plane, b: &Plane) -> Option<Plane> {
+    let size = Size::new(a.width().checked_sub(2 * RADIUS)?, a.height().checked_sub(2 * RADIUS)?);
+    let mut data = Vec::with_capacity(size.area());
+    for_each_row(a, b, |row| data.extend_from_slice(row));
+    Plane::from_vec(size, data).filter(|p| p.size().area() > 0)
+}
+
+/// Peak signal-to-noise ratio in dB for a full scale of 255; infinite for equal planes.
+pub fn psnr(a: &Plane, b: &Plane) -> f64 {
+    assert!(a.size() == b.size(), "two planes to compare have one size");
+    let squares: f64 = a.data().iter().zip(b.data()).map(|(&x, &y)| f64::from(x - y).powi(2)).sum();
+    let mean = squares / a.size().area() as f64;
+    10.0 * (f64::from(FULL_SCALE).powi(2) / mean).log10()
+}
+
+/// Weights of the window along one side, summing to 1.
+fn window() -> [f32; WINDOW] {
+    let bell: [f64; WINDOW] = std::array::from_fn(|i| {
+        let from_middle = i as f64 - RADIUS as f64;
+        (-from_middle * from_middle / (2.0 * 1.5 * 1.5)).exp()
+    });
+    let total: f64 = bell.iter().sum();
+    bell.map(|v| (v / total) as f32)
+}
+
+/// Calls `take` with the similarities of one row after the other.
+fn for_each_row(a: &Plane, b: &Plane, mut take: impl FnMut(&[f32])) {
+    assert!(a.size() == b.size(), "two planes to compare have one size");
+    let width = a.width();
+    if width < WINDOW || a.height() < WINDOW {
+        return;
+    }
+    let weights = window();
+    // Window sums down the columns, of: a, b, a², b², ab.
+    let mut columns = [(); 5].map(|()| vec![0.0f32; width]);
+    let mut sums = [(); 5].map(|()| vec![0.0f32; width - 2 * RADIUS]);
+    let mut row = vec![0.0f32; width - 2 * RADIUS];
+    for y in 0..=a.height() - WINDOW {
+        columns.iter_mut().for_each(|c| c.fill(0.0));
+        let [ca, cb, caa, cbb, cab] = &mut columns;
+        for (v, &weight) in weights.iter().enumerate() {
+            let (from_a, from_b) = (a.row(y + v), b.row(y + v));
+            for i in 0..width {
+                let (p, q) = (from_a[i] - MIDDLE, from_b[i] - MIDDLE);
+                let (wp, wq) = (weight * p, weight * q);
+                ca[i] += wp;
+                cb[i] += wq;
+                caa[i] += wp * p;
+                cbb[i] += wq * q;
+                cab[i] += wp * q;
+            }
+        }
+        for (sum, column) in sums.iter_mut().zip(&columns) {
+            sum.fill(0.0);
+            for (u, &weight) in weights.iter().enumerate() {
+                for (s, c) in sum.iter_mut().zip(&column[u..]) {
+                    *s += weight * c;
+                }
+            }
+        }
+        let [sa, sb, saa, sbb, sab] = &sums;
+        for i in 0..row.len() {
+            let (mean_a, mean_b) = (sa[i] + MIDDLE, sb[i] + MIDDLE);
+            let var_a = saa[i] - sa[i] * sa[i];
+            let var_b = sbb[i] - sb[i] * sb[i];
+            let together = sab[i] - sa[i] * sb[i];
+            let above = (2.0 * mean_a * mean_b + STABLE_MEAN) * (2.0 * together + STABLE_SPREAD);
+            let below =
+                (mean_a * mean_a + mean_b * mean_b + STABLE_MEAN) * (var_a + var_b + STABLE_SPREAD);
+            row[i] = above / below;
+        }
+        take(&row);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::frame::read_npy_f32;
+
+    fn golden(name: &str) -> Plane {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name);
+        let (shape, values) = read_npy_f32(&path).unwrap();
+        Plane::from_vec(Size::new(shape[1], shape[0]), values).unwrap()
+    }
+
+    #[test]
+    fn values_are_those_of_scikit_image() {
+        let (x, blurred, noisy) =
+            (golden("ssim_x.npy"), golden("ssim_b.npy"), golden("ssim_noisy.npy"));
+        assert!((ssim(&x, &blurred) - 0.757_939_514_642_543_8).abs() < 1e-5);
+        assert!((ssim(&x, &noisy) - 0.906_146_526_494_478_6).abs() < 1e-5);
+        assert!((psnr(&x, &blurred) - 22.704_966_357_348_102).abs() < 1e-4);
+    }
+
+    #[test]
+    fn the_map_has_the_mean_as_its_mean() {
+        let (x, blurred) = (golden("ssim_x.npy"), golden("ssim_b.npy"));
+        let map = ssim_map(&x, &blurred).unwrap();
+        assert_eq!(map.size(), Size::new(118, 86));
+        assert!((map.mean() - ssim(&x, &blurred)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn equal_planes_are_perfect_and_small_ones_have_no_similarity() {
+        let x = golden("ssim_x.npy");
+        assert!((ssim(&x, &x) - 1.0).abs() < 1e-6);
+        assert!(psnr(&x, &x).is_infinite());
+        let small = Plane::filled(Size::new(10, 40), 3.0);
+        assert!(ssim(&small, &small).is_nan() && ssim_map(&small, &small).is_none());
+    }
+}

@@ -1,0 +1,258 @@
+//! Symlets 8: orthonormal analysis and synthesis, periodised (paper Eq. 3).
+//!
+//! One step turns a line x of even length N into N/2 averages a and N/2 details d,
+//! a\[o\] = Σⱼ lo\[j\] x\[(2o + 8 − j) mod N\] and the same with hi, which is an orthonormal change
+//! of basis for every even N; synthesis is its transpose. A line of odd length first has its last
+//! pixel repeated once, and synthesis drops it again (PyWavelets' "periodization" does the same):
+//! reconstruction stays perfect, the repeated pixel alone keeps that border from being orthonormal.
+//! A plane whose sides are multiples of 2^levels never meets this.
+
+mod lines;
+mod two_sums;
+
+use rayon::prelude::*;
+
+use crate::frame::{Plane, STRETCH, Size};
+use lines::Lines;
+
+/// Low-pass analysis filter of Symlets 8, to double precision, as tabulated by PyWavelets.
+const LOW: [f64; 16] = [
+    -0.003_382_415_951_006_125_6,
+    -0.000_542_132_331_791_148_1,
+    0.031_695_087_811_492_98,
+    0.007_607_487_324_917_605,
+    -0.143_294_238_350_809_7,
+    -0.061_273_359_067_658_524,
+    0.481_359_651_258_372_2,
+    0.777_185_751_700_523_5,
+    0.364_441_894_835_331_4,
+    -0.051_945_838_107_709_04,
+    -0.027_219_029_917_056_003,
+    0.049_137_179_673_607_506,
+    0.003_808_752_013_890_615,
+    -0.014_952_258_337_048_23,
+    -0.000_302_920_514_721_366_8,
+    0.001_889_950_332_759_459_4,
+];
+
+/// High-pass analysis filter: the low-pass one reversed with alternating signs.
+fn high() -> [f64; 16] {
+    std::array::from_fn(|j| if j % 2 == 0 { -LOW[15 - j] } else { LOW[15 - j] })
+}
+
+/// The three detail bands of one level, each half the size of the plane they describe.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Details {
+    /// Changes from row to row (horizontal edges).
+    pub horizontal: Plane,
+    /// Changes from column to column (vertical edges).
+    pub vertical: Plane,
+    /// Changes in both directions.
+    pub diagonal: Plane,
+}
+
+/// A plane as seen by the wavelet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coefficients {
+    /// What is left after the last level.
+    pub approximation: Plane,
+    /// The details, finest level first.
+    pub details: Vec<Details>,
+}
+
+impl Coefficients {
+    /// Multiplies level by level: the details by `factors`, finest first, the approximation by the
+    /// last of them.
+    ///
+    /// # Panics
+    /// When there is not one factor for each level and one for the approximation, which is a bug of
+    /// the caller.
+    pub fn scale_levels(&mut self, factors: &[f32]) {
+        assert!(
+            factors.len() == self.details.len() + 1,
+            "a factor for each level and the approximation"
+        );
+        for (details, &factor) in self.details.iter_mut().zip(factors) {
+            details.bands_mut().into_par_iter().for_each(|band| band.scale(factor));
+        }
+        self.approximation.scale(factors[self.details.len()]);
+    }
+}
+
+impl Details {
+    /// The three bands.
+    pub fn bands_mut(&mut self) -> [&mut Plane; 3] {
+        [&mut self.horizontal, &mut self.vertical, &mut self.diagonal]
+    }
+}
+
+/// The transform of planes of one size.
+#[derive(Debug, Clone)]
+pub struct Sym8 {
+    /// Sizes of the approximations, the plane's own first.
+    sizes: Vec<Size>,
+    lines: Lines,
+}
+
+/// Memory a transform works in; any may be used with any transform, and grows to what is needed.
+#[derive(Debug, Clone, Default)]
+pub struct Scratch {
+    low: Vec<f32>,
+    high: Vec<f32>,
+    approximation: Vec<f32>,
+}
+
+impl Sym8 {
+    /// The transform of planes of size `size` in `levels` levels (4 is the house's choice).
+    pub fn new(size: Size, levels: usize) -> Self {
+        let mut sizes = vec![size];
+        for level in 0..levels {
+            sizes.push(Size::new(sizes[level].width.div_ceil(2), sizes[level].height.div_ceil(2)));
+        }
+        Sym8 { sizes, lines: Lines::new() }
+    }
+
+    /// The same transform, each plane's lines divided among the cores.
+    #[must_use]
+    pub fn divided(self) -> Self {
+        Sym8 { lines: self.lines.divided(STRETCH), ..self }
+    }
+
+    /// Size of the planes it transforms.
+    pub fn size(&self) -> Size {
+        self.sizes[0]
+    }
+
+    /// Number of levels.
+    pub fn levels(&self) -> usize {
+        self.sizes.len() - 1
+    }
+
+    /// Whether `coefficients` have the sizes of this transform.
+    pub(super) fn owns(&self, coefficients: &Coefficients) -> bool {
+        coefficients.approximation.size() == self.sizes[self.levels()]
+            && coefficients.details.len() == self.levels()
+            && coefficients
+                .details
+                .iter()
+                .zip(&self.sizes[1..])
+                .all(|(d, &size)| d.diagonal.size() == size)
+    }
+
+    /// Coefficients of the right sizes, all zero.
+    pub fn zeros(&self) -> Coefficients {
+        let details = self.sizes[1..]
+            .iter()
+            .map(|&size| Details {
+                horizontal: Plane::zeros(size),
+                vertical: Plane::zeros(size),
+                diagonal: Plane::zeros(size),
+            })
+            .collect();
+        Coefficients { approximation: Plane::zeros(self.sizes[self.levels()]), details }
+    }
+
+    /// The coefficients of `plane`.
+    ///
+    /// # Panics
+    /// When `plane` or `out` is of another size than the transform, which is a bug of the caller.
+    pub fn analyse(&self, plane: &Plane, out: &mut Coefficients, scratch: &mut Scratch) {
+        self.analyse_shifted(plane, (0, 0), out, scratch);
+    }
+
+    /// The coefficients of `plane` turned cyclically so that its pixel `shift` (column, row) comes
+    /// first.
+    pub fn analyse_shifted(
+        &self,
+        plane: &Plane,
+        shift: (usize, usize),
+        out: &mut Coefficients,
+        scratch: &mut Scratch,
+    ) {
+        assert!(plane.size() == self.size(), "the plane has the transform's size");
+        let mut approximation = std::mem::take(&mut scratch.approximation);
+        for level in 0..self.levels() {
+            let (from, to) = (self.sizes[level], self.sizes[level + 1]);
+            let (input, shift) =
+                if level == 0 { (plane.data(), shift) } else { (&approximation[..], (0, 0)) };
+            let Scratch { low, high, .. } = &mut *scratch;
+            self.lines.rows_apart(input, from, shift.0, low, high);
+            let Details { horizontal, vertical, diagonal } = &mut out.details[level];
+            approximation.resize(to.area(), 0.0);
+            let (height, turn) = (from.height, shift.1);
+            self.lines.columns_apart(
+                low,
+                height,
+                to,
+                turn,
+                (&mut approximation, horizontal.data_mut()),
+            );
+            self.lines.columns_apart(
+                high,
+                height,
+                to,
+                turn,
+                (vertical.data_mut(), diagonal.data_mut()),
+            );
+        }
+        if self.levels() == 0 {
+            let turned = Plane::from_fn(plane.size(), |x, y| {
+                plane.at((x + shift.0) % plane.width(), (y + shift.1) % plane.height())
+            });
+            out.approximation = turned;
+        } else {
+            out.approximation.data_mut().copy_from_slice(&approximation);
+        }
+        scratch.approximation = approximation;
+    }
+
+    /// The plane that has the coefficients `coefficients`.
+    ///
+    /// # Panics
+    /// When `out` or the coefficients are of another size than the transform, which is a bug of the
+    /// caller.
+    pub fn synthesise(&self, coefficients: &Coefficients, out: &mut Plane, scratch: &mut Scratch) {
+        self.synthesise_shifted(coefficients, (0, 0), out, scratch);
+    }
+
+    /// Undoes [`Sym8::analyse_shifted`].
+    pub fn synthesise_shifted(
+        &self,
+        coefficients: &Coefficients,
+        shift: (usize, usize),
+        out: &mut Plane,
+        scratch: &mut Scratch,
+    ) {
+        assert!(out.size() == self.size(), "the plane has the transform's size");
+        let mut approximation = std::mem::take(&mut scratch.approximation);
+        approximation.clear();
+        approximation.extend_from_slice(coefficients.approximation.data());
+        if self.levels() == 0 {
+            for y in 0..out.height() {
+                for x in 0..out.width() {
+                    let (to_x, to_y) = ((x + shift.0) % out.width(), (y + shift.1) % out.height());
+                    out.set(to_x, to_y, approximation[y * out.size().width + x]);
+                }
+            }
+        }
+        for level in (0..self.levels()).rev() {
+            let (to, from) = (self.sizes[level], self.sizes[level + 1]);
+            let Details { horizontal, vertical, diagonal } = &coefficients.details[level];
+            let shift = if level == 0 { shift } else { (0, 0) };
+            let Scratch { low, high, .. } = &mut *scratch;
+            self.lines.columns_together(&approximation, horizontal.data(), from, low);
+            self.lines.columns_together(vertical.data(), diagonal.data(), from, high);
+            let output = if level == 0 {
+                out.data_mut()
+            } else {
+                approximation.resize(to.area(), 0.0);
+                &mut approximation[..]
+            };
+            self.lines.rows_together((low, high), from, to, shift, output);
+        }
+        scratch.approximation = approximation;
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,244 @@
+//! What a rig's timing really is, by black–white trials, and a small table of it: `relens check`.
+//!
+//! A picture's change is caught by exposures begun at stated times after the flip: the share of the
+//! new picture in each says when the panel began to change and when it was done. (Psychtoolbox's
+//! VideoCaptureLatencyTest does the same with ten trials.)
+
+use std::fmt;
+
+use crate::frame::{Channel, Codes};
+use crate::rig::exposure::Rig;
+use crate::rig::{Moment, RigError};
+
+/// Trials at one delay, for the jitter.
+const TRIALS: usize = 10;
+/// Delays tried after a flip: up to this many refreshes, in half ones.
+const REFRESHES_MAX: usize = 16;
+/// Changed by less than this share, the panel still shows the old picture (half a grey level of 255
+/// is 0.002; a camera's noise on a mean is far less).
+const SHARE_MIN: f64 = 0.01;
+/// Delays in a row at which the picture is all there: two refreshes, so that a slow second change
+/// is not missed.
+const SETTLED_POINTS: usize = 5;
+/// Captures of different pictures that a settle time must stand without a wrong frame.
+const PROBES: usize = 20;
+
+/// What the trials found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Timing {
+    /// From the flip to the first change on the panel.
+    pub latency_ms: f64,
+    /// Standard deviation of that over the trials.
+    pub jitter_ms: f64,
+    /// From the flip to a picture that is all there.
+    pub settle_ms: f64,
+    /// The shortest settle time at which no frame was rejected; `None` on a rig without marks.
+    pub shortest_settle_ms: Option<f64>,
+    /// Refresh interval of the rig file.
+    pub interval_ms: f64,
+    /// Settle time of the rig file.
+    pub file_settle_ms: f64,
+}
+
+/// Measures the rig's timing; the rig keeps the shortest settle time that gave no wrong frame, and
+/// half a refresh.
+///
+/// # Errors
+/// When a device fails, or black and white look alike.
+pub fn measure(rig: &mut Rig, refresh_hz: f64) -> Result<Timing, RigError> {
+    let interval_ms = 1e3 / refresh_hz;
+    let file_settle_ms = rig.timing.settle_ms;
+    let (black, white) =
+        (level_after(rig, 0, file_settle_ms)?, level_after(rig, 255, file_settle_ms)?);
+    if white < black * 1.5 + 1.0 {
+        return Err(RigError::NoMarks {
+            what: format!(
+                "black gives {black:.1} counts and white {white:.1}; is the panel in view and lit?"
+            ),
+        });
+    }
+    let mut curve = Vec::new();
+    for half in 0..=2 * REFRESHES_MAX {
+        let delay_ms = half as f64 * interval_ms / 2.0;
+        curve.push((delay_ms, share_at(rig, delay_ms, black, white)?));
+        // Settled for this long, it stays so.
+        let settled =
+            curve.iter().rev().take_while(|(_, share)| (share - 1.0).abs() < SHARE_MIN).count();
+        if settled >= SETTLED_POINTS {
+            break;
+        }
+    }
+    let settle_ms = curve
+        .iter()
+        .rev()
+        .take_while(|(_, share)| (share - 1.0).abs() < SHARE_MIN)
+        .last()
+        .map_or(f64::INFINITY, |(delay_ms, _)| *delay_ms);
+    let exposure_ms = rig.timing.exposure_ms;
+    let begun =
+        curve.iter().find(|(_, share)| *share > SHARE_MIN).map_or(0.0, |(delay_ms, _)| *delay_ms);
+    let mut latencies = Vec::new();
+    for _ in 0..TRIALS {
+        // The exposure saw the new picture for its share of the time: the change came that long
+        // before its end.
+        let share = share_at(rig, begun, black, white)?;
+        latencies.push((begun + exposure_ms * (1.0 - share)).max(0.0));
+    }
+    let latency_ms = latencies.iter().sum::<f64>() / TRIALS as f64;
+    let spread =
+        latencies.iter().map(|l| (l - latency_ms).powi(2)).sum::<f64>() / (TRIALS - 1) as f64;
+    let shortest_settle_ms = shortest_settle(rig, interval_ms)?;
+    if let Some(shortest_ms) = shortest_settle_ms {
+        rig.timing.settle_ms = shortest_ms + interval_ms / 2.0;
+    }
+    Ok(Timing {
+        latency_ms,
+        jitter_ms: spread.sqrt(),
+        settle_ms,
+        shortest_settle_ms,
+        interval_ms,
+        file_settle_ms,
+    })
+}
+
+/// The middle's mean level with `code` shown for `settle_ms`.
+fn level_after(rig: &mut Rig, code: u8, settle_ms: f64) -> Result<f64, RigError> {
+    let codes = Codes::filled(rig.panel.size(), code);
+    let flip = rig.panel.show(&codes)?;
+    level_at(rig, Moment(flip.at.0 + settle_ms / 1e3))
+}
+
+/// The middle's mean level in an exposure begun at `moment`, or a new one if that frame is lost.
+fn level_at(rig: &mut Rig, moment: Moment) -> Result<f64, RigError> {
+    rig.clock.wait_until(moment);
+    let fired = rig.trigger.fire()?;
+    let deadline = Moment(fired.0 + rig.timing.deadline_ms / 1e3);
+    loop {
+        let exposed = rig.camera.frame(deadline)?;
+        if exposed.at < fired {
+            continue;
+        }
+        let plane = exposed.counts.plane(Channel::Green);
+        let (width, height) = (plane.width(), plane.height());
+        let rows = height * 3 / 8..height * 5 / 8;
+        let middle = rows.flat_map(|y| &plane.row(y)[width * 3 / 8..width * 5 / 8]);
+        let (sum, count) =
+            middle.fold((0.0, 0.0), |(sum, count), &v| (sum + f64::from(v), count + 1.0));
+        return Ok(sum / count);
+    }
+}
+
+/// Share of white in an exposure begun `delay_ms` after the flip from black to white.
+fn share_at(rig: &mut Rig, delay_ms: f64, black: f64, white: f64) -> Result<f64, RigError> {
+    // Twice the file's settle time: whatever it is worth, black is black then.
+    let black_codes = Codes::filled(rig.panel.size(), 0);
+    let flip = rig.panel.show(&black_codes)?;
+    rig.clock.wait_until(Moment(flip.at.0 + 2.0 * rig.timing.settle_ms / 1e3));
+    let level = level_after(rig, 255, delay_ms)?;
+    Ok((level - black) / (white - black))
+}
+
+/// The shortest settle time, in half refreshes, at which a run of captures brings no wrong frame.
+fn shortest_settle(rig: &mut Rig, interval_ms: f64) -> Result<Option<f64>, RigError> {
+    if !rig.has_marks() {
+        return Ok(None);
+    }
+    let kept = rig.timing;
+    rig.timing.exposures_max = 1;
+    let mut shortest = None;
+    for half in 0..=2 * REFRESHES_MAX {
+        rig.timing.settle_ms = half as f64 * interval_ms / 2.0;
+        let before = rig.rejected().total();
+        for n in 0..PROBES {
+            let codes = Codes::filled(rig.panel.size(), if n % 2 == 0 { 20 } else { 220 });
+            match rig.capture(&codes) {
+                Ok(_) => {}
+                Err(RigError::NotThisPicture { .. } | RigError::NoFrame { .. }) => break,
+                Err(grave) => {
+                    rig.timing = kept;
+                    return Err(grave);
+                }
+            }
+        }
+        if rig.rejected().total() == before {
+            shortest = Some(rig.timing.settle_ms);
+            break;
+        }
+    }
+    rig.timing = kept;
+    Ok(shortest)
+}
+
+impl Timing {
+    /// What is wrong and what to do about it, a sentence each; empty when all is well.
+    pub fn complaints(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        if !self.settle_ms.is_finite() {
+            all.push(format!(
+                "the panel never settled within {REFRESHES_MAX} refreshes: switch its picture \
+                 processing off (game or PC mode)"
+            ));
+        } else if self.settle_ms > self.file_settle_ms {
+            all.push(format!(
+                "panel.settle-ms = {:.0} is too short: set it to {:.0}",
+                self.file_settle_ms,
+                self.settle_ms.ceil()
+            ));
+        }
+        if self.jitter_ms > self.interval_ms / 2.0 {
+            all.push(
+                "the panel's delay varies by more than half a refresh: switch its picture \
+             processing and variable refresh off"
+                    .to_owned(),
+            );
+        }
+        all
+    }
+}
+
+impl fmt::Display for Timing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let refreshes = |ms: f64| ms / self.interval_ms;
+        writeln!(f, "{:<28}{:>10}{:>12}", "timing", "ms", "refreshes")?;
+        let mut line =
+            |what: &str, ms: f64| writeln!(f, "{what:<28}{ms:>10.1}{:>12.2}", refreshes(ms));
+        line("flip to first change", self.latency_ms)?;
+        line("  its jitter (σ)", self.jitter_ms)?;
+        line("flip to settled picture", self.settle_ms)?;
+        if let Some(shortest_ms) = self.shortest_settle_ms {
+            line("shortest without wrong frame", shortest_ms)?;
+        }
+        line("settle time in the rig file", self.file_settle_ms)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{config, rig};
+
+    #[test]
+    fn the_trials_find_the_simulated_panel_s_latency_and_settle_time() {
+        let text = include_str!("../rig-config/small.toml");
+        let text = text.replacen(
+            "margin-px = 8",
+            "margin-px = 8\n\n[marks]\nfrom-edge-px = 1\nheight-px = 4",
+            1,
+        );
+        let config = config::parse(&text, "small.toml", std::path::Path::new(""))
+            .unwrap_or_else(|e| panic!("{e}"));
+        let mut devices = rig::open(&config).unwrap_or_else(|e| panic!("{e}"));
+        let timing =
+            measure(&mut devices, config.panel.refresh_hz).unwrap_or_else(|e| panic!("{e}"));
+        // Two refreshes of latency, then an exponential of 5 ms; an exposure of 50 ms that starts a
+        // little early forgives some of it. The linear estimate counts the response time as
+        // latency.
+        assert!((33.0..=40.0).contains(&timing.latency_ms), "{timing}");
+        assert!((33.4..=70.0).contains(&timing.settle_ms), "{timing}");
+        assert!(timing.jitter_ms < 1.0, "{timing}");
+        let shortest_ms = timing.shortest_settle_ms.expect("it has marks");
+        assert!((25.0..=70.0).contains(&shortest_ms), "{timing}");
+        assert!(timing.complaints().is_empty(), "{:?}", timing.complaints());
+        assert!((devices.timing.settle_ms - shortest_ms - timing.interval_ms / 2.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,106 @@
+//! Why a rig could not be calibrated, told apart by what the operator has to do.
+
+use crate::calibration::CorrectionError;
+use crate::calibration::lens_blur::LensBlurError;
+use crate::calibration::surface::SurfaceError;
+use crate::remedy::{Remediable, Remedy};
+use crate::rig::RigError;
+
+/// Why a calibration was given up. The calibration kept before stays.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrateError {
+    /// The rig brought no capture.
+    #[error("calibration step `{step}` got no capture")]
+    Rig {
+        /// The step.
+        step: &'static str,
+        /// The cause.
+        #[source]
+        source: RigError,
+    },
+    /// The camera does not see the panel, or not everywhere.
+    #[error(
+        "panel not in view: {found}; aim the camera so that the panel fills its picture, and \
+         switch the panel on"
+    )]
+    NotInView {
+        /// What was seen instead.
+        found: String,
+    },
+    /// White saturates the sensor.
+    #[error(
+        "over-exposed: {found_percent:.0} % of the pixels of the brightest part of white are \
+         saturated, {allowed_percent:.0} % are allowed; shorten the exposure, dim the panel, or \
+         keep other light away"
+    )]
+    OverExposed {
+        /// Saturated share there.
+        found_percent: f64,
+        /// Largest share allowed.
+        allowed_percent: f64,
+    },
+    /// White is hardly brighter than black.
+    #[error(
+        "too dark: white is {found_percent:.1} % of full scale above black, {allowed_percent:.0} \
+         % are needed; lengthen the exposure or brighten the panel"
+    )]
+    TooDark {
+        /// White over black.
+        found_percent: f64,
+        /// Least share allowed.
+        allowed_percent: f64,
+    },
+    /// Two captures of one picture disagree.
+    #[error(
+        "moving: {found} between two captures of the same picture; {allowed} allowed; bolt panel \
+         and camera down and let the table rest"
+    )]
+    Moving {
+        /// What moved and how far.
+        found: String,
+        /// What is allowed.
+        allowed: String,
+    },
+    /// The picture is blurred beyond what can be worked with.
+    #[error("wrong focus: {found}; {allowed} allowed; focus the camera on the panel")]
+    WrongFocus {
+        /// What was found.
+        found: String,
+        /// What is allowed.
+        allowed: String,
+    },
+    /// The response of a channel cannot be a panel's.
+    #[error("the {channel} channel does not answer to the panel: {found}")]
+    Response {
+        /// The channel.
+        channel: &'static str,
+        /// What was found.
+        found: String,
+    },
+    /// A smooth surface does not fit.
+    #[error("calibration step `{step}` cannot be fitted")]
+    Fit {
+        /// The step.
+        step: &'static str,
+        /// The cause.
+        #[source]
+        source: SurfaceError,
+    },
+    /// The lens functions cannot be fitted.
+    #[error("the lens functions cannot be measured")]
+    Lens(#[source] LensBlurError),
+    /// What was measured contradicts itself.
+    #[error("what was measured cannot be put to work")]
+    Correction(#[source] CorrectionError),
+}
+
+impl Remediable for CalibrateError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            CalibrateError::Rig { source, .. } => source.remedy(),
+            // Someone may have knocked at the table: it is worth another try by itself.
+            CalibrateError::Moving { .. } => Remedy::RetryLater,
+            _ => Remedy::CallOperator,
+        }
+    }
+}

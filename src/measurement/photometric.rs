@@ -1,0 +1,145 @@
+//! Light: black level, dark corner, mixing of the channels and response curves.
+
+use super::session::{Session, difference};
+use super::{CalibrateError, smooth};
+use crate::calibration::cross_channel::{self, Reading};
+use crate::calibration::{Calibration, CrossChannel, dark_corner as surfaces, response};
+use crate::config;
+use crate::frame::{Channel, Frame, Plane, Rect, Sensor};
+use crate::patterns::{self, Gradation};
+
+/// Gradations shown in each channel, each shuffled anew (guess; curves come out within 0.31 of 255
+/// on `simulated.toml`, 2026-11-21).
+pub(super) const GRADATIONS: usize = 3;
+/// Levels of a gradation: every fifth code, seven blocks of each on the default rig.
+const LEVELS: usize = 52;
+
+/// Keeps the black level.
+pub(super) fn black(
+    calibration: &mut Calibration,
+    config: &config::Rig,
+    black: &Frame<Sensor>,
+) -> Result<(), CalibrateError> {
+    let layout = super::layout(config);
+    for c in Channel::ALL {
+        calibration.black[c.index()] = smooth(black.plane(c), &layout, 0, "black level")?;
+    }
+    Ok(())
+}
+
+/// Flats at level 128, one channel at a time (paper §3). Counts per level come out as those of code
+/// 128 for now; the curve sets them right.
+pub(super) fn dark_corner(
+    session: &mut Session<'_>,
+    calibration: &mut Calibration,
+    black: &Frame<Sensor>,
+) -> Result<(), CalibrateError> {
+    session.step("dark corner");
+    let photo = Rect { x: 0, y: 0, size: calibration.photo };
+    for c in Channel::ALL {
+        let flat = session.counts(&patterns::flat_of(session.layout.panel, c, 128))?;
+        let over = difference(flat.plane(c), black.plane(c));
+        let surface = smooth(&over, &session.layout, super::rim_px(session.config), "dark corner")?;
+        let (ratio, counts) = surfaces::normalised(&surface, photo);
+        if !counts.is_finite() || counts <= 0.0 {
+            let found = format!("level 128 brings {counts:.1} counts over black");
+            return Err(CalibrateError::Response { channel: c.name(), found });
+        }
+        calibration.dark_corner[c.index()] = ratio;
+        calibration.counts_per_level[c.index()] = counts as f32;
+    }
+    Ok(())
+}
+
+/// Gradations, one channel at a time: C and the response curves (paper Eq. 13).
+pub(super) fn cross_channel(
+    session: &mut Session<'_>,
+    calibration: &mut Calibration,
+    black: &Frame<Sensor>,
+) -> Result<(), CalibrateError> {
+    session.step("cross-channel");
+    let mut c_matrix = [[0.0; 3]; 3];
+    for c in Channel::ALL {
+        let i = c.index();
+        let mut readings = Vec::new();
+        for n in 0..GRADATIONS {
+            let gradation = gradation(session, calibration, (GRADATIONS * i + n) as u64);
+            let seen = session.counts(&gradation.in_channel(c))?;
+            let over = Frame::from_fn(|k| difference(seen.plane(k), black.plane(k)));
+            readings.extend(read(session, calibration, c, &gradation, &over));
+        }
+        let refuse = |found: String| CalibrateError::Response { channel: c.name(), found };
+        c_matrix[i] = cross_channel::row(i, &readings)
+            .ok_or_else(|| refuse("gradations show no contrast".to_owned()))?;
+        let curve = response::among_neighbours(i, &readings).map_err(|e| refuse(e.to_string()))?;
+        calibration.counts_per_level[i] /= curve.light(128);
+        calibration.curves[i] = curve;
+    }
+    calibration.cross_channel = CrossChannel { c: c_matrix };
+    Ok(())
+}
+
+/// A gradation whose blocks are half again as wide as a lens function, seen on the sensor.
+pub(super) fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {
+    let map = &calibration.geometry[1].work_to_panel;
+    let (a, b) = (map.at(0.0, 0.0), map.at(1.0, 0.0));
+    let panel_px_per_work_px = (b.0 - a.0).hypot(b.1 - a.1);
+    let wide = 1.5 * session.config.calibration.function_support_px as f64 * panel_px_per_work_px;
+    Gradation::new(
+        session.layout.panel,
+        wide.ceil() as usize,
+        &Gradation::levels(LEVELS),
+        patterns::nth_seed(51, seed),
+    )
+}
+
+/// The middles (a third of their width) of the blocks that lie on the canvas.
+fn read(
+    session: &Session<'_>,
+    calibration: &Calibration,
+    channel: Channel,
+    gradation: &Gradation,
+    over: &Frame<Sensor>,
+) -> Vec<Reading> {
+    let layout = &session.layout;
+    let domain = super::canvas(layout);
+    let map = &calibration.geometry[channel.index()].panel_to_work;
+    let dark = &calibration.dark_corner[channel.index()];
+    let reach = (session.config.calibration.function_support_px as f64 / 4.0).floor();
+    gradation
+        .blocks()
+        .filter_map(|block| {
+            let (x, y) = map.at(block.centre.0, block.centre.1);
+            let inside = x - reach >= domain.left
+                && x + reach <= domain.right
+                && y - reach >= domain.top
+                && y + reach <= domain.bottom;
+            let sensor = (x + layout.photo_x_px as f64, y + layout.photo_y_px as f64);
+            let share = dark.at(x, y);
+            let (u, v) = (
+                2.0 * x / layout.photo.width as f64 - 1.0,
+                2.0 * y / layout.photo.height as f64 - 1.0,
+            );
+            inside.then(|| Reading {
+                code: block.code,
+                around: block.around.clone(),
+                field: (u * u + v * v) / 2.0,
+                counts: [0, 1, 2].map(|k| mean(&over.planes()[k], sensor, reach) / share),
+            })
+        })
+        .collect()
+}
+
+/// Mean of `plane` within `reach` of a place.
+fn mean(plane: &Plane, (x, y): (f64, f64), reach: f64) -> f64 {
+    let range = |at: f64, limit: usize| {
+        let first = (at - reach).round().max(0.0) as usize;
+        let past = ((at + reach).round().max(0.0) as usize + 1).min(limit);
+        first.min(past)..past
+    };
+    let (columns, rows) = (range(x, plane.width()), range(y, plane.height()));
+    let count = (columns.len() * rows.len()).max(1) as f64;
+    rows.map(|y| plane.row(y)[columns.clone()].iter().map(|&v| f64::from(v)).sum::<f64>())
+        .sum::<f64>()
+        / count
+}

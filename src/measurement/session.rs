@@ -1,0 +1,118 @@
+//! Captures of a calibration under way, counted and averaged.
+
+use super::{CalibrateError, Progress};
+use crate::calibration::{Corrected, Correction, Layout};
+use crate::config;
+use crate::frame::{Channel, Codes, Counts, Frame, Plane, Sensor, Work};
+use crate::rig::exposure::Rig;
+
+/// A rig being calibrated.
+pub(super) struct Session<'a> {
+    pub(super) rig: &'a mut Rig,
+    pub(super) config: &'a config::Rig,
+    pub(super) layout: Layout,
+    progress: &'a mut dyn FnMut(Progress),
+    step: &'static str,
+    captures: u32,
+    total: u32,
+}
+
+impl<'a> Session<'a> {
+    pub(super) fn new(
+        rig: &'a mut Rig,
+        config: &'a config::Rig,
+        progress: &'a mut dyn FnMut(Progress),
+        total: u32,
+    ) -> Self {
+        Session {
+            rig,
+            config,
+            layout: super::layout(config),
+            progress,
+            step: "begin",
+            captures: 0,
+            total,
+        }
+    }
+
+    /// Names the step that the coming captures belong to.
+    pub(super) fn step(&mut self, step: &'static str) {
+        self.step = step;
+        self.report();
+    }
+
+    fn report(&mut self) {
+        (self.progress)(Progress { step: self.step, captures: self.captures, total: self.total });
+    }
+
+    /// Captures so far.
+    pub(super) fn captures(&self) -> u32 {
+        self.captures
+    }
+
+    /// One capture of `codes`.
+    pub(super) fn raw(&mut self, codes: &Codes) -> Result<Counts, CalibrateError> {
+        let step = self.step;
+        let exposed =
+            self.rig.capture(codes).map_err(|source| CalibrateError::Rig { step, source })?;
+        self.captures += 1;
+        self.report();
+        Ok(exposed.counts)
+    }
+
+    /// As many captures of `codes` as the rig file asks to average, averaged.
+    pub(super) fn counts(&mut self, codes: &Codes) -> Result<Frame<Sensor>, CalibrateError> {
+        let times = self.config.calibration.captures_averaged.max(1);
+        let mut sum = Frame::<Sensor>::zeros(self.layout.sensor);
+        for _ in 0..times {
+            let counts = self.raw(codes)?;
+            for (sum, counts) in sum.planes_mut().iter_mut().zip(counts.planes()) {
+                for (s, &c) in sum.data_mut().iter_mut().zip(counts.data()) {
+                    *s += f32::from(c) / times as f32;
+                }
+            }
+        }
+        Ok(sum)
+    }
+
+    /// `picture` (canvas-sized light) shown and seen as often as the rig file asks to average,
+    /// averaged; trusted where all captures are.
+    pub(super) fn seen(
+        &mut self,
+        correction: &Correction,
+        picture: &Frame<Work>,
+    ) -> Result<Corrected, CalibrateError> {
+        let codes = correction.show(picture);
+        let times = self.config.calibration.captures_averaged.max(1);
+        let mut sum = correction.see(&self.raw(&codes)?);
+        for _ in 1..times {
+            let next = correction.see(&self.raw(&codes)?);
+            for c in Channel::ALL {
+                sum.light.plane_mut(c).add_scaled(1.0, next.light.plane(c));
+                let both = sum
+                    .trusted
+                    .plane_mut(c)
+                    .data_mut()
+                    .iter_mut()
+                    .zip(next.trusted.plane(c).data());
+                both.for_each(|(a, &b)| *a &= b);
+            }
+        }
+        for plane in sum.light.planes_mut() {
+            plane.data_mut().iter_mut().for_each(|v| *v /= times as f32);
+        }
+        Ok(sum)
+    }
+}
+
+/// `counts` as numbers.
+pub(super) fn numbers(counts: &Counts) -> Frame<Sensor> {
+    Frame::from_fn(|c| counts.plane(c).map(f32::from))
+}
+
+/// `a` − `b`.
+pub(super) fn difference(a: &Plane, b: &Plane) -> Plane {
+    let mut out = a.clone();
+    out.add_scaled(-1.0, b);
+    out
+}

@@ -1,0 +1,115 @@
+//! The dot test of backward convolution on a calibrated rig, and what to say when it fails.
+
+use std::fmt;
+
+use super::Bench;
+use super::methods::patches;
+use crate::config;
+use crate::deconvolution::dot_test::DotTest;
+use crate::deconvolution::patches::PatchShape;
+use crate::frame::Rect;
+use crate::light_path::LightPath;
+use crate::remedy::AnyFailure;
+use crate::rig::exposure::Rig;
+
+/// Difference past which backward convolution counts as broken. Measured 2026-11-21, worst channel
+/// in per cent, on small.toml, study.toml and simulated.toml: as they are filed −1.3, −1.4, −1.5,
+/// with a lens slid off centre by a quarter of the photo since −1.0, −1.2 (what the light does is
+/// its own adjoint, whatever was measured before); patches of 4, 8 and 8 px −3.1, −3.8, −11.3;
+/// nothing sewn around patches −7.4, −4.8, −6.5; one patch for the photo −13.6, −11.8, −24.1.
+const DIFFERENCE_MAX: f64 = 0.025;
+
+/// How a rig stood the dot test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BackwardCheck {
+    /// What was found.
+    pub found: DotTest,
+    shape: PatchShape,
+    support_px: usize,
+}
+
+impl Bench {
+    /// Tests the backward convolution of `rig`, described by `config`, in
+    /// [`crate::deconvolution::dot_test::CAPTURES`] captures.
+    ///
+    /// # Errors
+    /// The failure of the capture that failed.
+    pub fn check_backward(
+        &self,
+        rig: &mut Rig,
+        config: &config::Rig,
+        stopwatch: &(dyn Fn() -> f64 + Sync),
+    ) -> Result<BackwardCheck, AnyFailure> {
+        let layout = *self.correction.layout();
+        let photo = Rect { x: layout.margin_px, y: layout.margin_px, size: layout.photo };
+        let shape = patches(config);
+        let mut path = LightPath::new(rig, &self.correction, stopwatch);
+        let found = DotTest::measure(&mut path, &self.model, photo, shape)?;
+        Ok(BackwardCheck { found, shape, support_px: self.model.functions().support_px })
+    }
+}
+
+impl BackwardCheck {
+    /// What is wrong and what to do about it; nothing when all is well.
+    pub fn complaint(&self) -> Option<String> {
+        let (channel, difference, uncertainty) = self.found.worst();
+        if difference.abs() - 2.0 * uncertainty <= DIFFERENCE_MAX {
+            return None;
+        }
+        let PatchShape { patch_px, margin_px } = self.shape;
+        let reach = self.support_px / 2;
+        let advice = if difference < 0.0 && margin_px.min(patch_px / 2) < reach / 2 {
+            format!(
+                "patches of {patch_px} px with {margin_px} px around them lose light of a lens \
+                 that reaches {reach} px: raise patch-px and margin-px"
+            )
+        } else {
+            format!(
+                "lower patch-px = {patch_px}, for the blur varies within a patch; if that does \
+                 not help, light does not add up: let the panel warm up and calibrate again"
+            )
+        };
+        Some(format!(
+            "backward convolution is {:+.1} % off in {}, at most {:.1} % are allowed: {advice}",
+            100.0 * difference,
+            channel.name(),
+            100.0 * DIFFERENCE_MAX
+        ))
+    }
+}
+
+impl fmt::Display for BackwardCheck {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (channel, difference, uncertainty) = self.found.worst();
+        let (difference, uncertainty) = (100.0 * difference, 100.0 * uncertainty);
+        write!(f, "{difference:+.2} ± {uncertainty:.2} % off the forward one in {}", channel.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::rig::simulated;
+
+    /// The small rig with patches of so many pixels.
+    fn check(patch_px: usize) -> BackwardCheck {
+        let mut config = config::load(Path::new("small.toml")).unwrap();
+        let (mut rig, _) = simulated::open(&config).unwrap();
+        let calibration =
+            crate::measurement::calibrate(&mut rig, &config, None, &mut |_| {}).unwrap();
+        config.paper.patch_px = patch_px;
+        let bench = Bench::new(&config, &calibration).unwrap();
+        bench.check_backward(&mut rig, &config, &|| 0.0).unwrap()
+    }
+
+    #[test]
+    fn the_small_rig_passes_with_its_patches_and_is_told_of_patches_smaller_than_its_blur() {
+        let healthy = check(20);
+        assert_eq!(healthy.complaint(), None, "{healthy}");
+        let small = check(4);
+        let words = small.complaint().unwrap_or_else(|| panic!("{small}"));
+        assert!(words.contains("raise patch-px"), "{words}");
+    }
+}

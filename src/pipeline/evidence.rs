@@ -1,0 +1,191 @@
+//! What a box can know of a result without knowing the scene.
+//!
+//! | evidence | what it shows |
+//! |---|---|
+//! | model residual over the photo's noise, every channel | a photo that no scene gives through this lens; a rig that is no longer the one that was measured, also where the loop absorbs it |
+//! | the same of the untouched photo | how much there was to gain |
+//! | distance from the reference solution | noise and ringing that the lens hides from every residual |
+//! | roughness of the quiet parts, as they look | the same, at the finest scale |
+//!
+//! The *reference solution* is what total variation makes of the photo with the measured lens
+//! ([`super::reference_solution`]): no capture goes into it, so nothing that happened to the rig since
+//! it was measured can, and what is flat stays flat in it.
+
+use rayon::prelude::*;
+
+use super::{Bench, Restored};
+use crate::deconvolution::data_term::{
+    MISSING, SATURATED, noise_of, residual_in_place, rms_over_data,
+};
+use crate::deconvolution::quality::ssim;
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+
+/// What is known of one channel of a result; residuals are RMS over the photo in grey levels,
+/// saturated pixels and as far as the lens throws their light left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residuals {
+    /// K̂L − B.
+    pub model: f32,
+    /// K̂B − B: of the untouched photo.
+    pub untouched: f32,
+    /// The photo's noise.
+    pub photo_noise: f32,
+}
+
+/// What is known of a result by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Evidence {
+    /// Channel by channel.
+    pub channels: Vec<Residuals>,
+    /// Noise of the quiet parts over that of the photo's, in lightness.
+    pub rougher: f32,
+}
+
+/// Noise assumed at least: the rounding of an 8-bit photo, 1/√12 grey levels.
+const NOISE_MIN: f32 = 0.29;
+/// A channel with less of its pixels away from saturated ones has no say. Guess.
+const DATA_SHARE_MIN: f64 = 0.05;
+/// Weights of red, green and blue in luminance (Rec. 709).
+const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+/// Lightness is light to this power, about.
+const LIGHTNESS: f32 = 1.0 / 2.2;
+
+impl Evidence {
+    /// The model residual over the photo's noise, and over the untouched photo's; of the channel
+    /// where their product is largest among those with more than `noises` of the first and more
+    /// than `share` of the second. Zeros when there is none.
+    ///
+    /// Either alone tells little: a little more than noise is left of a busy photo by any model
+    /// that is not perfect, and of a calm one noise itself is a good part of all there is. Both
+    /// together are what no scene explains.
+    pub fn unexplained(&self, noises: f32, share: f32) -> (f32, f32) {
+        let each = self.channels.iter().map(|r| {
+            (r.model / r.photo_noise.max(NOISE_MIN), r.model / r.untouched.max(f32::MIN_POSITIVE))
+        });
+        // Not a number is past every limit.
+        let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
+        much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()
+    }
+}
+
+/// How far `result` is from `second`, as a share of how far the untouched photo is from it, by 1 −
+/// SSIM of lightness; 0 is the same picture, above 1 the photo is nearer.
+pub fn distance(
+    photo: &Frame<Work>,
+    result: &Frame<Work>,
+    second: &Frame<Work>,
+    channels: Channels,
+) -> f64 {
+    let (second, result) = (lightness(second, channels), lightness(result, channels));
+    let apart = |plane: &Plane| 1.0 - ssim(plane, &second);
+    apart(&result) / apart(&lightness(photo, channels)).max(f64::MIN_POSITIVE)
+}
+
+/// How light `picture` looks, 0..255; of a grey photo its green channel.
+fn lightness(picture: &Frame<Work>, channels: Channels) -> Plane {
+    let mut sum = Plane::zeros(picture.size());
+    for &c in channels.list() {
+        let weight = if channels == Channels::Green { 1.0 } else { LUMINANCE[c.index()] };
+        sum.add_scaled(weight, &picture.plane(c).map(|v: f32| v.clamp(0.0, FULL_SCALE)));
+    }
+    sum.map(|v: f32| FULL_SCALE * (v / FULL_SCALE).powf(LIGHTNESS))
+}
+
+/// Side of the blocks whose noise is looked at one by one, pixels.
+const BLOCK_PX: usize = 8;
+/// Roughness assumed at least, in codes of 255: rounding.
+const ROUGHNESS_MIN: f32 = 0.29;
+
+/// The noise of the quiet parts of a picture in lightness: of its blocks' noises, the one that a
+/// quarter of them stay below. A photo without any flat quarter hides noise, too.
+fn roughness(lightness: &Plane) -> f32 {
+    let (columns, rows) = (lightness.width() / BLOCK_PX, lightness.height() / BLOCK_PX);
+    let mut noises: Vec<f32> = (0..columns * rows)
+        .map(|n| {
+            let (x, y) = (n % columns * BLOCK_PX, n / columns * BLOCK_PX);
+            noise_of(&lightness.crop(Rect { x, y, size: Size::new(BLOCK_PX, BLOCK_PX) }))
+        })
+        .collect();
+    let quarter = noises.len() / 4;
+    if noises.is_empty() { 0.0 } else { *noises.select_nth_unstable_by(quarter, f32::total_cmp).1 }
+}
+
+impl Bench {
+    /// What can be known of `restored`, which was made of `photo`; by the lens as its captures say
+    /// it is.
+    pub fn evidence(
+        &self,
+        photo: &Frame<Work>,
+        channels: Channels,
+        restored: &Restored,
+    ) -> Evidence {
+        let rough = |picture: &Frame<Work>| roughness(&lightness(picture, channels));
+        let rougher = rough(&restored.picture) / rough(photo).max(ROUGHNESS_MIN);
+        let (placed, trust) = self.prepare(photo);
+        let reach = restored.lens.functions().support_px / 2;
+        let of = |&c: &Channel| {
+            let picture = restored.solution.picture.plane(c);
+            let (photo, trust) = (placed.plane(c), away_from_saturated(trust.plane(c), reach));
+            let data = trust.data().iter().filter(|&&t| t != MISSING).count();
+            let residual = |of: &Plane| {
+                let mut plane = Plane::zeros(of.size());
+                restored.lens.forward(c, of, &mut plane);
+                residual_in_place(&mut plane, photo, &trust);
+                rms_over_data(&plane, &trust)
+            };
+            let has_a_say = data as f64 >= DATA_SHARE_MIN * self.photo_area();
+            Residuals {
+                model: if has_a_say { residual(picture) } else { 0.0 },
+                untouched: residual(photo),
+                photo_noise: restored.photo_noise[c.index()],
+            }
+        };
+        Evidence { channels: channels.list().par_iter().map(of).collect(), rougher }
+    }
+
+    fn photo_area(&self) -> f64 {
+        self.correction.layout().photo.area() as f64
+    }
+}
+
+/// `trust` with nothing known within `reach` pixels of a saturated one: light from beyond full
+/// scale falls there.
+fn away_from_saturated(trust: &Plane<u8>, reach: usize) -> Plane<u8> {
+    let (width, height) = (trust.width(), trust.height());
+    let near = |at: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);
+    let in_rows: Plane<u8> = Plane::from_fn(trust.size(), |x, y| {
+        u8::from(near(x, width).any(|x| trust.at(x, y) == SATURATED))
+    });
+    Plane::from_fn(trust.size(), |x, y| {
+        if near(y, height).any(|y| in_rows.at(x, y) == 1) { MISSING } else { trust.at(x, y) }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deconvolution::data_term::TRUSTED;
+
+    #[test]
+    fn what_is_near_a_saturated_pixel_is_not_known() {
+        let size = Size::new(9, 7);
+        let trust = Plane::from_fn(size, |x, y| if (x, y) == (4, 3) { SATURATED } else { TRUSTED });
+        let known = away_from_saturated(&trust, 2);
+        let missing = known.data().iter().filter(|&&t| t == MISSING).count();
+        assert_eq!(missing, 25);
+        assert_eq!((known.at(2, 1), known.at(1, 1)), (MISSING, TRUSTED));
+    }
+
+    #[test]
+    fn the_distance_is_nought_for_the_second_opinion_and_one_for_the_photo() {
+        let wave = |share: f32| {
+            let plane =
+                Plane::from_fn(Size::new(40, 30), |x, y| 90.0 + share * ((x * y) % 23) as f32);
+            Frame::<Work>::from_fn(|_| plane.clone())
+        };
+        let (photo, second) = (wave(1.0), wave(4.0));
+        assert!(distance(&photo, &second, &second, Channels::Colour).abs() < 1e-6);
+        assert!((distance(&photo, &photo, &second, Channels::Colour) - 1.0).abs() < 1e-6);
+        assert!(distance(&photo, &wave(3.0), &second, Channels::Green) < 0.5);
+    }
+}

@@ -1,0 +1,142 @@
+//! A method with the numbers that are chosen for a rig, and what the choice was made by.
+
+use serde::{Deserialize, Serialize};
+
+use super::methods::{BLOCK_ROUNDS, CORRECTION_STEPS, block_matching, digital, hybrid, method};
+use crate::config::{self, OperatingPoint, Rig};
+use crate::deconvolution::method::Method;
+use crate::deconvolution::method::blocks::Blocks;
+use crate::deconvolution::method::digital::Digital;
+use crate::deconvolution::method::hybrid::Hybrid;
+
+/// What is chosen for a rig; all else is as its file says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Setting {
+    /// The method.
+    pub method: config::Method,
+    /// Steps of the solve with the lens model.
+    pub steps: u32,
+    /// Steps of each correction; only the hybrid corrects.
+    pub correction_steps: u32,
+    /// Captures a photo may cost; the hybrid takes one at least, block matching may go without.
+    pub captures_max: u32,
+    /// Rounds of block matching in each solve with it, where that is the method.
+    pub rounds: u32,
+}
+
+impl Setting {
+    /// `method` with the numbers of the rig file.
+    pub fn as_filed(rig: &Rig, method: config::Method) -> Setting {
+        Setting {
+            method,
+            steps: rig.restore.steps as u32,
+            correction_steps: CORRECTION_STEPS,
+            captures_max: 1 + rig.restore.corrections_max as u32,
+            rounds: BLOCK_ROUNDS,
+        }
+    }
+
+    /// The method so set.
+    pub fn method(&self, rig: &Rig) -> Box<dyn Method + Send + Sync> {
+        let digital = Digital { steps: self.steps, ..digital(rig) };
+        match self.method {
+            config::Method::Digital => Box::new(digital),
+            config::Method::Hybrid => Box::new(Hybrid {
+                digital,
+                correction_steps: self.correction_steps,
+                captures_max: self.captures_max,
+                ..hybrid(rig)
+            }),
+            config::Method::BlockMatching => {
+                let blocks = Some(Blocks { rounds: self.rounds, missed: [0.0; 3] });
+                let (digital, captures_max) = (Digital { blocks, ..digital }, self.captures_max);
+                match captures_max {
+                    0 => Box::new(digital),
+                    _ => Box::new(Hybrid {
+                        digital,
+                        correction_steps: self.correction_steps,
+                        captures_max,
+                        ..block_matching(rig)
+                    }),
+                }
+            }
+            other => method(rig, other),
+        }
+    }
+}
+
+impl Setting {
+    /// The numbers, in words; nothing for a method without any.
+    pub fn numbers(&self) -> String {
+        let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
+        let (captures, rounds) =
+            (captures_at_most(captures_max), counted(rounds as usize, "round"));
+        match method {
+            config::Method::Digital => counted(steps as usize, "step"),
+            config::Method::Hybrid => format!("{steps}+{correction_steps} steps, {captures}"),
+            config::Method::BlockMatching if captures_max == 0 => {
+                format!("{}, {rounds}, {captures}", counted(steps as usize, "step"))
+            }
+            config::Method::BlockMatching => {
+                format!("{steps}+{correction_steps} steps, {rounds}, {captures}")
+            }
+            _ => String::new(),
+        }
+    }
+}
+
+/// `count` things of which one is a `thing`.
+pub(crate) fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
+fn captures_at_most(most: u32) -> String {
+    if most == 0 {
+        "no capture".to_owned()
+    } else {
+        format!("{} at most", counted(most as usize, "capture"))
+    }
+}
+
+impl std::fmt::Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (name, numbers) = (self.method.name(), self.numbers());
+        if numbers.is_empty() { f.write_str(name) } else { write!(f, "{name}, {numbers}") }
+    }
+}
+
+/// A rig's operating point: what was asked for, what was chosen, and what it makes of scenes shown
+/// on that rig.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Chosen {
+    /// What the rig file asked for.
+    pub operating_point: OperatingPoint,
+    /// What is restored with.
+    pub setting: Setting,
+    /// Seconds a photo, captures and computing.
+    pub seconds: f64,
+    /// Mean SSIM of the scenes.
+    pub ssim: f64,
+    /// Mean PSNR of the scenes, dB.
+    pub psnr_db: f64,
+    /// Mean SSIM of the best setting tried.
+    pub best_ssim: f64,
+    /// Mean SSIM of the untouched photos.
+    pub photo_ssim: f64,
+}
+
+impl std::fmt::Display for Chosen {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Chosen { operating_point, setting, seconds, ssim, psnr_db, best_ssim, photo_ssim } =
+            self;
+        write!(
+            f,
+            "{}: {setting}; {seconds:.2} s a photo, SSIM {ssim:.4} (best {best_ssim:.4}, \
+             untouched {photo_ssim:.4}), \
+             PSNR {psnr_db:.2} dB on scenes shown on this rig",
+            operating_point.name()
+        )
+    }
+}

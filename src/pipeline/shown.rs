@@ -1,0 +1,25 @@
+//! A photo of a scene that the panel shows: how a rig of devices knows a truth to be scored by.
+
+use super::Bench;
+use crate::deconvolution::data_term;
+use crate::frame::{Frame, Work};
+use crate::rig::RigError;
+use crate::rig::exposure::Rig;
+
+impl Bench {
+    /// What the camera of `rig` makes of `scene` (photo-sized, linear light 0..255) on its panel:
+    /// linear light as a photo has it, with blur, colour fringes, dark corner and noise. The
+    /// panel's three primaries stand for the scene's light.
+    ///
+    /// # Errors
+    /// When the capture fails.
+    pub fn photograph(&self, rig: &mut Rig, scene: &Frame<Work>) -> Result<Frame<Work>, RigError> {
+        let margin_px = self.correction.layout().margin_px;
+        let (canvas, rect) = data_term::canvas_of(scene.size(), margin_px);
+        let placed = Frame::from_fn(|c| data_term::place_with_edges(scene.plane(c), canvas, rect));
+        let exposed = rig.capture(&self.correction.show_scene(&placed))?;
+        let mut photo = self.correction.see(&exposed.counts).light.crop(rect);
+        self.photo_side.put_dark_corner(&mut photo);
+        Ok(photo)
+    }
+}
