@@ -16,7 +16,6 @@ use relens::deconvolution::level_norms::LevelNorms;
 use relens::deconvolution::method::blocks::Blocks;
 use relens::deconvolution::method::digital::{Colours, Digital};
 use relens::deconvolution::method::hybrid::Hybrid;
-use relens::deconvolution::method::krylov::Krylov;
 use relens::deconvolution::method::paper::{Backward, Paper};
 use relens::deconvolution::method::residual::Residual;
 use relens::deconvolution::method::richardson_lucy::RichardsonLucy;
@@ -25,7 +24,6 @@ use relens::deconvolution::method::unmatched::Unmatched;
 use relens::deconvolution::method::wiener::Wiener;
 use relens::deconvolution::method::{Method, Problem, ResidualOf, Strength};
 use relens::deconvolution::patches::PatchShape;
-use relens::deconvolution::wavelet_shrinkage::Rule;
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
 use relens::remedy::AnyFailure;
 
@@ -85,7 +83,6 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
         levels: 2,
         cycle_spun: true,
         colours: Colours::Together,
-        rule: Rule::Clusters,
         blocks: None,
     };
     let patches = PatchShape { patch_px, margin_px: 8 };
@@ -115,7 +112,6 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
             digital: Digital { blocks: Some(Blocks { rounds: 8, missed: [0.0; 3] }), ..digital },
             ..hybrid
         }),
-        Box::new(Krylov { digital, steps: 12, threshold: 0.0 }),
         Box::new(Wiener { noise_to_signal: 1e-6 }),
         Box::new(RichardsonLucy { steps: 200 }),
         Box::new(TotalVariation { steps: 40, strength }),

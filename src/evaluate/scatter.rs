@@ -9,11 +9,10 @@ const HEIGHT: f64 = 640.0;
 const FIELD: [f64; 4] = [80.0, 790.0, 56.0, 570.0];
 const PAPER: Colour = Colour(0xd5, 0x5e, 0x00);
 /// One colour for each family, told apart by the colour-blind too (Okabe & Ito 2008).
-const COLOURS: [(&str, Colour); 12] = [
+const COLOURS: [(&str, Colour); 11] = [
     ("paper", PAPER),
     ("residual", Colour(0xe6, 0x9f, 0x00)),
     ("unmatched", Colour(0xcc, 0x79, 0xa7)),
-    ("krylov", Colour(0x55, 0x55, 0x99)),
     ("digital", Colour(0x56, 0xb4, 0xe9)),
     ("hybrid", Colour(0x00, 0x72, 0xb2)),
     ("block-matching", Colour(0xf0, 0xe4, 0x42)),

@@ -10,7 +10,6 @@ use crate::deconvolution::method::Method;
 use crate::deconvolution::method::Strength;
 use crate::deconvolution::method::averaging::Averaged;
 use crate::deconvolution::method::digital::{Colours, Digital};
-use crate::deconvolution::method::krylov::Krylov;
 use crate::deconvolution::method::paper::{Backward, Paper};
 use crate::deconvolution::method::residual::Residual;
 use crate::deconvolution::method::richardson_lucy::RichardsonLucy;
@@ -18,7 +17,6 @@ use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::method::unmatched::Unmatched;
 use crate::deconvolution::method::wiener::Wiener;
 use crate::deconvolution::patches::PatchShape;
-use crate::deconvolution::wavelet_shrinkage::Rule;
 use crate::frame::Channel;
 use crate::pipeline::{Setting, counted, digital, hybrid, method, paper};
 
@@ -307,11 +305,6 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         let unmatched = Unmatched { iterations, strength, levels, cycle_spun };
         add("unmatched", format!("{iterations} captures"), false, Box::new(unmatched));
     }
-    for &steps in if quick { &[4u32][..] } else { &[1, 2, 4, 8] } {
-        let krylov =
-            Krylov { digital: digital(rig), steps, threshold: hybrid(rig).defect_threshold };
-        add("krylov", counted(steps as usize, "direction"), false, Box::new(krylov));
-    }
     for steps in [2, 4, 8, 16, 32, 64] {
         add(
             "digital",
@@ -326,21 +319,6 @@ pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
         false,
         Box::new(Digital { cycle_spun: false, ..digital(rig) }),
     );
-    // The clusters' threshold is not the best for rules that judge details one by one.
-    for times in if quick { &[1.0f32, 4.0][..] } else { &[1.0, 2.0, 4.0, 8.0, 16.0] } {
-        for (words, rule) in
-            [("details one by one", Rule::Soft), ("hyper-Laplacian details", Rule::HyperLaplacian)]
-        {
-            let strength = Strength { at_one_grey_level: times * strength.at_one_grey_level };
-            let solver = Digital { rule, strength, ..digital(rig) };
-            add(
-                "digital",
-                format!("{words}, {times} times the threshold"),
-                false,
-                Box::new(solver),
-            );
-        }
-    }
     if rig.photo.curve == Curve::Srgb {
         let apart = Digital { colours: Colours::Apart, ..digital(rig) };
         add("digital", "colours apart".to_owned(), false, Box::new(apart));

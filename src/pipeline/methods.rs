@@ -13,7 +13,6 @@ use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::method::unmatched::Unmatched;
 use crate::deconvolution::method::wiener::Wiener;
 use crate::deconvolution::patches::PatchShape;
-use crate::deconvolution::wavelet_shrinkage::Rule;
 
 /// Iterations of `residual`: 25 captures, where the study compares it.
 const RESIDUAL_ITERATIONS: u32 = 5;
@@ -102,7 +101,6 @@ pub fn digital(rig: &Rig) -> Digital {
             config::Colours::Together => Colours::Together,
             config::Colours::Apart => Colours::Apart,
         },
-        rule: Rule::Clusters,
         blocks: None,
     }
 }

@@ -7,7 +7,7 @@
 //! * it starts from Wiener's filter, which costs as much as a few steps and saves eight;
 //! * a step of its own for each wavelet level ([`LevelNorms`]): 20 steps where one length for all
 //!   takes 50;
-//! * details judged in clusters ([`Rule::Clusters`]);
+//! * details judged in clusters ([`Shrinkage::in_clusters`]);
 //! * the prior sees opponent colours ([`to_opponent`]): in colour +1.1 dB and +0.02 SSIM at the
 //!   same steps;
 //! * cycle spinning (Coifman & Donoho 1995) in two gears. One shift a step, another at each, is
@@ -31,7 +31,7 @@ use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
-use crate::deconvolution::wavelet_shrinkage::{Rule, Shrinkage, ShrinkageScratch};
+use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Size, Work};
 
 /// Noise-to-signal power of the start at one grey level of noise. Measured 2026-11-21, 16 steps,
@@ -66,8 +66,6 @@ pub struct Digital {
     pub levels: usize,
     /// Whether the shrinkage is cycle-spun.
     pub cycle_spun: bool,
-    /// How details are drawn towards zero.
-    pub rule: Rule,
     /// How the channels are solved.
     pub colours: Colours,
     /// How the picture is solved further with block matching, if it is.
@@ -270,7 +268,7 @@ impl<'a> ColourPrior<'a> {
             channels.iter().map(|&c| levels_of(noise(c), norms(c))).collect()
         };
         let shrinkage =
-            super::shrinkage(problem.size(), digital.levels, digital.cycle_spun).by(digital.rule);
+            super::shrinkage(problem.size(), digital.levels, digital.cycle_spun).in_clusters();
         ColourPrior {
             shrinkage,
             thresholds,

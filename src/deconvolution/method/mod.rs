@@ -8,7 +8,6 @@
 //! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; the default |
 //! | block-matching | 1 + corrections | [`hybrid`] whose corrections have block matching for the prior ([`blocks`]); slower and better |
 //! | [`digital`] | 0 | lens model only |
-//! | [`krylov`] | 2 + n | conjugate directions by light; on the chart only |
 //! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
 //!
 //! Where the paper leaves a choice, and what is done here (each held by a test in
@@ -27,7 +26,6 @@ pub mod averaging;
 pub mod blocks;
 pub mod digital;
 pub mod hybrid;
-pub mod krylov;
 pub mod paper;
 pub mod residual;
 pub mod richardson_lucy;

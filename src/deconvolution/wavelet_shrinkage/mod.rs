@@ -1,5 +1,5 @@
 //! The prior: wavelet details are few and large (paper Eqs. 3 and 6), by soft thresholding, plain
-//! or cycle-spun, one by one or in clusters, or by a prior with heavier tails.
+//! or cycle-spun, one by one or in clusters.
 //!
 //! Shrinking is done in whatever frame of the plane the shift says: the plane is thought turned
 //! cyclically by `shift`, transformed, shrunk and turned back. One shift a step, another at each
@@ -7,7 +7,6 @@
 //! spinning proper (Coifman and Donoho, "Translation-invariant de-noising", 1995).
 
 mod clusters;
-mod hyper_laplacian;
 mod spinning;
 
 use rayon::prelude::*;
@@ -30,25 +29,13 @@ pub trait Prior: Send + Sync {
     );
 }
 
-/// How details are drawn towards zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Rule {
-    /// By the threshold, one by one: the paper's, Eq. 6.
-    Soft,
-    /// By the threshold's share of their neighbourhood: an edge is a cluster of large details,
-    /// noise is not.
-    Clusters,
-    /// Small ones to nothing, large ones hardly ([`hyper_laplacian`]).
-    HyperLaplacian,
-}
-
 /// Soft thresholding of the details of Symlets 8, one by one (the paper's) or in clusters; the
 /// approximation is left alone.
 #[derive(Debug, Clone)]
 pub struct Shrinkage {
     transform: Sym8,
     spinning: Spinning,
-    rule: Rule,
+    clusters: bool,
     spin: Vec<(usize, usize)>,
 }
 
@@ -68,7 +55,7 @@ impl Shrinkage {
         Shrinkage {
             transform: Sym8::new(size, levels).divided(),
             spinning: Spinning::new(size, levels),
-            rule: Rule::Soft,
+            clusters: false,
             spin: vec![(0, 0)],
         }
     }
@@ -93,10 +80,11 @@ impl Shrinkage {
         self
     }
 
-    /// The same with details drawn by another `rule`.
+    /// The same with details drawn by the threshold's share of their neighbourhood: an edge is a
+    /// cluster of large details, noise is not.
     #[must_use]
-    pub fn by(self, rule: Rule) -> Self {
-        Shrinkage { rule, ..self }
+    pub fn in_clusters(self) -> Self {
+        Shrinkage { clusters: true, ..self }
     }
 
     /// Size of the planes it shrinks.
@@ -144,7 +132,7 @@ impl Shrinkage {
         bands.into_par_iter().with_max_len(1).for_each_init(Vec::new, |rows, (level, band)| {
             let threshold = thresholds[level.min(thresholds.len() - 1)].max(0.0);
             let factors = mask.and_then(|mask| mask.factors(level));
-            draw(band, threshold, self.rule, factors, rows);
+            draw(band, threshold, self.clusters, factors, rows);
         });
         self.transform.synthesise_shifted(&coefficients, shift, plane, &mut scratch.transform);
         scratch.coefficients = Some(coefficients);
@@ -187,24 +175,23 @@ impl Shrinkage {
         scratch: &mut ShrinkageScratch,
     ) {
         if thresholds.iter().any(|&threshold| threshold > 0.0) {
-            let drawing = Drawing { thresholds, rule: self.rule, mask, turn: step_index };
+            let drawing = Drawing { thresholds, clusters: self.clusters, mask, turn: step_index };
             self.spinning.shrink(plane, drawing, &mut scratch.spinning);
         }
     }
 }
 
-/// Draws the details of `band` towards zero by `threshold`.
+/// Draws the details of `band` towards zero by `threshold`: in clusters, or one by one (Eq. 6).
 fn draw(
     band: &mut Plane,
     threshold: f32,
-    rule: Rule,
+    clusters: bool,
     factors: Option<&Plane>,
     rows: &mut Vec<f32>,
 ) {
-    match rule {
-        Rule::Clusters => clusters::draw(band, threshold, factors, rows),
-        Rule::HyperLaplacian => hyper_laplacian::draw(band, threshold),
-        Rule::Soft => band.data_mut().iter_mut().for_each(|v| *v -= v.clamp(-threshold, threshold)),
+    match clusters {
+        true => clusters::draw(band, threshold, factors, rows),
+        false => band.data_mut().iter_mut().for_each(|v| *v -= v.clamp(-threshold, threshold)),
     }
 }
 

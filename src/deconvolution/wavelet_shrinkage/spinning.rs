@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::{Rule, draw};
+use super::draw;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Plane, STRETCH, Size};
@@ -56,7 +56,8 @@ struct LevelScratch {
 pub(super) struct Drawing<'a> {
     /// Threshold of each level, finest first; the last one holds for all coarser ones.
     pub(super) thresholds: &'a [f32],
-    pub(super) rule: Rule,
+    /// Whether details are judged in clusters.
+    pub(super) clusters: bool,
     pub(super) mask: Option<&'a DetailMask>,
     /// Which shift of the levels that are not spun everywhere.
     pub(super) turn: usize,
@@ -129,7 +130,7 @@ impl Spinning {
                 draw(
                     band,
                     threshold,
-                    drawing.rule,
+                    drawing.clusters,
                     drawing.mask.and_then(|c| c.factors(level)),
                     &mut here.rows,
                 );

@@ -44,9 +44,8 @@ fn a_shift_is_turning_shrinking_and_turning_back() {
 #[test]
 fn spinning_everywhere_is_the_mean_over_all_shifts() {
     let x = golden("sym8_x.npy");
-    for rule in [Rule::Soft, Rule::Clusters, Rule::HyperLaplacian] {
-        let plain = Shrinkage::new(x.size(), spinning::EVERYWHERE);
-        let shrinkage = plain.by(rule);
+    let plain = Shrinkage::new(x.size(), spinning::EVERYWHERE);
+    for shrinkage in [plain.clone(), plain.in_clusters()] {
         let mut scratch = ShrinkageScratch::default();
         let mut spun = x.clone();
         shrinkage.shrink_everywhere(&mut spun, &[3.0, 2.0], None, 5, &mut scratch);
@@ -98,7 +97,7 @@ fn scratch_of_another_size_does_no_harm() {
 #[test]
 fn a_lone_coefficient_goes_and_a_cluster_of_the_same_size_stays() {
     let size = Size::new(64, 64);
-    let shrinkage = Shrinkage::new(size, 1).by(Rule::Clusters);
+    let shrinkage = Shrinkage::new(size, 1).in_clusters();
     let (transform, mut scratch) = (Sym8::new(size, 1), ShrinkageScratch::default());
     let made_of = |places: &[(usize, usize)]| {
         let mut found = transform.zeros();
