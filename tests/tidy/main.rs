@@ -1,4 +1,7 @@
-//! The house rules, read from the source: layers, headers, sizes, names.
+//! The house rules, read from the source: layers, circles, headers, sizes, names, comments.
+
+mod exceptions;
+mod imports;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -6,6 +9,9 @@ use std::path::{Path, PathBuf};
 
 /// Longest file in lines.
 const LINES_MAX: usize = 500;
+
+/// Longest line in columns, comments too.
+const COLUMNS_MAX: usize = 100;
 
 /// Modules that may touch files, and the one reader of arrays.
 const FILES_ALLOWED: &[&str] = &[
@@ -227,4 +233,131 @@ fn files_time_and_chance_come_in_where_they_may() {
             assert!(!code.contains(".mul_add("), "{name} holds .mul_add(");
         }
     }
+}
+
+#[test]
+fn the_reader_of_imports_finds_circles_however_they_are_written() {
+    let circles = |files: &[(&str, &str)]| imports::House::read(files.iter().copied()).circles(2);
+    let ring = |a: &str, b: &str, c: &str| {
+        circles(&[
+            ("src/lib.rs", "pub mod a; pub mod b; pub mod c;"),
+            ("src/a.rs", &format!("pub struct A; {a}")),
+            ("src/b.rs", &format!("pub struct B; {b}")),
+            ("src/c/mod.rs", &format!("mod d; pub use d::{{D, E as F}}; {c}")),
+            ("src/c/d.rs", "pub struct D; pub struct E; fn f(_: crate::a::A) {}"),
+        ])
+    };
+    let whole = vec![["src/a.rs", "src/b.rs", "src/c/d.rs"].map(String::from).to_vec()];
+    assert_eq!(ring("use crate::b::B;", "use super::c::{self, D};", ""), whole);
+    assert_eq!(ring("use super::{b::{B as X}};", "fn f(_: crate::c::F) {}", ""), whole);
+    assert_eq!(
+        ring("use crate::b; fn f(_: b::B) {}", "use crate::c::*; fn f(_: D) {}", "").len(),
+        0
+    );
+    // Two files may know each other; comments, strings and tests use nothing.
+    assert_eq!(ring("use crate::b::B;", "use crate::a::A; // crate::c::D", "").len(), 0);
+    assert_eq!(ring("use crate::b::B;", "const X: &str = \"crate::c::D\";", "").len(), 0);
+    assert_eq!(
+        ring("use crate::b::B;", "#[cfg(test)]\nmod tests { use crate::c::D; }", "").len(),
+        0
+    );
+    // Passing a name on is no use of it; using what is passed on is.
+    assert_eq!(ring("use crate::c::g;", "", "pub fn g() {}").len(), 0);
+    let through = vec![["src/a.rs", "src/c/d.rs", "src/c/mod.rs"].map(String::from).to_vec()];
+    assert_eq!(ring("use crate::c::g;", "", "pub fn g(_: D) {}"), through);
+}
+
+#[test]
+fn no_circle_of_imports_has_more_than_two_files() {
+    let sources = source_files("src");
+    let house =
+        imports::House::read(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())));
+    let used = house.used();
+    assert!(used.len() > 500, "the reader finds imports: {}", used.len());
+    let circles = house.circles(2);
+    for (from, to) in &used {
+        if circles.iter().any(|circle| [from, to].iter().all(|f| circle.iter().any(|c| c == *f))) {
+            println!("{from} uses {to}");
+        }
+    }
+    let files = circles.into_iter().flatten().collect();
+    only("circles of imports", files, exceptions::IN_CIRCLES);
+}
+
+/// Compares what breaks a rule with the list of what is not mended yet.
+fn only(rule: &str, found: BTreeSet<String>, still: &[&str]) {
+    let still: BTreeSet<String> = still.iter().map(|&name| name.to_owned()).collect();
+    let new: Vec<_> = found.difference(&still).collect();
+    let mended: Vec<_> = still.difference(&found).collect();
+    assert!(new.is_empty(), "{rule}: {new:?}");
+    assert!(mended.is_empty(), "mended, so to be taken from tests/tidy/exceptions.rs: {mended:?}");
+}
+
+#[test]
+fn no_line_is_longer_than_100_columns() {
+    let mut found = BTreeSet::new();
+    for (name, text) in source_files("src").into_iter().chain(source_files("tests")) {
+        for (i, line) in text.lines().enumerate() {
+            if line.chars().count() > COLUMNS_MAX {
+                println!("{name}:{} has {} columns", i + 1, line.chars().count());
+                found.insert(name.clone());
+            }
+        }
+    }
+    only("lines of more than 100 columns", found, exceptions::LONG_LINES);
+}
+
+#[test]
+fn no_type_name_is_defined_twice() {
+    let mut places: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for (name, text) in source_files("src") {
+        for line in text.lines() {
+            let bare = line.trim_start();
+            let associated = bare.starts_with("type ") && bare.len() < line.len();
+            let bare = bare.strip_prefix("pub").unwrap_or(bare);
+            let bare = match bare.split_once(") ") {
+                Some((scope, rest)) if scope.starts_with('(') => rest,
+                _ => bare.trim_start(),
+            };
+            let kinds = ["struct ", "enum ", "trait ", "union ", "type "];
+            let rest = bare.strip_prefix("unsafe ").unwrap_or(bare);
+            let Some(rest) = kinds.iter().find_map(|kind| rest.strip_prefix(kind)) else {
+                continue;
+            };
+            let word: String = rest.chars().take_while(|c| c.is_alphanumeric()).collect();
+            if !associated {
+                places.entry(word).or_default().push(name.clone());
+            }
+        }
+    }
+    assert!(places.len() > 200, "the reader finds types: {}", places.len());
+    places.retain(|_, files| files.len() > 1);
+    for (word, files) in &places {
+        println!("{word}: {}", files.join(", "));
+    }
+    only("types of one name", places.into_keys().collect(), exceptions::NAMED_TWICE);
+}
+
+#[test]
+fn comments_hold_no_dates() {
+    let dated = |comment: &str| {
+        comment.as_bytes().windows(10).any(|w| {
+            w.starts_with(b"20")
+                && w.iter().enumerate().all(|(i, &c)| match i {
+                    4 | 7 => c == b'-',
+                    _ => c.is_ascii_digit(),
+                })
+        })
+    };
+    assert!(dated("set on 2026-11-21.") && !dated("2026 11 21, 20-11-2026"));
+    let mut found = BTreeSet::new();
+    for (name, text) in source_files("src") {
+        for (i, line) in text.lines().enumerate() {
+            if line.split_once("//").is_some_and(|(_, comment)| dated(comment)) {
+                println!("{name}:{}: {}", i + 1, line.trim());
+                found.insert(name.clone());
+            }
+        }
+    }
+    only("dates in comments", found, exceptions::DATED);
 }
