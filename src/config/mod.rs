@@ -26,8 +26,8 @@ pub use parts::{
     Paper, Photo, Restore,
 };
 pub use simulation::{
-    Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, Simulation,
-    Surface, Surround, Wavelength,
+    Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, SensorCurve,
+    Simulation, Subpixels, Surface, Surround, Uneven, Unrest, Wavelength,
 };
 pub use written::distance;
 

@@ -300,7 +300,7 @@ fn check_simulation(
     }
     rules.within("faults, all together", each.iter().sum(), 0.0, 1.0)?;
     rules.within("faults.unplugged-ms", faults.unplugged_ms, 0.0, 1e9)?;
-    Ok(Simulation {
+    let simulation = Simulation {
         seed: table.seed,
         surround: table.surround,
         lens,
@@ -308,7 +308,10 @@ fn check_simulation(
         display,
         sensor,
         faults,
-    })
+        unrest: table.unrest,
+    };
+    check_departures(rules, &simulation)?;
+    Ok(simulation)
 }
 
 fn check_lens(rules: &Rules, table: LensTable, base_dir: &Path) -> Result<Lens, ConfigError> {
@@ -336,6 +339,8 @@ fn check_lens(rules: &Rules, table: LensTable, base_dir: &Path) -> Result<Lens, 
         geometry: rules.needed("lens.geometry", table.geometry)?,
         dark_corner: rules.needed("lens.dark-corner", table.dark_corner)?,
         axis_offset_px: table.axis_offset_px.unwrap_or_default(),
+        focus_distance_mm: table.focus_distance_mm,
+        scene_distance_mm: table.scene_distance_mm,
     };
     for offset in lens.axis_offset_px {
         rules.within("lens.axis-offset-px", offset, -1e4, 1e4)?;
@@ -370,7 +375,13 @@ fn check_lens(rules: &Rules, table: LensTable, base_dir: &Path) -> Result<Lens, 
         )?;
     }
     rules.above("lens.stop-diameter-mm", lens.stop_diameter_mm, 0.0)?;
-    rules.within("lens.object-distance-mm", lens.object_distance_mm, 1.0, 1e7)?;
+    for (key, distance) in [
+        ("lens.object-distance-mm", Some(lens.object_distance_mm)),
+        ("lens.focus-distance-mm", lens.focus_distance_mm),
+        ("lens.scene-distance-mm", lens.scene_distance_mm),
+    ] {
+        distance.map_or(Ok(()), |found| rules.within(key, found, 1.0, 1e7))?;
+    }
     rules.within("lens.pixel-pitch-um", lens.pixel_pitch_um, 0.1, 1000.0)?;
     let odd = lens.support_px % 2 == 1 && (3..=255).contains(&lens.support_px);
     rules.hold(odd, "lens.support-px", lens.support_px, "an odd number, 3 to 255")?;
@@ -427,6 +438,33 @@ fn check_sensor(rules: &Rules, sensor: &Sensor, count_max: f64) -> Result<(), Co
         rules.within("sensor.ambient-levels", ambient, 0.0, 255.0)?;
     }
     rules.within("sensor.readout-ms", sensor.readout_ms, 0.0, 10_000.0)
+}
+
+/// The rules of the keys that may be left out.
+fn check_departures(rules: &Rules, simulation: &Simulation) -> Result<(), ConfigError> {
+    let Simulation { display, sensor, unrest, .. } = simulation;
+    let uneven = display.uneven;
+    for (key, found, high) in [
+        ("display.uneven.corner-loss", uneven.corner_loss, 0.9),
+        ("display.uneven.corner-tint", uneven.corner_tint, 0.5),
+        ("display.uneven.loss-at-10-deg", uneven.loss_at_10_deg, 0.5),
+        ("display.uneven.leakage-at-10-deg", uneven.leakage_at_10_deg, 0.5),
+        ("sensor.gain-deviation", sensor.gain_deviation, 0.2),
+        ("sensor.hot-pixel-share", sensor.hot_pixel_share, 0.1),
+        ("sensor.hot-pixel-levels", sensor.hot_pixel_levels, 1e4),
+        ("simulation.unrest.wander-px", unrest.wander_px, 1.0),
+        ("simulation.unrest.vibration-px", unrest.vibration_px, 1.0),
+        ("simulation.unrest.flicker-share", unrest.flicker_share, 0.2),
+    ] {
+        rules.within(key, found, 0.0, high)?;
+    }
+    for drift in unrest.drift_px_per_h {
+        rules.within("simulation.unrest.drift-px-per-h", drift, -100.0, 100.0)?;
+    }
+    rules.within("simulation.unrest.drift-share-per-h", unrest.drift_share_per_h, -1.0, 1.0)?;
+    rules.within("sensor.curve.gamma", sensor.curve.gamma, 0.2, 5.0)?;
+    rules.within("sensor.curve.knee-share", sensor.curve.knee_share, 0.01, 1.0)?;
+    rules.within("sensor.curve.knee-slope", sensor.curve.knee_slope, 0.01, 1.0)
 }
 
 /// FNV-1a over the parts, as text: stable across machines and compilers.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::BlurGrid;
+use crate::frame::Mosaic;
 
 /// Everything a simulated rig is made of.
 #[derive(Debug, Clone)]
@@ -21,6 +22,8 @@ pub struct Simulation {
     pub sensor: Sensor,
     /// How often things go wrong.
     pub faults: Faults,
+    /// What changes from one capture to the next.
+    pub unrest: Unrest,
 }
 
 /// What lies outside the frame when a photo is taken.
@@ -72,6 +75,13 @@ pub struct Prescription {
     pub stop_diameter_mm: f64,
     /// From the panel (and the scene) to the first refracting surface.
     pub object_distance_mm: f64,
+    /// At what distance the lens is focused; left out, at the panel's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub focus_distance_mm: Option<f64>,
+    /// From a photo's scene to the first refracting surface; left out, the panel's distance. No
+    /// calibration depends on it.
+    #[serde(skip)]
+    pub scene_distance_mm: Option<f64>,
     /// Sensor pixel pitch.
     pub pixel_pitch_um: f64,
     /// Width and height of a point spread function, odd.
@@ -173,6 +183,39 @@ pub struct Display {
     pub latency_refreshes: u32,
     /// Time constant of the exponential approach from the last picture to the new one.
     pub response_ms: f64,
+    /// How a panel pixel's colours lie beside each other; on one place when left out.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub subpixels: Subpixels,
+    /// How its light differs over the panel; not at all when left out.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub uneven: Uneven,
+}
+
+/// How the three colours of a panel pixel lie.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Subpixels {
+    /// All on the whole pixel.
+    #[default]
+    Whole,
+    /// Red, green, blue from left to right, a third of the pixel each.
+    Stripes,
+}
+
+/// `[display.uneven]`: how a panel's light differs over its area. Keys left out are 0. A place's
+/// light is `code's light · (1 − loss) + leakage added`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct Uneven {
+    /// Share of the light that the panel's corners lack, growing with the distance from its middle
+    /// squared; 0..1.
+    pub corner_loss: f64,
+    /// How much more of it blue lacks than red, as a share; green is between them.
+    pub corner_tint: f64,
+    /// Share of the light lost when seen 10° aslant, growing with the angle squared.
+    pub loss_at_10_deg: f64,
+    /// Leakage added when seen 10° aslant, as a share of white, growing with the angle squared.
+    pub leakage_at_10_deg: f64,
 }
 
 /// `[sensor]`: the sensor's physics.
@@ -196,6 +239,64 @@ pub struct Sensor {
     pub ambient_levels: [f64; 3],
     /// From the end of the exposure to the frame.
     pub readout_ms: f64,
+    /// The colour filters over its sites; left out, every pixel sees all three colours.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mosaic: Option<Mosaic>,
+    /// Standard deviation of the pixels' gains, as a share: their fixed pattern. The pattern is the
+    /// sensor's own and hangs on no seed.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub gain_deviation: f64,
+    /// Share of pixels that are hot.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub hot_pixel_share: f64,
+    /// Light of their own that hot pixels have on average, in grey levels of 255; exponentially
+    /// distributed.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub hot_pixel_levels: f64,
+    /// How counts stand for light; a straight line when left out.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub curve: SensorCurve,
+}
+
+/// `[sensor.curve]`: how counts stand for light, both as shares of the range above black. Keys left
+/// out are 1, which is a straight line.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct SensorCurve {
+    /// Exponent: counts = light^gamma.
+    pub gamma: f64,
+    /// The knee: where in the counts so far the curve becomes flatter.
+    pub knee_share: f64,
+    /// Slope above the knee.
+    pub knee_slope: f64,
+}
+
+impl Default for SensorCurve {
+    fn default() -> Self {
+        SensorCurve { gamma: 1.0, knee_share: 1.0, knee_slope: 1.0 }
+    }
+}
+
+/// `[simulation.unrest]`: what changes from one capture to the next. Keys left out are 0.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct Unrest {
+    /// Step of the panel's wander before the lens, a capture and axis, in sensor pixels (standard
+    /// deviation). It is pulled back, so that it stays within about seven steps.
+    pub wander_px: f64,
+    /// Displacement of one capture alone, an axis, in sensor pixels (standard deviation).
+    pub vibration_px: f64,
+    /// Standard deviation of the panel's light from capture to capture, as a share.
+    pub flicker_share: f64,
+    /// How far the panel creeps to the right and down in an hour, in sensor pixels.
+    pub drift_px_per_h: [f64; 2],
+    /// Share of the panel's light that comes (goes, when negative) in an hour.
+    pub drift_share_per_h: f64,
+}
+
+/// Whether a value is what it is when its key is left out: such keys are not part of an identity.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// `[faults]`: how often things go wrong, each a probability per exposure.

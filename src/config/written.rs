@@ -6,7 +6,7 @@ use super::ConfigError;
 use super::appliance::{Disk, Keep, Nights, Run, Share};
 use super::hardware::Hardware;
 use super::parts::{Calibration, Camera, Canvas, Marks, Panel, Paper, Photo, Restore};
-use super::simulation::{Display, Faults, LensGeometry, Pose, Sensor, Surface, Surround};
+use super::simulation::{Display, Faults, LensGeometry, Pose, Sensor, Surface, Surround, Unrest};
 
 /// The whole file.
 #[derive(Debug, Deserialize)]
@@ -54,6 +54,8 @@ pub(super) enum KindWord {
 pub(super) struct SimulationTable {
     pub(super) seed: u64,
     pub(super) surround: Surround,
+    #[serde(default)]
+    pub(super) unrest: Unrest,
 }
 
 /// `[lens]`: either `blur` or all of the prescription; which of them is checked afterwards.
@@ -65,6 +67,8 @@ pub(super) struct LensTable {
     pub(super) stop_at_surface: Option<usize>,
     pub(super) stop_diameter_mm: Option<f64>,
     pub(super) object_distance_mm: Option<f64>,
+    pub(super) focus_distance_mm: Option<f64>,
+    pub(super) scene_distance_mm: Option<f64>,
     pub(super) pixel_pitch_um: Option<f64>,
     pub(super) support_px: Option<usize>,
     pub(super) node_columns: Option<usize>,

@@ -6,12 +6,14 @@
 
 mod channel;
 pub mod instructions;
+mod mosaic;
 mod npy;
 mod plane;
 pub mod resample;
 mod space;
 
 pub use channel::{Channel, Channels};
+pub use mosaic::Mosaic;
 pub use npy::{NpyError, npy_f32, read_npy_f32};
 pub use plane::{Plane, Rect, Size};
 pub use space::{Codes, Counts, Frame, Panel, Sensor, Work};

@@ -4,37 +4,7 @@
 //! that the rig measures contains it. An edge-following one would make the camera a function of the
 //! picture.
 
-use crate::frame::{Channel, Counts, Plane};
-
-/// Which colours the first two pixels of the first two rows have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mosaic {
-    /// Blue first, green to its right and below.
-    Bggr,
-    /// Green first, blue to its right.
-    Gbrg,
-    /// Green first, red to its right.
-    Grbg,
-    /// Red first, green to its right and below.
-    Rggb,
-}
-
-impl Mosaic {
-    /// The colour of the site in column `x`, row `y`.
-    pub fn colour_at(self, x: usize, y: usize) -> Channel {
-        let (red_x, red_y) = match self {
-            Mosaic::Rggb => (0, 0),
-            Mosaic::Grbg => (1, 0),
-            Mosaic::Gbrg => (0, 1),
-            Mosaic::Bggr => (1, 1),
-        };
-        match ((x + red_x) % 2, (y + red_y) % 2) {
-            (0, 0) => Channel::Red,
-            (1, 1) => Channel::Blue,
-            _ => Channel::Green,
-        }
-    }
-}
+use crate::frame::{Channel, Counts, Mosaic, Plane};
 
 /// Fills the three planes of `counts` from the sites `raw`: a channel's own sites as they are, the
 /// others the rounded mean of that channel's sites among the eight neighbours (fewer at the
@@ -103,8 +73,6 @@ mod tests {
     use super::*;
     use crate::frame::Size;
 
-    const ALL: [Mosaic; 4] = [Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg, Mosaic::Rggb];
-
     /// The definition, without tables: mean of the channel's sites within one pixel, the nearest
     /// kind only.
     fn plain(raw: &Plane<u16>, mosaic: Mosaic, channel: Channel, x: usize, y: usize) -> u16 {
@@ -136,7 +104,7 @@ mod tests {
         for size in [Size::new(9, 7), Size::new(8, 6), Size::new(2, 2)] {
             let raw =
                 Plane::from_fn(size, |x, y| ((x * 977 + y * 3571 + x * y * 31) % 4096) as u16);
-            for mosaic in ALL {
+            for mosaic in Mosaic::ALL {
                 let mut counts = Counts::zeros(size);
                 interpolate(&raw, mosaic, &mut counts);
                 for channel in Channel::ALL {
@@ -158,7 +126,7 @@ mod tests {
     #[test]
     fn a_grey_field_stays_grey() {
         let raw = Plane::filled(Size::new(10, 8), 1023u16);
-        for mosaic in ALL {
+        for mosaic in Mosaic::ALL {
             let mut counts = Counts::zeros(raw.size());
             interpolate(&raw, mosaic, &mut counts);
             assert!(counts.planes().iter().all(|p| p.data().iter().all(|&v| v == 1023)));

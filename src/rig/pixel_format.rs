@@ -4,8 +4,9 @@
 //! camera's pixel grid; a Bayer sensor's missing colours are the mean of the nearest sites of that
 //! colour, which is linear in the light and therefore part of the lens as the calibration sees it.
 
-use super::bayer::{self, Mosaic};
-use crate::frame::{Counts, Plane, Size};
+use super::bayer;
+use crate::config;
+use crate::frame::{Counts, Mosaic, Plane, Size};
 
 /// A layout of pixels in memory, after V4L2's four-character codes
 /// (<https://docs.kernel.org/userspace-api/media/v4l/pixfmt.html>).
@@ -87,6 +88,27 @@ impl PixelFormat {
     /// take it.
     pub fn from_code(code: &str) -> Option<Self> {
         Self::ALL.iter().find(|(name, _)| *name == code.trim_end()).map(|&(_, format)| format)
+    }
+
+    /// The format that the camera of `rig` sends; `None` when it is one relens does not take, or a
+    /// simulated one without colour filters, which sends counts of three colours.
+    pub fn of(rig: &config::Rig) -> Option<Self> {
+        match &rig.kind {
+            config::Kind::Simulated(simulation) => {
+                let mosaic = simulation.sensor.mosaic?;
+                Some(PixelFormat::Bayer { mosaic, bits: rig.camera.bits })
+            }
+            config::Kind::Hardware(hardware) => Self::from_code(&hardware.camera.format),
+        }
+    }
+
+    /// The colour of each site, if a site has one: the count at column x, row y of an unpacked
+    /// frame is the sensor's own in the plane of `colour_at(x, y)` and interpolated in the others.
+    pub fn mosaic(self) -> Option<Mosaic> {
+        match self {
+            PixelFormat::Bayer { mosaic, .. } => Some(mosaic),
+            _ => None,
+        }
     }
 
     /// The four-character code without trailing blanks.

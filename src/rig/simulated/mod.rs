@@ -23,6 +23,7 @@ mod wear;
 mod witness;
 
 pub use optics::Light;
+pub use photograph::RawPhoto;
 pub use wear::Wear;
 pub use witness::Witness;
 
@@ -84,3 +85,5 @@ pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod truth_tests;

@@ -3,46 +3,91 @@
 use rayon::prelude::*;
 
 use super::optics::{Light, Optics};
-use super::sensor::{Sensor, Stream, random};
+use super::sensor::{Reading, Sensor, Stream};
 use crate::config::{Curve, Surround};
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
-/// Takes the photograph of `scene`: photo-sized linear light, 0..255, as a perfect lens with the
-/// green channel's geometry would record it. Red and blue come out displaced by the lateral colour.
-pub(super) fn take(
-    optics: &Optics,
-    sensor: &Sensor,
-    scene: &Frame<Work>,
-    surround: Surround,
-    curve: Curve,
+/// A photograph as the sensor's sites gave it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RawPhoto {
+    /// Counts, photo-sized.
+    pub sites: Plane<u16>,
+    /// Which colour each of these sites has.
+    pub mosaic: Mosaic,
+}
+
+/// What is photographed: photo-sized linear light, 0..255, as a perfect lens with the green
+/// channel's geometry would record it, and the light of what comes through the lens of it.
+pub(super) struct Exposure<'a> {
+    pub(super) optics: &'a Optics,
+    pub(super) sensor: &'a Sensor,
+    light: [Plane; 3],
     seed: u64,
-) -> Frame<Work, u8> {
-    let Rect { x, y, size } = optics.photo;
-    let on_grid = Rect { x: x + optics.pad, y: y + optics.pad, size };
-    let falloff = optics.dark_corner(Light::Scene);
-    let planes: Vec<Plane<u8>> = Channel::ALL
-        .par_iter()
-        .map(|&channel| {
-            let wide = surrounded(scene.plane(channel), optics.grid(), on_grid, surround);
-            let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
-            let falloff = falloff[channel.index()].crop(optics.photo);
-            let mut codes: Plane<u8> = Plane::zeros(size);
-            for row in 0..size.height {
-                let levels = seen.row_mut(row);
-                for (level, share) in levels.iter_mut().zip(falloff.row(row)) {
+}
+
+impl<'a> Exposure<'a> {
+    /// Lets the light of `scene` through the lens, blurred, displaced by the lateral colour, dark
+    /// towards the corners.
+    pub(super) fn new(
+        optics: &'a Optics,
+        sensor: &'a Sensor,
+        scene: &Frame<Work>,
+        surround: Surround,
+        seed: u64,
+    ) -> Exposure<'a> {
+        let Rect { x, y, size } = optics.photo;
+        let on_grid = Rect { x: x + optics.pad, y: y + optics.pad, size };
+        let falloff = optics.dark_corner(Light::Scene);
+        let planes: Vec<Plane> = Channel::ALL
+            .par_iter()
+            .map(|&channel| {
+                let wide = surrounded(scene.plane(channel), optics.grid(), on_grid, surround);
+                let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
+                let falloff = falloff[channel.index()].crop(optics.photo);
+                for (level, share) in seen.data_mut().iter_mut().zip(falloff.data()) {
                     *level *= share;
                 }
-                let part = (row * Channel::ALL.len() + channel.index()) as u64;
-                sensor.add_noise(levels, random(seed, Stream::Photograph, 0, part));
-                for (code, &level) in codes.row_mut(row).iter_mut().zip(levels.iter()) {
-                    *code = encode(level, curve);
-                }
+                seen
+            })
+            .collect();
+        let mut planes = planes.into_iter();
+        let light = std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(size)));
+        Exposure { optics, sensor, light, seed }
+    }
+
+    fn reading(&self) -> Reading {
+        let (part, seed) = (self.optics.photo, self.seed);
+        Reading { part, seed, stream: Stream::Photograph, number: 0 }
+    }
+
+    fn fill(&self) -> impl Fn(Channel, usize, &mut [f32]) + Sync {
+        |channel, y, levels| levels.copy_from_slice(self.light[channel.index()].row(y))
+    }
+
+    /// The raw sites; `None` of a sensor without colour filters.
+    pub(super) fn raw(&self) -> Option<RawPhoto> {
+        let mosaic = self.sensor.config.mosaic?;
+        let sites = self.sensor.sites(mosaic, self.reading(), self.fill());
+        let Rect { x, y, .. } = self.optics.photo;
+        Some(RawPhoto { sites, mosaic: mosaic.from_place(x, y) })
+    }
+
+    /// The codes of a camera's file. A mosaic is developed by plain interpolation.
+    pub(super) fn developed(&self, curve: Curve) -> Frame<Work, u8> {
+        let sensor = self.sensor;
+        match self.raw() {
+            Some(RawPhoto { sites, mosaic }) => {
+                let counts = sensor.as_a_device_s(&sites, mosaic);
+                Frame::from_fn(|channel| {
+                    counts.plane(channel).map(|count| encode(sensor.level_of(count), curve))
+                })
             }
-            codes
-        })
-        .collect();
-    let mut planes = planes.into_iter();
-    Frame::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(size)))
+            None => Frame::from_fn(|channel| {
+                let code = |level| encode(sensor.developed(level), curve);
+                sensor.plane(channel, self.reading(), self.fill(), code)
+            }),
+        }
+    }
 }
 
 /// The scene on the lens's grid: mirrored at its frame, or in the dark.

@@ -1,18 +1,43 @@
-//! The simulated sensor: light to counts, with mixing, black level, noise, saturation and bits.
+//! The simulated sensor: light to counts, with mixing, colour filters, a fixed pattern, black
+//! level, noise, a curve, saturation and bits.
 
+use std::sync::Arc;
+
+use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use crate::config::{Camera, Sensor as SensorConfig};
-use crate::frame::{Channel, Counts, Frame, Plane};
+use crate::config::{Camera, Sensor as SensorConfig, SensorCurve};
+use crate::frame::{Channel, Counts, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size};
+use crate::rig::pixel_format::PixelFormat;
 
 /// A sensor as its tables say.
 #[derive(Debug, Clone)]
 pub(super) struct Sensor {
     pub(super) config: SensorConfig,
     count_max: f32,
+    bits: u8,
+    /// Gains and hot pixels; `None` when all pixels are alike.
+    pattern: Option<Arc<[FixedPattern; 3]>>,
+}
+
+/// How the pixels of one channel differ, for ever.
+#[derive(Debug, Clone)]
+struct FixedPattern {
+    gain: Plane,
+    /// In grey levels.
+    own_light: Plane,
+}
+
+/// A part of the sensor that is read, and the random numbers it is read with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reading {
+    pub(super) part: Rect,
+    pub(super) seed: u64,
+    pub(super) stream: Stream,
+    pub(super) number: u64,
 }
 
 /// What a random stream is for; streams of different purpose never meet.
@@ -22,6 +47,7 @@ pub(super) enum Stream {
     Photograph = 2,
     Fault = 3,
     Wear = 4,
+    Pattern = 5,
 }
 
 /// The generator of one stream: the same seed and numbers give the same values on any number of
@@ -42,7 +68,12 @@ pub(super) fn random(seed: u64, stream: Stream, number: u64, part: u64) -> Xoshi
 
 impl Sensor {
     pub(super) fn new(config: &SensorConfig, camera: &Camera) -> Sensor {
-        Sensor { config: config.clone(), count_max: f32::from(camera.count_max()) }
+        Sensor {
+            config: config.clone(),
+            count_max: f32::from(camera.count_max()),
+            bits: camera.bits,
+            pattern: fixed_pattern(config, camera.size()).map(Arc::new),
+        }
     }
 
     /// Counts that one grey level of a panel primary adds in its own channel.
@@ -90,39 +121,187 @@ impl Sensor {
         number: u64,
     ) -> Counts {
         let size = light[0].size();
-        let (gain, black) = (self.counts_per_level(), self.config.black_level_counts as f32);
-        Frame::from_fn(|channel| {
+        let fill = |channel: Channel, y: usize, levels: &mut [f32]| {
             let c = channel.index();
             let mix = self.config.cross_channel[c].map(|v| v as f32);
             let ambient = self.config.ambient_levels[c] as f32;
-            let mut counts: Plane<u16> = Plane::zeros(size);
-            counts.data_mut().par_chunks_mut(size.width).enumerate().for_each_init(
-                || vec![0.0f32; size.width],
-                |levels, (y, row)| {
-                    let rows = [light[0].row(y), light[1].row(y), light[2].row(y)];
-                    let dark = falloff[c].row(y);
-                    for (x, level) in levels.iter_mut().enumerate() {
-                        *level = mix[0] * rows[0][x]
-                            + mix[1] * rows[1][x]
-                            + mix[2] * rows[2][x]
-                            + ambient * dark[x];
-                    }
-                    let part = (y * Channel::ALL.len() + c) as u64;
-                    self.add_noise(levels, random(seed, Stream::Capture, number, part));
-                    for (count, level) in row.iter_mut().zip(levels.iter()) {
-                        *count = (level * gain + black + 0.5).clamp(0.0, self.count_max) as u16;
-                    }
-                },
-            );
-            counts
-        })
+            let rows = [light[0].row(y), light[1].row(y), light[2].row(y)];
+            let dark = falloff[c].row(y);
+            for (x, level) in levels.iter_mut().enumerate() {
+                *level = mix[0] * rows[0][x]
+                    + mix[1] * rows[1][x]
+                    + mix[2] * rows[2][x]
+                    + ambient * dark[x];
+            }
+        };
+        let reading =
+            Reading { part: Rect { x: 0, y: 0, size }, seed, stream: Stream::Capture, number };
+        match self.config.mosaic {
+            Some(mosaic) => self.as_a_device_s(&self.sites(mosaic, reading, fill), mosaic),
+            None => Frame::from_fn(|channel| {
+                self.plane(channel, reading, fill, |level| self.count(level))
+            }),
+        }
     }
+
+    /// One channel of a sensor whose pixels see every colour: `fill` gives the light of a row, and
+    /// `code` what becomes of a level with its noise.
+    pub(super) fn plane<T: Copy + Default + Send>(
+        &self,
+        channel: Channel,
+        reading: Reading,
+        fill: impl Fn(Channel, usize, &mut [f32]) + Sync,
+        code: impl Fn(f32) -> T + Sync,
+    ) -> Plane<T> {
+        let Size { width, .. } = reading.part.size;
+        let mut codes: Plane<T> = Plane::zeros(reading.part.size);
+        codes.data_mut().par_chunks_mut(width).enumerate().for_each_init(
+            || vec![0.0f32; width],
+            |levels, (y, row)| {
+                fill(channel, y, levels);
+                self.differ(channel, reading.part, y, levels);
+                let part = (y * Channel::ALL.len() + channel.index()) as u64;
+                let Reading { seed, stream, number, .. } = reading;
+                self.add_noise(levels, random(seed, stream, number, part));
+                for (to, &level) in row.iter_mut().zip(levels.iter()) {
+                    *to = code(level);
+                }
+            },
+        );
+        codes
+    }
+
+    /// Raw counts of a sensor behind colour filters: each site has the colour `mosaic` says, by its
+    /// place on the whole sensor.
+    pub(super) fn sites(
+        &self,
+        mosaic: Mosaic,
+        reading: Reading,
+        fill: impl Fn(Channel, usize, &mut [f32]) + Sync,
+    ) -> Plane<u16> {
+        let Rect { x: left, y: top, size } = reading.part;
+        let mosaic = mosaic.from_place(left, top);
+        let mut sites: Plane<u16> = Plane::zeros(size);
+        sites.data_mut().par_chunks_mut(size.width).enumerate().for_each_init(
+            || [vec![0.0f32; size.width], vec![0.0f32; size.width]],
+            |[levels, own], (y, row)| {
+                for start in 0..2 {
+                    let channel = mosaic.colour_at(start, y);
+                    fill(channel, y, own);
+                    self.differ(channel, reading.part, y, own);
+                    for x in (start..size.width).step_by(2) {
+                        levels[x] = own[x];
+                    }
+                }
+                let Reading { seed, stream, number, .. } = reading;
+                let part = (y * Channel::ALL.len()) as u64;
+                self.add_noise(levels, random(seed, stream, number, part));
+                for (to, &level) in row.iter_mut().zip(levels.iter()) {
+                    *to = self.count(level);
+                }
+            },
+        );
+        sites
+    }
+
+    /// Raw sites as a device would send them, read as a device's frame is.
+    pub(super) fn as_a_device_s(&self, sites: &Plane<u16>, mosaic: Mosaic) -> Counts {
+        let format = PixelFormat::Bayer { mosaic, bits: self.bits };
+        let wide = format.pixel_bytes();
+        let mut bytes = Vec::with_capacity(sites.size().area() * wide);
+        for count in sites.data() {
+            bytes.extend_from_slice(&count.to_le_bytes()[..wide]);
+        }
+        let mut counts = Counts::zeros(sites.size());
+        let mut scratch = Plane::zeros(Size::new(0, 0));
+        if let Err(short) = format.unpack(&bytes, sites.width() * wide, &mut counts, &mut scratch) {
+            log::error!("the simulated camera's own frame: {short}");
+        }
+        counts
+    }
+
+    /// What the pixels of row `y` of `part` make of light, each in its own way.
+    fn differ(&self, channel: Channel, part: Rect, y: usize, levels: &mut [f32]) {
+        let Some(pattern) = &self.pattern else { return };
+        let FixedPattern { gain, own_light } = &pattern[channel.index()];
+        let own = &own_light.row(part.y + y)[part.x..];
+        for ((level, gain), own) in levels.iter_mut().zip(&gain.row(part.y + y)[part.x..]).zip(own)
+        {
+            *level = *level * gain + own;
+        }
+    }
+
+    /// The count of a level with its noise.
+    fn count(&self, level: f32) -> u16 {
+        let (gain, black) = (self.counts_per_level(), self.config.black_level_counts as f32);
+        let bent = self.bent(level);
+        (bent * gain + black + 0.5).clamp(0.0, self.count_max) as u16
+    }
+
+    /// A level as the sensor's curve lets it appear.
+    fn bent(&self, level: f32) -> f32 {
+        let SensorCurve { gamma, knee_share, knee_slope } = self.config.curve;
+        if self.config.curve == SensorCurve::default() {
+            return level;
+        }
+        let full = self.full_levels();
+        let share = f64::from(level) / full;
+        let share = share.abs().powf(gamma).copysign(share);
+        let above = (share - knee_share).max(0.0);
+        ((share - above * (1.0 - knee_slope)) * full) as f32
+    }
+
+    /// Grey levels at the largest count of a straight curve.
+    fn full_levels(&self) -> f64 {
+        (f64::from(self.count_max) - self.config.black_level_counts)
+            / f64::from(self.counts_per_level())
+    }
+
+    /// The level that a camera's developing takes for `count`, white being 255.
+    pub(super) fn level_of(&self, count: u16) -> f32 {
+        let black = self.config.black_level_counts as f32;
+        self.white_at_white((f32::from(count) - black) / self.counts_per_level())
+    }
+
+    /// The same for a level that was not counted.
+    pub(super) fn developed(&self, level: f32) -> f32 {
+        self.white_at_white(self.bent(level))
+    }
+
+    fn white_at_white(&self, bent: f32) -> f32 {
+        if self.config.curve == SensorCurve::default() {
+            return bent;
+        }
+        bent * FULL_SCALE / self.bent(FULL_SCALE)
+    }
+}
+
+/// The differences between the pixels of a sensor of `size`. They are the specimen's: no seed
+/// changes them, since a calibration holds for them.
+fn fixed_pattern(config: &SensorConfig, size: Size) -> Option<[FixedPattern; 3]> {
+    let SensorConfig { gain_deviation, hot_pixel_share, hot_pixel_levels, .. } = *config;
+    let own = hot_pixel_share * hot_pixel_levels;
+    (gain_deviation > 0.0 || own > 0.0).then(|| {
+        Channel::ALL.map(|channel| {
+            let mut lots = random(0, Stream::Pattern, channel.index() as u64, 0);
+            let gain = Plane::from_fn(size, |_, _| {
+                let normal: f64 = StandardNormal.sample(&mut lots);
+                (1.0 + gain_deviation * normal) as f32
+            });
+            let mut lots = random(0, Stream::Pattern, channel.index() as u64, 1);
+            let own_light = Plane::from_fn(size, |_, _| {
+                let (lot, depth): (f64, f64) = (lots.random(), lots.random());
+                let hot = lot < hot_pixel_share;
+                if hot { (-hot_pixel_levels * (1.0 - depth).ln()) as f32 } else { 0.0 }
+            });
+            FixedPattern { gain, own_light }
+        })
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Size;
 
     fn sensor(name: &str) -> Sensor {
         let rig = crate::config::load(std::path::Path::new(name)).expect("built in");

@@ -14,7 +14,7 @@ fn opened(name: &str) -> (config::Rig, Rig, Witness) {
 }
 
 /// small.toml with some lines changed.
-fn small_with(changes: &[(&str, &str)]) -> (config::Rig, Rig, Witness) {
+pub(super) fn small_with(changes: &[(&str, &str)]) -> (config::Rig, Rig, Witness) {
     let mut text = include_str!("../../../rig-config/small.toml").to_owned();
     for (from, to) in changes {
         assert!(text.contains(from), "small.toml has no `{from}`");
@@ -25,7 +25,7 @@ fn small_with(changes: &[(&str, &str)]) -> (config::Rig, Rig, Witness) {
     (config, rig, witness)
 }
 
-const QUIET: [(&str, &str); 4] = [
+pub(super) const QUIET: [(&str, &str); 4] = [
     ("full-well-electrons = 42000.0", "full-well-electrons = inf"),
     ("read-noise-levels = 0.2", "read-noise-levels = 0.0"),
     ("bits = 10", "bits = 12"),
@@ -36,7 +36,7 @@ fn only(stale: f64, duplicate: f64, missing: f64, mixed: f64, unplugged: f64) ->
     Faults { stale, duplicate, missing, mixed, unplugged, unplugged_ms: 2000.0 }
 }
 
-fn grey(config: &config::Rig, code: u8) -> Codes {
+pub(super) fn grey(config: &config::Rig, code: u8) -> Codes {
     Frame::filled(config.panel.size(), code)
 }
 

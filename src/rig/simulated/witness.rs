@@ -7,7 +7,7 @@ use super::bench::Bench;
 use super::devices::Shared;
 use super::optics::{Light, Optics};
 use super::panel::Projection;
-use super::photograph::{surrounded, take};
+use super::photograph::{Exposure, RawPhoto, surrounded};
 use super::pose::Map;
 use super::wear::Wear;
 use crate::config::{Curve, Faults, Pose, Surround};
@@ -36,7 +36,19 @@ impl Witness {
     pub fn photograph(&self, scene: &Frame<Work>, seed: u64) -> Frame<Work, u8> {
         assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
         let sensor = self.shared.bench().sensor.clone();
-        take(&self.optics, &sensor, scene, self.surround, self.curve, seed)
+        let exposure = Exposure::new(&self.optics, &sensor, scene, self.surround, seed);
+        exposure.developed(self.curve)
+    }
+
+    /// The same photograph as the sensor's sites gave it, before any developing; `None` when the
+    /// sensor has no colour filters.
+    ///
+    /// # Panics
+    /// When `scene` is not photo-sized, which is a bug of the caller.
+    pub fn photograph_raw(&self, scene: &Frame<Work>, seed: u64) -> Option<RawPhoto> {
+        assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
+        let sensor = self.shared.bench().sensor.clone();
+        Exposure::new(&self.optics, &sensor, scene, self.surround, seed).raw()
     }
 
     /// K·L: what the lens makes of `scene` (canvas-sized, linear light) in the light of the panel's

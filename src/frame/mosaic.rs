@@ -1,0 +1,73 @@
+//! The colour filter mosaic of a sensor: which colour each of its sites sees.
+
+use serde::{Deserialize, Serialize};
+
+use super::Channel;
+
+/// Which colours the first two pixels of the first two rows have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mosaic {
+    /// Blue first, green to its right and below.
+    Bggr,
+    /// Green first, blue to its right.
+    Gbrg,
+    /// Green first, red to its right.
+    Grbg,
+    /// Red first, green to its right and below.
+    Rggb,
+}
+
+impl Mosaic {
+    /// All of them.
+    pub const ALL: [Mosaic; 4] = [Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg, Mosaic::Rggb];
+
+    /// The column and row, each 0 or 1, of the red site of the first four.
+    const fn red_at(self) -> (usize, usize) {
+        match self {
+            Mosaic::Rggb => (0, 0),
+            Mosaic::Grbg => (1, 0),
+            Mosaic::Gbrg => (0, 1),
+            Mosaic::Bggr => (1, 1),
+        }
+    }
+
+    /// The colour of the site in column `x`, row `y`.
+    pub fn colour_at(self, x: usize, y: usize) -> Channel {
+        let (red_x, red_y) = self.red_at();
+        match ((x + red_x) % 2, (y + red_y) % 2) {
+            (0, 0) => Channel::Red,
+            (1, 1) => Channel::Blue,
+            _ => Channel::Green,
+        }
+    }
+
+    /// The mosaic of the part of a sensor that begins in column `x`, row `y`.
+    pub fn from_place(self, x: usize, y: usize) -> Mosaic {
+        let (red_x, red_y) = self.red_at();
+        match ((x + red_x) % 2, (y + red_y) % 2) {
+            (0, 0) => Mosaic::Rggb,
+            (1, 0) => Mosaic::Grbg,
+            (0, _) => Mosaic::Gbrg,
+            _ => Mosaic::Bggr,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_of_a_sensor_has_the_sensor_s_colours() {
+        for mosaic in Mosaic::ALL {
+            for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1), (16, 17), (7, 4)] {
+                let part = mosaic.from_place(x, y);
+                for (column, row) in [(0, 0), (1, 0), (0, 1), (5, 3)] {
+                    let whole = mosaic.colour_at(x + column, y + row);
+                    assert_eq!(part.colour_at(column, row), whole, "{mosaic:?} {x} {y}");
+                }
+            }
+        }
+    }
+}
