@@ -26,17 +26,17 @@
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
 //! | 3 | [`light_path`], [`measurement`], [`diagnosis`], [`kiosk`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing; button, lamps, screens |
 //! | 4 | [`pipeline`], [`nights`] | one photo restored on a calibrated rig; hours, clock trust, drift |
-//! | 5 | [`daemon`], [`evaluate`] | drop folder, jobs, reports; tables and charts made by the program |
+//! | 5 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed against accuracy, the operating point |
 //!
 //! Start reading at [`deconvolution`], then [`light_path`].
 
 pub mod calibration;
+pub mod chart;
 pub mod config;
 pub mod daemon;
 pub mod deconvolution;
 pub mod diagnosis;
 pub mod disk;
-pub mod evaluate;
 pub mod frame;
 pub mod kiosk;
 pub mod light_path;

@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use relens::calibration::{Calibration, Correction};
+use relens::chart::scenes::Scene;
 use relens::config;
 use relens::deconvolution::quality::psnr;
-use relens::evaluate::scenes::Scene;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::measurement::{CalibrateError, calibrate, captures, layout};
 use relens::patterns;

@@ -4,21 +4,24 @@
 // A failed unwrap is a failed test, also in the functions the tests share.
 #![allow(clippy::unwrap_used)]
 
+#[path = "lab/view.rs"]
+mod view;
+
 use std::io::Cursor;
 use std::path::Path;
 
 use relens::calibration::{Calibration, store};
+use relens::chart::scenes::Scene;
 use relens::config::{self, Glare, Kind, Lens};
 use relens::daemon::on_rig::OnRig;
 use relens::daemon::{Restored, Restorer};
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::evaluate::scenes::Scene;
-use relens::evaluate::stability::view::View;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::measurement::calibrate;
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{Bench, Request, digital};
 use relens::rig::simulated::{self, Witness};
+use view::View;
 
 /// No clock: nothing here is timed.
 fn no_clock() -> f64 {

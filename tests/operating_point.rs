@@ -6,10 +6,10 @@
 
 use std::path::Path;
 
+use relens::chart::operating_point::{choose, restorations};
+use relens::chart::scenes::Scene;
+use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint};
-use relens::evaluate::operating_point::{choose, restorations};
-use relens::evaluate::scenes::Scene;
-use relens::evaluate::test_rig::TestRig;
 use relens::measurement::calibrate;
 use relens::pipeline::Setting;
 use relens::rig::simulated;
@@ -25,7 +25,7 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     // A rig of which nothing is known but what its camera sees.
     let (mut devices, _) = simulated::open(&rig).unwrap();
     let calibration = calibrate(&mut devices, &rig, None, &mut |_| {}).unwrap();
-    let mut test_rig = TestRig::on(rig.clone(), devices, calibration, no_clock).unwrap();
+    let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, no_clock).unwrap();
     let mut tried = 0;
     let best = choose(&mut test_rig, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();
     assert_eq!(tried, restorations(&rig, OperatingPoint::Best));
@@ -41,7 +41,7 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     let mut test_rig = TestRig::open(rig.clone(), no_clock).unwrap();
     let filed = Setting::as_filed(&rig, rig.restore.method);
     let mut mean = |setting: &Setting| {
-        let of = |scene| test_rig.score_colour(scene, "", &*setting.method(&rig)).unwrap().ssim;
+        let of = |scene| test_rig.score(scene, "", &*setting.method(&rig)).unwrap().ssim;
         Scene::STUDY_PHOTOGRAPHS.map(of).iter().sum::<f64>() / 2.0
     };
     let (of_best, of_fast, of_filed) = (mean(&best.setting), mean(&fast.setting), mean(&filed));

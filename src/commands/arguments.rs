@@ -19,85 +19,19 @@ pub(super) struct Parsed {
 /// A command with all it needs.
 #[derive(Debug, PartialEq)]
 pub(super) enum Command {
-    Demo {
-        out: PathBuf,
-    },
-    Run {
-        rig: PathBuf,
-        folder: PathBuf,
-        once: bool,
-        share_as: Option<OsString>,
-    },
-    Calibrate {
-        rig: PathBuf,
-        folder: PathBuf,
-    },
+    Demo { out: PathBuf },
+    Run { rig: PathBuf, folder: PathBuf, once: bool, share_as: Option<OsString> },
+    Calibrate { rig: PathBuf, folder: PathBuf },
     Restore(RestoreWords),
-    Photograph {
-        rig: PathBuf,
-        scene: PathBuf,
-        photo: PathBuf,
-    },
-    Chart {
-        rig: PathBuf,
-        out: PathBuf,
-        quick: bool,
-        what: Charted,
-        peers: Option<PathBuf>,
-        folder: PathBuf,
-    },
-    Check {
-        rig: PathBuf,
-        folder: PathBuf,
-    },
-    Status {
-        folder: PathBuf,
-    },
-    Screens {
-        rig: PathBuf,
-        out: PathBuf,
-    },
-    Press {
-        folder: PathBuf,
-        long: bool,
-    },
-    Help {
-        about: Option<String>,
-    },
+    Photograph { rig: PathBuf, scene: PathBuf, photo: PathBuf },
+    Chart { rig: PathBuf, out: PathBuf, quick: bool, folder: PathBuf },
+    Check { rig: PathBuf, folder: PathBuf },
+    Status { folder: PathBuf },
+    Screens { rig: PathBuf, out: PathBuf },
+    Press { folder: PathBuf, long: bool },
+    Help { about: Option<String> },
     Version,
 }
-
-/// What `relens chart` measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Charted {
-    /// Speed against accuracy.
-    Trade,
-    /// The methods side by side under the study's conditions.
-    Conditions,
-    /// Where the methods fail, and who notices.
-    Stability,
-    /// Where light earns its place over the measured lens.
-    Regimes,
-    /// What other sizes of the rig's models would gain.
-    Sizes,
-    /// The paper's figures.
-    Figures,
-    /// The rungs that a varied set of scenes takes.
-    Ladder,
-    /// Nothing: photos and scenes are written for programs from outside.
-    Captures,
-}
-
-/// The options of `relens chart` that ask for something else than speed against accuracy.
-const CHARTED: [(&str, Charted); 7] = [
-    ("conditions", Charted::Conditions),
-    ("stability", Charted::Stability),
-    ("regimes", Charted::Regimes),
-    ("sizes", Charted::Sizes),
-    ("figures", Charted::Figures),
-    ("ladder", Charted::Ladder),
-    ("captures", Charted::Captures),
-];
 
 /// The words of `relens restore`.
 #[derive(Debug, PartialEq)]
@@ -147,20 +81,7 @@ const COMMANDS: [Known; 12] = [
     Known { name: "photograph", options: &[RIG, OUT], words: &["sharp picture"] },
     Known {
         name: "chart",
-        options: &[
-            RIG,
-            OUT,
-            FOLDER,
-            ("quick", None, false, false),
-            ("conditions", None, false, false),
-            ("stability", None, false, false),
-            ("regimes", None, false, false),
-            ("sizes", None, false, false),
-            ("figures", None, false, false),
-            ("ladder", None, false, false),
-            ("captures", None, false, false),
-            ("peers", None, true, false),
-        ],
+        options: &[RIG, OUT, FOLDER, ("quick", None, false, false)],
         words: &[],
     },
     Known { name: "check", options: &[RIG, FOLDER], words: &[] },
@@ -272,19 +193,6 @@ fn build(
     }
     let once = given.contains_key("once");
     let quick = given.contains_key("quick");
-    let mut asked = CHARTED.iter().filter(|(option, _)| given.contains_key(option));
-    let what = asked.next().map_or(Charted::Trade, |(_, what)| *what);
-    if let Some((other, _)) = asked.next() {
-        let all = CHARTED.map(|(option, _)| format!("--{option}")).join(", ");
-        return Err(usage(&format!(
-            "found --{other} beside another of its kind, allowed is one of {all}"
-        )));
-    }
-    if given.contains_key("peers") && what != Charted::Trade {
-        return Err(usage(
-            "found --peers with another chart, allowed with speed against accuracy only",
-        ));
-    }
     let long = given.contains_key("long");
     let share_as = given.remove("box");
     let mut path = |name: &str| given.remove(name).map(PathBuf::from);
@@ -304,14 +212,7 @@ fn build(
             method: given.remove("method").map(|m| m.to_string_lossy().into_owned()),
         }),
         "photograph" => Command::Photograph { rig, scene: word, photo: out.unwrap_or_default() },
-        "chart" => Command::Chart {
-            rig,
-            out: out.unwrap_or_default(),
-            quick,
-            what,
-            peers: path("peers"),
-            folder,
-        },
+        "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick, folder },
         "check" => Command::Check { rig, folder },
         "status" => Command::Status { folder },
         "screens" => Command::Screens { rig, out: out.unwrap_or_default() },
@@ -403,12 +304,6 @@ mod tests {
             ("run --rig a inbox", "does not know what to do with `inbox`"),
             ("restore -r a -o b", "needs the photo"),
             ("--once run", "before any command"),
-            (
-                "chart -r a -o b --stability --conditions",
-                "allowed is one of --conditions, --stability",
-            ),
-            ("chart -r a -o b --figures --captures", "--figures, --ladder, --captures"),
-            ("chart -r a -o b --figures --peers c", "speed against accuracy only"),
             ("status --rig a", "`status` has no option --rig, allowed are --folder"),
         ] {
             assert!(complaint(line).contains(wanted), "{line}: {}", complaint(line));

@@ -3,11 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
+use relens::chart::scenes::Scene;
+use relens::chart::test_rig::display_luminance;
 use relens::config;
 use relens::daemon::Folders;
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::evaluate::scenes::Scene;
-use relens::evaluate::test_rig::display_luminance;
 use relens::picture::{Format, Limits, Photo, Tone};
 
 use super::{CliError, drop_folder, rigged, say, single};

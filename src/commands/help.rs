@@ -29,7 +29,7 @@ its photograph is the photo.
   relens restore --rig RIG.toml IN -o OUT one photo
   relens photograph --rig RIG.toml SHARP -o PHOTO
                                           the photo a simulated rig's camera would take
-  relens chart --rig RIG.toml -o DIR      speed against accuracy, and stability
+  relens chart --rig RIG.toml -o DIR      speed against accuracy
   relens check --rig RIG.toml             devices, calibration, noise: what is wrong, what to do
   relens status                           what the daemon is doing
   relens screens --rig RIG.toml -o DIR    what the panel shows between jobs, as pictures
@@ -93,26 +93,11 @@ the rig's shape. PHOTO must not exist yet; its ending tells the format.";
 
 const CHART: &str = "\
 relens chart --rig RIG.toml --out DIR [--quick] [--folder DIR]
-             [--peers ROWS.csv | --conditions | --stability | --regimes | --sizes | --figures | --ladder |
-              --captures]
 
 Restores known scenes with every method and several settings of each, and draws speed against accuracy:
-DIR gets the drawing (SVG and PNG), the table (Markdown) and its numbers (CSV). On a rig of devices the scenes are
-shown on its panel; its calibration is looked for in --folder. The rest is for simulated rigs. With --conditions
-it compares the methods as the rig file sets them, scene by scene; a rig with linear photos also without noise, with glare and
-with a poor lens model. With --stability it puts every fault on rig, photo and
-method in turn, in growing strengths, and draws where each method harms and whether the box noticed. --quick
-leaves out most settings of the methods that lose, and most strengths.
-
-  --regimes    compare the default method with the measured lens alone where that measurement falls short: glare, one
-               function, another distance, a lens off centre or dirty
-  --sizes      compare the rig file's numbers of lens functions, shrinkage levels, captures averaged and its patches
-               with smaller and larger ones, each alone
-  --ladder     show which rung of the ladder each of a varied set of scenes takes, and what the next would gain
-  --figures    measure the paper's figures 7 to 12 again, on a rig with linear photos such as study.toml:
-               DIR/README.md shows them, with what agrees with the paper and what does not
-  --captures   write the photos and scenes for other programs to try, as tests/benches/outside.py does
-  --peers      take what other programs made of them, rows from that script, into the chart";
+DIR gets the drawing (SVG), the table (Markdown) and its numbers (CSV). On a rig of devices the scenes are
+shown on its panel; its calibration is looked for in --folder. --quick leaves out most settings of the methods
+that lose.";
 
 const CHECK: &str = "\
 relens check --rig RIG.toml [--folder DIR]

@@ -60,8 +60,8 @@ fn dispatch(parsed: Parsed) -> Result<(), CliError> {
         Command::Calibrate { rig, folder } => rigged::calibrate(&single::rig(&rig)?, &folder),
         Command::Restore(words) => single::restore(&words),
         Command::Photograph { rig, scene, photo } => single::photograph(&rig, &scene, &photo),
-        Command::Chart { rig, out, quick, what, peers, folder } => {
-            rigged::chart(&single::rig(&rig)?, &out, quick, what, peers.as_deref(), &folder)
+        Command::Chart { rig, out, quick, folder } => {
+            rigged::chart(&single::rig(&rig)?, &out, quick, &folder)
         }
         Command::Check { rig, folder } => rigged::check(&single::rig(&rig)?, &folder),
         Command::Status { folder } => status::run(&folder),

@@ -6,25 +6,22 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use relens::calibration::{Calibration, store};
-use relens::config::{Curve, Method, OperatingPoint, Rig};
+use relens::chart;
+use relens::chart::operating_point;
+use relens::chart::test_rig::{Score, TestRig};
+use relens::config::{Method, OperatingPoint, Rig};
 use relens::daemon::Restorer;
 use relens::daemon::on_rig::{self, OnRig};
-use relens::evaluate;
-use relens::evaluate::chart::Chart;
-use relens::evaluate::operating_point;
-use relens::evaluate::test_rig::{Score, TestRig};
 use relens::frame::{Frame, Work};
 #[cfg(feature = "hardware")]
 use relens::kiosk::screen::{Screen, draw};
 use relens::measurement;
-use relens::picture::{Format, Layout, Manner, encode};
 use relens::pipeline::{Bench, Interruption};
 use relens::remedy::Remedy;
 use relens::rig::Panel;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
 
-use super::arguments::Charted;
 use super::{CliError, say};
 
 /// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig
@@ -121,10 +118,10 @@ fn choose(
     kept: &Path,
     wanted: OperatingPoint,
 ) -> Result<(), CliError> {
-    let mut stand = TestRig::on(rig.clone(), devices, calibration, super::clock::seconds)
+    let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, super::clock::seconds)
         .map_err(|e| CliError::of(&e))?;
     let (mut done, total) = (0, operating_point::restorations(rig, wanted));
-    let chosen = operating_point::choose(&mut stand, wanted, &mut |score| {
+    let chosen = operating_point::choose(&mut test_rig, wanted, &mut |score| {
         done += 1;
         log::debug!("{} {}: SSIM {:.4}", score.scene.name(), score.method, score.ssim);
         super::service_manager().worked();
@@ -190,152 +187,40 @@ fn wipe_line() {
     }
 }
 
-/// Pixels of a PNG for a unit of a drawing: fine enough for print.
-const PIXELS_A_UNIT: f64 = 2.0;
-
 /// `relens chart`.
 ///
 /// # Errors
 /// When the rig cannot be opened, or the tables cannot be written.
-pub(super) fn chart(
-    rig: &Rig,
-    out: &Path,
-    quick: bool,
-    what: Charted,
-    peers: Option<&Path>,
-    folder: &Path,
-) -> Result<(), CliError> {
-    if rig.simulation().is_none() && (what != Charted::Trade || peers.is_some()) {
-        return Err(CliError::Usage(format!(
-            "found the rig {}, made of devices, allowed there is the chart of speed against \
-             accuracy alone: lenses and \
-             faults cannot be changed on it",
-            rig.name
-        )));
-    }
-    let grey_light =
-        matches!(what, Charted::Figures | Charted::Captures | Charted::Regimes) || peers.is_some();
-    if grey_light && rig.photo.curve != Curve::Linear {
-        let found = &rig.name;
-        return Err(CliError::Usage(format!(
-            "figures, regimes and peers are for rigs with linear photos, found {found}, allowed \
-             for instance study.toml"
-        )));
-    }
-    let read = |path: &Path| {
-        let unreadable = |e| CliError::Usage(format!("cannot read {}: {e}", path.display()));
-        std::fs::read_to_string(path).map_err(unreadable)
-    };
-    let rows = peers.map(read).transpose()?;
+pub(super) fn chart(rig: &Rig, out: &Path, quick: bool, folder: &Path) -> Result<(), CliError> {
     std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, &e))?;
     let mut each = |score: &Score| {
         let (scene, method) = (score.scene.name(), &score.method);
         log::info!("{scene} {method}: SSIM {:.4}, PSNR {:.2} dB", score.ssim, score.psnr_db);
     };
     let clock = super::clock::seconds;
-    let made = match what {
-        Charted::Trade if rig.simulation().is_none() => {
-            let calibration =
-                store::load(&slots(folder), rig.identity).map_err(|e| CliError::of(&e))?;
-            TestRig::on(rig.clone(), open(rig)?, calibration, clock)
-                .and_then(|stand| evaluate::chart::trade_on(stand, quick, &mut each))
-        }
-        Charted::Trade => evaluate::chart::trade(rig, quick, rows.as_deref(), clock, &mut each),
-        Charted::Conditions => evaluate::chart::conditions(rig, quick, clock, &mut each),
-        Charted::Stability => evaluate::stability::chart(rig, quick, clock, &mut |run| {
-            let ((fault, unit), method) = (run.fault.name(), run.contestant.name());
-            let gain = run.ssim - run.photo_ssim;
-            let noticed = if run.verdict.noticed() { ", noticed" } else { "" };
-            log::info!(
-                "{fault} {} {unit}, {method}, {}: {gain:+.4}{noticed}",
-                run.strength,
-                run.view.name()
-            );
-        }),
-        Charted::Regimes => evaluate::chart::regimes(rig, clock, &mut |regime, score| {
-            let (scene, method, captures) =
-                (score.scene.name(), &score.method, score.restored.captures);
-            log::info!(
-                "{}: {scene} {method}, {captures} captures: {:.2} dB",
-                regime.name(),
-                score.psnr_db
-            );
-        }),
-        Charted::Sizes => evaluate::chart::sizes(rig, clock, &mut each),
-        Charted::Figures => return figures(rig, out),
-        Charted::Ladder => evaluate::ladder::chart(rig, clock, &mut |climb| {
-            log::info!("{}: rung {}, SSIM {:.4}", climb.name, climb.taken, climb.delivered_ssim);
-        }),
-        Charted::Captures => evaluate::chart::captures(rig, clock),
+    let (trade, remark) = if rig.simulation().is_some() {
+        (chart::trade(rig, quick, clock, &mut each), "")
+    } else {
+        let calibration =
+            store::load(&slots(folder), rig.identity).map_err(|e| CliError::of(&e))?;
+        let trade = TestRig::on(rig.clone(), open(rig)?, &calibration, clock)
+            .and_then(|mut test_rig| chart::trade_on(&mut test_rig, quick, &mut each));
+        (trade, " The scenes were shown on the rig's own panel.")
     };
-    let made = made.map_err(|e| CliError::of(&e))?;
-    write_chart(&made, out)?;
-    made.tables.iter().try_for_each(|(_, table)| say(&table.markdown()))?;
-    say(&format!("written to {}", out.display()))
-}
-
-/// The paper's figures, each written as soon as it is measured; one that fails is left out, told,
-/// and makes the command fail in the end.
-fn figures(rig: &Rig, out: &Path) -> Result<(), CliError> {
-    let (mut made, mut failed) = (Vec::new(), None);
-    for (name, measure) in evaluate::figures::ALL {
-        log::info!("{name}");
-        match measure(rig, super::clock::seconds) {
-            Ok(figure) => {
-                write_chart(&evaluate::chart::figure(&figure), out)?;
-                say(&format!(
-                    "Figure {}. {} {}\n",
-                    figure.number,
-                    figure.agreement.words(),
-                    figure.text
-                ))?;
-                made.push(figure);
-            }
-            Err(error) => {
-                log::warn!("{name}: {}", relens::remedy::full_message(&error));
-                failed = failed.or(Some(CliError::of(&error)));
-            }
-        }
-    }
-    let command = format!("relens chart --rig {}.toml --figures --out DIR", rig.name);
-    let page = evaluate::figures::page(&made, &rig.name, &command);
-    let path = out.join("README.md");
-    std::fs::write(&path, page).map_err(|e| CliError::writing(&path, &e))?;
-    say(&format!("written to {}", out.display()))?;
-    failed.map_or(Ok(()), Err)
-}
-
-/// Writes all that a chart is made of into the folder `out`.
-fn write_chart(made: &Chart, out: &Path) -> Result<(), CliError> {
-    let write = |name: String, bytes: &[u8]| {
+    let made = chart::chart(rig, &trade.map_err(|e| CliError::of(&e))?, remark);
+    let write = |name: String, text: String| {
         let path = out.join(name);
-        std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, &e))
+        std::fs::write(&path, text).map_err(|e| CliError::writing(&path, &e))
     };
-    for (name, table) in &made.tables {
-        write(format!("{name}.md"), table.markdown().as_bytes())?;
-        write(format!("{name}.csv"), table.csv().as_bytes())?;
+    for (stem, table) in &made.tables {
+        write(format!("{stem}.md"), table.markdown())?;
+        write(format!("{stem}.csv"), table.csv())?;
+        say(&table.markdown())?;
     }
-    for (name, bytes) in &made.files {
-        write(name.clone(), bytes)?;
+    for (stem, drawing) in &made.drawings {
+        write(format!("{stem}.svg"), drawing.svg())?;
     }
-    let plain = Manner::plain(Format::Png, 8, Curve::Linear);
-    for (name, drawing) in &made.drawings {
-        write(format!("{name}.svg"), drawing.svg().as_bytes())?;
-        let pixels = drawing.pixels(PIXELS_A_UNIT);
-        write(
-            format!("{name}.png"),
-            &encode(name, &pixels, &plain, false).map_err(|e| CliError::of(&e))?,
-        )?;
-    }
-    let manner = Manner { layout: Layout::Grey, ..plain };
-    for (name, plane) in &made.pictures {
-        let picture: Frame<Work> = Frame::from_fn(|_| plane.clone());
-        write(
-            format!("{name}.png"),
-            &encode(name, &picture, &manner, true).map_err(|e| CliError::of(&e))?,
-        )?;
-    }
-    Ok(())
+    say(&format!("written to {}", out.display()))
 }
 
 /// `relens check`: opens every device, measures the rig's timing, looks for its calibration and

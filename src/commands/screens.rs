@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use relens::chart::scenes::Scene;
 use relens::config::{Curve, Rig};
-use relens::evaluate::scenes::Scene;
 use relens::frame::{Frame, Work};
 use relens::kiosk::screen::{draw, examples};
 use relens::picture::{Format, Manner, encode};

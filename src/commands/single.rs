@@ -3,9 +3,9 @@
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
+use relens::chart::scenes::cut;
 use relens::config::{self, Method, Rig};
 use relens::daemon::{ProgressLine, Watcher};
-use relens::evaluate::scenes::cut;
 use relens::frame::{Channels, Frame, Work};
 use relens::picture::{Format, Limits, Manner, Photo, encode};
 

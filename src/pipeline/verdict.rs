@@ -2,9 +2,9 @@
 //! opinion, what total variation makes of the photo with the measured lens, and where that harms
 //! too, by the photo itself.
 //!
-//! The limits were set on 2026-11-21 and 22 on `small.toml`: faults of [`crate::evaluate`]'s sweep
-//! on the scenes coffee and chart, seed 1, and astronaut and rocket without a fault. `relens chart
-//! --stability` measures the rates of false alarms and of harm caught, on quarters of astronaut and
+//! The limits were set on 2026-11-21 and 22 on `small.toml`: faults of the laboratory's sweep on the
+//! scenes coffee and chart, seed 1, and astronaut and rocket without a fault. `tests/lab stability`
+//! measures the rates of false alarms and of harm caught, on quarters of astronaut and
 //! rocket with other seeds.
 
 use super::evidence::{Evidence, distance};

@@ -19,8 +19,8 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use relens::calibration::Calibration;
+use relens::chart::scenes::Scene;
 use relens::config::{self, Glare, Kind, Lens};
-use relens::evaluate::scenes::Scene;
 use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
 use relens::measurement::calibrate;
 use relens::picture::Tone;

@@ -1,7 +1,8 @@
 //! The chart of seconds against SSIM.
 
-use super::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Mark, Stroke};
-use super::trade::{FILED, Point, Trade, Within};
+use super::contestants::{FILED, OUTSIDE};
+use super::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
+use super::trade::{Point, Trade, Within};
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 640.0;
@@ -19,7 +20,7 @@ const COLOURS: [(&str, Colour); 11] = [
     ("wiener", Colour(0x99, 0x99, 0x99)),
     ("richardson-lucy", Colour(0x00, 0x9e, 0x73)),
     ("total-variation", Colour(0x8c, 0x6d, 0x1f)),
-    ("scikit-image", Colour(0x7a, 0x33, 0x99)),
+    (OUTSIDE, Colour(0x7a, 0x33, 0x99)),
     (FILED, Colour(0x00, 0x00, 0x00)),
 ];
 
@@ -64,7 +65,7 @@ pub fn draw(trade: &Trade, title: &str) -> Drawing {
     front(&mut sheet, trade, &axes);
     for &(family, colour) in &COLOURS {
         for point in trade.points.iter().filter(|p| p.family == family) {
-            sheet.marks.push(marker(&axes, point, colour));
+            marker(&mut sheet, &axes, point, colour);
         }
     }
     notes(&mut sheet, trade, &axes);
@@ -80,10 +81,10 @@ fn frame(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
             let seconds = step * 10f64.powi(decade);
             if (axes.seconds[0]..=axes.seconds[1]).contains(&seconds) {
                 let x = axes.x(seconds);
-                sheet.line([[x, top], [x, bottom]], Stroke::new(FAINT, 1.0));
+                sheet.line(&[[x, top], [x, bottom]], Stroke::new(FAINT, 1.0));
                 let decimals = (-decade).max(0) as usize;
                 sheet.words(
-                    format!("{seconds:.decimals$}"),
+                    &format!("{seconds:.decimals$}"),
                     [x, bottom + 18.0],
                     Anchor::Middle,
                     12.0,
@@ -97,20 +98,20 @@ fn frame(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
     let mut tick = (axes.ssim[0] / step).ceil() * step;
     while tick <= axes.ssim[1] {
         let y = axes.y(tick);
-        sheet.line([[left, y], [right, y]], Stroke::new(FAINT, 1.0));
-        sheet.words(format!("{tick:.3}"), [left - 8.0, y + 4.0], Anchor::End, 12.0);
+        sheet.line(&[[left, y], [right, y]], Stroke::new(FAINT, 1.0));
+        sheet.words(&format!("{tick:.3}"), [left - 8.0, y + 4.0], Anchor::End, 12.0);
         tick += step;
     }
-    sheet.line([[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
+    sheet.line(&[[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
     let seconds = "seconds a photo: captures and computing (logarithmic)";
     sheet.words(seconds, [(left + right) / 2.0, bottom + 42.0], Anchor::Middle, 14.0);
     let middle = [22.0, (top + bottom) / 2.0];
-    sheet.marks.push(Mark::Upwards("SSIM, mean of the scenes".to_owned(), middle, 14.0));
+    sheet.words_upwards("SSIM, mean of the scenes", middle, 14.0);
     let floor = axes.y(trade.photo_ssim);
     sheet.rectangle([left, floor], [right, bottom], PAPER, 0.08);
-    sheet.line([[left, floor], [right, floor]], Stroke::new(HARM, 1.0).dashed());
+    sheet.line(&[[left, floor], [right, floor]], Stroke::new(HARM, 1.0).dashed());
     let words = format!("the blurred photo, {:.3}: below, a method does harm", trade.photo_ssim);
-    sheet.words(words, [right - 6.0, floor + 16.0], Anchor::End, 12.0);
+    sheet.words(&words, [right - 6.0, floor + 16.0], Anchor::End, 12.0);
 }
 
 /// The line through what nothing beats.
@@ -126,10 +127,10 @@ fn front(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
     if let Some(&[_, height]) = steps.last() {
         steps.push([FIELD[1], height]);
     }
-    sheet.line(steps, Stroke::new(INK, 1.5));
+    sheet.line(&steps, Stroke::new(INK, 1.5));
 }
 
-fn marker(axes: &Axes, point: &Point, colour: Colour) -> Mark {
+fn marker(sheet: &mut Drawing, axes: &Axes, point: &Point, colour: Colour) {
     let [x, y] = axes.place(point);
     let words = format!(
         "{}, {}: {:.2} s ({:.1} captures), SSIM {:.4}, {:.2} dB",
@@ -142,14 +143,11 @@ fn marker(axes: &Axes, point: &Point, colour: Colour) -> Mark {
     );
     if point.ssim < axes.ssim[0] {
         // Off the chart: an arrow at the edge.
-        return Mark::Area(
-            vec![[x - 5.0, y - 9.0], [x + 5.0, y - 9.0], [x, y]],
-            colour,
-            1.0,
-            words,
-        );
+        let corners = [[x - 5.0, y - 9.0], [x + 5.0, y - 9.0], [x, y]];
+        sheet.area(&corners, colour, 1.0, &words);
+    } else {
+        sheet.disc([x, y], 5.0, colour, &words);
     }
-    Mark::Disc([x, y], 5.0, colour, words)
 }
 
 /// Width of a letter of 13 units, about.
@@ -164,20 +162,20 @@ fn notes(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
         } else {
             String::new()
         };
-        sheet.marks.push(Mark::Ring([x, y - 4.0], 10.0, Stroke::new(PAPER, 1.0)));
+        sheet.ring([x, y - 4.0], 10.0, Stroke::new(PAPER, 1.0));
         let words = format!("the paper, 11 iterations{below}");
-        sheet.words(words, [x.min(FIELD[1] - 100.0), y - 20.0], Anchor::Middle, 12.0);
+        sheet.words(&words, [x.min(FIELD[1] - 100.0), y - 20.0], Anchor::Middle, 12.0);
     }
     if let Some(n) = trade.operating_point(Within::BALANCED) {
         let point = &trade.points[n];
         let [x, y] = axes.place(point);
-        sheet.marks.push(Mark::Ring([x, y], 11.0, Stroke::new(Colour(0, 0, 0), 2.0)));
+        sheet.ring([x, y], 11.0, Stroke::new(Colour(0, 0, 0), 2.0));
         let words = format!("operating point: {}, {}", point.family, point.setting);
         // Above the field, where no point is.
         let half = 0.5 * LETTER * words.len() as f64;
         let middle = x.clamp(FIELD[0] + half, (FIELD[1] - half).max(FIELD[0] + half));
-        sheet.words(words, [middle, FIELD[2] - 8.0], Anchor::Middle, 13.0);
-        sheet.line([[x, FIELD[2] - 4.0], [x, y - 11.0]], Stroke::new(INK, 1.0));
+        sheet.words(&words, [middle, FIELD[2] - 8.0], Anchor::Middle, 13.0);
+        sheet.line(&[[x, FIELD[2] - 4.0], [x, y - 11.0]], Stroke::new(INK, 1.0));
     }
 }
 
@@ -185,12 +183,12 @@ fn legend(sheet: &mut Drawing, trade: &Trade) {
     let mut y = FIELD[2] + 10.0;
     for &(family, colour) in &COLOURS {
         if trade.points.iter().any(|p| p.family == family) {
-            sheet.marks.push(Mark::Disc([812.0, y - 4.0], 5.0, colour, String::new()));
+            sheet.disc([812.0, y - 4.0], 5.0, colour, "");
             sheet.words(family, [824.0, y], Anchor::Start, 13.0);
             y += 22.0;
         }
     }
-    sheet.line([[806.0, y - 4.0], [818.0, y - 4.0]], Stroke::new(INK, 1.5));
+    sheet.line(&[[806.0, y - 4.0], [818.0, y - 4.0]], Stroke::new(INK, 1.5));
     sheet.words("nothing beats these", [824.0, y], Anchor::Start, 13.0);
     sheet.words("triangles: below the chart", [806.0, y + 24.0], Anchor::Start, 11.0);
 }
@@ -203,7 +201,7 @@ mod tests {
     fn every_method_that_is_tried_has_a_colour_of_its_own() {
         let rig = crate::config::load(std::path::Path::new("study.toml"))
             .expect("it comes with the program");
-        for contestant in crate::evaluate::trade::contestants(&rig, false) {
+        for contestant in crate::chart::contestants::contestants(&rig, false) {
             assert!(
                 COLOURS.iter().any(|(family, _)| *family == contestant.family),
                 "{}",

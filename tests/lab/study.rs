@@ -162,38 +162,3 @@ pub fn compare(
     Ok(scores)
 }
 
-/// The scores as a table.
-pub fn table(caption: String, scores: &[Score]) -> Table {
-    let head = [
-        "scene",
-        "method",
-        "captures",
-        "capture s",
-        "computing s",
-        "photo SSIM/dB",
-        "SSIM",
-        "PSNR dB",
-        "gain SSIM",
-        "gain dB",
-        "certificate",
-    ];
-    let mut table = Table::new(caption, &head);
-    for s in scores {
-        let certificate = s.restored.solution.certificate.ratio();
-        let harm = if s.ssim < s.blurred_ssim { " (below the photo)" } else { "" };
-        table.row(vec![
-            s.scene.name().to_owned(),
-            s.method.clone(),
-            s.restored.captures.to_string(),
-            format!("{:.1}", s.restored.capture_seconds),
-            format!("{:.2}", s.computing_seconds),
-            format!("{:.4}/{:.2}", s.blurred_ssim, s.blurred_psnr_db),
-            format!("{:.4}", s.ssim),
-            format!("{:.2}", s.psnr_db),
-            format!("{:+.4}{harm}", s.ssim - s.blurred_ssim),
-            format!("{:+.2}", s.psnr_db - s.blurred_psnr_db),
-            certificate.map_or("–".to_owned(), |r| format!("{r:.2}")),
-        ]);
-    }
-    table
-}

@@ -1,9 +1,10 @@
 //! The operating point of a rig: settings of the methods worth having, tried on scenes shown on
 //! that very rig.
 
+use super::contestants::{Contestant, FILED};
 use super::scenes::Scene;
 use super::test_rig::{Score, TestRig, TestRigError};
-use super::trade::{Contestant, FILED, Trade, Within};
+use super::trade::{Trade, Within};
 use crate::config::{Method, OperatingPoint, Rig};
 use crate::pipeline::{Chosen, Setting};
 
@@ -51,7 +52,7 @@ pub fn restorations(rig: &Rig, wanted: OperatingPoint) -> usize {
     candidates(rig, wanted).len() * SCENES.len()
 }
 
-/// The operating point `wanted` of the rig that `stand` is on; `each` is told of every restoration.
+/// The operating point `wanted` of the rig that `test_rig` is on; `each` is told of every restoration.
 /// `None` when none gives a number.
 ///
 /// # Errors

@@ -1,0 +1,194 @@
+//! Line drawings as SVG that needs nothing else; places are [x, y] from the upper left corner.
+
+use std::fmt::{self, Display, Formatter};
+
+/// A colour: red, green, blue, 0..255.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Colour(pub u8, pub u8, pub u8);
+
+/// Ink of words and axes.
+pub const INK: Colour = Colour(0x33, 0x33, 0x33);
+/// Grid lines.
+pub const FAINT: Colour = Colour(0xee, 0xee, 0xee);
+/// Harm: whatever lies below the untouched photo.
+pub const HARM: Colour = Colour(0xaa, 0x33, 0x33);
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stroke {
+    /// Its colour.
+    pub colour: Colour,
+    /// Its width, in units of the sheet.
+    pub width: f64,
+    /// Broken into dashes.
+    pub dashed: bool,
+}
+
+impl Stroke {
+    /// A whole line.
+    pub const fn new(colour: Colour, width: f64) -> Self {
+        Stroke { colour, width, dashed: false }
+    }
+
+    /// The same line in dashes.
+    #[must_use]
+    pub const fn dashed(self) -> Self {
+        Stroke { dashed: true, ..self }
+    }
+}
+
+/// Where words stand relative to their place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Anchor {
+    /// The place is where they begin.
+    Start,
+    /// The place is their middle.
+    Middle,
+    /// The place is where they end.
+    End,
+}
+
+/// A white sheet; what is drawn later lies above what was drawn before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawing {
+    width: f64,
+    height: f64,
+    elements: String,
+}
+
+impl Drawing {
+    /// An empty sheet.
+    pub fn new(width: f64, height: f64) -> Self {
+        Drawing { width, height, elements: String::new() }
+    }
+
+    /// The drawing as an SVG document.
+    pub fn svg(&self) -> String {
+        let Drawing { width, height, elements } = self;
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
+             font-family=\"sans-serif\"><rect width=\"{width}\" height=\"{height}\" \
+             fill=\"white\"/>\n{elements}</svg>\n"
+        )
+    }
+
+    /// A line through points.
+    pub fn line(&mut self, points: &[[f64; 2]], stroke: Stroke) {
+        self.element(&format!("<path d=\"{}\" {stroke}", Path(points)), "path", "");
+    }
+
+    /// A filled polygon of an opacity 0..1, with words shown when it is pointed at.
+    pub fn area(&mut self, corners: &[[f64; 2]], fill: Colour, opacity: f64, tip: &str) {
+        let opacity = match opacity {
+            1.0.. => String::new(),
+            opacity => format!(" opacity=\"{opacity}\""),
+        };
+        self.element(
+            &format!("<path d=\"{}Z\" fill=\"{fill}\"{opacity}", Path(corners)),
+            "path",
+            tip,
+        );
+    }
+
+    /// The filled rectangle from corner to corner.
+    pub fn rectangle(
+        &mut self,
+        [left, top]: [f64; 2],
+        [right, bottom]: [f64; 2],
+        fill: Colour,
+        opacity: f64,
+    ) {
+        let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        self.area(&corners, fill, opacity, "");
+    }
+
+    /// A filled circle, with words shown when it is pointed at.
+    pub fn disc(&mut self, [x, y]: [f64; 2], radius: f64, fill: Colour, tip: &str) {
+        let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"{fill}\"");
+        self.element(&circle, "circle", tip);
+    }
+
+    /// A circle's rim.
+    pub fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
+        let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {stroke}");
+        self.element(&circle, "circle", "");
+    }
+
+    /// Words on a base line, in letters of a size.
+    pub fn words(&mut self, words: &str, [x, y]: [f64; 2], anchor: Anchor, size: f64) {
+        let anchor = match anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        let words = escaped(words);
+        self.elements += &format!(
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size}\">\
+             {words}</text>\n"
+        );
+    }
+
+    /// Words that run upwards, their middle at a place.
+    pub fn words_upwards(&mut self, words: &str, [x, y]: [f64; 2], size: f64) {
+        let words = escaped(words);
+        self.elements += &format!(
+            "<text transform=\"translate({x:.1} {y:.1}) rotate(-90)\" text-anchor=\"middle\" \
+             font-size=\"{size}\">{words}</text>\n"
+        );
+    }
+
+    fn element(&mut self, opening: &str, name: &str, tip: &str) {
+        self.elements += opening;
+        self.elements += &match tip {
+            "" => "/>\n".to_owned(),
+            tip => format!("><title>{}</title></{name}>\n", escaped(tip)),
+        };
+    }
+}
+
+struct Path<'a>(&'a [[f64; 2]]);
+
+impl Display for Path<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for (n, [x, y]) in self.0.iter().enumerate() {
+            write!(f, "{}{x:.1} {y:.1}", if n == 0 { "M" } else { "L" })?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for Colour {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
+    }
+}
+
+impl Display for Stroke {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"", self.colour, self.width)?;
+        if self.dashed { f.write_str(" stroke-dasharray=\"6 4\"") } else { Ok(()) }
+    }
+}
+
+fn escaped(words: &str) -> String {
+    words.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_cannot_break_out_of_their_element() {
+        let mut drawing = Drawing::new(10.0, 10.0);
+        drawing.words("a<b & c", [1.0, 2.0], Anchor::End, 5.0);
+        drawing.disc([3.0, 4.0], 1.0, Colour(255, 0, 16), "</svg>");
+        let svg = drawing.svg();
+        assert!(
+            svg.contains(">a&lt;b &amp; c</text>") && svg.contains("text-anchor=\"end\""),
+            "{svg}"
+        );
+        assert!(svg.contains("fill=\"#ff0010\"><title>&lt;/svg&gt;</title></circle>"), "{svg}");
+        assert_eq!(svg.matches("</svg>").count(), 1);
+    }
+}

@@ -1,0 +1,117 @@
+//! `relens chart`: what the methods make of scenes whose truth is known, on any rig; and the choice
+//! of a rig's operating point by the same means.
+
+pub mod contestants;
+pub mod drawing;
+pub mod operating_point;
+pub mod scatter;
+pub mod scenes;
+pub mod table;
+pub mod test_rig;
+pub mod trade;
+
+use crate::config::{Curve, Rig};
+use crate::pipeline::{counted, digital, hybrid};
+use contestants::{Contestant, contestants};
+use drawing::Drawing;
+use scenes::Scene;
+use table::Table;
+use test_rig::{Score, Stopwatch, TestRig, TestRigError};
+use trade::{Trade, Within};
+
+/// Tables and drawings, each with the stem of its file's name.
+#[derive(Debug, Default)]
+pub struct Chart {
+    /// Tables.
+    pub tables: Vec<(String, Table)>,
+    /// Drawings.
+    pub drawings: Vec<(String, Drawing)>,
+}
+
+/// Grids of lens functions that are tried in place of the rig file's: columns and rows.
+const FEWER_FUNCTIONS: [(usize, usize); 2] = [(1, 1), (4, 3)];
+
+/// Speed against accuracy on the simulated rig of `rig`: every method with several settings.
+/// `quick` leaves out most of the settings of the methods that lose.
+///
+/// # Errors
+/// When the rig cannot be opened or calibrated, or a method fails.
+pub fn trade(
+    rig: &Rig,
+    quick: bool,
+    stopwatch: Stopwatch,
+    each: &mut dyn FnMut(&Score),
+) -> Result<Trade, TestRigError> {
+    let mut trade = trade_on(&mut TestRig::open(rig.clone(), stopwatch)?, quick, each)?;
+    let fewer = if quick { &[][..] } else { &FEWER_FUNCTIONS };
+    for &(columns, rows) in fewer {
+        let mut changed = rig.clone();
+        changed.calibration.function_columns = columns;
+        changed.calibration.function_rows = rows;
+        let mut test_rig = TestRig::open(changed, stopwatch)?;
+        let setting = counted(columns * rows, "function");
+        for contestant in [
+            Contestant::new("digital", &setting, digital(rig)),
+            Contestant::new("hybrid", &setting, hybrid(rig)),
+        ] {
+            trade.run(&mut test_rig, scenes_for(rig), &contestant, each)?;
+        }
+    }
+    Ok(trade)
+}
+
+/// The same on the rig that `test_rig` is on, which need not be simulated: scenes are shown to it.
+///
+/// # Errors
+/// When a scene cannot be shown, or a method fails.
+pub fn trade_on(
+    test_rig: &mut TestRig,
+    quick: bool,
+    each: &mut dyn FnMut(&Score),
+) -> Result<Trade, TestRigError> {
+    let rig = test_rig.config().clone();
+    let mut trade = Trade::default();
+    for contestant in contestants(&rig, quick) {
+        trade.run(test_rig, scenes_for(&rig), &contestant, each)?;
+    }
+    Ok(trade)
+}
+
+/// How many restorations [`trade`] makes; [`trade_on`] a few less.
+pub fn restorations(rig: &Rig, quick: bool) -> usize {
+    let fewer = if quick { 0 } else { 2 * FEWER_FUNCTIONS.len() };
+    (contestants(rig, quick).len() + fewer) * scenes_for(rig).len()
+}
+
+/// The scenes that a rig's photos are charted by.
+fn scenes_for(rig: &Rig) -> &'static [Scene] {
+    if rig.photo.curve == Curve::Linear { &Scene::STUDY_PHOTOGRAPHS } else { &Scene::ALL }
+}
+
+/// The drawing of `trade` on `rig` and its tables, with a `remark` under them.
+pub fn chart(rig: &Rig, trade: &Trade, remark: &str) -> Chart {
+    let stem = format!("{}-speed-accuracy", rig.name);
+    let chosen = |name: &str, within| {
+        let point = trade.operating_point(within).map(|n| &trade.points[n]);
+        point.map_or(String::new(), |p| {
+            let (seconds, ssim, db) = (p.seconds(), p.ssim, p.psnr_db);
+            format!(" {name}: {}, {} ({seconds:.2} s, {ssim:.4}/{db:.2} dB).", p.family, p.setting)
+        })
+    };
+    let caption = format!(
+        "Rig {}, {}; the blurred photos have {:.4}/{:.2} dB.{}{}{}{remark}",
+        rig.name,
+        rig.photo.size(),
+        trade.photo_ssim,
+        trade.photo_psnr_db,
+        chosen("Fast", Within::FAST),
+        chosen("Balanced", Within::BALANCED),
+        chosen("Best", Within::NOTHING),
+    );
+    let title = format!("Speed against accuracy on rig {}", rig.name);
+    let scores = trade::scores_table(format!("Rig {}, scene by scene.", rig.name), &trade.scores);
+    Chart {
+        drawings: vec![(stem.clone(), scatter::draw(trade, &title))],
+        tables: vec![(stem, trade.table(caption)), (format!("{}-by-scene", rig.name), scores)],
+    }
+}

@@ -1,0 +1,255 @@
+//! A calibrated rig, ready to be scored on scenes whose truth is known: photographed by the witness
+//! to a simulated rig, or shown on the panel of any rig and photographed there.
+
+use std::sync::Arc;
+
+use super::scenes::Scene;
+use crate::calibration::Calibration;
+use crate::config::{self, Curve};
+use crate::deconvolution::method::{Method, MethodError, Watch};
+use crate::deconvolution::quality::{psnr, ssim};
+use crate::frame::{Channel, Channels, Frame, Plane, Work};
+use crate::measurement::{CalibrateError, calibrate};
+use crate::picture::Tone;
+use crate::pipeline::{Bench, BenchError, Request, Restored};
+use crate::remedy::{Remediable, Remedy};
+use crate::rig::RigError;
+use crate::rig::exposure::Rig;
+use crate::rig::simulated::{Witness, open};
+
+/// Seed of the photographs' noise; a scene's own number is added.
+const PHOTO_SEED: u64 = 20_261_121;
+
+/// Seconds on a clock of the caller's.
+pub type Stopwatch = fn() -> f64;
+
+/// A calibrated rig.
+pub struct TestRig {
+    stopwatch: Stopwatch,
+    config: config::Rig,
+    rig: Rig,
+    photos: Photos,
+    bench: Bench,
+}
+
+/// Where photos of scenes come from.
+enum Photos {
+    /// The scene lies in front of the camera of a simulated rig.
+    Witnessed(Arc<Witness>),
+    /// The panel shows the scene, and the camera of the rig photographs it.
+    Shown,
+}
+
+/// One method on one scene, scored against the scene.
+#[derive(Debug, Clone)]
+pub struct Score {
+    /// The scene.
+    pub scene: Scene,
+    /// The method, with what sets it apart from the rig file's settings.
+    pub method: String,
+    /// Seconds of computing, simulated captures not counted.
+    pub computing_seconds: f64,
+    /// SSIM against the scene.
+    pub ssim: f64,
+    /// PSNR against the scene, dB.
+    pub psnr_db: f64,
+    /// SSIM of the untouched photo.
+    pub blurred_ssim: f64,
+    /// PSNR of the untouched photo, dB.
+    pub blurred_psnr_db: f64,
+    /// The photo restored.
+    pub restored: Restored,
+}
+
+impl TestRig {
+    /// Opens the simulated rig of `config` and calibrates it from its own captures.
+    ///
+    /// # Errors
+    /// When the rig cannot be opened or calibrated.
+    pub fn open(config: config::Rig, stopwatch: Stopwatch) -> Result<TestRig, TestRigError> {
+        let (mut rig, witness) = open(&config)?;
+        let calibration = calibrate(&mut rig, &config, None, &mut |_| {})?;
+        let test_rig = TestRig::on(config, rig, &calibration, stopwatch)?;
+        Ok(test_rig.witnessed(Arc::new(witness)))
+    }
+
+    /// A test rig of the open devices `rig`, of which nothing is known but their `calibration`:
+    /// scenes are shown to them.
+    ///
+    /// # Errors
+    /// When the calibration does not fit the rig file.
+    pub fn on(
+        config: config::Rig,
+        rig: Rig,
+        calibration: &Calibration,
+        stopwatch: Stopwatch,
+    ) -> Result<TestRig, TestRigError> {
+        let bench = Bench::new(&config, calibration)?;
+        Ok(TestRig { stopwatch, config, rig, photos: Photos::Shown, bench })
+    }
+
+    /// The same, with photos taken by the camera of a simulated rig, which `witness` sees through.
+    #[must_use]
+    pub fn witnessed(self, witness: Arc<Witness>) -> TestRig {
+        TestRig { photos: Photos::Witnessed(witness), ..self }
+    }
+
+    /// The rig file.
+    pub fn config(&self) -> &config::Rig {
+        &self.config
+    }
+
+    /// What restores on it, and its devices.
+    pub fn parts(&mut self) -> (&Bench, &mut Rig) {
+        (&self.bench, &mut self.rig)
+    }
+
+    /// The channels it is scored in: green alone where photos are linear, as the study did.
+    pub fn channels(&self) -> Channels {
+        match self.config.photo.curve {
+            Curve::Linear => Channels::Green,
+            Curve::Srgb => Channels::Colour,
+        }
+    }
+
+    /// The light of `scene`, in [`TestRig::channels`].
+    pub fn light(&self, scene: Scene) -> Frame<Work> {
+        let size = self.config.photo.size();
+        match self.channels() {
+            Channels::Green => {
+                let mut light = Frame::zeros(size);
+                *light.plane_mut(Channel::Green) = scene.grey(size);
+                light
+            }
+            Channels::Colour => {
+                let tone = Tone::of_curve(self.config.photo.curve, 8);
+                let codes = scene.codes(size);
+                Frame::from_fn(|c| {
+                    let rounded = codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
+                    tone.plane(c, &rounded)
+                })
+            }
+        }
+    }
+
+    /// The photo the rig's camera takes of `scene`, as linear light.
+    ///
+    /// # Errors
+    /// When the scene is shown and its capture fails.
+    pub fn photograph(&mut self, scene: Scene) -> Result<Frame<Work>, TestRigError> {
+        let tone = Tone::of_curve(self.config.photo.curve, 8);
+        let light = self.light(scene);
+        let codes = match &self.photos {
+            Photos::Witnessed(witness) => witness.photograph(&light, PHOTO_SEED + scene as u64),
+            Photos::Shown => {
+                let taken =
+                    self.bench.photograph(&mut self.rig, &light).map_err(TestRigError::Shown)?;
+                Frame::from_fn(|c| tone.display(c, taken.plane(c)).map(|v: f32| v.round() as u8))
+            }
+        };
+        Ok(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+    }
+
+    /// `method` on `scene`, scored as [`seen`].
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub fn score(
+        &mut self,
+        scene: Scene,
+        name: &str,
+        method: &dyn Method,
+    ) -> Result<Score, TestRigError> {
+        let photo = self.photograph(scene)?;
+        let channels = self.channels();
+        let (restored, computing_seconds) =
+            self.restore(&photo, channels, method, &mut |_, _| {})?;
+        let (curve, light) = (self.config.photo.curve, self.light(scene));
+        let [truth, before, after] =
+            [&light, &photo, &restored.picture].map(|frame| seen(curve, channels, frame));
+        Ok(Score {
+            scene,
+            method: name.to_owned(),
+            computing_seconds,
+            ssim: ssim(&after, &truth),
+            psnr_db: psnr(&after, &truth),
+            blurred_ssim: ssim(&before, &truth),
+            blurred_psnr_db: psnr(&before, &truth),
+            restored,
+        })
+    }
+
+    /// Restores and times; the time of simulating the captures is taken out.
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub fn restore(
+        &mut self,
+        photo: &Frame<Work>,
+        channels: Channels,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<(Restored, f64), TestRigError> {
+        let begun = (self.stopwatch)();
+        let request = Request { photo, channels, method, stopwatch: &self.stopwatch };
+        let restored = self.bench.restore(&mut self.rig, &request, watch)?;
+        let computing = (self.stopwatch)() - begun - restored.waited_seconds;
+        Ok((restored, computing))
+    }
+}
+
+/// A picture as it is scored, 0..255: luminance of display values; of green alone, display values,
+/// or light where the photo is linear.
+pub fn seen(curve: Curve, channels: Channels, picture: &Frame<Work>) -> Plane {
+    let tone = Tone::of_curve(curve, 8);
+    match (channels, curve) {
+        (Channels::Colour, _) => display_luminance(&tone, picture),
+        (Channels::Green, Curve::Srgb) => {
+            tone.display(Channel::Green, picture.plane(Channel::Green))
+        }
+        (Channels::Green, Curve::Linear) => {
+            picture.plane(Channel::Green).map(|v: f32| v.clamp(0.0, 255.0))
+        }
+    }
+}
+
+/// Luminance of display values 0..255: the codes' sum by the weights of Rec. 709, as screens show
+/// it.
+pub fn display_luminance(tone: &Tone, light: &Frame<Work>) -> Plane {
+    let mut sum = Plane::zeros(light.size());
+    for (c, weight) in Channel::ALL.into_iter().zip([0.2126, 0.7152, 0.0722]) {
+        sum.add_scaled(weight, &tone.display(c, light.plane(c)));
+    }
+    sum
+}
+
+/// Why a test rig gave no score.
+#[derive(Debug, thiserror::Error)]
+pub enum TestRigError {
+    /// The rig.
+    #[error("the rig cannot be opened")]
+    Rig(#[from] RigError),
+    /// The calibration.
+    #[error("the rig cannot be calibrated")]
+    Calibrate(#[from] CalibrateError),
+    /// Rig file and calibration.
+    #[error("the calibration does not fit the rig file")]
+    Bench(#[from] BenchError),
+    /// A scene on the panel.
+    #[error("a scene was shown and not photographed")]
+    Shown(#[source] RigError),
+    /// The method.
+    #[error("the method gave no picture")]
+    Method(#[from] MethodError),
+}
+
+impl Remediable for TestRigError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            TestRigError::Rig(error) | TestRigError::Shown(error) => error.remedy(),
+            TestRigError::Calibrate(error) => error.remedy(),
+            TestRigError::Bench(error) => error.remedy(),
+            TestRigError::Method(error) => error.remedy(),
+        }
+    }
+}
