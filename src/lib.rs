@@ -26,7 +26,8 @@
 //! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
 //! | 3 | [`light_path`], [`measurement`], [`diagnosis`], [`kiosk`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing; button, lamps, screens |
 //! | 4 | [`pipeline`], [`nights`] | one photo restored on a calibrated rig; hours, clock trust, drift |
-//! | 5 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed against accuracy, the operating point |
+//! | 5 | [`restorer`] | what is kept beside a rig, photo after photo |
+//! | 6 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed against accuracy, the operating point |
 //!
 //! Start reading at [`deconvolution`], then [`light_path`].
 
@@ -46,4 +47,5 @@ pub mod patterns;
 pub mod picture;
 pub mod pipeline;
 pub mod remedy;
+pub mod restorer;
 pub mod rig;

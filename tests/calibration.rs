@@ -11,7 +11,7 @@ use relens::deconvolution::quality::psnr;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::measurement::{CalibrateError, calibrate, captures, layout};
 use relens::patterns;
-use relens::pipeline::{Bench, Request, method};
+use relens::pipeline::{Pipeline, method};
 use relens::remedy::full_message;
 use relens::rig::exposure::Rig;
 use relens::rig::simulated::{self, Light, Witness};
@@ -348,12 +348,11 @@ fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
     let tone = relens::picture::Tone::of_curve(config.photo.curve, 8);
     let codes = witness.photograph(&scene, 7);
     let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
-    let bench = Bench::new(&config, &calibration).expect("a bench");
+    let pipeline = Pipeline::new(&config, &calibration).expect("a pipeline");
     let solver = method(&config, config.restore.method);
-    let channels = Channels::Colour;
-    let request = Request { photo: &photo, channels, method: &*solver, stopwatch: &|| 0.0 };
-    let restored = bench.restore(&mut rig, &request, &mut |_, _| {});
-    let picture = restored.expect("a picture").picture;
+    let prepared = pipeline.prepare(&photo, Channels::Colour);
+    let solved = pipeline.solve(&mut rig, &prepared, &*solver, &mut |_, _| {});
+    let picture = solved.expect("a picture").picture;
     let green =
         |frame: &Frame<Work>| psnr(frame.plane(Channel::Green), scene.plane(Channel::Green));
     println!("green: photo {:.2} dB, restored {:.2} dB", green(&photo), green(&picture));

@@ -9,17 +9,18 @@ mod view;
 
 use std::io::Cursor;
 use std::path::Path;
+use std::sync::Arc;
 
 use relens::calibration::{Calibration, store};
 use relens::chart::scenes::Scene;
 use relens::config::{self, Glare, Kind, Lens};
-use relens::daemon::on_rig::OnRig;
-use relens::daemon::{Restored, Restorer};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::measurement::calibrate;
 use relens::picture::{Limits, Photo, Tone};
-use relens::pipeline::{Bench, Request, digital};
+use relens::pipeline::{Outcome, Pipeline, digital};
+use relens::restorer::Restorer;
+use relens::restorer::on_rig::OnRig;
 use relens::rig::simulated::{self, Witness};
 use view::View;
 
@@ -71,14 +72,14 @@ fn restored(
     then: &config::Rig,
     now: &config::Rig,
     count: usize,
-) -> (Vec<Restored>, [Calibration; 2]) {
+) -> (Vec<Outcome>, [Calibration; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let slots = folder.path().to_owned();
     let calibration =
         calibrate(&mut simulated::open(then).unwrap().0, then, None, &mut |_| {}).unwrap();
     store::save(&slots, &calibration).unwrap();
     let (devices, witness) = simulated::open(now).unwrap();
-    let clock = Box::new(no_clock);
+    let clock = Arc::new(no_clock);
     let mut restorer = OnRig::new(now, devices, slots.clone(), None, clock, |_| {}).unwrap();
     let all = views(count).into_iter().map(|view| {
         let photo = photo(now, &witness, view);
@@ -88,7 +89,7 @@ fn restored(
     (all, [calibration, store::load(&slots, now.identity).unwrap()])
 }
 
-fn says(restored: &Restored, words: &str) -> bool {
+fn says(restored: &Outcome, words: &str) -> bool {
     restored.notes.iter().any(|note| note.contains(words))
 }
 
@@ -109,11 +110,10 @@ fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
     // gains 0.005 SSIM and loses 0.5 dB.)
     let score = |calibration: &Calibration, view: View| {
         let (mut devices, witness) = simulated::open(&now).unwrap();
-        let bench = Bench::new(&now, calibration).unwrap();
+        let pipeline = Pipeline::new(&now, calibration).unwrap();
         let (photo, method) = (photo(&now, &witness, view), digital(&now));
-        let (channels, stopwatch) = (Channels::Colour, &no_clock);
-        let request = Request { photo: &photo.light, channels, method: &method, stopwatch };
-        let restored = bench.restore(&mut devices, &request, &mut |_, _| {}).unwrap();
+        let prepared = pipeline.prepare(&photo.light, Channels::Colour);
+        let restored = pipeline.solve(&mut devices, &prepared, &method, &mut |_, _| {}).unwrap();
         let truth = scene(&now, view);
         let (seen, truth) = (restored.picture.plane(Channel::Green), truth.plane(Channel::Green));
         (ssim(seen, truth), psnr(seen, truth))

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant, SystemTime};
 use relens::config::{Curve, Mode};
 use relens::daemon::service::{ServiceManager, Supervised};
 use relens::daemon::{
-    Attended, Daemon, Folders, Progress, Reader, Restored, Restorer, Schedule, Setting, State, Turn,
+    Attended, Daemon, Folders, Progress, Reader, Restorer, Schedule, Setting, State, Turn,
 };
 use relens::disk::{Disk, Kind, LocalDisk, Look, Written};
 use relens::frame::{Frame, Plane, Size, Work};
@@ -29,6 +29,7 @@ use relens::kiosk::lamp::Light;
 use relens::kiosk::screen::Screen;
 use relens::picture::worker::Worker;
 use relens::picture::{Format, Manner, Photo, encode};
+use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 use relens::rig::{Clock, Moment, RigError};
 
@@ -119,24 +120,13 @@ impl Restorer for Rig {
         &mut self,
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<Restored, AnyFailure> {
+    ) -> Result<Outcome, AnyFailure> {
         progress(Progress { done: 0.5, doing: "capturing", captures: 1 });
         self.pass(Place::Restore);
         if self.place == Place::Mend && !self.mended {
             return Err(Box::new(Stale));
         }
-        Ok(Restored {
-            picture: photo.light.clone(),
-            untouched: true,
-            method: "none".into(),
-            rung: 0,
-            rung_reason: "told to".into(),
-            captures: 1,
-            seconds: 0.0,
-            certificate: None,
-            notes: vec![],
-            iterations: vec![],
-        })
+        Ok(Outcome { captures: 1, ..Outcome::untouched(photo.light.clone(), "told to") })
     }
     fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
         self.pass(Place::Mend);
@@ -381,7 +371,7 @@ fn beside_a_desk(
             &mut self,
             _: &Photo,
             _: &mut dyn FnMut(Progress),
-        ) -> Result<Restored, AnyFailure> {
+        ) -> Result<Outcome, AnyFailure> {
             Err(Box::new(Stale))
         }
         fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {

@@ -12,12 +12,11 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use relens::config::Curve;
-use relens::daemon::{
-    Daemon, Folders, Progress, Reader, Restored, Restorer, Setting, Step, Watcher,
-};
+use relens::daemon::{Daemon, Folders, Progress, Reader, Restorer, Setting, Step, Watcher};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::worker::Worker;
 use relens::picture::{Format, Layout, Limits, Manner, Photo, PictureError, encode};
+use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
 use relens::rig::{Clock, Moment};
 
@@ -70,19 +69,8 @@ impl Restorer for Returner {
         &mut self,
         photo: &Photo,
         _: &mut dyn FnMut(Progress),
-    ) -> Result<Restored, AnyFailure> {
-        Ok(Restored {
-            picture: photo.light.clone(),
-            untouched: true,
-            method: "none".into(),
-            rung: 0,
-            rung_reason: "told to".into(),
-            captures: 0,
-            seconds: 0.0,
-            certificate: None,
-            notes: vec![],
-            iterations: vec![],
-        })
+    ) -> Result<Outcome, AnyFailure> {
+        Ok(Outcome { captures: 0, ..Outcome::untouched(photo.light.clone(), "told to") })
     }
     fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
         Ok(())

@@ -11,7 +11,7 @@ use crate::deconvolution::quality::{psnr, ssim};
 use crate::frame::{Channel, Channels, Frame, Plane, Work};
 use crate::measurement::{CalibrateError, calibrate};
 use crate::picture::Tone;
-use crate::pipeline::{Bench, BenchError, Request, Restored};
+use crate::pipeline::{Pipeline, PipelineError, Solved};
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
 use crate::rig::exposure::Rig;
@@ -29,7 +29,7 @@ pub struct TestRig {
     config: config::Rig,
     rig: Rig,
     photos: Photos,
-    bench: Bench,
+    pipeline: Pipeline,
 }
 
 /// Where photos of scenes come from.
@@ -58,7 +58,7 @@ pub struct Score {
     /// PSNR of the untouched photo, dB.
     pub blurred_psnr_db: f64,
     /// The photo restored.
-    pub restored: Restored,
+    pub restored: Solved,
 }
 
 impl TestRig {
@@ -84,8 +84,8 @@ impl TestRig {
         calibration: &Calibration,
         stopwatch: Stopwatch,
     ) -> Result<TestRig, TestRigError> {
-        let bench = Bench::new(&config, calibration)?;
-        Ok(TestRig { stopwatch, config, rig, photos: Photos::Shown, bench })
+        let pipeline = Pipeline::new(&config, calibration)?.timed_by(Arc::new(stopwatch));
+        Ok(TestRig { stopwatch, config, rig, photos: Photos::Shown, pipeline })
     }
 
     /// The same, with photos taken by the camera of a simulated rig, which `witness` sees through.
@@ -100,8 +100,8 @@ impl TestRig {
     }
 
     /// What restores on it, and its devices.
-    pub fn parts(&mut self) -> (&Bench, &mut Rig) {
-        (&self.bench, &mut self.rig)
+    pub fn parts(&mut self) -> (&Pipeline, &mut Rig) {
+        (&self.pipeline, &mut self.rig)
     }
 
     /// The channels it is scored in: green alone where photos are linear, as the study did.
@@ -143,7 +143,7 @@ impl TestRig {
             Photos::Witnessed(witness) => witness.photograph(&light, PHOTO_SEED + scene as u64),
             Photos::Shown => {
                 let taken =
-                    self.bench.photograph(&mut self.rig, &light).map_err(TestRigError::Shown)?;
+                    self.pipeline.photograph(&mut self.rig, &light).map_err(TestRigError::Shown)?;
                 Frame::from_fn(|c| tone.display(c, taken.plane(c)).map(|v: f32| v.round() as u8))
             }
         };
@@ -189,12 +189,12 @@ impl TestRig {
         channels: Channels,
         method: &dyn Method,
         watch: &mut Watch<'_>,
-    ) -> Result<(Restored, f64), TestRigError> {
+    ) -> Result<(Solved, f64), TestRigError> {
         let begun = (self.stopwatch)();
-        let request = Request { photo, channels, method, stopwatch: &self.stopwatch };
-        let restored = self.bench.restore(&mut self.rig, &request, watch)?;
-        let computing = (self.stopwatch)() - begun - restored.waited_seconds;
-        Ok((restored, computing))
+        let prepared = self.pipeline.prepare(photo, channels);
+        let solved = self.pipeline.solve(&mut self.rig, &prepared, method, watch)?;
+        let computing = (self.stopwatch)() - begun - solved.waited_seconds;
+        Ok((solved, computing))
     }
 }
 
@@ -234,7 +234,7 @@ pub enum TestRigError {
     Calibrate(#[from] CalibrateError),
     /// Rig file and calibration.
     #[error("the calibration does not fit the rig file")]
-    Bench(#[from] BenchError),
+    Pipeline(#[from] PipelineError),
     /// A scene on the panel.
     #[error("a scene was shown and not photographed")]
     Shown(#[source] RigError),
@@ -248,7 +248,7 @@ impl Remediable for TestRigError {
         match self {
             TestRigError::Rig(error) | TestRigError::Shown(error) => error.remedy(),
             TestRigError::Calibrate(error) => error.remedy(),
-            TestRigError::Bench(error) => error.remedy(),
+            TestRigError::Pipeline(error) => error.remedy(),
             TestRigError::Method(error) => error.remedy(),
         }
     }

@@ -3,6 +3,7 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use relens::calibration::{Calibration, store};
@@ -11,13 +12,13 @@ use relens::chart::operating_point;
 use relens::chart::test_rig::{Score, TestRig};
 use relens::config::{Method, OperatingPoint, Rig};
 use relens::daemon::Restorer;
-use relens::daemon::on_rig::{self, OnRig};
 use relens::frame::{Frame, Work};
 #[cfg(feature = "hardware")]
 use relens::kiosk::screen::{Screen, draw};
 use relens::measurement;
-use relens::pipeline::{Bench, Interruption};
+use relens::pipeline::{Interruption, Pipeline};
 use relens::remedy::Remedy;
+use relens::restorer::on_rig::{self, OnRig};
 use relens::rig::Panel;
 use relens::rig::exposure::Rig as Devices;
 use relens::rig::simulated;
@@ -49,7 +50,7 @@ pub(super) fn restorer(
         measured?;
     }
     let begun = Instant::now();
-    let stopwatch = Box::new(move || begun.elapsed().as_secs_f64());
+    let stopwatch = Arc::new(move || begun.elapsed().as_secs_f64());
     let restorer = OnRig::new(rig, devices, slots, method, stopwatch, calibrating)?;
     Ok(Box::new(match interrupted {
         Some(interrupted) => restorer.interruptible(interrupted),
@@ -138,7 +139,7 @@ fn choose(
         CliError::Failure { words, remedy: Remedy::Recalibrate }
     };
     let chosen = chosen.map_err(|e| CliError::of(&e))?.ok_or_else(nothing)?;
-    relens::daemon::operating_point::save(kept, rig, &chosen).map_err(|e| CliError::of(&e))?;
+    relens::restorer::operating_point::save(kept, rig, &chosen).map_err(|e| CliError::of(&e))?;
     say(&format!("operating point {chosen}"))
 }
 
@@ -251,8 +252,8 @@ pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), CliError> {
         Ok(calibration) => {
             let (generation, captures) = (calibration.generation, calibration.captures);
             say(&format!("{:<28}generation {generation}, {captures} captures", "calibration"))?;
-            let bench = Bench::new(rig, &calibration).map_err(|e| CliError::of(&e))?;
-            match bench.check_backward(&mut devices, rig, &super::clock::seconds) {
+            let pipeline = Pipeline::new(rig, &calibration).map_err(|e| CliError::of(&e))?;
+            match pipeline.check_backward(&mut devices) {
                 Ok(check) => {
                     say(&format!("{:<28}{check}", "backward convolution"))?;
                     complaints.extend(check.complaint());
@@ -265,13 +266,14 @@ pub(super) fn check(rig: &Rig, folder: &Path) -> Result<(), CliError> {
             say(&format!("{:<28}none that can be used", "calibration"))?;
         }
     }
-    match relens::daemon::operating_point::load(&slots(folder), rig) {
+    match relens::restorer::operating_point::load(&slots(folder), rig) {
         Ok(chosen) => {
             chosen.map_or(Ok(()), |chosen| say(&format!("{:<28}{chosen}", "operating point")))?
         }
-        Err(reason) => {
-            complaints.push(format!("no operating point: {reason}; run `relens calibrate`"))
-        }
+        Err(reason) => complaints.push(format!(
+            "no operating point: {}; run `relens calibrate`",
+            relens::remedy::full_message(&reason)
+        )),
     }
     match complaints.is_empty() {
         true => say("all is well"),

@@ -32,7 +32,7 @@ pub(super) fn restore(words: &RestoreWords) -> Result<(), CliError> {
     if let Some(line) = &mut line {
         line.begun(&photo.name, 1, 1);
     }
-    let restored = restorer.restore(&photo, &mut |progress| {
+    let outcome = restorer.restore(&photo, &mut |progress| {
         if let Some(line) = &mut line {
             line.progress(progress);
         }
@@ -40,26 +40,26 @@ pub(super) fn restore(words: &RestoreWords) -> Result<(), CliError> {
     if let Some(line) = &mut line {
         line.ended();
     }
-    let restored = restored?;
+    let outcome = outcome?;
     let manner = Manner { format, ..photo.manner.clone() };
     let grey = photo.channels == Channels::Green;
     let result =
-        encode(&photo.name, &restored.picture, &manner, grey).map_err(|e| CliError::of(&e))?;
+        encode(&photo.name, &outcome.picture, &manner, grey).map_err(|e| CliError::of(&e))?;
     write_new(&words.out, &result)?;
-    let certificate = restored.certificate.map_or(String::new(), |c| format!("; {}", c.meaning()));
+    let certificate = outcome.certificate.map_or(String::new(), |c| format!("; {}", c.meaning()));
     say(&format!(
         "{}: {} on rung {}, {} captures, {:.1} s{certificate}",
         words.out.display(),
-        restored.method,
-        restored.rung,
-        restored.captures,
-        restored.seconds
+        outcome.method,
+        outcome.rung.number(),
+        outcome.captures,
+        outcome.seconds
     ))?;
-    for note in photo.notes.iter().chain(&restored.notes) {
+    for note in [&outcome.reason].into_iter().chain(&photo.notes).chain(&outcome.notes) {
         say(&format!("  {note}"))?;
     }
     if let Some(path) = &words.report {
-        let report = relens::daemon::Report::single(&rig.name, &photo, &restored, &words.out);
+        let report = relens::daemon::Report::single(&rig.name, &photo, &outcome, &words.out);
         let json =
             serde_json::to_vec_pretty(&report).map_err(|e| CliError::writing(path, &e.into()))?;
         write_new(path, &json)?;

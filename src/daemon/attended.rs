@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::schedule::{Ended, Schedule, Turn};
 use super::vigil::Missed;
 use super::withdrawal::Delivered;
-use super::{DaemonError, Outcome, Restorer};
+use super::{DaemonError, ReportedOutcome, Restorer};
 use crate::config::Mode;
 use crate::kiosk::front::{Front, State};
 use crate::kiosk::screen::Screen;
@@ -201,9 +201,11 @@ impl Schedule for Attended<'_> {
         self.shown = None;
         if let Ended::Restored { report, .. } = ended {
             let words = match (&report.meaning, report.outcome) {
-                (_, Outcome::Untouched) => format!("Left as it was: {}", report.rung_reason),
+                (_, ReportedOutcome::Untouched) => {
+                    format!("Left as it was: {}", report.rung_reason)
+                }
                 (Some(meaning), _) => meaning.clone(),
-                (None, _) => "Restored with the measured lens; not photographed again.".to_owned(),
+                (None, _) => "Restored; not photographed again.".to_owned(),
             };
             self.result = Some((report.photo.clone(), words, self.clock.now()));
         }
@@ -285,5 +287,5 @@ pub fn interruption(
     front: Front,
     stopped: Arc<std::sync::atomic::AtomicBool>,
 ) -> crate::pipeline::Interruption {
-    Box::new(move || front.cancelled() || stopped.load(std::sync::atomic::Ordering::Acquire))
+    Arc::new(move || front.cancelled() || stopped.load(std::sync::atomic::Ordering::Acquire))
 }

@@ -13,7 +13,8 @@ use super::job::{Claimed, Refusal, refusal, report_name};
 use super::ledger::id;
 use super::report::Circumstances;
 use super::run::Daemon;
-use super::{DaemonError, Report, Restored, Step, atomic_file};
+use super::{DaemonError, Report, Step, atomic_file};
+use crate::pipeline::{Outcome, Verdict};
 
 /// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
 const PREVIEW_PX: usize = 1280;
@@ -37,15 +38,15 @@ impl Daemon<'_> {
         &mut self,
         claimed: &mut Claimed,
         photo: &Photo,
-        restored: &Restored,
+        outcome: &Outcome,
     ) -> Result<Result<Report, Refusal>, DaemonError> {
-        let encoded = match encoded(photo, restored) {
+        let encoded = match encoded(photo, outcome) {
             Ok(encoded) => encoded,
             Err(error) => return Ok(Err(refusal(error.remedy(), full_message(&error)))),
         };
         loop {
             let name = free_name(self, &claimed.name, photo.manner.format.extension())?;
-            match self.deliver_as(&name, claimed, photo, restored, &encoded) {
+            match self.deliver_as(&name, claimed, photo, outcome, &encoded) {
                 // Another box took the name since the look.
                 Err(error) if error.is_taken() => {}
                 delivered => return Ok(delivered?.ok_or(Refusal::Lost)),
@@ -59,7 +60,7 @@ impl Daemon<'_> {
         result: &OsStr,
         claimed: &mut Claimed,
         photo: &Photo,
-        restored: &Restored,
+        outcome: &Outcome,
         encoded: &Encoded,
     ) -> Result<Option<Report>, DaemonError> {
         if !self.is_ours(claimed)? {
@@ -72,7 +73,7 @@ impl Daemon<'_> {
         let picture = |what: &str| picture(result, what);
         let report = Report::new(
             photo,
-            restored,
+            outcome,
             Circumstances {
                 rig: &self.setting.rig,
                 result,
@@ -121,15 +122,17 @@ impl Daemon<'_> {
     }
 }
 
-fn encoded(photo: &Photo, restored: &Restored) -> Result<Encoded, PictureError> {
+fn encoded(photo: &Photo, outcome: &Outcome) -> Result<Encoded, PictureError> {
     let grey = photo.channels == Channels::Green;
     Ok(Encoded {
         before: preview(&photo.name, &photo.light, &photo.manner, grey, PREVIEW_PX)?,
-        after: preview(&photo.name, &restored.picture, &photo.manner, grey, PREVIEW_PX)?,
-        small: preview(&photo.name, &restored.picture, &photo.manner, grey, SMALL_PX)?,
-        result: match restored.untouched {
-            true => None,
-            false => Some(encode(&photo.name, &restored.picture, &photo.manner, grey)?),
+        after: preview(&photo.name, &outcome.picture, &photo.manner, grey, PREVIEW_PX)?,
+        small: preview(&photo.name, &outcome.picture, &photo.manner, grey, SMALL_PX)?,
+        result: match outcome.verdict {
+            Verdict::Untouched => None,
+            Verdict::Sound | Verdict::Replaced => {
+                Some(encode(&photo.name, &outcome.picture, &photo.manner, grey)?)
+            }
         },
     })
 }

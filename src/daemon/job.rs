@@ -12,8 +12,9 @@ use crate::rig::Moment;
 use super::ledger::{ATTEMPTS_MAX, Ledger};
 use super::run::Daemon;
 use super::withdrawal::Delivered;
-use super::{DaemonError, Failed, Report, Restored, Step, atomic_file};
+use super::{DaemonError, Failed, Report, Step, atomic_file};
 use crate::disk::Kind;
+use crate::pipeline::Outcome;
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
 const TRIES_MAX: u32 = 3;
@@ -192,7 +193,7 @@ impl Daemon<'_> {
     }
 
     /// Restores, and on a stumble of the rig does what the failure's remedy says and tries again.
-    fn restore_with_care(&mut self, photo: &Photo) -> Result<Restored, Refusal> {
+    fn restore_with_care(&mut self, photo: &Photo) -> Result<Outcome, Refusal> {
         let mut tries = 1;
         let mut told_of = None;
         loop {

@@ -20,7 +20,6 @@
 
 mod atomic_file;
 mod attended;
-mod baseline;
 mod delivery;
 mod error;
 mod folders;
@@ -34,12 +33,9 @@ mod lease;
 mod ledger;
 pub mod log_writer;
 mod nightly;
-pub mod on_rig;
-pub mod operating_point;
 mod reader;
 mod recovery;
 mod report;
-mod restorer;
 mod rollback;
 mod run;
 mod schedule;
@@ -56,8 +52,7 @@ pub use folders::Folders;
 pub use gallery::write_report;
 pub use nightly::{Nightly, Times};
 pub use reader::Reader;
-pub use report::{Failed, Outcome, Report};
-pub use restorer::{Certificate, Iteration, Progress, Restored, Restorer};
+pub use report::{Failed, Report, ReportedOutcome};
 pub use run::{Daemon, Summary};
 pub use schedule::{Ended, Schedule, Turn};
 pub use setting::Setting;
@@ -65,3 +60,5 @@ pub use state::{Doing, State};
 pub use vigil::Missed;
 pub use watcher::{ProgressLine, Step, Watcher};
 pub use withdrawal::Delivered;
+
+pub use crate::restorer::{Progress, Restorer};

@@ -8,13 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Channels, Size};
 use crate::picture::Photo;
-
-use super::{Certificate, Iteration, Restored};
+use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
 
 /// What became of a photo that has a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Outcome {
+pub enum ReportedOutcome {
     /// The result is the restored picture.
     Restored,
     /// The result is the photo itself; the notes say why.
@@ -32,7 +31,7 @@ pub struct Report {
     /// The same as a relative address, each byte that needs it escaped.
     pub result_address: String,
     /// What became of it.
-    pub outcome: Outcome,
+    pub outcome: ReportedOutcome,
     /// Name of the rig.
     pub rig: String,
     /// Name of the method.
@@ -46,7 +45,7 @@ pub struct Report {
     /// Seconds it took, captures included.
     pub seconds: f64,
     /// The optical residual, if a capture of the result was made.
-    pub certificate: Option<Certificate>,
+    pub certificate: Option<OpticalResidual>,
     /// What the certificate means.
     pub meaning: Option<String>,
     /// Width and height restored, the rig's photo size.
@@ -85,27 +84,30 @@ pub(super) struct Circumstances<'a> {
 }
 
 impl Report {
-    pub(super) fn new(photo: &Photo, restored: &Restored, about: Circumstances<'_>) -> Report {
+    pub(super) fn new(photo: &Photo, outcome: &Outcome, about: Circumstances<'_>) -> Report {
         Report {
             photo: photo.name.clone(),
             result: about.result.to_string_lossy().into_owned(),
             result_address: address(about.result),
-            outcome: if restored.untouched { Outcome::Untouched } else { Outcome::Restored },
+            outcome: match outcome.verdict {
+                Verdict::Untouched => ReportedOutcome::Untouched,
+                Verdict::Sound | Verdict::Replaced => ReportedOutcome::Restored,
+            },
             rig: about.rig.to_owned(),
-            method: restored.method.clone(),
-            rung: restored.rung,
-            rung_reason: restored.rung_reason.clone(),
-            captures: restored.captures,
-            seconds: restored.seconds,
-            certificate: restored.certificate,
-            meaning: restored.certificate.map(|c| c.meaning().to_owned()),
+            method: outcome.method.to_owned(),
+            rung: outcome.rung.number(),
+            rung_reason: outcome.reason.clone(),
+            captures: outcome.captures,
+            seconds: outcome.seconds,
+            certificate: outcome.certificate,
+            meaning: outcome.certificate.map(|c| c.meaning().to_owned()),
             size: photo.light.size(),
             stored: photo.stored,
             curve: photo.manner.tone.origin().to_owned(),
             grey: photo.channels == Channels::Green,
             turned: photo.turned(),
-            notes: photo.notes.iter().chain(&restored.notes).cloned().collect(),
-            iterations: restored.iterations.clone(),
+            notes: photo.notes.iter().chain(&outcome.notes).cloned().collect(),
+            iterations: outcome.iterations.clone(),
             photo_crc32: format!("{:08x}", photo.file.crc32),
             photo_bytes: photo.file.bytes,
             finished_unix_s: about.finished_unix_s,
@@ -115,12 +117,12 @@ impl Report {
     }
 
     /// The report of a photo restored outside a drop folder, with its result in `out`.
-    pub fn single(rig: &str, photo: &Photo, restored: &Restored, out: &Path) -> Report {
+    pub fn single(rig: &str, photo: &Photo, outcome: &Outcome, out: &Path) -> Report {
         let result = out.file_name().unwrap_or(out.as_os_str());
         let (before, after) = (String::new(), String::new());
         Report::new(
             photo,
-            restored,
+            outcome,
             Circumstances { rig, result, before, after, finished_unix_s: 0 },
         )
     }
@@ -139,8 +141,8 @@ impl Report {
             )
         });
         let outcome = match self.outcome {
-            Outcome::Restored => "restored",
-            Outcome::Untouched => "left as it was",
+            ReportedOutcome::Restored => "restored",
+            ReportedOutcome::Untouched => "left as it was",
         };
         format!(
             "{}: {outcome} ({}, rung {}, {captures}, {:.1} s{certificate})",

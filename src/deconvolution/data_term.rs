@@ -12,6 +12,9 @@ pub const TRUSTED: u8 = 1;
 /// The value is a lower bound: the sensor was full.
 pub const SATURATED: u8 = 2;
 
+/// Noise assumed of any photo at least, grey levels: the rounding of an 8-bit file, 1/√12.
+pub const NOISE_MIN: f32 = 0.29;
+
 /// (K L − B) pixel by pixel: zero where data is missing, and where a saturated pixel is predicted
 /// to be at least as bright as its bound.
 pub fn residual(predicted: &Plane, photo: &Plane, trust: &Plane<u8>, out: &mut Plane) {

@@ -2,21 +2,15 @@
 
 use std::fmt;
 
-use super::Bench;
-use super::methods::patches;
-use crate::config;
+use super::Pipeline;
 use crate::deconvolution::dot_test::DotTest;
 use crate::deconvolution::patches::PatchShape;
 use crate::frame::Rect;
-use crate::light_path::LightPath;
 use crate::remedy::AnyFailure;
 use crate::rig::exposure::Rig;
 
-/// Difference past which backward convolution counts as broken. Measured 2026-11-21, worst channel
-/// in per cent, on small.toml, study.toml and simulated.toml: as they are filed −1.3, −1.4, −1.5,
-/// with a lens slid off centre by a quarter of the photo since −1.0, −1.2 (what the light does is
-/// its own adjoint, whatever was measured before); patches of 4, 8 and 8 px −3.1, −3.8, −11.3;
-/// nothing sewn around patches −7.4, −4.8, −6.5; one patch for the photo −13.6, −11.8, −24.1.
+/// Difference past which backward convolution counts as broken: healthy rigs measure up to 0.015,
+/// patches too small or too large 0.031 and more (tests/tables/README.md).
 const DIFFERENCE_MAX: f64 = 0.025;
 
 /// How a rig stood the dot test.
@@ -28,24 +22,18 @@ pub struct BackwardCheck {
     support_px: usize,
 }
 
-impl Bench {
-    /// Tests the backward convolution of `rig`, described by `config`, in
-    /// [`crate::deconvolution::dot_test::CAPTURES`] captures.
+impl Pipeline {
+    /// Tests the backward convolution of `rig` in [`crate::deconvolution::dot_test::CAPTURES`]
+    /// captures.
     ///
     /// # Errors
     /// The failure of the capture that failed.
-    pub fn check_backward(
-        &self,
-        rig: &mut Rig,
-        config: &config::Rig,
-        stopwatch: &(dyn Fn() -> f64 + Sync),
-    ) -> Result<BackwardCheck, AnyFailure> {
+    pub fn check_backward(&self, rig: &mut Rig) -> Result<BackwardCheck, AnyFailure> {
         let layout = *self.correction.layout();
         let photo = Rect { x: layout.margin_px, y: layout.margin_px, size: layout.photo };
-        let shape = patches(config);
-        let mut path = LightPath::new(rig, &self.correction, stopwatch);
-        let found = DotTest::measure(&mut path, &self.model, photo, shape)?;
-        Ok(BackwardCheck { found, shape, support_px: self.model.functions().support_px })
+        let (shape, support_px) = (self.patches, self.model.functions().support_px);
+        let found = DotTest::measure(&mut self.light_path(rig), &self.model, photo, shape)?;
+        Ok(BackwardCheck { found, shape, support_px })
     }
 }
 
@@ -91,6 +79,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::config;
     use crate::rig::simulated;
 
     /// The small rig with patches of so many pixels.
@@ -100,8 +89,7 @@ mod tests {
         let calibration =
             crate::measurement::calibrate(&mut rig, &config, None, &mut |_| {}).unwrap();
         config.paper.patch_px = patch_px;
-        let bench = Bench::new(&config, &calibration).unwrap();
-        bench.check_backward(&mut rig, &config, &|| 0.0).unwrap()
+        Pipeline::new(&config, &calibration).unwrap().check_backward(&mut rig).unwrap()
     }
 
     #[test]

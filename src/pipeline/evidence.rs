@@ -13,9 +13,9 @@
 
 use rayon::prelude::*;
 
-use super::{Bench, Restored};
+use super::{Pipeline, Prepared, Solved};
 use crate::deconvolution::data_term::{
-    MISSING, SATURATED, noise_of, residual_in_place, rms_over_data,
+    MISSING, NOISE_MIN, SATURATED, noise_of, residual_in_place, rms_over_data,
 };
 use crate::deconvolution::quality::ssim;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Size, Work};
@@ -41,8 +41,6 @@ pub struct Evidence {
     pub rougher: f32,
 }
 
-/// Noise assumed at least: the rounding of an 8-bit photo, 1/√12 grey levels.
-const NOISE_MIN: f32 = 0.29;
 /// A channel with less of its pixels away from saturated ones has no say. Guess.
 const DATA_SHARE_MIN: f64 = 0.05;
 /// Weights of red, green and blue in luminance (Rec. 709).
@@ -68,17 +66,17 @@ impl Evidence {
     }
 }
 
-/// How far `result` is from `second`, as a share of how far the untouched photo is from it, by 1 −
+/// How far `result` is from the `reference` solution, as a share of how far the untouched photo is from it, by 1 −
 /// SSIM of lightness; 0 is the same picture, above 1 the photo is nearer.
-pub fn distance(
+pub(super) fn distance(
     photo: &Frame<Work>,
     result: &Frame<Work>,
-    second: &Frame<Work>,
+    reference: &Frame<Work>,
     channels: Channels,
 ) -> f64 {
-    let (second, result) = (lightness(second, channels), lightness(result, channels));
-    let apart = |plane: &Plane| 1.0 - ssim(plane, &second);
-    apart(&result) / apart(&lightness(photo, channels)).max(f64::MIN_POSITIVE)
+    let (reference, result) = (lightness(reference, channels), lightness(result, channels));
+    let unlike = |plane: &Plane| 1.0 - ssim(plane, &reference);
+    unlike(&result) / unlike(&lightness(photo, channels)).max(f64::MIN_POSITIVE)
 }
 
 /// How light `picture` looks, 0..255; of a grey photo its green channel.
@@ -93,8 +91,6 @@ fn lightness(picture: &Frame<Work>, channels: Channels) -> Plane {
 
 /// Side of the blocks whose noise is looked at one by one, pixels.
 const BLOCK_PX: usize = 8;
-/// Roughness assumed at least, in codes of 255: rounding.
-const ROUGHNESS_MIN: f32 = 0.29;
 
 /// The noise of the quiet parts of a picture in lightness: of its blocks' noises, the one that a
 /// quarter of them stay below. A photo without any flat quarter hides noise, too.
@@ -110,41 +106,30 @@ fn roughness(lightness: &Plane) -> f32 {
     if noises.is_empty() { 0.0 } else { *noises.select_nth_unstable_by(quarter, f32::total_cmp).1 }
 }
 
-impl Bench {
-    /// What can be known of `restored`, which was made of `photo`; by the lens as its captures say
-    /// it is.
-    pub fn evidence(
-        &self,
-        photo: &Frame<Work>,
-        channels: Channels,
-        restored: &Restored,
-    ) -> Evidence {
-        let rough = |picture: &Frame<Work>| roughness(&lightness(picture, channels));
-        let rougher = rough(&restored.picture) / rough(photo).max(ROUGHNESS_MIN);
-        let (placed, trust) = self.prepare(photo);
-        let reach = restored.lens.functions().support_px / 2;
+impl Pipeline {
+    /// What can be known of what was `solved` for `photo`, by the lens as its captures say it is.
+    pub(super) fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
+        let rough = |picture: &Frame<Work>| roughness(&lightness(picture, photo.channels));
+        let rougher = rough(&solved.picture) / rough(photo.photo).max(NOISE_MIN);
+        let reach = solved.lens.functions().support_px / 2;
         let of = |&c: &Channel| {
-            let picture = restored.solution.picture.plane(c);
-            let (photo, trust) = (placed.plane(c), away_from_saturated(trust.plane(c), reach));
+            let trust = away_from_saturated(photo.trust.plane(c), reach);
             let data = trust.data().iter().filter(|&&t| t != MISSING).count();
             let residual = |of: &Plane| {
                 let mut plane = Plane::zeros(of.size());
-                restored.lens.forward(c, of, &mut plane);
-                residual_in_place(&mut plane, photo, &trust);
+                solved.lens.forward(c, of, &mut plane);
+                residual_in_place(&mut plane, photo.placed.plane(c), &trust);
                 rms_over_data(&plane, &trust)
             };
-            let has_a_say = data as f64 >= DATA_SHARE_MIN * self.photo_area();
+            let has_a_say = data as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
+            let picture = solved.solution.picture.plane(c);
             Residuals {
                 model: if has_a_say { residual(picture) } else { 0.0 },
-                untouched: residual(photo),
-                photo_noise: restored.photo_noise[c.index()],
+                untouched: residual(photo.placed.plane(c)),
+                photo_noise: photo.noise[c.index()],
             }
         };
-        Evidence { channels: channels.list().par_iter().map(of).collect(), rougher }
-    }
-
-    fn photo_area(&self) -> f64 {
-        self.correction.layout().photo.area() as f64
+        Evidence { channels: photo.channels.list().par_iter().map(of).collect(), rougher }
     }
 }
 
@@ -177,15 +162,15 @@ mod tests {
     }
 
     #[test]
-    fn the_distance_is_nought_for_the_second_opinion_and_one_for_the_photo() {
+    fn the_distance_is_nought_for_the_reference_solution_and_one_for_the_photo() {
         let wave = |share: f32| {
             let plane =
                 Plane::from_fn(Size::new(40, 30), |x, y| 90.0 + share * ((x * y) % 23) as f32);
             Frame::<Work>::from_fn(|_| plane.clone())
         };
-        let (photo, second) = (wave(1.0), wave(4.0));
-        assert!(distance(&photo, &second, &second, Channels::Colour).abs() < 1e-6);
-        assert!((distance(&photo, &photo, &second, Channels::Colour) - 1.0).abs() < 1e-6);
-        assert!(distance(&photo, &wave(3.0), &second, Channels::Green) < 0.5);
+        let (photo, reference) = (wave(1.0), wave(4.0));
+        assert!(distance(&photo, &reference, &reference, Channels::Colour).abs() < 1e-6);
+        assert!((distance(&photo, &photo, &reference, Channels::Colour) - 1.0).abs() < 1e-6);
+        assert!(distance(&photo, &wave(3.0), &reference, Channels::Green) < 0.5);
     }
 }

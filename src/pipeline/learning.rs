@@ -10,10 +10,10 @@
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hasher};
 
-use super::{Bench, Restored};
+use super::{Pipeline, Prepared, Solved};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::refinement::{Learnt, Look};
-use crate::frame::{Channel, Frame, Work};
+use crate::frame::Channel;
 
 /// Other photos whose captures a lens must explain. Guess: each of them is a test with some hundred
 /// thousand pixels, and photos are unlike each other.
@@ -54,13 +54,13 @@ impl Learning {
     }
 }
 
-impl Bench {
-    /// Takes down what was learnt of the lens from `photo`, `restored`; the lens's functions once
-    /// enough other photos have proved them better than the measured ones.
-    pub fn learn(&mut self, photo: &Frame<Work>, restored: &Restored) -> Option<LensFunctions> {
+impl Pipeline {
+    /// Takes down what was learnt of the lens from `photo`, which was `solved`; the lens's
+    /// functions once enough other photos have proved them better than the measured ones.
+    pub fn learn(&mut self, photo: &Prepared<'_>, solved: &Solved) -> Option<LensFunctions> {
         let mut hasher = DefaultHasher::new();
-        photo.plane(Channel::Green).data().iter().for_each(|v| hasher.write_u32(v.to_bits()));
-        let proved = self.learning.note(hasher.finish(), &restored.solution.look)?;
+        photo.photo.plane(Channel::Green).data().iter().for_each(|v| hasher.write_u32(v.to_bits()));
+        let proved = self.learning.note(hasher.finish(), &solved.solution.look)?;
         Some(proved.functions.clone())
     }
 }

@@ -67,6 +67,15 @@ impl Setting {
 }
 
 impl Setting {
+    /// Whether the numbers are such as a choice can have: 1 to 10 000, and no capture only for what
+    /// may go without.
+    pub fn is_sane(&self) -> bool {
+        let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
+        let sane = |n: u32| (1..=10_000).contains(&n);
+        let without = method == config::Method::BlockMatching && captures_max == 0;
+        [steps, correction_steps, rounds].into_iter().all(sane) && (without || sane(captures_max))
+    }
+
     /// The numbers, in words; nothing for a method without any.
     pub fn numbers(&self) -> String {
         let Setting { method, steps, correction_steps, captures_max, rounds } = *self;

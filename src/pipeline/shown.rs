@@ -1,12 +1,12 @@
 //! A photo of a scene that the panel shows: how a rig of devices knows a truth to be scored by.
 
-use super::Bench;
+use super::Pipeline;
 use crate::deconvolution::data_term;
 use crate::frame::{Frame, Work};
 use crate::rig::RigError;
 use crate::rig::exposure::Rig;
 
-impl Bench {
+impl Pipeline {
     /// What the camera of `rig` makes of `scene` (photo-sized, linear light 0..255) on its panel:
     /// linear light as a photo has it, with blur, colour fringes, dark corner and noise. The
     /// panel's three primaries stand for the scene's light.

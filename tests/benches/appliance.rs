@@ -24,7 +24,7 @@ use relens::config::{self, Glare, Kind, Lens};
 use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
 use relens::measurement::calibrate;
 use relens::picture::Tone;
-use relens::pipeline::{Bench, Request, method};
+use relens::pipeline::{Pipeline, method};
 use relens::rig::exposure::{Rig, Timing};
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
 
@@ -136,14 +136,13 @@ fn restore(
     devices: &mut Rig,
 ) -> (f64, usize, f64) {
     let before = memory();
-    let bench = Bench::new(rig, calibration).unwrap();
+    let pipeline = Pipeline::new(rig, calibration).unwrap().timed_by(Arc::new(seconds));
     println!("the lens model and the corrections take {:.0} MiB", memory() - before);
     let solver = method(rig, rig.restore.method);
     let (begun, processor) = (seconds(), processor_seconds());
     let mut watch = |_: &relens::deconvolution::method::Step, _: Option<&Frame<Work>>| {};
-    let request =
-        Request { photo, channels: Channels::Colour, method: &*solver, stopwatch: &seconds };
-    let restored = bench.restore(devices, &request, &mut watch).unwrap();
+    let prepared = pipeline.prepare(photo, Channels::Colour);
+    let restored = pipeline.solve(devices, &prepared, &*solver, &mut watch).unwrap();
     if restored.solution.look.refined.is_some() {
         println!("the lens model was refined");
     }

@@ -6,11 +6,12 @@ use std::rc::Rc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use relens::config::Mode;
-use relens::daemon::{Attended, Daemon, Folders, Progress, Restored, Restorer, Summary};
+use relens::daemon::{Attended, Daemon, Folders, Progress, Restorer, Summary};
 use relens::kiosk::front::{Front, State};
 use relens::kiosk::press::Press;
 use relens::kiosk::screen::Screen;
 use relens::picture::{Format, Photo};
+use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
 
 use crate::bed::*;
@@ -26,7 +27,7 @@ impl Restorer for Shown {
         &mut self,
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<Restored, AnyFailure> {
+    ) -> Result<Outcome, AnyFailure> {
         self.inner.restore(photo, progress)
     }
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {

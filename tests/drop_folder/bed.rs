@@ -7,12 +7,11 @@ use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::Curve;
-use relens::daemon::{
-    Certificate, Daemon, DaemonError, Folders, Iteration, Progress, Restored, Restorer, Setting,
-    Summary, Watcher,
-};
+use relens::daemon::{Daemon, DaemonError, Folders, Progress, Restorer, Setting, Summary, Watcher};
+use relens::deconvolution::ladder::Rung;
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::{Format, Limits, Manner, Photo, encode};
+use relens::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 use relens::rig::{Clock, Moment};
 
@@ -62,24 +61,28 @@ impl Restorer for Brightener {
         &mut self,
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<Restored, AnyFailure> {
+    ) -> Result<Outcome, AnyFailure> {
         progress(Progress { done: 0.5, doing: "brightening", captures: 1 });
         assert!(!self.panics, "told to");
         if let Some(remedy) = self.failures.pop() {
             return Err(Box::new(LampOut(remedy)));
         }
         self.restored += 1;
-        Ok(Restored {
-            picture: Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 10.0)),
-            untouched: self.untouched,
-            method: "brighten".into(),
-            rung: 2,
-            rung_reason: "told to".into(),
+        Ok(Outcome {
+            verdict: if self.untouched { Verdict::Untouched } else { Verdict::Sound },
+            method: "brighten",
+            rung: Rung::LensModel,
             captures: 1,
             seconds: 0.5,
-            certificate: Some(Certificate { residual_grey_levels: 1.0, floor_grey_levels: 1.0 }),
-            notes: vec![],
+            certificate: Some(OpticalResidual {
+                residual_grey_levels: 1.0,
+                floor_grey_levels: 1.0,
+            }),
             iterations: vec![Iteration { residual_grey_levels: 1.0, captures: 1, seconds: 0.5 }],
+            ..Outcome::untouched(
+                Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 10.0)),
+                "told to",
+            )
         })
     }
 

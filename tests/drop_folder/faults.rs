@@ -363,7 +363,7 @@ impl relens::daemon::Restorer for Stumbling<'_> {
         &mut self,
         photo: &relens::picture::Photo,
         progress: &mut dyn FnMut(relens::daemon::Progress),
-    ) -> Result<relens::daemon::Restored, relens::remedy::AnyFailure> {
+    ) -> Result<relens::pipeline::Outcome, relens::remedy::AnyFailure> {
         self.inner.failures.extend(self.failures.borrow_mut().pop());
         self.inner.restore(photo, progress)
     }

@@ -10,18 +10,20 @@ mod shut_out;
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use relens::config::{self, ClockSource, Nights};
-use relens::daemon::on_rig::{self, OnRig};
 use relens::daemon::{
-    Daemon, Doing, Folders, Nightly, Progress, Reader, Restored, Restorer, Setting, State, Summary,
-    Times,
+    Daemon, Doing, Folders, Nightly, Progress, Reader, Restorer, Setting, State, Summary, Times,
 };
+use relens::deconvolution::ladder::Rung;
 use relens::frame::{Frame, Plane, Work};
 use relens::nights::pilot::{Drift, Limits};
 use relens::picture::{Format, Manner, Photo, encode};
+use relens::pipeline::{Outcome, Verdict};
 use relens::remedy::{AnyFailure, Remedy};
+use relens::restorer::on_rig::{self, OnRig};
 use relens::rig::simulated::{self, Witness};
 use relens::rig::{Clock, Moment};
 
@@ -50,7 +52,7 @@ fn rig(slots: &Path) -> (config::Rig, OnRig, Witness) {
     let (mut devices, witness) = simulated::open(&config).unwrap();
     on_rig::measure(&config, &mut devices, slots, |_| {}).unwrap_or_else(|e| panic!("{e}"));
     let method = Some(config::Method::Digital);
-    let restorer = OnRig::new(&config, devices, slots.to_owned(), method, Box::new(|| 0.0), |_| {});
+    let restorer = OnRig::new(&config, devices, slots.to_owned(), method, Arc::new(|| 0.0), |_| {});
     let restorer = restorer.unwrap_or_else(|e| panic!("{e}"));
     (config, restorer, witness)
 }
@@ -117,20 +119,19 @@ impl Restorer for Scripted<'_> {
         &mut self,
         photo: &Photo,
         _: &mut dyn FnMut(Progress),
-    ) -> Result<Restored, AnyFailure> {
+    ) -> Result<Outcome, AnyFailure> {
         self.log.borrow_mut().push(photo.name.clone());
         self.clock.0.set(self.clock.0.get() + self.photo_s);
-        Ok(Restored {
-            picture: Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 1.0)),
-            untouched: false,
-            method: "brighten".into(),
-            rung: 2,
-            rung_reason: "told to".into(),
+        Ok(Outcome {
+            verdict: Verdict::Sound,
+            method: "brighten",
+            rung: Rung::LensModel,
             captures: 1,
             seconds: 1.0,
-            certificate: None,
-            notes: vec![],
-            iterations: vec![],
+            ..Outcome::untouched(
+                Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 1.0)),
+                "told to",
+            )
         })
     }
     fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {

@@ -8,13 +8,14 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::{self, ClockSource, Mode, Nights};
 use relens::daemon::{
-    Attended, Daemon, Folders, Nightly, Progress, Reader, Restored, Restorer, Setting, State, Times,
+    Attended, Daemon, Folders, Nightly, Progress, Reader, Restorer, Setting, State, Times,
 };
 use relens::kiosk::front::{self, Front};
 use relens::kiosk::press::Press;
 use relens::kiosk::screen::Screen;
 use relens::nights::pilot::Drift;
 use relens::picture::Photo;
+use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 
 use super::{Scripted, TestClock, nights, photos};
@@ -69,7 +70,7 @@ impl Restorer for Fragile<'_> {
         &mut self,
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<Restored, AnyFailure> {
+    ) -> Result<Outcome, AnyFailure> {
         self.ask()?;
         self.inner.restore(photo, progress)
     }

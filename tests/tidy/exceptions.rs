@@ -188,8 +188,5 @@ pub(crate) const DATED: &[&str] = &[
     "src/deconvolution/refinement/mod.rs",
     "src/measurement/lens.rs",
     "src/measurement/photometric.rs",
-    "src/pipeline/dot_test.rs",
     "src/pipeline/methods.rs",
-    "src/pipeline/mod.rs",
-    "src/pipeline/verdict.rs",
 ];

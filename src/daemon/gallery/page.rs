@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 
 use super::super::history::Entry;
 use super::super::keeping::Removed;
-use super::super::report::{Failed, Outcome, Report};
+use super::super::report::{Failed, Report, ReportedOutcome};
 use super::charts;
 
 /// Photos on one page.
@@ -37,7 +37,7 @@ pub(super) struct Overview<'a> {
 /// The first page: the summary, the charts, what was not restored, and the newest photos.
 pub(super) fn first_page(overview: &Overview<'_>) -> String {
     let &Overview { rig, reports, failed, left, attention, removed, pilots, now_unix_s } = overview;
-    let restored = reports.iter().filter(|r| r.outcome == Outcome::Restored).count();
+    let restored = reports.iter().filter(|r| r.outcome == ReportedOutcome::Restored).count();
     let mut counts = vec![format!("<b>{restored}</b> restored")];
     for (n, words) in [
         (reports.len() - restored, "left as they were"),
@@ -201,7 +201,7 @@ fn card(html: &mut String, n: usize, report: &Report) {
         escape(&report.photo.to_lowercase()),
         escape(&report.after),
         escape(&report.before),
-        if report.outcome == Outcome::Restored { "restored" } else { "left as it was" },
+        if report.outcome == ReportedOutcome::Restored { "restored" } else { "left as it was" },
     ));
     let captures = match report.captures {
         0 => "no capture".to_owned(),
@@ -292,22 +292,25 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::daemon::Certificate;
     use crate::frame::Size;
+    use crate::pipeline::OpticalResidual;
 
     fn report(photo: &str) -> Report {
         Report {
             photo: photo.to_owned(),
             result: photo.to_owned(),
             result_address: super::super::super::report::address(photo.as_ref()),
-            outcome: Outcome::Restored,
+            outcome: ReportedOutcome::Restored,
             rig: "small".into(),
             method: "hybrid".into(),
             rung: 3,
             rung_reason: "glare".into(),
             captures: 1,
             seconds: 4.31,
-            certificate: Some(Certificate { residual_grey_levels: 1.13, floor_grey_levels: 1.0 }),
+            certificate: Some(OpticalResidual {
+                residual_grey_levels: 1.13,
+                floor_grey_levels: 1.0,
+            }),
             meaning: None,
             size: Size::new(256, 192),
             stored: Size::new(256, 192),

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::*;
-use crate::daemon::{Certificate, Outcome};
+use crate::daemon::ReportedOutcome;
 use crate::frame::Size;
 use crate::nights::pilot::Drift;
+use crate::pipeline::OpticalResidual;
 
 fn report(n: u64) -> Report {
     let name = format!("photo {n:04}.jpg");
@@ -14,14 +15,18 @@ fn report(n: u64) -> Report {
         photo: name.clone(),
         result: name.clone(),
         result_address: super::super::report::address(name.as_ref()),
-        outcome: if n.is_multiple_of(7) { Outcome::Untouched } else { Outcome::Restored },
+        outcome: if n.is_multiple_of(7) {
+            ReportedOutcome::Untouched
+        } else {
+            ReportedOutcome::Restored
+        },
         rig: "small".into(),
         method: "hybrid".into(),
         rung: 3,
         rung_reason: "the certificate says that the model missed something".into(),
         captures: 2,
         seconds: 6.5,
-        certificate: Some(Certificate { residual_grey_levels: 1.1, floor_grey_levels: 1.0 }),
+        certificate: Some(OpticalResidual { residual_grey_levels: 1.1, floor_grey_levels: 1.0 }),
         meaning: None,
         size: Size::new(256, 192),
         stored: Size::new(256, 192),

@@ -1,6 +1,6 @@
 //! Repeated captures of one picture, averaged: less noise for more time.
 
-use super::{Method, MethodError, Problem, Solution, Watch};
+use super::{About, Method, MethodError, Problem, Solution, Watch};
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::frame::{Channel, Frame, Size, Work};
 use crate::remedy::AnyFailure;
@@ -63,8 +63,12 @@ pub struct Averaged {
 }
 
 impl Method for Averaged {
-    fn name(&self) -> &'static str {
-        self.method.name()
+    fn about(&self) -> &'static About {
+        self.method.about()
+    }
+
+    fn captures_max(&self) -> u32 {
+        self.times.max(1) * self.method.captures_max()
     }
 
     fn solve(

@@ -23,16 +23,14 @@
 
 use rayon::prelude::*;
 
-use super::{IterationRecord, Problem, ResidualOf, Step, Watch};
+use super::{About, IterationRecord, Problem, ResidualOf, Step, Watch};
 use crate::deconvolution::block_matching::{Groups, Noise, Passed, Search, filter};
-use crate::deconvolution::data_term::{self, SATURATED, TRUSTED};
+use crate::deconvolution::data_term::{self, NOISE_MIN, SATURATED, TRUSTED};
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 
-/// Noise assumed at least: the rounding of an 8-bit photo, 1/√12 grey levels.
-const NOISE_MIN: f32 = 0.29;
 /// τ of the first and of the last round over the photo's noise. Measured 2026-11-21 on study.toml,
 /// two captures, eight rounds, mean SSIM/PSNR of the photographs and of the chart for 12 to 4 and
 /// 20 to 6: 0.953/34.2 and 0.951/24.8, 0.953/34.3 and 0.956/25.3. In proportion to the noise, since
@@ -57,6 +55,10 @@ const CONJUGATE_STEPS: u32 = 8;
 /// 8 lose 0.001, of 32 as much; step 3 gains 0.0001 and step 5 loses 0.0002; a limit of 150 or 1200
 /// changes less than 0.0002.
 const SEARCH: Search = Search { step_px: 4, reach_px: 12, group_max: 16, difference_max: 400.0 };
+
+/// What a method with block matching for its prior is: [`super::digital`] or [`super::hybrid`].
+pub const ABOUT: About =
+    About { name: "block-matching", starts_from_lens: true, by_patches: false, by_steps: true };
 
 /// How a picture is solved with block matching.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -22,8 +22,8 @@ use super::blocks::Blocks;
 use super::problem::Certificate;
 use super::wiener::Wiener;
 use super::{
-    IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength,
-    Watch,
+    About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step,
+    Strength, Watch,
 };
 use crate::deconvolution::data_term;
 use crate::deconvolution::detail_mask::DetailMask;
@@ -72,9 +72,13 @@ pub struct Digital {
     pub blocks: Option<Blocks>,
 }
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "digital", starts_from_lens: true, by_patches: false, by_steps: true };
+
 impl Method for Digital {
-    fn name(&self) -> &'static str {
-        if self.blocks.is_some() { "block-matching" } else { "digital" }
+    fn about(&self) -> &'static About {
+        if self.blocks.is_some() { &super::blocks::ABOUT } else { &ABOUT }
     }
 
     fn solve(

@@ -30,7 +30,9 @@ use rayon::prelude::*;
 use super::blocks::Blocks;
 use super::digital::{Digital, model_residual};
 use super::problem::Certificate;
-use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
+use super::{
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch,
+};
 use crate::deconvolution::data_term::{self, MISSING, TRUSTED};
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
@@ -71,9 +73,17 @@ const STEP_MAX: f64 = 1.5;
 /// its noise.
 const DEFECT_LEVELS: usize = 4;
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "hybrid", starts_from_lens: true, by_patches: false, by_steps: true };
+
 impl Method for Hybrid {
-    fn name(&self) -> &'static str {
-        if self.digital.blocks.is_some() { "block-matching" } else { "hybrid" }
+    fn about(&self) -> &'static About {
+        if self.digital.blocks.is_some() { &super::blocks::ABOUT } else { &ABOUT }
+    }
+
+    fn captures_max(&self) -> u32 {
+        self.captures_max.max(1)
     }
 
     fn solve(

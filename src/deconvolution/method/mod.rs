@@ -53,10 +53,34 @@ use crate::remedy::AnyFailure;
 /// as it is now. Whoever looks after the program knows by it that a long solve is alive.
 pub type Watch<'a> = dyn FnMut(&Step, Option<&Frame<Work>>) + 'a;
 
+/// What a method is, whatever its numbers: rig files, lists and the judge go by it.
+#[derive(Debug, PartialEq, Eq)]
+pub struct About {
+    /// The word used in rig files, tables and reports.
+    pub name: &'static str,
+    /// Whether it starts from the lens model and its prior: what it makes is then near what the lens
+    /// alone says, unless captures lead it away.
+    pub starts_from_lens: bool,
+    /// Whether it sends pictures backward through the lens, patch by patch.
+    pub by_patches: bool,
+    /// Whether it goes by steps that can be too long.
+    pub by_steps: bool,
+}
+
 /// A named way to solve, with its parameters.
 pub trait Method {
+    /// What it is.
+    fn about(&self) -> &'static About;
+
     /// The word used in rig files, tables and reports.
-    fn name(&self) -> &'static str;
+    fn name(&self) -> &'static str {
+        self.about().name
+    }
+
+    /// Captures a photo costs at the most.
+    fn captures_max(&self) -> u32 {
+        0
+    }
 
     /// Solves `problem`, asking `optics` for captures.
     ///

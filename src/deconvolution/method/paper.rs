@@ -8,7 +8,9 @@
 
 use super::brake::Brake;
 use super::problem::Certificate;
-use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
+use super::{
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch,
+};
 use crate::deconvolution::backward_convolution::{Sign, backward_convolution};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::patches::{PatchGrid, PatchShape};
@@ -82,9 +84,20 @@ impl Paper {
     }
 }
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "paper", starts_from_lens: false, by_patches: true, by_steps: true };
+
 impl Method for Paper {
-    fn name(&self) -> &'static str {
-        "paper"
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn captures_max(&self) -> u32 {
+        match self.backward {
+            Backward::Light(_) => 4 + 5 * self.iterations,
+            Backward::Model => self.iterations,
+        }
     }
 
     fn solve(

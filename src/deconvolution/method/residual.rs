@@ -9,7 +9,8 @@
 use super::brake::Brake;
 use super::problem::Certificate;
 use super::{
-    IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength, Watch,
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength,
+    Watch,
 };
 use crate::deconvolution::backward_convolution::{Sign, backward_convolution};
 use crate::deconvolution::data_term;
@@ -43,9 +44,17 @@ pub struct Residual {
     pub cycle_spun: bool,
 }
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "residual", starts_from_lens: false, by_patches: true, by_steps: true };
+
 impl Method for Residual {
-    fn name(&self) -> &'static str {
-        "residual"
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn captures_max(&self) -> u32 {
+        1 + 5 * self.iterations
     }
 
     fn solve(

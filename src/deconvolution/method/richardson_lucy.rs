@@ -4,7 +4,9 @@ use rayon::prelude::*;
 
 use super::digital::model_residual;
 use super::problem::Certificate;
-use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
+use super::{
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch,
+};
 use crate::deconvolution::data_term::{self, MISSING};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
@@ -16,9 +18,13 @@ pub struct RichardsonLucy {
     pub steps: u32,
 }
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "richardson-lucy", starts_from_lens: false, by_patches: false, by_steps: false };
+
 impl Method for RichardsonLucy {
-    fn name(&self) -> &'static str {
-        "richardson-lucy"
+    fn about(&self) -> &'static About {
+        &ABOUT
     }
 
     fn solve(

@@ -1,5 +1,7 @@
 //! How strongly to shrink, from the noise of the photo.
 
+use crate::deconvolution::data_term::NOISE_MIN;
+
 /// The soft threshold of a proximal step as a function of the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Strength {
@@ -11,8 +13,6 @@ pub struct Strength {
 /// 1, 2 and 4 are 0.06, 0.1, 0.3 and 0.75 to 1.5: a straight line in logarithms has slope 1.3 to
 /// 1.5.
 const EXPONENT: f32 = 1.4;
-/// Noise assumed at least: the rounding of an 8-bit photo, 1/√12.
-const NOISE_MIN: f32 = 0.29;
 
 impl Strength {
     /// The threshold for noise of standard deviation `noise`, both in grey levels.

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::richardson_lucy::finish;
 use super::{
-    IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step, Strength,
-    Watch,
+    About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step,
+    Strength, Watch,
 };
 use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
@@ -29,9 +29,13 @@ pub struct TotalVariation {
     pub strength: Strength,
 }
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "total-variation", starts_from_lens: false, by_patches: false, by_steps: true };
+
 impl Method for TotalVariation {
-    fn name(&self) -> &'static str {
-        "total-variation"
+    fn about(&self) -> &'static About {
+        &ABOUT
     }
 
     fn solve(

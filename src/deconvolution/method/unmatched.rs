@@ -7,7 +7,8 @@
 use super::brake::Brake;
 use super::problem::Certificate;
 use super::{
-    IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength, Watch,
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength,
+    Watch,
 };
 use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
@@ -27,9 +28,17 @@ pub struct Unmatched {
     pub cycle_spun: bool,
 }
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "unmatched", starts_from_lens: false, by_patches: false, by_steps: true };
+
 impl Method for Unmatched {
-    fn name(&self) -> &'static str {
-        "unmatched"
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn captures_max(&self) -> u32 {
+        self.iterations
     }
 
     fn solve(

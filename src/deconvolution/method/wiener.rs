@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::richardson_lucy::finish;
-use super::{IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch};
+use super::{
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch,
+};
+use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
-
-/// Noise assumed at least: the rounding of an 8-bit photo, 1/√12 grey levels.
-const NOISE_MIN: f32 = 0.29;
 
 /// Wiener (1949), tile by tile with the function that holds in the tile's middle; the tiles are cut
 /// twice their size under a cosine and added up, so that no seam shows.
@@ -20,9 +20,13 @@ pub struct Wiener {
     pub noise_to_signal: f32,
 }
 
+/// What it is.
+pub const ABOUT: About =
+    About { name: "wiener", starts_from_lens: false, by_patches: false, by_steps: false };
+
 impl Method for Wiener {
-    fn name(&self) -> &'static str {
-        "wiener"
+    fn about(&self) -> &'static About {
+        &ABOUT
     }
 
     fn solve(

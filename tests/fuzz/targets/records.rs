@@ -13,7 +13,8 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use libfuzzer_sys::fuzz_target;
 use relens::config::{ClockSource, Curve, Nights};
-use relens::daemon::{Daemon, Folders, Nightly, Progress, Restored, Restorer, Setting, State, Times};
+use relens::pipeline::Outcome;
+use relens::daemon::{Daemon, Folders, Nightly, Progress, Restorer, Setting, State, Times};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::nights::pilot::Drift;
 use relens::picture::{Format, Manner, Photo, encode};
@@ -38,18 +39,10 @@ impl Clock for Still {
 struct Returner;
 
 impl Restorer for Returner {
-    fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Restored, AnyFailure> {
-        Ok(Restored {
-            picture: photo.light.clone(),
-            untouched: true,
-            method: "none".into(),
-            rung: 0,
-            rung_reason: "told to".into(),
+    fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Outcome, AnyFailure> {
+        Ok(Outcome {
             captures: 0,
-            seconds: 0.0,
-            certificate: None,
-            notes: vec![],
-            iterations: vec![],
+            ..Outcome::untouched(photo.light.clone(), "told to")
         })
     }
     fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {

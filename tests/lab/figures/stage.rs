@@ -8,12 +8,12 @@ use crate::config::{self, Kind, Lens};
 use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
-use crate::deconvolution::method::paper::{Backward, Paper};
-use crate::deconvolution::method::{Method, MethodError, Problem, Solution, Watch};
+use crate::deconvolution::method::paper::{self, Backward, Paper};
+use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use crate::deconvolution::patches::PatchShape;
 use crate::deconvolution::quality::{psnr, ssim};
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Work};
-use crate::pipeline::paper;
+use crate::pipeline;
 use crate::rig::simulated::{Light, Witness};
 
 /// Width that sizes in the paper refer to.
@@ -178,7 +178,7 @@ pub(super) fn scaled(rig: &config::Rig, px: usize) -> usize {
 
 /// The paper's loop as printed, nothing holding it back.
 pub(super) fn printed(rig: &config::Rig) -> Paper {
-    Paper { bounded: false, ..paper(rig) }
+    Paper { bounded: false, ..pipeline::paper(rig) }
 }
 
 /// The paper's loop with patches of `patch_px` (for a photo 1024 wide).
@@ -239,8 +239,8 @@ pub(super) struct Exact<'a> {
 }
 
 impl Method for Exact<'_> {
-    fn name(&self) -> &'static str {
-        "paper, exact adjoint"
+    fn about(&self) -> &'static About {
+        &paper::ABOUT
     }
 
     fn solve(

@@ -14,6 +14,8 @@
 
 pub mod scenes;
 
+use std::sync::Arc;
+
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -22,12 +24,11 @@ use super::chart::Chart;
 use super::table::Table;
 use super::test_rig::{Stopwatch, TestRigError, display_luminance};
 use crate::config::{self, Method};
-use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::quality::ssim;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
 use crate::measurement::calibrate;
 use crate::picture::Tone;
-use crate::pipeline::{Bench, Request, Restored, Verdict, method, reference_solution};
+use crate::pipeline::{Pipeline, method};
 use crate::rig::exposure::Rig;
 use crate::rig::simulated::{Witness, open};
 use scenes::{Varied, varied};
@@ -68,10 +69,9 @@ struct Ladder<'a> {
     config: &'a config::Rig,
     rig: Rig,
     witness: Witness,
-    bench: Bench,
-    one_function: Bench,
+    pipeline: Pipeline,
+    one_function: Pipeline,
     tone: Tone,
-    stopwatch: Stopwatch,
 }
 
 /// Climbs the ladder on the simulated rig of `config`, scene by scene; tells each of them.
@@ -88,13 +88,12 @@ pub fn climb(
     let mut one = calibration.clone();
     one.functions = one.functions.mean();
     let mut ladder = Ladder {
-        bench: Bench::new(config, &calibration)?,
-        one_function: Bench::new(config, &one)?,
+        pipeline: Pipeline::new(config, &calibration)?.timed_by(Arc::new(stopwatch)),
+        one_function: Pipeline::new(config, &one)?,
         tone: Tone::of_curve(config.photo.curve, 8),
         config,
         rig,
         witness,
-        stopwatch,
     };
     let mut climbs = Vec::new();
     for scene in varied(config.photo.size(), SEED) {
@@ -168,59 +167,25 @@ impl Ladder<'_> {
         let mut scores = [score(&self.tone, &photo), 0.0, 0.0, 0.0];
         let rungs = [(true, Method::Digital), (false, Method::Digital), (false, Method::Hybrid)];
         for (found, (one, which)) in scores[1..].iter_mut().zip(rungs) {
-            let bench = if one { &self.one_function } else { &self.bench };
+            let pipeline = if one { &self.one_function } else { &self.pipeline };
+            let prepared = pipeline.prepare(&photo, scene.channels);
             let solver = method(self.config, which);
-            let stopwatch = self.stopwatch;
-            let request = Request {
-                photo: &photo,
-                channels: scene.channels,
-                method: &*solver,
-                stopwatch: &stopwatch,
-            };
-            let restored = bench.restore(&mut self.rig, &request, &mut |_, _| {})?;
-            *found = score(&self.tone, &restored.picture);
+            let solved = pipeline.solve(&mut self.rig, &prepared, &*solver, &mut |_, _| {})?;
+            *found = score(&self.tone, &solved.picture);
         }
-        let begun = (self.stopwatch)();
-        let (taken, restored, why) = self.as_the_box_does(&photo, scene.channels)?;
-        let waited = restored.as_ref().map_or(0.0, |restored| restored.waited_seconds);
+        let prepared = self.pipeline.prepare(&photo, scene.channels);
+        let solver = method(self.config, self.config.restore.method);
+        let restoration =
+            self.pipeline.restore(&mut self.rig, &prepared, &*solver, &mut |_, _| {})?;
+        let outcome = restoration.outcome;
         Ok(LadderRow {
             name: scene.name,
-            delivered_ssim: match &restored {
-                Some(restored) if taken > 0 => score(&self.tone, &restored.picture),
-                _ => scores[0],
-            },
+            delivered_ssim: score(&self.tone, &outcome.picture),
             ssim: scores,
-            taken,
-            captures: restored.as_ref().map_or(0, |restored| restored.captures),
-            seconds: (self.stopwatch)() - begun - waited,
-            why,
-        })
-    }
-
-    /// Rung, result and reason, by the same steps as the daemon's.
-    fn as_the_box_does(
-        &mut self,
-        photo: &Frame<Work>,
-        channels: Channels,
-    ) -> Result<(usize, Option<Restored>, String), TestRigError> {
-        let leave = usize::from(Rung::LeaveIt.number());
-        if self.bench.is_blank(photo, channels) {
-            return Ok((leave, None, Rung::LeaveIt.reason().to_owned()));
-        }
-        let (solver, second) =
-            (method(self.config, self.config.restore.method), reference_solution(self.config));
-        let stopwatch = self.stopwatch;
-        let request = Request { photo, channels, method: &*solver, stopwatch: &stopwatch };
-        let judged = self.bench.restore_judged(&mut self.rig, &request, &second, &mut |_, _| {})?;
-        let rung = Rung::of(&judged.restored.solution.certificate);
-        Ok(match judged.verdict {
-            Verdict::Sound => {
-                (usize::from(rung.number()), Some(judged.restored), rung.reason().to_owned())
-            }
-            Verdict::Repaired(why) => {
-                (usize::from(Rung::LensModel.number()), Some(judged.restored), why)
-            }
-            Verdict::Untouched(why) => (leave, Some(judged.restored), why),
+            taken: outcome.rung.number().into(),
+            captures: outcome.captures,
+            seconds: outcome.seconds - restoration.solved.map_or(0.0, |s| s.waited_seconds),
+            why: outcome.reason,
         })
     }
 

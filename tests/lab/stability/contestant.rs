@@ -3,7 +3,7 @@
 use super::fault::Fault;
 use crate::config;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::method::{Method, MethodError, Problem, Solution, Watch};
+use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use crate::pipeline::{method, reference_solution};
 
 /// The methods that are swept.
@@ -89,8 +89,8 @@ struct Longer {
 }
 
 impl Method for Longer {
-    fn name(&self) -> &'static str {
-        self.method.name()
+    fn about(&self) -> &'static About {
+        self.method.about()
     }
 
     fn solve(

@@ -231,8 +231,8 @@ pub fn rates_table(caption: String, runs: &[Run]) -> Table {
     let mut table = Table::new(caption, &head);
     let mut row = |name: &str, of: &[&Run]| {
         let rates = Rates::of(of.iter().copied());
-        let replaced = |by: fn(&Verdict) -> bool| {
-            of.iter().filter(|r| r.harms() && by(&r.verdict)).count().to_string()
+        let replaced = |by: fn(Verdict) -> bool| {
+            of.iter().filter(|r| r.harms() && by(r.verdict)).count().to_string()
         };
         let share = |part: usize, whole: usize| match whole {
             0 => "–".to_owned(),
@@ -246,8 +246,8 @@ pub fn rates_table(caption: String, runs: &[Run]) -> Table {
             share(rates.costly, rates.healthy),
             rates.harmful.to_string(),
             share(rates.caught, rates.harmful),
-            replaced(|v| matches!(v, Verdict::Repaired(_))),
-            replaced(|v| matches!(v, Verdict::Untouched(_))),
+            replaced(|v| v == Verdict::Replaced),
+            replaced(|v| v == Verdict::Untouched),
             share(rates.harm_delivered, rates.runs),
             share(rates.given_up, rates.harmless),
         ]);

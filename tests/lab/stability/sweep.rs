@@ -1,7 +1,6 @@
 //! Runs methods under faults on a simulated rig that was calibrated healthy, and takes down what
 //! became of them.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::contestant::Contestant;
@@ -9,13 +8,13 @@ use super::fault::{Fault, Place};
 use super::view::View;
 use crate::calibration::Calibration;
 use crate::config::{self, Curve, Kind};
-use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::quality::ssim;
 use crate::evaluate::test_rig::{Stopwatch, TestRigError, display_luminance};
 use crate::frame::{Channel, Channels, Frame, Plane, Work};
 use crate::measurement::calibrate;
 use crate::picture::Tone;
-use crate::pipeline::{Bench, BenchError, Request, Restored, Verdict, reference_solution};
+use crate::pipeline::{Outcome, Pipeline, PipelineError, Prepared, Solved, Verdict};
 use crate::rig::exposure::Rig;
 use crate::rig::simulated::{Witness, open};
 
@@ -92,18 +91,16 @@ pub fn sweep(
             if !plan.steps.contains(&step) {
                 continue;
             }
-            let mut ground = Ground::new(&healthy, &calibration, (fault, strength))?;
+            let mut ground = Ground::new(&healthy, &calibration, (fault, strength), stopwatch)?;
             // The photos were taken before anything happened to the rig.
             let photos = plan.views.iter().map(|&view| ground.photograph(view, plan.seed));
             let photos: Vec<(Frame<Work>, Plane)> = photos.collect::<Result<_, _>>()?;
             ground.put_fault_on();
             for (&view, (photo, truth)) in plan.views.iter().zip(photos) {
-                let second = ground.reference_solution(None, &photo)?;
+                let prepared = ground.prepare(&photo);
                 for &contestant in plan.contestants.iter().filter(|c| concerned(**c, fault, step)) {
-                    let (restored, verdict, second) =
-                        ground.run(contestant, &photo, &second, stopwatch)?;
+                    let (solved, outcome) = ground.run(contestant, &prepared)?;
                     let score = |picture: &Frame<Work>| ssim(&ground.display(picture), &truth);
-                    let (result, untouched) = (score(&restored.picture), score(&photo));
                     let run = Run {
                         fault,
                         strength,
@@ -111,15 +108,11 @@ pub fn sweep(
                         contestant,
                         view,
                         seed: plan.seed,
-                        ssim: result,
-                        photo_ssim: untouched,
-                        captures: restored.captures,
-                        delivered_ssim: match verdict {
-                            Verdict::Sound => result,
-                            Verdict::Repaired(_) => score(&second.picture),
-                            Verdict::Untouched(_) => untouched,
-                        },
-                        verdict,
+                        ssim: score(&solved.picture),
+                        photo_ssim: score(&photo),
+                        captures: solved.captures,
+                        delivered_ssim: score(&outcome.picture),
+                        verdict: outcome.verdict,
                     };
                     each(&run);
                     runs.push(run);
@@ -167,7 +160,7 @@ fn with_fewer_functions(
             sum.iter_mut().for_each(|tap| *tap /= count);
         }
     }
-    Ok(calibration.with_lens(fewer).map_err(BenchError::from)?)
+    Ok(calibration.with_lens(fewer).map_err(PipelineError::from)?)
 }
 
 /// A rig with a fault, and the camera that takes the photos.
@@ -177,7 +170,7 @@ struct Ground {
     strength: f64,
     devices: Rig,
     witness: Witness,
-    bench: Bench,
+    pipeline: Pipeline,
     /// Of the camera that took the photo, when that was another.
     camera: Option<Witness>,
 }
@@ -187,18 +180,20 @@ impl Ground {
         healthy: &config::Rig,
         calibration: &Calibration,
         (fault, strength): (Fault, f64),
+        stopwatch: Stopwatch,
     ) -> Result<Ground, TestRigError> {
         let config = fault.changed_rig(strength, healthy).unwrap_or_else(|| healthy.clone());
-        let bench = match fault.functions(strength) {
-            Some(grid) => Bench::new(&config, &with_fewer_functions(calibration, grid)?)?,
-            None => Bench::new(&config, calibration)?,
+        let pipeline = match fault.functions(strength) {
+            Some(grid) => Pipeline::new(&config, &with_fewer_functions(calibration, grid)?)?,
+            None => Pipeline::new(&config, calibration)?,
         };
+        let pipeline = pipeline.timed_by(Arc::new(stopwatch));
         let (devices, witness) = open(&config)?;
         let camera = match fault.photo_rig(strength, &config) {
             Some(rig) => Some(open(&rig)?.1),
             None => None,
         };
-        Ok(Ground { config, fault, strength, devices, witness, bench, camera })
+        Ok(Ground { config, fault, strength, devices, witness, pipeline, camera })
     }
 
     fn put_fault_on(&mut self) {
@@ -234,44 +229,24 @@ impl Ground {
         Ok((photo, self.display(&truth)))
     }
 
-    /// What `lens` alone, or the measured one, makes of `photo`.
-    fn reference_solution(
-        &mut self,
-        lens: Option<&Arc<LensModel>>,
-        photo: &Frame<Work>,
-    ) -> Result<Restored, TestRigError> {
-        let (channels, method) = (self.channels(), reference_solution(&self.config));
-        let request = Request { photo, channels, method: &method, stopwatch: &|| 0.0 };
-        let lens = lens.unwrap_or(self.bench.model());
-        Ok(self.bench.restore_through(lens, &mut self.devices, &request, &mut |_, _| {})?)
+    fn prepare<'a>(&self, photo: &'a Frame<Work>) -> Prepared<'a> {
+        self.pipeline.prepare(photo, self.channels())
     }
 
-    /// What the contestant makes of `photo`, how it is judged, and by which reference solution:
-    /// `second`, or one with the lens as the photo's captures say it is.
-    fn run<'a>(
+    /// What the contestant makes of `photo`, and what is delivered of it.
+    fn run(
         &mut self,
         contestant: Contestant,
-        photo: &Frame<Work>,
-        second: &'a Restored,
-        stopwatch: Stopwatch,
-    ) -> Result<(Restored, Verdict, Cow<'a, Restored>), TestRigError> {
+        photo: &Prepared<'_>,
+    ) -> Result<(Solved, Outcome), TestRigError> {
         if self.fault == Fault::WarmUp {
             // Each job finds the panel cold.
             self.put_fault_on();
         }
         let method = contestant.method(&self.config, self.fault, self.strength);
-        let request =
-            Request { photo, channels: self.channels(), method: &*method, stopwatch: &stopwatch };
-        let restored = self.bench.restore(&mut self.devices, &request, &mut |_, _| {})?;
-        if !self.bench.is_suspect(&request, &restored) {
-            return Ok((restored, Verdict::Sound, Cow::Borrowed(second)));
-        }
-        let second = match restored.solution.look.refined {
-            None => Cow::Borrowed(second),
-            Some(_) => Cow::Owned(self.reference_solution(Some(&restored.lens), photo)?),
-        };
-        let verdict = self.bench.judge(&request, &restored, &second);
-        Ok((restored, verdict, second))
+        let solved = self.pipeline.solve(&mut self.devices, photo, &*method, &mut |_, _| {})?;
+        let outcome = self.pipeline.judge(photo, &solved, &mut |_, _| {})?;
+        Ok((solved, outcome))
     }
 
     /// A picture as it is scored: luminance of display values, or light where the photo is linear.

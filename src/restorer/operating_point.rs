@@ -1,14 +1,14 @@
 //! The operating point chosen for a rig, kept beside its calibration as a small file that people
 //! can read.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, atomic_file};
+use super::{keep, kept};
 use crate::config::{self, Method};
-use crate::disk::LocalDisk;
 use crate::pipeline::{Chosen, Setting};
+use crate::remedy::{Remediable, Remedy, full_message};
 
 /// Name of the file beside the calibration's slots.
 const NAME: &str = "operating-point.toml";
@@ -17,64 +17,105 @@ const HEAD: &str = "# Chosen and written by `relens calibrate`, on scenes shown 
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct Kept {
+struct KeptPoint {
     /// Identity of the rig it was chosen on, in hexadecimal.
     rig: String,
     chosen: Chosen,
 }
 
+/// Why an operating point cannot be used or kept.
+#[derive(Debug, thiserror::Error)]
+pub enum OperatingPointError {
+    /// None was chosen.
+    #[error("there is no {0}")]
+    Missing(PathBuf),
+    /// The file cannot be read or written.
+    #[error("cannot {what} {path}")]
+    File {
+        /// What was tried, as a verb.
+        what: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+    /// It is not as it was written.
+    #[error("{path} is damaged: {what}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// It was chosen for something else.
+    #[error("{path} is of {found}; allowed is {allowed}")]
+    Other {
+        /// The file.
+        path: PathBuf,
+        /// What it was chosen for.
+        found: String,
+        /// What this is.
+        allowed: String,
+    },
+}
+
+impl Remediable for OperatingPointError {
+    fn remedy(&self) -> Remedy {
+        use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+        match self {
+            OperatingPointError::File { source, .. } => match source.kind() {
+                PermissionDenied | ReadOnlyFilesystem => Remedy::CallOperator,
+                _ => Remedy::RetryLater,
+            },
+            _ => Remedy::Recalibrate,
+        }
+    }
+}
+
 /// What was chosen on `rig` for what its file asks; nothing when it asks for nothing.
 ///
 /// # Errors
-/// Why nothing chosen can be used, in words.
-pub fn load(slots: &Path, rig: &config::Rig) -> Result<Option<Chosen>, String> {
+/// Why nothing chosen can be used.
+pub fn load(slots: &Path, rig: &config::Rig) -> Result<Option<Chosen>, OperatingPointError> {
     let Some(wanted) = rig.restore.operating_point else { return Ok(None) };
     let path = slots.join(NAME);
-    let name = path.display();
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
+    let bytes = match kept(slots, NAME) {
+        Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            return Err(format!("there is no {name}"));
+            return Err(OperatingPointError::Missing(path));
         }
-        Err(error) => return Err(format!("cannot read {name}: {error}")),
+        Err(source) => return Err(OperatingPointError::File { what: "read", path, source }),
     };
-    let kept: Kept =
-        toml::from_str(&text).map_err(|e| format!("{name} is damaged: {}", e.message()))?;
-    if kept.rig != identity(rig) {
-        return Err(format!("{name} is of rig {}; this is rig {}", kept.rig, identity(rig)));
+    let point: KeptPoint = match toml::from_slice(&bytes) {
+        Ok(point) => point,
+        Err(error) => {
+            return Err(OperatingPointError::Damaged { path, what: error.message().to_owned() });
+        }
+    };
+    let of = |rig: &str, point: &str| format!("rig {rig} for `{point}`");
+    let found = of(&point.rig, point.chosen.operating_point.name());
+    let allowed = of(&identity(rig), wanted.name());
+    if found != allowed {
+        return Err(OperatingPointError::Other { path, found, allowed });
     }
-    let found = kept.chosen.operating_point;
-    if found != wanted {
-        return Err(format!(
-            "{name} is `{}`; the rig file asks for `{}`",
-            found.name(),
-            wanted.name()
-        ));
+    if !point.chosen.setting.is_sane() {
+        let what = "it has steps, rounds or captures that are not 1 to 10000".to_owned();
+        return Err(OperatingPointError::Damaged { path, what });
     }
-    let Setting { method, steps, correction_steps, captures_max, rounds } = kept.chosen.setting;
-    let sane = |n: u32| (1..=10_000).contains(&n);
-    let without = method == Method::BlockMatching && captures_max == 0;
-    if !([steps, correction_steps, rounds].into_iter().all(sane) && (without || sane(captures_max)))
-    {
-        return Err(format!(
-            "{name} is damaged: it has steps, rounds or captures that are not 1 to 10000"
-        ));
-    }
-    Ok(Some(kept.chosen))
+    Ok(Some(point.chosen))
 }
 
 /// Keeps what was `chosen` on `rig`, whole or not at all.
 ///
 /// # Errors
 /// When it cannot.
-pub fn save(slots: &Path, rig: &config::Rig, chosen: &Chosen) -> Result<(), DaemonError> {
-    let kept = Kept { rig: identity(rig), chosen: *chosen };
-    let text = toml::to_string(&kept).map_err(std::io::Error::other);
-    let text = text.and_then(|text| Ok((format!("{HEAD}{text}"), slots.canonicalize()?)));
-    let (text, slots) = text.map_err(DaemonError::files("write", slots))?;
-    let disk = LocalDisk::new(vec![slots.clone()]);
-    atomic_file::replace(&disk, &slots, NAME.as_ref(), text.as_bytes())?;
-    atomic_file::sync_folder(&disk, &slots)
+pub fn save(slots: &Path, rig: &config::Rig, chosen: &Chosen) -> Result<(), OperatingPointError> {
+    let point = KeptPoint { rig: identity(rig), chosen: *chosen };
+    let text = toml::to_string(&point).map_err(std::io::Error::other);
+    text.and_then(|text| keep(slots, NAME, format!("{HEAD}{text}").as_bytes())).map_err(|source| {
+        OperatingPointError::File { what: "write", path: slots.join(NAME), source }
+    })
 }
 
 /// What photos on `rig` are restored with: `method` if one is asked for, else what was chosen, else
@@ -88,8 +129,9 @@ pub fn setting(slots: &Path, rig: &config::Rig, method: Option<Method>) -> Setti
         Ok(chosen) => chosen.map_or(filed, |chosen| chosen.setting),
         Err(reason) => {
             log::warn!(
-                "no operating point to use: {reason}; restoring with {filed}; `relens calibrate` \
-                 chooses one"
+                "no operating point to use: {}; restoring with {filed}; `relens calibrate` \
+                 chooses one",
+                full_message(&reason)
             );
             filed
         }
@@ -123,13 +165,17 @@ mod tests {
         }
     }
 
+    fn refused(slots: &Path, rig: &config::Rig) -> String {
+        load(slots, rig).unwrap_err().to_string()
+    }
+
     #[test]
     fn what_was_chosen_is_what_is_restored_with_unless_a_method_is_asked_for() {
         let (folder, rig) = (tempfile::tempdir().unwrap(), rig());
         let slots = folder.path();
         assert_eq!(setting(slots, &rig, None), Setting::as_filed(&rig, rig.restore.method));
         save(slots, &rig, &chosen(&rig)).unwrap();
-        assert_eq!(load(slots, &rig), Ok(Some(chosen(&rig))));
+        assert_eq!(load(slots, &rig).unwrap(), Some(chosen(&rig)));
         assert_eq!(setting(slots, &rig, None).steps, 5);
         assert_eq!(
             setting(slots, &rig, Some(Method::Wiener)),
@@ -156,14 +202,14 @@ mod tests {
         ];
         for broken in broken {
             std::fs::write(&path, broken).unwrap();
-            assert!(load(slots, &rig).unwrap_err().contains("damaged"));
+            assert!(refused(slots, &rig).contains("damaged"));
         }
         std::fs::write(&path, &text).unwrap();
         rig.restore.operating_point = Some(OperatingPoint::Best);
-        assert!(load(slots, &rig).unwrap_err().contains("asks for `best`"));
+        assert!(refused(slots, &rig).contains("for `fast`; allowed is rig"));
         rig.identity ^= 1;
-        assert!(load(slots, &rig).unwrap_err().contains("is of rig"));
+        assert!(refused(slots, &rig).contains("is of rig"));
         rig.restore.operating_point = None;
-        assert_eq!(load(slots, &rig), Ok(None));
+        assert_eq!(load(slots, &rig).unwrap(), None);
     }
 }

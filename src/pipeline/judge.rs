@@ -1,0 +1,183 @@
+//! No harm: a result is judged before it is delivered. What harms is replaced by the reference
+//! solution, what total variation makes of the photo with the measured lens, and where no scene
+//! gives the photo through that lens, by the photo itself.
+//!
+//! The limits were measured on `small.toml` under the laboratory's faults; what healthy and harmful
+//! results have is in `tests/tables/README.md`.
+
+use std::sync::Arc;
+
+use super::evidence::{Evidence, distance};
+use super::{Outcome, Pipeline, Prepared, Solved, Verdict};
+use crate::deconvolution::ladder::Rung;
+use crate::deconvolution::method::{MethodError, NoOptics, Watch};
+
+/// No scene gives a photo whose reference solution leaves more unexplained than this: the model
+/// residual over the photo's noise, times the same over the untouched photo's residual, in the
+/// worst channel,
+const FOREIGN: f32 = 0.72;
+/// of the channels that have so many noises of the first
+const FOREIGN_NOISES: f32 = 1.6;
+/// and this share of the second: a contrasty photo solved with a coarse lens model has less, and
+/// gains.
+const FOREIGN_SHARE: f32 = 0.32;
+/// Distance from the reference solution past which a result harms.
+const DISTANCE: f64 = 1.3;
+/// The same for a method that does not start from the lens model: past 1 the photo itself is nearer
+/// to the reference solution; the little more is a guess.
+const DISTANCE_OF_OTHERS: f64 = 1.05;
+/// The same for a result whose photograph is the photo, its certificate at most
+/// [`CERTIFIED_RATIO`]: where the model misses much, captures rightly lead far from it. Guess; a
+/// panel with a hundredth of its pixels dead harms below it.
+const DISTANCE_CERTIFIED: f64 = 2.0;
+/// The same for a result whose photograph is not the photo, its certificate past [`SUSPECT_RATIO`].
+const DISTANCE_DOUBTED: f64 = 1.0;
+/// Optical residual over its floor that certifies a result.
+const CERTIFIED_RATIO: f32 = 1.5;
+/// How much rougher than the photo's the quiet parts of a result may be.
+const ROUGHER: f32 = 2.7;
+/// A method that starts from the lens model is compared with the reference solution only when it
+/// leaves more than this unexplained, measured as [`FOREIGN`] is;
+const SUSPECT_UNEXPLAINED: f32 = 0.55;
+/// or its certificate is this far above its floor;
+const SUSPECT_RATIO: f32 = 3.0;
+/// or its quiet parts are this much rougher.
+const SUSPECT_ROUGHER: f32 = 1.7;
+
+/// What a result is judged by.
+pub(super) struct Reference {
+    solved: Solved,
+    evidence: Evidence,
+}
+
+impl Verdict {
+    /// Whether something else than the method's result is delivered.
+    pub fn noticed(self) -> bool {
+        self != Verdict::Sound
+    }
+}
+
+impl Pipeline {
+    /// What is delivered of what was `solved` for `photo`; `watch` is called after every step of a
+    /// reference solution, where one is needed.
+    ///
+    /// # Errors
+    /// When there is no lens model.
+    pub fn judge(
+        &self,
+        photo: &Prepared<'_>,
+        solved: &Solved,
+        watch: &mut Watch<'_>,
+    ) -> Result<Outcome, MethodError> {
+        let evidence = self.evidence(photo, solved);
+        if !is_suspect(solved, &evidence) {
+            return Ok(Outcome::of(solved, evidence));
+        }
+        let as_measured = Arc::ptr_eq(&solved.lens, &self.model);
+        let made;
+        let reference = match photo.reference.get() {
+            Some(before) if as_measured => before,
+            _ => {
+                made = self.reference(photo, solved, watch)?;
+                if as_measured { photo.reference.get_or_init(|| made) } else { &made }
+            }
+        };
+        let captures = solved.captures;
+        if let Some(reason) = foreign(&reference.evidence) {
+            let evidence = Some(reference.evidence.clone());
+            let untouched = Outcome::untouched(photo.photo.clone(), reason);
+            return Ok(Outcome { evidence, captures, ..untouched });
+        }
+        let Some(reason) = harmful(photo, solved, &evidence, &reference.solved) else {
+            return Ok(Outcome::of(solved, evidence));
+        };
+        let replaced = Outcome::of(&reference.solved, reference.evidence.clone());
+        // The lens is the measured one, or the one that captures say it is.
+        let rung = if as_measured { Rung::LensModel } else { Rung::Captures };
+        Ok(Outcome { verdict: Verdict::Replaced, rung, reason, captures, ..replaced })
+    }
+
+    /// What total variation makes of `photo` with the lens that `solved` is judged by.
+    fn reference(
+        &self,
+        photo: &Prepared<'_>,
+        solved: &Solved,
+        watch: &mut Watch<'_>,
+    ) -> Result<Reference, MethodError> {
+        let mut none = NoOptics { size: photo.placed.size() };
+        let solved = self.solve_by(&mut none, &solved.lens, photo, &self.reference, watch)?;
+        let evidence = self.evidence(photo, &solved);
+        Ok(Reference { solved, evidence })
+    }
+}
+
+/// Whether a result calls for a reference solution. What started from the lens model is believed
+/// while light and model say nothing against it.
+fn is_suspect(solved: &Solved, evidence: &Evidence) -> bool {
+    let (noises, share) = evidence.unexplained(FOREIGN_NOISES, FOREIGN_SHARE);
+    let believed = solved.about.starts_from_lens
+        && noises * share <= SUSPECT_UNEXPLAINED
+        && solved.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
+        && evidence.rougher <= SUSPECT_ROUGHER;
+    !believed
+}
+
+/// Whether no scene gives this photo through the lens, as the evidence of its `reference` solution
+/// tells; in words.
+fn foreign(reference: &Evidence) -> Option<String> {
+    let (noises, share) = reference.unexplained(FOREIGN_NOISES, FOREIGN_SHARE);
+    // Not a number is past every limit.
+    let fine = noises * share <= FOREIGN;
+    (!fine).then(|| {
+        let (left, allowed) = (100.0 * share, FOREIGN / share);
+        format!(
+            "the measured lens does not explain the photo: {noises:.1} times its noise is left, \
+             {left:.0} % of what it leaves of the \
+             photo as it is, allowed {allowed:.1} times; it may come from another lens, have been \
+             sharpened or compressed: the photo is returned untouched"
+        )
+    })
+}
+
+/// What is wrong with a result, in words: too far from the reference solution, or too rough.
+fn harmful(
+    photo: &Prepared<'_>,
+    solved: &Solved,
+    evidence: &Evidence,
+    reference: &Solved,
+) -> Option<String> {
+    let found = distance(photo.photo, &solved.picture, &reference.picture, photo.channels);
+    let allowed = distance_limit(solved);
+    if found > allowed || found.is_nan() {
+        return Some(format!(
+            "the result is {:.0} % as far from what the measured lens alone makes of the photo as \
+             the photo itself is, \
+             allowed {:.0}: that is returned in its place",
+            100.0 * found,
+            100.0 * allowed
+        ));
+    }
+    let rougher = evidence.rougher;
+    (rougher > ROUGHER || rougher.is_nan()).then(|| {
+        format!(
+            "the quiet parts of the result are {rougher:.1} times as noisy as the photo's, \
+             allowed {ROUGHER}: what the \
+             measured lens alone makes of the photo is returned in its place"
+        )
+    })
+}
+
+/// How far a result may be from the reference solution.
+///
+/// A loop of light alone fits its captures' noise, and is certified all the same. And where
+/// captures changed the lens, the reference solution has it, too: what misses it then is where they
+/// lie.
+fn distance_limit(solved: &Solved) -> f64 {
+    let as_measured = solved.solution.look.refined.is_none();
+    match solved.solution.certificate.ratio() {
+        _ if !solved.about.starts_from_lens => DISTANCE_OF_OTHERS,
+        Some(ratio) if ratio <= CERTIFIED_RATIO && as_measured => DISTANCE_CERTIFIED,
+        Some(ratio) if ratio > SUSPECT_RATIO || ratio.is_nan() => DISTANCE_DOUBTED,
+        _ => DISTANCE,
+    }
+}

@@ -1,0 +1,196 @@
+//! What became of a photo: the picture that is delivered, whose it is, and why.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Evidence, Pipeline, Prepared, Solved};
+use crate::deconvolution::ladder::Rung;
+use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
+use crate::frame::{Frame, Work};
+use crate::rig::exposure::Rig;
+
+/// Whose picture is delivered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The method's.
+    Sound,
+    /// The reference solution, in place of a result that harms.
+    Replaced,
+    /// The photo itself.
+    Untouched,
+}
+
+/// What is delivered for a photo. Everything but the cost is said of the picture delivered.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The picture, photo-sized, linear light 0..255, the photo's stored orientation.
+    pub picture: Frame<Work>,
+    /// Whose it is.
+    pub verdict: Verdict,
+    /// The method that made it; `none` for the photo itself.
+    pub method: &'static str,
+    /// How much model it took.
+    pub rung: Rung,
+    /// Why this picture and this rung, in words.
+    pub reason: String,
+    /// What is known of it without knowing the scene; of a photo returned as it is, of the
+    /// reference solution that spoke against restoring it.
+    pub evidence: Option<Evidence>,
+    /// Its optical residual, if it was photographed.
+    pub certificate: Option<OpticalResidual>,
+    /// Captures made for this photo, those of a result that was not delivered among them.
+    pub captures: usize,
+    /// Seconds it took, captures included.
+    pub seconds: f64,
+    /// Sentences for the customer.
+    pub notes: Vec<String>,
+    /// The record of the method that made it.
+    pub iterations: Vec<Iteration>,
+}
+
+/// The optical residual of a finished picture: is its photograph the photo?
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct OpticalResidual {
+    /// RMS difference between the picture's photograph and the photo, grey levels of 255.
+    pub residual_grey_levels: f64,
+    /// What noise alone would leave, grey levels of 255.
+    pub floor_grey_levels: f64,
+}
+
+/// One step of a method.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Iteration {
+    /// RMS residual after the step, grey levels of 255.
+    pub residual_grey_levels: f64,
+    /// Captures made by then.
+    pub captures: usize,
+    /// Seconds passed by then.
+    pub seconds: f64,
+}
+
+/// A photo that went through the whole pipeline.
+#[derive(Debug)]
+pub struct Restoration {
+    /// What is delivered.
+    pub outcome: Outcome,
+    /// What the method made of it, delivered or not; nothing for a blank photo.
+    pub solved: Option<Solved>,
+}
+
+impl Pipeline {
+    /// `photo` restored on `rig` by `method` and judged, from the blank check to the [`Outcome`];
+    /// `watch` is called after every step.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    pub fn restore(
+        &self,
+        rig: &mut Rig,
+        photo: &Prepared<'_>,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<Restoration, MethodError> {
+        let begun = (self.stopwatch)();
+        let (mut outcome, solved) = if photo.is_blank() {
+            (Outcome::untouched(photo.photo.clone(), Rung::LeaveIt.reason()), None)
+        } else {
+            let solved = self.solve(rig, photo, method, watch)?;
+            (self.judge(photo, &solved, watch)?, Some(solved))
+        };
+        outcome.seconds = (self.stopwatch)() - begun;
+        Ok(Restoration { outcome, solved })
+    }
+}
+
+impl Outcome {
+    /// The `photo` itself, for a `reason`.
+    pub fn untouched(photo: Frame<Work>, reason: impl Into<String>) -> Outcome {
+        Outcome {
+            picture: photo,
+            verdict: Verdict::Untouched,
+            method: "none",
+            rung: Rung::LeaveIt,
+            reason: reason.into(),
+            evidence: None,
+            certificate: None,
+            captures: 0,
+            seconds: 0.0,
+            notes: Vec::new(),
+            iterations: Vec::new(),
+        }
+    }
+
+    /// What was `solved`, with the `evidence` for it.
+    pub(super) fn of(solved: &Solved, evidence: Evidence) -> Outcome {
+        let Certificate { optical_residual, noise_floor, .. } = solved.solution.certificate;
+        let (rung, reason) = rung_of(solved);
+        Outcome {
+            picture: solved.picture.clone(),
+            verdict: Verdict::Sound,
+            method: solved.about.name,
+            rung,
+            reason,
+            evidence: Some(evidence),
+            certificate: optical_residual.map(|residual| OpticalResidual {
+                residual_grey_levels: residual.into(),
+                floor_grey_levels: noise_floor.into(),
+            }),
+            captures: solved.captures,
+            seconds: 0.0,
+            notes: Vec::new(),
+            iterations: iterations(solved),
+        }
+    }
+}
+
+fn iterations(solved: &Solved) -> Vec<Iteration> {
+    let steps = solved.solution.record.steps().iter();
+    let of = steps.map(|step| Iteration {
+        residual_grey_levels: step.residual.into(),
+        captures: step.captures as usize,
+        seconds: step.seconds,
+    });
+    of.collect()
+}
+
+/// The rung that a result stands on, and why.
+fn rung_of(solved: &Solved) -> (Rung, String) {
+    let Certificate { corrections, optical_residual, .. } = solved.solution.certificate;
+    match (corrections, optical_residual, solved.captures) {
+        (1.., _, _) => (Rung::Captures, Rung::Captures.reason().to_owned()),
+        (0, Some(_), _) => (Rung::LensModel, Rung::LensModel.reason().to_owned()),
+        (0, None, 0) => {
+            let reason = "the measured lens alone was used; no capture looked at the result";
+            (Rung::LensModel, reason.to_owned())
+        }
+        (0, None, captures) => {
+            let name = solved.about.name;
+            let reason = format!(
+                "the method `{name}` solves by captures, {captures} of them; none looked at the \
+                 result"
+            );
+            (Rung::Captures, reason)
+        }
+    }
+}
+
+impl OpticalResidual {
+    /// Residual over floor; 1 is perfect.
+    pub fn ratio(&self) -> f64 {
+        self.residual_grey_levels / self.floor_grey_levels.max(1e-9)
+    }
+
+    /// What it means, for one who drops photos and picks results up. The steps are guesses: 1.25 is
+    /// about what the spread of a noise estimate explains, 2 is three parts of unexplained light to
+    /// one of noise.
+    pub fn meaning(&self) -> &'static str {
+        match self.ratio() {
+            r if r <= 1.25 => "Photographed through the lens again, this picture is your photo.",
+            r if r <= 2.0 => {
+                "Photographed through the lens again, this picture is nearly your photo."
+            }
+            _ => "Photographed through the lens again, this picture still differs from your photo.",
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! A photo made ready for the solver, once: its light on the canvas, what each pixel is worth, and
+//! its noise.
+//!
+//! | step | why |
+//! |---|---|
+//! | dark corner divided out | the light path divides it out of every capture, so B must match |
+//! | saturated pixels marked | a full pixel is only a lower bound |
+//! | placed on the canvas | light from outside the frame fell into it |
+//! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
+
+use std::sync::OnceLock;
+
+use super::Pipeline;
+use super::judge::Reference;
+use crate::deconvolution::blocking::blocking_of;
+use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
+use crate::deconvolution::ladder::is_blank;
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Work};
+
+/// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
+/// the code below it is kept as data).
+const SATURATION_SHARE: f32 = 0.998;
+
+/// Of so many pixels one is looked at for the photo's median level; prime, so that no pattern is
+/// met in step.
+const NOISE_SAMPLE: usize = 31;
+
+/// A photo as the solver takes it.
+pub struct Prepared<'a> {
+    /// The photo, photo-sized, linear light 0..255.
+    pub photo: &'a Frame<Work>,
+    /// The channels it has.
+    pub channels: Channels,
+    /// B on its canvas.
+    pub placed: Frame<Work>,
+    /// What each pixel of B is worth, see [`data_term`].
+    pub trust: Frame<Work, u8>,
+    /// Where the photo lies on the canvas.
+    pub rect: Rect,
+    /// The photo's noise per channel, grey levels.
+    pub noise: [f32; 3],
+    /// The reference solution through the measured lens, made when it is first needed.
+    pub(super) reference: OnceLock<Reference>,
+}
+
+impl Pipeline {
+    /// `photo` (photo-sized, linear light 0..255) with its `channels`, made ready.
+    pub fn prepare<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
+        let (canvas, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+        let mut flat = photo.clone();
+        self.photo_side.undo_dark_corner(&mut flat);
+        let trust = Frame::from_fn(|c| {
+            let full = SATURATION_SHARE * FULL_SCALE;
+            let inner = photo.plane(c).map(|v: f32| if v >= full { SATURATED } else { TRUSTED });
+            data_term::place(&inner, canvas, rect, MISSING)
+        });
+        let placed = Frame::from_fn(|c| {
+            if self.black_surround {
+                data_term::place(flat.plane(c), canvas, rect, 0.0)
+            } else {
+                data_term::place_with_edges(flat.plane(c), canvas, rect)
+            }
+        });
+        let of = |c: Channel| self.noise_of(c, photo.plane(c));
+        let (red, (green, blue)) = rayon::join(
+            || of(Channel::Red),
+            || rayon::join(|| of(Channel::Green), || of(Channel::Blue)),
+        );
+        let (noise, reference) = ([red, green, blue], OnceLock::new());
+        Prepared { photo, channels, placed, trust, rect, noise, reference }
+    }
+
+    /// The photo's noise in one channel, grey levels: as measured, and at least what this camera
+    /// has at the photo's median level, with what a JPEG's coding adds. A JPEG's noise is flattened
+    /// where it is measured, and still in the picture.
+    fn noise_of(&self, channel: Channel, photo: &Plane) -> f32 {
+        let mut sample: Vec<f32> = photo.data().iter().step_by(NOISE_SAMPLE).copied().collect();
+        let middle = sample.len() / 2;
+        let median = *sample.select_nth_unstable_by(middle, f32::total_cmp).1;
+        let of_light = data_term::noise_of(photo).max(self.noise[channel.index()].sigma(median));
+        of_light.hypot(blocking_of(photo))
+    }
+}
+
+impl Prepared<'_> {
+    /// Whether nothing in the photo rises above its noise.
+    pub fn is_blank(&self) -> bool {
+        let of = |&c: &Channel| (self.placed.plane(c), self.trust.plane(c), self.noise[c.index()]);
+        is_blank(&self.channels.list().iter().map(of).collect::<Vec<_>>())
+    }
+}

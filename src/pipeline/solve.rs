@@ -1,0 +1,96 @@
+//! A prepared photo solved by a method, the colours lined up, cut to the photo.
+
+use std::sync::Arc;
+
+use super::{Pipeline, Prepared};
+use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
+use crate::frame::{Channels, Frame, Work};
+use crate::rig::exposure::Rig;
+
+/// What a method makes of a photo, not yet judged.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    /// The picture, photo-sized, linear light 0..255.
+    pub picture: Frame<Work>,
+    /// What the method returned, on its canvas.
+    pub solution: Solution,
+    /// The method.
+    pub about: &'static About,
+    /// Captures this photo cost.
+    pub captures: usize,
+    /// Seconds of those captures on the rig's clock.
+    pub capture_seconds: f64,
+    /// Seconds on the stopwatch spent waiting for captures (and, on a simulated rig, computing
+    /// them).
+    pub waited_seconds: f64,
+    /// The lens by which the result is judged: as measured, or as the photo's captures say it is.
+    pub lens: Arc<LensModel>,
+}
+
+impl Pipeline {
+    /// What `method` makes of `photo` on `rig`; `watch` is called after every step.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    pub fn solve(
+        &self,
+        rig: &mut Rig,
+        photo: &Prepared<'_>,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solved, MethodError> {
+        let mut path = self.light_path(rig).interruptible(self.interruption.as_deref());
+        let (captures, seconds) = (path.captures(), path.seconds());
+        let solved = self.solve_by(&mut path, &self.model, photo, method, watch)?;
+        Ok(Solved {
+            captures: path.captures() - captures,
+            capture_seconds: path.seconds() - seconds,
+            waited_seconds: path.waited_seconds(),
+            ..solved
+        })
+    }
+
+    /// What `method` makes of `photo` with `lens` for the measured one; captures are not counted.
+    pub(super) fn solve_by(
+        &self,
+        optics: &mut dyn ForwardConvolution,
+        lens: &Arc<LensModel>,
+        photo: &Prepared<'_>,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solved, MethodError> {
+        let problem = Problem {
+            photo: &photo.placed,
+            trust: &photo.trust,
+            rect: photo.rect,
+            channels: photo.channels,
+            model: Some(lens),
+            norm_squared: self.norm_squared,
+            level_norms: &self.level_norms,
+            learnt: self.learning.lens(),
+            photo_noise: photo.noise,
+            capture_noise: self.capture_noise,
+            stopwatch: &*self.stopwatch,
+        };
+        let solution = method.solve(&problem, optics, watch)?;
+        let rect = photo.rect;
+        let refined = solution.look.refined.as_ref();
+        let refined =
+            refined.and_then(|of| lens.with_functions(rect.size, rect.x, &of.functions).ok());
+        let picture = match photo.channels {
+            Channels::Colour => self.photo_side.line_up_colours(&solution.picture).crop(rect),
+            Channels::Green => solution.picture.crop(rect),
+        };
+        Ok(Solved {
+            picture,
+            solution,
+            about: method.about(),
+            captures: 0,
+            capture_seconds: 0.0,
+            waited_seconds: 0.0,
+            lens: refined.map_or_else(|| Arc::clone(lens), Arc::new),
+        })
+    }
+}

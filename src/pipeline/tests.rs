@@ -1,0 +1,112 @@
+//! What is delivered for a photo, and whether rung, reason and method are true of it.
+
+use std::path::Path;
+
+use super::*;
+use crate::config::Method as Named;
+use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::ladder::Rung;
+use crate::deconvolution::method::{
+    About, Certificate, IterationRecord, Method, MethodError, Problem, Solution, Watch,
+};
+use crate::frame::{Channels, Frame, Plane, Work};
+use crate::rig::simulated::{Witness, open};
+
+/// The small rig, calibrated.
+struct Bed {
+    config: config::Rig,
+    rig: Rig,
+    witness: Witness,
+    pipeline: Pipeline,
+}
+
+impl Bed {
+    fn new() -> Bed {
+        let config = config::load(Path::new("small.toml")).unwrap();
+        let (mut rig, witness) = open(&config).unwrap();
+        let calibration =
+            crate::measurement::calibrate(&mut rig, &config, None, &mut |_| {}).unwrap();
+        let pipeline = Pipeline::new(&config, &calibration).unwrap();
+        Bed { config, rig, witness, pipeline }
+    }
+
+    /// A photo of discs and stripes, in light.
+    fn photo(&self) -> Frame<Work> {
+        let of = |x: usize, y: usize| match (x / 24 + y / 16) % 3 {
+            0 => 40.0,
+            1 => 120.0 + 0.4 * (x % 24) as f32,
+            _ => 180.0,
+        };
+        let scene = Frame::from_fn(|_| Plane::from_fn(self.config.photo.size(), of));
+        let tone = crate::picture::Tone::of_curve(self.config.photo.curve, 8);
+        let codes = self.witness.photograph(&scene, 5);
+        Frame::from_fn(|c| tone.plane(c, codes.plane(c)))
+    }
+
+    fn restore(&mut self, photo: &Frame<Work>, method: &dyn Method) -> Outcome {
+        let prepared = self.pipeline.prepare(photo, Channels::Colour);
+        let restored = self.pipeline.restore(&mut self.rig, &prepared, method, &mut |_, _| {});
+        restored.unwrap().outcome
+    }
+}
+
+/// A method that captures, corrects, and then returns a checkerboard.
+struct Spoiler;
+
+impl Method for Spoiler {
+    fn about(&self) -> &'static About {
+        const ABOUT: About =
+            About { name: "spoiler", starts_from_lens: true, by_patches: false, by_steps: false };
+        &ABOUT
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        _: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let board = |x: usize, y: usize| 255.0 * ((x / 2 + y / 2) % 2) as f32;
+        let picture = Frame::from_fn(|_| Plane::from_fn(problem.size(), board));
+        let seen = optics.forward(&picture)?;
+        let mut certificate = Certificate { corrections: 1, ..Certificate::default() };
+        certificate.look(problem, &seen.light);
+        Ok(Solution::of(picture, IterationRecord::default(), certificate))
+    }
+}
+
+#[test]
+fn a_replaced_result_is_told_as_what_is_delivered_and_why() {
+    let mut bed = Bed::new();
+    let photo = bed.photo();
+    let outcome = bed.restore(&photo, &Spoiler);
+    assert_eq!((outcome.verdict, outcome.method), (Verdict::Replaced, "total-variation"));
+    assert_eq!((outcome.rung, outcome.captures), (Rung::LensModel, 1));
+    assert!(outcome.reason.contains("returned in its place"), "{}", outcome.reason);
+    // The certificate and the record of what failed are not those of what is delivered.
+    assert_eq!(outcome.certificate, None);
+    assert!(outcome.iterations.iter().all(|step| step.captures == 0));
+    let alone = bed.restore(&photo, &reference_solution(&bed.config));
+    assert_eq!((alone.verdict, alone.picture), (Verdict::Sound, outcome.picture));
+}
+
+#[test]
+fn the_reason_of_a_rung_speaks_of_captures_only_where_some_were_made() {
+    let mut bed = Bed::new();
+    let photo = bed.photo();
+    let alone = bed.restore(&photo, &*method(&bed.config, Named::Digital));
+    assert_eq!((alone.rung, alone.captures), (Rung::LensModel, 0));
+    assert!(alone.reason.contains("no capture"), "{}", alone.reason);
+    let looked = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
+    assert!(looked.captures > 0 && looked.certificate.is_some(), "{}", looked.reason);
+    assert!(looked.reason.contains("captures"), "{}", looked.reason);
+}
+
+#[test]
+fn a_blank_photo_is_delivered_as_it_is() {
+    let mut bed = Bed::new();
+    let wall = Frame::from_fn(|_| Plane::filled(bed.config.photo.size(), 90.0));
+    let outcome = bed.restore(&wall, &*method(&bed.config, Named::Hybrid));
+    assert_eq!((outcome.verdict, outcome.rung), (Verdict::Untouched, Rung::LeaveIt));
+    assert_eq!((outcome.captures, outcome.picture), (0, wall));
+}

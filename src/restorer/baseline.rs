@@ -1,0 +1,33 @@
+//! The pilot's reading right after a calibration, kept beside it: what drift is counted from.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{keep, kept};
+use crate::nights::pilot::Reading;
+
+/// Name of the file beside the calibration's slots.
+const NAME: &str = "pilot.json";
+
+#[derive(Serialize, Deserialize)]
+struct Baseline {
+    /// Of the calibration it belongs to.
+    generation: u32,
+    reading: Reading,
+}
+
+/// The reading that belongs to calibration `generation`, if there is one.
+pub(super) fn load(slots: &Path, generation: u32) -> Option<Reading> {
+    let baseline: Baseline = serde_json::from_slice(&kept(slots, NAME).ok()?).ok()?;
+    (baseline.generation == generation).then_some(baseline.reading)
+}
+
+/// Keeps `reading`. One that cannot be kept is made again by the next pilot.
+pub(super) fn save(slots: &Path, generation: u32, reading: &Reading) {
+    let baseline = Baseline { generation, reading: *reading };
+    let bytes = serde_json::to_vec(&baseline).map_err(std::io::Error::other);
+    if let Err(error) = bytes.and_then(|bytes| keep(slots, NAME, &bytes)) {
+        log::warn!("the pilot's reading is not kept in {}: {error}", slots.display());
+    }
+}

@@ -1,0 +1,83 @@
+//! What restores photos for the daemon: the seam to it, and the restorer that stands on a rig.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | [`on_rig`] | a rig, its [`Pipeline`](crate::pipeline::Pipeline) and what is kept beside it |
+//! | [`operating_point`] | the method and numbers chosen for the rig, on flash |
+//! | `baseline` | the pilot's reading that drift is counted from, on flash |
+
+mod baseline;
+pub mod on_rig;
+pub mod operating_point;
+
+use std::io::Read;
+use std::path::Path;
+
+use crate::disk::{Disk, LocalDisk, Written};
+use crate::kiosk::screen::Screen;
+use crate::nights::pilot::Drift;
+use crate::picture::Photo;
+use crate::pipeline::Outcome;
+use crate::remedy::{AnyFailure, Remedy};
+
+/// Restores photos with one rig.
+pub trait Restorer {
+    /// Restores `photo`, telling `progress` now and then.
+    ///
+    /// # Errors
+    /// Whatever keeps this photo or the rig from it, with its remedy.
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure>;
+
+    /// Does what a failure asked for: [`Remedy::Recalibrate`] or [`Remedy::ReopenRig`].
+    ///
+    /// # Errors
+    /// When that fails, too; the daemon then calls the operator with this error's words.
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure>;
+
+    /// Shows `screen` until the next capture. A panel that cannot is told of by the next capture.
+    fn show(&mut self, screen: &Screen) {
+        let _ = screen;
+    }
+
+    /// Shows the pilot picture and tells how far the rig has drifted since it was calibrated;
+    /// `None` when it has no way to tell.
+    ///
+    /// # Errors
+    /// When a capture fails.
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        Ok(None)
+    }
+}
+
+/// How far a restoration is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Share done, 0..1.
+    pub done: f32,
+    /// What is being done, one word or two.
+    pub doing: &'static str,
+    /// Captures so far.
+    pub captures: usize,
+}
+
+/// What [`keep`] put there.
+fn kept(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let disk = LocalDisk::new(vec![folder.to_owned()]);
+    disk.open(&folder.join(name))?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Puts `bytes` into `folder/name` in place of what is there, whole or not at all.
+fn keep(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = folder.canonicalize()?;
+    let disk = LocalDisk::new(vec![folder.clone()]);
+    let fresh = folder.join(format!("{name}.new"));
+    disk.write(&fresh, &mut &*bytes).and_then(Written::sync)?;
+    disk.rename(&fresh, &folder.join(name))?;
+    disk.sync_folder(&folder)
+}

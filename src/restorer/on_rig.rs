@@ -1,0 +1,207 @@
+//! The restorer that stands on a calibrated rig.
+
+use std::path::{Path, PathBuf};
+
+use super::{Progress, Restorer, baseline, operating_point};
+use crate::calibration::{Calibration, store};
+use crate::config;
+use crate::deconvolution::lens_model::LensFunctions;
+use crate::deconvolution::method::{Method, Step};
+use crate::frame::{Channel, Frame, Work};
+use crate::kiosk::screen::{Screen, draw};
+use crate::measurement::{self, calibrate};
+use crate::nights::pilot::{self, Drift, Reading};
+use crate::picture::Photo;
+use crate::pipeline::{
+    Interruption, Outcome, Pipeline, Prepared, Restoration, Solved, Stopwatch, Verdict,
+};
+use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
+use crate::rig::exposure::Rig;
+
+/// A rig, its calibration on flash, and how its photos are restored.
+pub struct OnRig {
+    config: config::Rig,
+    devices: Rig,
+    slots: PathBuf,
+    method: Box<dyn Method + Send + Sync>,
+    pipeline: Pipeline,
+    calibrating: fn(measurement::Progress),
+    /// The pilot's reading right after the calibration.
+    baseline: Option<Reading>,
+    /// The photo restored last and its result, for the panel.
+    last: Option<(Frame<Work>, Frame<Work>)>,
+}
+
+/// Calibrates `devices` and keeps the result in `slots`; what was kept before stays if this fails.
+///
+/// # Errors
+/// When the rig is not fit to be calibrated or the result cannot be kept.
+pub fn measure(
+    config: &config::Rig,
+    devices: &mut Rig,
+    slots: &Path,
+    calibrating: fn(measurement::Progress),
+) -> Result<Calibration, AnyFailure> {
+    let previous = store::load(slots, config.identity).ok();
+    let measured =
+        calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;
+    store::save(slots, &measured).map_err(boxed)?;
+    let pipeline = Pipeline::new(config, &measured).map_err(boxed)?;
+    let reading = read_pilot(config, devices, &pipeline)?;
+    baseline::save(slots, measured.generation, &reading);
+    Ok(measured)
+}
+
+/// One pilot, as it is.
+fn read_pilot(
+    config: &config::Rig,
+    devices: &mut Rig,
+    pipeline: &Pipeline,
+) -> Result<Reading, AnyFailure> {
+    pilot::read(&mut pipeline.light_path(devices), pipeline.model(), config.photo_on_canvas())
+}
+
+fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
+    Box::new(error)
+}
+
+impl OnRig {
+    /// The restorer of `devices`, described by `config`, with the calibration kept in `slots`; by
+    /// `method`, or by the operating point.
+    ///
+    /// # Errors
+    /// When there is no whole calibration of this rig.
+    pub fn new(
+        config: &config::Rig,
+        devices: Rig,
+        slots: PathBuf,
+        method: Option<config::Method>,
+        stopwatch: Stopwatch,
+        calibrating: fn(measurement::Progress),
+    ) -> Result<Self, AnyFailure> {
+        let calibration = store::load(&slots, config.identity).map_err(boxed)?;
+        let pipeline = Pipeline::new(config, &calibration).map_err(boxed)?.timed_by(stopwatch);
+        Ok(OnRig {
+            config: config.clone(),
+            devices,
+            method: operating_point::setting(&slots, config, method).method(config),
+            pipeline,
+            calibrating,
+            baseline: baseline::load(&slots, calibration.generation),
+            slots,
+            last: None,
+        })
+    }
+
+    /// The same restorer, which gives a photo up before its next capture once `interruption` says
+    /// so.
+    #[must_use]
+    pub fn interruptible(self, interruption: Interruption) -> Self {
+        OnRig { pipeline: self.pipeline.interruptible(interruption), ..self }
+    }
+
+    /// Takes down what the photo taught of the lens. What enough photos have proved takes the
+    /// measured lens's place, also on flash; says so then.
+    fn learn(&mut self, photo: &Prepared<'_>, solved: &Solved) -> Option<String> {
+        let functions = self.pipeline.learn(photo, solved)?;
+        match self.adopt(functions) {
+            Ok(calibration) => {
+                let told = format!(
+                    "the lens as this photo and those before it show it has taken the measured \
+                     one's place (generation {} of the calibration)",
+                    calibration.generation
+                );
+                log::info!("{told}");
+                Some(told)
+            }
+            Err(error) => {
+                log::warn!("what photos taught of the lens is not kept: {}", full_message(&*error));
+                None
+            }
+        }
+    }
+
+    fn adopt(&mut self, functions: LensFunctions) -> Result<Calibration, AnyFailure> {
+        let before = store::load(&self.slots, self.config.identity).map_err(boxed)?;
+        let after = before.with_lens(functions).map_err(boxed)?;
+        let pipeline = self.pipeline.calibrated(&self.config, &after).map_err(boxed)?;
+        store::save(&self.slots, &after).map_err(boxed)?;
+        // The rig has not moved by this: what drifts, drifts from where it did.
+        if let Some(reading) = &self.baseline {
+            baseline::save(&self.slots, after.generation, reading);
+        }
+        self.pipeline = pipeline;
+        Ok(after)
+    }
+}
+
+impl Restorer for OnRig {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure> {
+        let captures_max = self.method.captures_max() as usize;
+        let mut shown = Progress { done: 0.0, doing: "solving", captures: 0 };
+        progress(shown);
+        let mut watch = |step: &Step, _: Option<&Frame<Work>>| {
+            if step.captures > 0 {
+                let captures = step.captures as usize;
+                let done = 0.5 + 0.5 * captures as f32 / captures_max.max(captures) as f32;
+                shown = Progress { done, doing: "showing and seeing", captures };
+            }
+            // A step of computing changes nothing that is shown, and says that the solve is alive.
+            progress(shown);
+        };
+        let prepared = self.pipeline.prepare(&photo.light, photo.channels);
+        let Restoration { mut outcome, solved } = self
+            .pipeline
+            .restore(&mut self.devices, &prepared, &*self.method, &mut watch)
+            .map_err(boxed)?;
+        if let Some(solved) = &solved {
+            if solved.solution.look.refined.is_some() {
+                let told = "the lens is another than was measured: it was refined by this photo's \
+                            captures";
+                outcome.notes.push(told.to_owned());
+            }
+            outcome.notes.extend(self.learn(&prepared, solved));
+        }
+        if outcome.verdict != Verdict::Untouched {
+            self.last = Some((photo.light.clone(), outcome.picture.clone()));
+            let noise = prepared.noise[Channel::Green.index()];
+            outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
+        }
+        Ok(outcome)
+    }
+
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
+        if remedy == Remedy::Recalibrate {
+            let calibration =
+                measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
+            self.pipeline = self.pipeline.calibrated(&self.config, &calibration).map_err(boxed)?;
+            self.baseline = baseline::load(&self.slots, calibration.generation);
+        } else {
+            self.devices.reopen().map_err(boxed)?;
+        }
+        Ok(())
+    }
+
+    fn show(&mut self, screen: &Screen) {
+        let pictures = self.last.as_ref().map(|(before, after)| (before, after));
+        let codes = draw(screen, self.devices.panel.size(), pictures);
+        if let Err(error) = self.devices.panel.show(&codes) {
+            log::debug!("the panel does not show the screen: {error}");
+        }
+    }
+
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        let reading = read_pilot(&self.config, &mut self.devices, &self.pipeline)?;
+        if self.baseline.is_none() {
+            // A calibration from before there were pilots: drift counts from now on.
+            let generation =
+                store::load(&self.slots, self.config.identity).map_err(boxed)?.generation;
+            baseline::save(&self.slots, generation, &reading);
+        }
+        Ok(Some(reading.since(self.baseline.get_or_insert(reading))))
+    }
+}
