@@ -56,6 +56,17 @@ fn devices_are_named_so_that_they_keep_their_names() {
 }
 
 #[test]
+fn a_camera_s_kind_is_v4l2_unless_it_is_named_and_calibrations_stay_good() {
+    let named = BOARD.replacen("[hardware.camera]", "[hardware.camera]\nkind = \"v4l2\"", 1);
+    let (named, unnamed) = (parse(&named).unwrap(), parse(BOARD).unwrap());
+    assert_eq!(named.identity, unnamed.identity);
+    let said = changed("[hardware.camera]", "[hardware.camera]\nkind = \"gev\"");
+    assert!(said.contains("found \"gev\", allowed \"v4l2\""), "{said}");
+    let said = changed("buffers = ", "bufers = ");
+    assert!(said.contains("bufers") && said.contains("`buffers`"), "{said}");
+}
+
+#[test]
 fn the_exposure_is_a_whole_number_of_refreshes() {
     let said = changed("exposure-ms = 50.0", "exposure-ms = 45.0");
     assert!(said.contains("2.698 refreshes"), "{said}");

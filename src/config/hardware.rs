@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::rules::Rules;
 use super::{Camera, ConfigError, Panel};
@@ -60,10 +61,56 @@ impl DisplayInterface {
     }
 }
 
-/// `[hardware.camera]`: a V4L2 node. Its size is `[camera]`'s.
+/// `[hardware.camera]`, by its `kind`; without one it is `v4l2`. Its size is `[camera]`'s.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CameraDevice {
+    /// A video node of the kernel's.
+    V4l2(V4l2Device),
+}
+
+impl CameraDevice {
+    /// What sets the exposure time.
+    fn exposure_by(&self) -> ExposureBy {
+        match self {
+            CameraDevice::V4l2(device) => device.exposure_by,
+        }
+    }
+
+    fn check(&self, rules: &Rules) -> Result<(), ConfigError> {
+        match self {
+            CameraDevice::V4l2(device) => device.check(rules),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for CameraDevice {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut table = toml::Table::deserialize(deserializer)?;
+        let kind = table.remove("kind").unwrap_or_else(|| "v4l2".into());
+        let device = match kind.as_str() {
+            Some("v4l2") => V4l2Device::deserialize(table).map(CameraDevice::V4l2),
+            _ => {
+                return Err(D::Error::custom(format_args!("kind: found {kind}, allowed \"v4l2\"")));
+            }
+        };
+        device.map_err(|error| D::Error::custom(error.message()))
+    }
+}
+
+/// A calibration is bound to the keys of the kind alone, so that those of files without `kind`
+/// stay good.
+impl Serialize for CameraDevice {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            CameraDevice::V4l2(device) => device.serialize(serializer),
+        }
+    }
+}
+
+/// A V4L2 node.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct CameraDevice {
+pub struct V4l2Device {
     /// A link that udev keeps, under /dev/v4l/by-id or by-path. This or `card`.
     pub device: Option<PathBuf>,
     /// The card's name as `v4l2-ctl --info` prints it. This or `device`.
@@ -78,6 +125,35 @@ pub struct CameraDevice {
     /// named.
     #[serde(default)]
     pub controls: BTreeMap<String, i32>,
+}
+
+impl V4l2Device {
+    fn check(&self, rules: &Rules) -> Result<(), ConfigError> {
+        match (&self.device, &self.card) {
+            (Some(path), None) => {
+                let numbered = path.to_str().and_then(|text| text.strip_prefix("/dev/video"));
+                let stable = numbered.is_none_or(|rest| rest.parse::<u32>().is_err());
+                let allowed =
+                    "a link under /dev/v4l/by-id or by-path: numbers change with every plug";
+                rules.hold(stable, "hardware.camera.device", path.display(), allowed)?;
+            }
+            (None, Some(_)) => {}
+            (both_or_none, _) => {
+                let found = if both_or_none.is_some() {
+                    "both device and card"
+                } else {
+                    "neither device nor card"
+                };
+                return Err(rules.broken("hardware.camera", found, "one of them"));
+            }
+        }
+        rules.hold(
+            (2..=8).contains(&self.buffers),
+            "hardware.camera.buffers",
+            self.buffers,
+            "2 to 8",
+        )
+    }
 }
 
 /// What sets the exposure time.
@@ -176,30 +252,7 @@ pub(super) fn check_hardware(
         format_args!("{} ms, which is {refreshes:.3} refreshes", camera.exposure_ms),
         "a whole number of refreshes, or the backlight's flicker shows",
     )?;
-    let device = &hardware.camera;
-    match (&device.device, &device.card) {
-        (Some(path), None) => {
-            let numbered = path.to_str().and_then(|text| text.strip_prefix("/dev/video"));
-            let stable = numbered.is_none_or(|rest| rest.parse::<u32>().is_err());
-            let allowed = "a link under /dev/v4l/by-id or by-path: numbers change with every plug";
-            rules.hold(stable, "hardware.camera.device", path.display(), allowed)?;
-        }
-        (None, Some(_)) => {}
-        (both_or_none, _) => {
-            let found = if both_or_none.is_some() {
-                "both device and card"
-            } else {
-                "neither device nor card"
-            };
-            return Err(rules.broken("hardware.camera", found, "one of them"));
-        }
-    }
-    rules.hold(
-        (2..=8).contains(&device.buffers),
-        "hardware.camera.buffers",
-        device.buffers,
-        "2 to 8",
-    )?;
+    hardware.camera.check(rules)?;
     match &hardware.trigger {
         TriggerDevice::Line { pulse_us, .. } => {
             rules.hold(
@@ -210,7 +263,7 @@ pub(super) fn check_hardware(
             )?;
             let as_long = (f64::from(*pulse_us) / 1e3 / camera.exposure_ms - 1.0).abs() <= 0.01;
             rules.hold(
-                device.exposure_by != ExposureBy::Pulse || as_long,
+                hardware.camera.exposure_by() != ExposureBy::Pulse || as_long,
                 "hardware.trigger.pulse-us",
                 pulse_us,
                 format_args!(
@@ -220,7 +273,7 @@ pub(super) fn check_hardware(
             )?;
         }
         TriggerDevice::FreeRunning => rules.hold(
-            device.exposure_by != ExposureBy::Pulse,
+            hardware.camera.exposure_by() != ExposureBy::Pulse,
             "hardware.camera.exposure-by",
             "pulse",
             "control or elsewhere with a free-running camera",

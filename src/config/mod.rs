@@ -19,7 +19,7 @@ pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
     ButtonDevice, CameraDevice, DisplayInterface, ExposureBy, Hardware, LampDevices, Level, Line,
-    PanelDevice, TriggerDevice,
+    PanelDevice, TriggerDevice, V4l2Device,
 };
 pub use parts::{
     Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, OperatingPoint, Panel,

@@ -9,12 +9,9 @@ use super::gpio_line::{LineName, OutputLine};
 use super::kms_panel::{KmsPanel, KmsSettings};
 use super::lamps::{Lamp, Lamps};
 use super::monotonic::Monotonic;
-use super::pixel_format::PixelFormat;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
-use super::v4l2_camera::{CameraName, CameraSettings, V4l2Camera};
-use super::v4l2_controls::Exposure;
-use super::{Panel, RigError, Trigger};
-use crate::config::{self, ExposureBy, Hardware, Level, TriggerDevice};
+use super::{Panel, RigError, Trigger, camera};
+use crate::config::{self, Hardware, Level, TriggerDevice};
 
 /// Opens panel, trigger and camera, and finds the frame marks where the rig has room for them.
 ///
@@ -23,9 +20,8 @@ use crate::config::{self, ExposureBy, Hardware, Level, TriggerDevice};
 pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Rig, RigError> {
     let panel = open_panel(rig, hardware)?;
     let trigger = open_trigger(&hardware.trigger)?;
-    let camera = V4l2Camera::open(camera_settings(rig, hardware)?)?;
-    let mut devices =
-        Rig::new(panel, trigger, Box::new(camera), Box::new(Monotonic), Timing::of(rig));
+    let camera = camera::open(rig, &hardware.camera)?;
+    let mut devices = Rig::new(panel, trigger, camera, Box::new(Monotonic), Timing::of(rig));
     if let Some(place) = MarkPlace::of(rig) {
         devices.find_marks(place)?;
     }
@@ -47,47 +43,6 @@ pub fn open_panel(
         refresh_hz: rig.panel.refresh_hz,
         interface: hardware.panel.interface,
     })?))
-}
-
-/// The camera's settings alone, for whoever looks at the camera without the rest of the rig.
-///
-/// # Errors
-/// [`RigError::Refused`] for a pixel format relens does not take, or one whose depth is not
-/// `camera.bits`.
-pub fn camera_settings(rig: &config::Rig, hardware: &Hardware) -> Result<CameraSettings, RigError> {
-    let camera = &hardware.camera;
-    let format =
-        PixelFormat::from_code(&camera.format).filter(|format| format.bits() == rig.camera.bits);
-    let format = format.ok_or_else(|| {
-        let fits = PixelFormat::ALL.iter().filter(|(_, format)| format.bits() == rig.camera.bits);
-        RigError::Refused {
-            device: "camera",
-            found: format!(
-                "hardware.camera.format = {:?} with camera.bits = {}",
-                camera.format, rig.camera.bits
-            ),
-            allowed: fits.map(|(code, _)| *code).collect::<Vec<_>>().join(", "),
-        }
-    })?;
-    // The rig file names exactly one of the two.
-    let name = match (&camera.device, &camera.card) {
-        (Some(link), _) => CameraName::Link(link.clone()),
-        (None, card) => CameraName::Card(card.clone().unwrap_or_default()),
-    };
-    let exposure_ms = rig.camera.exposure_ms;
-    let exposure = match camera.exposure_by {
-        ExposureBy::Control => Exposure::Control { exposure_ms },
-        ExposureBy::Pulse | ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
-    };
-    let controls = camera.controls.iter().map(|(name, value)| (name.clone(), *value)).collect();
-    Ok(CameraSettings {
-        name,
-        size: rig.camera.size(),
-        format,
-        buffers: camera.buffers,
-        exposure,
-        controls,
-    })
 }
 
 fn line(chip: &str, line: &str, active: Level) -> LineName {

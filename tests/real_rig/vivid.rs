@@ -1,10 +1,9 @@
 //! A camera that misbehaves on request: the kernel's vivid.
 
 use relens::frame::Size;
+use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
 use relens::rig::pixel_format::PixelFormat;
-use relens::rig::v4l2_camera::{CameraName, CameraSettings, V4l2Camera};
-use relens::rig::v4l2_controls::Exposure;
 use relens::rig::{Camera, Clock, Moment, RigError};
 
 use super::counted;

@@ -1,14 +1,23 @@
 //! The camera on a real video node: found by a stable name, set to measure and not to please, read
 //! frame by frame.
 
+mod controls;
+mod kernel;
+mod request;
+mod ring;
+
 use std::path::{Path, PathBuf};
 
-use super::pixel_format::PixelFormat;
-use super::v4l2_controls::{Exposure, settle_controls};
-use super::v4l2_kernel::{Node, Settled};
-use super::v4l2_ring::Ring;
-use super::{Camera, Clock, Exposed, Moment, RigError, monotonic::Monotonic};
+pub use controls::Exposure;
+use controls::settle_controls;
+use kernel::{Node, Settled};
+use ring::Ring;
+
+use crate::config::{self, ExposureBy, V4l2Device};
 use crate::frame::{Counts, Plane, Size};
+use crate::rig::monotonic::Monotonic;
+use crate::rig::pixel_format::PixelFormat;
+use crate::rig::{Camera, Clock, Exposed, Moment, RigError};
 
 /// Video nodes looked at when a camera is found by its card's name.
 const NODES_MAX: usize = 64;
@@ -38,6 +47,45 @@ pub struct CameraSettings {
     pub exposure: Exposure,
     /// Controls by their `v4l2-ctl` names and the values they must hold.
     pub controls: Vec<(String, i32)>,
+}
+
+impl CameraSettings {
+    /// What the rig file asks for.
+    ///
+    /// # Errors
+    /// [`RigError::Refused`] for a pixel format relens does not take, or one whose depth is not
+    /// `camera.bits`.
+    pub fn of(rig: &config::Rig, device: &V4l2Device) -> Result<Self, RigError> {
+        let fits = |format: &PixelFormat| format.bits() == rig.camera.bits;
+        let format = PixelFormat::from_code(&device.format).filter(fits).ok_or_else(|| {
+            let allowed = PixelFormat::ALL.iter().filter(|(_, format)| fits(format));
+            RigError::Refused {
+                device: "camera",
+                found: format!(
+                    "hardware.camera.format = {:?} with camera.bits = {}",
+                    device.format, rig.camera.bits
+                ),
+                allowed: allowed.map(|(code, _)| *code).collect::<Vec<_>>().join(", "),
+            }
+        })?;
+        // The rig file names exactly one of the two.
+        let name = match (&device.device, &device.card) {
+            (Some(link), _) => CameraName::Link(link.clone()),
+            (None, card) => CameraName::Card(card.clone().unwrap_or_default()),
+        };
+        let exposure_ms = rig.camera.exposure_ms;
+        Ok(CameraSettings {
+            name,
+            size: rig.camera.size(),
+            format,
+            buffers: device.buffers,
+            exposure: match device.exposure_by {
+                ExposureBy::Control => Exposure::Control { exposure_ms },
+                ExposureBy::Pulse | ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
+            },
+            controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
+        })
+    }
 }
 
 /// A streaming camera.
@@ -124,12 +172,13 @@ impl Camera for V4l2Camera {
             let exposure_s =
                 if filled.at_start { 0.0 } else { self.settings.exposure.exposure_ms() / 1e3 };
             let at = Moment(stamp - exposure_s);
+            let sequence = filled.sequence;
             if let Err(cause) = ring.give_back(filled) {
                 self.ring = None;
                 return Err(gone(cause.to_string()));
             }
             if whole {
-                return Ok(Exposed { counts, sequence: filled.sequence, at });
+                return Ok(Exposed { counts, sequence, at });
             }
             self.lost += 1;
             let _ = self.spare.push(counts);

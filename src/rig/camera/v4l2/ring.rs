@@ -8,16 +8,16 @@ use std::io;
 
 use rustix::event::{PollFd, PollFlags, poll};
 
-use super::monotonic::{Monotonic, left_until};
-use super::v4l2_kernel::{Filled, Map, Node};
-use super::{Clock, Moment};
+use super::kernel::{Buffer, Filled, Node};
+use crate::rig::monotonic::{Monotonic, left_until};
+use crate::rig::{Clock, Moment};
 
 /// Most buffers a ring has room for.
 pub(super) const BUFFERS_MAX: usize = 8;
 
 /// Buffers of a streaming camera. Dropping it stops the stream and gives the buffers back.
 pub(super) struct Ring {
-    maps: heapless::Vec<Map, BUFFERS_MAX>,
+    buffers: heapless::Vec<Buffer, BUFFERS_MAX>,
     node: Node,
 }
 
@@ -26,14 +26,11 @@ impl Ring {
     /// starts.
     pub(super) fn start(node: Node, count: usize) -> io::Result<Self> {
         let count = node.request_buffers(count.clamp(2, BUFFERS_MAX) as u32)?;
-        let mut ring = Ring { maps: heapless::Vec::new(), node };
-        for index in 0..count {
-            let map = ring.node.map_buffer(index)?;
-            // A driver that insists on more buffers than fit keeps the rest; they are never queued.
-            if ring.maps.push(map).is_err() {
-                break;
-            }
-            ring.node.queue(index)?;
+        let mut ring = Ring { buffers: heapless::Vec::new(), node };
+        // A driver that insists on more buffers than fit keeps the rest; they are never queued.
+        for index in 0..count.min(BUFFERS_MAX as u32) {
+            let buffer = ring.node.queue_new(index)?;
+            let _ = ring.buffers.push(buffer);
         }
         ring.node.stream(true)?;
         Ok(ring)
@@ -68,13 +65,13 @@ impl Ring {
     }
 
     /// The bytes the driver wrote into a buffer taken by [`Ring::next`].
-    pub(super) fn bytes(&self, filled: &Filled) -> &[u8] {
-        self.maps.get(filled.index as usize).map_or(&[], |map| map.bytes(filled.bytes_used))
+    pub(super) fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
+        self.buffers.get(filled.index()).map_or(&[], |buffer| buffer.bytes(filled))
     }
 
     /// Hands a taken buffer back to the driver.
     pub(super) fn give_back(&mut self, filled: Filled) -> io::Result<()> {
-        self.node.queue(filled.index)
+        self.node.queue_again(filled)
     }
 }
 
@@ -82,7 +79,7 @@ impl Drop for Ring {
     /// The device may be gone; then there is nothing left to stop, and nobody to tell.
     fn drop(&mut self) {
         let _ = self.node.stream(false);
-        self.maps.clear();
+        self.buffers.clear();
         let _ = self.node.request_buffers(0);
     }
 }

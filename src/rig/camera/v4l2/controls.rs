@@ -1,7 +1,7 @@
 //! Everything in a camera that adapts is switched off, the exposure set, and all of it read back.
 
-use super::RigError;
-use super::v4l2_kernel::{Control, Node};
+use super::kernel::{Control, Node};
+use crate::rig::RigError;
 
 /// What sets the exposure time.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,10 +1,10 @@
 //! The V4L2 calls the camera needs, each with its own structure; the one camera file with `unsafe`
-//! in it.
+//! in it besides [`super::request`].
 //!
 //! Crate `v4l` opens nodes and brings structures and request numbers. Its own wrappers are passed
 //! by where they unwrap what a driver says (unknown control types, colour spaces) or lose a buffer
 //! after a timeout.
-#![allow(unsafe_code)] // ioctl and mmap; every call hands the kernel the structure its request number names.
+#![allow(unsafe_code)] // mmap, and the descriptor of a device that `v4l` opened.
 
 use std::ffi::c_void;
 use std::io;
@@ -13,10 +13,12 @@ use std::path::Path;
 
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use v4l::v4l_sys as sys;
-use v4l::v4l2::{ioctl, vidioc};
 
-const CAPTURE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE;
-const MMAP: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;
+use super::request::{
+    self, EnumerateFormats, GetControl, MappedBuffer, PictureFormat, QueryBuffer, QueryCapability,
+    QueryControl, QueueBuffer, RequestBuffers, SetControl, SetFormat, TakeBuffer, buffers_wanted,
+    call, format_description, zeroed,
+};
 
 /// An open video node.
 pub(super) struct Node(v4l::Device);
@@ -30,7 +32,7 @@ impl AsFd for Node {
 
 /// What a node says of itself.
 #[derive(Debug, Clone)]
-pub(super) struct Identity {
+pub(super) struct NodeIdentity {
     pub(super) card: String,
     /// Takes pictures and hands them out through buffers.
     pub(super) streams_pictures: bool,
@@ -58,10 +60,11 @@ pub(super) struct Control {
     pub(super) settable: bool,
 }
 
-/// A filled buffer, taken out of the queue.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A filled buffer, taken out of the queue. Neither copied nor made elsewhere: as long as there is
+/// one, the driver leaves the buffer's memory alone.
+#[derive(Debug, PartialEq)]
 pub(super) struct Filled {
-    pub(super) index: u32,
+    index: u32,
     pub(super) bytes_used: usize,
     pub(super) damaged: bool,
     pub(super) sequence: u32,
@@ -69,26 +72,6 @@ pub(super) struct Filled {
     pub(super) at_s: Option<f64>,
     /// Whether the stamp is of the exposure's start (else of the frame's end).
     pub(super) at_start: bool,
-}
-
-/// Runs one request, again when a signal came between.
-fn call<T>(node: &Node, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Result<()> {
-    loop {
-        // SAFETY: private, and each caller below pairs the request with the structure the kernel
-        // expects.
-        match unsafe {
-            ioctl(node.0.handle().fd(), request, std::ptr::from_mut(argument).cast::<c_void>())
-        } {
-            Err(cause) if cause.kind() == io::ErrorKind::Interrupted => {}
-            outcome => return outcome,
-        }
-    }
-}
-
-fn zeroed<T: Copy>() -> T {
-    // SAFETY: used for the kernel's plain structures only, for which all bits zero is a valid
-    // value.
-    unsafe { std::mem::zeroed() }
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -100,25 +83,24 @@ impl Node {
         v4l::Device::with_path(path).map(Node)
     }
 
-    pub(super) fn identity(&self) -> io::Result<Identity> {
-        let mut caps: sys::v4l2_capability = zeroed();
-        call(self, vidioc::VIDIOC_QUERYCAP, &mut caps)?;
+    pub(super) fn identity(&self) -> io::Result<NodeIdentity> {
+        let mut caps = zeroed();
+        call::<QueryCapability>(self, &mut caps)?;
         let own = if caps.capabilities & sys::V4L2_CAP_DEVICE_CAPS != 0 {
             caps.device_caps
         } else {
             caps.capabilities
         };
         let needed = sys::V4L2_CAP_VIDEO_CAPTURE | sys::V4L2_CAP_STREAMING;
-        Ok(Identity { card: text(&caps.card), streams_pictures: own & needed == needed })
+        Ok(NodeIdentity { card: text(&caps.card), streams_pictures: own & needed == needed })
     }
 
     /// Four-character codes the driver can deliver.
     pub(super) fn formats(&self) -> Vec<[u8; 4]> {
         let mut all = Vec::new();
         loop {
-            let mut entry =
-                sys::v4l2_fmtdesc { index: all.len() as u32, type_: CAPTURE, ..zeroed() };
-            if call(self, vidioc::VIDIOC_ENUM_FMT, &mut entry).is_err() {
+            let mut entry = format_description(all.len() as u32);
+            if call::<EnumerateFormats>(self, &mut entry).is_err() {
                 return all;
             }
             all.push(entry.pixelformat.to_le_bytes());
@@ -127,18 +109,15 @@ impl Node {
 
     /// Asks for a format; drivers adjust it without an error, so the answer is what counts.
     pub(super) fn settle(&self, width: u32, height: u32, fourcc: [u8; 4]) -> io::Result<Settled> {
-        let mut format = sys::v4l2_format { type_: CAPTURE, ..zeroed() };
-        format.fmt.pix = sys::v4l2_pix_format {
+        let mut format = PictureFormat::new(sys::v4l2_pix_format {
             width,
             height,
             pixelformat: u32::from_le_bytes(fourcc),
             field: sys::v4l2_field_V4L2_FIELD_NONE,
             ..zeroed()
-        };
-        call(self, vidioc::VIDIOC_S_FMT, &mut format)?;
-        // SAFETY: `pix` is the member that belongs to this buffer type, and the kernel has filled
-        // it.
-        let pix = unsafe { format.fmt.pix };
+        });
+        call::<SetFormat>(self, &mut format)?;
+        let pix = format.pix();
         Ok(Settled {
             width: pix.width,
             height: pix.height,
@@ -152,7 +131,7 @@ impl Node {
     pub(super) fn controls(&self) -> Vec<Control> {
         let mut all = Vec::new();
         let mut query = sys::v4l2_queryctrl { id: sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
-        while call(self, vidioc::VIDIOC_QUERYCTRL, &mut query).is_ok() {
+        while call::<QueryControl>(self, &mut query).is_ok() {
             let kinds = [
                 sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER,
                 sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_BOOLEAN,
@@ -174,48 +153,46 @@ impl Node {
     }
 
     pub(super) fn set_control(&self, id: u32, value: i32) -> io::Result<()> {
-        call(self, vidioc::VIDIOC_S_CTRL, &mut sys::v4l2_control { id, value })
+        call::<SetControl>(self, &mut sys::v4l2_control { id, value })
     }
 
     pub(super) fn control(&self, id: u32) -> io::Result<i32> {
         let mut control = sys::v4l2_control { id, value: 0 };
-        call(self, vidioc::VIDIOC_G_CTRL, &mut control)?;
+        call::<GetControl>(self, &mut control)?;
         Ok(control.value)
     }
 
     /// Asks for `count` buffers; the driver's count is returned.
     pub(super) fn request_buffers(&self, count: u32) -> io::Result<u32> {
-        let mut request =
-            sys::v4l2_requestbuffers { count, type_: CAPTURE, memory: MMAP, ..zeroed() };
-        call(self, vidioc::VIDIOC_REQBUFS, &mut request)?;
+        let mut request = buffers_wanted(count);
+        call::<RequestBuffers>(self, &mut request)?;
         Ok(request.count)
     }
 
-    pub(super) fn map_buffer(&self, index: u32) -> io::Result<Map> {
-        let mut buffer = sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() };
-        call(self, vidioc::VIDIOC_QUERYBUF, &mut buffer)?;
-        let length = buffer.length as usize;
+    /// Maps a buffer of those asked for, and queues it.
+    pub(super) fn queue_new(&self, index: u32) -> io::Result<Buffer> {
+        let mut buffer = MappedBuffer::new(index);
+        call::<QueryBuffer>(self, &mut buffer)?;
+        let (length, place) = (buffer.length as usize, u64::from(buffer.offset()));
         // SAFETY: a fresh mapping of `length` bytes at the offset the kernel gave for memory-mapped
         // buffers.
         let start = unsafe {
-            let place = u64::from(buffer.m.offset);
             mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, self, place)?
         };
-        Ok(Map { start, length })
+        let mapped = Buffer { start, length };
+        call::<QueueBuffer>(self, &mut MappedBuffer::new(index))?;
+        Ok(mapped)
     }
 
-    pub(super) fn queue(&self, index: u32) -> io::Result<()> {
-        call(
-            self,
-            vidioc::VIDIOC_QBUF,
-            &mut sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() },
-        )
+    /// Hands a taken buffer back to the driver.
+    pub(super) fn queue_again(&self, filled: Filled) -> io::Result<()> {
+        call::<QueueBuffer>(self, &mut MappedBuffer::new(filled.index))
     }
 
     /// Takes a filled buffer; `WouldBlock` when none is.
     pub(super) fn take(&self) -> io::Result<Filled> {
-        let mut buffer = sys::v4l2_buffer { type_: CAPTURE, memory: MMAP, ..zeroed() };
-        call(self, vidioc::VIDIOC_DQBUF, &mut buffer)?;
+        let mut buffer = MappedBuffer::new(0);
+        call::<TakeBuffer>(self, &mut buffer)?;
         let monotonic = buffer.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK
             == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
         let stamp = buffer.timestamp.tv_sec as f64 + buffer.timestamp.tv_usec as f64 * 1e-6;
@@ -231,8 +208,7 @@ impl Node {
     }
 
     pub(super) fn stream(&self, on: bool) -> io::Result<()> {
-        let request = if on { vidioc::VIDIOC_STREAMON } else { vidioc::VIDIOC_STREAMOFF };
-        call(self, request, &mut { CAPTURE })
+        request::stream(self, on)
     }
 }
 
@@ -244,28 +220,36 @@ pub(super) fn control_name(title: &str) -> String {
 }
 
 /// A driver's buffer in our memory.
-pub(super) struct Map {
+pub(super) struct Buffer {
     start: *mut c_void,
     length: usize,
 }
 
 // SAFETY: the mapping belongs to this value alone and is only read.
-unsafe impl Send for Map {}
+unsafe impl Send for Buffer {}
 
-impl Map {
-    /// The first `used` bytes (fewer when the buffer is smaller). To be read only between taking
-    /// the buffer and queueing it again: the driver owns it otherwise.
-    pub(super) fn bytes(&self, used: usize) -> &[u8] {
-        // SAFETY: the mapping is at least this long, readable, and lives as long as `self`.
-        unsafe { std::slice::from_raw_parts(self.start.cast::<u8>(), used.min(self.length)) }
+impl Buffer {
+    /// The bytes the driver wrote.
+    pub(super) fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
+        let used = filled.bytes_used.min(self.length);
+        // SAFETY: the mapping is at least this long, readable, and lives as long as `self`; the
+        // driver does not write to a buffer as long as its `Filled` is there.
+        unsafe { std::slice::from_raw_parts(self.start.cast::<u8>(), used) }
     }
 }
 
-impl Drop for Map {
+impl Drop for Buffer {
     fn drop(&mut self) {
-        // SAFETY: unmaps exactly what `map_buffer` mapped. A failure would leak a mapping and
+        // SAFETY: unmaps exactly what `queue_new` mapped. A failure would leak a mapping and
         // nothing else.
         let _ = unsafe { munmap(self.start, self.length) };
+    }
+}
+
+impl Filled {
+    /// Number of the buffer.
+    pub(super) fn index(&self) -> usize {
+        self.index as usize
     }
 }
 

@@ -1,0 +1,185 @@
+//! The requests a V4L2 node takes, each bound to the one structure it reads and writes, so that a
+//! call is sound whoever makes it.
+#![allow(unsafe_code)] // ioctl and the kernel's unions.
+
+use std::io;
+use std::ops::Deref;
+use std::os::fd::{AsFd, AsRawFd};
+
+use v4l::v4l_sys as sys;
+use v4l::v4l2::{ioctl, vidioc};
+
+const CAPTURE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE;
+const MMAP: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;
+
+/// A structure that may be made of zeros.
+///
+/// # Safety
+/// All bits zero must be a value of the type.
+pub(super) unsafe trait Zeroable: Sized {}
+
+/// One request.
+///
+/// # Safety
+/// The kernel must read and write one `Argument` for `NUMBER` and nothing that its values point to,
+/// whatever the values are.
+pub(super) unsafe trait Request {
+    const NUMBER: vidioc::_IOC_TYPE;
+    type Argument;
+}
+
+macro_rules! zeroable {
+    ($($structure:ident)*) => {$(
+        // SAFETY: plain integers, arrays and unions of such, without pointers or enums.
+        unsafe impl Zeroable for sys::$structure {}
+    )*};
+}
+
+zeroable! {
+    v4l2_capability v4l2_fmtdesc v4l2_format v4l2_pix_format v4l2_queryctrl v4l2_requestbuffers
+    v4l2_buffer
+}
+
+macro_rules! requests {
+    ($($name:ident = $number:ident($argument:ty);)*) => {$(
+        pub(super) enum $name {}
+
+        // SAFETY: <linux/videodev2.h> pairs the two, and `call` compares their sizes. None of the
+        // structures leads the kernel to other memory: formats and buffers, which could, are made
+        // by this file for pictures in buffers that the driver owns.
+        unsafe impl Request for $name {
+            const NUMBER: vidioc::_IOC_TYPE = vidioc::$number;
+            type Argument = $argument;
+        }
+    )*};
+}
+
+requests! {
+    QueryCapability = VIDIOC_QUERYCAP(sys::v4l2_capability);
+    EnumerateFormats = VIDIOC_ENUM_FMT(sys::v4l2_fmtdesc);
+    SetFormat = VIDIOC_S_FMT(PictureFormat);
+    QueryControl = VIDIOC_QUERYCTRL(sys::v4l2_queryctrl);
+    SetControl = VIDIOC_S_CTRL(sys::v4l2_control);
+    GetControl = VIDIOC_G_CTRL(sys::v4l2_control);
+    RequestBuffers = VIDIOC_REQBUFS(sys::v4l2_requestbuffers);
+    QueryBuffer = VIDIOC_QUERYBUF(MappedBuffer);
+    QueueBuffer = VIDIOC_QBUF(MappedBuffer);
+    TakeBuffer = VIDIOC_DQBUF(MappedBuffer);
+    StreamOn = VIDIOC_STREAMON(u32);
+    StreamOff = VIDIOC_STREAMOFF(u32);
+}
+
+/// Runs one request, again when a signal came between.
+pub(super) fn call<R: Request>(node: &impl AsFd, argument: &mut R::Argument) -> io::Result<()> {
+    // A request's number tells the size of its structure (asm-generic/ioctl.h).
+    const { assert!((R::NUMBER as usize >> 16) & 0x3fff == size_of::<R::Argument>()) };
+    loop {
+        let argument = std::ptr::from_mut(argument).cast();
+        // SAFETY: the pointer is to a live `Argument`, and `Request` promises that the kernel
+        // touches nothing else.
+        match unsafe { ioctl(node.as_fd().as_raw_fd(), R::NUMBER, argument) } {
+            Err(cause) if cause.kind() == io::ErrorKind::Interrupted => {}
+            outcome => return outcome,
+        }
+    }
+}
+
+pub(super) fn zeroed<T: Zeroable>() -> T {
+    // SAFETY: what the trait promises.
+    unsafe { std::mem::zeroed() }
+}
+
+/// A description of the driver's picture format number `index`.
+pub(super) fn format_description(index: u32) -> sys::v4l2_fmtdesc {
+    sys::v4l2_fmtdesc { index, type_: CAPTURE, ..zeroed() }
+}
+
+/// A wish for `count` buffers that the driver owns and this program maps.
+pub(super) fn buffers_wanted(count: u32) -> sys::v4l2_requestbuffers {
+    sys::v4l2_requestbuffers { count, type_: CAPTURE, memory: MMAP, ..zeroed() }
+}
+
+/// Starts or stops the stream of pictures.
+pub(super) fn stream(node: &impl AsFd, on: bool) -> io::Result<()> {
+    let kind = &mut { CAPTURE };
+    if on { call::<StreamOn>(node, kind) } else { call::<StreamOff>(node, kind) }
+}
+
+/// A format of captured pictures; other kinds of format hold pointers.
+#[repr(transparent)]
+pub(super) struct PictureFormat(sys::v4l2_format);
+
+impl PictureFormat {
+    pub(super) fn new(pix: sys::v4l2_pix_format) -> Self {
+        let mut format = sys::v4l2_format { type_: CAPTURE, ..zeroed() };
+        format.fmt.pix = pix;
+        PictureFormat(format)
+    }
+
+    pub(super) fn pix(&self) -> sys::v4l2_pix_format {
+        // SAFETY: the member was written by `new`, and any bits are a value of it.
+        unsafe { self.0.fmt.pix }
+    }
+}
+
+/// A buffer that the driver owns and this program maps; other kinds of buffer hold pointers.
+#[repr(transparent)]
+pub(super) struct MappedBuffer(sys::v4l2_buffer);
+
+impl MappedBuffer {
+    pub(super) fn new(index: u32) -> Self {
+        MappedBuffer(sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() })
+    }
+
+    /// Where it is mapped, once the driver has been asked.
+    pub(super) fn offset(&self) -> u32 {
+        // SAFETY: any bits are a value of this member.
+        unsafe { self.0.m.offset }
+    }
+}
+
+impl Deref for MappedBuffer {
+    type Target = sys::v4l2_buffer;
+
+    fn deref(&self) -> &sys::v4l2_buffer {
+        &self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a file that is no video node says to the request; nothing of `argument` may change.
+    fn refused<R: Request>(mut argument: R::Argument) -> bool {
+        let null = std::fs::File::open("/dev/null").unwrap();
+        let error = call::<R>(&null, &mut argument).unwrap_err();
+        rustix::io::Errno::from_io_error(&error) == Some(rustix::io::Errno::NOTTY)
+    }
+
+    #[test]
+    fn every_request_goes_to_the_kernel_with_its_own_structure() {
+        // That each structure has the size its request names is asserted when this is compiled.
+        assert!(refused::<QueryCapability>(zeroed()));
+        assert!(refused::<EnumerateFormats>(format_description(0)));
+        assert!(refused::<SetFormat>(PictureFormat::new(zeroed())));
+        assert!(refused::<QueryControl>(zeroed()));
+        assert!(refused::<SetControl>(sys::v4l2_control { id: 0, value: 0 }));
+        assert!(refused::<GetControl>(sys::v4l2_control { id: 0, value: 0 }));
+        assert!(refused::<RequestBuffers>(buffers_wanted(2)));
+        assert!(refused::<QueryBuffer>(MappedBuffer::new(0)));
+        assert!(refused::<QueueBuffer>(MappedBuffer::new(0)));
+        assert!(refused::<TakeBuffer>(MappedBuffer::new(0)));
+        assert!(stream(&std::fs::File::open("/dev/null").unwrap(), true).is_err());
+    }
+
+    #[test]
+    fn formats_and_buffers_are_of_pictures_in_the_driver_s_memory() {
+        let pix = sys::v4l2_pix_format { width: 7, height: 5, ..zeroed() };
+        let format = PictureFormat::new(pix);
+        assert_eq!((format.0.type_, format.pix().width, format.pix().height), (CAPTURE, 7, 5));
+        let buffer = MappedBuffer::new(3);
+        assert_eq!((buffer.index, buffer.type_, buffer.memory), (3, CAPTURE, MMAP));
+        assert_eq!((buffer.offset(), buffer.length), (0, 0));
+    }
+}
