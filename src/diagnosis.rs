@@ -25,7 +25,7 @@ const PROBES: usize = 20;
 
 /// What the trials found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Timing {
+pub struct MeasuredTiming {
     /// From the flip to the first change on the panel.
     pub latency_ms: f64,
     /// Standard deviation of that over the trials.
@@ -45,7 +45,7 @@ pub struct Timing {
 ///
 /// # Errors
 /// When a device fails, or black and white look alike.
-pub fn measure(rig: &mut Rig, refresh_hz: f64) -> Result<Timing, RigError> {
+pub fn measure(rig: &mut Rig, refresh_hz: f64) -> Result<MeasuredTiming, RigError> {
     let interval_ms = 1e3 / refresh_hz;
     let file_settle_ms = rig.timing.settle_ms;
     let (black, white) =
@@ -91,7 +91,7 @@ pub fn measure(rig: &mut Rig, refresh_hz: f64) -> Result<Timing, RigError> {
     if let Some(shortest_ms) = shortest_settle_ms {
         rig.timing.settle_ms = shortest_ms + interval_ms / 2.0;
     }
-    Ok(Timing {
+    Ok(MeasuredTiming {
         latency_ms,
         jitter_ms: spread.sqrt(),
         settle_ms,
@@ -169,7 +169,7 @@ fn shortest_settle(rig: &mut Rig, interval_ms: f64) -> Result<Option<f64>, RigEr
     Ok(shortest)
 }
 
-impl Timing {
+impl MeasuredTiming {
     /// What is wrong and what to do about it, a sentence each; empty when all is well.
     pub fn complaints(&self) -> Vec<String> {
         let mut all = Vec::new();
@@ -196,7 +196,7 @@ impl Timing {
     }
 }
 
-impl fmt::Display for Timing {
+impl fmt::Display for MeasuredTiming {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let refreshes = |ms: f64| ms / self.interval_ms;
         writeln!(f, "{:<28}{:>10}{:>12}", "timing", "ms", "refreshes")?;

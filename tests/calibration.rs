@@ -4,12 +4,12 @@
 
 use std::path::Path;
 
-use relens::calibration::{Calibration, Correction};
+use relens::calibration::{Calibration, Correction, Layout};
 use relens::chart::scenes::Scene;
 use relens::config;
 use relens::deconvolution::quality::psnr;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
-use relens::measurement::{CalibrateError, calibrate, captures, layout};
+use relens::measurement::{CalibrateError, calibrate, captures};
 use relens::patterns;
 use relens::pipeline::{Pipeline, method};
 use relens::remedy::full_message;
@@ -110,7 +110,7 @@ fn operator_error(
     calibration: &Calibration,
     scene: [Plane; 3],
 ) -> Errors {
-    let correction = Correction::new(calibration, layout(config)).expect("sizes that fit");
+    let correction = Correction::new(calibration, Layout::of(config)).expect("sizes that fit");
     let shown = on_canvas(config, scene);
     let truth = witness.forward(&shown, Light::Panel);
     let seen = correction.see(&rig.capture(&correction.show(&shown)).expect("a capture").counts);

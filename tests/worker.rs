@@ -15,7 +15,7 @@ use relens::config::Curve;
 use relens::daemon::{Daemon, Folders, Progress, Reader, Restorer, Setting, Step, Watcher};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::worker::Worker;
-use relens::picture::{Format, Layout, Limits, Manner, Photo, PictureError, encode};
+use relens::picture::{Format, Limits, Manner, Photo, PictureError, PixelLayout, encode};
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
 use relens::rig::{Clock, Moment};
@@ -47,7 +47,7 @@ fn read(worker: &Worker, path: &Path) -> Result<Photo, PictureError> {
 /// A JPEG of a few hundred bytes that claims 6400×4800 pixels and decodes to them.
 fn bomb() -> Vec<u8> {
     let mut grey = Manner::plain(Format::Jpeg, 8, Curve::Srgb);
-    grey.layout = Layout::Grey;
+    grey.layout = PixelLayout::Grey;
     let mut bytes = picture(&grey, RIG);
     let frame = bytes.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
     bytes[frame + 5..frame + 9].copy_from_slice(&[0x12, 0xc0, 0x19, 0x00]);
@@ -108,10 +108,10 @@ fn a_file_may_kill_its_worker_and_no_more() {
     // Whatever comes back from a worker is what would have been read here, to the last bit.
     let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
     for (format, bits, layout) in [
-        (Format::Jpeg, 8, Layout::Rgb),
-        (Format::Png, 8, Layout::Grey),
-        (Format::Png, 16, Layout::RgbAlpha),
-        (Format::Tiff, 16, Layout::Rgb),
+        (Format::Jpeg, 8, PixelLayout::Rgb),
+        (Format::Png, 8, PixelLayout::Grey),
+        (Format::Png, 16, PixelLayout::RgbAlpha),
+        (Format::Tiff, 16, PixelLayout::Rgb),
     ] {
         let mut manner = Manner::plain(format, bits, Curve::Srgb);
         (manner.layout, manner.icc) = (layout, (bits == 16).then(|| icc.clone()));

@@ -9,7 +9,9 @@ use rayon::prelude::*;
 
 use super::curve::Inverse;
 use super::dither::Diffusion;
+use super::surface::Domain;
 use super::{Calibration, Geometry};
+use crate::config;
 use crate::frame::resample::{Outside, warp};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Size, Work};
 use crate::remedy::{Remediable, Remedy};
@@ -34,9 +36,33 @@ pub struct Layout {
 }
 
 impl Layout {
+    /// The sizes in a rig file.
+    pub fn of(rig: &config::Rig) -> Layout {
+        Layout {
+            panel: rig.panel.size(),
+            sensor: rig.camera.size(),
+            photo: rig.photo.size(),
+            photo_x_px: rig.camera.photo_x_px,
+            photo_y_px: rig.camera.photo_y_px,
+            margin_px: rig.canvas.margin_px,
+            saturated: rig.camera.count_max(),
+        }
+    }
+
     /// The photo and its margins.
     pub fn canvas(&self) -> Size {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
+    }
+
+    /// The canvas in Work coordinates, centres of its outermost pixels.
+    pub fn domain(&self) -> Domain {
+        let margin = self.margin_px as f64;
+        Domain {
+            left: -margin,
+            top: -margin,
+            right: self.photo.width as f64 - 1.0 + margin,
+            bottom: self.photo.height as f64 - 1.0 + margin,
+        }
     }
 }
 

@@ -28,7 +28,7 @@ impl CrossChannel {
 
 /// One block of a gradation shown in one channel, as the camera saw it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Reading {
+pub struct BlockReading {
     /// Its code.
     pub code: u8,
     /// Codes of the blocks around it.
@@ -43,7 +43,7 @@ pub struct Reading {
 /// Row `from` of C: what the channel shown adds to each camera channel, by the slope of that
 /// channel's readings against its own. A slope, for glare lifts all blocks alike. `None` when there
 /// is no contrast.
-pub fn row(from: usize, readings: &[Reading]) -> Option<[f32; 3]> {
+pub fn row(from: usize, readings: &[BlockReading]) -> Option<[f32; 3]> {
     let count = readings.len() as f64;
     let mean = |k: usize| readings.iter().map(|r| r.counts[k]).sum::<f64>() / count;
     let means = [mean(0), mean(1), mean(2)];
@@ -64,10 +64,10 @@ mod tests {
 
     #[test]
     fn slopes_are_the_mixing_whatever_is_added_to_all() {
-        let readings: Vec<Reading> = (0..=255u8)
+        let readings: Vec<BlockReading> = (0..=255u8)
             .map(|code| {
                 let light = 700.0 * (f64::from(code) / 255.0).powf(2.2) + 30.0;
-                Reading {
+                BlockReading {
                     code,
                     around: vec![],
                     field: 0.0,

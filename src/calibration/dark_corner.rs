@@ -7,7 +7,7 @@ use crate::frame::{Plane, Rect};
 /// Pixels averaged to one sample, in each direction.
 const CELL_PX: usize = 8;
 /// Knot intervals. Vignetting goes with even powers of the field; six by five intervals follow cos⁴
-/// and a clipped pupil within 0.07 to 0.12 % RMS on `simulated.toml` (2026-11-21).
+/// and a clipped pupil. Measured, see tests/tables/README.md.
 const INTERVALS: (usize, usize) = (6, 5);
 /// Penalty on bending: cells carry little noise, so little is needed (guess).
 const BENDING: f64 = 1e-3;

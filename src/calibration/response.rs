@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix, SVector};
 
-use super::cross_channel::Reading;
+use super::cross_channel::BlockReading;
 use super::curve::{Curve, CurveError};
 use super::surface::{basis, place};
 
@@ -74,10 +74,10 @@ const NEIGHBOUR_ROUNDS: usize = 3;
 ///
 /// # Errors
 /// When the readings do not rise from code 0 to code 255.
-pub fn among_neighbours(channel: usize, readings: &[Reading]) -> Result<Curve, CurveError> {
+pub fn among_neighbours(channel: usize, readings: &[BlockReading]) -> Result<Curve, CurveError> {
     let mut curve = fit(readings.iter().map(|r| (r.code, r.counts[channel])))?;
     for _ in 0..NEIGHBOUR_ROUNDS {
-        let terms = |r: &Reading| {
+        let terms = |r: &BlockReading| {
             let own = f64::from(curve.light(r.code));
             let count = r.around.len().max(1) as f64;
             let around = r.around.iter().map(|&c| f64::from(curve.light(c))).sum::<f64>() / count;
@@ -110,7 +110,7 @@ mod tests {
     fn light_from_the_blocks_around_is_taken_out() {
         let truth = |c: u8| 255.0 * (f64::from(c) / 255.0).powf(2.2);
         let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
-        let readings: Vec<Reading> = (0..800u64)
+        let readings: Vec<BlockReading> = (0..800u64)
             .map(|n| {
                 let mut code = || random.random::<u8>() / 5 * 5;
                 let around: Vec<u8> = (0..8).map(|_| code()).collect();
@@ -119,7 +119,7 @@ mod tests {
                 let share = 0.02 + 0.06 * field;
                 let own = code();
                 let counts = 3.0 * ((1.0 - share) * truth(own) + share * light);
-                Reading { code: own, around, field, counts: [counts; 3] }
+                BlockReading { code: own, around, field, counts: [counts; 3] }
             })
             .collect();
         let worst = |curve: &Curve| {

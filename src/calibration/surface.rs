@@ -78,7 +78,7 @@ impl Surface {
         samples: impl IntoIterator<Item = Sample>,
         bending: f64,
     ) -> Result<Surface, SurfaceError> {
-        let mut system = Normal::new(domain, columns, rows);
+        let mut system = NormalEquations::new(domain, columns, rows);
         for sample in samples {
             system.add(sample);
         }
@@ -233,19 +233,19 @@ fn cubic(c: &[f64]) -> [f32; 4] {
 }
 
 /// The normal equations of a fit, built sample by sample.
-struct Normal {
+struct NormalEquations {
     shape: Surface,
     matrix: DMatrix<f64>,
     right: DVector<f64>,
     samples: usize,
 }
 
-impl Normal {
-    fn new(domain: Domain, columns: usize, rows: usize) -> Normal {
+impl NormalEquations {
+    fn new(domain: Domain, columns: usize, rows: usize) -> NormalEquations {
         let (columns, rows) = (columns.max(1), rows.max(1));
         let unknowns = (columns + 3) * (rows + 3);
         let shape = Surface { domain, columns, rows, coefficients: Vec::new() };
-        Normal {
+        NormalEquations {
             shape,
             matrix: DMatrix::zeros(unknowns, unknowns),
             right: DVector::zeros(unknowns),

@@ -12,7 +12,7 @@ pub const TRUSTED: u8 = 1;
 /// The value is a lower bound: the sensor was full.
 pub const SATURATED: u8 = 2;
 
-/// Noise assumed of any photo at least, grey levels: the rounding of an 8-bit file, 1/√12.
+/// Noise assumed of any photo or capture at least, grey levels: rounding to 8 bits, 1/√12.
 pub const NOISE_MIN: f32 = 0.29;
 
 /// (K L − B) pixel by pixel: zero where data is missing, and where a saturated pixel is predicted

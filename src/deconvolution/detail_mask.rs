@@ -1,11 +1,10 @@
-//! Where a photo is calm: places in which nothing rises above the noise call for no detail, so none
-//! is looked for.
+//! The detail mask of a photo: where it holds details, and where it is flat and holds noise alone.
 //!
-//! A deconvolution makes noise coarser and larger. Where there is detail it is worth that; on a
-//! wall or in a night sky it is harm. The lens's own blur tells them apart: what is left of the
-//! finest details of a photo is noise alone, so noise is measured everywhere
-//! ([`super::data_term::noise_of`] does it for a whole photo), and where the variance of the
-//! surroundings is no larger than that noise explains, thresholds grow ([`DetailMask::factors`]).
+//! A deconvolution makes noise coarser and larger. Details are worth that; a wall or a night sky is
+//! not. The lens blurs the finest details of a scene away, so the finest details of the photo are
+//! noise, and the noise can be measured everywhere ([`super::data_term::noise_of`] measures it for
+//! a whole photo). Where the variance of the surroundings is no larger than this noise explains,
+//! the place is flat and its thresholds grow ([`DetailMask::factors`]).
 
 use rayon::prelude::*;
 
@@ -14,15 +13,14 @@ use crate::frame::{Plane, Size};
 
 /// Everything is counted in blocks of two by two pixels, as many as the finest level has details.
 const BLOCK_PX: usize = 2;
-/// Reach of the surroundings, blocks on either side: wider than a blur, so that no calm is seen
-/// beside an edge, and enough pixels to know a variance by 7 %.
+/// Reach of the surroundings, blocks on either side: wider than a blur, so that no place beside an
+/// edge counts as flat, and enough pixels to know a variance by 7 %.
 const REACH: usize = 5;
-/// Variance over noise variance below which a place is calm, and above which it is not. Measured
-/// 2026-11-21: SSIM of a drawn night sky on small.toml 0.76 without, 0.987 with (2, 10), 0.991 with
-/// (2, 20); hybrid on study.toml 0.9408/32.97, 0.9408/33.01 and 0.9402/32.99 dB.
-const CALM: f32 = 2.0;
-const LIVELY: f32 = 10.0;
-/// By how much thresholds grow where a place is calm; 6 and 12 differ by less than 0.001 SSIM on
+/// Variance over noise variance below which a place is flat. Measured, see tests/tables/README.md.
+const FLAT: f32 = 2.0;
+/// Variance over noise variance above which a place has details. Measured likewise.
+const DETAILED: f32 = 10.0;
+/// By how much thresholds grow where a place is flat; 6 and 12 differ by less than 0.001 SSIM on
 /// any scene.
 const GROWTH: f32 = 8.0;
 
@@ -36,35 +34,34 @@ pub struct DetailMask {
 }
 
 impl DetailMask {
-    /// The calm of a photo of `planes`, each with its trust and its noise in grey levels, for
-    /// `levels` levels of details. A place is as lively as its liveliest channel.
+    /// The mask of a photo of `planes`, each with its trust and its noise in grey levels, for
+    /// `levels` levels of details. The channel with most details decides for a place.
     pub fn of(planes: &[(&Plane, &Plane<u8>, f32)], levels: usize) -> DetailMask {
         let size = planes.first().map_or(Size::new(0, 0), |(plane, ..)| blocks(plane.size()));
         let activities: Vec<Plane> =
             planes.par_iter().map(|(plane, trust, noise)| activity(plane, trust, *noise)).collect();
-        let mut liveliest: Plane = Plane::zeros(size);
+        let mut largest: Plane = Plane::zeros(size);
         for activity in &activities {
-            liveliest.data_mut().iter_mut().zip(activity.data()).for_each(|(l, a)| *l = l.max(*a));
+            largest.data_mut().iter_mut().zip(activity.data()).for_each(|(l, a)| *l = l.max(*a));
         }
-        let known = liveliest.data().iter().copied().filter(|activity| activity.is_finite());
+        let known = largest.data().iter().copied().filter(|activity| activity.is_finite());
         let peak = known.fold(0.0, f32::max);
-        let mut lively = liveliest;
         let mut factors = Vec::with_capacity(levels);
         for level in 0..levels {
             if level > 0 {
-                lively = halved(&lively);
+                largest = halved(&largest);
             }
-            factors.push(lively.map(|activity: f32| {
-                let calm = ((LIVELY - activity) / (LIVELY - CALM)).clamp(0.0, 1.0);
-                1.0 + GROWTH * calm * calm * (3.0 - 2.0 * calm)
+            factors.push(largest.map(|activity: f32| {
+                let flat = ((DETAILED - activity) / (DETAILED - FLAT)).clamp(0.0, 1.0);
+                1.0 + GROWTH * flat * flat * (3.0 - 2.0 * flat)
             }));
         }
         DetailMask { factors, peak }
     }
 
-    /// Whether all places are.
-    pub fn is_everywhere(&self) -> bool {
-        self.peak <= CALM
+    /// Whether the whole photo is flat.
+    pub fn is_flat(&self) -> bool {
+        self.peak <= FLAT
     }
 
     /// Factors of the thresholds of `level`, 0 the finest.
@@ -100,16 +97,20 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32) -> Plane {
         let near = |y: usize| photo.row(y.min(size.height - 1));
         let (above, here, below) = (near(y.saturating_sub(1)), photo.row(y), near(y + 1));
         let trusted = trust.row(y);
-        let [count, sum, square, fine] = &mut values;
+        let [count, sum, square, finest] = &mut values;
         let block = y / BLOCK_PX;
-        let rows =
-            (count.row_mut(block), sum.row_mut(block), square.row_mut(block), fine.row_mut(block));
+        let rows = (
+            count.row_mut(block),
+            sum.row_mut(block),
+            square.row_mut(block),
+            finest.row_mut(block),
+        );
         for x in 0..width {
             if trusted[x] != TRUSTED {
                 continue;
             }
             let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
-            let mask = above[left] + above[right] + below[left] + below[right]
+            let fine = above[left] + above[right] + below[left] + below[right]
                 - 2.0 * (above[x] + below[x] + here[left] + here[right])
                 + 4.0 * here[x];
             let value = here[x] - mean;
@@ -117,7 +118,7 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32) -> Plane {
             rows.0[block] += 1.0;
             rows.1[block] += value;
             rows.2[block] += value * value;
-            rows.3[block] += mask * mask / 36.0;
+            rows.3[block] += fine * fine / 36.0;
         }
     }
     let [count, sum, square, fine] = values.map(|plane| surroundings(&plane));
@@ -197,22 +198,22 @@ mod tests {
             scene(x, y) + noise * (scene(x, y) / 100.0).sqrt()
         });
         let trust = Plane::filled(size, TRUSTED);
-        let calm = DetailMask::of(&[(&photo, &trust, 1.0)], 3);
-        assert_eq!(calm.factors(2).unwrap().size(), Size::new(20, 15));
-        assert!(calm.factors(3).is_none());
-        calm.factors(0).unwrap().clone()
+        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 3);
+        assert_eq!(mask.factors(2).unwrap().size(), Size::new(20, 15));
+        assert!(mask.factors(3).is_none());
+        mask.factors(0).unwrap().clone()
     }
 
     #[test]
-    fn a_wall_is_calm_in_the_light_and_in_the_dark() {
+    fn a_wall_is_flat_in_the_light_and_in_the_dark() {
         let wall = factors(|x, y| 60.0 + 0.4 * x as f32 + 0.1 * y as f32);
-        // The surroundings of border places are half unseen, and a few places are calm only nearly,
+        // The surroundings of border places are half unseen, and a few places are flat only nearly,
         // by chance.
         assert!(wall.mean() > f64::from(1.0 + 0.98 * GROWTH), "{}", wall.mean());
     }
 
     #[test]
-    fn details_are_left_alone_and_calm_begins_beyond_their_blur() {
+    fn details_are_left_alone_and_flat_places_begin_beyond_their_blur() {
         // As a lens would blur it.
         let dots = factors(|x, y| {
             let far = (x as f32 - 40.0).hypot(y as f32 - 60.0) / 3.0;
@@ -230,7 +231,7 @@ mod tests {
             Plane::filled(size, 80.0),
             Plane::filled(size, crate::deconvolution::data_term::MISSING),
         );
-        let calm = DetailMask::of(&[(&photo, &trust, 1.0)], 1);
-        assert!(calm.factors(0).unwrap().data().iter().all(|&f| f == 1.0));
+        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 1);
+        assert!(mask.factors(0).unwrap().data().iter().all(|&f| f == 1.0));
     }
 }

@@ -46,9 +46,9 @@ impl Rung {
 }
 
 /// Whether nothing in a photo of `planes`, each with its trust and its noise in grey levels, rises
-/// above its noise: calm everywhere, whatever its broad shading.
+/// above its noise: flat everywhere, whatever its broad shading.
 pub fn is_blank(planes: &[(&Plane, &Plane<u8>, f32)]) -> bool {
-    DetailMask::of(planes, 1).is_everywhere()
+    DetailMask::of(planes, 1).is_flat()
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! The vocabulary: planes of numbers, frames of three channels, and the spaces they live in.
 //!
-//! Three spaces, and they are types that do not mix: [`Panel`] (panel pixels, 8-bit codes),
-//! [`Sensor`] (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light, 0..255
-//! full scale as in the paper). Every plane is row-major, height × width.
+//! Three spaces, and they are types that do not mix: [`PanelSpace`] (panel pixels, 8-bit codes),
+//! [`SensorSpace`] (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light,
+//! 0..255 full scale as in the paper). Every plane is row-major, height × width.
 
 mod channel;
 pub mod instructions;
@@ -16,7 +16,7 @@ pub use channel::{Channel, Channels};
 pub use mosaic::Mosaic;
 pub use npy::{NpyError, npy_f32, read_npy_f32};
 pub use plane::{Plane, Rect, Size};
-pub use space::{Codes, Counts, Frame, Panel, Sensor, Work};
+pub use space::{Codes, Counts, Frame, PanelSpace, SensorSpace, Work};
 
 /// Full scale of linear light in Work space (the paper's 0..255).
 pub const FULL_SCALE: f32 = 255.0;

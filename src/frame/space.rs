@@ -6,10 +6,10 @@ use super::{Channel, Plane, Rect, Size};
 
 /// Panel pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Panel;
+pub struct PanelSpace;
 /// Camera pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sensor;
+pub struct SensorSpace;
 /// The photo's own grid; linear light, 0..255 full scale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Work;
@@ -22,9 +22,9 @@ pub struct Frame<S, T = f32> {
 }
 
 /// What the panel is given: 8-bit codes per panel pixel.
-pub type Codes = Frame<Panel, u8>;
+pub type Codes = Frame<PanelSpace, u8>;
 /// What the sensor returned: raw counts per camera pixel and channel.
-pub type Counts = Frame<Sensor, u16>;
+pub type Counts = Frame<SensorSpace, u16>;
 
 impl<S, T: Copy + Default> Frame<S, T> {
     /// A frame of zeros.

@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::session::{Session, difference};
-use super::{Board, CalibrateError, canvas, judge};
-use crate::calibration::lens_blur::{self, Fit, Grid, LensBlurError, Shot};
+use super::board::{self, Board};
+use super::session::{Session, difference, rim_px};
+use super::{CalibrateError, judge};
+use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurError, Shot};
 use crate::calibration::{Calibration, Correction, dark_corner, noise};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
@@ -20,16 +21,16 @@ pub(super) const CENTRING_PATTERNS: usize = 5;
 /// wants the whole function, also where the rig file asks for its middle only, and no fine detail.
 const CENTRING_PIXEL_PX: usize = 2;
 /// Width of the functions then, as a share of the rig file's, in such pixels: 1.7 times as wide a
-/// piece of the sensor. Chosen on `simulated.toml` (2026-11-21): blue's geometry is 0.12 px RMS off
-/// with it, 0.15 px at twice the width; narrower windows cut blue's corners off.
+/// piece of the sensor. Measured, see tests/tables/README.md.
 const CENTRING_SHARE: f64 = 0.85;
 /// Grey around which patterns go up and down.
 const GREY: f32 = 127.5;
 /// How far they go. The bicubic warp overshoots by up to 1.5; this stays within the panel's light.
 const AMPLITUDE: f32 = 80.0;
-/// Rounds of conjugate gradients: for centring, where taps are many for the pixels there are, and
-/// for the functions themselves.
-const ROUNDS: (usize, usize) = (8, 6);
+/// Rounds of conjugate gradients for centring, where taps are many for the pixels there are.
+const CENTRING_ROUNDS: usize = 8;
+/// Rounds for the functions themselves.
+const ROUNDS: usize = 6;
 /// Squares for the broad light, in widths of a function: the last is held out. Guess.
 const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
 /// Patterns of them.
@@ -59,7 +60,7 @@ pub(super) fn measure(
                 &random(100 + round as u64, pixel_px),
                 pixel_px,
             )?;
-            let functions = functions(session, &series, ROUNDS.0, pixel_px, support_px)?;
+            let functions = functions(session, &series, CENTRING_ROUNDS, pixel_px, support_px)?;
             // Far out of focus centroids are noise, and whatever is fitted to them would be blamed
             // instead.
             let (pixel, support) =
@@ -73,7 +74,7 @@ pub(super) fn measure(
     let series =
         shoot(session, &correction, session.config.calibration.patterns, &random(200, 1), 1)?;
     let support_px = session.config.calibration.function_support_px;
-    let mut functions = functions(session, &series, ROUNDS.1, 1, support_px)?;
+    let mut functions = functions(session, &series, ROUNDS, 1, support_px)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before they are scaled to 1");
     judge::focus(sharpest_px(&functions), support_px as f64, support_px)?;
@@ -203,12 +204,12 @@ fn shoot(
     let margin = session.layout.margin_px;
     let mut flat = Vec::new();
     for c in Channel::ALL {
-        if super::rim_px(session.config) > 0 {
+        if rim_px(session.config) > 0 {
             flat.push(grey.light.plane(c).clone());
             continue;
         }
         let surface =
-            dark_corner::smooth(grey.light.plane(c), (margin, margin), canvas(&session.layout), 0)
+            dark_corner::smooth(grey.light.plane(c), (margin, margin), session.layout.domain(), 0)
                 .map_err(|source| CalibrateError::Fit { step: "grey", source })?;
         let mut plane = Plane::zeros(size);
         for y in 0..size.height {
@@ -246,7 +247,7 @@ fn functions(
     support_px: usize,
 ) -> Result<LensFunctions, CalibrateError> {
     let asked = &session.config.calibration;
-    let grid = Grid {
+    let grid = FunctionGrid {
         photo: Size::new(
             session.layout.photo.width / pixel_px,
             session.layout.photo.height / pixel_px,
@@ -258,7 +259,9 @@ fn functions(
     };
     let found: Result<Vec<Vec<f32>>, LensBlurError> = Channel::ALL
         .par_iter()
-        .map(|&c| Fit::new(grid, &series.trusted)?.taps(c, &series.shots[c.index()], rounds))
+        .map(|&c| {
+            FunctionFit::new(grid, &series.trusted)?.taps(c, &series.shots[c.index()], rounds)
+        })
         .collect();
     let mut taps = found.map_err(CalibrateError::Lens)?.into_iter();
     Ok(LensFunctions {
@@ -278,7 +281,7 @@ fn recentre(
     pixel_px: usize,
 ) -> Result<(), CalibrateError> {
     let fit = |source| CalibrateError::Fit { step: "centring", source };
-    let domain = canvas(&session.layout);
+    let domain = session.layout.domain();
     for c in Channel::ALL {
         let moved = lens_blur::displacement(functions, c, calibration.photo, domain, pixel_px)
             .map_err(fit)?;
@@ -343,7 +346,7 @@ fn rest(
     board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
     if let Some(board) = board {
-        return super::still(session, board);
+        return board::still(session, board);
     }
     let again = session.seen(correction, &on_grey(&pattern(session, 200, 0, 1)))?;
     let change = difference(again.light.plane(Channel::Green), first).rms();

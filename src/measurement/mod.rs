@@ -3,17 +3,18 @@
 //! | step | captures (times `captures-averaged`, but for the trials) | yields |
 //! |---|---|---|
 //! | trials | 2 black, 1 white | judgement of exposure and view; black level |
-//! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel per channel; judgement of focus and rest |
+//! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; judgement of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations a channel | C, response curves |
-//! | centring | grey, 5 patterns of coarse squares, twice | centroids of the lens functions, folded into the geometry |
+//! | centring | grey, 5 patterns of coarse squares, twice | centroids, folded into the geometry |
 //! | lens functions | grey, `patterns` | lens functions, ‖K‖² |
-//! | broad light | grey, 4 patterns of large squares, when `broad-term` is on | halos |
-//! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, operator error, ‖K‖² seen |
+//! | broad light | grey, 4 patterns of large squares (if `broad-term`) | halos |
+//! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, errors, ‖K‖² |
 //!
 //! A one-to-one rig skips geometry and centring. The caller keeps the result
 //! ([`crate::calibration::store`]); on any error what was kept before stays.
 
+mod board;
 mod error;
 mod judge;
 mod lens;
@@ -21,30 +22,19 @@ mod photometric;
 mod session;
 
 pub use error::CalibrateError;
+pub use session::Progress;
 
-use crate::calibration::checkerboard::{self, Affine};
-use crate::calibration::geometric::{Geometry, Pair};
-use crate::calibration::surface::{Domain, Surface};
-use crate::calibration::{Calibration, CrossChannel, Curve, Layout, Noise, dark_corner};
+use crate::calibration::geometric::Geometry;
+use crate::calibration::surface::Surface;
+use crate::calibration::{Calibration, CrossChannel, Curve, Layout, Noise};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::{Channel, Frame, Plane, Sensor};
+use crate::frame::{Frame, SensorSpace};
 use crate::patterns::{self, Trial};
 use crate::rig::exposure::Rig;
 use crate::rig::frame_mark::MarkPlace;
-use session::{Session, difference, numbers};
-
-/// How far a calibration is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Progress {
-    /// What is being measured.
-    pub step: &'static str,
-    /// Captures made.
-    pub captures: u32,
-    /// Captures there will be.
-    pub total: u32,
-}
+use session::{Session, numbers};
 
 /// Calibrates `rig`, which is described by `config`; the result's generation follows that of
 /// `previous`.
@@ -60,7 +50,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let mut session = Session::new(rig, config, progress, captures(config));
     let black = trials(&mut session)?;
-    let (geometry, board) = geometry(&mut session, &black)?;
+    let (geometry, board) = board::geometry(&mut session, &black)?;
     let mut calibration = blank(config, geometry);
     calibration.generation = previous.map_or(1, |p| p.generation.wrapping_add(1));
     photometric::black(&mut calibration, config, &black)?;
@@ -91,33 +81,9 @@ pub fn captures(config: &config::Rig) -> u32 {
     (3 + averaged * config.calibration.captures_averaged.max(1)) as u32
 }
 
-/// The sizes that a [`crate::calibration::Correction`] for `config` needs.
-pub fn layout(config: &config::Rig) -> Layout {
-    Layout {
-        panel: config.panel.size(),
-        sensor: config.camera.size(),
-        photo: config.photo.size(),
-        photo_x_px: config.camera.photo_x_px,
-        photo_y_px: config.camera.photo_y_px,
-        margin_px: config.canvas.margin_px,
-        saturated: config.camera.count_max(),
-    }
-}
-
-/// The canvas in Work coordinates, centres of its outermost pixels.
-fn canvas(layout: &Layout) -> Domain {
-    let margin = layout.margin_px as f64;
-    Domain {
-        left: -margin,
-        top: -margin,
-        right: layout.photo.width as f64 - 1.0 + margin,
-        bottom: layout.photo.height as f64 - 1.0 + margin,
-    }
-}
-
 /// A calibration of which only the geometry is known.
 fn blank(config: &config::Rig, geometry: [Geometry; 3]) -> Calibration {
-    let domain = canvas(&layout(config));
+    let domain = Layout::of(config).domain();
     let one = || Surface::constant(domain, 1.0);
     Calibration {
         rig: config.identity,
@@ -147,7 +113,7 @@ fn blank(config: &config::Rig, geometry: [Geometry; 3]) -> Calibration {
 }
 
 /// Black and white: judges exposure and view, and returns black.
-fn trials(session: &mut Session<'_>) -> Result<Frame<Sensor>, CalibrateError> {
+fn trials(session: &mut Session<'_>) -> Result<Frame<SensorSpace>, CalibrateError> {
     session.step("trials");
     let panel = session.layout.panel;
     let first = session.raw(&patterns::trial(panel, Trial::Black))?;
@@ -161,108 +127,4 @@ fn trials(session: &mut Session<'_>) -> Result<Frame<Sensor>, CalibrateError> {
         a.data_mut().iter_mut().zip(b.data()).for_each(|(a, b)| *a = (*a + b) / 2.0);
     }
     Ok(black)
-}
-
-/// The green board as it was found, to see later whether it still is there.
-struct Board {
-    near: Affine,
-    corners: Vec<Pair>,
-    black: Plane,
-}
-
-/// Work ↔ panel of each channel, and the green board.
-fn geometry(
-    session: &mut Session<'_>,
-    black: &Frame<Sensor>,
-) -> Result<([Geometry; 3], Option<Board>), CalibrateError> {
-    let (layout, domain) = (session.layout, canvas(&session.layout));
-    if session.config.calibration.geometry == config::Geometry::OneToOne {
-        let one = Geometry::one_to_one(domain, layout.photo_x_px as f64, layout.photo_y_px as f64);
-        return Ok(([one.clone(), one.clone(), one], None));
-    }
-    session.step("geometry");
-    let locator = session.counts(&patterns::trial(layout.panel, Trial::Locator))?;
-    let mut spots = [(0.0, 0.0); 3];
-    for c in Channel::ALL {
-        // A spot is white of one channel: judged bright enough already, wherever it is seen.
-        let allowed = 0.02 * f64::from(layout.saturated);
-        let over = difference(locator.plane(c), black.plane(c));
-        spots[c.index()] = checkerboard::spot(&over, c.name(), allowed).map_err(judge::board)?;
-    }
-    let near = Affine::through(patterns::locator_spots(layout.panel), spots)
-        .ok_or(checkerboard::CheckerboardError::SpotsInLine)
-        .map_err(judge::board)?;
-    let mut found = Vec::new();
-    let mut green = None;
-    for c in Channel::ALL {
-        let corners = corners(session, &near, c, black.plane(c))?;
-        let pairs: Vec<Pair> = corners
-            .iter()
-            .map(|p| Pair {
-                from: (p.from.0 - layout.photo_x_px as f64, p.from.1 - layout.photo_y_px as f64),
-                to: p.to,
-            })
-            .collect();
-        let fit = Geometry::fit(domain, &pairs);
-        let (one, misfit) =
-            fit.map_err(|source| CalibrateError::Fit { step: "geometry", source })?;
-        log::debug!("{} corners in {}, misfit {misfit:.3} panel px", pairs.len(), c.name());
-        judge::on_panel(&one, layout.panel)?;
-        found.push(one);
-        if c == Channel::Green {
-            green = Some(Board { near, corners, black: black.plane(c).clone() });
-        }
-    }
-    if let Some(board) = &green {
-        still(session, board)?;
-    }
-    match <[Geometry; 3]>::try_from(found) {
-        Ok(geometry) => Ok((geometry, green)),
-        Err(_) => Err(judge::board(checkerboard::CheckerboardError::SpotsInLine)),
-    }
-}
-
-/// The corners of the checkerboard in `channel`, (sensor, panel).
-fn corners(
-    session: &mut Session<'_>,
-    near: &Affine,
-    channel: Channel,
-    black: &Plane,
-) -> Result<Vec<Pair>, CalibrateError> {
-    let (layout, square_px) = (session.layout, session.config.calibration.checker_square_px);
-    let shown = patterns::checkerboard(layout.panel, square_px, channel);
-    let over = difference(session.counts(&shown)?.plane(channel), black);
-    let corners =
-        checkerboard::corners(&over, layout.panel, square_px, near).map_err(judge::board)?;
-    let expected = checkerboard::in_view(layout.sensor, layout.panel, square_px, near);
-    judge::corners(corners.len(), expected)?;
-    Ok(corners)
-}
-
-/// Judges whether the green board still is where it was.
-fn still(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError> {
-    let again = corners(session, &board.near, Channel::Green, &board.black)?;
-    judge::still(&board.corners, &again)
-}
-
-/// How far into the canvas a flat picture is dimmed by the dark beyond it: half a lens function
-/// where the panel ends with the canvas, else not at all.
-fn rim_px(config: &config::Rig) -> usize {
-    if config.panel.size() == config.canvas_size() {
-        config.calibration.function_support_px / 2
-    } else {
-        0
-    }
-}
-
-/// The smooth surface through a capture of something flat, leaving out `rim_px` at the canvas's
-/// border.
-fn smooth(
-    plane: &Plane,
-    layout: &Layout,
-    rim_px: usize,
-    step: &'static str,
-) -> Result<Surface, CalibrateError> {
-    dark_corner::smooth(plane, (layout.photo_x_px, layout.photo_y_px), canvas(layout), rim_px)
-        .map_err(|source| CalibrateError::Fit { step, source })
 }

@@ -1,15 +1,15 @@
 //! Light: black level, dark corner, mixing of the channels and response curves.
 
-use super::session::{Session, difference};
-use super::{CalibrateError, smooth};
-use crate::calibration::cross_channel::{self, Reading};
-use crate::calibration::{Calibration, CrossChannel, dark_corner as surfaces, response};
+use super::CalibrateError;
+use super::session::{Session, difference, rim_px, smooth};
+use crate::calibration::cross_channel::{self, BlockReading};
+use crate::calibration::{Calibration, CrossChannel, Layout, dark_corner as surfaces, response};
 use crate::config;
-use crate::frame::{Channel, Frame, Plane, Rect, Sensor};
+use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace};
 use crate::patterns::{self, Gradation};
 
-/// Gradations shown in each channel, each shuffled anew (guess; curves come out within 0.31 of 255
-/// on `simulated.toml`, 2026-11-21).
+/// Gradations shown in each channel, each shuffled anew (guess; measured, see
+/// tests/tables/README.md).
 pub(super) const GRADATIONS: usize = 3;
 /// Levels of a gradation: every fifth code, seven blocks of each on the default rig.
 const LEVELS: usize = 52;
@@ -18,9 +18,9 @@ const LEVELS: usize = 52;
 pub(super) fn black(
     calibration: &mut Calibration,
     config: &config::Rig,
-    black: &Frame<Sensor>,
+    black: &Frame<SensorSpace>,
 ) -> Result<(), CalibrateError> {
-    let layout = super::layout(config);
+    let layout = Layout::of(config);
     for c in Channel::ALL {
         calibration.black[c.index()] = smooth(black.plane(c), &layout, 0, "black level")?;
     }
@@ -32,14 +32,14 @@ pub(super) fn black(
 pub(super) fn dark_corner(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
-    black: &Frame<Sensor>,
+    black: &Frame<SensorSpace>,
 ) -> Result<(), CalibrateError> {
     session.step("dark corner");
     let photo = Rect { x: 0, y: 0, size: calibration.photo };
     for c in Channel::ALL {
         let flat = session.counts(&patterns::flat_of(session.layout.panel, c, 128))?;
         let over = difference(flat.plane(c), black.plane(c));
-        let surface = smooth(&over, &session.layout, super::rim_px(session.config), "dark corner")?;
+        let surface = smooth(&over, &session.layout, rim_px(session.config), "dark corner")?;
         let (ratio, counts) = surfaces::normalised(&surface, photo);
         if !counts.is_finite() || counts <= 0.0 {
             let found = format!("level 128 brings {counts:.1} counts over black");
@@ -55,7 +55,7 @@ pub(super) fn dark_corner(
 pub(super) fn cross_channel(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
-    black: &Frame<Sensor>,
+    black: &Frame<SensorSpace>,
 ) -> Result<(), CalibrateError> {
     session.step("cross-channel");
     let mut c_matrix = [[0.0; 3]; 3];
@@ -99,10 +99,10 @@ fn read(
     calibration: &Calibration,
     channel: Channel,
     gradation: &Gradation,
-    over: &Frame<Sensor>,
-) -> Vec<Reading> {
+    over: &Frame<SensorSpace>,
+) -> Vec<BlockReading> {
     let layout = &session.layout;
-    let domain = super::canvas(layout);
+    let domain = layout.domain();
     let map = &calibration.geometry[channel.index()].panel_to_work;
     let dark = &calibration.dark_corner[channel.index()];
     let reach = (session.config.calibration.function_support_px as f64 / 4.0).floor();
@@ -120,7 +120,7 @@ fn read(
                 2.0 * x / layout.photo.width as f64 - 1.0,
                 2.0 * y / layout.photo.height as f64 - 1.0,
             );
-            inside.then(|| Reading {
+            inside.then(|| BlockReading {
                 code: block.code,
                 around: block.around.clone(),
                 field: (u * u + v * v) / 2.0,

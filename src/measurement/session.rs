@@ -1,10 +1,22 @@
 //! Captures of a calibration under way, counted and averaged.
 
-use super::{CalibrateError, Progress};
-use crate::calibration::{Corrected, Correction, Layout};
+use super::CalibrateError;
+use crate::calibration::surface::Surface;
+use crate::calibration::{Corrected, Correction, Layout, dark_corner};
 use crate::config;
-use crate::frame::{Channel, Codes, Counts, Frame, Plane, Sensor, Work};
+use crate::frame::{Channel, Codes, Counts, Frame, Plane, SensorSpace, Work};
 use crate::rig::exposure::Rig;
+
+/// How far a calibration is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being measured.
+    pub step: &'static str,
+    /// Captures made.
+    pub captures: u32,
+    /// Captures there will be.
+    pub total: u32,
+}
 
 /// A rig being calibrated.
 pub(super) struct Session<'a> {
@@ -27,7 +39,7 @@ impl<'a> Session<'a> {
         Session {
             rig,
             config,
-            layout: super::layout(config),
+            layout: Layout::of(config),
             progress,
             step: "begin",
             captures: 0,
@@ -61,9 +73,9 @@ impl<'a> Session<'a> {
     }
 
     /// As many captures of `codes` as the rig file asks to average, averaged.
-    pub(super) fn counts(&mut self, codes: &Codes) -> Result<Frame<Sensor>, CalibrateError> {
+    pub(super) fn counts(&mut self, codes: &Codes) -> Result<Frame<SensorSpace>, CalibrateError> {
         let times = self.config.calibration.captures_averaged.max(1);
-        let mut sum = Frame::<Sensor>::zeros(self.layout.sensor);
+        let mut sum = Frame::<SensorSpace>::zeros(self.layout.sensor);
         for _ in 0..times {
             let counts = self.raw(codes)?;
             for (sum, counts) in sum.planes_mut().iter_mut().zip(counts.planes()) {
@@ -106,7 +118,7 @@ impl<'a> Session<'a> {
 }
 
 /// `counts` as numbers.
-pub(super) fn numbers(counts: &Counts) -> Frame<Sensor> {
+pub(super) fn numbers(counts: &Counts) -> Frame<SensorSpace> {
     Frame::from_fn(|c| counts.plane(c).map(f32::from))
 }
 
@@ -115,4 +127,26 @@ pub(super) fn difference(a: &Plane, b: &Plane) -> Plane {
     let mut out = a.clone();
     out.add_scaled(-1.0, b);
     out
+}
+
+/// How far into the canvas a flat picture is dimmed by the dark beyond it: half a lens function
+/// where the panel ends with the canvas, else not at all.
+pub(super) fn rim_px(config: &config::Rig) -> usize {
+    if config.panel.size() == config.canvas_size() {
+        config.calibration.function_support_px / 2
+    } else {
+        0
+    }
+}
+
+/// The smooth surface through a capture of something flat, leaving out `rim_px` at the canvas's
+/// border.
+pub(super) fn smooth(
+    plane: &Plane,
+    layout: &Layout,
+    rim_px: usize,
+    step: &'static str,
+) -> Result<Surface, CalibrateError> {
+    dark_corner::smooth(plane, (layout.photo_x_px, layout.photo_y_px), layout.domain(), rim_px)
+        .map_err(|source| CalibrateError::Fit { step, source })
 }

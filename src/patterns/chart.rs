@@ -24,7 +24,7 @@ pub fn chart(size: Size) -> Plane {
 }
 
 /// One mark: a shape, where it is, and the light of its ink.
-struct Mark {
+struct InkMark {
     x: f64,
     y: f64,
     shape: Shape,
@@ -133,7 +133,7 @@ const DIGITS: [[u8; 5]; 10] = [
     [0b111, 0b101, 0b111, 0b001, 0b111],
 ];
 
-impl Mark {
+impl InkMark {
     fn draw(&self, plane: &mut Plane, scale: f64) {
         let reach = self.shape.reach();
         let first = |at: f64| ((at - reach) * scale).floor().max(0.0) as usize;
@@ -158,9 +158,9 @@ impl Mark {
 }
 
 /// Everything on a chart of `width` picture heights.
-fn marks(width: f64) -> Vec<Mark> {
+fn marks(width: f64) -> Vec<InkMark> {
     let mut marks = Vec::new();
-    let mut put = |x: f64, y: f64, shape: Shape| marks.push(Mark { x, y, shape, light: INK });
+    let mut put = |x: f64, y: f64, shape: Shape| marks.push(InkMark { x, y, shape, light: INK });
     let centre = width / 2.0;
     // Wedges: coarse and fine, upright and level, in the middle; level pairs in the corners.
     let coarse =
@@ -254,7 +254,7 @@ fn marks(width: f64) -> Vec<Mark> {
     for n in 0..6u8 {
         let x = centre + (f64::from(n) - 2.5) * 0.05;
         let light = INK + (PAPER - INK) * (f32::from(n) + 0.5) / 6.0;
-        marks.push(Mark {
+        marks.push(InkMark {
             x,
             y: 0.655,
             shape: Shape::Bar { half_width: 0.025, half_height: 0.015 },

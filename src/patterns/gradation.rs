@@ -19,7 +19,7 @@ pub struct Gradation {
 
 /// One block of a gradation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Block {
+pub struct GradationBlock {
     /// Its code.
     pub code: u8,
     /// Its centre on the panel.
@@ -63,14 +63,14 @@ impl Gradation {
     }
 
     /// All whole blocks.
-    pub fn blocks(&self) -> impl Iterator<Item = Block> + '_ {
+    pub fn blocks(&self) -> impl Iterator<Item = GradationBlock> + '_ {
         let centre = |n: usize| (n * self.block_px) as f64 + (self.block_px as f64 - 1.0) / 2.0;
         (0..self.rows * self.columns)
             .filter(|n| {
                 (n % self.columns + 1) * self.block_px <= self.size.width
                     && (n / self.columns + 1) * self.block_px <= self.size.height
             })
-            .map(move |n| Block {
+            .map(move |n| GradationBlock {
                 code: self.codes[n],
                 centre: (centre(n % self.columns), centre(n / self.columns)),
                 around: self.around(n % self.columns, n / self.columns),

@@ -12,7 +12,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::frame::{Channel, Codes, Frame, Plane, Size};
 pub use chart::chart;
-pub use gradation::{Block, Gradation};
+pub use gradation::{Gradation, GradationBlock};
 
 /// The four trial pictures by which a rig is judged before anything is measured: is light coming,
 /// too much, too little, and from where?

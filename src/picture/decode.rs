@@ -36,7 +36,7 @@ impl Default for Limits {
 
 /// What a pixel of the file is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Layout {
+pub enum PixelLayout {
     /// One grey sample.
     Grey,
     /// Grey and alpha.
@@ -47,25 +47,25 @@ pub enum Layout {
     RgbAlpha,
 }
 
-impl Layout {
+impl PixelLayout {
     /// Samples a pixel, alpha included.
     pub const fn samples(self) -> usize {
         match self {
-            Layout::Grey => 1,
-            Layout::GreyAlpha => 2,
-            Layout::Rgb => 3,
-            Layout::RgbAlpha => 4,
+            PixelLayout::Grey => 1,
+            PixelLayout::GreyAlpha => 2,
+            PixelLayout::Rgb => 3,
+            PixelLayout::RgbAlpha => 4,
         }
     }
 
     /// Whether the pixel has one grey sample in place of three colours.
     pub const fn is_grey(self) -> bool {
-        matches!(self, Layout::Grey | Layout::GreyAlpha)
+        matches!(self, PixelLayout::Grey | PixelLayout::GreyAlpha)
     }
 
     /// Whether the pixel has an alpha sample.
     pub const fn has_alpha(self) -> bool {
-        matches!(self, Layout::GreyAlpha | Layout::RgbAlpha)
+        matches!(self, PixelLayout::GreyAlpha | PixelLayout::RgbAlpha)
     }
 }
 
@@ -74,7 +74,7 @@ impl Layout {
 pub(super) struct Raster {
     pub(super) format: Format,
     pub(super) size: Size,
-    pub(super) layout: Layout,
+    pub(super) layout: PixelLayout,
     /// 8 or 16.
     pub(super) bits: u8,
     /// Pixel by pixel, `layout.samples()` each, full scale 255 or 65535 by `bits`.
@@ -183,14 +183,14 @@ fn collect<D: ImageDecoder>(
         return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
     }
     let (layout, bits) = match decoder.color_type() {
-        ColorType::L8 => (Layout::Grey, 8),
-        ColorType::La8 => (Layout::GreyAlpha, 8),
-        ColorType::Rgb8 => (Layout::Rgb, 8),
-        ColorType::Rgba8 => (Layout::RgbAlpha, 8),
-        ColorType::L16 => (Layout::Grey, 16),
-        ColorType::La16 => (Layout::GreyAlpha, 16),
-        ColorType::Rgb16 => (Layout::Rgb, 16),
-        ColorType::Rgba16 => (Layout::RgbAlpha, 16),
+        ColorType::L8 => (PixelLayout::Grey, 8),
+        ColorType::La8 => (PixelLayout::GreyAlpha, 8),
+        ColorType::Rgb8 => (PixelLayout::Rgb, 8),
+        ColorType::Rgba8 => (PixelLayout::RgbAlpha, 8),
+        ColorType::L16 => (PixelLayout::Grey, 16),
+        ColorType::La16 => (PixelLayout::GreyAlpha, 16),
+        ColorType::Rgb16 => (PixelLayout::Rgb, 16),
+        ColorType::Rgba16 => (PixelLayout::RgbAlpha, 16),
         other => {
             let found = format!("samples of kind {other:?}");
             return Err(Flaw::Unsupported { kind, found, allowed: "grey and RGB of 8 or 16 bits" });

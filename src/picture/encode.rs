@@ -9,7 +9,7 @@ use crate::frame::resample::resize;
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 
 use super::turn::turn;
-use super::{Format, Layout, Manner, PictureError};
+use super::{Format, Manner, PictureError, PixelLayout};
 
 /// JPEG quality of results. High enough that its loss stays below the noise of a capture; guess.
 const QUALITY: u8 = 95;
@@ -47,7 +47,7 @@ pub fn preview(
     let size = picture.size();
     let longest = size.width.max(size.height);
     let scaled = |n: usize| ((n * longest_px + longest / 2) / longest).max(1);
-    let layout = if manner.layout.is_grey() { Layout::Grey } else { Layout::Rgb };
+    let layout = if manner.layout.is_grey() { PixelLayout::Grey } else { PixelLayout::Rgb };
     let manner = Manner { format: Format::Jpeg, layout, exif: None, alpha: None, ..manner.clone() };
     let result = if longest > longest_px {
         let small = Size::new(scaled(size.width), scaled(size.height));
@@ -67,9 +67,9 @@ fn encoded(
 ) -> image::ImageResult<Vec<u8>> {
     // TIFF writers know no grey with alpha, and JPEG none at all.
     let layout = match (manner.format, manner.layout) {
-        (Format::Tiff, Layout::GreyAlpha) => Layout::RgbAlpha,
-        (Format::Jpeg, Layout::GreyAlpha) => Layout::Grey,
-        (Format::Jpeg, Layout::RgbAlpha) => Layout::Rgb,
+        (Format::Tiff, PixelLayout::GreyAlpha) => PixelLayout::RgbAlpha,
+        (Format::Jpeg, PixelLayout::GreyAlpha) => PixelLayout::Grey,
+        (Format::Jpeg, PixelLayout::RgbAlpha) => PixelLayout::Rgb,
         (_, layout) => layout,
     };
     let grey = grey || manner.layout.is_grey();
@@ -100,14 +100,14 @@ fn encoded(
         }
     }
     let colour = match (layout, deep && !narrow) {
-        (Layout::Grey, false) => ExtendedColorType::L8,
-        (Layout::GreyAlpha, false) => ExtendedColorType::La8,
-        (Layout::Rgb, false) => ExtendedColorType::Rgb8,
-        (Layout::RgbAlpha, false) => ExtendedColorType::Rgba8,
-        (Layout::Grey, true) => ExtendedColorType::L16,
-        (Layout::GreyAlpha, true) => ExtendedColorType::La16,
-        (Layout::Rgb, true) => ExtendedColorType::Rgb16,
-        (Layout::RgbAlpha, true) => ExtendedColorType::Rgba16,
+        (PixelLayout::Grey, false) => ExtendedColorType::L8,
+        (PixelLayout::GreyAlpha, false) => ExtendedColorType::La8,
+        (PixelLayout::Rgb, false) => ExtendedColorType::Rgb8,
+        (PixelLayout::RgbAlpha, false) => ExtendedColorType::Rgba8,
+        (PixelLayout::Grey, true) => ExtendedColorType::L16,
+        (PixelLayout::GreyAlpha, true) => ExtendedColorType::La16,
+        (PixelLayout::Rgb, true) => ExtendedColorType::Rgb16,
+        (PixelLayout::RgbAlpha, true) => ExtendedColorType::Rgba16,
     };
     let mut bytes = Vec::new();
     let out = Cursor::new(&mut bytes);
@@ -168,7 +168,12 @@ mod tests {
     fn lossless_formats_give_every_sample_back_at_either_depth() {
         for format in [Format::Png, Format::Tiff] {
             for bits in [8, 16] {
-                for layout in [Layout::Grey, Layout::Rgb, Layout::RgbAlpha, Layout::GreyAlpha] {
+                for layout in [
+                    PixelLayout::Grey,
+                    PixelLayout::Rgb,
+                    PixelLayout::RgbAlpha,
+                    PixelLayout::GreyAlpha,
+                ] {
                     let mut manner = Manner::plain(format, bits, Curve::Srgb);
                     manner.layout = layout;
                     let size = Size::new(20, 14);

@@ -10,7 +10,7 @@ use crate::frame::Size;
 use super::Flaw;
 
 /// What the walk learns without decoding anything.
-pub(super) struct Walked {
+pub(super) struct WalkedJpeg {
     pub(super) size: Size,
     /// Number of colour components.
     pub(super) components: u8,
@@ -28,9 +28,9 @@ const BLANK_BITS_PER_PIXEL: f64 = 0.1;
 ///
 /// # Errors
 /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
-pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
+pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
     let mut at = 2; // past SOI, which made it a JPEG
-    let mut frame: Option<Walked> = None;
+    let mut frame: Option<WalkedJpeg> = None;
     let mut coded_bytes = 0;
     let mut hole: Option<(usize, usize)> = None;
     loop {
@@ -109,7 +109,7 @@ fn segment(bytes: &[u8], at: usize) -> Result<&[u8], Flaw> {
     bytes.get(at + 2..at + length).ok_or_else(short)
 }
 
-fn frame_header(segment: &[u8]) -> Result<Walked, Flaw> {
+fn frame_header(segment: &[u8]) -> Result<WalkedJpeg, Flaw> {
     let [precision, h1, h0, w1, w0, components, ..] = *segment else {
         return Err(damaged("a short frame header", "at least 6 bytes"));
     };
@@ -124,7 +124,7 @@ fn frame_header(segment: &[u8]) -> Result<Walked, Flaw> {
     if size.area() == 0 {
         return Err(damaged(&format!("a frame of {size}"), "at least 1×1"));
     }
-    Ok(Walked { size, components })
+    Ok(WalkedJpeg { size, components })
 }
 
 /// Where the entropy-coded data from `at` on ends: at the next marker that is no restart, or at the

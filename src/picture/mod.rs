@@ -30,7 +30,7 @@ mod tone;
 mod turn;
 pub mod worker;
 
-pub use decode::{Layout, Limits};
+pub use decode::{Limits, PixelLayout};
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
 pub use kind::Format;

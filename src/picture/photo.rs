@@ -12,7 +12,7 @@ use crate::frame::{Channel, Channels, Frame, Plane, Size, Work};
 
 use super::decode::{Limits, Raster, decode, walk};
 use super::kind::{Format, check_name};
-use super::{Flaw, Growth, Layout, Orientation, PictureError, Tone, shape, turn};
+use super::{Flaw, Growth, Orientation, PictureError, PixelLayout, Tone, shape, turn};
 use crate::config::Curve;
 
 /// How a picture is written: format, depth, curve, and what the photo carried.
@@ -21,7 +21,7 @@ pub struct Manner {
     /// File format.
     pub format: Format,
     /// Samples of a pixel.
-    pub layout: Layout,
+    pub layout: PixelLayout,
     /// Bits a sample: 8 or 16.
     pub bits: u8,
     /// The transfer curve, undone on reading and redone on writing.
@@ -41,7 +41,7 @@ impl Manner {
     pub fn plain(format: Format, bits: u8, curve: Curve) -> Manner {
         Manner {
             format,
-            layout: Layout::Rgb,
+            layout: PixelLayout::Rgb,
             bits,
             tone: Tone::of_curve(curve, bits),
             orientation: Orientation::NoTransforms,

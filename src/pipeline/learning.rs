@@ -12,7 +12,7 @@ use std::hash::{DefaultHasher, Hasher};
 
 use super::{Pipeline, Prepared, Solved};
 use crate::deconvolution::lens_model::LensFunctions;
-use crate::deconvolution::refinement::{Learnt, Look};
+use crate::deconvolution::refinement::{CaptureFinding, Learnt};
 use crate::frame::Channel;
 
 /// Other photos whose captures a lens must explain. Guess: each of them is a test with some hundred
@@ -34,7 +34,7 @@ impl Learning {
     }
 
     /// Takes down what a capture of `photo` said; the lens, once it has proved itself.
-    fn note(&mut self, photo: u64, look: &Look) -> Option<&Learnt> {
+    fn note(&mut self, photo: u64, look: &CaptureFinding) -> Option<&Learnt> {
         if look.learnt_holds == Some(false) {
             log::debug!("what was learnt of the lens does not hold");
             *self = Learning::default();
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
     use crate::deconvolution::level_norms::LevelNorms;
 
-    fn look(learnt_holds: Option<bool>, refines: bool) -> Look {
+    fn look(learnt_holds: Option<bool>, refines: bool) -> CaptureFinding {
         let taps = vec![1.0];
         let functions = LensFunctions {
             rows: 1,
@@ -80,7 +80,7 @@ mod tests {
         };
         let level_norms = Channel::ALL.map(|_| LevelNorms::uniform(2, 1.0));
         let refined = refines.then_some(Learnt { functions, level_norms });
-        Look { refined, learnt_holds }
+        CaptureFinding { refined, learnt_holds }
     }
 
     #[test]

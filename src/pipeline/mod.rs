@@ -69,7 +69,7 @@ impl Pipeline {
     /// # Errors
     /// When the calibration does not fit the rig file.
     pub fn new(rig: &config::Rig, calibration: &Calibration) -> Result<Self, PipelineError> {
-        let layout = layout(rig);
+        let layout = Layout::of(rig);
         let found = calibration.level_norms[0].levels();
         if found != rig.restore.levels {
             return Err(PipelineError::Levels { found, wanted: rig.restore.levels });
@@ -137,19 +137,6 @@ fn norm_bound(calibration: &Calibration) -> [f32; 3] {
     let of_model = calibration.norm_squared[Channel::Green.index()].max(f32::MIN_POSITIVE);
     let uncertainty = (calibration.norm_squared_seen / of_model - 1.0).abs();
     calibration.norm_squared.map(|norm| norm * (1.0 + uncertainty))
-}
-
-/// The devices' sizes of a rig file, as a calibration needs them.
-pub fn layout(rig: &config::Rig) -> Layout {
-    Layout {
-        panel: rig.panel.size(),
-        sensor: rig.camera.size(),
-        photo: rig.photo.size(),
-        photo_x_px: rig.camera.photo_x_px,
-        photo_y_px: rig.camera.photo_y_px,
-        margin_px: rig.canvas.margin_px,
-        saturated: rig.camera.count_max(),
-    }
 }
 
 /// Why a rig and a calibration do not go together.

@@ -17,7 +17,7 @@ const TRAININGS_MAX: u32 = 3;
 
 /// What the kernel says of the connector, nothing probed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Look {
+pub(super) struct ConnectorState {
     /// Whether a display is plugged in.
     pub(super) plugged_in: bool,
     /// The property `link-status`, where the driver has it.
@@ -29,7 +29,7 @@ pub(super) trait Display {
     /// The connector's name.
     fn name(&self) -> &str;
     /// A look at the connector.
-    fn look(&mut self) -> Result<Look, RigError>;
+    fn look(&mut self) -> Result<ConnectorState, RigError>;
     /// Whether a display is plugged in, found out afresh.
     fn probe(&mut self) -> Result<bool, RigError>;
     /// Becomes DRM master, or stays so.
@@ -100,7 +100,7 @@ mod tests {
 
     /// A display that a script does things to.
     struct Fake {
-        look: Look,
+        look: ConnectorState,
         /// Another program is DRM master.
         taken: bool,
         /// The next so many trainings fail.
@@ -108,7 +108,7 @@ mod tests {
         lit: u32,
     }
 
-    const WELL: Look = Look { plugged_in: true, link_status: Some(GOOD) };
+    const WELL: ConnectorState = ConnectorState { plugged_in: true, link_status: Some(GOOD) };
 
     fn fake() -> Fake {
         Fake { look: WELL, taken: false, failures: 0, lit: 0 }
@@ -118,7 +118,7 @@ mod tests {
         fn name(&self) -> &str {
             "HDMI-A-1"
         }
-        fn look(&mut self) -> Result<Look, RigError> {
+        fn look(&mut self) -> Result<ConnectorState, RigError> {
             Ok(self.look)
         }
         fn probe(&mut self) -> Result<bool, RigError> {

@@ -6,7 +6,7 @@
 //! frame mark does, on rigs that have room for one. Waiting times decide how fast a rig is, never
 //! whether its frames are right.
 
-use super::frame_mark::{FrameMarks, MarkPlace, Reading};
+use super::frame_mark::{FrameMarks, MarkPlace, MarkReading};
 use super::mark_search::find_marks;
 use super::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 use crate::config;
@@ -70,7 +70,7 @@ impl Rejected {
 
 /// An exposure on its way.
 #[derive(Debug, Clone, Copy)]
-struct Shot {
+struct ExposureUnderWay {
     index: usize,
     flip: Flip,
     fired: Moment,
@@ -199,7 +199,7 @@ impl Rig {
         pictures: &[&Codes],
         take: &mut dyn FnMut(usize, Exposed),
     ) -> Result<(), RigError> {
-        let mut on_its_way: Option<Shot> = None;
+        let mut on_its_way: Option<ExposureUnderWay> = None;
         let mut again = Vec::new();
         for index in 0..=pictures.len() {
             let next = match pictures.get(index) {
@@ -247,16 +247,16 @@ impl Rig {
     }
 
     /// Triggers once the picture has settled.
-    fn fire(&mut self, index: usize, flip: Flip, number: u8) -> Result<Shot, RigError> {
+    fn fire(&mut self, index: usize, flip: Flip, number: u8) -> Result<ExposureUnderWay, RigError> {
         self.clock.wait_until(after(flip.at, self.timing.settle_ms));
         let fired = self.trigger.fire()?;
         self.captures += 1;
-        Ok(Shot { index, flip, fired, number })
+        Ok(ExposureUnderWay { index, flip, fired, number })
     }
 
     /// The frame of `shot`. Frames of the past are passed over until its deadline; the first one
     /// that can be its own decides.
-    fn receive(&mut self, shot: &Shot) -> Result<Exposed, RigError> {
+    fn receive(&mut self, shot: &ExposureUnderWay) -> Result<Exposed, RigError> {
         let deadline = after(shot.fired, self.timing.deadline_ms);
         let mut passed_over = None;
         loop {
@@ -293,13 +293,13 @@ impl Rig {
     }
 
     /// What the mark says against the frame; `None` when nothing.
-    fn doubt(&mut self, exposed: &Exposed, shot: &Shot) -> Option<String> {
+    fn doubt(&mut self, exposed: &Exposed, shot: &ExposureUnderWay) -> Option<String> {
         let reading = self.marks.as_ref()?.read(&exposed.counts);
         match reading {
-            Reading::Number(number) if number == shot.number => return None,
-            Reading::Number(_) => self.rejected.another += 1,
-            Reading::Mixed => self.rejected.mixed += 1,
-            Reading::Nothing => self.rejected.unmarked += 1,
+            MarkReading::Number(number) if number == shot.number => return None,
+            MarkReading::Number(_) => self.rejected.another += 1,
+            MarkReading::Mixed => self.rejected.mixed += 1,
+            MarkReading::Nothing => self.rejected.unmarked += 1,
         }
         Some(format!("{reading}, wanted number {}", shot.number))
     }

@@ -26,7 +26,7 @@ const CONTRAST_SHARE_MIN: f32 = 0.8;
 
 /// What a frame says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reading {
+pub enum MarkReading {
     /// Both strips carry this number.
     Number(u8),
     /// The strips disagree, or bits lie between light and dark: parts of two pictures.
@@ -35,12 +35,12 @@ pub enum Reading {
     Nothing,
 }
 
-impl std::fmt::Display for Reading {
+impl std::fmt::Display for MarkReading {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Reading::Number(number) => write!(f, "picture number {number} of 256"),
-            Reading::Mixed => f.write_str("a mixture of two pictures"),
-            Reading::Nothing => f.write_str("without a readable mark"),
+            MarkReading::Number(number) => write!(f, "picture number {number} of 256"),
+            MarkReading::Mixed => f.write_str("a mixture of two pictures"),
+            MarkReading::Nothing => f.write_str("without a readable mark"),
         }
     }
 }
@@ -216,7 +216,7 @@ impl FrameMarks {
     }
 
     /// What the frame says of itself.
-    pub fn read(&self, counts: &Counts) -> Reading {
+    pub fn read(&self, counts: &Counts) -> MarkReading {
         let contrasts = self.contrasts(counts);
         let share = |strip: usize, bit: usize| contrasts[strip][bit] / self.usual[strip][bit];
         let shares = (0..2).flat_map(|strip| (0..BITS).map(move |bit| (strip, bit)));
@@ -225,10 +225,10 @@ impl FrameMarks {
         if shares.clone().map(|(strip, bit)| share(strip, bit).abs()).sum::<f32>()
             < 0.25 * (2 * BITS) as f32
         {
-            return Reading::Nothing;
+            return MarkReading::Nothing;
         }
         if shares.into_iter().any(|(strip, bit)| share(strip, bit).abs() < CONTRAST_SHARE_MIN) {
-            return Reading::Mixed;
+            return MarkReading::Mixed;
         }
         let word =
             |strip: usize| -> [bool; BITS] { std::array::from_fn(|bit| share(strip, bit) > 0.0) };
@@ -237,9 +237,9 @@ impl FrameMarks {
             .rev()
             .fold(0u8, |number, &bit| number << 1 | u8::from(bit));
         if word(0) == word(1) && word(0) == bits(number) {
-            Reading::Number(number)
+            MarkReading::Number(number)
         } else {
-            Reading::Mixed
+            MarkReading::Mixed
         }
     }
 

@@ -65,7 +65,7 @@ fn torn(counts: &Counts, other: &Counts, row: usize) -> Counts {
 fn numbers_come_back_through_blur_pose_noise_and_dark_corner() {
     let (marks, geometry) = learned();
     for number in (0..=255).step_by(17) {
-        assert_eq!(marks.read(&shown(&marks, &geometry, number)), Reading::Number(number));
+        assert_eq!(marks.read(&shown(&marks, &geometry, number)), MarkReading::Number(number));
     }
 }
 
@@ -79,7 +79,7 @@ fn a_rolling_mixture_is_no_frame() {
         // The outermost measured row of each strip is one row inside it.
         let edge = PLACE.from_edge_px + 1;
         let whole = !(edge + 1..SENSOR.height - edge).contains(&row);
-        assert!(whole || reading == Reading::Mixed, "torn at row {row}: {reading}");
+        assert!(whole || reading == MarkReading::Mixed, "torn at row {row}: {reading}");
     }
 }
 
@@ -93,15 +93,15 @@ fn a_frame_exposed_over_two_pictures_is_no_frame() {
         let both = Counts::from_fn(|c| {
             Plane::from_fn(SENSOR, |x, y| blend(old.plane(c).at(x, y), new.plane(c).at(x, y)))
         });
-        assert_eq!(marks.read(&both), Reading::Mixed, "{share} of the old picture");
+        assert_eq!(marks.read(&both), MarkReading::Mixed, "{share} of the old picture");
     }
 }
 
 #[test]
 fn a_frame_without_marks_says_so() {
     let (marks, geometry) = learned();
-    assert_eq!(marks.read(&seen(&Codes::filled(PANEL, 90), &geometry, 1)), Reading::Nothing);
-    assert_eq!(marks.read(&Counts::zeros(SENSOR)), Reading::Nothing);
+    assert_eq!(marks.read(&seen(&Codes::filled(PANEL, 90), &geometry, 1)), MarkReading::Nothing);
+    assert_eq!(marks.read(&Counts::zeros(SENSOR)), MarkReading::Nothing);
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn what_the_picture_shows_does_not_disturb_the_mark() {
     for number in [3, 64, 200] {
         let mut codes = Codes::from_planes([checker.clone(), checker.clone(), checker.clone()]);
         marks.paint(&mut codes, number);
-        assert_eq!(marks.read(&seen(&codes, &geometry, 9)), Reading::Number(number));
+        assert_eq!(marks.read(&seen(&codes, &geometry, 9)), MarkReading::Number(number));
     }
 }
 

@@ -20,7 +20,7 @@ pub struct LineName {
 
 /// A line that was found: its chip's node and its number there.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct LinePlace {
     pub(super) node: PathBuf,
     pub(super) offset: u32,
 }
@@ -38,7 +38,7 @@ fn refused(device: &'static str, found: String, allowed: Vec<String>) -> RigErro
 /// # Errors
 /// [`RigError::Refused`] with the labels or names there are; [`RigError::Held`] with the name of
 /// the program that has the line.
-pub(super) fn find(device: &'static str, name: &LineName) -> Result<Place, RigError> {
+pub(super) fn find(device: &'static str, name: &LineName) -> Result<LinePlace, RigError> {
     let mut labels = Vec::new();
     for node in gpiocdev::chip::chips().unwrap_or_default() {
         let Ok(chip) = gpiocdev::chip::Chip::from_path(&node) else { continue };
@@ -58,7 +58,7 @@ pub(super) fn find(device: &'static str, name: &LineName) -> Result<Place, RigEr
                         format!("line {} of {} is in use by {holder:?}", name.line, name.chip);
                     return Err(RigError::Held { device, what });
                 }
-                return Ok(Place { node, offset: line.offset });
+                return Ok(LinePlace { node, offset: line.offset });
             }
             names.push(line.name);
         }

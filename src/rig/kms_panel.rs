@@ -19,7 +19,7 @@ use drm::control::{
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 
-use super::display_link::{Display, Link, Look, unplugged};
+use super::display_link::{ConnectorState, Display, Link, unplugged};
 use super::kms_card::{Card, failed};
 use super::modeset::{Pipe, light_up, light_up_legacy};
 use super::monotonic::{Monotonic, left_until};
@@ -52,7 +52,7 @@ pub struct KmsSettings {
     pub interface: DisplayInterface,
 }
 
-struct Buffer {
+struct PictureBuffer {
     picture: framebuffer::Handle,
     memory: DumbBuffer,
 }
@@ -65,7 +65,7 @@ pub struct KmsPanel {
     mode: Mode,
     /// The plane's FB_ID; `None` by the legacy interface.
     picture_property: Option<property::Handle>,
-    buffers: [Buffer; 2],
+    buffers: [PictureBuffer; 2],
     /// The buffer that is on the panel or about to be.
     front: usize,
     /// Whether the mode has to be set again before the next picture.
@@ -296,14 +296,17 @@ impl Display for KmsPanel {
         &self.settings.connector
     }
 
-    fn look(&mut self) -> Result<Look, RigError> {
+    fn look(&mut self) -> Result<ConnectorState, RigError> {
         let connector = self
             .card
             .get_connector(self.pipe.connector, false)
             .map_err(failed("ask the connector"))?;
         let properties = self.card.properties(self.pipe.connector)?;
         let link_status = properties.get("link-status").map(|(_, value)| value);
-        Ok(Look { plugged_in: connector.state() == connector::State::Connected, link_status })
+        Ok(ConnectorState {
+            plugged_in: connector.state() == connector::State::Connected,
+            link_status,
+        })
     }
 
     fn probe(&mut self) -> Result<bool, RigError> {
@@ -415,11 +418,11 @@ fn find_pipe(card: &Card, connector: &connector::Info) -> Result<Pipe, RigError>
     })
 }
 
-fn new_buffer(card: &Card, size: Size) -> Result<Buffer, RigError> {
+fn new_buffer(card: &Card, size: Size) -> Result<PictureBuffer, RigError> {
     let size = (size.width as u32, size.height as u32);
     let memory = card
         .create_dumb_buffer(size, DrmFourcc::Xrgb8888, 32)
         .map_err(failed("make a picture buffer"))?;
     let picture = card.add_framebuffer(&memory, 24, 32).map_err(failed("make a picture buffer"))?;
-    Ok(Buffer { picture, memory })
+    Ok(PictureBuffer { picture, memory })
 }

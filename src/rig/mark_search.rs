@@ -10,7 +10,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::RigError;
 use super::coarse_geometry::{CoarseGeometry, Place};
-use super::frame_mark::{FrameMarks, MarkPlace, Reading};
+use super::frame_mark::{FrameMarks, MarkPlace, MarkReading};
 use crate::frame::{Codes, Counts, Plane, Size};
 
 /// Dots across and down the panel. The sensor sees only some; five that agree are enough.
@@ -65,7 +65,7 @@ pub fn find_marks(
             let number = number(n).wrapping_add(128);
             let seen = show_mark(&marks, panel, number, shoot)?;
             right += usize::from(
-                seen.is_some_and(|counts| marks.read(&counts) == Reading::Number(number)),
+                seen.is_some_and(|counts| marks.read(&counts) == MarkReading::Number(number)),
             );
         }
         if right * 2 > LEARNED {
@@ -131,7 +131,7 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
 }
 
 /// A geometry that the dots agree on, if there is one.
-type Fit<'a> = dyn Fn(&[(Place, Place)]) -> Option<CoarseGeometry> + 'a;
+type FitDots<'a> = dyn Fn(&[(Place, Place)]) -> Option<CoarseGeometry> + 'a;
 
 /// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more
 /// pass over all dots makes them fewer.
@@ -140,7 +140,7 @@ fn fit_dots(
     panel: Size,
     places: &[Place],
     shoot: &mut Shoot,
-    fit: &Fit,
+    fit: &FitDots,
 ) -> Result<CoarseGeometry, RigError> {
     let side = (DOT_SHARE * panel.height as f64).max(4.0);
     let mut dots: Vec<(Place, Place)> = Vec::new();
@@ -200,9 +200,9 @@ fn spots(sensor: Size, frames: &[(Place, Plane<u16>)]) -> Vec<(Place, Place)> {
             .zip(frame.data())
             .for_each(|(least, &count)| *least = (*least).min(count));
     }
-    let seen: Vec<(Place, Spot)> = frames
+    let seen: Vec<(Place, BrightSpot)> = frames
         .iter()
-        .filter_map(|(centre, frame)| Some((*centre, Spot::in_frame(frame, &dark)?)))
+        .filter_map(|(centre, frame)| Some((*centre, BrightSpot::in_frame(frame, &dark)?)))
         .collect();
     let brightest = seen.iter().map(|(_, spot)| spot.height).fold(0.0, f64::max);
     seen.iter()
@@ -222,7 +222,7 @@ fn dot(panel: Size, centre: Place, side: f64) -> Codes {
 }
 
 /// A bright spot in a frame.
-struct Spot {
+struct BrightSpot {
     centre: Place,
     /// Counts above the dark at its brightest.
     height: f64,
@@ -230,8 +230,8 @@ struct Spot {
     whole: bool,
 }
 
-impl Spot {
-    fn in_frame(frame: &Plane<u16>, dark: &Plane<u16>) -> Option<Spot> {
+impl BrightSpot {
+    fn in_frame(frame: &Plane<u16>, dark: &Plane<u16>) -> Option<BrightSpot> {
         let above = |x: usize, y: usize| f64::from(frame.at(x, y) - dark.at(x, y));
         let (width, height) = (frame.width(), frame.height());
         // Means of 3 × 3: a hot pixel is no dot.
@@ -249,7 +249,11 @@ impl Spot {
                 whole &= x > 1 && y > 1 && x + 2 < width && y + 2 < height;
             }
         }
-        (mass > 0.0).then(|| Spot { centre: [sum[0] / mass, sum[1] / mass], height: peak, whole })
+        (mass > 0.0).then(|| BrightSpot {
+            centre: [sum[0] / mass, sum[1] / mass],
+            height: peak,
+            whole,
+        })
     }
 }
 

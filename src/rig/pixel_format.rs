@@ -98,7 +98,9 @@ impl PixelFormat {
                 let mosaic = simulation.sensor.mosaic?;
                 Some(PixelFormat::Bayer { mosaic, bits: rig.camera.bits })
             }
-            config::Kind::Hardware(hardware) => Self::from_code(&hardware.camera.format),
+            config::Kind::Hardware(hardware) => match &hardware.camera {
+                config::CameraDevice::V4l2(device) => Self::from_code(&device.format),
+            },
         }
     }
 

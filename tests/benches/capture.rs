@@ -15,6 +15,8 @@ fn rig(name: &str) -> Rig {
 
 /// A picture with something in every pixel, another one each time: nothing can be kept from the
 /// last.
+const RIGS: [&str; 4] = ["simulated.toml", "study.toml", "small.toml", "paper-synthetic.toml"];
+
 fn picture(rig: &Rig, n: usize) -> Codes {
     Frame::from_fn(|channel| {
         Plane::from_fn(rig.panel.size(), |x, y| {
@@ -23,7 +25,7 @@ fn picture(rig: &Rig, n: usize) -> Codes {
     })
 }
 
-#[divan::bench(args = ["simulated.toml", "study.toml", "small.toml", "paper-synthetic.toml"], sample_count = 5)]
+#[divan::bench(args = RIGS, sample_count = 5)]
 fn capture(bencher: Bencher, name: &str) {
     let config = rig(name);
     let (mut rig, _) = simulated::open(&config).expect("a good lens");
@@ -36,7 +38,7 @@ fn capture(bencher: Bencher, name: &str) {
         .bench_local_refs(|codes| black_box(rig.capture(codes)).expect("no faults"));
 }
 
-#[divan::bench(args = ["simulated.toml", "study.toml", "small.toml", "paper-synthetic.toml"], sample_count = 3, sample_size = 1)]
+#[divan::bench(args = RIGS, sample_count = 3, sample_size = 1)]
 fn open(bencher: Bencher, name: &str) {
     let config = rig(name);
     bencher.bench(|| simulated::open(black_box(&config)).map(|_| ()).expect("a good lens"));

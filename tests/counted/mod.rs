@@ -1,5 +1,6 @@
 //! Counts what a piece of work takes from the heap.
-#![allow(unsafe_code)] // the allocator's interface is unsafe; everything is handed on to the system's
+// The allocator's interface is unsafe; everything is handed on to the system's.
+#![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use relens::config::Curve;
 use relens::daemon::Report;
 use relens::frame::{Plane, Size};
-use relens::picture::{Format, Layout, Manner, Orientation, encode};
+use relens::picture::{Format, Manner, Orientation, PixelLayout, encode};
 
 use crate::bed::*;
 
@@ -219,15 +219,15 @@ fn grey_photos_stay_grey_and_alpha_comes_back() {
     let root = fresh_root();
     let root = root.path();
     let mut manner = Manner::plain(Format::Png, 8, Curve::Srgb);
-    manner.layout = Layout::Grey;
+    manner.layout = PixelLayout::Grey;
     drop_in(root, "grey.png", &encode("g", &scene(RIG), &manner, true).unwrap());
-    manner.layout = Layout::RgbAlpha;
+    manner.layout = PixelLayout::RgbAlpha;
     let alpha = Plane::from_fn(RIG, |x, _| x as f32 / 255.0);
     manner.alpha = Some(alpha.clone());
     drop_in(root, "alpha.png", &encode("a", &scene(RIG), &manner, false).unwrap());
     let summary = once(root);
     assert!(summary.restored.iter().any(|r| r.grey && r.photo == "grey.png"));
-    assert_eq!(read_back(&root.join("outbox/grey.png")).manner.layout, Layout::Grey);
+    assert_eq!(read_back(&root.join("outbox/grey.png")).manner.layout, PixelLayout::Grey);
     assert_eq!(read_back(&root.join("outbox/alpha.png")).manner.alpha, Some(alpha));
 }
 

@@ -14,7 +14,7 @@ use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
 use relens::deconvolution::level_norms::LevelNorms;
 use relens::frame::{Frame, Plane, Size, Work};
-use relens::picture::{Format, Layout, Limits, Manner, Photo, encode, worker};
+use relens::picture::{Format, Limits, Manner, Photo, PixelLayout, encode, worker};
 
 /// A few files of each format, depth and layout, with and without a profile; a photo of a scene.
 fn photos(folder: &Path) {
@@ -23,14 +23,14 @@ fn photos(folder: &Path) {
         Plane::from_fn(Size::new(16, 12), |x, y| ((9 * x + 5 * y) % 200 + 20 * c.index()) as f32)
     });
     for (n, (format, bits, layout, profile)) in [
-        (Format::Jpeg, 8, Layout::Rgb, true),
-        (Format::Jpeg, 8, Layout::Grey, false),
-        (Format::Png, 8, Layout::Rgb, true),
-        (Format::Png, 16, Layout::RgbAlpha, false),
-        (Format::Png, 8, Layout::GreyAlpha, false),
-        (Format::Tiff, 8, Layout::Grey, false),
-        (Format::Tiff, 16, Layout::Rgb, true),
-        (Format::Tiff, 8, Layout::RgbAlpha, false),
+        (Format::Jpeg, 8, PixelLayout::Rgb, true),
+        (Format::Jpeg, 8, PixelLayout::Grey, false),
+        (Format::Png, 8, PixelLayout::Rgb, true),
+        (Format::Png, 16, PixelLayout::RgbAlpha, false),
+        (Format::Png, 8, PixelLayout::GreyAlpha, false),
+        (Format::Tiff, 8, PixelLayout::Grey, false),
+        (Format::Tiff, 16, PixelLayout::Rgb, true),
+        (Format::Tiff, 8, PixelLayout::RgbAlpha, false),
     ]
     .into_iter()
     .enumerate()

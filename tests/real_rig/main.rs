@@ -1,6 +1,7 @@
 //! A rig of real devices, whichever `RELENS_RIG` names; ignored where there is none.
 //!
-//!     RELENS_RIG=/etc/relens/rig.toml cargo test --release --features hardware --test real_rig -- --ignored rig_
+//!     RELENS_RIG=/etc/relens/rig.toml cargo test --release --features hardware \
+//!         --test real_rig -- --ignored rig_
 //!
 //! The virtual rig of `tests/vm` runs the same bodies, and those for a camera that misbehaves on
 //! request (the kernel's vivid, `RELENS_VIVID` its card name).

@@ -4,7 +4,8 @@
 //!
 //! `physics TRUTH.toml SOCKET` serves one run of the virtual machine. It runs outside of it,
 //! because an emulated processor takes twenty times as long, and knows nothing of the daemon.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // a bench program: it says what failed and stops
+// A bench program: it says what failed and stops.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;

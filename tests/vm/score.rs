@@ -1,7 +1,8 @@
 //! How much better a restored photo is: `score SHARP PHOTO RESTORED [GAIN]` prints the gain in SSIM
 //! (luminance of the display values) and fails when it is not within 0.01 of GAIN; `score --crop IN
 //! WIDTH HEIGHT OUT` cuts a scene.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // a bench program: it says what failed and stops
+// A bench program: it says what failed and stops.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use relens::deconvolution::quality::ssim;
 use relens::frame::{Plane, Size};

@@ -5,7 +5,8 @@
 //! descriptor is enough to give it up in its place. The next to ask has it: here this program,
 //! which shows its own picture for as long as it was told. With its end that picture goes, and the
 //! kernel darkens the display.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // a bench program: it says what failed and stops
+// A bench program: it says what failed and stops.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use std::fs::File;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};

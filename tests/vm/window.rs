@@ -9,7 +9,8 @@
 //! compute. Every flip, exposure and frame is a line of standard output, with its moment on
 //! `CLOCK_MONOTONIC`.
 #![allow(unsafe_code)] // mmap of the scanned-out buffer
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, unreachable_pub)] // a bench program: it says what failed and stops
+// A bench program: it says what failed and stops.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, unreachable_pub)]
 
 mod scanout;
 mod trace;

@@ -25,7 +25,7 @@ const CELLS: usize = 4;
 
 /// What one pattern says: the misfit without broad light, and what a share of each Gaussian would
 /// add, cell by cell.
-struct Evidence {
+struct PatternMisfit {
     misfit: Vec<f64>,
     columns: Vec<Vec<f64>>,
 }
@@ -82,7 +82,7 @@ fn evidence(
     veils: &[Veil],
     trusted: &Plane<u8>,
     cell: usize,
-) -> Evidence {
+) -> PatternMisfit {
     let size = functions_only.canvas();
     let mut local = Plane::zeros(size);
     functions_only.forward(channel, &shot.shown, &mut local);
@@ -112,16 +112,17 @@ fn evidence(
         };
         corners.iter().map(|&at| mean(&adds, at)).collect()
     });
-    Evidence { misfit, columns: columns.collect() }
+    PatternMisfit { misfit, columns: columns.collect() }
 }
 
 /// The shares that explain most, none negative.
-fn shares(evidence: &[Evidence], count: usize) -> Vec<f64> {
-    let dot = |a: &dyn Fn(&Evidence) -> Vec<f64>, b: &dyn Fn(&Evidence) -> Vec<f64>| -> f64 {
-        evidence.iter().map(|e| a(e).iter().zip(&b(e)).map(|(a, b)| a * b).sum::<f64>()).sum()
-    };
-    let column = |j: usize| move |e: &Evidence| e.columns[j].clone();
-    let misfit = |e: &Evidence| e.misfit.clone();
+fn shares(evidence: &[PatternMisfit], count: usize) -> Vec<f64> {
+    let dot =
+        |a: &dyn Fn(&PatternMisfit) -> Vec<f64>, b: &dyn Fn(&PatternMisfit) -> Vec<f64>| -> f64 {
+            evidence.iter().map(|e| a(e).iter().zip(&b(e)).map(|(a, b)| a * b).sum::<f64>()).sum()
+        };
+    let column = |j: usize| move |e: &PatternMisfit| e.columns[j].clone();
+    let misfit = |e: &PatternMisfit| e.misfit.clone();
     let normal: Vec<Vec<f64>> =
         (0..count).map(|i| (0..count).map(|j| dot(&column(i), &column(j))).collect()).collect();
     let side: Vec<f64> = (0..count).map(|i| dot(&column(i), &misfit)).collect();
@@ -140,7 +141,7 @@ fn shares(evidence: &[Evidence], count: usize) -> Vec<f64> {
 }
 
 /// Squared misfit left by `shares`.
-fn squared(evidence: &Evidence, shares: &[f64]) -> f64 {
+fn squared(evidence: &PatternMisfit, shares: &[f64]) -> f64 {
     let left = |n: usize| {
         let added: f64 = evidence.columns.iter().zip(shares).map(|(column, s)| s * column[n]).sum();
         (evidence.misfit[n] - added).powi(2)

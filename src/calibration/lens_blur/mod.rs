@@ -42,7 +42,7 @@ pub enum LensBlurError {
 
 /// The grid of functions to be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Grid {
+pub struct FunctionGrid {
     /// The photo's size.
     pub photo: Size,
     /// Canvas around it.
@@ -69,7 +69,7 @@ pub struct Shot {
 /// function).
 const RIDGE: f64 = 1e-3;
 
-impl Grid {
+impl FunctionGrid {
     /// The canvas.
     fn canvas(&self) -> Size {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
@@ -105,8 +105,8 @@ impl Grid {
 }
 
 /// Finds the functions of one channel after another on one grid.
-pub struct Fit {
-    grid: Grid,
+pub struct FunctionFit {
+    grid: FunctionGrid,
     model: LensModel,
     trusted: Plane<u8>,
     /// Factor of the expected normal matrix for patterns of unit variance: overlaps of the weights.
@@ -115,14 +115,14 @@ pub struct Fit {
     diagonal: f64,
 }
 
-impl Fit {
+impl FunctionFit {
     /// For `grid`, using pixels with `trusted` = 1 (canvas-sized). Patterns must be grey at the
     /// canvas's border, so that what is shown beyond it, which the model knows nothing of, is no
     /// different from grey.
     ///
     /// # Errors
     /// When the grid makes no model or some function is hardly seen.
-    pub fn new(grid: Grid, trusted: &Plane<u8>) -> Result<Fit, LensBlurError> {
+    pub fn new(grid: FunctionGrid, trusted: &Plane<u8>) -> Result<FunctionFit, LensBlurError> {
         let model = LensModel::new(grid.photo, grid.margin_px, &grid.unblurred())
             .map_err(LensBlurError::Model)?;
         let (canvas, trusted) = (grid.canvas(), trusted.clone());
@@ -138,7 +138,7 @@ impl Fit {
         }
         let ridge = DMatrix::identity(normal.nrows(), normal.ncols()) * (RIDGE * diagonal);
         let overlaps = Cholesky::new(normal + ridge).ok_or_else(not_seen)?;
-        Ok(Fit { grid, model, trusted, overlaps, diagonal })
+        Ok(FunctionFit { grid, model, trusted, overlaps, diagonal })
     }
 
     /// The taps of one channel, `[rows][columns][k][k]`, after `rounds` of conjugate gradients.

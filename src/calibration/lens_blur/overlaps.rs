@@ -3,11 +3,11 @@
 
 use nalgebra::DMatrix;
 
-use super::Grid;
+use super::FunctionGrid;
 use crate::frame::Plane;
 
 /// Σ over trusted pixels of the products of the functions' weights.
-pub(super) fn overlaps(grid: &Grid, trusted: &Plane<u8>) -> DMatrix<f64> {
+pub(super) fn overlaps(grid: &FunctionGrid, trusted: &Plane<u8>) -> DMatrix<f64> {
     let across = grid.hats(grid.photo.width, grid.columns);
     let down = grid.hats(grid.photo.height, grid.rows);
     let functions = grid.rows * grid.columns;

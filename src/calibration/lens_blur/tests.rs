@@ -6,8 +6,8 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-const GRID: Grid =
-    Grid { photo: Size::new(96, 72), margin_px: 4, columns: 3, rows: 2, support_px: 7 };
+const GRID: FunctionGrid =
+    FunctionGrid { photo: Size::new(96, 72), margin_px: 4, columns: 3, rows: 2, support_px: 7 };
 
 /// Functions that widen and move over the field.
 fn truth() -> LensFunctions {
@@ -46,7 +46,7 @@ fn shots(functions: &LensFunctions, noise: f32) -> Vec<Shot> {
 #[test]
 fn the_functions_are_found_again_without_noise() {
     let functions = truth();
-    let mut fit = Fit::new(GRID, &Plane::filled(GRID.canvas(), 1)).unwrap();
+    let mut fit = FunctionFit::new(GRID, &Plane::filled(GRID.canvas(), 1)).unwrap();
     let taps = fit.taps(Channel::Green, &shots(&functions, 0.0), 10).unwrap();
     let worst = taps.iter().zip(&functions.taps[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     // The ridge leaves a thousandth.
@@ -61,7 +61,7 @@ fn noise_leaves_a_model_that_predicts_and_centroids_that_hold() {
     (20..30).for_each(|x| trusted.set(x, 40, 0));
     let mut shots = shots(&functions, 1.0);
     shots[0].seen.set(25, 40, 1e6); // a pixel that is not trusted must not matter
-    let mut fit = Fit::new(GRID, &trusted).unwrap();
+    let mut fit = FunctionFit::new(GRID, &trusted).unwrap();
     let mut found = functions.clone();
     found.taps[1] = fit.taps(Channel::Green, &shots, 8).unwrap();
     normalise(&mut found);
@@ -92,7 +92,7 @@ fn what_is_not_seen_is_refused() {
             trusted.set(x, y, 0);
         }
     }
-    assert!(matches!(Fit::new(GRID, &trusted), Err(LensBlurError::NotSeen { .. })));
+    assert!(matches!(FunctionFit::new(GRID, &trusted), Err(LensBlurError::NotSeen { .. })));
 }
 
 #[test]

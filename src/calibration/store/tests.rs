@@ -71,9 +71,10 @@ fn both_bad_and_another_rig_are_stated() {
     let folder = tempfile::tempdir().unwrap();
     save(folder.path(), &calibration()).unwrap();
     let other = load(folder.path(), 5).unwrap_err();
-    assert!(
-        matches!(other, StoreError::OtherRig { found, allowed: 5, .. } if found == calibration().rig)
-    );
+    assert!(matches!(
+        other,
+        StoreError::OtherRig { found, allowed: 5, .. } if found == calibration().rig
+    ));
     assert_eq!(other.remedy(), Remedy::Recalibrate);
     for slot in SLOTS {
         std::fs::write(

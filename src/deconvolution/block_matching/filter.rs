@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::noise::Noise;
+use super::noise::BlockNoise;
 use super::search::{Groups, Members, Task};
 use super::transform::{AREA, Block, Cosines, SIDE, haar, haar_back};
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
@@ -13,7 +13,7 @@ use crate::frame::{Plane, Size};
 ///
 /// # Panics
 /// When planes and groups have different sizes, which is a bug of the caller.
-pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &Noise<'_>) -> Plane {
+pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &BlockNoise<'_>) -> Plane {
     let size = noisy.size();
     assert!(groups.size() == size && guide.size() == size, "groups and planes of one size");
     let (window, cosines) = (&window(), &Cosines::new());
@@ -62,7 +62,7 @@ struct Filter<'a> {
     task: &'a Task,
     noisy: &'a Plane,
     guide: &'a Plane,
-    noise: &'a Noise<'a>,
+    noise: &'a BlockNoise<'a>,
     window: &'a Block,
     cosines: &'a Cosines,
     sums: &'a mut Sums,

@@ -17,7 +17,7 @@ mod search;
 mod transform;
 
 pub use filter::filter;
-pub use noise::{Noise, Passed};
+pub use noise::{BlockNoise, Passed};
 pub use search::{Groups, Search};
 
 #[cfg(test)]

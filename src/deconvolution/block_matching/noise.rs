@@ -17,8 +17,8 @@ use crate::frame::{Channel, Size};
 const FREQUENCIES: usize = 64;
 /// Of these the ones of half the circle; the others mirror them.
 const HALF: usize = FREQUENCIES / 2 + 1;
-/// The level of calm whose cells are as large as a block.
-const CALM_LEVEL: usize = 2;
+/// The level of the detail mask whose cells are as large as a block.
+const MASK_LEVEL: usize = 2;
 
 /// What each function of a lens lets through: |H|² by frequency.
 #[derive(Debug, Clone)]
@@ -77,18 +77,18 @@ fn powers(taps: &[f32], support: usize) -> Vec<f32> {
 
 /// The variance of each coefficient of a block, grey levels², by where the block lies.
 #[derive(Debug, Clone)]
-pub struct Noise<'a> {
+pub struct BlockNoise<'a> {
     columns: usize,
     tables: Vec<Block>,
     margin_px: usize,
     mask: Option<&'a DetailMask>,
 }
 
-impl<'a> Noise<'a> {
+impl<'a> BlockNoise<'a> {
     /// White noise of this variance.
     #[cfg(test)]
     pub(super) fn white(variance: f32) -> Self {
-        Noise { columns: 1, tables: vec![[variance; AREA]], margin_px: 0, mask: None }
+        BlockNoise { columns: 1, tables: vec![[variance; AREA]], margin_px: 0, mask: None }
     }
 
     /// What is uncertain of a picture undone from `passed` with noise of variance `photo` in the
@@ -118,7 +118,7 @@ impl<'a> Noise<'a> {
             table
         };
         let tables = passed.powers.par_iter().map(table).collect();
-        Noise { columns: passed.columns, tables, margin_px: 0, mask: None }
+        BlockNoise { columns: passed.columns, tables, margin_px: 0, mask: None }
     }
 
     /// The sum of independent noises, each with the square of its weight; the places are the first
@@ -127,7 +127,7 @@ impl<'a> Noise<'a> {
     /// # Panics
     /// When there is none, or they have different numbers of places, which is a bug of the caller.
     #[must_use]
-    pub fn mixed(of: &[(f32, &Noise<'a>)]) -> Noise<'a> {
+    pub fn mixed(of: &[(f32, &BlockNoise<'a>)]) -> BlockNoise<'a> {
         let mut mixed = of[0].1.clone();
         for (n, table) in mixed.tables.iter_mut().enumerate() {
             *table = std::array::from_fn(|k| {
@@ -147,13 +147,13 @@ impl<'a> Noise<'a> {
     /// The same on a canvas with `margin_px` more pixels on every side.
     #[must_use]
     pub fn within(self, margin_px: usize) -> Self {
-        Noise { margin_px, ..self }
+        BlockNoise { margin_px, ..self }
     }
 
-    /// The same taken for larger where the photo is calm.
+    /// The same taken for larger where the photo is flat.
     #[must_use]
-    pub fn calmed(self, mask: &'a DetailMask) -> Self {
-        Noise { mask: Some(mask), ..self }
+    pub fn masked(self, mask: &'a DetailMask) -> Self {
+        BlockNoise { mask: Some(mask), ..self }
     }
 
     /// The variances of the block that begins at (`x`, `y`) of a plane of size `plane`, and by how
@@ -165,7 +165,7 @@ impl<'a> Noise<'a> {
             ((at + SIDE / 2).saturating_sub(self.margin_px) * count / photo).min(count - 1)
         };
         let (column, row) = (along(x, plane.width, self.columns), along(y, plane.height, rows));
-        let cells = self.mask.and_then(|mask| mask.factors(CALM_LEVEL));
+        let cells = self.mask.and_then(|mask| mask.factors(MASK_LEVEL));
         let factor = cells.map_or(1.0, |cells| {
             let cell = |at: usize, count: usize| ((at + SIDE / 2) / SIDE).min(count - 1);
             cells.at(cell(x, cells.width()), cell(y, cells.height()))
@@ -215,7 +215,7 @@ mod tests {
     fn a_lens_that_passes_everything_leaves_noise_white() {
         let mut functions = bell();
         functions.taps[1] = (0..81).map(|n| if n == 40 { 1.0 } else { 0.0 }).collect();
-        let noise = Noise::undone(&Passed::of(&functions, Channel::Green), 4.0, 4.0);
+        let noise = BlockNoise::undone(&Passed::of(&functions, Channel::Green), 4.0, 4.0);
         let (table, factor) = noise.at(3, 3, Size::new(40, 30));
         assert!(table.iter().all(|v| (v - 2.0).abs() < 1e-4), "{table:?}");
         assert_eq!(factor, 1.0);
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn what_a_lens_stops_is_uncertain_and_what_it_passes_is_not() {
-        let noise = Noise::undone(&Passed::of(&bell(), Channel::Green), 1.0, 25.0);
+        let noise = BlockNoise::undone(&Passed::of(&bell(), Channel::Green), 1.0, 25.0);
         let (table, _) = noise.at(0, 0, Size::new(40, 30));
         // From the definition, by a program of its own: the mean, the finest across and the finest
         // down. They are stored turned.

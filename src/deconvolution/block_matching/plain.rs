@@ -2,7 +2,7 @@
 //! has it, in double precision, one group after the other.
 
 use super::filter::{LEAST, window};
-use super::noise::Noise;
+use super::noise::BlockNoise;
 use super::search::{Search, floor_power_of_two, grid};
 use super::transform::{SIDE, basis};
 use crate::frame::Plane;
@@ -15,7 +15,7 @@ pub(super) fn filter(
     search: Search,
     turn: usize,
     (noisy, guide): (&Plane, &Plane),
-    noise: &Noise<'_>,
+    noise: &BlockNoise<'_>,
 ) -> Plane {
     let size = noisy.size();
     let (mut sums, mut weights) = (vec![0.0; size.area()], vec![0.0; size.area()]);

@@ -67,7 +67,7 @@ impl Groups {
                 places: Vec::with_capacity(rows.len() * across.len() * search.group_max),
                 ends: Vec::with_capacity(rows.len() * across.len()),
             };
-            run_fastest(Look { picture, search, rows, across: &across, task: &mut task });
+            run_fastest(SearchTask { picture, search, rows, across: &across, task: &mut task });
             task
         });
         Groups { size, tasks: if across.is_empty() { Vec::new() } else { tasks.collect() } }
@@ -95,7 +95,7 @@ pub(super) fn grid(length: usize, step: usize, turn: usize) -> Vec<usize> {
     places
 }
 
-struct Look<'a> {
+struct SearchTask<'a> {
     picture: &'a Plane,
     search: Search,
     rows: &'a [usize],
@@ -103,10 +103,10 @@ struct Look<'a> {
     task: &'a mut Task,
 }
 
-impl Kernel for Look<'_> {
+impl Kernel for SearchTask<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Look { picture, search, rows, across, task } = self;
+        let SearchTask { picture, search, rows, across, task } = self;
         let area = (SIDE * SIDE) as f32;
         let group_max = floor_power_of_two(search.group_max);
         let mut found: Vec<(f32, (u32, u32))> = Vec::with_capacity(group_max + 1);

@@ -30,7 +30,7 @@ fn noisy(picture: &Plane, deviation: f32, seed: u64) -> Plane {
 }
 
 /// A lens that blurs more across than down, twice as much on the right.
-fn coloured() -> Noise<'static> {
+fn coloured() -> BlockNoise<'static> {
     let bell = |wide: f32| -> Vec<f32> {
         let taps: Vec<f32> = (0..121)
             .map(|t| {
@@ -48,7 +48,7 @@ fn coloured() -> Noise<'static> {
         support_px: 11,
         taps: [taps.clone(), taps.clone(), taps],
     };
-    Noise::undone(&Passed::of(&functions, Channel::Green), 4.0, 100.0)
+    BlockNoise::undone(&Passed::of(&functions, Channel::Green), 4.0, 100.0)
 }
 
 #[test]
@@ -56,7 +56,7 @@ fn the_fast_form_is_the_plain_one() {
     let size = Size::new(46, 37);
     let (like, seen) = (noisy(&cloth(size), 3.0, 1), noisy(&cloth(size), 9.0, 2));
     for turn in [0, 2] {
-        for noise in [Noise::white(81.0), coloured()] {
+        for noise in [BlockNoise::white(81.0), coloured()] {
             let fast = filter(&Groups::find(&like, SEARCH, turn), &seen, &like, &noise);
             let plain = plain::filter(&like, SEARCH, turn, (&seen, &like), &noise);
             let apart = fast.data().iter().zip(plain.data()).map(|(a, b)| (a - b).abs());
@@ -84,7 +84,7 @@ fn texture_is_cleaned_better_than_by_soft_shrinkage() {
     };
     let all = [2.0, 4.0, 6.0, 9.0, 12.0, 18.0].iter().map(shrunk);
     let soft = all.max_by(|a, b| psnr(a, &truth).total_cmp(&psnr(b, &truth))).unwrap();
-    let noise = Noise::white(deviation * deviation);
+    let noise = BlockNoise::white(deviation * deviation);
     let first = filter(&Groups::find(&soft, SEARCH, 0), &seen, &soft, &noise);
     let second = filter(&Groups::find(&first, SEARCH, 0), &seen, &first, &noise);
     let found = [&seen, &soft, &first, &second].map(|picture| psnr(picture, &truth));
@@ -96,12 +96,13 @@ fn texture_is_cleaned_better_than_by_soft_shrinkage() {
 fn flat_planes_stay_and_small_ones_too() {
     for size in [Size::new(8, 8), Size::new(9, 30), Size::new(50, 41)] {
         let flat = Plane::filled(size, 77.0);
-        let kept = filter(&Groups::find(&flat, SEARCH, 1), &flat, &flat, &Noise::white(1.0));
+        let kept = filter(&Groups::find(&flat, SEARCH, 1), &flat, &flat, &BlockNoise::white(1.0));
         assert!(kept.data().iter().all(|v| (v - 77.0).abs() < 0.01), "{size}");
     }
     for size in [Size::new(7, 30), Size::new(30, 7), Size::new(1, 1), Size::new(0, 0)] {
         let small = noisy(&Plane::filled(size, 50.0), 20.0, 3);
-        let kept = filter(&Groups::find(&small, SEARCH, 0), &small, &small, &Noise::white(1.0));
+        let kept =
+            filter(&Groups::find(&small, SEARCH, 0), &small, &small, &BlockNoise::white(1.0));
         assert_eq!(kept, small);
     }
 }
@@ -111,7 +112,9 @@ fn the_number_of_threads_changes_nothing() {
     let seen = noisy(&cloth(Size::new(90, 120)), 10.0, 8);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| filter(&Groups::find(&seen, SEARCH, 0), &seen, &seen, &Noise::white(100.0)))
+        pool.install(|| {
+            filter(&Groups::find(&seen, SEARCH, 0), &seen, &seen, &BlockNoise::white(100.0))
+        })
     };
     assert_eq!(with(1), with(3));
 }

@@ -34,14 +34,14 @@ pub enum Beyond {
 
 /// Cells per standard deviation. With the cells' own spread taken out, the halo of a picture of
 /// squares is within 1 % of its peak of the Gaussian as written, and at the very border within 5 %
-/// (2026-11-21, the test below).
+/// (the test below).
 const CELLS_PER_RADIUS: f32 = 4.0;
 /// Where a Gaussian is cut, in standard deviations: 6e-5 of its light lies beyond.
 const CUT: f32 = 4.0;
 
 /// One side of the grid of cells.
 #[derive(Debug, Clone)]
-struct Side {
+struct HaloSide {
     /// Pixels of a cell; the last may have fewer.
     cell: usize,
     /// What a pixel counts for in its cell's mean.
@@ -58,8 +58,8 @@ struct Side {
     runs: Vec<(usize, usize, usize)>,
 }
 
-impl Side {
-    fn new(length: usize, radius_px: f32, beyond: Beyond) -> Side {
+impl HaloSide {
+    fn new(length: usize, radius_px: f32, beyond: Beyond) -> HaloSide {
         let cell = ((radius_px / CELLS_PER_RADIUS) as usize).clamp(1, length.max(1));
         let count = length.div_ceil(cell).max(1);
         let pixels = |n: usize| match beyond {
@@ -94,7 +94,7 @@ impl Side {
             runs.push((same[0], start, start + same.len()));
             start += same.len();
         }
-        Side {
+        HaloSide {
             cell,
             weights: (0..count).map(|n| 1.0 / pixels(n) as f32).collect(),
             spread,
@@ -118,16 +118,16 @@ impl Side {
 /// A Gaussian on its cells.
 #[derive(Debug, Clone)]
 pub(crate) struct Veil {
-    x: Side,
-    y: Side,
+    x: HaloSide,
+    y: HaloSide,
 }
 
 impl Veil {
     /// A Gaussian of standard deviation `radius_px` on planes of `size`.
     pub(crate) fn new(size: Size, radius_px: f32, beyond: Beyond) -> Veil {
         Veil {
-            x: Side::new(size.width, radius_px, beyond),
-            y: Side::new(size.height, radius_px, beyond),
+            x: HaloSide::new(size.width, radius_px, beyond),
+            y: HaloSide::new(size.height, radius_px, beyond),
         }
     }
 
@@ -226,7 +226,7 @@ impl Veil {
 /// along each side.
 fn times(
     cells: &Plane,
-    side: &Side,
+    side: &HaloSide,
     at: impl Fn(&[f32], usize, usize, usize) -> f32 + Sync,
 ) -> Plane {
     let (count, height) = (cells.width(), cells.height());

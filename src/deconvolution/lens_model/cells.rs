@@ -8,8 +8,7 @@
 use super::LensFunctions;
 use super::fourier::{Fourier, fast_length};
 use super::interpolation::Interpolation;
-use super::lanes::{Complex, LANES};
-use crate::frame::Channel;
+use super::lanes::ComplexLanes;
 
 /// Cells longer than this are cut evenly, so that the working set of a cell stays in a core's
 /// second cache. A guess, not yet measured against others.
@@ -93,7 +92,7 @@ pub(super) struct SpectrumOf {
 
 /// The spectrum of one function: rows of `nx` numbers, each for eight neighbouring vertical
 /// frequencies of 0..=ny/2.
-pub(super) type Spectrum = Vec<Complex>;
+pub(super) type Spectrum = Vec<ComplexLanes>;
 
 impl Cells {
     pub(super) fn new(
@@ -147,25 +146,4 @@ impl Cells {
         let spectra = &self.spectra_of[row * columns..][..columns];
         self.along_x.stretches.iter().zip(spectra).map(move |(x, of)| (y, x, of))
     }
-
-    /// The spectra of one channel's functions, scaled as [`super::taps::spectrum`] says.
-    pub(super) fn transform(&self, functions: &LensFunctions, channel: Channel) -> Vec<Spectrum> {
-        use rayon::prelude::*;
-        self.spectra
-            .par_iter()
-            .map(|of| {
-                let taps = functions.function(channel, of.row, of.column);
-                let (fx, fy) = (
-                    &self.along_x.transforms[of.transform_x],
-                    &self.along_y.transforms[of.transform_y],
-                );
-                super::taps::spectrum(taps, functions.support_px, fx, fy)
-            })
-            .collect()
-    }
-}
-
-/// Groups of eight vertical frequencies that hold 0..=ny/2.
-pub(super) fn frequency_groups(ny: usize) -> usize {
-    (ny / 2 + 1).div_ceil(LANES)
 }

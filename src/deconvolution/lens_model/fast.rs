@@ -6,29 +6,29 @@
 //! four along, one along back and one down back. All is exact but for rounding; the adjoint is the
 //! same steps transposed.
 
-use super::cells::{Cells, Spectrum, Stretch, frequency_groups};
+use super::cells::{Cells, Spectrum, Stretch};
 use super::fourier::Fourier;
-use super::halves::{Part, store, up};
-use super::lanes::{Complex, LANES, Lanes};
+use super::halves::{Part, frequency_groups, store, up};
+use super::lanes::{ComplexLanes, LANES, Lanes};
 use crate::frame::instructions::Kernel;
 use crate::frame::{Plane, Size};
 
 /// Memory that one operation works in.
 #[derive(Debug, Default)]
 pub(super) struct Workspace {
-    pub(super) data: Vec<Complex>,
-    pub(super) spare: Vec<Complex>,
-    pub(super) sum: Vec<Complex>,
-    pub(super) halves: [Vec<Complex>; 3],
-    pub(super) corners: [Vec<Complex>; 4],
+    pub(super) data: Vec<ComplexLanes>,
+    pub(super) spare: Vec<ComplexLanes>,
+    pub(super) sum: Vec<ComplexLanes>,
+    pub(super) halves: [Vec<ComplexLanes>; 3],
+    pub(super) corners: [Vec<ComplexLanes>; 4],
 }
 
 impl Workspace {
     /// Makes room for cells of `nx` × `ny`.
     pub(super) fn fit(&mut self, nx: usize, ny: usize, corners: bool) {
-        let grow = |buffer: &mut Vec<Complex>, length: usize| {
+        let grow = |buffer: &mut Vec<ComplexLanes>, length: usize| {
             if buffer.len() < length {
-                buffer.resize(length, Complex::default());
+                buffer.resize(length, ComplexLanes::default());
             }
         };
         let half = frequency_groups(ny) * pitch(nx);
@@ -86,11 +86,11 @@ impl<'a> Cell<'a> {
         for column in (0..self.x.length).step_by(LANES) {
             let columns = LANES.min(self.x.length - column);
             for (y, value) in work.data[..self.fy.length()].iter_mut().enumerate() {
-                *value = Complex::default();
+                *value = ComplexLanes::default();
                 if y < self.y.length {
                     let row = &plane.row(self.y.start + y)[self.x.start + column..];
                     let light = lanes(row, columns);
-                    *value = Complex { re: light * (1.0 - self.v[y]), im: light * self.v[y] };
+                    *value = ComplexLanes { re: light * (1.0 - self.v[y]), im: light * self.v[y] };
                 }
             }
             let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.spare);
@@ -108,7 +108,7 @@ impl<'a> Cell<'a> {
         let half = &mut work.halves[2];
         for column in (0..reach.width).step_by(2 * LANES) {
             for (y, value) in work.data[..self.fy.length()].iter_mut().enumerate() {
-                *value = Complex::default();
+                *value = ComplexLanes::default();
                 let row = (self.y.start + y).wrapping_sub(r);
                 if y < reach.height && row < plane.height() {
                     let left = (self.x.start + column) as isize - r as isize;
@@ -127,18 +127,18 @@ impl<'a> Cell<'a> {
     #[inline(always)]
     pub(super) fn along<'w>(
         &self,
-        half: &[Complex],
+        half: &[ComplexLanes],
         group: usize,
         b: usize,
-        data: &'w mut [Complex],
-        spare: &'w mut [Complex],
-    ) -> (&'w mut [Complex], &'w mut [Complex]) {
+        data: &'w mut [ComplexLanes],
+        spare: &'w mut [ComplexLanes],
+    ) -> (&'w mut [ComplexLanes], &'w mut [ComplexLanes]) {
         let row = &half[group * pitch(self.fx.length())..][..self.u.len()];
         let (filled, rest) = data[..self.fx.length()].split_at_mut(self.u.len());
         for ((value, &light), &u) in filled.iter_mut().zip(row).zip(self.u) {
             *value = light * (if b == 0 { 1.0 - u } else { u });
         }
-        rest.fill(Complex::default());
+        rest.fill(ComplexLanes::default());
         self.fx.run::<false>(data, spare)
     }
 }
@@ -237,7 +237,7 @@ impl Kernel for Forward<'_> {
                 let (found, _) = cell.fx.run::<true>(sum, spare);
                 let row = &mut seen[group * pitch..][..pitch];
                 row[..nx].copy_from_slice(found);
-                row[nx..].fill(Complex::default());
+                row[nx..].fill(ComplexLanes::default());
             }
             let reach = cell.reach();
             for column in (0..reach.width).step_by(2 * LANES) {
@@ -286,12 +286,12 @@ impl Kernel for Adjoint<'_> {
             let Workspace { data, spare, sum, halves: [upper, lower, seen], .. } = &mut *work;
             for group in 0..frequency_groups(ny) {
                 data[..nx].copy_from_slice(&seen[group * pitch..][..nx]);
-                data[cell.reach().width..nx].fill(Complex::default());
+                data[cell.reach().width..nx].fill(ComplexLanes::default());
                 let (light, free) = cell.fx.run::<false>(data, spare);
                 for a in 0..along_y.functions.len() {
                     let row = &mut (if a == 0 { &mut *upper } else { &mut *lower })
                         [group * pitch..][..pitch];
-                    row[width..].fill(Complex::default());
+                    row[width..].fill(ComplexLanes::default());
                     for b in 0..along_x.functions.len() {
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
                         for ((product, &l), &p) in sum[..nx].iter_mut().zip(&*light).zip(function) {
@@ -311,7 +311,7 @@ impl Kernel for Adjoint<'_> {
             if along_y.functions.len() == 1 {
                 // Its weight is zero, but an earlier cell's values there would still add their
                 // rounding.
-                lower.fill(Complex::default());
+                lower.fill(ComplexLanes::default());
             }
             for column in (0..width).step_by(LANES) {
                 let both = up(cell.fy, (upper, column), (lower, column), pitch, data, spare);

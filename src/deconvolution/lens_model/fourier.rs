@@ -5,7 +5,7 @@
 //! of a picture, which a library that transforms line by line can only do after transposing, cost
 //! no more than along its rows.
 
-use super::lanes::Complex;
+use super::lanes::ComplexLanes;
 use crate::frame::instructions::{Kernel, run_fastest};
 use std::f64::consts::TAU;
 
@@ -57,9 +57,9 @@ impl Fourier {
     /// is in the returned one of the two buffers, the other is spoilt.
     pub(super) fn run<'a, const INVERSE: bool>(
         &self,
-        data: &'a mut [Complex],
-        spare: &'a mut [Complex],
-    ) -> (&'a mut [Complex], &'a mut [Complex]) {
+        data: &'a mut [ComplexLanes],
+        spare: &'a mut [ComplexLanes],
+    ) -> (&'a mut [ComplexLanes], &'a mut [ComplexLanes]) {
         let (data, spare) = (&mut data[..self.length], &mut spare[..self.length]);
         // Compiled here once, not into every kernel that calls it.
         run_fastest(Passes::<INVERSE> { passes: &self.passes, data, spare });
@@ -69,8 +69,8 @@ impl Fourier {
 
 struct Passes<'a, const INVERSE: bool> {
     passes: &'a [Pass],
-    data: &'a mut [Complex],
-    spare: &'a mut [Complex],
+    data: &'a mut [ComplexLanes],
+    spare: &'a mut [ComplexLanes],
 }
 
 impl<const INVERSE: bool> Kernel for Passes<'_, INVERSE> {
@@ -92,8 +92,8 @@ impl Pass {
     #[inline(always)]
     fn run<const RADIX: usize, const INVERSE: bool, const FUSED: bool>(
         &self,
-        from: &[Complex],
-        to: &mut [Complex],
+        from: &[ComplexLanes],
+        to: &mut [ComplexLanes],
     ) {
         let (groups, stride) = (self.groups, self.stride);
         let apart = groups * stride;
@@ -104,7 +104,7 @@ impl Pass {
                 *factor = if INVERSE { [w[0], -w[1]] } else { *w };
             }
             for q in 0..stride {
-                let mut values = [Complex::default(); RADIX];
+                let mut values = [ComplexLanes::default(); RADIX];
                 for (j, value) in values.iter_mut().enumerate() {
                     *value = from[p * stride + q + j * apart];
                 }
@@ -122,7 +122,9 @@ impl Pass {
 
 /// The transform of `RADIX` numbers.
 #[inline(always)]
-fn butterfly<const RADIX: usize, const INVERSE: bool, const FUSED: bool>(v: &mut [Complex; RADIX]) {
+fn butterfly<const RADIX: usize, const INVERSE: bool, const FUSED: bool>(
+    v: &mut [ComplexLanes; RADIX],
+) {
     let sign = if INVERSE { 1.0 } else { -1.0 };
     match RADIX {
         2 => (v[0], v[1]) = (v[0] + v[1], v[0] - v[1]),
@@ -145,9 +147,8 @@ fn butterfly<const RADIX: usize, const INVERSE: bool, const FUSED: bool>(v: &mut
 
 const HALF_ROOT_3: f32 = 0.866_025_4;
 
-/// Nanoseconds of a pass for each number, by its radix. Measured 2026-11-21 with AVX2 on lengths
-/// from 96 to 256. A pass of radix 5 took 4.5, its values not fitting the registers: any length is
-/// had sooner without.
+/// Nanoseconds of a pass for each number, by its radix, measured with AVX2 on lengths from 96 to
+/// 256. There is no radix 5: its pass takes 4.5 ns, for its values do not fit the registers.
 const PASS_NS: [(usize, f64); 3] = [(4, 1.8), (2, 0.8), (3, 1.6)];
 
 /// The length of at least `least` that transforms soonest.
@@ -178,7 +179,7 @@ mod tests {
     fn transforms_are_their_sums_and_come_back() {
         for n in [1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 27, 36, 54, 64, 96, 162, 243, 256, 288] {
             let fourier = Fourier::new(n);
-            let mut data = vec![Complex::default(); n];
+            let mut data = vec![ComplexLanes::default(); n];
             let mut random = 1u32;
             for value in &mut data {
                 for lane in 0..LANES {

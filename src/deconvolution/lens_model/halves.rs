@@ -6,9 +6,13 @@
 //! spectrum is rows of `pitch` numbers, one row for each group of eight of the frequencies
 //! 0..=ny/2. Both pictures come out doubled; the spectra of the functions are scaled for that.
 
-use super::cells::frequency_groups;
 use super::fourier::Fourier;
-use super::lanes::{Complex, LANES, Lanes, transposed};
+use super::lanes::{ComplexLanes, LANES, Lanes, transposed};
+
+/// Groups of eight vertical frequencies that hold 0..=ny/2.
+pub(super) fn frequency_groups(ny: usize) -> usize {
+    (ny / 2 + 1).div_ceil(LANES)
+}
 
 /// Which of the two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,10 +27,10 @@ pub(super) enum Part {
 /// `column`.. of `half`.
 #[inline(always)]
 pub(super) fn store(
-    found: &[Complex],
+    found: &[ComplexLanes],
     n: usize,
     part: Part,
-    half: &mut [Complex],
+    half: &mut [ComplexLanes],
     pitch: usize,
     column: usize,
 ) {
@@ -38,7 +42,7 @@ pub(super) fn store(
 
 /// Tells apart and turns eight frequencies. Frequencies above n/2 repeat n/2 and are never read.
 #[inline(always)]
-fn store_group(found: &[Complex], group: usize, part: Part, to: &mut [Complex]) {
+fn store_group(found: &[ComplexLanes], group: usize, part: Part, to: &mut [ComplexLanes]) {
     let n = found.len();
     let mut re = [Lanes::default(); LANES];
     let mut im = [Lanes::default(); LANES];
@@ -55,7 +59,7 @@ fn store_group(found: &[Complex], group: usize, part: Part, to: &mut [Complex]) 
     }
     let (re, im) = (transposed(&re), transposed(&im));
     for i in 0..LANES {
-        to[i] = Complex { re: re[i], im: im[i] };
+        to[i] = ComplexLanes { re: re[i], im: im[i] };
     }
 }
 
@@ -65,21 +69,21 @@ fn store_group(found: &[Complex], group: usize, part: Part, to: &mut [Complex]) 
 #[inline(always)]
 pub(super) fn up<'a>(
     fourier: &Fourier,
-    (first, first_column): (&[Complex], usize),
-    (second, second_column): (&[Complex], usize),
+    (first, first_column): (&[ComplexLanes], usize),
+    (second, second_column): (&[ComplexLanes], usize),
     pitch: usize,
-    data: &'a mut [Complex],
-    spare: &'a mut [Complex],
-) -> &'a [Complex] {
+    data: &'a mut [ComplexLanes],
+    spare: &'a mut [ComplexLanes],
+) -> &'a [ComplexLanes] {
     let n = fourier.length();
     for group in 0..frequency_groups(n) {
         let (p_re, p_im) = load(&first[group * pitch + first_column..][..LANES]);
         let (q_re, q_im) = load(&second[group * pitch + second_column..][..LANES]);
         for i in 0..LANES.min(n / 2 + 1 - group * LANES) {
             let f = group * LANES + i;
-            data[f] = Complex { re: p_re[i] - q_im[i], im: p_im[i] + q_re[i] };
+            data[f] = ComplexLanes { re: p_re[i] - q_im[i], im: p_im[i] + q_re[i] };
             if f > 0 && 2 * f < n {
-                data[n - f] = Complex { re: p_re[i] + q_im[i], im: q_re[i] - p_im[i] };
+                data[n - f] = ComplexLanes { re: p_re[i] + q_im[i], im: q_re[i] - p_im[i] };
             }
         }
     }
@@ -87,7 +91,7 @@ pub(super) fn up<'a>(
 }
 
 #[inline(always)]
-fn load(from: &[Complex]) -> ([Lanes; LANES], [Lanes; LANES]) {
+fn load(from: &[ComplexLanes]) -> ([Lanes; LANES], [Lanes; LANES]) {
     let mut re = [Lanes::default(); LANES];
     let mut im = [Lanes::default(); LANES];
     for i in 0..LANES {

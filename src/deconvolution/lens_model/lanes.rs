@@ -88,17 +88,17 @@ impl Lanes {
 /// Eight complex numbers.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
-pub(super) struct Complex {
+pub(super) struct ComplexLanes {
     pub(super) re: Lanes,
     pub(super) im: Lanes,
 }
 
-impl Complex {
+impl ComplexLanes {
     /// Times the complex number `w`.
     #[inline(always)]
-    pub(super) fn times<const FUSED: bool>(self, w: [f32; 2]) -> Complex {
+    pub(super) fn times<const FUSED: bool>(self, w: [f32; 2]) -> ComplexLanes {
         let (re, im) = (Lanes::all(w[0]), Lanes::all(w[1]));
-        Complex {
+        ComplexLanes {
             re: self.im.times_from::<FUSED>(im, self.re * re),
             im: self.im.times_plus::<FUSED>(re, self.re * im),
         }
@@ -106,9 +106,13 @@ impl Complex {
 
     /// self · factor + sum, the factor real.
     #[inline(always)]
-    pub(super) fn times_plus<const FUSED: bool>(self, factor: f32, sum: Complex) -> Complex {
+    pub(super) fn times_plus<const FUSED: bool>(
+        self,
+        factor: f32,
+        sum: ComplexLanes,
+    ) -> ComplexLanes {
         let factor = Lanes::all(factor);
-        Complex {
+        ComplexLanes {
             re: self.re.times_plus::<FUSED>(factor, sum.re),
             im: self.im.times_plus::<FUSED>(factor, sum.im),
         }
@@ -116,20 +120,20 @@ impl Complex {
 
     /// self + i · other.
     #[inline(always)]
-    pub(super) fn plus_i(self, other: Complex) -> Complex {
-        Complex { re: self.re - other.im, im: self.im + other.re }
+    pub(super) fn plus_i(self, other: ComplexLanes) -> ComplexLanes {
+        ComplexLanes { re: self.re - other.im, im: self.im + other.re }
     }
 
     /// self − i · other.
     #[inline(always)]
-    pub(super) fn minus_i(self, other: Complex) -> Complex {
-        Complex { re: self.re + other.im, im: self.im - other.re }
+    pub(super) fn minus_i(self, other: ComplexLanes) -> ComplexLanes {
+        ComplexLanes { re: self.re + other.im, im: self.im - other.re }
     }
 
     /// Lane by lane the product with `other`.
     #[inline(always)]
-    pub(super) fn product<const FUSED: bool>(self, other: Complex) -> Complex {
-        Complex {
+    pub(super) fn product<const FUSED: bool>(self, other: ComplexLanes) -> ComplexLanes {
+        ComplexLanes {
             re: self.im.times_from::<FUSED>(other.im, self.re * other.re),
             im: self.im.times_plus::<FUSED>(other.re, self.re * other.im),
         }
@@ -137,10 +141,14 @@ impl Complex {
 
     /// `sum` and lane by lane the product with `other`.
     #[inline(always)]
-    pub(super) fn product_plus<const FUSED: bool>(self, other: Complex, sum: Complex) -> Complex {
+    pub(super) fn product_plus<const FUSED: bool>(
+        self,
+        other: ComplexLanes,
+        sum: ComplexLanes,
+    ) -> ComplexLanes {
         let re = self.re.times_plus::<FUSED>(other.re, sum.re);
         let im = self.re.times_plus::<FUSED>(other.im, sum.im);
-        Complex {
+        ComplexLanes {
             re: self.im.times_from::<FUSED>(other.im, re),
             im: self.im.times_plus::<FUSED>(other.re, im),
         }
@@ -148,35 +156,35 @@ impl Complex {
 
     /// Lane by lane the product with the conjugate of `other`.
     #[inline(always)]
-    pub(super) fn product_conjugate<const FUSED: bool>(self, other: Complex) -> Complex {
-        Complex {
+    pub(super) fn product_conjugate<const FUSED: bool>(self, other: ComplexLanes) -> ComplexLanes {
+        ComplexLanes {
             re: self.im.times_plus::<FUSED>(other.im, self.re * other.re),
             im: self.re.times_from::<FUSED>(other.im, self.im * other.re),
         }
     }
 }
 
-impl Add for Complex {
-    type Output = Complex;
+impl Add for ComplexLanes {
+    type Output = ComplexLanes;
     #[inline(always)]
-    fn add(self, other: Complex) -> Complex {
-        Complex { re: self.re + other.re, im: self.im + other.im }
+    fn add(self, other: ComplexLanes) -> ComplexLanes {
+        ComplexLanes { re: self.re + other.re, im: self.im + other.im }
     }
 }
 
-impl Sub for Complex {
-    type Output = Complex;
+impl Sub for ComplexLanes {
+    type Output = ComplexLanes;
     #[inline(always)]
-    fn sub(self, other: Complex) -> Complex {
-        Complex { re: self.re - other.re, im: self.im - other.im }
+    fn sub(self, other: ComplexLanes) -> ComplexLanes {
+        ComplexLanes { re: self.re - other.re, im: self.im - other.im }
     }
 }
 
-impl Mul<f32> for Complex {
-    type Output = Complex;
+impl Mul<f32> for ComplexLanes {
+    type Output = ComplexLanes;
     #[inline(always)]
-    fn mul(self, factor: f32) -> Complex {
-        Complex { re: self.re * factor, im: self.im * factor }
+    fn mul(self, factor: f32) -> ComplexLanes {
+        ComplexLanes { re: self.re * factor, im: self.im * factor }
     }
 }
 

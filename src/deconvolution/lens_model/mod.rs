@@ -154,7 +154,7 @@ impl LensModel {
         let cells = Cells::new(&along_x, &along_y, functions);
         Ok(LensModel {
             canvas: Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px),
-            spectra: Channel::ALL.map(|channel| cells.transform(functions, channel)),
+            spectra: Channel::ALL.map(|channel| taps::spectra(&cells, functions, channel)),
             cells,
             functions: functions.clone(),
             broad: [None, None, None],
@@ -199,7 +199,7 @@ impl LensModel {
             self.functions.taps[channel.index()] = old;
             return Err(wrong);
         }
-        self.spectra[channel.index()] = self.cells.transform(&self.functions, channel);
+        self.spectra[channel.index()] = taps::spectra(&self.cells, &self.functions, channel);
         Ok(())
     }
 

@@ -1,17 +1,31 @@
 //! Between taps and spectra: the spectrum of a function, and the gradient of the taps.
 
-use super::cells::{Cells, Spectrum, frequency_groups};
+use rayon::prelude::*;
+
+use super::LensFunctions;
+use super::cells::{Cells, Spectrum, SpectrumOf};
 use super::fast::{Cell, Workspace, lanes_at, pitch};
 use super::fourier::Fourier;
-use super::halves::{Part, store, up};
-use super::lanes::{Complex, LANES};
-use crate::frame::Plane;
+use super::halves::{Part, frequency_groups, store, up};
+use super::lanes::{ComplexLanes, LANES};
 use crate::frame::instructions::{Kernel, run_fastest};
+use crate::frame::{Channel, Plane};
+
+/// The spectra of one channel's functions, in the order of [`Cells::spectra`].
+pub(super) fn spectra(cells: &Cells, functions: &LensFunctions, channel: Channel) -> Vec<Spectrum> {
+    let one = |of: &SpectrumOf| {
+        let taps = functions.function(channel, of.row, of.column);
+        let fx = &cells.along_x.transforms[of.transform_x];
+        let fy = &cells.along_y.transforms[of.transform_y];
+        spectrum(taps, functions.support_px, fx, fy)
+    };
+    cells.spectra.par_iter().map(one).collect()
+}
 
 /// The spectrum of `taps` `[k][k]`, scaled so that a product with a doubled half spectrum,
 /// transformed back, is right.
-pub(super) fn spectrum(taps: &[f32], k: usize, fx: &Fourier, fy: &Fourier) -> Spectrum {
-    let mut spectrum = vec![Complex::default(); frequency_groups(fy.length()) * fx.length()];
+fn spectrum(taps: &[f32], k: usize, fx: &Fourier, fy: &Fourier) -> Spectrum {
+    let mut spectrum = vec![ComplexLanes::default(); frequency_groups(fy.length()) * fx.length()];
     run_fastest(Transform { taps, k, fx, fy, spectrum: &mut spectrum });
     spectrum
 }
@@ -21,7 +35,7 @@ struct Transform<'a> {
     k: usize,
     fx: &'a Fourier,
     fy: &'a Fourier,
-    spectrum: &'a mut [Complex],
+    spectrum: &'a mut [ComplexLanes],
 }
 
 impl Kernel for Transform<'_> {
@@ -36,7 +50,7 @@ impl Kernel for Transform<'_> {
         let pitch = pitch(nx);
         let half = &mut work.halves[0];
         for column in (0..k).step_by(2 * LANES) {
-            work.data[..ny].fill(Complex::default());
+            work.data[..ny].fill(ComplexLanes::default());
             for (value, row) in work.data.iter_mut().zip(taps.chunks_exact(k)) {
                 value.re = lanes_at(row, column as isize) * scale;
                 value.im = lanes_at(row, (column + LANES) as isize) * scale;
@@ -46,7 +60,7 @@ impl Kernel for Transform<'_> {
             store(found, ny, Part::Imaginary, half, pitch, column + LANES);
         }
         for (group, out) in spectrum.chunks_exact_mut(nx).enumerate() {
-            work.data[..nx].fill(Complex::default());
+            work.data[..nx].fill(ComplexLanes::default());
             work.data[..k].copy_from_slice(&half[group * pitch..][..k]);
             let (found, _) = fx.run::<false>(&mut work.data, &mut work.spare);
             out.copy_from_slice(found);
@@ -78,7 +92,7 @@ impl Kernel for Correlate<'_> {
             let Workspace { data, spare, sum, halves: [upper, lower, seen], corners } = &mut *work;
             for group in 0..frequency_groups(ny) {
                 data[..nx].copy_from_slice(&seen[group * pitch..][..nx]);
-                data[cell.reach().width..nx].fill(Complex::default());
+                data[cell.reach().width..nx].fill(ComplexLanes::default());
                 sum[..nx].copy_from_slice(cell.fx.run::<false>(data, spare).0);
                 for a in 0..along_y.functions.len() {
                     let half = if a == 0 { &*upper } else { &*lower };
@@ -90,7 +104,7 @@ impl Kernel for Correlate<'_> {
                         let (found, _) = cell.fx.run::<true>(shown, free);
                         let row = &mut corners[2 * a + b][group * pitch..][..pitch];
                         row[..nx].copy_from_slice(found);
-                        row[nx..].fill(Complex::default());
+                        row[nx..].fill(ComplexLanes::default());
                     }
                 }
             }

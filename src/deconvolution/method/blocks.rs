@@ -24,7 +24,7 @@
 use rayon::prelude::*;
 
 use super::{About, IterationRecord, Problem, ResidualOf, Step, Watch};
-use crate::deconvolution::block_matching::{Groups, Noise, Passed, Search, filter};
+use crate::deconvolution::block_matching::{BlockNoise, Groups, Passed, Search, filter};
 use crate::deconvolution::data_term::{self, NOISE_MIN, SATURATED, TRUSTED};
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::lens_model::LensModel;
@@ -118,8 +118,8 @@ impl Blocks {
                 }
             }
             let noises = passed.iter().zip(&doubt).map(|(passed, &(c, doubt))| {
-                let undone = Noise::undone(passed, doubt.powi(2), tau(c).powi(2));
-                undone.scaled(TOLD).within(problem.rect.x).calmed(mask)
+                let undone = BlockNoise::undone(passed, doubt.powi(2), tau(c).powi(2));
+                undone.scaled(TOLD).within(problem.rect.x).masked(mask)
             });
             filter_colours(
                 channels,
@@ -139,15 +139,15 @@ fn filter_colours(
     channels: &[Channel],
     picture: Frame<Work>,
     guide: &mut Frame<Work>,
-    noises: &[Noise<'_>],
+    noises: &[BlockNoise<'_>],
     turn: usize,
 ) {
     if let ([r, g, b], 3) = (noises, channels.len()) {
         let (third, half, sixth) = ((1.0f32 / 3.0).sqrt(), 0.5f32.sqrt(), (1.0f32 / 6.0).sqrt());
         let noises = [
-            Noise::mixed(&[(third, r), (third, g), (third, b)]),
-            Noise::mixed(&[(half, r), (half, b)]),
-            Noise::mixed(&[(sixth, r), (2.0 * sixth, g), (sixth, b)]),
+            BlockNoise::mixed(&[(third, r), (third, g), (third, b)]),
+            BlockNoise::mixed(&[(half, r), (half, b)]),
+            BlockNoise::mixed(&[(sixth, r), (2.0 * sixth, g), (sixth, b)]),
         ];
         let mut planes = Channel::ALL.map(|c| picture.plane(c).clone());
         drop(picture);

@@ -112,7 +112,7 @@ impl Digital {
         self.solve_for(problem, model, (problem.photo, mask), &start, problem.level_norms, watch)
     }
 
-    /// Where the photo of `problem` is calm.
+    /// Where the photo of `problem` has details.
     pub(super) fn mask(&self, problem: &Problem<'_>) -> DetailMask {
         let of = |&c: &Channel| {
             (problem.photo.plane(c), problem.trust.plane(c), problem.photo_noise[c.index()])

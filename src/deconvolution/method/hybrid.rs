@@ -38,7 +38,7 @@ use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::deconvolution::refinement::{Look, Measured};
+use crate::deconvolution::refinement::{CaptureFinding, Measured};
 use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
@@ -101,7 +101,7 @@ impl Method for Hybrid {
         let mut certificate = Certificate::uncertified(problem);
         let mut seen = optics.forward(&picture)?;
         let mut defect: Frame<Work> = Frame::zeros(problem.size());
-        let (mut look, mut refined) = (Look::default(), None);
+        let (mut look, mut refined) = (CaptureFinding::default(), None);
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
             certificate.look(problem, &seen.light);

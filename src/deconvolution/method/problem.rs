@@ -4,10 +4,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::record::IterationRecord;
-use crate::deconvolution::data_term::{MISSING, rms_over_data};
+use crate::deconvolution::data_term::{MISSING, NOISE_MIN, rms_over_data};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::deconvolution::refinement::{Learnt, Look};
+use crate::deconvolution::refinement::{CaptureFinding, Learnt};
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 
@@ -63,7 +63,7 @@ impl<'a> Problem<'a> {
 
     /// What noise alone leaves of FC(L) − B in one channel: √(photo² + capture²), grey levels.
     pub fn noise_floor(&self, channel: Channel) -> f32 {
-        let least = |noise: [f32; 3]| noise[channel.index()].max(ROUNDING);
+        let least = |noise: [f32; 3]| noise[channel.index()].max(NOISE_MIN);
         least(self.photo_noise).hypot(least(self.capture_noise))
     }
 
@@ -91,13 +91,13 @@ pub struct Solution {
     /// What was measured of the result.
     pub certificate: Certificate,
     /// What its captures say of the lens; nothing where none was looked at for that.
-    pub look: Look,
+    pub look: CaptureFinding,
 }
 
 impl Solution {
     /// One that says nothing of the lens.
     pub fn of(picture: Frame<Work>, record: IterationRecord, certificate: Certificate) -> Solution {
-        Solution { picture, record, certificate, look: Look::default() }
+        Solution { picture, record, certificate, look: CaptureFinding::default() }
     }
 }
 
@@ -116,9 +116,6 @@ pub struct Certificate {
     /// Corrections from captures that went into the picture.
     pub corrections: u32,
 }
-
-/// Deviation of 8-bit rounding, 1/√12 grey levels: no photo or capture is less noisy than that.
-const ROUNDING: f32 = 0.289;
 
 impl Certificate {
     /// Nothing measured but what noise alone would leave.

@@ -21,7 +21,7 @@ pub(super) struct Grid {
 const GRIDS: [Grid; 3] =
     [Grid { columns: 1, rows: 1 }, Grid { columns: 4, rows: 3 }, Grid { columns: 6, rows: 4 }];
 /// Size of a change that is expected, as a share of the light that a band lets through: sets the
-/// ridge. Guess; 0.03 to 0.3 made no difference on study.toml (2026-11-21).
+/// ridge. Guess; 0.03 to 0.3 make no difference on study.toml.
 const EXPECTED: f64 = 0.1;
 /// Squares in a row that are held out together, so that a fit is asked about places some way off.
 const HELD_OUT: usize = 2;

@@ -7,7 +7,7 @@
 //! like any other: its adjoint is exact, and it costs what K̂ costs.
 //!
 //! What one photo's capture says of the lens is held against the captures of the next photos
-//! ([`Look::learnt_holds`]); what has proved itself there is good enough for the rig
+//! ([`CaptureFinding::learnt_holds`]); what has proved itself there is good enough for the rig
 //! ([`crate::pipeline`]).
 
 mod banded;
@@ -19,7 +19,7 @@ mod steps;
 
 use rayon::prelude::*;
 
-use super::data_term::{MISSING, TRUSTED};
+use super::data_term::{MISSING, NOISE_MIN, TRUSTED};
 use super::forward_convolution::Seen;
 use super::lens_model::{LensFunctions, LensModel};
 use super::level_norms::LevelNorms;
@@ -29,8 +29,7 @@ use fit::{Change, Grid};
 use squares::Squares;
 
 /// A lens as captures say it is, where it was measured to be: a panel that was knocked moves every
-/// capture, and no photo. See [`registration`]. No model, which takes tens of MiB (46 with the
-/// corrections on simulated.toml, 2026-11-22).
+/// capture, and no photo. See [`registration`]. Functions and not a model, which takes tens of MiB.
 #[derive(Debug, Clone)]
 pub struct Learnt {
     /// Its functions.
@@ -41,7 +40,7 @@ pub struct Learnt {
 
 /// What a look at a capture says of the lens.
 #[derive(Debug, Clone, Default)]
-pub struct Look {
+pub struct CaptureFinding {
     /// The lens that this photo was taken through, where the measured one fails.
     pub refined: Option<Learnt>,
     /// Whether what captures of other photos say of the lens holds for this one, too. `None` when
@@ -68,9 +67,6 @@ pub struct Measured<'a> {
     pub capture_noise: [f32; 3],
 }
 
-/// Noise of a capture at least, grey levels: rounding.
-const NOISE_MIN: f32 = 0.289;
-
 impl Measured<'_> {
     /// What a capture, `seen` when `shown` was shown, says of the lens, and the model by which this
     /// photo's captures are explained from now on, where that is another; `unexplained` is what the
@@ -80,7 +76,7 @@ impl Measured<'_> {
         shown: &Frame<Work>,
         seen: &Seen,
         unexplained: &Frame<Work>,
-    ) -> (Look, Option<LensModel>) {
+    ) -> (CaptureFinding, Option<LensModel>) {
         let looked_at: Frame<Work, u8> = Frame::from_fn(|c| {
             let photo = self.trust.plane(c).data();
             let mut at = seen.trusted.plane(c).map(|t| u8::from(t == TRUSTED));
@@ -104,7 +100,7 @@ impl Measured<'_> {
             _ => self.fitted(self.model, shown, unexplained, &looked_at),
         };
         let (refined, model) = refined.unzip();
-        (Look { refined, learnt_holds }, model)
+        (CaptureFinding { refined, learnt_holds }, model)
     }
 
     /// The model of `functions` on the same canvas.

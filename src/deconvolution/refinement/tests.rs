@@ -77,7 +77,7 @@ fn looked(
     lens: &LensModel,
     number: u64,
     learnt: Option<&Learnt>,
-) -> (Look, Option<LensModel>) {
+) -> (CaptureFinding, Option<LensModel>) {
     let (shown, trust) = (picture(number, lens.canvas()), Frame::filled(lens.canvas(), TRUSTED));
     let level_norms = norms(measured);
     let channels = &[Channel::Green];

@@ -87,11 +87,13 @@ proptest! {
 
     #[test]
     fn any_size_is_its_definition_and_comes_back(
-        width in 1usize..70, height in 1usize..40, levels in 0usize..6, seed: u64, sx in 0usize..100, sy in 0usize..100,
+        width in 1usize..70, height in 1usize..40, levels in 0usize..6, seed: u64,
+        sx in 0usize..100, sy in 0usize..100,
     ) {
         let size = Size::new(width, height);
         let (transform, mut scratch) = (Sym8::new(size, levels), Scratch::default());
-        let (x, mut found, mut back) = (random_plane(size, seed), transform.zeros(), Plane::zeros(size));
+        let x = random_plane(size, seed);
+        let (mut found, mut back) = (transform.zeros(), Plane::zeros(size));
         transform.analyse(&x, &mut found, &mut scratch);
         let mut approximation = x.clone();
         for details in &found.details {

@@ -112,7 +112,7 @@ impl Shrinkage {
     }
 
     /// [`Shrinkage::shrink`] with a threshold for each level, finest first; the last one holds for
-    /// all coarser levels. Where details are judged in clusters, thresholds grow by `calm`.
+    /// all coarser levels. Where details are judged in clusters, thresholds grow by `mask`.
     pub fn shrink_levels(
         &self,
         plane: &mut Plane,
@@ -165,7 +165,7 @@ impl Shrinkage {
 
     /// Replaces `plane` by the mean of its shrunk versions over all shifts of the finest levels
     /// and, of the coarser ones, those whose turn it is at step `step_index` ([`spinning`]).
-    /// `thresholds` and `calm` as in [`Shrinkage::shrink_levels`].
+    /// `thresholds` and `mask` as in [`Shrinkage::shrink_levels`].
     pub fn shrink_everywhere(
         &self,
         plane: &mut Plane,

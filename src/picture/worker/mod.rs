@@ -104,23 +104,25 @@ impl Worker {
             .spawn()
             .map_err(no_worker)?;
         let taken = self.take(&mut child, wire::bytes_max(ask));
-        if !matches!(taken, Ok(Taken::All(_))) {
+        if !matches!(taken, Ok(WorkerOutput::All(_))) {
             let _ = child.kill();
         }
         let ended = child.wait().map_err(no_worker)?;
         match taken.map_err(no_worker)? {
-            Taken::All(bytes) if ended.success() => Ok(bytes),
-            Taken::All(_) => Err(died(&ask.name, self.cause(ended))),
-            Taken::TooMuch => Err(died(&ask.name, "it gave more than was asked for".to_owned())),
-            Taken::TooLate => {
+            WorkerOutput::All(bytes) if ended.success() => Ok(bytes),
+            WorkerOutput::All(_) => Err(died(&ask.name, self.cause(ended))),
+            WorkerOutput::TooMuch => {
+                Err(died(&ask.name, "it gave more than was asked for".to_owned()))
+            }
+            WorkerOutput::TooLate => {
                 Err(died(&ask.name, format!("found no answer, allowed {} s", self.wall_s_max)))
             }
         }
     }
 
     /// All that `child` writes, if it ends in time.
-    fn take(&self, child: &mut Child, bytes_max: u64) -> io::Result<Taken> {
-        let Some(mut out) = child.stdout.take() else { return Ok(Taken::All(Vec::new())) };
+    fn take(&self, child: &mut Child, bytes_max: u64) -> io::Result<WorkerOutput> {
+        let Some(mut out) = child.stdout.take() else { return Ok(WorkerOutput::All(Vec::new())) };
         let timer = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;
         let zero = Timespec { tv_sec: 0, tv_nsec: 0 };
         let end = Timespec { tv_sec: self.wall_s_max.cast_signed(), tv_nsec: 0 };
@@ -138,12 +140,12 @@ impl Worker {
                 polled => polled?,
             };
             if !watched[1].revents().is_empty() {
-                return Ok(Taken::TooLate);
+                return Ok(WorkerOutput::TooLate);
             }
             match out.read(&mut piece) {
-                Ok(0) => return Ok(Taken::All(bytes)),
+                Ok(0) => return Ok(WorkerOutput::All(bytes)),
                 Ok(length) if (bytes.len() + length) as u64 > bytes_max => {
-                    return Ok(Taken::TooMuch);
+                    return Ok(WorkerOutput::TooMuch);
                 }
                 Ok(length) => bytes.extend_from_slice(&piece[..length]),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -186,7 +188,7 @@ fn read(name: &str, answer: &mut &[u8]) -> Result<Answer, PictureError> {
     wire::read(answer).map_err(|how| died(name, format!("it gave {how}")))
 }
 
-enum Taken {
+enum WorkerOutput {
     All(Vec<u8>),
     TooMuch,
     TooLate,

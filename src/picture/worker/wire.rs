@@ -10,7 +10,7 @@ use std::io::{self, Read, Write};
 use serde::{Deserialize, Serialize};
 
 use super::super::flaw::Growth;
-use super::super::{FileFacts, Format, Layout, Limits, Manner, Orientation, Photo, Tone};
+use super::super::{FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone};
 use crate::config::Curve;
 use crate::frame::{Channels, Frame, Plane, Size};
 
@@ -46,7 +46,7 @@ pub(super) struct Header {
     channels: Channels,
     size: Size,
     format: Format,
-    layout: Layout,
+    layout: PixelLayout,
     bits: u8,
     tone: Tone,
     orientation: u8,

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::faults::{self, Fault};
 use super::optics::{Light, Optics};
 use super::panel::{self, Projection, approach};
-use super::sensor::Sensor;
+use super::sensor::SimulatedSensor;
 use super::wear::Wear;
 use crate::config::{Camera, Display, Faults, Panel};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
@@ -29,13 +29,13 @@ struct Picture {
 }
 
 /// Everything that changes.
-pub(super) struct Bench {
+pub(super) struct OpticalBench {
     pub(super) optics: Arc<Optics>,
     pub(super) projection: Projection,
     pub(super) response: [[f32; 256]; 3],
     /// What a panel of light 255 everywhere brings to the sensor.
     flat: [Option<Plane>; 3],
-    pub(super) sensor: Sensor,
+    pub(super) sensor: SimulatedSensor,
     pub(super) faults: Faults,
     pub(super) panel: Panel,
     pub(super) camera: Camera,
@@ -64,7 +64,7 @@ pub(super) struct Bench {
 pub(super) struct Parts {
     pub(super) optics: Arc<Optics>,
     pub(super) projection: Projection,
-    pub(super) sensor: Sensor,
+    pub(super) sensor: SimulatedSensor,
     pub(super) faults: Faults,
     pub(super) panel: Panel,
     pub(super) camera: Camera,
@@ -72,12 +72,12 @@ pub(super) struct Parts {
     pub(super) seed: u64,
 }
 
-impl Bench {
+impl OpticalBench {
     /// A bench with a black panel, at time 0.
-    pub(super) fn new(parts: Parts) -> Bench {
+    pub(super) fn new(parts: Parts) -> OpticalBench {
         let Parts { optics, projection, sensor, faults, panel, camera, display, seed } = parts;
         let black = Picture { codes: Arc::new(Frame::zeros(panel.size())), light: None };
-        Bench {
+        OpticalBench {
             response: [0, 1, 2].map(|channel| panel::response(&display, channel)),
             flat: [None, None, None],
             optics,
@@ -295,7 +295,7 @@ impl Bench {
                 self.flat[channel.index()] = Some(self.through(channel, &white));
             }
         }
-        let this: &Bench = self;
+        let this: &OpticalBench = self;
         let planes: Vec<Plane> = Channel::ALL
             .par_iter()
             .map(|&channel| {

@@ -65,7 +65,7 @@ struct TileTransform {
 }
 
 /// Buffers of one worker.
-struct Scratch {
+struct TileScratch {
     row: Vec<f32>,
     line: Vec<Complex<f32>>,
     spectrum: Vec<Complex<f32>>,
@@ -89,7 +89,7 @@ impl TileTransform {
         self.width / 2 + 1
     }
 
-    fn scratch(&self) -> Scratch {
+    fn scratch(&self) -> TileScratch {
         let work = [
             self.forward_rows.get_scratch_len(),
             self.inverse_rows.get_scratch_len(),
@@ -97,7 +97,7 @@ impl TileTransform {
             self.inverse_columns.get_inplace_scratch_len(),
         ];
         let zero = Complex::default();
-        Scratch {
+        TileScratch {
             row: vec![0.0; self.width],
             line: vec![zero; self.bins()],
             spectrum: vec![zero; self.bins() * self.height],
@@ -106,7 +106,12 @@ impl TileTransform {
     }
 
     /// Transforms `rows` rows that `fill` writes (each zeroed before) into `scratch.spectrum`.
-    fn forward(&self, scratch: &mut Scratch, rows: usize, mut fill: impl FnMut(usize, &mut [f32])) {
+    fn forward(
+        &self,
+        scratch: &mut TileScratch,
+        rows: usize,
+        mut fill: impl FnMut(usize, &mut [f32]),
+    ) {
         scratch.spectrum.fill(Complex::default());
         for y in 0..rows {
             scratch.row.fill(0.0);
@@ -128,7 +133,7 @@ impl TileTransform {
     }
 
     /// Transforms `scratch.spectrum` back and hands the first `rows` rows to `take`.
-    fn inverse(&self, scratch: &mut Scratch, rows: usize, mut take: impl FnMut(usize, &[f32])) {
+    fn inverse(&self, scratch: &mut TileScratch, rows: usize, mut take: impl FnMut(usize, &[f32])) {
         self.inverse_columns.process_with_scratch(&mut scratch.spectrum, &mut scratch.work);
         for y in 0..rows {
             for (bin, value) in scratch.line.iter_mut().enumerate() {
@@ -244,7 +249,7 @@ impl Convolution {
         light: &Plane,
         n: usize,
         stride: usize,
-        scratch: &mut Scratch,
+        scratch: &mut TileScratch,
     ) -> (usize, Vec<f32>) {
         let rows = &self.rows[n];
         let height = rows.weights.len() + self.support_px - 1;

@@ -2,21 +2,21 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::bench::Bench;
+use super::bench::OpticalBench;
 use crate::frame::{Codes, Size};
 use crate::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 
 /// The bench, shared by its devices and the witness.
 #[derive(Clone)]
-pub(super) struct Shared(Arc<Mutex<Bench>>);
+pub(super) struct Shared(Arc<Mutex<OpticalBench>>);
 
 impl Shared {
-    pub(super) fn new(bench: Bench) -> Shared {
+    pub(super) fn new(bench: OpticalBench) -> Shared {
         Shared(Arc::new(Mutex::new(bench)))
     }
 
     /// The bench, also after a panic elsewhere: its state is numbers, each whole at any time.
-    pub(super) fn bench(&self) -> MutexGuard<'_, Bench> {
+    pub(super) fn bench(&self) -> MutexGuard<'_, OpticalBench> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -29,7 +29,7 @@ pub use witness::Witness;
 
 use std::sync::Arc;
 
-use self::bench::{Bench, Parts};
+use self::bench::{OpticalBench, Parts};
 use self::devices::{Shared, SimulatedCamera, SimulatedClock, SimulatedPanel, SimulatedTrigger};
 use self::optics::Optics;
 use self::panel::Projection;
@@ -52,10 +52,10 @@ pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
     let optics = Arc::new(Optics::new(rig, simulation)?);
     let pose = simulation.pose.clone();
     let map = optics.map(&pose, rig.panel.size());
-    let bench = Bench::new(Parts {
+    let bench = OpticalBench::new(Parts {
         projection: Projection::new(&map, optics.grid(), optics.pad, pose.sensor_px_per_panel_px),
         optics: Arc::clone(&optics),
-        sensor: sensor::Sensor::new(&simulation.sensor, &rig.camera),
+        sensor: sensor::SimulatedSensor::new(&simulation.sensor, &rig.camera),
         faults: simulation.faults,
         panel: rig.panel.clone(),
         camera: rig.camera.clone(),

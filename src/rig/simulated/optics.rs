@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::convolution::{Axis, Convolution};
 use super::glare;
 use super::point_spread::{Fan, Radial};
-use super::pose::Map;
+use super::pose::PanelMap;
 use super::prescription::Focused;
 use crate::config::{BlurGrid, Glare, Lens, Pose, Prescription, Primaries, Rig, Simulation};
 use crate::frame::{Channel, Plane, Rect, Size};
@@ -28,7 +28,7 @@ pub enum Light {
 }
 
 /// A traced lens; the scene's light is traced when the first photograph is taken.
-struct Traced {
+struct TracedFunctions {
     lens: Focused,
     prescription: Prescription,
     radial: Radial,
@@ -37,12 +37,12 @@ struct Traced {
     scene: OnceLock<Fan>,
 }
 
-impl Traced {
+impl TracedFunctions {
     fn new(
         prescription: &Prescription,
         simulation: &Simulation,
         sensor: Size,
-    ) -> Result<Traced, RigError> {
+    ) -> Result<TracedFunctions, RigError> {
         let filters = simulation.sensor.filters.clone();
         let lens = Focused::new(prescription, filters.lists()[Channel::Green.index()])?;
         log::debug!(
@@ -66,7 +66,14 @@ impl Traced {
         if simulation.display.primaries == filters {
             let _ = scene.set(panel.clone());
         }
-        Ok(Traced { lens, prescription: prescription.clone(), radial, filters, panel, scene })
+        Ok(TracedFunctions {
+            lens,
+            prescription: prescription.clone(),
+            radial,
+            filters,
+            panel,
+            scene,
+        })
     }
 
     fn fan(&self, light: Light) -> &Fan {
@@ -83,7 +90,7 @@ impl Traced {
 
 /// Where the functions come from.
 enum Functions {
-    Traced(Box<Traced>),
+    TracedFunctions(Box<TracedFunctions>),
     Measured(BlurGrid),
 }
 
@@ -113,8 +120,8 @@ impl Optics {
         let (functions, support_px) = match &simulation.lens {
             Lens::Measured(blur, _) => (Functions::Measured(blur.clone()), blur.support_px),
             Lens::Prescription(prescription, _) => {
-                let traced = Traced::new(prescription, simulation, sensor)?;
-                (Functions::Traced(Box::new(traced)), prescription.support_px)
+                let traced = TracedFunctions::new(prescription, simulation, sensor)?;
+                (Functions::TracedFunctions(Box::new(traced)), prescription.support_px)
             }
         };
         let pad = support_px / 2;
@@ -124,7 +131,7 @@ impl Optics {
                 spread(photo.size.height, blur.rows, photo.y + pad, 0),
             ],
             // One more node on every side, so that the functions go on changing up to the border.
-            Functions::Traced(traced) => [
+            Functions::TracedFunctions(traced) => [
                 spread(sensor.width, traced.prescription.node_columns, pad, 1),
                 spread(sensor.height, traced.prescription.node_rows, pad, 1),
             ],
@@ -154,14 +161,20 @@ impl Optics {
     }
 
     /// The panel's map in the green geometry for `pose`.
-    pub(super) fn map(&self, pose: &Pose, panel: Size) -> Map {
+    pub(super) fn map(&self, pose: &Pose, panel: Size) -> PanelMap {
         match &self.functions {
-            Functions::Measured(_) => Map::new(pose, panel, self.sensor, f64::INFINITY, None),
-            Functions::Traced(traced) => {
+            Functions::Measured(_) => PanelMap::new(pose, panel, self.sensor, f64::INFINITY, None),
+            Functions::TracedFunctions(traced) => {
                 let pitch = traced.prescription.pixel_pitch_um / 1000.0;
                 let distance =
                     traced.prescription.object_distance_mm * traced.radial.magnification() / pitch;
-                Map::new(pose, panel, self.sensor, distance, Some((traced.radial.clone(), pitch)))
+                PanelMap::new(
+                    pose,
+                    panel,
+                    self.sensor,
+                    distance,
+                    Some((traced.radial.clone(), pitch)),
+                )
             }
         }
     }
@@ -169,7 +182,7 @@ impl Optics {
     /// Sensor place `at` from where the optical axis meets the sensor.
     fn relative_to_axis(&self, at: [f64; 2]) -> [f64; 2] {
         let offset = match &self.functions {
-            Functions::Traced(traced) => traced.prescription.axis_offset_px,
+            Functions::TracedFunctions(traced) => traced.prescription.axis_offset_px,
             Functions::Measured(_) => [0.0; 2],
         };
         let middle = [self.sensor.width, self.sensor.height].map(|side| (side as f64 - 1.0) / 2.0);
@@ -179,7 +192,7 @@ impl Optics {
     /// How far the light of `channel` seen at sensor place `at` in the green geometry really is
     /// from there.
     pub(super) fn lateral_colour_px(&self, channel: Channel, at: [f64; 2]) -> [f64; 2] {
-        let Functions::Traced(traced) = &self.functions else { return [0.0; 2] };
+        let Functions::TracedFunctions(traced) = &self.functions else { return [0.0; 2] };
         let from_axis = self.relative_to_axis(at);
         let radius = from_axis[0].hypot(from_axis[1]);
         let out = traced.panel.offset_px(channel, radius);
@@ -190,7 +203,7 @@ impl Optics {
     /// light outside its support. Of a measured blur the nearest one.
     pub(super) fn function(&self, light: Light, channel: Channel, at: [f64; 2]) -> (Vec<f32>, f64) {
         match &self.functions {
-            Functions::Traced(traced) => {
+            Functions::TracedFunctions(traced) => {
                 let own_centroid = light == Light::PanelCentred;
                 traced.fan(light).function(
                     channel,
@@ -224,7 +237,7 @@ impl Optics {
     pub(super) fn dark_corner(&self, light: Light) -> &[Plane; 3] {
         self.dark_corners[light as usize].get_or_init(|| {
             Channel::ALL.map(|channel| {
-                let Functions::Traced(traced) = &self.functions else {
+                let Functions::TracedFunctions(traced) = &self.functions else {
                     return Plane::filled(self.sensor, 1.0);
                 };
                 // Smooth over the field: looked up by radius, half a pixel apart.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::pose::Map;
+use super::pose::PanelMap;
 use crate::config::Display;
 use crate::frame::{Plane, Size};
 
@@ -43,7 +43,7 @@ pub(super) struct Projection {
 impl Projection {
     /// The footprints of a grid of `size` whose pixel (0, 0) is sensor pixel (−pad, −pad).
     pub(super) fn new(
-        map: &Map,
+        map: &PanelMap,
         size: Size,
         pad: usize,
         sensor_px_per_panel_px: f64,

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::optics::{Light, Optics};
-use super::sensor::{Reading, Sensor, Stream};
+use super::sensor::{Reading, SimulatedSensor, Stream};
 use crate::config::{Curve, Surround};
 use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
@@ -20,7 +20,7 @@ pub struct RawPhoto {
 /// channel's geometry would record it, and the light of what comes through the lens of it.
 pub(super) struct Exposure<'a> {
     pub(super) optics: &'a Optics,
-    pub(super) sensor: &'a Sensor,
+    pub(super) sensor: &'a SimulatedSensor,
     light: [Plane; 3],
     seed: u64,
 }
@@ -30,7 +30,7 @@ impl<'a> Exposure<'a> {
     /// towards the corners.
     pub(super) fn new(
         optics: &'a Optics,
-        sensor: &'a Sensor,
+        sensor: &'a SimulatedSensor,
         scene: &Frame<Work>,
         surround: Surround,
         seed: u64,

@@ -11,7 +11,7 @@ use crate::frame::Size;
 
 /// The map between panel and sensor in the green channel's geometry.
 #[derive(Debug, Clone)]
-pub(super) struct Map {
+pub(super) struct PanelMap {
     panel_centre: [f64; 2],
     axis: [f64; 2],
     to_panel: Matrix3<f64>,
@@ -19,7 +19,7 @@ pub(super) struct Map {
     distortion: Option<(Radial, f64)>,
 }
 
-impl Map {
+impl PanelMap {
     /// The map of `pose`. `distortion` is the lens's radial table and the sensor pitch in mm;
     /// `distance_px` is the object distance in sensor pixels' worth of object (infinite: no
     /// perspective).
@@ -29,7 +29,7 @@ impl Map {
         sensor: Size,
         distance_px: f64,
         distortion: Option<(Radial, f64)>,
-    ) -> Map {
+    ) -> PanelMap {
         let centre =
             |size: Size| [(size.width as f64 - 1.0) / 2.0, (size.height as f64 - 1.0) / 2.0];
         // Columns: where one panel pixel to the right, and one down, leads in space; units of
@@ -56,7 +56,13 @@ impl Map {
         );
         // Turned by at most 5° about each axis, so it always has an inverse.
         let to_panel = to_sensor.try_inverse().unwrap_or_else(Matrix3::identity);
-        Map { panel_centre: centre(panel), axis: centre(sensor), to_panel, to_sensor, distortion }
+        PanelMap {
+            panel_centre: centre(panel),
+            axis: centre(sensor),
+            to_panel,
+            to_sensor,
+            distortion,
+        }
     }
 
     /// The panel place seen at sensor place `at`.

@@ -15,7 +15,7 @@ use crate::rig::pixel_format::PixelFormat;
 
 /// A sensor as its tables say.
 #[derive(Debug, Clone)]
-pub(super) struct Sensor {
+pub(super) struct SimulatedSensor {
     pub(super) config: SensorConfig,
     count_max: f32,
     bits: u8,
@@ -66,9 +66,9 @@ pub(super) fn random(seed: u64, stream: Stream, number: u64, part: u64) -> Xoshi
     Xoshiro256PlusPlus::seed_from_u64(state)
 }
 
-impl Sensor {
-    pub(super) fn new(config: &SensorConfig, camera: &Camera) -> Sensor {
-        Sensor {
+impl SimulatedSensor {
+    pub(super) fn new(config: &SensorConfig, camera: &Camera) -> SimulatedSensor {
+        SimulatedSensor {
             config: config.clone(),
             count_max: f32::from(camera.count_max()),
             bits: camera.bits,
@@ -303,9 +303,9 @@ fn fixed_pattern(config: &SensorConfig, size: Size) -> Option<[FixedPattern; 3]>
 mod tests {
     use super::*;
 
-    fn sensor(name: &str) -> Sensor {
+    fn sensor(name: &str) -> SimulatedSensor {
         let rig = crate::config::load(std::path::Path::new(name)).expect("built in");
-        Sensor::new(&rig.simulation().expect("simulated").sensor, &rig.camera)
+        SimulatedSensor::new(&rig.simulation().expect("simulated").sensor, &rig.camera)
     }
 
     fn flat(level: f32) -> [Plane; 3] {

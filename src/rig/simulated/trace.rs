@@ -28,7 +28,7 @@ impl Ray {
 
 /// A surface ready for tracing.
 #[derive(Debug, Clone)]
-struct Surface {
+struct RefractingSurface {
     vertex_z: f64,
     /// 0 for a flat one.
     curvature: f64,
@@ -39,7 +39,7 @@ struct Surface {
 /// A lens ready for tracing. z = 0 is the first refracting vertex.
 #[derive(Debug, Clone)]
 pub(super) struct Lens {
-    surfaces: Vec<Surface>,
+    surfaces: Vec<RefractingSurface>,
     pub(super) stop_z: f64,
     pub(super) stop_radius: f64,
     pub(super) object_z: f64,
@@ -70,7 +70,7 @@ impl Lens {
                     allowed: glass::names(),
                 });
             }
-            surfaces.push(Surface {
+            surfaces.push(RefractingSurface {
                 vertex_z: z,
                 curvature: 1.0 / written.radius_mm,
                 clear_radius: written.clear_diameter_mm / 2.0,

@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
-use super::bench::Bench;
+use super::bench::OpticalBench;
 use super::devices::Shared;
 use super::optics::{Light, Optics};
 use super::panel::Projection;
 use super::photograph::{Exposure, RawPhoto, surrounded};
-use super::pose::Map;
+use super::pose::PanelMap;
 use super::wear::Wear;
 use crate::config::{Curve, Faults, Pose, Surround};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
@@ -18,7 +18,7 @@ pub struct Witness {
     pub(super) shared: Shared,
     pub(super) optics: Arc<Optics>,
     pub(super) pose: Pose,
-    pub(super) map: Map,
+    pub(super) map: PanelMap,
     pub(super) panel: Size,
     pub(super) canvas: Rect,
     pub(super) surround: Surround,
@@ -178,7 +178,7 @@ impl Witness {
         self.map = self.optics.map(&self.pose, self.panel);
         let scale = self.pose.sensor_px_per_panel_px;
         let projection = Projection::new(&self.map, self.optics.grid(), self.optics.pad, scale);
-        let mut bench: std::sync::MutexGuard<'_, Bench> = self.shared.bench();
+        let mut bench: std::sync::MutexGuard<'_, OpticalBench> = self.shared.bench();
         bench.set_projection(projection);
     }
 }

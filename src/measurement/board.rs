@@ -1,0 +1,92 @@
+//! Where the panel is: the geometry of each channel by checkerboards, and whether the rig stands
+//! still.
+
+use super::session::{Session, difference};
+use super::{CalibrateError, judge};
+use crate::calibration::checkerboard::{self, Affine};
+use crate::calibration::geometric::{Geometry, Pair};
+use crate::config;
+use crate::frame::{Channel, Frame, Plane, SensorSpace};
+use crate::patterns::{self, Trial};
+
+/// The green board as it was found, to see later whether it still is there.
+pub(super) struct Board {
+    near: Affine,
+    corners: Vec<Pair>,
+    black: Plane,
+}
+
+/// Work ↔ panel of each channel, and the green board.
+pub(super) fn geometry(
+    session: &mut Session<'_>,
+    black: &Frame<SensorSpace>,
+) -> Result<([Geometry; 3], Option<Board>), CalibrateError> {
+    let (layout, domain) = (session.layout, session.layout.domain());
+    if session.config.calibration.geometry == config::Geometry::OneToOne {
+        let one = Geometry::one_to_one(domain, layout.photo_x_px as f64, layout.photo_y_px as f64);
+        return Ok(([one.clone(), one.clone(), one], None));
+    }
+    session.step("geometry");
+    let locator = session.counts(&patterns::trial(layout.panel, Trial::Locator))?;
+    let mut spots = [(0.0, 0.0); 3];
+    for c in Channel::ALL {
+        // A spot is white of one channel: judged bright enough already, wherever it is seen.
+        let allowed = 0.02 * f64::from(layout.saturated);
+        let over = difference(locator.plane(c), black.plane(c));
+        spots[c.index()] = checkerboard::spot(&over, c.name(), allowed).map_err(judge::board)?;
+    }
+    let near = Affine::through(patterns::locator_spots(layout.panel), spots)
+        .ok_or(checkerboard::CheckerboardError::SpotsInLine)
+        .map_err(judge::board)?;
+    let mut found = Vec::new();
+    let mut green = None;
+    for c in Channel::ALL {
+        let corners = corners(session, &near, c, black.plane(c))?;
+        let pairs: Vec<Pair> = corners
+            .iter()
+            .map(|p| Pair {
+                from: (p.from.0 - layout.photo_x_px as f64, p.from.1 - layout.photo_y_px as f64),
+                to: p.to,
+            })
+            .collect();
+        let fit = Geometry::fit(domain, &pairs);
+        let (one, misfit) =
+            fit.map_err(|source| CalibrateError::Fit { step: "geometry", source })?;
+        log::debug!("{} corners in {}, misfit {misfit:.3} panel px", pairs.len(), c.name());
+        judge::on_panel(&one, layout.panel)?;
+        found.push(one);
+        if c == Channel::Green {
+            green = Some(Board { near, corners, black: black.plane(c).clone() });
+        }
+    }
+    if let Some(board) = &green {
+        still(session, board)?;
+    }
+    match <[Geometry; 3]>::try_from(found) {
+        Ok(geometry) => Ok((geometry, green)),
+        Err(_) => Err(judge::board(checkerboard::CheckerboardError::SpotsInLine)),
+    }
+}
+
+/// The corners of the checkerboard in `channel`, (sensor, panel).
+fn corners(
+    session: &mut Session<'_>,
+    near: &Affine,
+    channel: Channel,
+    black: &Plane,
+) -> Result<Vec<Pair>, CalibrateError> {
+    let (layout, square_px) = (session.layout, session.config.calibration.checker_square_px);
+    let shown = patterns::checkerboard(layout.panel, square_px, channel);
+    let over = difference(session.counts(&shown)?.plane(channel), black);
+    let corners =
+        checkerboard::corners(&over, layout.panel, square_px, near).map_err(judge::board)?;
+    let expected = checkerboard::in_view(layout.sensor, layout.panel, square_px, near);
+    judge::corners(corners.len(), expected)?;
+    Ok(corners)
+}
+
+/// Judges whether the green board still is where it was.
+pub(super) fn still(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError> {
+    let again = corners(session, &board.near, Channel::Green, &board.black)?;
+    judge::still(&board.corners, &again)
+}
