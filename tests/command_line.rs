@@ -15,54 +15,97 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+const COMMANDS: [&str; 11] = [
+    "demo",
+    "run",
+    "calibrate",
+    "restore",
+    "photograph",
+    "chart",
+    "check",
+    "status",
+    "screens",
+    "press",
+    "version",
+];
+
 #[test]
 fn help_and_version_go_to_standard_output() {
     let folder = tempfile::tempdir().unwrap();
-    for words in [
-        &["help"][..],
-        &["--help"],
-        &["run", "--help"],
-        &["help", "restore"],
-        &["version"],
-        &["-V"],
-    ] {
+    for words in [&["help"][..], &["--help"], &["-h"], &["version"], &["-V"], &["run", "-h"]] {
         let output = relens(words, folder.path());
         assert_eq!(output.status.code(), Some(0), "{words:?}");
         assert!(text(&output.stdout).contains("relens") && output.stderr.is_empty(), "{words:?}");
     }
     let overview = text(&relens(&["help"], folder.path()).stdout);
-    for command in [
-        "demo",
-        "run",
-        "calibrate",
-        "restore",
-        "photograph",
-        "chart",
-        "check",
-        "status",
-        "help",
-        "version",
-    ] {
-        assert!(overview.contains(&format!("relens {command}")), "{command} is in the overview");
+    for command in COMMANDS {
+        assert!(overview.contains(&format!("\n  {command} ")), "{command} is in the overview");
+        let page = text(&relens(&["help", command], folder.path()).stdout);
+        assert_eq!(page, text(&relens(&[command, "--help"], folder.path()).stdout));
+        assert!(page.contains(&format!("Usage: relens {command}")), "{page}");
+        assert!(page.contains(&format!("\n  relens {command}")) || command == "version", "{page}");
+        assert!(page.lines().all(|line| line.chars().count() <= 100), "{page}");
     }
     assert!(overview.lines().all(|line| line.chars().count() <= 100));
+    let methods = text(&relens(&["help", "restore"], folder.path()).stdout);
+    assert!(methods.contains("hybrid, block-matching"), "{methods}");
+}
+
+#[test]
+fn alone_it_shows_what_it_can_do_and_that_this_was_no_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = relens(&[], folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("Usage: relens") && output.stdout.is_empty());
+}
+
+#[test]
+fn completions_and_manual_pages_are_made_for_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "zsh", "fish"] {
+        let output = relens(&["completions", shell], folder.path());
+        let script = text(&output.stdout);
+        assert!(output.status.success() && output.stderr.is_empty(), "{shell}");
+        for word in COMMANDS.iter().chain(&["block-matching", "once"]) {
+            assert!(script.contains(word), "{word} is completed in {shell}");
+        }
+    }
+    assert!(text(&relens(&["man"], folder.path()).stdout).contains(".TH relens 1"));
+    let output = relens(&["man", "--out", "."], folder.path());
+    assert!(output.status.success() && output.stdout.is_empty(), "{}", text(&output.stderr));
+    for name in COMMANDS.map(|command| format!("relens-{command}.1")) {
+        let page = std::fs::read_to_string(folder.path().join(&name)).unwrap();
+        assert!(page.contains(".SH SYNOPSIS") && page.contains(".SH DESCRIPTION"), "{name}");
+        assert!(page.contains(".SH EXAMPLES") || name == "relens-version.1", "{name}");
+    }
+    assert!(folder.path().join("relens.1").is_file());
+}
+
+#[test]
+fn nothing_but_text_goes_into_a_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = relens(&["calibrate", "--rig", "small.toml", "-v"], folder.path());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    for written in [&output.stdout, &output.stderr] {
+        assert!(!written.contains(&0x1b) && !written.contains(&b'\r'), "{}", text(written));
+    }
 }
 
 #[test]
 fn wrong_use_ends_with_2_and_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     for (words, wanted) in [
-        (&[][..], "no command"),
-        (&["runn"], "did you mean run?"),
+        (&["runn"][..], "did you mean run?"),
         (&["run"], "needs --rig"),
         (&["run", "--rig", "no-such.toml"], "no-such.toml"),
+        (&["run", "--rig", "small.toml", "--onec"], "did you mean --once?"),
         (
             &["restore", "--rig", "small.toml", "a.jpg", "-o", "b.webp"],
             "one ending in .jpg, .png or .tif",
         ),
         (
             &["restore", "--rig", "small.toml", "a.jpg", "-o", "b.jpg", "-m", "magic"],
-            "found the method `magic`",
+            "found `magic` for --method",
         ),
         (&["status"], "found no state file"),
     ] {

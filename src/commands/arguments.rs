@@ -1,312 +1,259 @@
-//! The words of the command line, read against one table: every command with its options.
+//! The command line as it is declared, and what is said about words that it does not take.
 
-use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::PathBuf;
 
-use relens::config::distance;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{CommandFactory, Parser, Subcommand};
 
-use super::CliError;
+use super::calibrate::CalibrateOptions;
+use super::chart::ChartOptions;
+use super::check::CheckOptions;
+use super::demo::DemoOptions;
+use super::manual::{CompletionsOptions, ManOptions};
+use super::photograph::PhotographOptions;
+use super::press::PressOptions;
+use super::restore::RestoreOptions;
+use super::run::RunOptions;
+use super::screens::ScreensOptions;
+use super::status::StatusOptions;
 
-/// What the user asked for.
-#[derive(Debug, PartialEq)]
-pub(super) struct Parsed {
+/// Makes cheap lenses take good photographs
+///
+/// relens shows candidate pictures on a panel, photographs them through the lens the photo was
+/// taken with, and adjusts the candidate until its photograph is the photo.
+///
+/// RIG.toml is a file, or one of the rigs that come with the program: simulated.toml, study.toml,
+/// paper-synthetic.toml, small.toml.
+///
+/// Exit codes: 0 done; 1 some photos failed, they are listed; 2 wrong use or rig file; 3 the
+/// operator is needed.
+#[derive(Debug, Parser)]
+#[command(
+    name = "relens",
+    version,
+    arg_required_else_help = true,
+    max_term_width = 100,
+    after_help = "\
+Examples:
+  relens demo                             the whole story on a simulated rig; start here
+  relens restore --rig RIG.toml IN.jpg -o OUT.jpg
+  relens run --rig RIG.toml --folder DIR
+  relens help restore"
+)]
+pub(super) struct CommandLine {
+    #[command(subcommand)]
     pub(super) command: Command,
-    /// Debug messages are wanted, too.
+    /// Show debug messages, too
+    #[arg(short, long, global = true)]
     pub(super) verbose: bool,
 }
 
-/// A command with all it needs.
-#[derive(Debug, PartialEq)]
+/// Each command's own file has its options.
+#[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    Demo { out: PathBuf },
-    Run { rig: PathBuf, folder: PathBuf, once: bool, share_as: Option<OsString> },
-    Calibrate { rig: PathBuf, folder: PathBuf },
-    Restore(RestoreWords),
-    Photograph { rig: PathBuf, scene: PathBuf, photo: PathBuf },
-    Chart { rig: PathBuf, out: PathBuf, quick: bool, folder: PathBuf },
-    Check { rig: PathBuf, folder: PathBuf },
-    Status { folder: PathBuf },
-    Screens { rig: PathBuf, out: PathBuf },
-    Press { folder: PathBuf, long: bool },
-    Help { about: Option<String> },
+    Demo(DemoOptions),
+    Run(RunOptions),
+    Calibrate(CalibrateOptions),
+    Restore(RestoreOptions),
+    Photograph(PhotographOptions),
+    Chart(ChartOptions),
+    Check(CheckOptions),
+    Status(StatusOptions),
+    Screens(ScreensOptions),
+    Press(PressOptions),
+    /// Print the version
     Version,
+    #[command(hide = true)]
+    Completions(CompletionsOptions),
+    #[command(hide = true)]
+    Man(ManOptions),
 }
 
-/// The words of `relens restore`.
-#[derive(Debug, PartialEq)]
-pub(super) struct RestoreWords {
-    pub(super) rig: PathBuf,
-    pub(super) folder: PathBuf,
-    pub(super) photo: PathBuf,
-    pub(super) out: PathBuf,
-    pub(super) method: Option<String>,
-    pub(super) report: Option<PathBuf>,
-}
-
-/// A command as the table has it.
-struct Known {
-    name: &'static str,
-    /// Long name, letter, whether it takes a value, whether it must be there.
-    options: &'static [Option_],
-    /// What each plain word is.
-    words: &'static [&'static str],
-}
-
-type Option_ = (&'static str, Option<char>, bool, bool);
-
-const RIG: Option_ = ("rig", Some('r'), true, true);
-const FOLDER: Option_ = ("folder", Some('f'), true, false);
-const OUT: Option_ = ("out", Some('o'), true, true);
-
-const COMMANDS: [Known; 12] = [
-    Known { name: "demo", options: &[("out", Some('o'), true, false)], words: &[] },
-    Known {
-        name: "run",
-        options: &[RIG, FOLDER, ("once", None, false, false), ("box", None, true, false)],
-        words: &[],
-    },
-    Known { name: "calibrate", options: &[RIG, FOLDER], words: &[] },
-    Known {
-        name: "restore",
-        options: &[
-            RIG,
-            FOLDER,
-            OUT,
-            ("method", Some('m'), true, false),
-            ("report", None, true, false),
-        ],
-        words: &["photo"],
-    },
-    Known { name: "photograph", options: &[RIG, OUT], words: &["sharp picture"] },
-    Known {
-        name: "chart",
-        options: &[RIG, OUT, FOLDER, ("quick", None, false, false)],
-        words: &[],
-    },
-    Known { name: "check", options: &[RIG, FOLDER], words: &[] },
-    Known { name: "status", options: &[FOLDER], words: &[] },
-    Known { name: "screens", options: &[RIG, OUT], words: &[] },
-    Known { name: "press", options: &[FOLDER, ("long", None, false, false)], words: &[] },
-    Known { name: "help", options: &[], words: &[] },
-    Known { name: "version", options: &[], words: &[] },
-];
-
-/// Reads the words (without the program's name).
+/// Reads the words, the program's name first.
 ///
 /// # Errors
-/// [`CliError::Usage`], one sentence with what was found and what is allowed.
-pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Parsed, CliError> {
-    use lexopt::Arg::{Long, Short, Value};
-    let mut parser = lexopt::Parser::from_args(words);
-    let mut verbose = false;
-    let mut known: Option<&Known> = None;
-    let mut given: BTreeMap<&str, OsString> = BTreeMap::new();
-    let mut plain: Vec<OsString> = Vec::new();
-    let mut help = false;
-    while let Some(arg) = parser.next().map_err(|e| usage(&e.to_string()))? {
-        let option = match arg {
-            Value(word) => {
-                match known {
-                    None => known = Some(command(&word.to_string_lossy())?),
-                    Some(_) => plain.push(word),
-                }
-                continue;
-            }
-            Short('h') | Long("help") => {
-                help = true;
-                continue;
-            }
-            Short('v') | Long("verbose") => {
-                verbose = true;
-                continue;
-            }
-            Short('V') | Long("version") => {
-                return Ok(Parsed { command: Command::Version, verbose });
-            }
-            Long(name) => name.to_owned(),
-            Short(letter) => letter.to_string(),
-        };
-        let Some(command) = known else {
-            return Err(usage(&format!("found the option {} before any command", dashed(&option))));
-        };
-        let is =
-            |o: &&Option_| o.0 == option || o.1.is_some_and(|letter| option == letter.to_string());
-        let Some(&(name, _, takes_value, _)) = command.options.iter().find(is) else {
-            return Err(unknown_option(command, &option));
-        };
-        let value = match takes_value {
-            true => parser
-                .value()
-                .map_err(|_| usage(&format!("--{name} of `{}` needs a value", command.name)))?,
-            false => OsString::new(),
-        };
-        if given.insert(name, value).is_some() {
-            return Err(usage(&format!("--{name} was given twice, allowed once")));
-        }
-    }
-    let Some(known) = known else {
-        return match help {
-            true => Ok(Parsed { command: Command::Help { about: None }, verbose }),
-            false => Err(usage("found no command")),
-        };
+/// A request for help or the version, or words that are not taken: see [`complaint`].
+pub(super) fn read(words: &[OsString]) -> Result<CommandLine, clap::Error> {
+    CommandLine::try_parse_from(words)
+}
+
+/// What was found in `words` and what is allowed, in one sentence or two.
+pub(super) fn complaint(error: &clap::Error, words: &[OsString]) -> String {
+    let line = CommandLine::command();
+    let of = |kind| error.get(kind).map(ToString::to_string).unwrap_or_default();
+    let (found, value) = (of(ContextKind::InvalidArg), of(ContextKind::InvalidValue));
+    // An option before the command is none of the command's.
+    let mut before = words.iter().skip(1).take_while(|word| **word != *found);
+    let command = before.find_map(|word| line.find_subcommand(word)).unwrap_or(&line);
+    let name = match command.get_name() {
+        "relens" => "relens".to_owned(),
+        name => format!("relens {name}"),
     };
-    if help {
-        return Ok(Parsed {
-            command: Command::Help { about: Some(known.name.to_owned()) },
-            verbose,
-        });
-    }
-    Ok(Parsed { command: build(known, given, plain)?, verbose })
-}
-
-fn build(
-    known: &Known,
-    mut given: BTreeMap<&str, OsString>,
-    plain: Vec<OsString>,
-) -> Result<Command, CliError> {
-    if known.name == "help" {
-        let about = plain
-            .into_iter()
-            .next()
-            .map(|word| command(&word.to_string_lossy()).map(|k| k.name.to_owned()));
-        return Ok(Command::Help { about: about.transpose()? });
-    }
-    if let Some((name, letter, ..)) = known.options.iter().find(|o| o.3 && !given.contains_key(o.0))
-    {
-        let short = letter.map_or(String::new(), |l| format!(" (-{l})"));
-        return Err(usage(&format!("`{}` needs --{name}{short}", known.name)));
-    }
-    if plain.len() > known.words.len() {
-        let extra = plain[known.words.len()].to_string_lossy().into_owned();
-        let allowed = match known.words {
-            [] => "options only".to_owned(),
-            words => format!("one {}", words.join(" and one ")),
-        };
-        return Err(usage(&format!(
-            "`{}` does not know what to do with `{extra}`, allowed {allowed}",
-            known.name
-        )));
-    }
-    if let Some(missing) = known.words.get(plain.len()) {
-        return Err(usage(&format!("`{}` needs the {missing}", known.name)));
-    }
-    let once = given.contains_key("once");
-    let quick = given.contains_key("quick");
-    let long = given.contains_key("long");
-    let share_as = given.remove("box");
-    let mut path = |name: &str| given.remove(name).map(PathBuf::from);
-    let (rig, out) = (path("rig").unwrap_or_default(), path("out"));
-    let folder = path("folder").unwrap_or_else(|| PathBuf::from("."));
-    let word = plain.into_iter().next().map(PathBuf::from).unwrap_or_default();
-    Ok(match known.name {
-        "demo" => Command::Demo { out: out.unwrap_or_else(|| PathBuf::from("relens-demo")) },
-        "run" => Command::Run { rig, folder, once, share_as },
-        "calibrate" => Command::Calibrate { rig, folder },
-        "restore" => Command::Restore(RestoreWords {
-            rig,
-            folder,
-            photo: word,
-            out: out.unwrap_or_default(),
-            report: path("report"),
-            method: given.remove("method").map(|m| m.to_string_lossy().into_owned()),
-        }),
-        "photograph" => Command::Photograph { rig, scene: word, photo: out.unwrap_or_default() },
-        "chart" => Command::Chart { rig, out: out.unwrap_or_default(), quick, folder },
-        "check" => Command::Check { rig, folder },
-        "status" => Command::Status { folder },
-        "screens" => Command::Screens { rig, out: out.unwrap_or_default() },
-        "press" => Command::Press { folder, long },
-        _ => Command::Version,
-    })
-}
-
-fn command(word: &str) -> Result<&'static Known, CliError> {
-    if let Some(known) = COMMANDS.iter().find(|known| known.name == word) {
-        return Ok(known);
-    }
-    let names = COMMANDS.map(|known| known.name);
-    Err(usage(&format!("found the command `{word}`{}", nearest(word, &names, ""))))
-}
-
-fn unknown_option(command: &Known, option: &str) -> CliError {
-    let names: Vec<&str> = command.options.iter().map(|o| o.0).collect();
-    usage(&format!(
-        "`{}` has no option {}{}",
-        command.name,
-        dashed(option),
-        nearest(option, &names, "--")
-    ))
-}
-
-fn dashed(option: &str) -> String {
-    if option.chars().count() == 1 { format!("-{option}") } else { format!("--{option}") }
-}
-
-/// `; did you mean …?` or `, allowed are …`.
-fn nearest(word: &str, known: &[&str], dashes: &str) -> String {
-    let best = known.iter().min_by_key(|name| distance(word, name));
-    match best {
-        Some(best) if distance(word, best) <= best.len().div_ceil(3) => {
-            format!("; did you mean {dashes}{best}?")
+    let said = match error.kind() {
+        ErrorKind::InvalidSubcommand => {
+            let names = line.get_subcommands().filter(|c| !c.is_hide_set()).map(|c| c.get_name());
+            let hint = hint(error, ContextKind::SuggestedSubcommand, names);
+            format!("found the command `{}`{hint}", of(ContextKind::InvalidSubcommand))
         }
-        Some(_) => format!(", allowed are {dashes}{}", known.join(&format!(", {dashes}"))),
-        None => ", it has none".to_owned(),
-    }
+        ErrorKind::UnknownArgument if !found.starts_with('-') => {
+            format!("`{name}` does not know what to do with `{found}`")
+        }
+        ErrorKind::UnknownArgument => {
+            let options = command.get_opts().filter_map(|option| option.get_long());
+            let dashed: Vec<_> = options.map(|name| format!("--{name}")).collect();
+            let hint = hint(error, ContextKind::SuggestedArg, dashed.iter().map(String::as_str));
+            format!("`{name}` has no option `{found}`{hint}")
+        }
+        ErrorKind::MissingRequiredArgument => format!("`{name}` needs {found}"),
+        ErrorKind::InvalidValue if value.is_empty() => format!("`{name}` needs a value: {found}"),
+        ErrorKind::InvalidValue => {
+            let allowed = match error.get(ContextKind::ValidValue) {
+                Some(ContextValue::Strings(values)) => values.iter().map(String::as_str).collect(),
+                _ => Vec::new(),
+            };
+            let hint = hint(error, ContextKind::SuggestedValue, allowed.into_iter());
+            format!("found `{value}` for {found}{hint}")
+        }
+        ErrorKind::ArgumentConflict if of(ContextKind::PriorArg) == found => {
+            format!("{found} was given twice, allowed once")
+        }
+        ErrorKind::ArgumentConflict => {
+            format!("found {found} beside {}, allowed one of them", of(ContextKind::PriorArg))
+        }
+        _ => {
+            let whole = error.to_string();
+            let first = whole.lines().next().unwrap_or_default();
+            first.trim_start_matches("error: ").to_owned()
+        }
+    };
+    let page = name.replacen("relens", "relens help", 1);
+    format!("{said} (`{page}` tells more)")
 }
 
-fn usage(what: &str) -> CliError {
-    CliError::Usage(format!("{what} (`relens help` tells more)"))
+/// `; did you mean …?` or `, allowed: …`.
+fn hint<'a>(
+    error: &clap::Error,
+    kind: ContextKind,
+    allowed: impl Iterator<Item = &'a str>,
+) -> String {
+    match error.get(kind) {
+        Some(ContextValue::String(near)) => format!("; did you mean {near}?"),
+        Some(ContextValue::Strings(near)) if !near.is_empty() => {
+            format!("; did you mean {}?", near.join(" or "))
+        }
+        _ => format!(", allowed: {}", allowed.collect::<Vec<_>>().join(", ")),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::{Path, PathBuf};
 
-    fn words(line: &str) -> Result<Parsed, CliError> {
-        parse(line.split_whitespace().map(OsString::from))
+    fn read_line(line: &str) -> Result<CommandLine, clap::Error> {
+        read(
+            &["relens"]
+                .into_iter()
+                .chain(line.split_whitespace())
+                .map(OsString::from)
+                .collect::<Vec<_>>(),
+        )
     }
 
-    fn complaint(line: &str) -> String {
-        let trouble = words(line).unwrap_err();
-        assert_eq!(trouble.exit_code(), 2, "{line}");
-        trouble.to_string()
+    fn complaint_of(line: &str) -> String {
+        let words: Vec<_> =
+            ["relens"].into_iter().chain(line.split_whitespace()).map(OsString::from).collect();
+        complaint(&read(&words).unwrap_err(), &words)
+    }
+
+    #[test]
+    fn the_declaration_is_sound() {
+        CommandLine::command().debug_assert();
     }
 
     #[test]
     fn right_words_are_understood_in_any_order() {
-        let run =
-            Command::Run { rig: "a.toml".into(), folder: "box".into(), once: true, share_as: None };
-        assert_eq!(
-            words("run --once -f box --rig=a.toml").unwrap(),
-            Parsed { command: run, verbose: false }
-        );
-        let Command::Restore(restore) =
-            words("restore in.jpg -r a.toml -o out.jpg -m paper").unwrap().command
-        else {
-            panic!("restore");
-        };
-        assert_eq!((restore.photo, restore.method), ("in.jpg".into(), Some("paper".to_owned())));
-        assert_eq!(words("run -h").unwrap().command, Command::Help { about: Some("run".into()) });
-        assert!(words("demo -v").unwrap().verbose);
+        let line = read_line("run --once -f box --rig=a.toml -v").unwrap();
+        assert!(line.verbose && matches!(line.command, Command::Run(_)));
+        assert!(read_line("-v demo").unwrap().verbose);
+        for line in ["restore in.jpg -r a.toml -o out.jpg -m paper", "version", "status", "demo"] {
+            assert!(read_line(line).is_ok(), "{line}");
+        }
     }
 
     #[test]
     fn wrong_words_get_one_sentence_with_the_right_ones() {
         for (line, wanted) in [
-            ("", "found no command"),
-            ("restroe x", "did you mean restore?"),
-            ("frobnicate", "allowed are demo, run"),
-            ("run", "`run` needs --rig (-r)"),
+            ("restroe x", "found the command `restroe`; did you mean restore?"),
+            ("xyz", "allowed: demo, run"),
+            ("run", "`relens run` needs --rig <RIG.toml>"),
             ("run --rig a --onec", "did you mean --once?"),
-            ("run --rig", "--rig of `run` needs a value"),
+            ("run --rig", "needs a value: --rig"),
             ("run --rig a --rig b", "given twice"),
             ("run --rig a inbox", "does not know what to do with `inbox`"),
-            ("restore -r a -o b", "needs the photo"),
-            ("--once run", "before any command"),
-            ("status --rig a", "`status` has no option --rig, allowed are --folder"),
+            ("restore -r a -o b", "needs <PHOTO>"),
+            ("restore -r a -o b c -m hybird", "did you mean hybrid?"),
+            ("restore -r a -o b c -m magic", "allowed: paper, residual,"),
+            ("--once run", "`relens` has no option `--once`"),
+            ("status --rig a", "`relens status` has no option `--rig`, allowed: --folder"),
+            ("press --long=3", "unexpected value '3' for '--long'"),
         ] {
-            assert!(complaint(line).contains(wanted), "{line}: {}", complaint(line));
+            let said = complaint_of(line);
+            assert!(said.contains(wanted) && said.lines().count() == 1, "{line}: {said}");
         }
+    }
+
+    /// Every place in `text` where the program is called by name with one of its commands: the
+    /// words, and whether the text only speaks of it, between backticks.
+    fn calls(text: &str) -> Vec<(String, bool)> {
+        let declared = CommandLine::command();
+        let mut found = Vec::new();
+        for line in text.lines().filter(|line| !line.starts_with('#')) {
+            for (at, _) in line.match_indices("relens ") {
+                let words = &line[at + "relens ".len()..];
+                let words = words.split(['#', '`', ';', '|', '>', '&', ')']).next().unwrap();
+                let words = words.trim().trim_end_matches(" 2").replace(['"', '\''], "");
+                let first = words.split(' ').next().unwrap();
+                let begins = line[..at].chars().next_back().is_none_or(|c| " `/".contains(c));
+                if begins && words.contains(" -") && declared.find_subcommand(first).is_some() {
+                    found.push((words, line[..at].ends_with('`')));
+                }
+            }
+        }
+        found
+    }
+
+    fn files_below(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap().flatten() {
+            match entry.path() {
+                path if path.is_dir() => files_below(&path, found),
+                path if path.extension().is_none_or(|e| e != "rs") => found.push(path),
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn every_call_in_pages_and_scripts_is_understood() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let mut files = vec![root.join("README.md"), root.join("hardware.md")];
+        for folder in ["rig-config", "systemd", "tests"] {
+            files_below(&root.join(folder), &mut files);
+        }
+        let mut read_calls = 0;
+        for file in files {
+            let Ok(text) = std::fs::read_to_string(&file) else { continue };
+            for (words, spoken_of) in calls(&text) {
+                read_calls += 1;
+                let error = read_line(&words).err().map(|error| error.kind());
+                let understood = match error {
+                    None => true,
+                    Some(ErrorKind::MissingRequiredArgument) => spoken_of,
+                    Some(_) => false,
+                };
+                assert!(understood, "{}: relens {words}: {error:?}", file.display());
+            }
+        }
+        assert!(read_calls > 20, "the reader finds calls: {read_calls}");
     }
 }

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::{Args, ValueHint};
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::display_luminance;
 use relens::config;
@@ -10,45 +11,66 @@ use relens::daemon::Folders;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::picture::{Format, Limits, Photo, Tone};
 
-use super::{CliError, drop_folder, rigged, say, single};
+use super::error::CliError;
+use super::output::say;
+use super::run::empty_inbox;
+use super::{opening, photograph};
 
 /// The rig of the demo.
 const RIG: &str = "simulated.toml";
 
-/// Runs the demo in `out`, or beside it under a number if there is something already.
-pub(super) fn run(out: &Path) -> Result<(), CliError> {
+/// Tell the whole story on a simulated rig: start here
+///
+/// Takes photos of four scenes through the simulated rig's bad lens, drops them into an inbox,
+/// restores them, and prints how much nearer to the scenes they came.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens demo
+  relens demo --out /tmp/demo    then open /tmp/demo/outbox/index.html in a browser")]
+pub(super) struct DemoOptions {
+    /// Folder of the demo, made with a number behind its name if that name is taken
+    #[arg(
+        short,
+        long,
+        value_name = "DIR",
+        default_value = "relens-demo",
+        value_hint = ValueHint::DirPath
+    )]
+    out: PathBuf,
+}
+
+/// Runs the demo.
+pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     let rig = config::load(Path::new(RIG))?;
-    let folders = Folders::open(&free(out))?;
+    let folders = Folders::open(&free(&options.out))?;
     let root = folders.root().to_owned();
     let (inbox, outbox) = (folders.inbox().to_owned(), folders.outbox().to_owned());
     say(&format!(
         "1. photographing four scenes through the bad lens of {RIG} ({})",
         rig.photo.size()
-    ))?;
+    ));
     let names = Scene::ALL.map(Scene::file_name);
     let sharp = Scene::ALL.map(|scene| scene.light(rig.photo.size()));
-    for (name, codes) in names.iter().zip(rigged::photograph(&rig, &sharp)?) {
+    for (name, codes) in names.iter().zip(photograph::codes(&rig, &sharp)?) {
         let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
         let path = inbox.join(name);
-        std::fs::write(&path, single::file_of(&rig, &codes, format, name)?)
-            .map_err(|e| CliError::writing(&path, &e))?;
+        std::fs::write(&path, photograph::file_of(&rig, &codes, format, name)?)
+            .map_err(|e| CliError::writing(&path, e))?;
     }
-    say("2. calibrating the rig, from captures alone")?;
-    let mut restorer =
-        rigged::restorer(&rig, &root, None, None, &mut |words| log::info!("{words}"))?;
-    say(&format!("3. restoring what was dropped into {}", inbox.display()))?;
-    let summary = drop_folder::empty_inbox(&rig, folders, &mut *restorer)?;
-    say(
-        "\n              SSIM            PSNR in dB      captures  seconds\n              photo  \
-         restored photo  restored",
-    )?;
+    say("2. calibrating the rig, from captures alone");
+    let mut restorer = opening::restorer(&rig, &root, None, None)?;
+    say(&format!("3. restoring what was dropped into {}", inbox.display()));
+    let summary = empty_inbox(&rig, folders, &mut *restorer)?;
+    say("\n              SSIM            PSNR in dB      captures  seconds\n              photo  \
+         restored photo  restored");
     for (name, scene) in names.iter().zip(&sharp) {
         let Some(report) = summary.restored.iter().find(|report| report.photo == **name) else {
             continue;
         };
         let of = |path: PathBuf| -> Result<[f64; 2], CliError> {
-            let photo = Photo::read(&path, rig.photo.curve, &Limits::default())
-                .map_err(|e| CliError::of(&e))?;
+            let photo =
+                Photo::read(&path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
             let tone = Tone::of_curve(config::Curve::Srgb, 8);
             let [is, ought] =
                 [&photo.in_colour(), scene].map(|light| display_luminance(&tone, light));
@@ -58,12 +80,12 @@ pub(super) fn run(out: &Path) -> Result<(), CliError> {
         say(&format!(
             "{name:13} {:.3}  {:.3}    {:5.2}  {:5.2}    {:5}     {:5.1}",
             before[0], after[0], before[1], after[1], report.captures, report.seconds
-        ))?;
+        ));
     }
     for photo in summary.failed.iter().chain(&summary.left) {
-        say(&format!("not restored: {}", photo.reason))?;
+        say(&format!("not restored: {}", photo.reason));
     }
-    say(&format!("\nbefore and after: open {} in a browser", outbox.join("index.html").display()))?;
+    say(&format!("\nbefore and after: open {} in a browser", outbox.join("index.html").display()));
     match summary.failed.len() + summary.left.len() {
         0 => Ok(()),
         failed => Err(CliError::SomeFailed { failed, all: names.len() }),

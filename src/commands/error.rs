@@ -1,6 +1,7 @@
 //! Why a command did not do what was asked, and the exit code that says so.
 
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use relens::config::ConfigError;
 use relens::daemon::DaemonError;
@@ -9,31 +10,45 @@ use relens::remedy::{AnyFailure, Remediable, Remedy, full_message};
 /// What stands in the way of a command.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CliError {
-    /// Wrong use, with the right one.
-    #[error("{0}")]
-    Usage(String),
     /// The rig file was not taken.
     #[error(transparent)]
     RigFile(#[from] ConfigError),
+    /// The command is for simulated rigs.
+    #[error("found the rig {0}, made of devices, allowed simulated rigs")]
+    NotSimulated(String),
+    /// A file that is to be written is there already.
+    #[error("{0} exists already, allowed a new name")]
+    Taken(PathBuf),
+    /// The folder of a file that is to be written is not there.
+    #[error("cannot write {0}: its folder does not exist")]
+    NoFolder(PathBuf),
+    /// The result's name does not tell a format.
+    #[error("found the result's name {0}, allowed one ending in .jpg, .png or .tif")]
+    Format(PathBuf),
+    /// No daemon worked on the folder yet.
+    #[error("found no state file in {0}, allowed a folder that `relens run` has worked on")]
+    NoState(PathBuf),
+    /// The disk refused a file.
+    #[error("cannot write {0}")]
+    Writing(PathBuf, #[source] io::Error),
     /// Some photos were not restored; they were listed.
     #[error("{failed} of {all} photos were not restored")]
-    SomeFailed {
-        /// Set aside or left.
-        failed: usize,
-        /// All that were tried.
-        all: usize,
-    },
+    SomeFailed { failed: usize, all: usize },
     /// The drop folder.
     #[error(transparent)]
     Folder(#[from] DaemonError),
+    /// The program cannot be told to stop.
+    #[error("cannot listen to signals")]
+    Signals(#[source] io::Error),
+    /// No operating point can be chosen.
+    #[error("no setting gave a picture of the scenes shown that could be scored")]
+    NothingScored,
+    /// What `relens check` found wrong.
+    #[error("{}", .0.join("; "))]
+    Unwell(Vec<String>),
     /// A photo, a rig, a calibration: the remedy tells which.
-    #[error("{words}")]
-    Failure {
-        /// The whole message.
-        words: String,
-        /// What to do.
-        remedy: Remedy,
-    },
+    #[error("{}", full_message(&**.0))]
+    Failed(AnyFailure),
 }
 
 impl CliError {
@@ -44,44 +59,37 @@ impl CliError {
             Remedy::Recalibrate | Remedy::ReopenRig | Remedy::CallOperator => 3,
         };
         match self {
-            CliError::Usage(_) | CliError::RigFile(_) => 2,
-            CliError::SomeFailed { .. } => 1,
+            CliError::RigFile(_)
+            | CliError::NotSimulated(_)
+            | CliError::Taken(_)
+            | CliError::NoFolder(_)
+            | CliError::Format(_)
+            | CliError::NoState(_) => 2,
+            CliError::Writing(..) | CliError::SomeFailed { .. } => 1,
+            CliError::Signals(_) | CliError::NothingScored | CliError::Unwell(_) => 3,
             CliError::Folder(error) => of(error.remedy()),
-            CliError::Failure { remedy, .. } => of(*remedy),
+            CliError::Failed(error) => of(error.remedy()),
         }
     }
 
-    /// CliError writing to `path`.
-    pub(super) fn writing(path: &Path, error: &std::io::Error) -> CliError {
-        use std::io::ErrorKind::{AlreadyExists, NotFound};
-        let path = path.display();
-        match error.kind() {
-            AlreadyExists => CliError::Usage(format!("{path} exists already, allowed a new name")),
-            NotFound => CliError::Usage(format!("cannot write {path}: its folder does not exist")),
-            _ => CliError::Failure {
-                words: format!("cannot write {path}: {error}"),
-                remedy: Remedy::RetryLater,
-            },
+    /// What kept `path` from being written.
+    pub(super) fn writing(path: &Path, source: io::Error) -> CliError {
+        let path = path.to_owned();
+        match source.kind() {
+            io::ErrorKind::AlreadyExists => CliError::Taken(path),
+            io::ErrorKind::NotFound => CliError::NoFolder(path),
+            _ => CliError::Writing(path, source),
         }
     }
 
-    /// CliError made of any error that knows its remedy.
-    pub(super) fn of(error: &dyn Remediable) -> CliError {
-        // An error of ours as a plain error: the words of all its causes.
-        let mut words = error.to_string();
-        let mut cause = error.source();
-        while let Some(inner) = cause {
-            if !words.contains(&inner.to_string()) {
-                words = format!("{words}: {inner}");
-            }
-            cause = inner.source();
-        }
-        CliError::Failure { words, remedy: error.remedy() }
+    /// Any error that knows its remedy.
+    pub(super) fn of(error: impl Remediable + Send + Sync + 'static) -> CliError {
+        CliError::Failed(Box::new(error))
     }
 }
 
 impl From<AnyFailure> for CliError {
     fn from(error: AnyFailure) -> Self {
-        CliError::Failure { words: full_message(&*error), remedy: error.remedy() }
+        CliError::Failed(error)
     }
 }

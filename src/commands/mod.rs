@@ -2,45 +2,75 @@
 //! code.
 
 mod arguments;
-mod clock;
+mod calibrate;
+mod chart;
+mod check;
 mod demo;
-mod drop_folder;
 mod error;
-mod front_desk;
-mod help;
-mod rigged;
+mod front_panel;
+mod manual;
+mod new_file;
+mod opening;
+mod options;
+mod output;
+mod photograph;
+mod press;
+mod progress;
+mod restore;
+mod run;
 mod screens;
-mod simulated_button;
-mod single;
+mod service;
+mod signals;
 mod status;
 
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::process::ExitCode;
-use std::sync::OnceLock;
 
+use clap::CommandFactory;
+use clap::error::ErrorKind;
+use relens::daemon::log_writer;
 use relens::picture::worker;
 
-use arguments::{Command, Parsed};
+use arguments::{Command, CommandLine};
 use error::CliError;
-use relens::daemon::service::ServiceManager;
+use output::say;
 
-/// Runs the command in `words` (the program's name left out).
-pub(crate) fn run(words: impl Iterator<Item = OsString>) -> ExitCode {
-    let mut words = words.peekable();
-    if words.next_if(|word| word == worker::WORD).is_some() {
-        return read_photo(&words.next().unwrap_or_default());
+/// Runs the command in `words`, the program's name first.
+pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
+    if words.get(1).is_some_and(|word| word == worker::WORD) {
+        return read_photo(words.get(2).map_or(OsStr::new(""), OsString::as_os_str));
     }
-    let parsed = match arguments::parse(words) {
-        Ok(parsed) => parsed,
-        Err(trouble) => return end(&trouble),
+    let line = match arguments::read(&words) {
+        Ok(line) => line,
+        Err(error) => return answer(&error, &words),
     };
-    let level = if parsed.verbose { log::LevelFilter::Debug } else { log::LevelFilter::Info };
-    relens::daemon::log_writer::start(level);
-    match dispatch(parsed) {
+    let level = if line.verbose { log::LevelFilter::Debug } else { log::LevelFilter::Info };
+    log_writer::start(level, output::log);
+    let done = dispatch(&line);
+    progress::leave();
+    match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(trouble) => end(&trouble),
+        Err(error) => {
+            complain(&relens::remedy::full_message(&error));
+            ExitCode::from(error.exit_code())
+        }
     }
+}
+
+/// Answers words that are no command to be done: a page that was asked for, or what is wrong.
+fn answer(error: &clap::Error, words: &[OsString]) -> ExitCode {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            say(error.to_string().trim_end());
+            return ExitCode::SUCCESS;
+        }
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = write!(std::io::stderr(), "{error}");
+        }
+        _ => complain(&arguments::complaint(error, words)),
+    }
+    ExitCode::from(2)
 }
 
 /// This process is the worker of a daemon: not for people, and mute.
@@ -51,41 +81,31 @@ fn read_photo(ask: &OsStr) -> ExitCode {
     }
 }
 
-fn dispatch(parsed: Parsed) -> Result<(), CliError> {
-    match parsed.command {
-        Command::Demo { out } => demo::run(&out),
-        Command::Run { rig, folder, once, share_as } => {
-            drop_folder::run(&rig, &folder, once, share_as.as_deref())
+fn dispatch(line: &CommandLine) -> Result<(), CliError> {
+    if progress::is_drawn() && !matches!(line.command, Command::Run(_)) {
+        signals::end_cleanly()?;
+    }
+    match &line.command {
+        Command::Demo(options) => demo::run(options),
+        Command::Run(options) => run::run(options),
+        Command::Calibrate(options) => calibrate::run(options),
+        Command::Restore(options) => restore::run(options),
+        Command::Photograph(options) => photograph::run(options),
+        Command::Chart(options) => chart::run(options),
+        Command::Check(options) => check::run(options),
+        Command::Status(options) => status::run(options),
+        Command::Screens(options) => screens::run(options),
+        Command::Press(options) => press::run(options),
+        Command::Completions(options) => manual::completions(options, CommandLine::command()),
+        Command::Man(options) => manual::man(options, CommandLine::command()),
+        Command::Version => {
+            say(concat!("relens ", env!("CARGO_PKG_VERSION")));
+            Ok(())
         }
-        Command::Calibrate { rig, folder } => rigged::calibrate(&single::rig(&rig)?, &folder),
-        Command::Restore(words) => single::restore(&words),
-        Command::Photograph { rig, scene, photo } => single::photograph(&rig, &scene, &photo),
-        Command::Chart { rig, out, quick, folder } => {
-            rigged::chart(&single::rig(&rig)?, &out, quick, &folder)
-        }
-        Command::Check { rig, folder } => rigged::check(&single::rig(&rig)?, &folder),
-        Command::Status { folder } => status::run(&folder),
-        Command::Screens { rig, out } => screens::run(&single::rig(&rig)?, &out),
-        Command::Press { folder, long } => simulated_button::press(&folder, long),
-        Command::Help { about } => say(help::text(about.as_deref())),
-        Command::Version => say(concat!("relens ", env!("CARGO_PKG_VERSION"))),
     }
 }
 
-/// The service manager that started this program, if one did.
-fn service_manager() -> &'static ServiceManager {
-    static MANAGER: OnceLock<ServiceManager> = OnceLock::new();
-    MANAGER.get_or_init(|| ServiceManager::at(std::env::var_os("NOTIFY_SOCKET").as_deref()))
-}
-
-/// Writes one line to standard output. A reader that went away is no trouble of ours.
-fn say(line: &str) -> Result<(), CliError> {
-    let _ = writeln!(std::io::stdout(), "{line}");
-    Ok(())
-}
-
-fn end(trouble: &CliError) -> ExitCode {
+fn complain(what: &str) {
     // Nothing can be done when even standard error is gone; the exit code still tells.
-    let _ = writeln!(std::io::stderr(), "relens: {}", relens::remedy::full_message(trouble));
-    ExitCode::from(trouble.exit_code())
+    let _ = writeln!(std::io::stderr(), "relens: {what}");
 }

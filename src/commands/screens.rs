@@ -1,18 +1,38 @@
 //! `relens screens`: what the panel shows between jobs, as pictures to look at.
 
-use std::path::Path;
+use std::path::PathBuf;
 
+use clap::{Args, ValueHint};
 use relens::chart::scenes::Scene;
-use relens::config::{Curve, Rig};
+use relens::config::{self, Curve};
 use relens::frame::{Frame, Work};
 use relens::kiosk::screen::{draw, examples};
 use relens::picture::{Format, Manner, encode};
 
-use super::{CliError, say};
+use super::error::CliError;
+use super::options::RigOption;
+use super::output::say;
 
-/// Draws one screen of each kind for the panel of `rig` into `out`.
-pub(super) fn run(rig: &Rig, out: &Path) -> Result<(), CliError> {
-    std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, &e))?;
+/// Draw what the panel shows between jobs, as pictures
+///
+/// Draws one screen of each kind for the rig's panel, as PNG files.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens screens --rig RIG.toml -o DIR")]
+pub(super) struct ScreensOptions {
+    #[command(flatten)]
+    rig: RigOption,
+    /// Folder of the pictures, which is made if need be
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    out: PathBuf,
+}
+
+/// Draws one screen of each kind for the rig's panel.
+pub(super) fn run(options: &ScreensOptions) -> Result<(), CliError> {
+    let rig = config::load(&options.rig.rig)?;
+    let out = &options.out;
+    std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, e))?;
     let picture = Scene::Astronaut.codes(rig.photo.size());
     let picture: Frame<Work> =
         Frame::from_fn(|c| picture.plane(c).map(|v| 255.0 * (v / 255.0).powf(2.2)));
@@ -22,8 +42,9 @@ pub(super) fn run(rig: &Rig, out: &Path) -> Result<(), CliError> {
         // Codes as they are: the file's viewer is the panel.
         let light: Frame<Work> = Frame::from_fn(|c| codes.plane(c).map(f32::from));
         let path = out.join(format!("{name}.png"));
-        let bytes = encode(name, &light, &manner, false).map_err(|e| CliError::of(&e))?;
-        std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, &e))?;
+        let bytes = encode(name, &light, &manner, false).map_err(CliError::of)?;
+        std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, e))?;
     }
-    say(&format!("written to {}", out.display()))
+    say(&format!("written to {}", out.display()));
+    Ok(())
 }

@@ -1,36 +1,44 @@
 //! `relens status`: what the daemon is doing, from its state file.
 
-use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use clap::Args;
 use relens::daemon::{Doing, Folders, State};
 
-use super::{CliError, say};
+use super::error::CliError;
+use super::options::FolderOption;
+use super::output::say;
 
-/// Says what the daemon on `folder` does.
-pub(super) fn run(folder: &Path) -> Result<(), CliError> {
-    let Some(state) = State::read(folder)? else {
-        return Err(CliError::Usage(format!(
-            "no daemon ever worked on {}: found no state file, allowed the folder of a `relens \
-             run`",
-            folder.display()
-        )));
-    };
+/// Say what the daemon on a folder is doing
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens status --folder DIR")]
+pub(super) struct StatusOptions {
+    #[command(flatten)]
+    folder: FolderOption,
+}
+
+/// Says what the daemon does, from its state file.
+pub(super) fn run(options: &StatusOptions) -> Result<(), CliError> {
+    let folder = &options.folder.folder;
+    let state = State::read(folder)?.ok_or_else(|| CliError::NoState(folder.clone()))?;
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    say(&words(&state, Folders::in_use(folder), now))
+    say(&words(&state, Folders::in_use(folder), now));
+    Ok(())
 }
 
 fn words(state: &State, running: bool, now_unix_s: u64) -> String {
     let doing = match (&state.doing, running) {
         (Doing::Restoring { photo }, true) => format!("restoring {photo}"),
         (Doing::Waiting, true) => "waiting for photos".to_owned(),
-        (Doing::Paused { reason }, true) => format!("not now: {reason}"),
-        (Doing::Held { reason }, true) => format!("held: {reason}"),
+        (Doing::Paused { reason }, true) => format!("paused: {reason}"),
+        (Doing::Held { reason }, true) => format!("needs help: {reason}"),
         (Doing::Ended, true) => "starting".to_owned(),
-        (Doing::Ended, false) => "not running, ended in good order".to_owned(),
-        (Doing::Held { reason }, false) => format!("not running, ended because {reason}"),
+        (Doing::Ended, false) => "not running; it ended in good order".to_owned(),
+        (Doing::Held { reason }, false) => format!("not running; it needed help: {reason}"),
         (_, false) => {
-            "not running, and it did not end in good order; the next start takes up what was \
+            "not running, and it did not end in good order; the next start goes on with what was \
              under way"
                 .to_owned()
         }
@@ -39,8 +47,7 @@ fn words(state: &State, running: bool, now_unix_s: u64) -> String {
         state.attention.iter().map(|words| format!("\nattention: {words}")).collect();
     let ago = now_unix_s.saturating_sub(state.written_unix_s);
     format!(
-        "{doing}{attention}\nrig {}; {} restored, {} failed, {} left in the inbox; last word {} \
-         ago",
+        "{doing}{attention}\nrig {}; {} restored, {} failed, {} left in the inbox; written {} ago",
         state.rig,
         state.restored,
         state.failed,

@@ -29,7 +29,6 @@ pub use simulation::{
     Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, SensorCurve,
     Simulation, Subpixels, Surface, Surround, Uneven, Unrest, Wavelength,
 };
-pub use written::distance;
 
 use std::path::Path;
 

@@ -235,6 +235,18 @@ pub enum Method {
 }
 
 impl Method {
+    /// All of them.
+    pub const ALL: [Method; 8] = [
+        Method::Paper,
+        Method::Residual,
+        Method::Unmatched,
+        Method::Hybrid,
+        Method::BlockMatching,
+        Method::Digital,
+        Method::Wiener,
+        Method::RichardsonLucy,
+    ];
+
     /// The word in rig files, tables and reports.
     pub const fn name(self) -> &'static str {
         match self {

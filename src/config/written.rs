@@ -110,7 +110,7 @@ fn explain(text: &str, file: &str, error: &toml::de::Error) -> ConfigError {
 }
 
 /// Edit distance (Levenshtein 1966) between two words, for naming the nearest known one.
-pub fn distance(a: &str, b: &str) -> usize {
+fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.chars().enumerate() {

@@ -3,15 +3,16 @@
 //! Levels are a promise: `error` is a bug of ours, `warn` is the world misbehaving, `info` is one
 //! line a photo, `debug` may be hidden without loss.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::sync::OnceLock;
 
 use log::{Level, LevelFilter, Log, Metadata, Record};
 
-/// Starts logging to standard error. A second call changes nothing.
-pub fn start(level: LevelFilter) {
+/// Starts logging; `write` puts a line on standard error. A second call changes nothing.
+pub fn start(level: LevelFilter, write: fn(&str)) {
     static WRITER: OnceLock<LogWriter> = OnceLock::new();
-    let writer = WRITER.get_or_init(|| LogWriter { terminal: std::io::stderr().is_terminal() });
+    let writer =
+        WRITER.get_or_init(|| LogWriter { terminal: std::io::stderr().is_terminal(), write });
     if log::set_logger(writer).is_ok() {
         log::set_max_level(level);
     }
@@ -19,6 +20,7 @@ pub fn start(level: LevelFilter) {
 
 struct LogWriter {
     terminal: bool,
+    write: fn(&str),
 }
 
 impl Log for LogWriter {
@@ -28,12 +30,7 @@ impl Log for LogWriter {
 
     fn log(&self, record: &Record<'_>) {
         if self.enabled(record.metadata()) {
-            // There is nowhere to complain to when standard error is gone.
-            let _ = writeln!(
-                std::io::stderr(),
-                "{}",
-                line(record.level(), &record.args().to_string(), self.terminal)
-            );
+            (self.write)(&line(record.level(), &record.args().to_string(), self.terminal));
         }
     }
 

@@ -58,7 +58,7 @@ pub use schedule::{Ended, Schedule, Turn};
 pub use setting::Setting;
 pub use state::{Doing, State};
 pub use vigil::Missed;
-pub use watcher::{ProgressLine, Step, Watcher};
+pub use watcher::{Step, Watcher};
 pub use withdrawal::Delivered;
 
 pub use crate::restorer::{Progress, Restorer};

@@ -31,7 +31,6 @@ pub mod lamps;
 pub mod mark_search;
 #[cfg(feature = "hardware")]
 mod modeset;
-#[cfg(feature = "hardware")]
 pub mod monotonic;
 pub mod pixel_format;
 #[cfg(feature = "hardware")]

@@ -1,13 +1,22 @@
-//! The board's clock: `CLOCK_MONOTONIC`, the one that flip events and camera frames are stamped
+//! The machine's clock: `CLOCK_MONOTONIC`, the one that flip events and camera frames are stamped
 //! with.
 
-use rustix::time::{ClockId, Timespec};
+use rustix::time::ClockId;
+#[cfg(feature = "hardware")]
+use rustix::time::Timespec;
 
 use super::{Clock, Moment};
 
 /// The kernel's monotonic clock.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Monotonic;
+
+impl Monotonic {
+    /// Seconds on this clock.
+    pub fn seconds() -> f64 {
+        Monotonic.now().0
+    }
+}
 
 impl Clock for Monotonic {
     fn now(&self) -> Moment {
@@ -27,6 +36,7 @@ impl Clock for Monotonic {
 }
 
 /// What is left until `deadline` as `poll` wants it; nothing when it has passed.
+#[cfg(feature = "hardware")]
 pub(super) fn left_until(deadline: Moment) -> Timespec {
     let left = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
     Timespec { tv_sec: left as i64, tv_nsec: (left.fract() * 1e9) as i64 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What scikit-image makes of the photos that relens charts: rows for `relens chart --peers`.
+"""What scikit-image makes of the photos that relens charts: rows for the laboratory's `peers`.
 
 Every method of scikit-image that takes a point spread function is given the photo and the central function that the rig
 measured (it knows of one function for the whole field, and so does the usual user), alone and with one of its denoisers
@@ -7,9 +7,9 @@ behind it. The photo's edges are repeated around it: without, or with black, Ric
 SSIM and PSNR are scikit-image's own, as relens computes them. Seconds: the fastest of several calls, as many threads as the library takes.
 
 Needs: numpy scipy scikit-image PyWavelets
-Run:   relens chart --rig study.toml --captures --out DIR
+Run:   cargo run --release --example lab -- captures --rig study.toml --out DIR
        python tests/benches/outside.py DIR > ROWS.csv
-       relens chart --rig study.toml --peers ROWS.csv --out OTHER
+       cargo run --release --example lab -- peers --rig study.toml --rows ROWS.csv --out OTHER
 """
 import argparse
 import pathlib
@@ -80,7 +80,7 @@ def methods(psf):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("folder", type=pathlib.Path, help="where `relens chart --captures` wrote to")
+    parser.add_argument("folder", type=pathlib.Path, help="where the laboratory's `captures` wrote to")
     parser.add_argument("--turns", type=int, default=3)
     words = parser.parse_args()
     psf = np.load(words.folder / "function.npy").astype(np.float64)

@@ -8,10 +8,10 @@ use std::thread::JoinHandle;
 use relens::config::{Kind, Rig};
 use relens::kiosk::desk::{Fingers, attend};
 use relens::kiosk::front::Front;
+use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment};
 
-use super::clock::MachineClock;
-use super::simulated_button::SimulatedButton;
+use super::press::SimulatedButton;
 
 /// Debounce time of a simulated button, which does not bounce.
 const SIMULATED_DEBOUNCE_MS: f64 = 20.0;
@@ -47,9 +47,9 @@ impl Drop for FrontDesk {
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Release);
         let Some(thread) = self.thread.take() else { return };
-        let clock = MachineClock::new();
-        while !thread.is_finished() && clock.now().0 < END_S {
-            clock.wait_until(Moment(clock.now().0 + 0.01));
+        let until = Monotonic.now().0 + END_S;
+        while !thread.is_finished() && Monotonic.now().0 < until {
+            Monotonic.wait_until(Moment(Monotonic.now().0 + 0.01));
         }
         if thread.is_finished() {
             // A panic there was printed there.
@@ -62,10 +62,9 @@ fn run(rig: &Rig, folder: &Path, front: &Front, ended: &dyn Fn() -> bool) {
     let long_press_ms = rig.run.long_press_ms;
     match &rig.kind {
         Kind::Simulated(_) => {
-            let clock = MachineClock::new();
-            let mut button = SimulatedButton::new(folder, clock);
+            let mut button = SimulatedButton::new(folder);
             let fingers = Fingers { debounce_ms: SIMULATED_DEBOUNCE_MS, long_press_ms };
-            attend(front, Some(&mut button), &mut (), &clock, fingers, ended);
+            attend(front, Some(&mut button), &mut (), &Monotonic, fingers, ended);
         }
         #[cfg(feature = "hardware")]
         Kind::Hardware(hardware) => board::run(hardware, long_press_ms, front, ended),
@@ -85,17 +84,17 @@ mod board {
     use relens::rig::monotonic::Monotonic;
     use relens::rig::{Moment, RigError, button, hardware, lamps};
 
-    struct Line(button::Button);
+    struct BoardButton(button::Button);
 
-    impl desk::Button for Line {
+    impl desk::Button for BoardButton {
         fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
             self.0.level_by(deadline)
         }
     }
 
-    struct Bulbs(lamps::Lamps);
+    struct BoardLamps(lamps::Lamps);
 
-    impl desk::Lamps for Bulbs {
+    impl desk::Lamps for BoardLamps {
         fn show(&mut self, lit: &[Light]) -> Result<(), RigError> {
             let lamp = |light: &Light| match light {
                 Light::Green => Lamp::Ready,
@@ -114,8 +113,8 @@ mod board {
         ended: &dyn Fn() -> bool,
     ) {
         let told = |error: RigError| log::warn!("{}", full_message(&error));
-        let mut bulbs = hardware::open_lamps(parts).map(Bulbs).map_err(told).ok();
-        let mut line = hardware::open_button(parts).map_err(told).ok().flatten().map(Line);
+        let mut bulbs = hardware::open_lamps(parts).map(BoardLamps).map_err(told).ok();
+        let mut line = hardware::open_button(parts).map_err(told).ok().flatten().map(BoardButton);
         let debounce_ms = parts.button.as_ref().map_or(30.0, |button| button.debounce_ms);
         let fingers = Fingers { debounce_ms, long_press_ms };
         let button = line.as_mut().map(|line| line as &mut dyn desk::Button);

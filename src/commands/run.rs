@@ -1,50 +1,80 @@
 //! `relens run`: the daemon over a drop folder.
 
-use std::ffi::OsStr;
-use std::io::IsTerminal;
+use std::ffi::OsString;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-use relens::config::{ClockSource, Rig};
+use clap::Args;
+use relens::config::{self, ClockSource, Rig};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
-    Attended, Daemon, Doing, Folders, Nightly, ProgressLine, Reader, Restorer, Schedule, Setting,
-    State, Summary, Times, Watcher, interruption, write_report,
+    Attended, Daemon, Doing, Folders, Nightly, Reader, Restorer, Schedule, Setting, State, Summary,
+    Times, interruption, write_report,
 };
 use relens::kiosk::front::{self, Front};
 use relens::picture::worker::Worker;
+use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment};
 
-use super::clock::MachineClock;
-use super::front_desk::FrontDesk;
-use super::{CliError, rigged, say, service_manager, single};
+use super::error::CliError;
+use super::front_panel::FrontDesk;
+use super::options::{FolderOption, RigOption};
+use super::output::say;
+use super::progress::PhotoProgress;
+use super::service::service_manager;
+use super::{opening, signals};
 
 /// Seconds between two attempts to open a rig that cannot be opened.
 const OPEN_AGAIN_S: f64 = 30.0;
 
-/// Watches the inbox in `folder`, or empties it `once`; alone, or as one box of several.
-pub(super) fn run(
-    rig: &Path,
-    folder: &Path,
+/// Watch the drop folder and restore what is dropped
+///
+/// Works on the folders inbox, working, outbox, done and failed in DIR, which are made if need be.
+/// Photos put into the inbox are restored into the outbox, with a report beside each and a page,
+/// outbox/index.html, that shows all before and after. The originals go to done, or to failed with
+/// a note that says why. Nothing is ever overwritten or lost, whenever the power fails.
+///
+/// A photo is taken when it is all there; one whose end is missing waits in the inbox. JPEG, PNG
+/// and TIFF are read, 8 or 16 bits, of the rig's shape; other sizes of it are resampled. A
+/// simulated rig without a calibration calibrates itself first.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens run --rig RIG.toml --folder DIR           until it is stopped
+  relens run --rig RIG.toml --folder DIR --once
+  relens run --rig RIG.toml --folder /mnt/photos --box left")]
+pub(super) struct RunOptions {
+    #[command(flatten)]
+    rig: RigOption,
+    #[command(flatten)]
+    folder: FolderOption,
+    /// Empty the inbox and end
+    #[arg(long)]
     once: bool,
-    share_as: Option<&OsStr>,
-) -> Result<(), CliError> {
-    let rig = single::rig(rig)?;
-    let folders = match share_as {
+    /// Work as one box of several with the same lens that share DIR, which may be a network folder
+    ///
+    /// A photo is restored by one of them, and taken over when that one dies. A box's own things
+    /// are in DIR/box-NAME; give that folder to `calibrate`, `check` and `status`.
+    #[arg(long = "box", value_name = "NAME")]
+    share_as: Option<OsString>,
+}
+
+/// Watches the inbox, or empties it once; alone, or as one box of several.
+pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
+    let rig = config::load(&options.rig.rig)?;
+    let folder = &options.folder.folder;
+    let folders = match &options.share_as {
         None => Folders::open(folder)?,
         Some(name) => Folders::open_shared(folder, name)?,
     };
     let gallery = folders.outbox().join("index.html");
-    let stopped = stop_flag()?;
-    if once {
+    let stopped = signals::stop_flag()?;
+    if options.once {
         let front = Front::default();
         let asked = interruption(front, Arc::clone(&stopped));
-        let mut restorer =
-            rigged::restorer(&rig, &folders.home(), None, Some(asked), &mut |words| {
-                log::info!("{words}")
-            })?;
+        let mut restorer = opening::restorer(&rig, &folders.home(), None, Some(asked))?;
         let summary = empty_inbox(&rig, folders, &mut *restorer)?;
         return conclude(&summary, &gallery);
     }
@@ -52,17 +82,15 @@ pub(super) fn run(
     let front = Front::default();
     // Declared before all that it outlives: the lamps go dark last.
     let _desk = FrontDesk::open(&rig, folders.root(), front.clone());
-    let clock = MachineClock::new();
     let stop = || stopped.load(Ordering::Acquire);
     let times = Times {
-        clock: &clock,
+        clock: &Monotonic,
         calendar: &SystemTime::now,
         is_set: &clock_is_set,
         temperature_c: &temperature_c,
     };
     let mut night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
-    let Some(mut restorer) =
-        open_patiently(&rig, &folders, &front, &stopped, &clock, night.as_mut())?
+    let Some(mut restorer) = open_patiently(&rig, &folders, &front, &stopped, night.as_mut())?
     else {
         service_manager().stopping();
         return Ok(());
@@ -79,35 +107,18 @@ pub(super) fn run(
     // As for the nights: a box with a battery clock need not wait for a network.
     let battery = rig.nights.as_ref().is_some_and(|nights| nights.clock == ClockSource::Battery);
     let believed = || battery || clock_is_set();
-    let schedule = Attended::new(front, rig.run.mode, &clock, night);
-    let mut watcher = Supervised::new(service_manager(), watcher());
+    let schedule = Attended::new(front, rig.run.mode, &Monotonic, night);
+    let mut watcher = Supervised::new(service_manager(), Box::new(PhotoProgress::default()));
     let daemon = Daemon::open(
         folders,
         setting(&rig),
         &mut *restorer,
-        &clock,
+        &Monotonic,
         &SystemTime::now,
         &mut watcher,
     )?;
     daemon.scheduled(Box::new(schedule)).keeping(rig.keep, &believed).run(&stop);
     Ok(())
-}
-
-/// True once SIGTERM or SIGINT came: the photo under way is given up before its next capture, or
-/// finished. A second SIGINT ends the program at once, for those who sit before it.
-fn stop_flag() -> Result<Arc<AtomicBool>, CliError> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
-    let stopped = Arc::new(AtomicBool::new(false));
-    let failed = |error: std::io::Error| CliError::Failure {
-        words: format!("cannot listen to signals: {error}"),
-        remedy: relens::remedy::Remedy::CallOperator,
-    };
-    signal_hook::flag::register_conditional_shutdown(SIGINT, 130, Arc::clone(&stopped))
-        .map_err(failed)?;
-    for signal in [SIGTERM, SIGINT] {
-        signal_hook::flag::register(signal, Arc::clone(&stopped)).map_err(failed)?;
-    }
-    Ok(stopped)
 }
 
 /// The restorer of `rig`, tried until it can be had; `None` when it was stopped before. What is
@@ -118,15 +129,13 @@ fn open_patiently(
     folders: &Folders,
     front: &Front,
     stopped: &Arc<AtomicBool>,
-    clock: &MachineClock,
     mut night: Option<&mut Nightly<'_>>,
 ) -> Result<Option<Box<dyn Restorer>>, CliError> {
     let mut told = (String::new(), Vec::new());
     loop {
         let asked = interruption(front.clone(), Arc::clone(stopped));
         service_manager().status("opening the rig");
-        let tell = &mut |words: &str| log::info!("{words}");
-        let trouble = match rigged::restorer(rig, &folders.home(), None, Some(asked), tell) {
+        let trouble = match opening::restorer(rig, &folders.home(), None, Some(asked)) {
             Ok(restorer) => return Ok(Some(restorer)),
             Err(trouble) => trouble,
         };
@@ -155,14 +164,14 @@ fn open_patiently(
             told = now;
         }
         service_manager().status(&format!("needs help: {reason}"));
-        let _panel = rigged::show_trouble(rig, &reason);
-        let until = clock.now().0 + OPEN_AGAIN_S;
-        while clock.now().0 < until {
+        let _panel = opening::show_trouble(rig, &reason);
+        let until = Monotonic.now().0 + OPEN_AGAIN_S;
+        while Monotonic.now().0 < until {
             if stopped.load(Ordering::Acquire) {
                 let _ = State::new(&rig.name, Doing::Ended, unix_s()).write(folders);
                 return Ok(None);
             }
-            clock.wait_until(Moment(clock.now().0 + 0.2));
+            Monotonic.wait_until(Moment(Monotonic.now().0 + 0.2));
         }
         // An attempt was finished; one that hangs in a device feeds no watchdog.
         service_manager().worked();
@@ -192,18 +201,10 @@ pub(super) fn empty_inbox(
     folders: Folders,
     restorer: &mut dyn Restorer,
 ) -> Result<Summary, CliError> {
-    let (clock, mut watcher) = (MachineClock::new(), watcher());
+    let mut watcher = PhotoProgress::default();
     let mut daemon =
-        Daemon::open(folders, setting(rig), restorer, &clock, &SystemTime::now, &mut *watcher)?;
+        Daemon::open(folders, setting(rig), restorer, &Monotonic, &SystemTime::now, &mut watcher)?;
     Ok(daemon.once()?)
-}
-
-/// A line that moves on a terminal, nothing elsewhere: the log has one line a photo.
-fn watcher() -> Box<dyn Watcher> {
-    match std::io::stderr().is_terminal() {
-        true => Box::new(ProgressLine::new(std::io::stderr())),
-        false => Box::new(()),
-    }
 }
 
 fn setting(rig: &Rig) -> Setting {
@@ -222,15 +223,16 @@ fn conclude(summary: &Summary, gallery: &Path) -> Result<(), CliError> {
     let (restored, failed, left) =
         (summary.restored.len(), summary.failed.len(), summary.left.len());
     if restored + failed + left == 0 {
-        return say("the inbox is empty");
+        say("the inbox is empty");
+        return Ok(());
     }
     for photo in &summary.failed {
-        say(&format!("not restored: {}", photo.reason))?;
+        say(&format!("not restored: {}", photo.reason));
     }
     for photo in &summary.left {
-        say(&format!("left in the inbox: {}", photo.reason))?;
+        say(&format!("left in the inbox: {}", photo.reason));
     }
-    say(&format!("{restored} restored, {failed} failed, {left} left; see {}", gallery.display()))?;
+    say(&format!("{restored} restored, {failed} failed, {left} left; see {}", gallery.display()));
     match failed + left {
         0 => Ok(()),
         failed => Err(CliError::SomeFailed { failed, all: restored + failed }),

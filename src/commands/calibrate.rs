@@ -1,0 +1,98 @@
+//! `relens calibrate`: the rig measured, and its operating point chosen.
+
+use std::path::Path;
+
+use clap::Args;
+use relens::calibration::Calibration;
+use relens::chart::operating_point::{choose, restorations};
+use relens::chart::test_rig::TestRig;
+use relens::config::{self, OperatingPoint, Rig};
+use relens::restorer::{on_rig, operating_point};
+use relens::rig::exposure::Rig as Devices;
+use relens::rig::monotonic::Monotonic;
+
+use super::error::CliError;
+use super::options::{FolderOption, RigOption};
+use super::output::say;
+use super::service::service_manager;
+use super::{opening, progress};
+
+/// Measure the rig and keep what was measured
+///
+/// Shows patterns, sees them, fits what the rig is, judges whether that is good, and keeps it in
+/// DIR/calibration. A calibration that is no good is not kept; the old one stays.
+///
+/// With operating-point = "fast", "balanced" or "best" in [restore] of the rig file it then shows
+/// known scenes, restores them with several settings, and keeps the chosen one in
+/// DIR/calibration/operating-point.toml: the best; or, of those that take no longer than the rig
+/// file's own and have no less PSNR (fast: 1 dB less), the fastest within 0.002 SSIM (fast: 0.01)
+/// of their best. Photos are restored with that from then on.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens calibrate --rig RIG.toml --folder DIR")]
+pub(super) struct CalibrateOptions {
+    #[command(flatten)]
+    rig: RigOption,
+    #[command(flatten)]
+    folder: FolderOption,
+}
+
+/// `relens calibrate`.
+///
+/// # Errors
+/// When the rig cannot be opened or is not fit to be calibrated; what was kept before then stays.
+pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
+    let rig = &config::load(&options.rig.rig)?;
+    let mut devices = opening::devices(rig)?;
+    let kept = opening::calibration_folder(&options.folder.folder);
+    std::fs::create_dir_all(&kept).map_err(|e| CliError::writing(&kept, e))?;
+    let calibration = on_rig::measure(rig, &mut devices, &kept, progress::calibrating)?;
+    progress::clear();
+    let [red, green, blue] = calibration.operator_error;
+    say(&format!(
+        "kept in {}, generation {}: {} captures; operator error {red:.2}, {green:.2}, {blue:.2} \
+         grey levels in red, green, blue",
+        kept.display(),
+        calibration.generation,
+        calibration.captures,
+    ));
+    if rig.calibration.broad_term {
+        let [red, green, blue] = calibration.scattered().map(|share| 100.0 * share);
+        say(&format!(
+            "the lens scatters {red:.1}, {green:.1}, {blue:.1} % of red, green, blue wider than \
+             its functions reach"
+        ));
+    }
+    match rig.restore.operating_point {
+        Some(wanted) => choose_setting(rig, devices, calibration, &kept, wanted),
+        None => Ok(()),
+    }
+}
+
+/// Chooses the operating point `wanted` by scenes shown on the rig, and keeps it beside the
+/// calibration.
+fn choose_setting(
+    rig: &Rig,
+    devices: Devices,
+    calibration: Calibration,
+    kept: &Path,
+    wanted: OperatingPoint,
+) -> Result<(), CliError> {
+    let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, Monotonic::seconds)
+        .map_err(CliError::of)?;
+    let (mut done, all) = (0, restorations(rig, wanted) as u64);
+    let words = "choosing the operating point";
+    progress::show(done, all, words);
+    let chosen = choose(&mut test_rig, wanted, &mut |score| {
+        done += 1;
+        log::debug!("{} {}: SSIM {:.4}", score.scene.name(), score.method, score.ssim);
+        service_manager().worked();
+        progress::show(done, all, &format!("{words}: {done} of {all}"));
+    });
+    progress::clear();
+    let chosen = chosen.map_err(CliError::of)?.ok_or(CliError::NothingScored)?;
+    operating_point::save(kept, rig, &chosen).map_err(CliError::of)?;
+    say(&format!("operating point {chosen}"));
+    Ok(())
+}

@@ -1,0 +1,80 @@
+//! `relens completions` and `relens man`: what the package brings for shells and for `man`, made of
+//! the command line's declaration.
+
+use std::path::PathBuf;
+
+use clap::{Args, Command, ValueEnum, ValueHint};
+use clap_complete::Generator;
+use clap_complete::shells;
+use clap_mangen::Man;
+
+use super::error::CliError;
+use super::output::say;
+
+/// Print the completions for a shell
+#[derive(Debug, Args)]
+pub(super) struct CompletionsOptions {
+    /// Shell that asks
+    shell: CompletingShell,
+}
+
+/// The shells that are completed for.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CompletingShell {
+    Bash,
+    Zsh,
+    Fish,
+}
+
+/// Print the manual page relens(1), or write the pages of all commands
+#[derive(Debug, Args)]
+pub(super) struct ManOptions {
+    /// Write the pages into this folder, which must exist
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    out: Option<PathBuf>,
+}
+
+/// `relens completions`, for what is declared by `command`.
+pub(super) fn completions(
+    options: &CompletionsOptions,
+    mut command: Command,
+) -> Result<(), CliError> {
+    command.set_bin_name("relens");
+    command.build();
+    let mut script = Vec::new();
+    match options.shell {
+        CompletingShell::Bash => shells::Bash.generate(&command, &mut script),
+        CompletingShell::Zsh => shells::Zsh.generate(&command, &mut script),
+        CompletingShell::Fish => shells::Fish.generate(&command, &mut script),
+    }
+    say(String::from_utf8_lossy(&script).trim_end());
+    Ok(())
+}
+
+/// `relens man`, for what is declared by `command`.
+pub(super) fn man(options: &ManOptions, command: Command) -> Result<(), CliError> {
+    let mut whole = command.disable_help_subcommand(true);
+    whole.build();
+    let Some(folder) = &options.out else {
+        say(page(whole).1.trim_end());
+        return Ok(());
+    };
+    let commands = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
+    for command in commands.chain([whole.clone()]) {
+        let (name, page) = page(command);
+        let path = folder.join(name);
+        std::fs::write(&path, page).map_err(|e| CliError::writing(&path, e))?;
+    }
+    Ok(())
+}
+
+/// A command's page and the name of its file.
+fn page(command: Command) -> (String, String) {
+    let man = Man::new(command).source(concat!("relens ", env!("CARGO_PKG_VERSION")));
+    let mut page = Vec::new();
+    // Memory takes everything.
+    let _ = man.render(&mut page);
+    // What follows a command's help is its examples.
+    let page = String::from_utf8_lossy(&page).replace(".SH EXTRA\nExamples:", ".SH EXAMPLES");
+    (man.get_filename(), page)
+}

@@ -1,0 +1,78 @@
+//! A rig file made into devices, and into what restores photos with them.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use relens::calibration::store;
+use relens::config::{Method, Rig};
+use relens::daemon::Restorer;
+#[cfg(feature = "hardware")]
+use relens::kiosk::screen::{Screen, draw};
+use relens::pipeline::Interruption;
+use relens::restorer::on_rig::{self, OnRig};
+use relens::rig::Panel;
+use relens::rig::exposure::Rig as Devices;
+use relens::rig::monotonic::Monotonic;
+
+use super::error::CliError;
+use super::progress;
+
+/// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig
+/// that has none is calibrated first.
+///
+/// # Errors
+/// When the rig cannot be opened, or has no valid calibration and is not simulated.
+pub(super) fn restorer(
+    rig: &Rig,
+    folder: &Path,
+    method: Option<Method>,
+    interrupted: Option<Interruption>,
+) -> Result<Box<dyn Restorer>, CliError> {
+    let mut devices = devices(rig)?;
+    let kept = calibration_folder(folder);
+    std::fs::create_dir_all(&kept).map_err(|e| CliError::writing(&kept, e))?;
+    if let Err(error) = store::load(&kept, rig.identity) {
+        if rig.simulation().is_none() {
+            return Err(CliError::of(error));
+        }
+        log::info!("calibrating the simulated rig {} ({error})", rig.name);
+        on_rig::measure(rig, &mut devices, &kept, progress::calibrating)?;
+        progress::clear();
+    }
+    let stopwatch = Arc::new(Monotonic::seconds);
+    let restorer = OnRig::new(rig, devices, kept, method, stopwatch, progress::calibrating)?;
+    Ok(Box::new(match interrupted {
+        Some(interrupted) => restorer.interruptible(interrupted),
+        None => restorer,
+    }))
+}
+
+/// The devices of `rig`.
+///
+/// # Errors
+/// When one of them cannot be had.
+pub(super) fn devices(rig: &Rig) -> Result<Devices, CliError> {
+    relens::rig::open(rig).map_err(CliError::of)
+}
+
+/// Where the calibration of a rig that works on `folder` is kept.
+pub(super) fn calibration_folder(folder: &Path) -> PathBuf {
+    folder.join("calibration")
+}
+
+/// Shows on the panel what keeps `rig` from being opened, if the panel alone can be had; until the
+/// value is dropped. A simulated panel nobody sees.
+pub(super) fn show_trouble(rig: &Rig, reason: &str) -> Option<Box<dyn Panel + Send>> {
+    #[cfg(feature = "hardware")]
+    if let relens::config::Kind::Hardware(hardware) = &rig.kind {
+        let to_do =
+            "Look after camera, panel and their cables. The box tries again by itself.".to_owned();
+        let screen = Screen::Trouble { what: reason.to_owned(), to_do };
+        let mut panel = relens::rig::hardware::open_panel(rig, hardware).ok()?;
+        let codes = draw(&screen, panel.size(), None);
+        panel.show(&codes).ok()?;
+        return Some(panel);
+    }
+    log::debug!("{} has no panel to show it on: {reason}", rig.name);
+    None
+}

@@ -1,0 +1,76 @@
+//! `relens photograph`: the photo that a simulated rig's camera would take.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueHint};
+use relens::chart::scenes::cut;
+use relens::config::{self, Rig};
+use relens::frame::{Frame, Work};
+use relens::picture::{Format, Limits, Manner, Photo, encode};
+use relens::rig::simulated;
+
+use super::error::CliError;
+use super::new_file::{format_of, must_be_new, write_new};
+use super::options::RigOption;
+use super::progress;
+
+/// Take the photo that a simulated rig's camera would take
+///
+/// The picture is cut to the rig's shape.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens photograph --rig simulated.toml sharp.png -o photo.jpg")]
+pub(super) struct PhotographOptions {
+    #[command(flatten)]
+    rig: RigOption,
+    /// Sharp picture to be photographed
+    #[arg(value_name = "SHARP", value_hint = ValueHint::FilePath)]
+    scene: PathBuf,
+    /// Photo, which must not exist yet; its ending tells the format
+    #[arg(short, long, value_name = "PHOTO", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+}
+
+/// `relens photograph`.
+pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
+    let rig = config::load(&options.rig.rig)?;
+    let format = format_of(&options.out)?;
+    must_be_new(&options.out)?;
+    let sharp =
+        Photo::read(&options.scene, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
+    let taken = codes(&rig, &[cut(&sharp.in_colour(), rig.photo.size())])?;
+    write_new(&options.out, &file_of(&rig, &taken[0], format, &sharp.name)?)
+}
+
+/// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear
+/// light), the n-th with noise of its own.
+///
+/// # Errors
+/// When the rig is not simulated or cannot be opened.
+pub(super) fn codes(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work, u8>>, CliError> {
+    let Some(simulation) = rig.simulation() else {
+        return Err(CliError::NotSimulated(rig.name.clone()));
+    };
+    let (_, witness) = simulated::open(rig).map_err(CliError::of)?;
+    let all = scenes.len() as u64;
+    let each = |(done, (scene, seed))| {
+        progress::show(done, all, "photographing");
+        witness.photograph(scene, seed)
+    };
+    let taken = (0..).zip(scenes.iter().zip(simulation.seed..)).map(each).collect();
+    progress::clear();
+    Ok(taken)
+}
+
+/// The file that holds `codes`, which already have the rig's curve.
+pub(super) fn file_of(
+    rig: &Rig,
+    codes: &Frame<Work, u8>,
+    format: Format,
+    name: &str,
+) -> Result<Vec<u8>, CliError> {
+    let manner = Manner::plain(format, 8, rig.photo.curve);
+    let light = Frame::from_fn(|channel| manner.tone.plane(channel, codes.plane(channel)));
+    encode(name, &light, &manner, false).map_err(CliError::of)
+}

@@ -1,0 +1,75 @@
+//! `relens press` and the button of a simulated rig: a file that is there while the button is down.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use relens::kiosk::desk::Button;
+use relens::rig::monotonic::Monotonic;
+use relens::rig::{Clock, Moment, RigError};
+
+use super::error::CliError;
+use super::options::FolderOption;
+use super::output::say;
+
+/// Name of the file in the folder of the daemon.
+const NAME: &str = ".relens-button-is-down";
+
+/// How often the file is looked for.
+const LOOK_S: f64 = 0.01;
+
+/// How long `relens press` holds the button: well over any debounce time, well below a long press.
+const SHORT: Duration = Duration::from_millis(300);
+
+/// A button that is pressed by a file.
+pub(super) struct SimulatedButton {
+    path: PathBuf,
+    level: bool,
+}
+
+impl SimulatedButton {
+    /// The button of the daemon on `folder`.
+    pub(super) fn new(folder: &Path) -> SimulatedButton {
+        SimulatedButton { path: folder.join(NAME), level: false }
+    }
+}
+
+impl Button for SimulatedButton {
+    fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
+        loop {
+            let level = self.path.exists();
+            let now = Monotonic.now();
+            if level != self.level || now >= deadline {
+                self.level = level;
+                return Ok(level);
+            }
+            Monotonic.wait_until(Moment((now.0 + LOOK_S).min(deadline.0)));
+        }
+    }
+}
+
+/// Press the button of the simulated rig that a `relens run` works with
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens press --folder DIR
+  relens press --folder DIR --long")]
+pub(super) struct PressOptions {
+    #[command(flatten)]
+    folder: FolderOption,
+    /// Hold it down: gives the job under way up; in maintenance, measures the lens anew
+    #[arg(long)]
+    long: bool,
+}
+
+/// `relens press`.
+pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
+    let path = options.folder.folder.join(NAME);
+    std::fs::write(&path, b"").map_err(|e| CliError::writing(&path, e))?;
+    // Twice the longest long press a rig file may ask for would keep people waiting; three seconds
+    // do for most.
+    std::thread::sleep(if options.long { Duration::from_secs(3) } else { SHORT });
+    std::fs::remove_file(&path).map_err(|e| CliError::writing(&path, e))?;
+    say(if options.long { "pressed long" } else { "pressed" });
+    Ok(())
+}

@@ -1,0 +1,129 @@
+//! The built program on a terminal: its line of progress, and what it leaves behind.
+
+// The functions below stop the test as it does itself.
+#![allow(clippy::unwrap_used)]
+
+use std::fs::File;
+use std::io::Read;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+use std::process::{Command, ExitStatus};
+
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{Winsize, tcsetwinsize};
+
+/// Rows of the terminals.
+const ROWS: u16 = 40;
+
+/// What was on a terminal.
+struct Seen {
+    status: ExitStatus,
+    bytes: Vec<u8>,
+    screen: vt100::Parser,
+    /// Every line of progress that was there after a write.
+    bars: Vec<String>,
+}
+
+impl Seen {
+    /// The rows that are left in the end, those that wrap put together.
+    fn left(&self) -> String {
+        self.screen.screen().contents()
+    }
+}
+
+fn is_bar(row: &str) -> bool {
+    row.contains(['█', '░'])
+}
+
+/// Runs relens on a terminal of so many `columns`; `interrupt`: until its first line of progress.
+fn on_terminal(
+    words: &[&str],
+    folder: &Path,
+    (name, columns): (&str, u16),
+    interrupt: bool,
+) -> Seen {
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let path = ptsname(&master, Vec::new()).unwrap();
+    let size = Winsize { ws_row: ROWS, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
+    tcsetwinsize(master.as_fd(), size).unwrap();
+    let slave: OwnedFd =
+        File::options().read(true).write(true).open(path.to_str().unwrap()).unwrap().into();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
+    command.args(words).current_dir(folder).env("TERM", name).env("NO_COLOR", "1");
+    command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap()).stderr(slave);
+    let mut child = command.spawn().unwrap();
+    // The program holds the only other end now.
+    drop(command);
+    let mut screen = vt100::Parser::new(ROWS.try_into().unwrap(), columns.try_into().unwrap(), 0);
+    let (mut bytes, mut bars) = (Vec::new(), Vec::new());
+    let (mut master, mut piece) = (File::from(master), [0; 4096]);
+    // Reading ends with an error when nobody has the terminal open any more.
+    while let Ok(length @ 1..) = master.read(&mut piece) {
+        bytes.extend_from_slice(&piece[..length]);
+        screen.process(&piece[..length]);
+        let rows: Vec<String> =
+            screen.screen().rows(0, columns).filter(|row| is_bar(row)).collect();
+        assert!(rows.len() <= 1, "one line of progress at a time: {rows:#?}");
+        if interrupt && bars.is_empty() && !rows.is_empty() {
+            kill_process(Pid::from_child(&child), Signal::INT).unwrap();
+        }
+        bars.extend(rows);
+    }
+    Seen { status: child.wait().unwrap(), bytes, screen, bars }
+}
+
+/// A folder with a photo in its inbox.
+fn folder_with_photo() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("inbox")).unwrap();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+    let photo = "inbox/a-photo-with-a-name-that-is-long.png";
+    let words = ["photograph", "--rig", "small.toml", scene, "-o", photo];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
+    let output = command.args(words).current_dir(folder.path()).output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "nothing is drawn into a pipe");
+    folder
+}
+
+#[test]
+fn progress_fits_fifty_columns_and_leaves_nothing_behind() {
+    let folder = folder_with_photo();
+    let words = ["run", "--rig", "small.toml", "--once", "-v"];
+    let seen = on_terminal(&words, folder.path(), ("xterm", 50), false);
+    let left = seen.left();
+    assert!(seen.status.success(), "{left}");
+    for doing in ["calibrating: ", "a-photo"] {
+        let bar = seen.bars.iter().find(|bar| bar.contains(doing));
+        assert!(bar.is_some_and(|bar| bar.contains(" %  ")), "{doing}: {:#?}", seen.bars);
+    }
+    assert!(!is_bar(&left), "{left}");
+    assert!(!seen.bytes.windows(3).any(|bytes| bytes == b"\x1b[3"), "no colours");
+    // No line of the log is torn: each begins its row.
+    for line in ["calibrating the simulated rig small", "a-photo-with-a-name", "1 restored"] {
+        assert!(left.lines().any(|row| row.trim_start().starts_with(line)), "{line}: {left}");
+    }
+}
+
+#[test]
+fn interrupted_it_leaves_a_clean_line_and_says_so_to_the_shell() {
+    let folder = tempfile::tempdir().unwrap();
+    let words = ["calibrate", "--rig", "small.toml"];
+    let seen = on_terminal(&words, folder.path(), ("xterm", 80), true);
+    assert_eq!(seen.status.signal(), Some(Signal::INT.as_raw()));
+    assert!(!seen.bars.is_empty() && seen.left().trim().is_empty(), "{}", seen.left());
+}
+
+#[test]
+fn a_terminal_without_a_cursor_gets_plain_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+    let words = ["photograph", "--rig", "small.toml", scene, "-o", "a.png", "-v"];
+    let seen = on_terminal(&words, folder.path(), ("dumb", 50), false);
+    assert!(seen.status.success() && seen.bars.is_empty());
+    let text = String::from_utf8(seen.bytes).unwrap();
+    assert!(!text.contains('\x1b') && !text.replace("\r\n", "").contains('\r'), "{text:?}");
+}
