@@ -11,10 +11,11 @@ use rayon::prelude::*;
 
 use super::faults::{self, Fault};
 use super::optics::{Light, Optics};
-use super::panel::{self, Projection, approach};
+use super::panel::{self, Projection, Shading, approach};
 use super::sensor::SimulatedSensor;
+use super::unrest;
 use super::wear::Wear;
-use crate::config::{Camera, Display, Faults, Panel};
+use crate::config::{Camera, Display, Faults, Panel, Unrest};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
 use crate::rig::{Exposed, Flip, Moment, RigError};
 
@@ -25,7 +26,9 @@ const ARRIVED: f64 = 1.0 - 1e-5;
 #[derive(Clone)]
 struct Picture {
     codes: Arc<Codes>,
-    light: Option<Arc<[Plane; 3]>>,
+    /// The light and how far the panel was from its place for it; `None` for a panel that was
+    /// still on its way to the codes, whose light is kept as it was.
+    light: Option<(Arc<[Plane; 3]>, Option<[f64; 2]>)>,
 }
 
 /// Everything that changes.
@@ -33,14 +36,20 @@ pub(super) struct OpticalBench {
     pub(super) optics: Arc<Optics>,
     pub(super) projection: Projection,
     pub(super) response: [[f32; 256]; 3],
-    /// What a panel of light 255 everywhere brings to the sensor.
+    /// What a panel of light 255 everywhere brings to the sensor, and what its veil does.
     flat: [Option<Plane>; 3],
+    veil: [Option<Plane>; 3],
+    shading: Option<Shading>,
     pub(super) sensor: SimulatedSensor,
     pub(super) faults: Faults,
     pub(super) panel: Panel,
     pub(super) camera: Camera,
     pub(super) display: Display,
     pub(super) seed: u64,
+    pub(super) unrest: Unrest,
+    /// The panel's wander so far, and how far this capture is from where it was, in sensor pixels.
+    wandered_px: [f64; 2],
+    moved_px: [f64; 2],
     wear: Wear,
     /// When the wear began.
     worn_s: f64,
@@ -69,17 +78,25 @@ pub(super) struct Parts {
     pub(super) panel: Panel,
     pub(super) camera: Camera,
     pub(super) display: Display,
+    pub(super) shading: Option<Shading>,
+    pub(super) unrest: Unrest,
     pub(super) seed: u64,
 }
 
 impl OpticalBench {
     /// A bench with a black panel, at time 0.
     pub(super) fn new(parts: Parts) -> OpticalBench {
-        let Parts { optics, projection, sensor, faults, panel, camera, display, seed } = parts;
+        let Parts { optics, projection, sensor, faults, panel, camera, .. } = parts;
+        let Parts { display, shading, unrest, seed, .. } = parts;
         let black = Picture { codes: Arc::new(Frame::zeros(panel.size())), light: None };
         OpticalBench {
             response: [0, 1, 2].map(|channel| panel::response(&display, channel)),
             flat: [None, None, None],
+            veil: [None, None, None],
+            shading,
+            unrest,
+            wandered_px: [0.0; 2],
+            moved_px: [0.0; 2],
             optics,
             projection,
             sensor,
@@ -112,9 +129,9 @@ impl OpticalBench {
         self.now_s = self.now_s.max(moment.0);
     }
 
-    /// Everything computed for the panel's old place is void.
-    pub(super) fn set_projection(&mut self, projection: Projection) {
-        self.projection = projection;
+    /// Everything computed for the panel's old place, or the lens's old focus, is void.
+    pub(super) fn set_light_path(&mut self, optics: Arc<Optics>, projection: Projection) {
+        (self.optics, self.projection) = (optics, projection);
         self.forget_light();
     }
 
@@ -131,6 +148,7 @@ impl OpticalBench {
 
     fn forget_light(&mut self) {
         self.flat = [None, None, None];
+        self.veil = [None, None, None];
         self.before.light = None;
         self.now.light = None;
     }
@@ -157,8 +175,10 @@ impl OpticalBench {
         let share = 1.0 - (-(change_s - self.change_s) / (self.display.response_ms / 1000.0)).exp();
         if share < ARRIVED {
             let light = self.mixed_light(share);
-            self.before =
-                Picture { codes: Arc::clone(&self.now.codes), light: Some(Arc::new(light)) };
+            self.before = Picture {
+                codes: Arc::clone(&self.now.codes),
+                light: Some((Arc::new(light), None)),
+            };
         } else {
             self.before = self.now.clone();
         }
@@ -196,6 +216,8 @@ impl OpticalBench {
         };
         let number = self.exposures;
         self.exposures += 1;
+        self.wandered_px = unrest::wander(&self.unrest, self.wandered_px, self.seed, number);
+        self.moved_px = unrest::moved(&self.unrest, self.wandered_px, fired_s, self.seed, number);
         let exposed_s = fired_s + self.camera.exposure_ms / 1000.0;
         let ready_s = exposed_s + self.sensor.config.readout_ms / 1000.0;
         let fault = faults::draw(&self.faults, self.seed, number);
@@ -237,19 +259,20 @@ impl OpticalBench {
         } else {
             Arc::new(self.mixed_light(share))
         };
-        let light =
-            if self.wear.is_unsteady() { Arc::new(self.unsteady(&light, number)) } else { light };
+        let unsteady = self.wear.is_unsteady() || unrest::is_unsteady(&self.unrest);
+        let light = if unsteady { Arc::new(self.unsteady(&light, number)) } else { light };
         self.sensor.expose(&light, self.optics.dark_corner(Light::Panel), self.seed, number)
     }
 
     /// `light` as the panel gives it in exposure `number`.
     fn unsteady(&self, light: &[Plane; 3], number: u64) -> [Plane; 3] {
         let since_s = self.now_s - self.worn_s;
+        let all = unrest::light_share(&self.unrest, self.now_s, self.seed, number);
         light.each_ref().map(|plane| {
             let mut plane = plane.clone();
             let rows = plane.height();
             for y in 0..rows {
-                let share = self.wear.row_share(y, rows, since_s, self.seed, number);
+                let share = all * self.wear.row_share(y, rows, since_s, self.seed, number);
                 plane.row_mut(y).iter_mut().for_each(|v| *v *= share);
             }
             plane
@@ -268,31 +291,40 @@ impl OpticalBench {
     }
 
     fn light_now(&mut self) -> Arc<[Plane; 3]> {
-        if let Some(light) = &self.now.light {
-            return Arc::clone(light);
-        }
-        let codes = Arc::clone(&self.now.codes);
-        let light = Arc::new(self.light_of(&codes));
-        self.now.light = Some(Arc::clone(&light));
+        let picture = self.now.clone();
+        let light = self.light_of_picture(picture);
+        self.now.light = Some((Arc::clone(&light), Some(self.moved_px)));
         light
     }
 
     fn light_before(&mut self) -> Arc<[Plane; 3]> {
-        if let Some(light) = &self.before.light {
-            return Arc::clone(light);
+        let picture = self.before.clone();
+        if let Some((light, None)) = picture.light {
+            return light;
         }
-        let codes = Arc::clone(&self.before.codes);
-        let light = Arc::new(self.light_of(&codes));
-        self.before.light = Some(Arc::clone(&light));
+        let light = self.light_of_picture(picture);
+        self.before.light = Some((Arc::clone(&light), Some(self.moved_px)));
         light
+    }
+
+    /// The light a picture brings from where the panel now stands.
+    fn light_of_picture(&mut self, picture: Picture) -> Arc<[Plane; 3]> {
+        match picture.light {
+            Some((light, Some(moved_px))) if moved_px == self.moved_px => light,
+            _ => Arc::new(self.light_of(&picture.codes)),
+        }
     }
 
     /// The light `codes` bring to the sensor, per primary, dark corner included.
     pub(super) fn light_of(&mut self, codes: &Codes) -> [Plane; 3] {
         for channel in Channel::ALL {
-            if self.flat[channel.index()].is_none() && uniform(codes.plane(channel)).is_some() {
-                let white: Plane<u8> = Plane::filled(self.panel.size(), 255);
-                self.flat[channel.index()] = Some(self.through(channel, &white));
+            let c = channel.index();
+            if self.flat[c].is_none() && uniform(codes.plane(channel)).is_some() {
+                let white = self.emitted(channel, &Plane::filled(self.panel.size(), 255));
+                self.flat[c] = Some(self.through(channel, &white));
+            }
+            if let (None, Some(shading)) = (&self.veil[c], &self.shading) {
+                self.veil[c] = Some(self.through(channel, &shading.veil));
             }
         }
         let this: &OpticalBench = self;
@@ -300,30 +332,41 @@ impl OpticalBench {
             .par_iter()
             .map(|&channel| {
                 let (c, codes) = (channel.index(), codes.plane(channel));
-                match (uniform(codes), &this.flat[c]) {
+                let mut light = match (uniform(codes), &this.flat[c]) {
                     // Most planes of a calibration are black or flat: one picture, many levels.
                     (Some(code), Some(flat)) => {
                         let level = this.response[c][usize::from(code)] / 255.0;
                         flat.map(|v| v * level)
                     }
-                    _ => this.through(channel, codes),
+                    _ => this.through(channel, &this.emitted(channel, codes)),
+                };
+                if let Some(veil) = &this.veil[c] {
+                    light.add_scaled(1.0, veil);
                 }
+                light
             })
             .collect();
         let mut planes = planes.into_iter();
         std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(this.optics.sensor)))
     }
 
-    fn through(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
-        let optics = &self.optics;
+    /// The light of the panel's pixels, without its veil.
+    fn emitted(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
         let response = &self.response[channel.index()];
-        let on_grid = if self.dead_pixels.is_empty() {
-            self.projection.light(codes, response)
-        } else {
-            let mut codes = codes.clone();
-            self.dead_pixels.iter().for_each(|&n| codes.data_mut()[n] = 0);
-            self.projection.light(&codes, response)
-        };
+        let mut light = codes.map(|code| response[usize::from(code)]);
+        self.dead_pixels.iter().for_each(|&n| light.data_mut()[n] = response[0]);
+        if let Some(shading) = &self.shading {
+            let gain = shading.gain[channel.index()].data();
+            light.data_mut().iter_mut().zip(gain).for_each(|(light, gain)| *light *= gain);
+        }
+        light
+    }
+
+    /// What the light of the panel's pixels brings to the sensor.
+    fn through(&self, channel: Channel, panel: &Plane) -> Plane {
+        let optics = &self.optics;
+        let emitting = panel::emitting(&self.display, channel.index());
+        let on_grid = self.projection.light(panel, emitting, self.moved_px);
         let blurred = optics.through_lens(Light::Panel, channel, &on_grid);
         let mut seen = blurred.crop(Rect { x: optics.pad, y: optics.pad, size: optics.sensor });
         let falloff = &optics.dark_corner(Light::Panel)[channel.index()];

@@ -19,20 +19,21 @@ mod pose;
 mod prescription;
 mod sensor;
 mod trace;
+mod unrest;
 mod wear;
 mod witness;
 
 pub use optics::Light;
 pub use photograph::RawPhoto;
 pub use wear::Wear;
-pub use witness::Witness;
+pub use witness::{Depth, Witness};
 
 use std::sync::Arc;
 
 use self::bench::{OpticalBench, Parts};
 use self::devices::{Shared, SimulatedCamera, SimulatedClock, SimulatedPanel, SimulatedTrigger};
 use self::optics::Optics;
-use self::panel::Projection;
+use self::panel::{Projection, Shading};
 use super::RigError;
 use super::exposure::{Rig, Timing};
 use crate::config;
@@ -52,8 +53,11 @@ pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
     let optics = Arc::new(Optics::new(rig, simulation)?);
     let pose = simulation.pose.clone();
     let map = optics.map(&pose, rig.panel.size());
+    optics.prepare();
     let bench = OpticalBench::new(Parts {
-        projection: Projection::new(&map, optics.grid(), optics.pad, pose.sensor_px_per_panel_px),
+        projection: Projection::new(&map, optics.grid(), optics.pad),
+        shading: Shading::new(&simulation.display.uneven, &map, rig.panel.size()),
+        unrest: simulation.unrest,
         optics: Arc::clone(&optics),
         sensor: sensor::SimulatedSensor::new(&simulation.sensor, &rig.camera),
         faults: simulation.faults,
@@ -79,6 +83,7 @@ pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
         canvas: rig.canvas_on_sensor(),
         surround: simulation.surround,
         curve: rig.photo.curve,
+        rig: rig.clone(),
     };
     Ok((devices, witness))
 }

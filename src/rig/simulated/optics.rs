@@ -29,9 +29,14 @@ pub enum Light {
 
 /// A traced lens; the scene's light is traced when the first photograph is taken.
 struct TracedFunctions {
-    lens: Focused,
     prescription: Prescription,
+    /// The geometry of the panel's distance.
     radial: Radial,
+    /// The panel's magnification relative to that of a lens focused on it: focus breathing.
+    breathing: f64,
+    /// The lens before a scene, and the geometry of its distance.
+    before_scene: Focused,
+    scene_radial: Radial,
     filters: Primaries,
     panel: Fan,
     scene: OnceLock<Fan>,
@@ -55,21 +60,37 @@ impl TracedFunctions {
         let [aside, down] = prescription.axis_offset_px.map(f64::abs);
         let reach_px = (sensor.width as f64 / 2.0 + half + aside)
             .hypot(sensor.height as f64 / 2.0 + half + down);
-        let radial = Radial::new(
-            &lens,
-            prescription,
-            &filters,
-            reach_px * prescription.pixel_pitch_um / 1000.0,
-        );
+        let reach_mm = reach_px * prescription.pixel_pitch_um / 1000.0;
+        let radial = Radial::new(&lens, prescription, &filters, reach_mm);
         let panel = Fan::new(&lens, prescription, &radial, &simulation.display.primaries);
+        let breathing = match prescription.focus_distance_mm {
+            None => 1.0,
+            Some(_) => {
+                let on_panel = Prescription { focus_distance_mm: None, ..prescription.clone() };
+                let green = filters.lists()[Channel::Green.index()];
+                let sharp = Focused::new(&on_panel, green)?.magnification(green);
+                lens.magnification(green) / sharp
+            }
+        };
+        let (before_scene, scene_radial) = match prescription.scene_distance_mm {
+            None => (lens, radial.clone()),
+            Some(mm) => {
+                let lens = lens.looking_at(mm);
+                let radial = Radial::new(&lens, prescription, &filters, reach_mm);
+                (lens, radial)
+            }
+        };
         let scene = OnceLock::new();
-        if simulation.display.primaries == filters {
+        if simulation.display.primaries == filters && prescription.scene_distance_mm.is_none() {
             let _ = scene.set(panel.clone());
         }
+        let prescription = prescription.clone();
         Ok(TracedFunctions {
-            lens,
-            prescription: prescription.clone(),
+            prescription,
             radial,
+            breathing,
+            before_scene,
+            scene_radial,
             filters,
             panel,
             scene,
@@ -80,9 +101,8 @@ impl TracedFunctions {
         match light {
             Light::Panel | Light::PanelCentred => &self.panel,
             Light::Scene => {
-                let trace =
-                    || Fan::new(&self.lens, &self.prescription, &self.radial, &self.filters);
-                self.scene.get_or_init(trace)
+                let (lens, radial) = (&self.before_scene, &self.scene_radial);
+                self.scene.get_or_init(|| Fan::new(lens, &self.prescription, radial, &self.filters))
             }
         }
     }
@@ -111,7 +131,7 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    /// Traces the lens and prepares captures; photographs are prepared when the first one is taken.
+    /// Traces the lens; captures and photographs are prepared when the first one is taken.
     ///
     /// # Errors
     /// When the prescription is no usable lens.
@@ -149,10 +169,14 @@ impl Optics {
             convolutions,
             dark_corners,
         };
-        optics.warn_of_lost_light();
-        optics.convolution(Light::Panel);
-        optics.dark_corner(Light::Panel);
         Ok(optics)
+    }
+
+    /// Prepares captures.
+    pub(super) fn prepare(&self) {
+        self.warn_of_lost_light();
+        self.convolution(Light::Panel);
+        self.dark_corner(Light::Panel);
     }
 
     /// The grid light lives on.
@@ -168,6 +192,13 @@ impl Optics {
                 let pitch = traced.prescription.pixel_pitch_um / 1000.0;
                 let distance =
                     traced.prescription.object_distance_mm * traced.radial.magnification() / pitch;
+                let breathing = traced.breathing;
+                let pose = &Pose {
+                    sensor_px_per_panel_px: pose.sensor_px_per_panel_px * breathing,
+                    shift_x_px: pose.shift_x_px * breathing,
+                    shift_y_px: pose.shift_y_px * breathing,
+                    ..*pose
+                };
                 PanelMap::new(
                     pose,
                     panel,

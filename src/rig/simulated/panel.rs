@@ -3,8 +3,11 @@
 use rayon::prelude::*;
 
 use super::pose::PanelMap;
-use crate::config::Display;
+use crate::config::{Display, Subpixels, Uneven};
 use crate::frame::{Plane, Size};
+
+/// Light comes from all of a pixel's width.
+const WHOLE: [f32; 2] = [0.0, 1.0];
 
 /// Light of each code, 0..255, of one channel (the formula stands at [`Display`]).
 pub(super) fn response(display: &Display, channel: usize) -> [f32; 256] {
@@ -15,6 +18,46 @@ pub(super) fn response(display: &Display, channel: usize) -> [f32; 256] {
         let share = (curve - floor) / (1.0 - floor);
         (255.0 * (display.leakage_share + (1.0 - display.leakage_share) * share)) as f32
     })
+}
+
+/// Share of a panel pixel's width that a channel's light comes from: from where to where.
+pub(super) fn emitting(display: &Display, channel: usize) -> [f32; 2] {
+    match display.subpixels {
+        Subpixels::Whole => WHOLE,
+        Subpixels::Stripes => [channel as f32 / 3.0, (channel + 1) as f32 / 3.0],
+    }
+}
+
+/// How an uneven panel's light differs over its area.
+pub(super) struct Shading {
+    /// What the light of a code is multiplied by, per channel.
+    pub(super) gain: [Plane; 3],
+    /// Light that is there whatever the code.
+    pub(super) veil: Plane,
+}
+
+impl Shading {
+    /// The shading of a panel of `size` as the lens sees it; `None` of an even one.
+    pub(super) fn new(uneven: &Uneven, map: &PanelMap, size: Size) -> Option<Shading> {
+        if *uneven == Uneven::default() {
+            return None;
+        }
+        let aslant: Plane = Plane::from_fn(size, |x, y| {
+            (map.angle_deg([x as f64, y as f64]) / 10.0).powi(2) as f32
+        });
+        let [middle_x, middle_y] = map.panel_centre;
+        let gain = [-0.5, 0.0, 0.5].map(|tint| {
+            let corner = uneven.corner_loss + tint * uneven.corner_tint;
+            Plane::from_fn(size, |x, y| {
+                let (x_share, y_share) = (x as f64 / middle_x - 1.0, y as f64 / middle_y - 1.0);
+                let out = (x_share.powi(2) + y_share.powi(2)) / 2.0;
+                let lost_aslant = uneven.loss_at_10_deg * f64::from(aslant.at(x, y));
+                ((1.0 - corner * out).max(0.0) * (1.0 - lost_aslant).max(0.0)) as f32
+            })
+        });
+        let veil = aslant.map(|v| v * (uneven.leakage_at_10_deg * 255.0) as f32);
+        Some(Shading { gain, veil })
+    }
 }
 
 /// How far the panel has come from the last picture to the new one, on average over an exposure,
@@ -38,16 +81,14 @@ pub(super) struct Projection {
     half: f32,
     /// Grid pixel (x, y) is panel pixel (x, y) less this, exactly.
     identity: Option<[isize; 2]>,
+    /// How far on the panel a sensor pixel to the right leads, and one down, in the middle.
+    steps: [[f64; 2]; 2],
 }
 
 impl Projection {
     /// The footprints of a grid of `size` whose pixel (0, 0) is sensor pixel (−pad, −pad).
-    pub(super) fn new(
-        map: &PanelMap,
-        size: Size,
-        pad: usize,
-        sensor_px_per_panel_px: f64,
-    ) -> Projection {
+    pub(super) fn new(map: &PanelMap, size: Size, pad: usize) -> Projection {
+        let sensor_px_per_panel_px = map.scale;
         let pad = pad as f64;
         let centres: Vec<[f32; 2]> = (0..size.area())
             .into_par_iter()
@@ -65,18 +106,28 @@ impl Projection {
                 near(c[0], origin[0].round() + x) && near(c[1], origin[1].round() + y)
             });
         let identity = whole.then(|| centres[0].map(|v| v.round() as isize));
-        Projection { size, centres, half: (0.5 / sensor_px_per_panel_px) as f32, identity }
+        let middle = map.to_panel(map.axis);
+        let steps = [[1.0, 0.0], [0.0, 1.0]].map(|step| {
+            let [x, y] = map.to_panel([map.axis[0] + step[0], map.axis[1] + step[1]]);
+            [x - middle[0], y - middle[1]]
+        });
+        Projection { steps, size, centres, half: (0.5 / sensor_px_per_panel_px) as f32, identity }
     }
 
     /// The light the grid's pixels would see through a perfect lens: the mean of the panel's light
-    /// over each footprint, dark beyond the panel.
-    pub(super) fn light(&self, codes: &Plane<u8>, response: &[f32; 256]) -> Plane {
-        let panel = codes.map(|code| response[usize::from(code)]);
+    /// over each footprint, dark beyond the panel. A panel pixel's light comes from the part
+    /// `emitting` of its width. The panel is seen `moved_px` sensor pixels to the right and down of
+    /// its place: a fraction, over which neither lens nor perspective change.
+    pub(super) fn light(&self, panel: &Plane, emitting: [f32; 2], moved_px: [f64; 2]) -> Plane {
+        let in_place = moved_px == [0.0; 2];
+        let identity = self.identity.filter(|_| emitting == WHOLE && in_place);
+        let [right, down] = moved_px;
+        let off = [0, 1].map(|n| (right * self.steps[0][n] + down * self.steps[1][n]) as f32);
         let mut out = Plane::zeros(self.size);
         let width = self.size.width;
-        out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| match self.identity {
+        out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| match identity {
             Some([x0, y0]) => {
-                let Some(from) = row_of(&panel, y0 + y as isize) else { return };
+                let Some(from) = row_of(panel, y0 + y as isize) else { return };
                 for (x, value) in row.iter_mut().enumerate() {
                     let x = x0 + x as isize;
                     *value =
@@ -84,8 +135,9 @@ impl Projection {
                 }
             }
             None => {
-                for (value, &centre) in row.iter_mut().zip(&self.centres[y * width..][..width]) {
-                    *value = footprint(&panel, centre, self.half);
+                for (value, centre) in row.iter_mut().zip(&self.centres[y * width..][..width]) {
+                    let centre = [centre[0] - off[0], centre[1] - off[1]];
+                    *value = footprint(panel, centre, self.half, emitting);
                 }
             }
         });
@@ -97,19 +149,20 @@ fn row_of(panel: &Plane, y: isize) -> Option<&[f32]> {
     usize::try_from(y).ok().filter(|&y| y < panel.height()).map(|y| panel.row(y))
 }
 
-/// First pixel under a footprint along one axis, and the shares of the three pixels from there on.
-fn shares(centre: f32, half: f32) -> (isize, [f32; 3]) {
+/// First pixel under a footprint along one axis, and the shares of the three pixels from there on,
+/// whose light comes from a part of their width.
+fn shares(centre: f32, half: f32, [from, to]: [f32; 2]) -> (isize, [f32; 3]) {
     let (low, high) = (centre - half + 0.5, centre + half + 0.5);
     let first = low.floor();
-    let over = 0.5 / half;
-    let share = |n: f32| (high.min(first + n + 1.0) - low.max(first + n)).max(0.0) * over;
+    let over = 0.5 / half / (to - from);
+    let share = |n: f32| (high.min(first + n + to) - low.max(first + n + from)).max(0.0) * over;
     (first as isize, [share(0.0), share(1.0), share(2.0)])
 }
 
 /// Mean of the panel over one footprint of at most two panel pixels' width.
-fn footprint(panel: &Plane, [x, y]: [f32; 2], half: f32) -> f32 {
-    let (x0, across) = shares(x, half);
-    let (y0, down) = shares(y, half);
+fn footprint(panel: &Plane, [x, y]: [f32; 2], half: f32, emitting: [f32; 2]) -> f32 {
+    let (x0, across) = shares(x, half, emitting);
+    let (y0, down) = shares(y, half, WHOLE);
     let mut sum = 0.0;
     let inside = x0 >= 0 && x0 + 3 <= panel.width() as isize;
     for (n, weight) in down.into_iter().enumerate() {
@@ -136,7 +189,7 @@ mod tests {
         let panel = Plane::from_fn(Size::new(9, 9), |x, y| (10 * x + y) as f32);
         // A plane of constant slope: the mean over any footprint is the value at its centre.
         for (x, y) in [(4.0, 4.0), (3.3, 5.1), (4.5, 2.5), (3.99, 4.01)] {
-            let found = footprint(&panel, [x, y], 0.58);
+            let found = footprint(&panel, [x, y], 0.58, WHOLE);
             let (low, high) = ((x - 0.58f32).round(), (x + 0.58f32).round());
             // Piecewise constant pixels: the mean is a mix of the pixels touched.
             assert!(
@@ -144,11 +197,11 @@ mod tests {
                     && found <= 10.0 * high + (y + 0.58).round()
             );
         }
-        let (_, all) = shares(3.7, 0.58);
+        let (_, all) = shares(3.7, 0.58, WHOLE);
         assert!((all.iter().sum::<f32>() - 1.0).abs() < 1e-6);
-        assert!((footprint(&panel, [4.0, 4.0], 0.5) - 44.0).abs() < 1e-4);
-        assert!((footprint(&panel, [4.5, 4.0], 0.5) - 49.0).abs() < 1e-4);
-        assert!(footprint(&panel, [-3.0, 4.0], 0.58).abs() < 1e-9);
+        assert!((footprint(&panel, [4.0, 4.0], 0.5, WHOLE) - 44.0).abs() < 1e-4);
+        assert!((footprint(&panel, [4.5, 4.0], 0.5, WHOLE) - 49.0).abs() < 1e-4);
+        assert!(footprint(&panel, [-3.0, 4.0], 0.58, WHOLE).abs() < 1e-9);
     }
 
     #[test]

@@ -16,32 +16,72 @@ pub struct RawPhoto {
     pub mosaic: Mosaic,
 }
 
-/// What is photographed: photo-sized linear light, 0..255, as a perfect lens with the green
-/// channel's geometry would record it, and the light of what comes through the lens of it.
-pub(super) struct Exposure<'a> {
+/// A part of a scene at one distance, for which the lens is `optics`.
+pub(super) struct Layer<'a> {
     pub(super) optics: &'a Optics,
-    pub(super) sensor: &'a SimulatedSensor,
+    /// How much of each of the photo's pixels lies there, 0..1; `None` for all of it.
+    pub(super) share: Option<&'a Plane>,
+}
+
+/// What comes through the lens of a scene: photo-sized linear light, 0..255.
+pub(super) struct Exposure<'a> {
+    sensor: &'a SimulatedSensor,
+    part: Rect,
     light: [Plane; 3],
     seed: u64,
 }
 
 impl<'a> Exposure<'a> {
     /// Lets the light of `scene` through the lens, blurred, displaced by the lateral colour, dark
-    /// towards the corners.
+    /// towards the corners. `scene` is what a perfect lens with the green channel's geometry would
+    /// record. The blurred parts of a scene add up: what a nearer one hides of a farther one is
+    /// not known from a picture.
     pub(super) fn new(
-        optics: &'a Optics,
+        layers: &[Layer],
         sensor: &'a SimulatedSensor,
         scene: &Frame<Work>,
         surround: Surround,
         seed: u64,
     ) -> Exposure<'a> {
+        let mut sum: Option<Exposure> = None;
+        for layer in layers {
+            let part = Self::of_layer(layer, sensor, scene, surround, seed);
+            match &mut sum {
+                None => sum = Some(part),
+                Some(sum) => {
+                    for (all, light) in sum.light.iter_mut().zip(&part.light) {
+                        all.add_scaled(1.0, light);
+                    }
+                }
+            }
+        }
+        sum.unwrap_or_else(|| Exposure {
+            sensor,
+            part: Rect { x: 0, y: 0, size: scene.size() },
+            light: [0, 1, 2].map(|_| Plane::zeros(scene.size())),
+            seed,
+        })
+    }
+
+    fn of_layer(
+        layer: &Layer,
+        sensor: &'a SimulatedSensor,
+        scene: &Frame<Work>,
+        surround: Surround,
+        seed: u64,
+    ) -> Exposure<'a> {
+        let Layer { optics, share } = layer;
         let Rect { x, y, size } = optics.photo;
         let on_grid = Rect { x: x + optics.pad, y: y + optics.pad, size };
         let falloff = optics.dark_corner(Light::Scene);
         let planes: Vec<Plane> = Channel::ALL
             .par_iter()
             .map(|&channel| {
-                let wide = surrounded(scene.plane(channel), optics.grid(), on_grid, surround);
+                let mut there = scene.plane(channel).clone();
+                if let Some(share) = share {
+                    there.data_mut().iter_mut().zip(share.data()).for_each(|(v, s)| *v *= s);
+                }
+                let wide = surrounded(&there, optics.grid(), on_grid, surround);
                 let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
                 let falloff = falloff[channel.index()].crop(optics.photo);
                 for (level, share) in seen.data_mut().iter_mut().zip(falloff.data()) {
@@ -52,11 +92,11 @@ impl<'a> Exposure<'a> {
             .collect();
         let mut planes = planes.into_iter();
         let light = std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(size)));
-        Exposure { optics, sensor, light, seed }
+        Exposure { sensor, part: optics.photo, light, seed }
     }
 
     fn reading(&self) -> Reading {
-        let (part, seed) = (self.optics.photo, self.seed);
+        let Exposure { part, seed, .. } = *self;
         Reading { part, seed, stream: Stream::Photograph, number: 0 }
     }
 
@@ -68,8 +108,7 @@ impl<'a> Exposure<'a> {
     pub(super) fn raw(&self) -> Option<RawPhoto> {
         let mosaic = self.sensor.config.mosaic?;
         let sites = self.sensor.sites(mosaic, self.reading(), self.fill());
-        let Rect { x, y, .. } = self.optics.photo;
-        Some(RawPhoto { sites, mosaic: mosaic.from_place(x, y) })
+        Some(RawPhoto { sites, mosaic: mosaic.from_place(self.part.x, self.part.y) })
     }
 
     /// The codes of a camera's file. A mosaic is developed by plain interpolation.

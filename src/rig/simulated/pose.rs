@@ -12,11 +12,14 @@ use crate::frame::Size;
 /// The map between panel and sensor in the green channel's geometry.
 #[derive(Debug, Clone)]
 pub(super) struct PanelMap {
-    panel_centre: [f64; 2],
-    axis: [f64; 2],
+    pub(super) panel_centre: [f64; 2],
+    pub(super) axis: [f64; 2],
     to_panel: Matrix3<f64>,
     to_sensor: Matrix3<f64>,
     distortion: Option<(Radial, f64)>,
+    /// Sensor pixels that one panel pixel covers at the centre.
+    pub(super) scale: f64,
+    distance_px: f64,
 }
 
 impl PanelMap {
@@ -56,13 +59,23 @@ impl PanelMap {
         );
         // Turned by at most 5° about each axis, so it always has an inverse.
         let to_panel = to_sensor.try_inverse().unwrap_or_else(Matrix3::identity);
-        PanelMap {
-            panel_centre: centre(panel),
-            axis: centre(sensor),
-            to_panel,
-            to_sensor,
-            distortion,
+        let (panel_centre, axis) = (centre(panel), centre(sensor));
+        PanelMap { panel_centre, axis, to_panel, to_sensor, distortion, scale, distance_px }
+    }
+
+    /// How far from its normal, in degrees, the lens sees the panel at panel place `at`; 0 of a
+    /// panel that is infinitely far away.
+    pub(super) fn angle_deg(&self, at: [f64; 2]) -> f64 {
+        if self.distance_px.is_infinite() {
+            return 0.0;
         }
+        let in_space = |v: Vector3<f64>| Vector3::new(v.x, v.y, v.z * self.distance_px);
+        let column = |n: usize| in_space(self.to_sensor.column(n).into_owned());
+        let normal = column(0).cross(&column(1));
+        let [x, y] = [at[0] - self.panel_centre[0], at[1] - self.panel_centre[1]];
+        // The third row is 1 + z/distance: from the lens, not from the panel's middle.
+        let seen = in_space(self.to_sensor * Vector3::new(x, y, 1.0));
+        (normal.dot(&seen) / normal.norm() / seen.norm()).abs().min(1.0).acos().to_degrees()
     }
 
     /// The panel place seen at sensor place `at`.

@@ -9,7 +9,7 @@ use crate::rig::RigError;
 const FOCUS_CELLS: usize = 120;
 const SPOT_CELLS: usize = 200;
 
-/// A lens focused on its object.
+/// A lens focused at some distance, and the object it looks at, there or elsewhere.
 #[derive(Debug, Clone)]
 pub(super) struct Focused {
     pub(super) lens: Lens,
@@ -29,7 +29,8 @@ pub(super) struct Arrival {
 }
 
 impl Focused {
-    /// Focuses by the smallest RMS spot on the axis for `wavelengths`.
+    /// Focuses by the smallest RMS spot on the axis for `wavelengths`, at the prescription's focus
+    /// distance; the object is the panel.
     ///
     /// # Errors
     /// When a glass is unknown, or no light comes through, or it never comes to a focus.
@@ -39,7 +40,7 @@ impl Focused {
     ) -> Result<Focused, RigError> {
         let lens = Lens::new(prescription)?;
         let pupil = square_pupil(FOCUS_CELLS);
-        let from = [0.0, 0.0, lens.object_z];
+        let from = [0.0, 0.0, prescription.focus_distance_mm.map_or(lens.object_z, |mm| -mm)];
         // The spot's variance is a parabola in z: Σ|a + u·z|², centred by symmetry.
         let (mut au, mut uu) = (0.0, 0.0);
         for wavelength in wavelengths {
@@ -65,6 +66,12 @@ impl Focused {
             });
         }
         Ok(Focused { lens, image_z })
+    }
+
+    /// The same lens and image plane, with an object at `distance_mm`, in focus or not.
+    pub(super) fn looking_at(mut self, distance_mm: f64) -> Focused {
+        self.lens.object_z = -distance_mm;
+        self
     }
 
     /// Where light of `wavelength_nm` from object height `object_mm` through the pupil point (of

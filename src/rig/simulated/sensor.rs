@@ -48,6 +48,7 @@ pub(super) enum Stream {
     Fault = 3,
     Wear = 4,
     Pattern = 5,
+    Unrest = 6,
 }
 
 /// The generator of one stream: the same seed and numbers give the same values on any number of

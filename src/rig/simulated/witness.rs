@@ -3,15 +3,15 @@
 
 use std::sync::Arc;
 
-use super::bench::OpticalBench;
 use super::devices::Shared;
 use super::optics::{Light, Optics};
 use super::panel::Projection;
-use super::photograph::{Exposure, RawPhoto, surrounded};
+use super::photograph::{Exposure, Layer, RawPhoto, surrounded};
 use super::pose::PanelMap;
 use super::wear::Wear;
-use crate::config::{Curve, Faults, Pose, Surround};
+use crate::config::{Curve, Faults, Kind, Lens, Pose, Prescription, Rig, Surround, Unrest};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
+use crate::rig::RigError;
 
 /// What is true of a simulated rig, and handles to change it while it runs.
 pub struct Witness {
@@ -23,6 +23,16 @@ pub struct Witness {
     pub(super) canvas: Rect,
     pub(super) surround: Surround,
     pub(super) curve: Curve,
+    pub(super) rig: Rig,
+}
+
+/// A part of a scene that is all at one distance.
+#[derive(Debug, Clone)]
+pub struct Depth {
+    /// From the part to the first refracting surface.
+    pub distance_mm: f64,
+    /// How much of each of the photo's pixels it is, 0..1; all parts add up to 1.
+    pub share: Plane,
 }
 
 impl Witness {
@@ -36,8 +46,8 @@ impl Witness {
     pub fn photograph(&self, scene: &Frame<Work>, seed: u64) -> Frame<Work, u8> {
         assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
         let sensor = self.shared.bench().sensor.clone();
-        let exposure = Exposure::new(&self.optics, &sensor, scene, self.surround, seed);
-        exposure.developed(self.curve)
+        let all = [Layer { optics: &self.optics, share: None }];
+        Exposure::new(&all, &sensor, scene, self.surround, seed).developed(self.curve)
     }
 
     /// The same photograph as the sensor's sites gave it, before any developing; `None` when the
@@ -48,7 +58,59 @@ impl Witness {
     pub fn photograph_raw(&self, scene: &Frame<Work>, seed: u64) -> Option<RawPhoto> {
         assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
         let sensor = self.shared.bench().sensor.clone();
-        Exposure::new(&self.optics, &sensor, scene, self.surround, seed).raw()
+        let all = [Layer { optics: &self.optics, share: None }];
+        Exposure::new(&all, &sensor, scene, self.surround, seed).raw()
+    }
+
+    /// [`Witness::photograph`] of a scene with parts at several distances. The lens is focused where
+    /// it was; each part is as sharp as its distance lets it be.
+    ///
+    /// # Errors
+    /// [`RigError::Refused`] when the rig's blur was measured and not traced, so that nothing is
+    /// known of other distances.
+    ///
+    /// # Panics
+    /// When `scene` or a part is not photo-sized, which is a bug of the caller.
+    pub fn photograph_in_depth(
+        &self,
+        scene: &Frame<Work>,
+        parts: &[Depth],
+        seed: u64,
+    ) -> Result<Frame<Work, u8>, RigError> {
+        let size = self.optics.photo.size;
+        let fits = scene.size() == size && parts.iter().all(|part| part.share.size() == size);
+        assert!(fits, "a scene and its parts have the photo's size");
+        let lenses = parts
+            .iter()
+            .map(|part| self.optics_of(|lens| lens.scene_distance_mm = Some(part.distance_mm)))
+            .collect::<Result<Vec<Optics>, RigError>>()?;
+        let layers: Vec<Layer> = lenses
+            .iter()
+            .zip(parts)
+            .map(|(optics, part)| Layer { optics, share: Some(&part.share) })
+            .collect();
+        let sensor = self.shared.bench().sensor.clone();
+        Ok(Exposure::new(&layers, &sensor, scene, self.surround, seed).developed(self.curve))
+    }
+
+    /// The optics of this rig with its lens changed.
+    fn optics_of(&self, change: impl FnOnce(&mut Prescription)) -> Result<Optics, RigError> {
+        let mut rig = self.rig.clone();
+        match &mut rig.kind {
+            Kind::Simulated(simulation) => {
+                if let Lens::Prescription(lens, _) = &mut simulation.lens {
+                    change(lens);
+                    let simulation = simulation.clone();
+                    return Optics::new(&rig, &simulation);
+                }
+            }
+            Kind::Hardware(_) => {}
+        }
+        Err(RigError::Refused {
+            device: "simulated lens",
+            found: "a measured blur".to_owned(),
+            allowed: "a prescription, which can be focused".to_owned(),
+        })
     }
 
     /// K·L: what the lens makes of `scene` (canvas-sized, linear light) in the light of the panel's
@@ -170,15 +232,41 @@ impl Witness {
         self.shared.bench().unplug();
     }
 
+    /// From now on captures differ from each other by this much.
+    pub fn set_unrest(&self, unrest: Unrest) {
+        self.shared.bench().unrest = unrest;
+    }
+
+    /// Someone turns the focus ring: the lens is now focused at `distance_mm`, for captures and
+    /// photographs. What stays where it was is magnified otherwise.
+    ///
+    /// # Errors
+    /// [`RigError::Refused`] when the rig's blur was measured and not traced.
+    pub fn refocus(&mut self, distance_mm: f64) -> Result<(), RigError> {
+        let focus = |lens: &mut Prescription| lens.focus_distance_mm = Some(distance_mm);
+        self.optics = Arc::new(self.optics_of(focus)?);
+        if let Kind::Simulated(simulation) = &mut self.rig.kind
+            && let Lens::Prescription(lens, _) = &mut simulation.lens
+        {
+            focus(lens);
+        }
+        self.optics.prepare();
+        self.place_panel();
+        Ok(())
+    }
+
     /// Someone knocks at the panel: it now stands (`x_px`, `y_px`) sensor pixels further right and
     /// down.
     pub fn knock_panel(&mut self, x_px: f64, y_px: f64) {
         self.pose.shift_x_px += x_px;
         self.pose.shift_y_px += y_px;
+        self.place_panel();
+    }
+
+    /// Brings the bench to the panel's pose and the lens's focus.
+    fn place_panel(&mut self) {
         self.map = self.optics.map(&self.pose, self.panel);
-        let scale = self.pose.sensor_px_per_panel_px;
-        let projection = Projection::new(&self.map, self.optics.grid(), self.optics.pad, scale);
-        let mut bench: std::sync::MutexGuard<'_, OpticalBench> = self.shared.bench();
-        bench.set_projection(projection);
+        let projection = Projection::new(&self.map, self.optics.grid(), self.optics.pad);
+        self.shared.bench().set_light_path(Arc::clone(&self.optics), projection);
     }
 }
