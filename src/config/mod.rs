@@ -35,11 +35,12 @@ use std::path::Path;
 use crate::frame::{Rect, Size};
 
 /// The rig files that are part of the program, by name.
-const BUILT_IN: [(&str, &str); 4] = [
+const BUILT_IN: [(&str, &str); 5] = [
     ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
     ("study.toml", include_str!("../../rig-config/study.toml")),
     ("small.toml", include_str!("../../rig-config/small.toml")),
     ("paper-synthetic.toml", include_str!("../../rig-config/paper-synthetic.toml")),
+    ("truthful.toml", include_str!("../../rig-config/truthful.toml")),
 ];
 
 /// A rig as checked: whoever holds one need not doubt its numbers.

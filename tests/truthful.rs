@@ -1,0 +1,145 @@
+//! What a real rig does on top of an ideal one, and what each of it costs the methods as they are:
+//! the table of `tests/tables`, and what holds of it.
+
+// A failed unwrap is a failed test, also in the functions the tests share.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use relens::chart::scenes::Scene;
+use relens::config::{self, Kind, Lens, Simulation};
+use relens::deconvolution::method::Method;
+use relens::deconvolution::quality::{psnr, ssim};
+use relens::frame::{Channel, Channels, Frame, Plane, Work};
+use relens::measurement::calibrate;
+use relens::picture::Tone;
+use relens::pipeline::{Pipeline, digital, hybrid};
+use relens::rig::simulated;
+
+/// A departure from the ideal rig: takes what it is from a truthful one.
+type Departure = fn(&mut Simulation, &Simulation);
+
+fn scene_distance(simulation: &mut Simulation, mm: f64) {
+    if let Lens::Prescription(lens, _) = &mut simulation.lens {
+        lens.scene_distance_mm = Some(mm);
+    }
+}
+
+const DEPARTURES: [(&str, Departure); 8] = [
+    ("mosaic, interpolated", |to, from| to.sensor.mosaic = from.sensor.mosaic),
+    ("uneven panel", |to, from| to.display.uneven = from.display.uneven),
+    ("subpixel stripes", |to, from| to.display.subpixels = from.display.subpixels),
+    ("scene at 3.8 m", |to, _| scene_distance(to, 3800.0)),
+    ("wander, vibration", |to, from| {
+        to.unrest = config::Unrest { flicker_share: 0.0, ..from.unrest };
+    }),
+    ("flicker", |to, from| to.unrest.flicker_share = from.unrest.flicker_share),
+    ("fixed pattern, hot pixels", |to, from| {
+        to.sensor.gain_deviation = from.sensor.gain_deviation;
+        to.sensor.hot_pixel_share = from.sensor.hot_pixel_share;
+        to.sensor.hot_pixel_levels = from.sensor.hot_pixel_levels;
+    }),
+    ("camera's curve", |to, from| to.sensor.curve = from.sensor.curve),
+];
+
+/// Larger than the truthful rig's.
+const STRONGER: [(&str, Departure); 4] = [
+    ("scene at 3.2 m", |to, _| scene_distance(to, 3200.0)),
+    ("scene at 5 m", |to, _| scene_distance(to, 5000.0)),
+    ("scene at 8 m", |to, _| scene_distance(to, 8000.0)),
+    ("a webcam's gamma of 0.6", |to, _| to.sensor.curve.gamma = 0.6),
+];
+
+fn load(name: &str) -> config::Rig {
+    config::load(Path::new(name)).unwrap()
+}
+
+/// The small rig with these departures.
+fn departed(departures: &[Departure]) -> config::Rig {
+    let (mut rig, truthful) = (load("small.toml"), load("truthful.toml"));
+    if let Kind::Simulated(simulation) = &mut rig.kind {
+        departures.iter().for_each(|take| take(simulation, truthful.simulation().unwrap()));
+    }
+    rig
+}
+
+/// SSIM and dB of linear light, means over the channels.
+fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
+    let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
+    [each.map(|(a, b)| ssim(a, b)), each.map(|(a, b)| psnr(a, b))]
+        .map(|scores| scores.iter().sum::<f64>() / 3.0)
+}
+
+/// Of one scene: the photo as it was, what `digital` and `hybrid` make of it, what is delivered.
+struct Tried {
+    photo: [f64; 2],
+    digital: [f64; 2],
+    hybrid: [f64; 2],
+    delivered: [f64; 2],
+    verdict: String,
+}
+
+fn tried(rig: &config::Rig, scenes: &[Scene]) -> Result<Vec<Tried>, String> {
+    let (mut devices, witness) = simulated::open(rig).unwrap();
+    let calibration =
+        calibrate(&mut devices, rig, None, &mut |_| {}).map_err(|error| error.to_string())?;
+    let pipeline = Pipeline::new(rig, &calibration).map_err(|error| error.to_string())?;
+    let tone = Tone::of_curve(rig.photo.curve, 8);
+    let light_of = |codes: &Frame<Work, u8>| Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+    let mut all = Vec::new();
+    for &scene in scenes {
+        let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
+        let codes = scene.codes(rig.photo.size());
+        let truth = light_of(&Frame::from_fn(|c| rounded(codes.plane(c))));
+        let photo = light_of(&witness.photograph(&truth, 1 + scene as u64));
+        let prepared = pipeline.prepare(&photo, Channels::Colour);
+        let mut by = |method: &dyn Method| {
+            pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap()
+        };
+        let (plain, light) = (by(&digital(rig)), by(&hybrid(rig)));
+        let own = |solved: &relens::pipeline::Restoration| {
+            solved.solved.as_ref().map_or([0.0; 2], |solved| score(&solved.picture, &truth))
+        };
+        all.push(Tried {
+            photo: score(&photo, &truth),
+            digital: own(&plain),
+            hybrid: own(&light),
+            delivered: score(&light.outcome.picture, &truth),
+            verdict: format!("{:?}", light.outcome.verdict),
+        });
+    }
+    Ok(all)
+}
+
+#[test]
+#[ignore = "makes a table; a minute or two"]
+fn what_each_truth_costs() {
+    println!("| rig | scene | photo | digital | hybrid | delivered | verdict |");
+    println!("|---|---|---|---|---|---|---|");
+    let all: Vec<Departure> = DEPARTURES.iter().map(|&(_, departure)| departure).collect();
+    let rows = [("ideal (small.toml)", Vec::new())]
+        .into_iter()
+        .chain(DEPARTURES.map(|(name, departure)| (name, vec![departure])))
+        .chain([("all of these (truthful.toml)", all)])
+        .chain(STRONGER.map(|(name, departure)| (name, vec![departure])));
+    let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
+    for (name, departures) in rows {
+        match tried(&departed(&departures), &scenes) {
+            Err(refused) => println!("| {name} | | not calibrated: {refused} | | | | |"),
+            Ok(tried) => {
+                for (scene, tried) in scenes.iter().zip(tried) {
+                    let cell = |[ssim, db]: [f64; 2]| format!("{ssim:.3}/{db:.1}");
+                    println!(
+                        "| {name} | {} | {} | {} | {} | {} | {} |",
+                        scene.name(),
+                        cell(tried.photo),
+                        cell(tried.digital),
+                        cell(tried.hybrid),
+                        cell(tried.delivered),
+                        tried.verdict
+                    );
+                }
+            }
+        }
+    }
+}
