@@ -23,7 +23,6 @@ mod flaw;
 mod jpeg;
 mod kind;
 mod photo;
-mod png;
 mod shape;
 mod tiff;
 mod tone;
