@@ -3,27 +3,29 @@
 use super::kernel::{Control, Node};
 use crate::rig::RigError;
 
-/// What sets the exposure time.
+/// The exposure time, and what sets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Exposure {
+pub enum ExposureTime {
     /// The camera's control `exposure_time_absolute`, in steps of 100 µs
     /// (V4L2_CID_EXPOSURE_ABSOLUTE).
     Control {
-        /// Exposure time.
+        /// ExposureTime time.
         exposure_ms: f64,
     },
     /// The trigger pulse's width, or something outside V4L2; nothing is set here.
     Elsewhere {
-        /// Exposure time, as it was set there.
+        /// ExposureTime time, as it was set there.
         exposure_ms: f64,
     },
 }
 
-impl Exposure {
-    /// Exposure time.
+impl ExposureTime {
+    /// ExposureTime time.
     pub fn exposure_ms(&self) -> f64 {
         match self {
-            Exposure::Control { exposure_ms } | Exposure::Elsewhere { exposure_ms } => *exposure_ms,
+            ExposureTime::Control { exposure_ms } | ExposureTime::Elsewhere { exposure_ms } => {
+                *exposure_ms
+            }
         }
     }
 }
@@ -58,7 +60,7 @@ const STEADY: [(&str, i32); 15] = [
 /// [`RigError::Refused`] for a control the camera has not got, or that does not hold its value.
 pub(super) fn settle_controls(
     node: &Node,
-    exposure: &Exposure,
+    exposure: &ExposureTime,
     wanted: &[(String, i32)],
 ) -> Result<(), RigError> {
     let has = node.controls();
@@ -67,7 +69,7 @@ pub(super) fn settle_controls(
             hold(node, control, value.max(control.minimum))?;
         }
     }
-    if let Exposure::Control { exposure_ms } = exposure {
+    if let ExposureTime::Control { exposure_ms } = exposure {
         let steps = (exposure_ms * 10.0).round() as i32;
         let control =
             named(&has, "exposure_time_absolute").or_else(|_| named(&has, "exposure_absolute"))?;
