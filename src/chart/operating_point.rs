@@ -52,7 +52,8 @@ pub fn restorations(rig: &Rig, wanted: OperatingPoint) -> usize {
     candidates(rig, wanted).len() * SCENES.len()
 }
 
-/// The operating point `wanted` of the rig that `test_rig` is on; `each` is told of every restoration.
+/// The operating point `wanted` of the rig that `test_rig` is on; `each` is told of every
+/// restoration.
 /// `None` when none gives a number.
 ///
 /// # Errors

@@ -18,7 +18,7 @@ use crate::rig::exposure::Rig;
 use crate::rig::simulated::{Witness, open};
 
 /// Seed of the photographs' noise; a scene's own number is added.
-const PHOTO_SEED: u64 = 20_261_121;
+pub const PHOTO_SEED: u64 = 20_261_121;
 
 /// Seconds on a clock of the caller's.
 pub type Stopwatch = fn() -> f64;
@@ -153,7 +153,7 @@ impl TestRig {
     /// `method` on `scene`, scored as [`seen`].
     ///
     /// # Errors
-    /// When the method fails.
+    /// When a scene cannot be shown, or the method fails.
     pub fn score(
         &mut self,
         scene: Scene,
@@ -161,12 +161,25 @@ impl TestRig {
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
         let photo = self.photograph(scene)?;
+        self.score_photo(scene, &photo, name, method)
+    }
+
+    /// [`TestRig::score`] on a `photo` of the scene that was taken elsewhere.
+    ///
+    /// # Errors
+    /// When the method fails.
+    pub fn score_photo(
+        &mut self,
+        scene: Scene,
+        photo: &Frame<Work>,
+        name: &str,
+        method: &dyn Method,
+    ) -> Result<Score, TestRigError> {
         let channels = self.channels();
-        let (restored, computing_seconds) =
-            self.restore(&photo, channels, method, &mut |_, _| {})?;
+        let (restored, computing_seconds) = self.solve(photo, channels, method, &mut |_, _| {})?;
         let (curve, light) = (self.config.photo.curve, self.light(scene));
         let [truth, before, after] =
-            [&light, &photo, &restored.picture].map(|frame| seen(curve, channels, frame));
+            [&light, photo, &restored.picture].map(|frame| seen(curve, channels, frame));
         Ok(Score {
             scene,
             method: name.to_owned(),
@@ -179,11 +192,12 @@ impl TestRig {
         })
     }
 
-    /// Restores and times; the time of simulating the captures is taken out.
+    /// What `method` makes of `photo`, and seconds of computing; the time of simulating captures is
+    /// taken out.
     ///
     /// # Errors
     /// When the method fails.
-    pub fn restore(
+    pub fn solve(
         &mut self,
         photo: &Frame<Work>,
         channels: Channels,

@@ -4,7 +4,7 @@ use clap::Args;
 use relens::calibration::store;
 use relens::config;
 use relens::diagnosis;
-use relens::pipeline::{Pipeline, method};
+use relens::pipeline::Pipeline;
 use relens::remedy::full_message;
 use relens::restorer::operating_point;
 
@@ -15,9 +15,8 @@ use super::output::say;
 
 /// Look at devices, calibration, drift, latency and noise: what is wrong, what to do
 ///
-/// On a calibrated rig whose rig file names a method that sends pictures backward through the lens
-/// (`paper`, `residual`), it also tries whether that is the adjoint of the forward way (the dot
-/// test).
+/// On a calibrated rig it also tries whether the light's backward convolution is the adjoint of its
+/// forward one (the dot test).
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -29,8 +28,8 @@ pub(super) struct CheckOptions {
     folder: FolderOption,
 }
 
-/// Opens every device, measures the rig's timing, looks for its calibration and, where the rig
-/// file's method needs it, tries its backward convolution.
+/// Opens every device, measures the rig's timing, looks for its calibration and tries its backward
+/// convolution.
 ///
 /// # Errors
 /// When the operator is needed: the first device that cannot be had, or else everything else that
@@ -55,14 +54,12 @@ pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
             let (generation, captures) = (calibration.generation, calibration.captures);
             row("calibration", &format!("generation {generation}, {captures} captures"));
             let pipeline = Pipeline::new(rig, &calibration).map_err(CliError::of)?;
-            if method(rig, rig.restore.method).about().by_patches {
-                match pipeline.check_backward(&mut devices) {
-                    Ok(check) => {
-                        row("backward convolution", &check.to_string());
-                        complaints.extend(check.complaint());
-                    }
-                    Err(error) => complaints.push(full_message(&*error)),
+            match pipeline.check_backward(&mut devices) {
+                Ok(check) => {
+                    row("backward convolution", &check.to_string());
+                    complaints.extend(check.complaint());
                 }
+                Err(error) => complaints.push(full_message(&*error)),
             }
         }
         Err(error) => {

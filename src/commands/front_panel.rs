@@ -82,9 +82,9 @@ mod board {
     use relens::remedy::full_message;
     use relens::rig::lamps::Lamp;
     use relens::rig::monotonic::Monotonic;
-    use relens::rig::{Moment, RigError, button_line, hardware, lamps};
+    use relens::rig::{Moment, RigError, button, hardware, lamps};
 
-    struct BoardButton(button_line::Button);
+    struct BoardButton(button::Button);
 
     impl desk::Button for BoardButton {
         fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {

@@ -7,10 +7,6 @@ use serde::{Deserialize, Serialize};
 use crate::frame::Size;
 use crate::remedy::{Remediable, Remedy};
 
-/// A run of zero bytes this long in packed data is a hole. Guess: coded photographs hold runs of a
-/// few bytes; file systems leave holes of whole blocks, 512 and up.
-pub(super) const HOLE_BYTES: usize = 512;
-
 /// What is wrong with the content of a file. The file's name is added by [`PictureError`].
 #[derive(Debug, thiserror::Error)]
 pub enum Flaw {
@@ -113,10 +109,7 @@ pub enum Flaw {
         allowed: &'static str,
     },
     /// The decoder refused it.
-    #[error(
-        "the {kind} file is damaged, or of a variety that is not read: found data that cannot be \
-         decoded, allowed are whole and valid files"
-    )]
+    #[error("the {kind} data cannot be decoded, allowed are whole and valid files")]
     Undecodable {
         /// Kind of file.
         kind: &'static str,
@@ -222,22 +215,6 @@ impl PictureError {
 }
 
 impl Flaw {
-    /// A file that stops where `found` says: never filled to its end, or cut short of `end`.
-    pub(super) fn ended_early(
-        kind: &'static str,
-        bytes: &[u8],
-        found: String,
-        end: &'static str,
-    ) -> Flaw {
-        let length = bytes.len();
-        let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
-        if zeros >= HOLE_BYTES {
-            Flaw::ZeroFilled { from: length - zeros, to: length, length }
-        } else {
-            Flaw::Truncated { kind, found, end }
-        }
-    }
-
     fn growth(&self) -> Growth {
         match self {
             Flaw::Empty | Flaw::ZeroFilled { .. } | Flaw::Truncated { .. } => Growth::Likely,

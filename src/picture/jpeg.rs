@@ -1,5 +1,5 @@
-//! Walks a JPEG's markers to its end: the decoder takes one percent of a file for a photo, and a
-//! hole of zeros for a part of one (a test of [`super::decode`] shows it).
+//! Walks a JPEG's markers to its end, because the decoder would take one percent of a file for a
+//! photo.
 //!
 //! Marker syntax: ITU-T T.81 annex B. A file is whole when its first image runs from SOI over at
 //! least one scan to EOI; whatever cameras append after EOI (previews, depth maps) is not looked
@@ -8,7 +8,6 @@
 use crate::frame::Size;
 
 use super::Flaw;
-use super::flaw::HOLE_BYTES;
 
 /// What the walk learns without decoding anything.
 pub(super) struct WalkedJpeg {
@@ -16,6 +15,11 @@ pub(super) struct WalkedJpeg {
     /// Number of colour components.
     pub(super) components: u8,
 }
+
+/// A run of zero bytes this long inside the coded data is a hole, unless the picture is nearly
+/// blank. Guess: coded photographs hold runs of a few bytes; file systems leave holes of whole
+/// blocks, 512 and up.
+const HOLE_BYTES: usize = 512;
 
 /// Below this many coded bits a pixel a picture is so blank that zero runs may be its code. Guess.
 const BLANK_BITS_PER_PIXEL: f64 = 0.1;
@@ -152,9 +156,21 @@ fn longest_zero_run(data: &[u8]) -> (usize, usize) {
     best
 }
 
+/// The right words for a file that stops: cut short, or never filled to its end.
 fn ended_early(bytes: &[u8], found: &str) -> Flaw {
-    let found = format!("{found} in {} bytes", bytes.len());
-    Flaw::ended_early("JPEG", bytes, found, "its end-of-image marker")
+    let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
+    if zeros >= HOLE_BYTES {
+        return Flaw::ZeroFilled {
+            from: bytes.len() - zeros,
+            to: bytes.len(),
+            length: bytes.len(),
+        };
+    }
+    Flaw::Truncated {
+        kind: "JPEG",
+        found: format!("{found} in {} bytes", bytes.len()),
+        end: "its end-of-image marker",
+    }
 }
 
 fn damaged(found: &str, allowed: &str) -> Flaw {

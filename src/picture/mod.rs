@@ -23,6 +23,7 @@ mod flaw;
 mod jpeg;
 mod kind;
 mod photo;
+mod png;
 mod shape;
 mod tiff;
 mod tone;

@@ -1,14 +1,12 @@
-//! Walks a TIFF's first directory and sees that its strips or tiles lie inside the file and are
-//! filled (TIFF 6.0, §2): the decoder takes a hole of zeros for black pixels (a test of
-//! [`super::decode`] shows it).
+//! Walks a TIFF's first directory and sees that its strips or tiles lie inside the file (TIFF 6.0,
+//! §2).
 
 use crate::frame::Size;
 
 use super::Flaw;
-use super::flaw::HOLE_BYTES;
 
 /// What the walk learns without decoding anything.
-pub(super) struct WalkedTiff {
+pub(super) struct Walked {
     pub(super) size: Size,
     /// Whether the file holds further pictures, which are not restored.
     pub(super) more_pages: bool,
@@ -32,11 +30,11 @@ const STRIPS_MAX: usize = 1 << 20;
 ///
 /// # Errors
 /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
-pub(super) fn walk(bytes: &[u8]) -> Result<WalkedTiff, Flaw> {
+pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     let file = File { bytes, big_endian: bytes.starts_with(b"MM") };
     let directory = file.u32(4)? as usize;
     let entries = usize::from(file.u16(directory)?);
-    let mut walked = WalkedTiff { size: Size::new(0, 0), more_pages: false, exif: false };
+    let mut walked = Walked { size: Size::new(0, 0), more_pages: false, exif: false };
     let (mut offsets, mut counts, mut plain) = (Vec::new(), Vec::new(), true);
     for n in 0..entries {
         let entry = directory + 2 + 12 * n;
@@ -74,7 +72,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedTiff, Flaw> {
     }
     // Plain data may hold zeros, black pixels; a whole quarter of exact zeros at the end is a hole,
     // for no sensor is that quiet. Guess. Packed data never holds them.
-    let allowed = if plain { (total / 4).max(HOLE_BYTES) } else { HOLE_BYTES };
+    let allowed = if plain { (total / 4).max(512) } else { 512 };
     if zeros_at_end >= allowed {
         let to = offsets.iter().zip(&counts).map(|(o, c)| o + c).max().unwrap_or(bytes.len());
         return Err(Flaw::ZeroFilled {
@@ -94,12 +92,20 @@ struct File<'a> {
 
 impl File<'_> {
     fn u16(&self, at: usize) -> Result<u16, Flaw> {
-        let b = self.slice(at)?;
+        let b = self
+            .bytes
+            .get(at..at + 2)
+            .ok_or_else(|| self.ended_early("a directory past the end"))?;
+        let b = [b[0], b[1]];
         Ok(if self.big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) })
     }
 
     fn u32(&self, at: usize) -> Result<u32, Flaw> {
-        let b = self.slice(at)?;
+        let b = self
+            .bytes
+            .get(at..at + 4)
+            .ok_or_else(|| self.ended_early("a directory past the end"))?;
+        let b = [b[0], b[1], b[2], b[3]];
         Ok(if self.big_endian { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
     }
 
@@ -131,23 +137,22 @@ impl File<'_> {
     }
 
     fn ended_early(&self, found: &str) -> Flaw {
-        let found = format!("{found} of {} bytes", self.bytes.len());
-        let end = "the end of its last strip and its directory";
-        Flaw::ended_early("TIFF", self.bytes, found, end)
+        let length = self.bytes.len();
+        let zeros = self.bytes.iter().rev().take_while(|&&b| b == 0).count();
+        if zeros >= 512 {
+            return Flaw::ZeroFilled { from: length - zeros, to: length, length };
+        }
+        let found = format!("{found} of {length} bytes");
+        Flaw::Truncated { kind: "TIFF", found, end: "the end of its last strip and its directory" }
     }
 
     fn damaged(&self, found: &str, allowed: &str) -> Flaw {
         // A directory read out of a never-filled tail is all zeros: say that instead.
-        match self.ended_early(found) {
-            hole @ Flaw::ZeroFilled { .. } => hole,
-            _ => {
-                Flaw::Damaged { kind: "TIFF", found: found.to_owned(), allowed: allowed.to_owned() }
-            }
+        let length = self.bytes.len();
+        let zeros = self.bytes.iter().rev().take_while(|&&b| b == 0).count();
+        if zeros >= 512 {
+            return Flaw::ZeroFilled { from: length - zeros, to: length, length };
         }
-    }
-
-    fn slice<const N: usize>(&self, at: usize) -> Result<[u8; N], Flaw> {
-        let found = self.bytes.get(at..).and_then(|rest| rest.first_chunk());
-        found.copied().ok_or_else(|| self.ended_early("a directory past the end"))
+        Flaw::Damaged { kind: "TIFF", found: found.to_owned(), allowed: allowed.to_owned() }
     }
 }

@@ -2,7 +2,7 @@
 
 use linux_embedded_hal::Delay;
 
-use super::button_line::Button;
+use super::button::Button;
 use super::exposure::{Rig, Timing};
 use super::frame_mark::MarkPlace;
 use super::gpio_line::{LineName, OutputLine};

@@ -10,8 +10,6 @@
 pub mod bayer;
 pub mod button;
 #[cfg(feature = "hardware")]
-pub mod button_line;
-#[cfg(feature = "hardware")]
 pub mod camera;
 pub mod coarse_geometry;
 mod device;

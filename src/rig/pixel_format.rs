@@ -27,18 +27,11 @@ pub enum PixelFormat {
         /// 8, 10, 12 or 16.
         bits: u8,
     },
-    /// Three bytes a pixel: `RGB3`, and with blue in front `BGR3`.
-    Rgb24 {
-        /// Blue, green, red instead of red, green, blue.
-        blue_first: bool,
-    },
-    /// Two pixels in four bytes, 4:2:2, BT.601 in the limited range, which is V4L2's default for
-    /// Y′CbCr: `YUYV`, and with the chroma in front `UYVY`. The camera has bent the light already;
-    /// the calibration's response curves unbend it.
-    Yuv422 {
-        /// Chroma, luma instead of luma, chroma.
-        chroma_first: bool,
-    },
+    /// `RGB3`, three bytes a pixel: red, green, blue.
+    Rgb24,
+    /// `YUYV`, 4:2:2, BT.601 in the limited range, which is V4L2's default for Y′CbCr.
+    /// The camera has bent the light already; the calibration's response curves unbend it.
+    Yuyv,
 }
 
 /// Bytes that are not the frame they are said to be.
@@ -62,9 +55,9 @@ pub struct ShortFrame {
 
 impl PixelFormat {
     /// Every format relens takes, with its four-character code without trailing blanks.
-    pub const ALL: [(&'static str, PixelFormat); 24] = {
+    pub const ALL: [(&'static str, PixelFormat); 22] = {
         use Mosaic::{Bggr, Gbrg, Grbg, Rggb};
-        use PixelFormat::{Bayer, Grey, GreyWide, Rgb24, Yuv422};
+        use PixelFormat::{Bayer, Grey, GreyWide, Rgb24, Yuyv};
         [
             ("GREY", Grey),
             ("Y10", GreyWide { bits: 10 }),
@@ -86,10 +79,8 @@ impl PixelFormat {
             ("GB16", Bayer { mosaic: Gbrg, bits: 16 }),
             ("GR16", Bayer { mosaic: Grbg, bits: 16 }),
             ("RG16", Bayer { mosaic: Rggb, bits: 16 }),
-            ("RGB3", Rgb24 { blue_first: false }),
-            ("BGR3", Rgb24 { blue_first: true }),
-            ("YUYV", Yuv422 { chroma_first: false }),
-            ("UYVY", Yuv422 { chroma_first: true }),
+            ("RGB3", Rgb24),
+            ("YUYV", Yuyv),
         ]
     };
 
@@ -139,24 +130,17 @@ impl PixelFormat {
     /// Bits of one count.
     pub fn bits(self) -> u8 {
         match self {
-            PixelFormat::Grey | PixelFormat::Rgb24 { .. } | PixelFormat::Yuv422 { .. } => 8,
+            PixelFormat::Grey | PixelFormat::Rgb24 | PixelFormat::Yuyv => 8,
             PixelFormat::GreyWide { bits } | PixelFormat::Bayer { bits, .. } => bits,
         }
-    }
-
-    /// Whether its samples must come in the limited range, 16 to 235.
-    pub fn is_limited_range(self) -> bool {
-        matches!(self, PixelFormat::Yuv422 { .. })
     }
 
     /// Bytes of one pixel.
     pub fn pixel_bytes(self) -> usize {
         match self {
             PixelFormat::Grey | PixelFormat::Bayer { bits: 8, .. } => 1,
-            PixelFormat::GreyWide { .. }
-            | PixelFormat::Bayer { .. }
-            | PixelFormat::Yuv422 { .. } => 2,
-            PixelFormat::Rgb24 { .. } => 3,
+            PixelFormat::GreyWide { .. } | PixelFormat::Bayer { .. } | PixelFormat::Yuyv => 2,
+            PixelFormat::Rgb24 => 3,
         }
     }
 
@@ -200,26 +184,22 @@ impl PixelFormat {
                 samples(rows(), self, scratch);
                 bayer::interpolate(scratch, mosaic, counts);
             }
-            PixelFormat::Rgb24 { blue_first } => {
-                let (first, last) = if blue_first { (2, 0) } else { (0, 2) };
+            PixelFormat::Rgb24 => {
                 for (y, row) in rows().enumerate() {
                     let [red, green, blue] = counts.planes_mut().each_mut().map(|p| p.row_mut(y));
                     for (((r, g), b), pixel) in
                         red.iter_mut().zip(green).zip(blue).zip(row.chunks_exact(3))
                     {
-                        (*r, *g, *b) = (pixel[first].into(), pixel[1].into(), pixel[last].into());
+                        (*r, *g, *b) = (pixel[0].into(), pixel[1].into(), pixel[2].into());
                     }
                 }
             }
-            PixelFormat::Yuv422 { chroma_first } => {
-                let (luma, chroma) = if chroma_first { (1, 0) } else { (0, 1) };
+            PixelFormat::Yuyv => {
                 for (y, row) in rows().enumerate() {
                     let [red, green, blue] = counts.planes_mut().each_mut().map(|p| p.row_mut(y));
                     for (pair, four) in row.chunks_exact(4).enumerate() {
-                        for n in 0..2 {
-                            let x = 2 * pair + n;
-                            let (y, cb, cr) = (four[luma + 2 * n], four[chroma], four[chroma + 2]);
-                            [red[x], green[x], blue[x]] = rgb_of_bt601(y, cb, cr);
+                        for (x, luma) in [(2 * pair, four[0]), (2 * pair + 1, four[2])] {
+                            [red[x], green[x], blue[x]] = rgb_of_bt601(luma, four[1], four[3]);
                         }
                     }
                 }
@@ -308,16 +288,15 @@ mod tests {
 
     #[test]
     fn rgb_keeps_its_order() {
-        let planes = |code: &str| {
-            let counts = unpacked(code, &[1, 2, 3, 4, 5, 6], Size::new(2, 1), 6);
-            counts.planes().each_ref().map(|plane| plane.data().to_vec())
-        };
-        assert_eq!(planes("RGB3"), [vec![1, 4], vec![2, 5], vec![3, 6]]);
-        assert_eq!(planes("BGR3"), [vec![3, 6], vec![2, 5], vec![1, 4]]);
+        let counts = unpacked("RGB3", &[1, 2, 3, 4, 5, 6], Size::new(2, 1), 6);
+        assert_eq!(
+            counts.planes().each_ref().map(|p| p.data().to_vec()),
+            [vec![1, 4], vec![2, 5], vec![3, 6]]
+        );
     }
 
     #[test]
-    fn yuyv_and_uyvy_give_the_colour_bars_of_bt601() {
+    fn yuyv_gives_the_colour_bars_of_bt601() {
         // 100 % bars, limited range: white, red and blue (BT.601-7 table values, rounded).
         let bars = [
             (235, 128, 128, [255, 255, 255]),
@@ -326,20 +305,15 @@ mod tests {
             (16, 128, 128, [0; 3]),
         ];
         for (y, cb, cr, want) in bars {
-            let of_yuyv = unpacked("YUYV", &[y, cb, y, cr], Size::new(2, 1), 4);
-            let of_uyvy = unpacked("UYVY", &[cb, y, cr, y], Size::new(2, 1), 4);
-            assert_eq!(of_yuyv, of_uyvy);
+            let counts = unpacked("YUYV", &[y, cb, y, cr], Size::new(2, 1), 4);
             for x in 0..2 {
-                let got = of_yuyv.planes().each_ref().map(|p| i32::from(p.at(x, 0)));
+                let got = counts.planes().each_ref().map(|p| i32::from(p.at(x, 0)));
                 assert!(
                     got.iter().zip(want).all(|(a, b): (&i32, i32)| (a - b).abs() <= 1),
                     "{got:?} for {want:?}"
                 );
             }
         }
-        // The second pixel has its own luma.
-        let pair = unpacked("UYVY", &[128, 235, 128, 16], Size::new(2, 1), 4);
-        assert!(pair.planes().iter().all(|plane| plane.data() == [255, 0]), "{pair:?}");
     }
 
     #[test]

@@ -1,15 +1,28 @@
 //! Curves over a common axis, drawn with axes, ticks and a legend.
 
-use super::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
+use relens::chart::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
 
 /// Left, right, top and bottom of the field that is drawn into.
 const FIELD: [f64; 4] = [78.0, 640.0, 48.0, 400.0];
 const WIDTH: f64 = 910.0;
 const HEIGHT: f64 = 460.0;
 
+/// Colours told apart by the colour-blind too (Okabe & Ito 2008), and two more, darker.
+pub(crate) const PALETTE: [Colour; 9] = [
+    Colour(0x00, 0x72, 0xb2),
+    Colour(0xd5, 0x5e, 0x00),
+    Colour(0x00, 0x9e, 0x73),
+    Colour(0xe6, 0x9f, 0x00),
+    Colour(0xcc, 0x79, 0xa7),
+    Colour(0x56, 0xb4, 0xe9),
+    Colour(0x8c, 0x6d, 0x1f),
+    Colour(0x55, 0x55, 0x99),
+    Colour(0x99, 0x99, 0x99),
+];
+
 /// How a number becomes a place on the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Scale {
+pub(crate) enum Scale {
     /// Proportional.
     Linear,
     /// Logarithmic above the number given, proportional below it, so that 0 has a place.
@@ -28,42 +41,42 @@ impl Scale {
 
 /// One curve.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
+pub(crate) struct Series {
     /// Its name in the legend.
-    pub name: String,
+    pub(crate) name: String,
     /// Its colour.
-    pub colour: Colour,
+    pub(crate) colour: Colour,
     /// In dashes.
-    pub dashed: bool,
+    pub(crate) dashed: bool,
     /// Its points.
-    pub points: Vec<[f64; 2]>,
+    pub(crate) points: Vec<[f64; 2]>,
 }
 
 /// Curves over a common axis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LineChart {
+pub(crate) struct LineChart {
     /// Above the drawing.
-    pub title: String,
+    pub(crate) title: String,
     /// What x is.
-    pub x_label: String,
+    pub(crate) x_label: String,
     /// What y is.
-    pub y_label: String,
+    pub(crate) y_label: String,
     /// How x is laid out.
-    pub x_scale: Scale,
+    pub(crate) x_scale: Scale,
     /// Numbers marked on the x axis.
-    pub x_ticks: Vec<f64>,
+    pub(crate) x_ticks: Vec<f64>,
     /// The least y shown; what lies below is drawn at the edge. The least of all points when not
     /// given.
-    pub y_least: Option<f64>,
+    pub(crate) y_least: Option<f64>,
     /// A level below which harm is done, and its name.
-    pub floor: Option<(f64, String)>,
+    pub(crate) floor: Option<(f64, String)>,
     /// The curves, in the order of the legend.
-    pub series: Vec<Series>,
+    pub(crate) series: Vec<Series>,
 }
 
 impl LineChart {
     /// The chart drawn.
-    pub fn draw(&self) -> Drawing {
+    pub(crate) fn draw(&self) -> Drawing {
         let mut sheet = Drawing::new(WIDTH, HEIGHT);
         let [left, right, top, bottom] = FIELD;
         let points = || self.series.iter().flat_map(|s| &s.points);
@@ -81,8 +94,8 @@ impl LineChart {
 
         sheet.words(&self.title, [left, 26.0], Anchor::Start, 16.0);
         for &tick in &self.x_ticks {
-            sheet.line([[x(tick), top], [x(tick), bottom]], Stroke::new(FAINT, 1.0));
-            sheet.words(format!("{tick}"), [x(tick), bottom + 18.0], Anchor::Middle, 12.0);
+            sheet.line(&[[x(tick), top], [x(tick), bottom]], Stroke::new(FAINT, 1.0));
+            sheet.words(&format!("{tick}"), [x(tick), bottom + 18.0], Anchor::Middle, 12.0);
         }
         let steps = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
         let step = steps.into_iter().find(|step| (y1 - y0) / step < 9.0).unwrap_or(10.0);
@@ -95,9 +108,9 @@ impl LineChart {
         };
         let mut tick = (y0 / step).ceil() * step;
         while tick <= y1 {
-            sheet.line([[left, y(tick)], [right, y(tick)]], Stroke::new(FAINT, 1.0));
+            sheet.line(&[[left, y(tick)], [right, y(tick)]], Stroke::new(FAINT, 1.0));
             sheet.words(
-                format!("{tick:.decimals$}"),
+                &format!("{tick:.decimals$}"),
                 [left - 8.0, y(tick) + 4.0],
                 Anchor::End,
                 12.0,
@@ -105,26 +118,22 @@ impl LineChart {
             tick += step;
         }
         if let Some((level, name)) = &self.floor {
-            sheet.line([[left, y(*level)], [right, y(*level)]], Stroke::new(HARM, 1.2).dashed());
+            sheet.line(&[[left, y(*level)], [right, y(*level)]], Stroke::new(HARM, 1.2).dashed());
             sheet.words(name, [right - 6.0, y(*level) - 5.0], Anchor::End, 12.0);
         }
-        sheet.line([[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
+        sheet.line(&[[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
         sheet.words(&self.x_label, [(left + right) / 2.0, bottom + 42.0], Anchor::Middle, 14.0);
-        sheet.marks.push(super::Mark::Upwards(
-            self.y_label.clone(),
-            [22.0, (top + bottom) / 2.0],
-            14.0,
-        ));
+        sheet.words_upwards(&self.y_label, [22.0, (top + bottom) / 2.0], 14.0);
         for (n, series) in self.series.iter().enumerate() {
             let stroke = Stroke::new(series.colour, 2.0);
             let stroke = if series.dashed { stroke.dashed() } else { stroke };
             let line: Vec<[f64; 2]> = series.points.iter().map(|p| [x(p[0]), y(p[1])]).collect();
             for &place in &line {
-                sheet.marks.push(super::Mark::Disc(place, 2.6, series.colour, String::new()));
+                sheet.disc(place, 2.6, series.colour, "");
             }
-            sheet.line(line, stroke);
+            sheet.line(&line, stroke);
             let at = top + 12.0 + 21.0 * n as f64;
-            sheet.line([[right + 16.0, at - 4.0], [right + 40.0, at - 4.0]], stroke);
+            sheet.line(&[[right + 16.0, at - 4.0], [right + 40.0, at - 4.0]], stroke);
             sheet.words(&series.name, [right + 46.0, at], Anchor::Start, 12.0);
         }
         sheet
@@ -133,7 +142,6 @@ impl LineChart {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Mark;
     use super::*;
 
     #[test]
@@ -154,15 +162,13 @@ mod tests {
             floor: None,
             series: vec![series],
         };
-        let discs: Vec<[f64; 2]> = chart
-            .draw()
-            .marks
-            .iter()
-            .filter_map(|m| match m {
-                Mark::Disc(at, ..) => Some(*at),
-                _ => None,
-            })
-            .collect();
+        let svg = chart.draw().svg();
+        let number = |circle: &str, name: &str| -> f64 {
+            let value = circle.split(&format!("{name}=\"")).nth(1).unwrap();
+            value.split('"').next().unwrap().parse().unwrap()
+        };
+        let circles = svg.split("<circle").skip(1);
+        let discs: Vec<[f64; 2]> = circles.map(|c| [number(c, "cx"), number(c, "cy")]).collect();
         assert_eq!((discs[0][0], discs[2]), (FIELD[0], [FIELD[1], FIELD[3]]));
         assert!(discs[1][1] < discs[0][1] && discs[0][0] < discs[1][0]);
     }

@@ -1,25 +1,26 @@
 //! Peers from outside: what other people's programs make of the very same photos.
 //!
 //! [`captures`] gives them the photos, the scenes and the lens's central function as measured;
-//! `tests/benches/outside.py` restores with scikit-image and prints rows; [`read`] takes the rows
-//! into the chart, if they are of these photos.
+//! `tests/benches/outside.py` restores with scikit-image and prints rows; [`trade`] takes the rows
+//! into the chart of speed against accuracy, if they are of these photos.
 
-use super::scenes::Scene;
-use super::test_rig::{Stopwatch, TestRig, TestRigError};
-use super::trade::Point;
-use crate::config;
-use crate::frame::{Channel, Plane, npy_f32};
-use crate::remedy::{Remediable, Remedy};
+use relens::chart;
+use relens::chart::contestants::OUTSIDE;
+use relens::chart::scenes::Scene;
+use relens::chart::test_rig::TestRig;
+use relens::chart::trade::Point;
+use relens::config::Rig;
+use relens::frame::{Channel, Plane, npy_f32};
 
-/// The family of their points in the chart.
-pub const FAMILY: &str = "scikit-image";
+use crate::made::Made;
+use crate::{Failure, seconds, told};
 
 /// Columns of the rows read.
 const HEAD: [&str; 6] = ["setting", "scene", "photo-crc32", "seconds", "ssim", "psnr-db"];
 
 /// Why rows of peers cannot be taken.
 #[derive(Debug, thiserror::Error)]
-pub enum PeerError {
+enum PeerError {
     /// The first line is another.
     #[error("the peers' rows begin with `{found}`; `{}` is allowed", HEAD.join(","))]
     Head {
@@ -50,36 +51,40 @@ pub enum PeerError {
     },
 }
 
-impl Remediable for PeerError {
-    fn remedy(&self) -> Remedy {
-        Remedy::CallOperator
-    }
-}
-
-/// Files for peers, name and content: `SCENE-truth.npy` and `SCENE-photo.npy` (`f32`, light 0..255,
-/// rows × columns), and `function.npy`, the central function as measured, summing to about 1; all
-/// of the green channel.
-///
-/// # Errors
-/// When the rig cannot be opened or calibrated.
-pub fn captures(
-    rig: &config::Rig,
-    scenes: &[Scene],
-    stopwatch: Stopwatch,
-) -> Result<Vec<(String, Vec<u8>)>, TestRigError> {
-    let mut test_rig = TestRig::open(rig.clone(), stopwatch)?;
+/// Files for peers: `SCENE-truth.npy` and `SCENE-photo.npy` (`f32`, light 0..255, rows × columns),
+/// and `function.npy`, the central function as measured, summing to about 1; all of the green
+/// channel.
+pub(crate) fn captures(rig: &Rig) -> Result<Made, Failure> {
+    let mut test_rig = TestRig::open(rig.clone(), seconds)?;
     let array = |plane: &Plane| npy_f32(&[plane.height(), plane.width()], plane.data());
     let mut files = Vec::new();
-    for &scene in scenes {
-        let (truth, photo) = test_rig.take_grey(scene)?;
-        files.push((format!("{}-truth.npy", scene.name()), array(&truth)));
-        files.push((format!("{}-photo.npy", scene.name()), array(photo.plane(Channel::Green))));
+    for scene in Scene::STUDY_PHOTOGRAPHS {
+        let (truth, photo) = (test_rig.light(scene), test_rig.photograph(scene)?);
+        for (what, light) in [("truth", truth), ("photo", photo)] {
+            let name = format!("{}-{what}.npy", scene.name());
+            files.push((name, array(light.plane(Channel::Green))));
+        }
     }
-    let functions = test_rig.model().functions();
+    let functions = test_rig.parts().0.model().functions();
     let k = functions.support_px;
     let central = functions.function(Channel::Green, functions.rows / 2, functions.columns / 2);
     files.push(("function.npy".to_owned(), npy_f32(&[k, k], central)));
-    Ok(files)
+    Ok(Made { files, ..Made::default() })
+}
+
+/// Speed against accuracy with the peers' `rows` in it.
+pub(crate) fn trade(rig: &Rig, quick: bool, rows: &str) -> Result<Made, Failure> {
+    let mut test_rig = TestRig::open(rig.clone(), seconds)?;
+    let mut photos = Vec::new();
+    for scene in Scene::STUDY_PHOTOGRAPHS {
+        photos.push((scene, test_rig.photograph(scene)?.plane(Channel::Green).clone()));
+    }
+    let outside = read(rows, &photos)?;
+    let mut trade = chart::trade(rig, quick, seconds, &mut told)?;
+    trade.points.extend(outside);
+    let remark = " The peers' seconds are from a run of their own on the same machine.";
+    let chart::Chart { tables, drawings } = chart::chart(rig, &trade, remark);
+    Ok(Made { tables, drawings, ..Made::default() })
 }
 
 /// The CRC-32 of a photo's green plane, `f32` in little-endian order.
@@ -110,10 +115,7 @@ fn row(line: &str) -> Option<Row<'_>> {
 
 /// The peers' rows in `text` as points, means over the scenes; `photos` are the photos of this
 /// chart.
-///
-/// # Errors
-/// When the text is no such table, or of other photos.
-pub(super) fn read(text: &str, photos: &[(Scene, Plane)]) -> Result<Vec<Point>, PeerError> {
+fn read(text: &str, photos: &[(Scene, Plane)]) -> Result<Vec<Point>, PeerError> {
     let mut lines = text.lines().enumerate();
     let head = lines.next().map_or("", |(_, line)| line.trim());
     if head != HEAD.join(",") {
@@ -144,7 +146,7 @@ pub(super) fn read(text: &str, photos: &[(Scene, Plane)]) -> Result<Vec<Point>, 
 fn point(setting: &str, rows: &[[f64; 3]]) -> Point {
     let mean = |n: usize| rows.iter().map(|r| r[n]).sum::<f64>() / rows.len() as f64;
     Point {
-        family: FAMILY,
+        family: OUTSIDE,
         setting: setting.to_owned(),
         printed: false,
         captures: 0.0,
@@ -158,7 +160,7 @@ fn point(setting: &str, rows: &[[f64; 3]]) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Size;
+    use relens::frame::Size;
 
     #[test]
     fn rows_of_these_photos_become_means_and_others_are_refused() {

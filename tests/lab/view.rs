@@ -14,6 +14,7 @@ pub(crate) struct View {
 
 impl View {
     /// All of a scene.
+    #[cfg(test)]
     pub(crate) const fn whole(scene: Scene) -> View {
         View { scene, quarter: None }
     }

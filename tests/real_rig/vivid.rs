@@ -1,7 +1,7 @@
 //! A camera that misbehaves on request: the kernel's vivid.
 
 use relens::frame::Size;
-use relens::rig::camera::v4l2::{CameraName, CameraSettings, ExposureTime, V4l2Camera};
+use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
 use relens::rig::pixel_format::PixelFormat;
 use relens::rig::{Camera, Clock, Moment, RigError};
@@ -15,7 +15,7 @@ fn vivid() -> CameraSettings {
         size: Size::new(640, 480),
         format: PixelFormat::Grey,
         buffers: 4,
-        exposure: ExposureTime::Elsewhere { exposure_ms: 0.0 },
+        exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
         controls: Vec::new(),
     }
 }

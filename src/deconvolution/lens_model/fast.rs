@@ -8,7 +8,7 @@
 
 use super::cells::{Cells, Spectrum, Stretch};
 use super::fourier::Fourier;
-use super::halves::{EightColumns, Part, frequency_groups, store, up};
+use super::halves::{Part, frequency_groups, store, up};
 use super::lanes::{ComplexLanes, LANES, Lanes};
 use crate::frame::instructions::Kernel;
 use crate::frame::{Plane, Size};
@@ -241,9 +241,7 @@ impl Kernel for Forward<'_> {
             }
             let reach = cell.reach();
             for column in (0..reach.width).step_by(2 * LANES) {
-                let first = EightColumns { half: seen, column };
-                let second = EightColumns { half: seen, column: column + LANES };
-                let both = up(cell.fy, first, second, pitch, data, spare);
+                let both = up(cell.fy, (seen, column), (seen, column + LANES), pitch, data, spare);
                 let left = (along_x.start + column) as isize - r as isize;
                 for (y, light) in both[..reach.height].iter().enumerate() {
                     let rows =
@@ -316,9 +314,7 @@ impl Kernel for Adjoint<'_> {
                 lower.fill(ComplexLanes::default());
             }
             for column in (0..width).step_by(LANES) {
-                let first = EightColumns { half: upper, column };
-                let second = EightColumns { half: lower, column };
-                let both = up(cell.fy, first, second, pitch, data, spare);
+                let both = up(cell.fy, (upper, column), (lower, column), pitch, data, spare);
                 let columns = LANES.min(width - column);
                 for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
                     let values = light.im.times_plus::<FUSED>(Lanes::all(v), light.re * (1.0 - v));

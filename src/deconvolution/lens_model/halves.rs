@@ -63,28 +63,22 @@ fn store_group(found: &[ComplexLanes], group: usize, part: Part, to: &mut [Compl
     }
 }
 
-/// Eight columns of a half spectrum.
-pub(super) struct EightColumns<'a> {
-    pub(super) half: &'a [ComplexLanes],
-    /// The first of them.
-    pub(super) column: usize,
-}
-
-/// The way back: from `first` and `second` to eight columns each of two real pictures, as real and
-/// imaginary parts of the returned numbers, n times too large.
+/// The way back: from columns `first_column`.. of the half spectrum `first` and `second_column`..
+/// of `second` to eight columns each of two real pictures, as real and imaginary parts of the
+/// returned numbers, n times too large.
 #[inline(always)]
 pub(super) fn up<'a>(
     fourier: &Fourier,
-    first: EightColumns<'_>,
-    second: EightColumns<'_>,
+    (first, first_column): (&[ComplexLanes], usize),
+    (second, second_column): (&[ComplexLanes], usize),
     pitch: usize,
     data: &'a mut [ComplexLanes],
     spare: &'a mut [ComplexLanes],
 ) -> &'a [ComplexLanes] {
     let n = fourier.length();
     for group in 0..frequency_groups(n) {
-        let (p_re, p_im) = load(&first.half[group * pitch + first.column..][..LANES]);
-        let (q_re, q_im) = load(&second.half[group * pitch + second.column..][..LANES]);
+        let (p_re, p_im) = load(&first[group * pitch + first_column..][..LANES]);
+        let (q_re, q_im) = load(&second[group * pitch + second_column..][..LANES]);
         for i in 0..LANES.min(n / 2 + 1 - group * LANES) {
             let f = group * LANES + i;
             data[f] = ComplexLanes { re: p_re[i] - q_im[i], im: p_im[i] + q_re[i] };

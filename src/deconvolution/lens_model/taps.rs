@@ -6,7 +6,7 @@ use super::LensFunctions;
 use super::cells::{Cells, Spectrum, SpectrumOf};
 use super::fast::{Cell, Workspace, lanes_at, pitch};
 use super::fourier::Fourier;
-use super::halves::{EightColumns, Part, frequency_groups, store, up};
+use super::halves::{Part, frequency_groups, store, up};
 use super::lanes::{ComplexLanes, LANES};
 use crate::frame::instructions::{Kernel, run_fastest};
 use crate::frame::{Channel, Plane};
@@ -114,9 +114,8 @@ impl Kernel for Correlate<'_> {
                 let place = (function.row * cells.columns + function.column) * k * k;
                 let half = &corners[corner];
                 for column in (0..k).step_by(2 * LANES) {
-                    let first = EightColumns { half: half, column };
-                    let second = EightColumns { half: half, column: column + LANES };
-                    let both = up(cell.fy, first, second, pitch, data, spare);
+                    let both =
+                        up(cell.fy, (half, column), (half, column + LANES), pitch, data, spare);
                     for (found, row) in
                         both.iter().zip(taps[place..place + k * k].chunks_exact_mut(k))
                     {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::optics::{Light, Optics};
-use super::sensor::{ReadOut, SimulatedSensor, Stream};
+use super::sensor::{Reading, SimulatedSensor, Stream};
 use crate::config::{Curve, Surround};
 use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
@@ -95,9 +95,9 @@ impl<'a> Exposure<'a> {
         Exposure { sensor, part: optics.photo, light, seed }
     }
 
-    fn reading(&self) -> ReadOut {
+    fn reading(&self) -> Reading {
         let Exposure { part, seed, .. } = *self;
-        ReadOut { part, seed, stream: Stream::Photograph, number: 0 }
+        Reading { part, seed, stream: Stream::Photograph, number: 0 }
     }
 
     fn fill(&self) -> impl Fn(Channel, usize, &mut [f32]) + Sync {

@@ -1,17 +1,17 @@
 //! Figure 9: a photo taken at one distance, restored on a rig whose panel stands at another.
 
-use super::super::scenes::Scene;
-use super::super::study::Condition;
-use super::super::table::Table;
-use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, functions_map, mosaic};
-use super::stage::{Stage, printed, with_lens};
-use super::{Agreement, Figure};
-use crate::config;
-use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::method::Method;
-use crate::frame::Channel;
-use crate::pipeline::hybrid;
+use super::stage::{Stage, printed};
+use super::{Figure, Finding, Picture};
+use crate::Failure;
+use crate::change::{NO_NOISE, lens};
+use relens::chart::scenes::Scene;
+use relens::chart::table::Table;
+use relens::config::Rig;
+use relens::deconvolution::lens_model::LensModel;
+use relens::deconvolution::method::Method;
+use relens::frame::Channel;
+use relens::pipeline::hybrid;
 
 /// The paper's two distances: name and millimetres.
 const DISTANCES: [(&str, f64); 2] = [("4 m", 4000.0), ("40 cm", 400.0)];
@@ -29,16 +29,15 @@ struct Cell {
 }
 
 /// The figure, measured without noise.
-///
-/// # Errors
-/// When a rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
+pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
     let at = |mm: f64| {
-        with_lens(Condition::NoNoise.apply(rig.clone()), |lens| lens.object_distance_mm = mm)
+        let mut rig = NO_NOISE.filed(rig, 0.0);
+        lens(&mut rig, |lens| lens.object_distance_mm = mm);
+        rig
     };
     let mut stages = Vec::new();
     for (_, mm) in DISTANCES {
-        stages.push(Stage::open(at(mm), stopwatch)?);
+        stages.push(Stage::open(at(mm))?);
     }
     let mut table = Table::new(
         "Photos of both distances restored on rigs of both, captures without noise.",
@@ -92,20 +91,18 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
     let maps: Vec<_> = [1, 0].map(|n: usize| functions_map(&stages[n].truth, 5, 5)).into();
     let tiles: Vec<_> = crossed.iter().map(|p| detail(p, (0.5, 0.5), 0.5, 1)).collect();
     let seen = "The middle of the chart, left to right: photo at 4 m, and restored with the panel \
-     at 40 cm; photo at 40 \
-                cm, and restored with the panel at 4 m (the paper's loop, 11 iterations).";
+                at 40 cm; photo at 40 cm, and restored with the panel at 4 m (the paper's loop, 11 \
+                iterations).";
     let functions = "The lens's functions over the field, at 40 cm (left) and 4 m: square roots.";
-    let (agreement, text) = judged(&cells, difference(&stages[1].truth, &stages[0].truth));
     Ok(Figure {
         number: 9,
         stem: "figure-09-distances",
         title: "Photo and panel at different distances",
-        agreement,
-        text,
+        findings: findings(&cells, difference(&stages[1].truth, &stages[0].truth)),
         drawings: Vec::new(),
         pictures: vec![
-            ("", seen.to_owned(), mosaic(&tiles, 4)),
-            ("-functions", functions.to_owned(), mosaic(&maps, 2)),
+            Picture { suffix: "", seen: seen.to_owned(), picture: mosaic(&tiles, 4) },
+            Picture { suffix: "-functions", seen: functions.to_owned(), picture: mosaic(&maps, 2) },
         ],
         table,
     })
@@ -131,44 +128,36 @@ fn difference(one: &LensModel, other: &LensModel) -> [f64; 3] {
     [at(a.rows / 2, a.columns / 2), at(0, 0), all.iter().sum::<f64>() / all.len().max(1) as f64]
 }
 
-fn judged(cells: &[Cell], [centre, corner, mean]: [f64; 3]) -> (Agreement, String) {
-    // The share of the gain that is lost on the rig of the other distance, worst and mean.
-    let lost = |paper: bool| -> Vec<f64> {
+fn findings(cells: &[Cell], [centre, corner, mean]: [f64; 3]) -> Vec<Finding> {
+    // The share of the gain that is lost on the rig of the other distance, worst.
+    let lost = |paper: bool| {
         let of = |c: &&Cell| c.paper == paper;
-        let matched: Vec<&Cell> = cells.iter().filter(of).filter(|c| c.photo == c.rig).collect();
-        let other: Vec<&Cell> = cells.iter().filter(of).filter(|c| c.photo != c.rig).collect();
-        // Scene by scene, photo by photo, both lists run in the same order of photos.
-        matched.iter().zip(&other).map(|(m, o)| 1.0 - o.gain / m.gain).collect()
+        let matched = cells.iter().filter(of).filter(|c| c.photo == c.rig);
+        let other = cells.iter().filter(of).filter(|c| c.photo != c.rig);
+        // Scene by scene, photo by photo, both run in the same order of photos.
+        matched.zip(other).map(|(m, o)| 1.0 - o.gain / m.gain).fold(f64::NEG_INFINITY, f64::max)
     };
-    let worst = |lost: &[f64]| lost.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let (paper, hybrid) = (lost(true), lost(false));
     let gains = cells.iter().filter(|c| c.paper && c.photo != c.rig).all(|c| c.gain > 0.0);
-    let reasonable = gains && worst(&paper) < LOST_SHARE_MAX;
-    let similar = mean < SIMILAR;
-    let text = format!(
-        "The paper: the functions at 40 cm and 4 m are very similar, and a photo of one distance \
-         restored on a rig of the \
-         other is still reasonable and promising. Here the functions differ by {:.0} % in the \
-         centre, {:.0} % in the corner \
-         and {:.0} % over the field (root mean square, both refocused): {} in the middle and {} \
-         outside it. On the rig \
-         of the other distance the paper's loop keeps {:.0} % of the gain in SSIM it has on its \
-         own, at worst; the default \
-         method, which trusts what it measured of the lens, keeps {:.0} % at worst, because its \
-         gain is larger and rests on \
-         detail. {}",
-        100.0 * centre,
-        100.0 * corner,
-        100.0 * mean,
-        if centre < SIMILAR { "very similar" } else { "not similar" },
-        if corner < SIMILAR { "also" } else { "not" },
-        100.0 * (1.0 - worst(&paper)),
-        100.0 * (1.0 - worst(&hybrid)),
-        if reasonable {
-            "Distance may be neglected, as the paper says, if some quality may."
-        } else {
-            "Distance may not be neglected."
-        },
-    );
-    (Agreement::of(&[similar, reasonable]), text)
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    vec![
+        Finding::of(
+            "the functions at 40 cm and 4 m are very similar",
+            "relative difference of the functions over the field (root mean square, both \
+             refocused)",
+            percent(mean),
+            "20 %",
+            mean < SIMILAR,
+        ),
+        Finding::beside("the same in the centre", percent(centre)),
+        Finding::beside("the same in the corner", percent(corner)),
+        Finding::of(
+            "a photo of one distance restored on a rig of the other is still reasonable and \
+             promising",
+            "share of its gain in SSIM that the paper's loop loses there, worst",
+            percent(lost(true)),
+            "25 %, and it gains",
+            gains && lost(true) < LOST_SHARE_MAX,
+        ),
+        Finding::beside("the same of the default method", percent(lost(false))),
+    ]
 }

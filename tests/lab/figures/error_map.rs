@@ -1,15 +1,15 @@
 //! Figure 8: where flip–FC–flip differs from the exact adjoint.
 
-use super::super::scenes::Scene;
-use super::super::study::Condition;
-use super::super::table::Table;
-use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{enlarged, functions_map, halved, mosaic};
 use super::stage::{Stage, scaled, shown};
-use super::{Agreement, Figure};
-use crate::config;
-use crate::deconvolution::patches::PatchShape;
-use crate::frame::Plane;
+use super::{Figure, Finding, Picture};
+use crate::Failure;
+use crate::change::NO_NOISE;
+use relens::chart::scenes::Scene;
+use relens::chart::table::Table;
+use relens::config::Rig;
+use relens::deconvolution::patches::PatchShape;
+use relens::frame::Plane;
 
 /// The paper's patch size for a photo 1024 wide.
 const PATCH_PX: usize = 80;
@@ -62,21 +62,16 @@ impl Zones {
 }
 
 /// The figure, measured without noise.
-///
-/// # Errors
-/// When the rig cannot be opened or calibrated, or a capture fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
-    let mut stage = Stage::open(Condition::NoNoise.apply(rig.clone()), stopwatch)?;
+pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+    let mut stage = Stage::open(NO_NOISE.filed(rig, 0.0))?;
     let taken = stage.take(Scene::Chart)?;
     let border_px = stage.truth.functions().support_px / 2;
     let mut head = vec!["patch"];
     head.extend(ZONES.iter().flat_map(|_| ["mean", "99 %"]));
     let caption = format!(
         "Absolute difference in grey levels between backward convolution by light and by the true \
-         lens, chart: mean and \
-         99th percentile in the centre, between, in the corners (thirds of the half diagonal) \
-         and, on the right, in the \
-         border of {border_px} pixels around them."
+         lens, chart: mean and 99th percentile in the centre, between, in the corners (thirds of \
+         the half diagonal) and, on the right, in the border of {border_px} pixels around them."
     );
     let mut table = Table::new(caption, &head);
     let mut printed = None;
@@ -97,73 +92,72 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
             printed = Some((exact, light, error, zones));
         }
     }
-    let Some((exact, light, error, zones)) = printed else { return Ok(nothing(table)) };
-    let map = functions_map(&stage.truth, 7, 7);
+    let (exact, light, error, zones) = printed.ok_or("the paper's patch size was not tried")?;
     let tiles = [&taken.truth, &taken.blurred(), &shown(&exact), &shown(&light)].map(halved);
     let bright = shown(&halved(&error).map(|v: f32| BRIGHTER * v));
     let [scene, photo, exact, light] = tiles;
     let seen = format!(
         "Left to right, above: the scene; the photo; backward convolution of the scene by the \
-         true lens. Below: the same \
-         by light, patches of {PATCH_PX}; the difference, {BRIGHTER} times as bright."
+         true lens. Below: the same by light, patches of {PATCH_PX}; the difference, {BRIGHTER} \
+         times as bright."
     );
     let functions = "The lens's functions over the field, each to its own maximum, square roots.";
-    let accuracy = stage.truth_error(&taken.truth);
-    let (agreement, text) = judged(&zones, accuracy);
     Ok(Figure {
-        agreement,
-        text,
-        pictures: vec![
-            ("", seen, mosaic(&[scene, photo, exact, light, bright], 3)),
-            ("-functions", functions.to_owned(), enlarged(&map, 1)),
-        ],
-        ..nothing(table)
-    })
-}
-
-fn nothing(table: Table) -> Figure {
-    Figure {
         number: 8,
         stem: "figure-08-error-map",
         title: "Where flip–FC–flip errs",
-        agreement: Agreement::Differs,
-        text: String::new(),
+        findings: findings(&zones, stage.truth_error(&taken.truth)),
         drawings: Vec::new(),
-        pictures: Vec::new(),
+        pictures: vec![
+            Picture { suffix: "", seen, picture: mosaic(&[scene, photo, exact, light, bright], 3) },
+            Picture {
+                suffix: "-functions",
+                seen: functions.to_owned(),
+                picture: enlarged(&functions_map(&stage.truth, 7, 7), 1),
+            },
+        ],
         table,
-    }
+    })
 }
 
-fn judged(zones: &Zones, accuracy: f64) -> (Agreement, String) {
+/// For patches of [`PATCH_PX`]; `accuracy` is that of the true lens as computed.
+fn findings(zones: &Zones, accuracy: f64) -> Vec<Finding> {
     let [centre, _, corners, frame] = zones.mean;
-    let grows = corners > centre;
-    let small = corners < SMALL_LEVELS;
-    let text = format!(
-        "The paper: with patches of {PATCH_PX} the approximation is hard to tell from the truth; \
-         it works well in the \
-         centre, and the error grows slightly towards the corners, where the functions change \
-         faster. Here the mean error \
-         is {centre:.2} grey levels of 255 in the centre and {corners:.2} in the corners ({:.2} \
-         and {:.2} for the worst \
-         hundredth): it {} outwards, and it is {}. Part of that is not the approximation's: the \
-         light is rounded to 8 \
-         bits four times, and the true lens as computed here differs from the light by \
-         {accuracy:.2}. In the border as \
-         wide as the functions' radius the error is {frame:.2}: light that is thrown out of the \
-         frame does not come back, \
-         which the paper does not mention.",
-        zones.high[0],
-        zones.high[2],
-        if grows { "grows" } else { "does not grow" },
-        if small { "too small to be seen" } else { "large enough to be seen" },
-    );
-    (Agreement::of(&[grows, small]), text)
+    let levels = |value: f64| format!("{value:.2} grey levels");
+    vec![
+        Finding::of(
+            "the error grows slightly towards the corners",
+            "mean error in the corners less that in the centre",
+            levels(corners - centre),
+            "more than 0",
+            corners > centre,
+        ),
+        Finding::of(
+            "with patches of 80 the approximation is hard to tell from the truth",
+            "mean error in the corners",
+            levels(corners),
+            "1",
+            corners < SMALL_LEVELS,
+        ),
+        Finding::beside("mean error in the centre", levels(centre)),
+        Finding::beside("its worst hundredth in the centre", levels(zones.high[0])),
+        Finding::beside("its worst hundredth in the corners", levels(zones.high[2])),
+        Finding::beside(
+            "part of it: the true lens as computed against the light (the rest of what is not the \
+             approximation's is four roundings to 8 bits)",
+            levels(accuracy),
+        ),
+        Finding::beside(
+            "mean error in the border: light thrown out of the frame does not come back",
+            levels(frame),
+        ),
+    ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Size;
+    use relens::frame::Size;
 
     #[test]
     fn every_pixel_is_in_the_zone_it_lies_in() {

@@ -3,17 +3,17 @@
 //! The paper's three are real ones it does not describe. Here they are three prescriptions, as
 //! different as single lenses of 75 mm come.
 
-use super::super::scenes::Scene;
-use super::super::study::Condition;
-use super::super::table::Table;
-use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, functions_map, mosaic};
-use super::stage::{Stage, printed, with_lens};
-use super::{Agreement, Figure};
-use crate::config::{self, Kind, Prescription, Surface};
-use crate::deconvolution::lens_model::LensModel;
-use crate::frame::Channel;
-use crate::pipeline::hybrid;
+use super::stage::{Stage, printed};
+use super::{Figure, Finding, Picture};
+use crate::Failure;
+use crate::change::{NO_NOISE, NOTHING, lens, simulation};
+use relens::chart::scenes::Scene;
+use relens::chart::table::Table;
+use relens::config::{Prescription, Rig, Surface};
+use relens::deconvolution::lens_model::LensModel;
+use relens::frame::Channel;
+use relens::pipeline::hybrid;
 
 /// Room above white: where the blur changes quickly over the field, light gathers on some pixels.
 const WHITE_SHARE: f64 = 0.9;
@@ -62,10 +62,7 @@ impl Singlet {
 }
 
 /// The figure: the paper's loop without noise, the default method with the rig's.
-///
-/// # Errors
-/// When a rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
+pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
     let mut table = Table::new(
         "Three lenses; spots in pixels (root mean square, green) in the centre and in the corner.",
         &[
@@ -83,15 +80,13 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
         ],
     );
     let (mut pictures, mut maps, mut gains) = (Vec::new(), Vec::new(), Vec::new());
-    for lens in &LENSES {
-        for (condition, noise) in
-            [(Condition::NoNoise, "without noise"), (Condition::AsFiled, "with noise")]
-        {
-            let mut changed = with_lens(condition.apply(rig.clone()), |p| lens.put_into(p));
-            if let Kind::Simulated(simulation) = &mut changed.kind {
-                simulation.sensor.white_share = WHITE_SHARE;
-            }
-            let mut stage = Stage::open(changed, stopwatch)?;
+    for singlet in &LENSES {
+        for (change, noise) in [(&NO_NOISE, "without noise"), (&NOTHING, "with noise")] {
+            let mut changed = change.filed(rig, 0.0);
+            lens(&mut changed, |lens| singlet.put_into(lens));
+            simulation(&mut changed, |simulation| simulation.sensor.white_share = WHITE_SHARE);
+            let mut stage = Stage::open(changed)?;
+            let quiet = noise == "without noise";
             let spots = spots_px(&stage.truth);
             for scene in [Scene::Astronaut, Scene::Coffee] {
                 let taken = stage.take(scene)?;
@@ -101,7 +96,7 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
                 for (method, course) in &courses {
                     let (ssim, db) = course.end(&taken.truth);
                     table.row(vec![
-                        lens.name.to_owned(),
+                        singlet.name.to_owned(),
                         format!("{:.1}, {:.1}", spots[0], spots[1]),
                         noise.to_owned(),
                         scene.name().to_owned(),
@@ -113,9 +108,9 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
                         format!("{:+.4}", ssim - blurred),
                         course.certificate.map_or("–".to_owned(), |r| format!("{r:.2}")),
                     ]);
-                    gains.push((*method, condition == Condition::NoNoise, ssim - blurred));
+                    gains.push((*method, quiet, ssim - blurred));
                 }
-                if scene == Scene::Astronaut && condition == Condition::AsFiled {
+                if scene == Scene::Astronaut && !quiet {
                     let last = courses.last().map(|(_, course)| course.last.clone());
                     let tiles = [Some(taken.truth.clone()), Some(taken.blurred()), last];
                     pictures
@@ -129,17 +124,15 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
      the rig's noise.";
     let functions =
         "The lenses' functions over the field, in the same order from the left: square roots.";
-    let (agreement, text) = judged(&gains);
     Ok(Figure {
         number: 12,
         stem: "figure-12-lenses",
         title: "Three lenses",
-        agreement,
-        text,
+        findings: findings(&gains),
         drawings: Vec::new(),
         pictures: vec![
-            ("", seen.to_owned(), mosaic(&pictures, 3)),
-            ("-functions", functions.to_owned(), mosaic(&maps, 3)),
+            Picture { suffix: "", seen: seen.to_owned(), picture: mosaic(&pictures, 3) },
+            Picture { suffix: "-functions", seen: functions.to_owned(), picture: mosaic(&maps, 3) },
         ],
         table,
     })
@@ -163,30 +156,37 @@ fn spots_px(lens: &LensModel) -> [f64; 2] {
     })
 }
 
-fn judged(gains: &[(&str, bool, f64)]) -> (Agreement, String) {
+fn findings(gains: &[(&str, bool, f64)]) -> Vec<Finding> {
     let range = |method: &str, quiet: bool| {
         let of = gains.iter().filter(|g| g.0 == method && g.1 == quiet).map(|g| g.2);
         of.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), g| (a.min(g), b.max(g)))
     };
+    let words = |(least, most): (f64, f64)| format!("{least:+.3} to {most:+.3}");
     let (quiet, noisy) = (range("paper", true), range("paper", false));
-    let (hybrid_quiet, hybrid) = (range("hybrid", true), range("hybrid", false));
-    let text = format!(
-        "The paper shows promising results on three lenses it does not describe, and no numbers. \
-         Here, on three prescriptions \
-         and two photographs, its loop changes SSIM by {:+.3} to {:+.3} without noise and by \
-         {:+.3} to {:+.3} with the rig's; \
-         the default method by {:+.3} to {:+.3} and {:+.3} to {:+.3}. So the method carries over \
-         from lens to lens {}; what \
-         decides is the noise.",
-        quiet.0,
-        quiet.1,
-        noisy.0,
-        noisy.1,
-        hybrid_quiet.0,
-        hybrid_quiet.1,
-        hybrid.0,
-        hybrid.1,
-        if quiet.0 > 0.0 && hybrid.0 > 0.0 { "without being changed" } else { "in part only" },
-    );
-    (Agreement::of(&[quiet.0 > 0.0, noisy.0 > 0.0]), text)
+    let promising = "promising results on three lenses it does not describe";
+    let (allowed, change) = ("more than 0", "change of SSIM by the paper's loop");
+    vec![
+        Finding::of(
+            promising,
+            &format!("{change}, without noise"),
+            words(quiet),
+            allowed,
+            quiet.0 > 0.0,
+        ),
+        Finding::of(
+            promising,
+            &format!("{change}, with the rig's noise"),
+            words(noisy),
+            allowed,
+            noisy.0 > 0.0,
+        ),
+        Finding::beside(
+            "the same by the default method, without noise",
+            words(range("hybrid", true)),
+        ),
+        Finding::beside(
+            "the same by the default method, with the rig's noise",
+            words(range("hybrid", false)),
+        ),
+    ]
 }

@@ -1,9 +1,9 @@
 //! Pictures side by side.
 
-use crate::deconvolution::lens_model::LensModel;
-use crate::frame::Channel;
-use crate::frame::resample::resize;
-use crate::frame::{Plane, Rect, Size};
+use relens::deconvolution::lens_model::LensModel;
+use relens::frame::Channel;
+use relens::frame::resample::resize;
+use relens::frame::{Plane, Rect, Size};
 
 /// White between two tiles, pixels.
 const GAP_PX: usize = 6;

@@ -1,16 +1,17 @@
 //! Figure 7: convergence with flip–FC–flip of several patch sizes, and with the exact adjoint.
 
-use super::super::drawing::{LineChart, PALETTE, Scale, Series};
-use super::super::scenes::Scene;
-use super::super::study::{Condition, whole_frame};
-use super::super::table::Table;
-use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, mosaic};
 use super::stage::{Course, Exact, Stage, printed, with_patches};
-use super::{Agreement, Figure};
-use crate::config;
-use crate::deconvolution::method::Method;
-use crate::deconvolution::method::paper::Paper;
+use super::{Figure, Finding, Picture};
+use crate::Failure;
+use crate::change::NO_NOISE;
+use crate::conditions::whole_frame;
+use crate::lines::{LineChart, PALETTE, Scale, Series};
+use relens::chart::scenes::Scene;
+use relens::chart::table::Table;
+use relens::config::Rig;
+use relens::deconvolution::method::Method;
+use relens::deconvolution::method::paper::Paper;
 
 /// Patch sizes for a photo 1024 wide; the paper tries 60 and 80 and some it does not print.
 const PATCHES_PX: [usize; 6] = [40, 60, 80, 120, 160, 240];
@@ -26,11 +27,8 @@ const SMALL_SSIM: f64 = 0.005;
 const FLAT_SSIM: f64 = 0.005;
 
 /// The figure, measured without noise.
-///
-/// # Errors
-/// When the rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
-    let mut stage = Stage::open(Condition::NoNoise.apply(rig.clone()), stopwatch)?;
+pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+    let mut stage = Stage::open(NO_NOISE.filed(rig, 0.0))?;
     let mut table = Table::new(
         "SSIM after so many iterations, captures without noise.",
         &[
@@ -83,13 +81,13 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
             }
             let tiles: Vec<_> = details.iter().map(|p| detail(p, (0.2, 0.25), 0.4, 1)).collect();
             let seen = "A corner of the chart, left to right: the scene; the photo; after 11 \
-             iterations with the exact \
-                        adjoint, with patches of 60, and with one patch for the whole frame.";
-            pictures.push(("", seen.to_owned(), mosaic(&tiles, 5)));
+                        iterations with the exact adjoint, with patches of 60, and with one patch \
+                        for the whole frame.";
+            let picture = mosaic(&tiles, 5);
+            pictures.push(Picture { suffix: "", seen: seen.to_owned(), picture });
         }
         drawn.push((scene, blurred_ssim, courses));
     }
-    let (agreement, text) = judged(&drawn);
     let drawings = drawn.iter().zip(["-chart", "-coffee"]);
     let drawings = drawings
         .map(|((scene, floor, courses), suffix)| (suffix, curves(*scene, *floor, courses).draw()));
@@ -97,8 +95,7 @@ pub(super) fn measure(rig: &config::Rig, stopwatch: Stopwatch) -> Result<Figure,
         number: 7,
         stem: "figure-07-patch-size",
         title: "Patch size of flip–FC–flip",
-        agreement,
-        text,
+        findings: findings(&drawn),
         drawings: drawings.collect(),
         pictures,
         table,
@@ -130,48 +127,54 @@ fn curves(scene: Scene, floor: f64, courses: &[(String, Course)]) -> LineChart {
     }
 }
 
-fn judged(drawn: &[Measured]) -> (Agreement, String) {
-    let named = |courses: &'_ [(String, Course)], name: &str, iteration: usize| {
+fn findings(drawn: &[Measured]) -> Vec<Finding> {
+    let named = |courses: &[(String, Course)], name: &str, iteration: usize| {
         courses.iter().find(|(n, _)| n == name).map_or(f64::NAN, |(_, c)| c.ssim_at(iteration))
     };
     let worst =
         |of: &dyn Fn(&Measured) -> f64| drawn.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
-    let gap_60 =
-        worst(&|(.., c)| named(c, "exact adjoint", PRINTED) - named(c, "patch 60", PRINTED));
-    let gap_80 =
-        worst(&|(.., c)| named(c, "exact adjoint", PRINTED) - named(c, "patch 80", PRINTED));
+    let exact = |c: &[(String, Course)], n| named(c, "exact adjoint", n);
+    let gap_60 = worst(&|(.., c)| exact(c, PRINTED) - named(c, "patch 60", PRINTED));
+    let gap_80 = worst(&|(.., c)| exact(c, PRINTED) - named(c, "patch 80", PRINTED));
     let below_80 =
         worst(&|(.., c)| (named(c, "patch 40", PRINTED) - named(c, "patch 80", PRINTED)).abs());
-    let ordered = drawn.iter().all(|(.., courses)| {
-        let at: Vec<f64> =
-            PATCHES_PX.map(|p| named(courses, &format!("patch {p}"), PRINTED)).into();
-        at.windows(2).all(|pair| pair[0] >= pair[1] - 0.0005)
+    let rise = worst(&|(.., courses)| {
+        let at = PATCHES_PX.map(|p| named(courses, &format!("patch {p}"), PRINTED));
+        at.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::NEG_INFINITY, f64::max)
     });
-    let more = worst(&|(.., c)| {
-        named(c, "exact adjoint", ITERATIONS as usize) - named(c, "exact adjoint", PRINTED)
-    });
+    let more = worst(&|(.., c)| exact(c, ITERATIONS as usize) - exact(c, PRINTED));
     let whole = worst(&|(_, floor, c)| named(c, "one patch, the whole frame", PRINTED) - floor);
-    let held = [ordered, below_80 < SMALL_SSIM, gap_60 < SMALL_SSIM, more < FLAT_SSIM];
-    let order = if ordered {
-        "smaller patches are better or as good, within 0.0005 SSIM"
-    } else {
-        "smaller patches are not always better"
-    };
-    let text = format!(
-        "The paper: smaller patches are better, below 80 the size hardly matters, patches of 60 \
-         are almost the same as \
-         accurate calculation, and around 10 iterations are optimal. Here, at 11 iterations, {}. \
-         From 80 down to 40 SSIM changes by {below_80:.4} at most; patches of 60 lie {gap_60:.4} \
-         and patches of 80 \
-         {gap_80:.4} below the exact adjoint at most. Going on from 11 to {ITERATIONS} iterations \
-         gains {more:.4} more at \
-         most, so the curve is {} there. One patch for the whole frame, which the paper does not \
-         print, ends {:.3} \
-         {} the blurred photo.",
-        order,
-        if more < FLAT_SSIM { "flat" } else { "still rising" },
-        whole.abs(),
-        if whole < 0.0 { "below" } else { "above" },
-    );
-    (Agreement::of(&held), text)
+    let ssim = |value: f64| format!("{value:+.4} SSIM");
+    vec![
+        Finding::of(
+            "smaller patches are better",
+            "what the next larger patch gains at 11 iterations, at most",
+            ssim(rise),
+            "0.0005",
+            rise <= 0.0005,
+        ),
+        Finding::of(
+            "below 80 the size hardly matters",
+            "between patches of 80 and 40, at most",
+            ssim(below_80),
+            "0.005",
+            below_80 < SMALL_SSIM,
+        ),
+        Finding::of(
+            "patches of 60 are almost the same as accurate calculation",
+            "the exact adjoint over patches of 60, at most",
+            ssim(gap_60),
+            "0.005",
+            gap_60 < SMALL_SSIM,
+        ),
+        Finding::beside("the exact adjoint over patches of 80, at most", ssim(gap_80)),
+        Finding::of(
+            "around 10 iterations are optimal",
+            "what 20 iterations gain over 11, at most",
+            ssim(more),
+            "0.005",
+            more < FLAT_SSIM,
+        ),
+        Finding::beside("one patch for the whole frame over the blurred photo", ssim(whole)),
+    ]
 }

@@ -5,18 +5,18 @@
 //! its word that is every capture, those of the backward convolution too. The other reading has it
 //! on the photo and the forward captures, with the backward convolution computed.
 
-use super::super::drawing::{LineChart, PALETTE, Scale, Series};
-use super::super::scenes::Scene;
-use super::super::study::Condition;
-use super::super::table::Table;
-use super::super::test_rig::{Stopwatch, TestRigError};
 use super::mosaic::{detail, mosaic};
 use super::stage::{Exact, Stage, half, printed};
-use super::{Agreement, Figure};
-use crate::config::Rig;
-use crate::deconvolution::method::Method;
-use crate::deconvolution::method::paper::Paper;
-use crate::frame::Plane;
+use super::{Figure, Finding, Picture};
+use crate::Failure;
+use crate::change::NO_NOISE;
+use crate::lines::{LineChart, PALETTE, Scale, Series};
+use relens::chart::scenes::Scene;
+use relens::chart::table::Table;
+use relens::config::Rig;
+use relens::deconvolution::method::Method;
+use relens::deconvolution::method::paper::Paper;
+use relens::frame::Plane;
 
 const LAMBDAS: [f32; 7] = [1.0, 3.0, 8.0, 18.0, 30.0, 45.0, 70.0];
 const VARIANCES: [f64; 4] = [3.0, 8.0, 18.0, 40.0];
@@ -60,18 +60,15 @@ impl Row {
 }
 
 /// The figure, on the rig at half its size, since it takes so many runs.
-///
-/// # Errors
-/// When the rig cannot be opened or calibrated, or a method fails.
-pub(super) fn measure(rig: &Rig, stopwatch: Stopwatch) -> Result<Figure, TestRigError> {
+pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
     // Calibrated in quiet, so that the noise is in the loop and nowhere else.
-    let mut stage = Stage::open(Condition::NoNoise.apply(half(rig)), stopwatch)?;
-    let as_printed = printed(stage.test_rig.config());
+    let mut stage = Stage::open(NO_NOISE.filed(&half(rig), 0.0))?;
+    let as_printed = printed(stage.harness.config());
     let lens = stage.truth.clone();
     let (mut rows, mut details) = (Vec::new(), Vec::new());
     for scene in [Scene::Chart, Scene::Coffee] {
         for variance in VARIANCES {
-            stage.witness.set_read_noise_levels(variance.sqrt());
+            stage.harness.witness.set_read_noise_levels(variance.sqrt());
             let taken = stage.take(scene)?;
             let (blurred, _) = taken.floor();
             let shows = scene == Scene::Chart && variance == PRINTED.0;
@@ -96,19 +93,17 @@ pub(super) fn measure(rig: &Rig, stopwatch: Stopwatch) -> Result<Figure, TestRig
             }
         }
     }
-    let (agreement, text) = judged(&rows);
     let drawings = Reading::ALL.into_iter().zip(["-every-capture", "-forward-only"]);
     Ok(Figure {
         number: 10,
         stem: "figure-10-regularisation",
         title: "λ against noise variance",
-        agreement,
-        text,
+        findings: findings(&rows),
         drawings: drawings
             .map(|(reading, suffix)| (suffix, curves(&rows, reading).draw()))
             .collect(),
-        pictures: vec![("", seen(), strip(&details))],
-        table: table(&rows, stage.test_rig.config()),
+        pictures: vec![Picture { suffix: "", seen: seen(), picture: strip(&details) }],
+        table: table(&rows, stage.harness.config()),
     })
 }
 
@@ -116,8 +111,7 @@ fn seen() -> String {
     let (variance, lambda) = PRINTED;
     format!(
         "The middle of the chart at noise variance {variance}, left to right: the scene; the \
-         photo; after 11 iterations with \
-         λ = {lambda} and {}; the same with {}.",
+         photo; after 11 iterations with λ = {lambda} and {}; the same with {}.",
         Reading::ALL[0].name(),
         Reading::ALL[1].name()
     )
@@ -181,51 +175,33 @@ fn curves(rows: &[Row], reading: Reading) -> LineChart {
     }
 }
 
-fn judged(rows: &[Row]) -> (Agreement, String) {
-    let noisy =
-        |reading: Reading| rows.iter().filter(move |r| r.reading == reading && r.variance > 0.0);
-    let near = |row: &Row| {
-        let ratio = f64::from(row.best().0) / row.variance;
-        (1.0 / NEAR..=NEAR).contains(&ratio)
-    };
-    let describe = |reading: Reading| {
-        let best: Vec<String> = VARIANCES
-            .iter()
-            .map(|&v| {
-                let of = noisy(reading).filter(|r| r.variance == v).map(|r| r.best().0.to_string());
-                format!("{} at variance {v}", of.collect::<Vec<_>>().join(" and "))
-            })
-            .collect();
-        let (count, all) = (noisy(reading).filter(|r| near(r)).count(), noisy(reading).count());
-        let helped = noisy(reading).filter(|r| r.best().1 > r.blurred).count();
-        (best.join(", "), count, all, helped)
-    };
-    let (every, every_near, all, every_helped) = describe(Reading::EveryCapture);
-    let (forward, forward_near, _, forward_helped) = describe(Reading::ForwardOnly);
-    let at_printed = |reading| {
-        let row = noisy(reading).find(|r| r.scene == Scene::Chart && r.variance == PRINTED.0);
-        let place = LAMBDAS.iter().position(|&l| l == PRINTED.1);
-        row.zip(place).map_or((f64::NAN, f64::NAN), |(row, n)| (row.ssim[n], row.blurred))
-    };
-    let (every_ssim, blurred) = at_printed(Reading::EveryCapture);
-    let (forward_ssim, _) = at_printed(Reading::ForwardOnly);
-    let text = format!(
-        "The paper: SSIM is best when λ is near the noise variance; at 18 and 18 detail is \
-         enhanced but much noise stays. \
-         Taken at its word, with noise in every capture, the best λ of the grid (chart and \
-         coffee) is {every}: within a factor \
-         of {NEAR} of the variance in {every_near} of {all} cases, and better than the blurred \
-         photo in {every_helped}. At \
-         18 and 18 the chart ends at {every_ssim:.3} where the blurred photo has {blurred:.3}. \
-         With noise in the photo and \
-         the forward captures alone and the backward step computed, the best λ is {forward}: near \
-         the variance in \
-         {forward_near} of {all}, better than the blurred photo in {forward_helped}, and \
-         {forward_ssim:.3} at 18 and 18. \
-         The backward captures' noise enters the picture unfiltered in every iteration, and that \
-         of BC(B) is the same each \
-         time; only shrinkage far above the variance removes it, and detail with it."
-    );
-    let holds = |n: usize| 2 * n > all;
-    (Agreement::of(&[holds(every_near), holds(forward_near)]), text)
+fn findings(rows: &[Row]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for reading in Reading::ALL {
+        let of: Vec<&Row> = rows.iter().filter(|row| row.reading == reading).collect();
+        let near = |row: &&&Row| {
+            let ratio = f64::from(row.best().0) / row.variance;
+            (1.0 / NEAR..=NEAR).contains(&ratio)
+        };
+        let (all, count) = (of.len(), of.iter().filter(near).count());
+        let helped = of.iter().filter(|row| row.best().1 > row.blurred).count();
+        let name = reading.name();
+        findings.push(Finding::of(
+            "SSIM is best when λ is near the noise variance",
+            &format!("best λ within a factor of {NEAR} of the variance, {name}"),
+            format!("{count} of {all}"),
+            "more than half",
+            2 * count > all,
+        ));
+        let better = format!("best λ better than the blurred photo, {name}");
+        findings.push(Finding::beside(better, format!("{helped} of {all}")));
+        let row = of.iter().find(|r| r.scene == Scene::Chart && r.variance == PRINTED.0);
+        let place = LAMBDAS.iter().position(|&lambda| lambda == PRINTED.1);
+        if let Some((row, n)) = row.zip(place) {
+            let what = format!("SSIM of the chart at variance and λ of 18, {name}");
+            let found = format!("{:.3}, blurred {:.3}", row.ssim[n], row.blurred);
+            findings.push(Finding::beside(what, found));
+        }
+    }
+    findings
 }

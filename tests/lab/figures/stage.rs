@@ -1,20 +1,23 @@
 //! What the figures are measured on: a calibrated simulated rig with its true lens beside it.
 
-use std::sync::Arc;
+use relens::chart::scenes::Scene;
+use relens::chart::test_rig::PHOTO_SEED;
+use relens::config::Rig;
+use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
+use relens::deconvolution::data_term;
+use relens::deconvolution::forward_convolution::ForwardConvolution;
+use relens::deconvolution::lens_model::{LensFunctions, LensModel};
+use relens::deconvolution::method::paper::{Backward, Paper};
+use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
+use relens::deconvolution::patches::{PatchGrid, PatchShape};
+use relens::deconvolution::quality::{psnr, ssim};
+use relens::frame::{Channel, Channels, Frame, Plane, Rect, Work};
+use relens::pipeline::paper;
+use relens::rig::simulated::{Light, Witness};
 
-use super::super::scenes::Scene;
-use super::super::test_rig::{Stopwatch, TestRig, TestRigError};
-use crate::config::{self, Kind, Lens};
-use crate::deconvolution::data_term;
-use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::lens_model::{LensFunctions, LensModel};
-use crate::deconvolution::method::paper::{self, Backward, Paper};
-use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::deconvolution::patches::PatchShape;
-use crate::deconvolution::quality::{psnr, ssim};
-use crate::frame::{Channel, Channels, Frame, Plane, Rect, Work};
-use crate::pipeline;
-use crate::rig::simulated::{Light, Witness};
+use crate::Failure;
+use crate::change::lens;
+use crate::harness::Harness;
 
 /// Width that sizes in the paper refer to.
 const PAPER_WIDTH_PX: usize = 1024;
@@ -24,8 +27,7 @@ const TRUE_FUNCTIONS: (usize, usize) = (16, 12);
 
 /// A rig and its true lens.
 pub(super) struct Stage {
-    pub(super) test_rig: TestRig,
-    pub(super) witness: Arc<Witness>,
+    pub(super) harness: Harness,
     pub(super) truth: LensModel,
 }
 
@@ -76,38 +78,33 @@ impl Course {
 
 impl Stage {
     /// The rig of `rig` as it is, calibrated from its own captures.
-    ///
-    /// # Errors
-    /// When the rig cannot be opened or calibrated.
-    pub(super) fn open(rig: config::Rig, stopwatch: Stopwatch) -> Result<Stage, TestRigError> {
-        let (test_rig, witness) = TestRig::open_witnessed(rig, stopwatch)?;
-        let truth = true_lens(test_rig.config(), &witness)?;
-        Ok(Stage { test_rig, witness, truth })
+    pub(super) fn open(rig: Rig) -> Result<Stage, Failure> {
+        let (harness, _) = Harness::open(rig)?;
+        let truth = true_lens(harness.config(), &harness.witness)?;
+        Ok(Stage { harness, truth })
     }
 
     /// The photo that the rig's camera takes of `scene`.
-    ///
-    /// # Errors
-    /// None on a simulated rig.
-    pub(super) fn take(&mut self, scene: Scene) -> Result<Taken, TestRigError> {
-        let (truth, photo) = self.test_rig.take_grey(scene)?;
-        Ok(Taken { truth, photo })
+    pub(super) fn take(&self, scene: Scene) -> Result<Taken, Failure> {
+        let light = self.harness.test_rig.light(scene);
+        let photo = self.harness.photograph(&light, PHOTO_SEED + scene as u64)?;
+        Ok(Taken { truth: light.plane(Channel::Green).clone(), photo })
     }
 
     /// `method` on a photo, every step scored, the pictures after the `wanted` iterations kept.
-    ///
-    /// # Errors
-    /// When the method fails.
     pub(super) fn solve(
         &mut self,
         taken: &Taken,
         method: &dyn Method,
         wanted: &[u32],
-    ) -> Result<Course, TestRigError> {
-        let rect = self.test_rig.config().photo_on_canvas();
+    ) -> Result<Course, Failure> {
+        let rect = self.harness.config().photo_on_canvas();
         let (mut ssims, mut psnrs, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
-        let (restored, _) =
-            self.test_rig.run(&taken.photo, Channels::Green, method, &mut |step, picture| {
+        let (restored, _) = self.harness.test_rig.solve(
+            &taken.photo,
+            Channels::Green,
+            method,
+            &mut |step, picture| {
                 let Some(picture) = picture else { return };
                 let seen = shown(&picture.plane(Channel::Green).crop(rect));
                 ssims.push(ssim(&seen, &taken.truth));
@@ -115,7 +112,8 @@ impl Stage {
                 if wanted.contains(&step.iteration) {
                     pictures.push((step.iteration, seen));
                 }
-            })?;
+            },
+        )?;
         Ok(Course {
             ssim: ssims,
             psnr_db: psnrs,
@@ -128,24 +126,20 @@ impl Stage {
 
     /// KᵀX by the true lens and by the light with patches of `shape`, both photo-sized, and how
     /// often it was shown.
-    ///
-    /// # Errors
-    /// When a capture fails.
     pub(super) fn backward(
         &mut self,
         x: &Plane,
         shape: PatchShape,
-    ) -> Result<(Plane, Plane), TestRigError> {
-        use crate::deconvolution::backward_convolution::{Sign, backward_convolution};
-        use crate::deconvolution::patches::PatchGrid;
-        let margin = self.test_rig.config().canvas.margin_px;
+    ) -> Result<(Plane, Plane), Failure> {
+        let margin = self.harness.config().canvas.margin_px;
         let (canvas, rect) = data_term::canvas_of(x.size(), margin);
         let mut shown = Frame::zeros(canvas);
         *shown.plane_mut(Channel::Green) = data_term::place(x, canvas, rect, 0.0);
         let mut exact = Plane::zeros(canvas);
         self.truth.adjoint(Channel::Green, shown.plane(Channel::Green), &mut exact);
         let grid = PatchGrid::new(canvas, rect, shape);
-        let mut path = self.test_rig.light_path();
+        let (pipeline, rig) = self.harness.test_rig.parts();
+        let mut path = pipeline.light_path(rig);
         let light =
             backward_convolution(&mut path, &shown, &grid, Channels::Green, Sign::Unsigned, None)
                 .map_err(MethodError::from)?;
@@ -154,13 +148,13 @@ impl Stage {
 
     /// RMS in grey levels between the true lens as computed here and the light itself, on `x`.
     pub(super) fn truth_error(&self, x: &Plane) -> f64 {
-        let margin = self.test_rig.config().canvas.margin_px;
+        let margin = self.harness.config().canvas.margin_px;
         let (canvas, rect) = data_term::canvas_of(x.size(), margin);
         let mut scene = Frame::zeros(canvas);
         *scene.plane_mut(Channel::Green) = data_term::place(x, canvas, rect, 0.0);
         let mut difference = Plane::zeros(canvas);
         self.truth.forward(Channel::Green, scene.plane(Channel::Green), &mut difference);
-        let light = self.witness.forward(&scene, Light::Panel);
+        let light = self.harness.witness.forward(&scene, Light::Panel);
         difference.add_scaled(-1.0, light.plane(Channel::Green));
         difference.crop(rect).rms()
     }
@@ -172,37 +166,25 @@ pub(super) fn shown(plane: &Plane) -> Plane {
 }
 
 /// `px` of the paper's 1024 on a photo as wide as that of `rig`.
-pub(super) fn scaled(rig: &config::Rig, px: usize) -> usize {
+pub(super) fn scaled(rig: &Rig, px: usize) -> usize {
     (px * rig.photo.width_px / PAPER_WIDTH_PX).max(1)
 }
 
 /// The paper's loop as printed, nothing holding it back.
-pub(super) fn printed(rig: &config::Rig) -> Paper {
-    Paper { bounded: false, ..pipeline::paper(rig) }
+pub(super) fn printed(rig: &Rig) -> Paper {
+    Paper { bounded: false, ..paper(rig) }
 }
 
 /// The paper's loop with patches of `patch_px` (for a photo 1024 wide).
-pub(super) fn with_patches(rig: &config::Rig, patch_px: usize) -> Paper {
+pub(super) fn with_patches(rig: &Rig, patch_px: usize) -> Paper {
     let shape = PatchShape { patch_px: scaled(rig, patch_px), margin_px: rig.paper.margin_px };
     Paper { backward: Backward::Light(shape), ..printed(rig) }
 }
 
-/// `rig` with `change` made to its lens.
-pub(super) fn with_lens(
-    mut rig: config::Rig,
-    change: impl FnOnce(&mut config::Prescription),
-) -> config::Rig {
-    if let Kind::Simulated(simulation) = &mut rig.kind
-        && let Lens::Prescription(prescription, _) = &mut simulation.lens
-    {
-        change(prescription);
-    }
-    rig
-}
-
 /// `rig` at half its size: the same field on pixels twice as large.
-pub(super) fn half(rig: &config::Rig) -> config::Rig {
-    let mut rig = with_lens(rig.clone(), |lens| {
+pub(super) fn half(rig: &Rig) -> Rig {
+    let mut rig = rig.clone();
+    lens(&mut rig, |lens| {
         lens.pixel_pitch_um *= 2.0;
         lens.support_px = (lens.support_px / 2) | 1;
         (lens.node_columns, lens.node_rows) = (lens.node_columns / 2, lens.node_rows / 2);
@@ -240,7 +222,11 @@ pub(super) struct Exact<'a> {
 
 impl Method for Exact<'_> {
     fn about(&self) -> &'static About {
-        &paper::ABOUT
+        self.paper.about()
+    }
+
+    fn captures_max(&self) -> u32 {
+        self.paper.captures_max()
     }
 
     fn solve(
@@ -249,25 +235,13 @@ impl Method for Exact<'_> {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let known = Problem {
-            photo: problem.photo,
-            trust: problem.trust,
-            rect: problem.rect,
-            channels: problem.channels,
-            model: Some(self.lens),
-            norm_squared: problem.norm_squared,
-            level_norms: problem.level_norms,
-            learnt: None,
-            photo_noise: problem.photo_noise,
-            capture_noise: problem.capture_noise,
-            stopwatch: problem.stopwatch,
-        };
+        let known = Problem { model: Some(self.lens), learnt: None, ..*problem };
         Paper { backward: Backward::Model, ..self.paper }.solve(&known, optics, watch)
     }
 }
 
 /// The true lens of a simulated rig as an operator, from the witness's functions.
-fn true_lens(rig: &config::Rig, witness: &Witness) -> Result<LensModel, TestRigError> {
+fn true_lens(rig: &Rig, witness: &Witness) -> Result<LensModel, Failure> {
     let (columns, rows) = TRUE_FUNCTIONS;
     let Rect { x, y, size } = rig.photo_on_sensor();
     let centre = |n: usize, of: usize, length: usize, start: usize| {

@@ -1,104 +1,83 @@
-//! Where methods fail, and who notices: every method under every fault, in growing strengths.
+//! Where methods fail, and who notices: every method under every change, in growing strengths.
 //!
-//! The rig is calibrated while it is healthy; then the fault is put on it, on the photo or on the
-//! method. The limits by which the box notices ([`crate::pipeline::Verdict`]) were set on whole
+//! The rig is calibrated while it is healthy; then the change is made to it, to the photo or to the
+//! method. The limits by which the box notices ([`relens::pipeline::Verdict`]) were set on whole
 //! scenes; here quarters of two of them are used, with other seeds.
 
-pub mod contestant;
-pub mod fault;
-mod jpeg;
-pub mod map;
-pub mod report;
-pub mod sweep;
-pub mod view;
+mod map;
+pub(crate) mod report;
+pub(crate) mod sweep;
 
-use super::chart::Chart;
-use super::scenes::Scene;
-use super::test_rig::{Stopwatch, TestRigError};
-use crate::config;
-use contestant::Contestant;
-use fault::Fault;
+use relens::chart::scenes::Scene;
+use relens::config::Rig;
+
+use crate::Failure;
+use crate::change::SWEPT;
+use crate::made::Made;
+use crate::view::View;
 use report::{cells, cells_table, harm_table, rates_table};
-use sweep::{Plan, Run, sweep};
-use view::View;
+use sweep::{METHODS, Plan, sweep};
 
 /// Scenes whose quarters no limit was set on.
 const HELD_OUT: [Scene; 2] = [Scene::Astronaut, Scene::Rocket];
-/// Seeds that no limit was set on: of the sweep, and of more results without fault.
+/// Seeds that no limit was set on: of the sweep, and of more results without a change.
 const SEEDS: [u64; 2] = [2, 3];
 
-/// Sweeps the simulated rig of `rig`; `quick` takes one strength of each fault and half of the
+/// Sweeps the simulated rig of `rig`; `quick` takes one strength of each change and a part of the
 /// views, and leaves out the paper's loop.
-///
-/// # Errors
-/// When the rig cannot be opened or calibrated, or a method fails.
-pub fn chart(
-    rig: &config::Rig,
-    quick: bool,
-    stopwatch: Stopwatch,
-    each: &mut dyn FnMut(&Run),
-) -> Result<Chart, TestRigError> {
+pub(crate) fn run(rig: &Rig, quick: bool) -> Result<Made, Failure> {
     let quarters = |n: usize| HELD_OUT.map(|scene| View::quarter(scene, n));
     let every: Vec<View> = (0..4).flat_map(quarters).collect();
     let views = if quick { &every[..2] } else { &every[..4] };
     // The paper's loop takes as long as all the others.
-    let without_paper = &Contestant::ALL[1..];
+    let without_paper = &METHODS[1..];
     let plan = Plan {
-        faults: &Fault::ALL,
+        swept: &SWEPT.each_ref(),
         steps: if quick { &[0, 3] } else { &[0, 1, 2, 3, 4] },
-        contestants: if quick { without_paper } else { &Contestant::ALL },
+        methods: if quick { without_paper } else { &METHODS },
         views,
         seed: SEEDS[0],
     };
-    let mut runs = sweep(rig, &plan, stopwatch, each)?;
+    let mut runs = sweep(rig, &plan)?;
     let names: Vec<String> = views.iter().map(|view| view.name()).collect();
     let about = format!("rig {}, mean of {}", rig.name, names.join(" and "));
     let cells = cells(&runs);
-    let more = Plan {
-        faults: &Fault::ALL[..1],
+    let healthy = Plan {
+        swept: &[&SWEPT[0]],
         steps: &[0],
-        contestants: without_paper,
+        methods: without_paper,
         views: &every,
         seed: SEEDS[1],
     };
-    runs.extend(sweep(rig, &more, stopwatch, each)?);
+    runs.extend(sweep(rig, &healthy)?);
     // A rate of one in a hundred wants some hundreds of results of the method that is the default.
     for seed in (SEEDS[1] + 1..).take(if quick { 5 } else { 40 }) {
-        let plan = Plan {
-            contestants: &[Contestant::Named(config::Method::Hybrid)],
-            seed,
-            ..more.clone()
-        };
-        runs.extend(sweep(rig, &plan, stopwatch, each)?);
+        runs.extend(sweep(rig, &Plan { methods: &["hybrid"], seed, ..healthy })?);
     }
     let title = format!("Where methods harm, and who notices, on rig {}", rig.name);
     let harm = format!(
         "The strength at which a method begins to do harm: SSIM more than {} below the untouched \
-         photo; {about}. In brackets: \
-         how many of the harmful results there the box noticed. A dash: the fault cannot touch \
-         the method.",
+         photo; {about}. In brackets: how many of the harmful results there the box noticed. A \
+         dash: the fault cannot touch the method.",
         report::HARM
     );
     let rates = format!(
         "How often noticing goes wrong, rig {}; views and seeds that no limit was set on. \
-         Healthy: results without a fault \
-         that do no harm; more of them than in the map, from {} views and other seeds. Costly: \
-         those whose replacement was less \
-         good. By lens alone, by the photo: what \
-         caught results were replaced by. Gain given up: results under a fault that did no harm \
-         and were replaced by \
-         something less good.",
+         Healthy: results without a fault that do no harm; more of them than in the map, from {} \
+         views and other seeds. Costly: those whose replacement was less good. By lens alone, by \
+         the photo: what caught results were replaced by. Gain given up: results under a fault \
+         that did no harm and were replaced by something less good.",
         rig.name,
         every.len()
     );
     let stem = |what: &str| format!("{}-stability{what}", rig.name);
-    Ok(Chart {
-        files: vec![(stem(".svg"), map::svg(&cells, &title).into_bytes())],
+    Ok(Made {
+        drawings: vec![(stem(""), map::draw(&cells, &title))],
         tables: vec![
             (stem(""), harm_table(harm, &cells)),
             (stem("-cells"), cells_table(format!("Every strength: {about}."), &cells)),
             (stem("-rates"), rates_table(rates, &runs)),
         ],
-        ..Chart::default()
+        ..Made::default()
     })
 }

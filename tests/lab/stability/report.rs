@@ -1,99 +1,112 @@
 //! What a sweep found, as tables: where each method begins to do harm, who noticed, and how often
 //! that goes wrong.
 
-use super::contestant::Contestant;
-use super::fault::Fault;
-use super::sweep::Run;
-use crate::evaluate::table::Table;
-use crate::pipeline::Verdict;
+use relens::chart::table::Table;
+use relens::pipeline::Verdict;
+
+use super::sweep::{METHODS, Run, same};
+use crate::change::{SWEPT, Swept};
 
 /// SSIM below the untouched photo's that counts as harm; the study: less means nothing.
-pub const HARM: f64 = 0.002;
+pub(crate) const HARM: f64 = 0.002;
 
-/// One method under one strength of one fault, over all views.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cell {
-    /// What was wrong.
-    pub fault: Fault,
-    /// How much.
-    pub strength: f64,
-    /// Which of the fault's strengths, 0 for none.
-    pub step: usize,
-    /// The method.
-    pub contestant: Contestant,
+/// One method under one strength of one change, over all views.
+#[derive(Debug, Clone)]
+pub(super) struct Cell {
+    pub(super) swept: &'static Swept,
+    pub(super) strength: f64,
+    /// Which of the strengths, 0 for none.
+    pub(super) step: usize,
+    pub(super) method: &'static str,
     /// Views.
-    pub runs: usize,
+    pub(super) runs: usize,
     /// Mean SSIM of the results.
-    pub ssim: f64,
+    pub(super) ssim: f64,
     /// Mean SSIM of the untouched photos.
-    pub photo_ssim: f64,
+    pub(super) photo_ssim: f64,
     /// Mean SSIM of what is delivered.
-    pub delivered_ssim: f64,
+    pub(super) delivered_ssim: f64,
     /// Results that harm.
-    pub harmful: usize,
+    pub(super) harmful: usize,
     /// Of those, the ones the box noticed.
-    pub caught: usize,
+    pub(super) caught: usize,
     /// Results the box noticed, harmful or not.
-    pub noticed: usize,
+    pub(super) noticed: usize,
 }
 
 impl Run {
     /// Whether the result is worse than the untouched photo.
-    pub fn harms(&self) -> bool {
+    pub(crate) fn harms(&self) -> bool {
         self.ssim < self.photo_ssim - HARM
     }
 
     /// Whether what is delivered is.
-    pub fn harms_delivered(&self) -> bool {
+    pub(crate) fn harms_delivered(&self) -> bool {
         self.delivered_ssim < self.photo_ssim - HARM
+    }
+
+    /// Whether what is delivered is worse than the result.
+    fn gives_up(&self) -> bool {
+        self.delivered_ssim < self.ssim - HARM
     }
 }
 
 impl Cell {
+    /// Of `runs`, all of one method under one strength of one change.
+    fn of(runs: &[&Run]) -> Option<Cell> {
+        let first = runs.first()?;
+        let mean =
+            |of: fn(&Run) -> f64| runs.iter().map(|run| of(run)).sum::<f64>() / runs.len() as f64;
+        let count = |of: fn(&Run) -> bool| runs.iter().filter(|run| of(run)).count();
+        Some(Cell {
+            swept: first.swept,
+            strength: first.strength,
+            step: first.step,
+            method: first.method,
+            runs: runs.len(),
+            ssim: mean(|run| run.ssim),
+            photo_ssim: mean(|run| run.photo_ssim),
+            delivered_ssim: mean(|run| run.delivered_ssim),
+            harmful: count(Run::harms),
+            caught: count(|run| run.harms() && run.verdict.noticed()),
+            noticed: count(|run| run.verdict.noticed()),
+        })
+    }
+
     /// Whether the method does harm here, on the mean of the views.
-    pub fn harms(&self) -> bool {
+    fn harms(&self) -> bool {
         self.ssim < self.photo_ssim - HARM
     }
 }
 
-/// The means over the views, in the order of the runs.
-pub fn cells(runs: &[Run]) -> Vec<Cell> {
-    let mut cells: Vec<Cell> = Vec::new();
+/// The means over the views: change by change, strength by strength, method by method.
+pub(super) fn cells(runs: &[Run]) -> Vec<Cell> {
+    let mut groups: Vec<Vec<&Run>> = Vec::new();
     for run in runs {
-        let same =
-            |c: &Cell| (c.fault, c.step, c.contestant) == (run.fault, run.step, run.contestant);
-        let n = cells.iter().position(same).unwrap_or_else(|| {
-            cells.push(Cell {
-                fault: run.fault,
-                strength: run.strength,
-                step: run.step,
-                contestant: run.contestant,
-                runs: 0,
-                ssim: 0.0,
-                photo_ssim: 0.0,
-                delivered_ssim: 0.0,
-                harmful: 0,
-                caught: 0,
-                noticed: 0,
-            });
-            cells.len() - 1
-        });
-        let cell = &mut cells[n];
-        cell.runs += 1;
-        // Running means.
-        let share = 1.0 / cell.runs as f64;
-        cell.ssim += share * (run.ssim - cell.ssim);
-        cell.photo_ssim += share * (run.photo_ssim - cell.photo_ssim);
-        cell.delivered_ssim += share * (run.delivered_ssim - cell.delivered_ssim);
-        cell.harmful += usize::from(run.harms());
-        cell.caught += usize::from(run.harms() && run.verdict.noticed());
-        cell.noticed += usize::from(run.verdict.noticed());
+        let of = |group: &&mut Vec<&Run>| {
+            let first = group[0];
+            same(first.swept, run.swept) && (first.step, first.method) == (run.step, run.method)
+        };
+        match groups.iter_mut().find(of) {
+            Some(group) => group.push(run),
+            None => groups.push(vec![run]),
+        }
     }
-    cells
+    groups.iter().filter_map(|group| Cell::of(group)).collect()
+}
+
+/// The methods in `cells`, in their order.
+pub(super) fn methods_of(cells: &[Cell]) -> Vec<&'static str> {
+    METHODS.into_iter().filter(|m| cells.iter().any(|cell| cell.method == *m)).collect()
+}
+
+/// The changes in `cells`, in their order.
+pub(super) fn swept_of(cells: &[Cell]) -> Vec<&'static Swept> {
+    SWEPT.iter().filter(|s| cells.iter().any(|cell| same(cell.swept, s))).collect()
 }
 
 /// Every cell.
-pub fn cells_table(caption: String, cells: &[Cell]) -> Table {
+pub(super) fn cells_table(caption: String, cells: &[Cell]) -> Table {
     let head = [
         "fault",
         "strength",
@@ -110,12 +123,11 @@ pub fn cells_table(caption: String, cells: &[Cell]) -> Table {
     ];
     let mut table = Table::new(caption, &head);
     for cell in cells {
-        let (name, unit) = cell.fault.name();
         table.row(vec![
-            name.to_owned(),
+            cell.swept.change.name.to_owned(),
             cell.strength.to_string(),
-            unit.to_owned(),
-            cell.contestant.name().to_owned(),
+            cell.swept.change.unit.to_owned(),
+            cell.method.to_owned(),
             cell.runs.to_string(),
             format!("{:.4}", cell.photo_ssim),
             format!("{:.4}", cell.ssim),
@@ -129,33 +141,25 @@ pub fn cells_table(caption: String, cells: &[Cell]) -> Table {
     table
 }
 
-/// The first strength at which `contestant` does harm under `fault`.
-pub fn begins(cells: &[Cell], contestant: Contestant, fault: Fault) -> Option<&Cell> {
-    cells.iter().find(|c| c.contestant == contestant && c.fault == fault && c.harms())
-}
-
-/// Methods by faults: the strength at which harm begins, and how many of the harmful results there
+/// Changes by methods: the strength at which harm begins, and how many of the harmful results there
 /// were noticed.
-pub fn harm_table(caption: String, cells: &[Cell]) -> Table {
+pub(super) fn harm_table(caption: String, cells: &[Cell]) -> Table {
+    let methods = methods_of(cells);
     let mut head = vec!["fault"];
-    let contestants: Vec<Contestant> = Contestant::ALL
-        .into_iter()
-        .filter(|c| cells.iter().any(|cell| cell.contestant == *c))
-        .collect();
-    head.extend(contestants.iter().map(|c| c.name()));
+    head.extend(&methods);
     let mut table = Table::new(caption, &head);
-    for fault in Fault::ALL.into_iter().filter(|f| cells.iter().any(|cell| cell.fault == *f)) {
-        let (name, unit) = fault.name();
-        let mut row = vec![format!("{name}, {unit}")];
-        row.extend(contestants.iter().map(|&contestant| {
-            let concerned =
-                cells.iter().any(|c| c.contestant == contestant && c.fault == fault && c.step > 0);
-            match begins(cells, contestant, fault) {
-                Some(cell) if cell.step == 0 => {
-                    format!("always ({}/{})", cell.caught, cell.harmful)
+    for swept in swept_of(cells) {
+        let mut row = vec![format!("{}, {}", swept.change.name, swept.change.unit)];
+        row.extend(methods.iter().map(|&method| {
+            let of = || cells.iter().filter(|c| c.method == method && same(c.swept, swept));
+            match of().find(|cell| cell.harms()) {
+                Some(Cell { step: 0, caught, harmful, .. }) => {
+                    format!("always ({caught}/{harmful})")
                 }
-                Some(cell) => format!("{} ({}/{})", cell.strength, cell.caught, cell.harmful),
-                None if concerned => "never".to_owned(),
+                Some(Cell { strength, caught, harmful, .. }) => {
+                    format!("{strength} ({caught}/{harmful})")
+                }
+                None if of().any(|cell| cell.step > 0) => "never".to_owned(),
                 None => "–".to_owned(),
             }
         }));
@@ -164,57 +168,8 @@ pub fn harm_table(caption: String, cells: &[Cell]) -> Table {
     table
 }
 
-/// How often noticing goes wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Rates {
-    /// Results without a fault that do no harm.
-    pub healthy: usize,
-    /// Of those, the ones noticed all the same.
-    pub false_alarms: usize,
-    /// Of those, the ones whose replacement was less good.
-    pub costly: usize,
-    /// Results that harm.
-    pub harmful: usize,
-    /// Of those, the ones noticed.
-    pub caught: usize,
-    /// Runs.
-    pub runs: usize,
-    /// Deliveries worse than the untouched photo.
-    pub harm_delivered: usize,
-    /// Results that do no harm, under a fault.
-    pub harmless: usize,
-    /// Of those, the ones given up for something less good.
-    pub given_up: usize,
-}
-
-impl Rates {
-    /// Of `runs`, those without fault counted once.
-    pub fn of<'a>(runs: impl Iterator<Item = &'a Run>) -> Rates {
-        let mut rates = Rates::default();
-        let mut first = None;
-        for run in runs {
-            // No fault is no fault, whichever fault it is the first strength of.
-            if run.step == 0 && *first.get_or_insert(run.fault) != run.fault {
-                continue;
-            }
-            let (harms, noticed) = (run.harms(), run.verdict.noticed());
-            rates.runs += 1;
-            rates.harmful += usize::from(harms);
-            rates.caught += usize::from(harms && noticed);
-            rates.harm_delivered += usize::from(run.harms_delivered());
-            rates.healthy += usize::from(!harms && run.step == 0);
-            rates.false_alarms += usize::from(!harms && noticed && run.step == 0);
-            let worse = run.delivered_ssim < run.ssim - HARM;
-            rates.costly += usize::from(!harms && worse && run.step == 0);
-            rates.harmless += usize::from(!harms && run.step > 0);
-            rates.given_up += usize::from(!harms && worse && run.step > 0);
-        }
-        rates
-    }
-}
-
-/// The rates, method by method and of all.
-pub fn rates_table(caption: String, runs: &[Run]) -> Table {
+/// The rates at which noticing goes wrong, method by method and of all.
+pub(crate) fn rates_table(caption: String, runs: &[Run]) -> Table {
     let head = [
         "method",
         "runs",
@@ -229,35 +184,38 @@ pub fn rates_table(caption: String, runs: &[Run]) -> Table {
         "gain given up",
     ];
     let mut table = Table::new(caption, &head);
-    let mut row = |name: &str, of: &[&Run]| {
-        let rates = Rates::of(of.iter().copied());
-        let replaced = |by: fn(Verdict) -> bool| {
-            of.iter().filter(|r| r.harms() && by(r.verdict)).count().to_string()
+    for name in METHODS.into_iter().chain(["all"]) {
+        let mut of: Vec<&Run> =
+            runs.iter().filter(|run| name == "all" || run.method == name).collect();
+        // No change is no change, whichever change it is the first strength of.
+        let first = of.first().map(|run| run.swept);
+        let again = |run: &&Run| run.step == 0 && first.is_some_and(|s| !same(s, run.swept));
+        of.retain(|run| !again(run));
+        if of.is_empty() {
+            continue;
+        }
+        let count = |is: &dyn Fn(&Run) -> bool| of.iter().filter(|run| is(run)).count();
+        let replaced = |by: Verdict| count(&|run| run.harms() && run.verdict == by).to_string();
+        let healthy = |run: &Run| !run.harms() && run.step == 0;
+        let harmless = |run: &Run| !run.harms() && run.step > 0;
+        let share = |is: &dyn Fn(&Run) -> bool, whole: usize| match (count(is), whole) {
+            (_, 0) => "–".to_owned(),
+            (part, _) => format!("{part} ({:.1} %)", 100.0 * part as f64 / whole as f64),
         };
-        let share = |part: usize, whole: usize| match whole {
-            0 => "–".to_owned(),
-            _ => format!("{part} ({:.1} %)", 100.0 * part as f64 / whole as f64),
-        };
+        let (healthy_count, harmful) = (count(&healthy), count(&Run::harms));
         table.row(vec![
             name.to_owned(),
-            rates.runs.to_string(),
-            rates.healthy.to_string(),
-            share(rates.false_alarms, rates.healthy),
-            share(rates.costly, rates.healthy),
-            rates.harmful.to_string(),
-            share(rates.caught, rates.harmful),
-            replaced(|v| v == Verdict::Replaced),
-            replaced(|v| v == Verdict::Untouched),
-            share(rates.harm_delivered, rates.runs),
-            share(rates.given_up, rates.harmless),
+            of.len().to_string(),
+            healthy_count.to_string(),
+            share(&|run| healthy(run) && run.verdict.noticed(), healthy_count),
+            share(&|run| healthy(run) && run.gives_up(), healthy_count),
+            harmful.to_string(),
+            share(&|run| run.harms() && run.verdict.noticed(), harmful),
+            replaced(Verdict::Replaced),
+            replaced(Verdict::Untouched),
+            share(&Run::harms_delivered, of.len()),
+            share(&|run| harmless(run) && run.gives_up(), count(&harmless)),
         ]);
-    };
-    for contestant in Contestant::ALL {
-        let of: Vec<&Run> = runs.iter().filter(|r| r.contestant == contestant).collect();
-        if !of.is_empty() {
-            row(contestant.name(), &of);
-        }
     }
-    row("all", &runs.iter().collect::<Vec<_>>());
     table
 }

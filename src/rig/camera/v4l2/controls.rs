@@ -3,29 +3,27 @@
 use super::kernel::{Control, Node};
 use crate::rig::RigError;
 
-/// The exposure time, and what sets it.
+/// What sets the exposure time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ExposureTime {
+pub enum Exposure {
     /// The camera's control `exposure_time_absolute`, in steps of 100 µs
     /// (V4L2_CID_EXPOSURE_ABSOLUTE).
     Control {
-        /// ExposureTime time.
+        /// Exposure time.
         exposure_ms: f64,
     },
     /// The trigger pulse's width, or something outside V4L2; nothing is set here.
     Elsewhere {
-        /// ExposureTime time, as it was set there.
+        /// Exposure time, as it was set there.
         exposure_ms: f64,
     },
 }
 
-impl ExposureTime {
-    /// ExposureTime time.
+impl Exposure {
+    /// Exposure time.
     pub fn exposure_ms(&self) -> f64 {
         match self {
-            ExposureTime::Control { exposure_ms } | ExposureTime::Elsewhere { exposure_ms } => {
-                *exposure_ms
-            }
+            Exposure::Control { exposure_ms } | Exposure::Elsewhere { exposure_ms } => *exposure_ms,
         }
     }
 }
@@ -60,7 +58,7 @@ const STEADY: [(&str, i32); 15] = [
 /// [`RigError::Refused`] for a control the camera has not got, or that does not hold its value.
 pub(super) fn settle_controls(
     node: &Node,
-    exposure: &ExposureTime,
+    exposure: &Exposure,
     wanted: &[(String, i32)],
 ) -> Result<(), RigError> {
     let has = node.controls();
@@ -69,7 +67,7 @@ pub(super) fn settle_controls(
             hold(node, control, value.max(control.minimum))?;
         }
     }
-    if let ExposureTime::Control { exposure_ms } = exposure {
+    if let Exposure::Control { exposure_ms } = exposure {
         let steps = (exposure_ms * 10.0).round() as i32;
         let control =
             named(&has, "exposure_time_absolute").or_else(|_| named(&has, "exposure_absolute"))?;

@@ -8,7 +8,7 @@ mod ring;
 
 use std::path::{Path, PathBuf};
 
-pub use controls::ExposureTime;
+pub use controls::Exposure;
 use controls::settle_controls;
 use kernel::{Node, Settled};
 use ring::Ring;
@@ -44,7 +44,7 @@ pub struct CameraSettings {
     /// Buffers in the ring.
     pub buffers: usize,
     /// What sets the exposure time.
-    pub exposure: ExposureTime,
+    pub exposure: Exposure,
     /// Controls by their `v4l2-ctl` names and the values they must hold.
     pub controls: Vec<(String, i32)>,
 }
@@ -80,10 +80,8 @@ impl CameraSettings {
             format,
             buffers: device.buffers,
             exposure: match device.exposure_by {
-                ExposureBy::Control => ExposureTime::Control { exposure_ms },
-                ExposureBy::Pulse | ExposureBy::Elsewhere => {
-                    ExposureTime::Elsewhere { exposure_ms }
-                }
+                ExposureBy::Control => Exposure::Control { exposure_ms },
+                ExposureBy::Pulse | ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
             },
             controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
         })
@@ -268,7 +266,7 @@ fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigE
     let settled =
         node.settle(width, height, fourcc).map_err(|source| busy_or(source, "take its format"))?;
     let same = (settled.width, settled.height, settled.fourcc) == (width, height, fourcc);
-    if same && !(settings.format.is_limited_range() && settled.full_range) {
+    if same && !(settings.format == PixelFormat::Yuyv && settled.full_range) {
         return Ok(settled);
     }
     let formats: Vec<String> =

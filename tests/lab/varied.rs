@@ -4,25 +4,25 @@
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use crate::evaluate::scenes::Scene;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Size, Work};
-use crate::kiosk::lettering;
+use relens::chart::scenes::Scene;
+use relens::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Size, Work};
+use relens::kiosk::lettering;
 
 /// One of the varied set.
 #[derive(Debug, Clone)]
-pub struct Varied {
+pub(crate) struct Varied {
     /// What it is, for the table.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// Linear light 0..255.
-    pub light: Frame<Work>,
+    pub(crate) light: Frame<Work>,
     /// Grey scenes are given to the box as grey photos.
-    pub channels: Channels,
+    pub(crate) channels: Channels,
     /// Whether it is seen through the lens; if not, the photo is the scene itself with noise.
-    pub through_lens: bool,
+    pub(crate) through_lens: bool,
 }
 
 /// All of them at `size`; those that are drawn at random, from `seed`.
-pub fn varied(size: Size, seed: u64) -> Vec<Varied> {
+pub(crate) fn varied(size: Size, seed: u64) -> Vec<Varied> {
     let colour =
         |name, light| Varied { name, light, channels: Channels::Colour, through_lens: true };
     let grey = |name, plane: Plane| {

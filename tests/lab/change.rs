@@ -1,0 +1,374 @@
+//! One thing changed against the rig file, in some strength: before the rig is calibrated, since
+//! then, on the photo, on the captures, or on the method.
+
+use relens::config::{Glare, Kind, Lens, Prescription, Primaries, Rig, Simulation, Wavelength};
+use relens::rig::simulated::{Wear, Witness};
+
+/// What is changed.
+#[derive(Debug)]
+pub(crate) struct Change {
+    /// The words for tables.
+    pub(crate) name: &'static str,
+    /// The unit of its strengths; none where it has no more or less.
+    pub(crate) unit: &'static str,
+    /// What it is made to.
+    pub(crate) to: To,
+}
+
+/// What a change is made to, and how.
+#[derive(Debug)]
+pub(crate) enum To {
+    /// The rig file, before the rig is calibrated.
+    File(fn(&mut Rig, f64)),
+    /// The rig since it was calibrated: photo and captures see it.
+    Since(fn(&mut Rig, f64)),
+    /// The camera that took the photo, which was another than the rig's.
+    Camera(fn(&mut Rig, f64)),
+    /// The photo between scene and file.
+    Photo(fn(&mut Taking, f64)),
+    /// The running rig: captures alone see it.
+    Captures(fn(&mut Witness, &Simulation, f64)),
+    /// The same, anew for each photo.
+    EachJob(fn(&mut Witness, &Simulation, f64)),
+    /// The calibration: columns and rows of its lens functions.
+    Functions(fn(f64) -> (usize, usize)),
+    /// The rig file by which a method cuts its patches.
+    Patches(fn(&mut Rig, f64)),
+    /// The method's step.
+    Step,
+}
+
+/// How a photo is taken.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Taking {
+    /// Light more than the photo holds: the share of the scene's on top of it.
+    pub(crate) brighter: f64,
+    /// Noise on top of the camera's own, grey levels.
+    pub(crate) noise_levels: f64,
+    /// Quality of the JPEG it is kept as, if it is.
+    pub(crate) jpeg: Option<u8>,
+}
+
+impl Change {
+    /// The words for a table with the strength in them.
+    pub(crate) fn words(&self, strength: f64) -> String {
+        match self.unit {
+            "" => self.name.to_owned(),
+            unit => format!("{}, {strength} {unit}", self.name),
+        }
+    }
+
+    /// `rig` as it is calibrated.
+    pub(crate) fn filed(&self, rig: &Rig, strength: f64) -> Rig {
+        let mut rig = rig.clone();
+        if let To::File(change) = self.to {
+            change(&mut rig, strength);
+        }
+        rig
+    }
+
+    /// `rig` as it is when photos are restored.
+    pub(crate) fn now(&self, rig: &Rig, strength: f64) -> Rig {
+        let mut rig = self.filed(rig, strength);
+        if let To::Since(change) = self.to {
+            change(&mut rig, strength);
+        }
+        rig
+    }
+}
+
+/// Changes the traced lens of a simulated rig.
+pub(crate) fn lens(rig: &mut Rig, change: impl FnOnce(&mut Prescription)) {
+    if let Kind::Simulated(simulation) = &mut rig.kind
+        && let Lens::Prescription(lens, _) = &mut simulation.lens
+    {
+        change(lens);
+    }
+}
+
+fn glare(rig: &mut Rig, change: impl FnOnce(&mut Glare)) {
+    simulation(rig, |simulation| {
+        let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
+        change(glare);
+    });
+}
+
+/// Changes the simulation of a rig that is one.
+pub(crate) fn simulation(rig: &mut Rig, change: impl FnOnce(&mut Simulation)) {
+    if let Kind::Simulated(simulation) = &mut rig.kind {
+        change(simulation);
+    }
+}
+
+/// Width of the veil, pixels; the study's, and wider than any function of a lens model.
+const VEIL_PX: f32 = 60.0;
+/// Width of what a greasy finger leaves, pixels. Guess: wider than the blur, narrower than a veil.
+const SMEAR_PX: f32 = 12.0;
+
+fn veil(rig: &mut Rig, percent: f64, radius_px: f32) {
+    glare(rig, |glare| *glare = Glare { share: (percent / 100.0) as f32, radius_px });
+}
+
+/// Nothing: the rig file as it is.
+pub(crate) const NOTHING: Change = Change { name: "as filed", unit: "", to: To::File(|_, _| {}) };
+
+/// Photo and captures without noise; 8 bits stay.
+pub(crate) const NO_NOISE: Change = Change {
+    name: "without noise",
+    unit: "",
+    to: To::File(|rig, _| {
+        simulation(rig, |simulation| {
+            simulation.sensor.read_noise_levels = 0.0;
+            simulation.sensor.full_well_electrons = f64::INFINITY;
+        });
+    }),
+};
+
+/// Light scattered wider than any function of the model, which has no broad term.
+pub(crate) const VEIL: Change = Change {
+    name: "veiling glare",
+    unit: "%",
+    to: To::File(|rig, percent| veil(rig, percent, VEIL_PX)),
+};
+
+/// The same, and the model has a broad term.
+pub(crate) const VEIL_MEASURED: Change = Change {
+    name: "veiling glare and a broad term in the model",
+    unit: "%",
+    to: To::File(|rig, percent| {
+        veil(rig, percent, VEIL_PX);
+        rig.calibration.broad_term = true;
+    }),
+};
+
+/// The model has one function for the whole field.
+pub(crate) const ONE_FUNCTION: Change = Change {
+    name: "a lens model of one function",
+    unit: "",
+    to: To::File(|rig, _| {
+        (rig.calibration.function_columns, rig.calibration.function_rows) = (1, 1);
+    }),
+};
+
+/// Panel and scene came nearer than where the lens was measured, and are focused there.
+pub(crate) const NEARER: Change = Change {
+    name: "nearer since, refocused",
+    unit: "times",
+    to: To::Since(|rig, times| lens(rig, |lens| lens.object_distance_mm *= 1.0 / times)),
+};
+
+/// The lens slid sideways since it was measured.
+pub(crate) const DECENTRED: Change = Change {
+    name: "off centre since",
+    unit: "% of the width",
+    to: To::Since(|rig, percent| {
+        let aside = percent / 100.0 * rig.photo.width_px as f64;
+        lens(rig, |lens| lens.axis_offset_px = [aside, 0.0]);
+    }),
+};
+
+/// The lens was touched since it was measured.
+pub(crate) const SMEARED: Change = Change {
+    name: "smeared by a finger since",
+    unit: "%",
+    to: To::Since(|rig, percent| veil(rig, percent, SMEAR_PX)),
+};
+
+/// A change with the strengths it is swept in.
+#[derive(Debug)]
+pub(crate) struct Swept {
+    /// The change.
+    pub(crate) change: Change,
+    /// Its strengths on a rig, the first of them no change at all.
+    pub(crate) strengths: fn(&Rig) -> [f64; 5],
+}
+
+const fn swept(
+    name: &'static str,
+    unit: &'static str,
+    strengths: fn(&Rig) -> [f64; 5],
+    to: To,
+) -> Swept {
+    Swept { change: Change { name, unit, to }, strengths }
+}
+
+/// What is swept: everything that was thought of to go wrong with a rig, a photo or a method.
+pub(crate) static SWEPT: [Swept; 21] = [
+    swept(
+        "capture noise",
+        "grey levels",
+        |_| [0.0, 1.0, 2.0, 4.0, 8.0],
+        To::Captures(|witness, simulation, levels| {
+            witness.set_read_noise_levels(simulation.sensor.read_noise_levels.hypot(levels));
+        }),
+    ),
+    swept(
+        "panel knocked",
+        "px",
+        |_| [0.0, 0.25, 0.5, 1.0, 2.0],
+        To::Captures(|witness, _, px| witness.knock_panel(0.8 * px, 0.6 * px)),
+    ),
+    swept(
+        "ambient light",
+        "grey levels",
+        |_| [0.0, 2.0, 5.0, 10.0, 20.0],
+        To::Captures(|witness, simulation, levels| {
+            witness.set_ambient_levels(simulation.sensor.ambient_levels.map(|v| v + levels));
+        }),
+    ),
+    // The panel is darker than it was, or the camera slower.
+    swept(
+        "gain drift",
+        "% darker",
+        |_| [0.0, 2.0, 5.0, 10.0, 20.0],
+        To::Captures(|witness, simulation, percent| {
+            witness.set_white_share(simulation.sensor.white_share * (1.0 - percent / 100.0));
+        }),
+    ),
+    swept(
+        "response error",
+        "% of gamma",
+        |_| [0.0, 2.0, 5.0, 10.0, 20.0],
+        To::Captures(|witness, _, percent| {
+            witness.set_wear(Wear { gamma_factor: 1.0 + percent / 100.0, ..Wear::default() });
+        }),
+    ),
+    // A job takes seconds; so does the warming up that shows most.
+    swept(
+        "panel warm-up",
+        "% of its light",
+        |_| [0.0, 2.0, 5.0, 10.0, 20.0],
+        To::EachJob(|witness, _, percent| {
+            let warm_up_share = percent / 100.0;
+            witness.set_wear(Wear { warm_up_share, warm_up_s: 2.0, ..Wear::default() });
+        }),
+    ),
+    swept(
+        "exposure off refresh",
+        "% bands",
+        |_| [0.0, 1.0, 3.0, 10.0, 30.0],
+        To::Captures(|witness, _, percent| {
+            witness.set_wear(Wear { band_share: percent / 100.0, ..Wear::default() });
+        }),
+    ),
+    swept(
+        "dead panel pixels",
+        "in 10,000",
+        |_| [0.0, 1.0, 5.0, 20.0, 100.0],
+        To::Captures(|witness, _, count| {
+            witness.set_wear(Wear { dead_share: count / 10_000.0, ..Wear::default() });
+        }),
+    ),
+    swept(
+        "dust on the panel",
+        "grains",
+        |_| [0.0, 3.0, 10.0, 30.0, 100.0],
+        To::Captures(|witness, _, grains| {
+            witness.set_wear(Wear { dust_grains: grains as usize, ..Wear::default() });
+        }),
+    ),
+    // The panel stands at 4 m (paper's Fig. 9).
+    swept(
+        "photo's distance",
+        "m",
+        |_| [4.0, 2.0, 1.0, 0.6, 0.4],
+        To::Camera(|rig, m| lens(rig, |lens| lens.object_distance_mm *= m / 4.0)),
+    ),
+    swept("photo's lens sharper", "f-number", |_| [4.0, 5.0, 6.5, 8.0, 11.0], STOPPED),
+    swept("photo's lens blurrier", "f-number", |_| [4.0, 3.8, 3.5, 3.2, 2.8], STOPPED),
+    // The scene's light is broader than the panel's primaries.
+    swept(
+        "broad spectrum",
+        "times the filters",
+        |_| [1.0, 1.5, 2.0, 2.5, 3.0],
+        To::Camera(|rig, times| {
+            simulation(rig, |simulation| {
+                simulation.sensor.filters = broader(&simulation.sensor.filters, times);
+            });
+        }),
+    ),
+    swept(
+        "veiling glare",
+        "% more",
+        |_| [0.0, 5.0, 10.0, 20.0, 40.0],
+        To::Since(|rig, percent| glare(rig, |glare| glare.share += percent as f32 / 100.0)),
+    ),
+    swept(
+        "saturated highlights",
+        "times the light",
+        |_| [1.0, 1.25, 1.5, 2.0, 4.0],
+        To::Photo(|taking, times| taking.brighter = times - 1.0),
+    ),
+    swept(
+        "photo noise",
+        "grey levels",
+        |_| [0.0, 2.0, 4.0, 8.0, 16.0],
+        To::Photo(|taking, levels| taking.noise_levels = levels),
+    ),
+    swept(
+        "photo's JPEG",
+        "quality",
+        |_| [100.0, 95.0, 85.0, 70.0, 50.0],
+        To::Photo(|taking, quality| taking.jpeg = (quality < 100.0).then_some(quality as u8)),
+    ),
+    swept("step size", "times the set one", |_| [1.0, 1.25, 2.0, 4.0, 16.0], To::Step),
+    swept(
+        "patch below the blur",
+        "px",
+        |rig| {
+            let patch = rig.paper.patch_px as f64;
+            [patch, (0.6 * patch).round(), (0.4 * patch).round(), 6.0, 4.0]
+        },
+        PATCHES,
+    ),
+    swept(
+        "patch up to the frame",
+        "px",
+        |rig| {
+            let (patch, frame) = (rig.paper.patch_px as f64, rig.photo.width_px as f64);
+            [patch, 2.0 * patch, frame / 4.0, frame / 2.0, frame]
+        },
+        PATCHES,
+    ),
+    swept(
+        "lens functions",
+        "number",
+        |rig| {
+            let filed = rig.calibration.function_columns * rig.calibration.function_rows;
+            [filed as f64, 12.0, 4.0, 2.0, 1.0]
+        },
+        To::Functions(|number| match number as usize {
+            12 => (4, 3),
+            4 => (2, 2),
+            2 => (2, 1),
+            _ => (1, 1),
+        }),
+    ),
+];
+
+/// The stop opened or closed, from f/4.
+const STOPPED: To =
+    To::Camera(|rig, f_number| lens(rig, |lens| lens.stop_diameter_mm *= 4.0 / f_number));
+
+const PATCHES: To = To::Patches(set_patch);
+
+/// Patches of `px`; a margin wider than the patch would sew its neighbours' light in.
+pub(crate) fn set_patch(rig: &mut Rig, px: f64) {
+    rig.paper.patch_px = px as usize;
+    rig.paper.margin_px = rig.paper.margin_px.min(rig.paper.patch_px / 2);
+}
+
+/// Every wavelength `factor` times as far from its channel's middle, within what light and glass
+/// are.
+fn broader(filters: &Primaries, factor: f64) -> Primaries {
+    let wider = |list: &[Wavelength]| {
+        let total: f64 = list.iter().map(|w| w.1).sum();
+        let middle = list.iter().map(|w| w.0 * w.1).sum::<f64>() / total;
+        let moved = |w: &Wavelength| {
+            Wavelength((middle + factor * (w.0 - middle)).clamp(400.0, 700.0), w.1)
+        };
+        list.iter().map(moved).collect()
+    };
+    let [red, green, blue] = filters.lists().map(wider);
+    Primaries { red_nm: red, green_nm: green, blue_nm: blue }
+}

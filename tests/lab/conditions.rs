@@ -1,0 +1,119 @@
+//! The methods side by side under the study's conditions, as the rig file sets them.
+
+use relens::chart::contestants::Contestant;
+use relens::chart::scenes::Scene;
+use relens::chart::test_rig::{Score, TestRig};
+use relens::chart::trade::scores_table;
+use relens::config::Method::{
+    self, BlockMatching, Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener,
+};
+use relens::config::{Curve, Rig};
+use relens::deconvolution::method::hybrid::Hybrid as HybridMethod;
+use relens::deconvolution::method::paper::{Backward, Paper as PaperMethod};
+use relens::deconvolution::patches::PatchShape;
+use relens::pipeline::{hybrid, method, paper};
+
+use crate::change::{Change, NO_NOISE, NOTHING, ONE_FUNCTION, VEIL};
+use crate::made::Made;
+use crate::{Failure, seconds, told};
+
+/// One of the study's conditions.
+struct Condition {
+    slug: &'static str,
+    change: &'static Change,
+    strength: f64,
+}
+
+const CONDITIONS: [Condition; 4] = [
+    Condition { slug: "no-noise", change: &NO_NOISE, strength: 0.0 },
+    Condition { slug: "noise", change: &NOTHING, strength: 0.0 },
+    Condition { slug: "glare", change: &VEIL, strength: 10.0 },
+    Condition { slug: "one-function", change: &ONE_FUNCTION, strength: 0.0 },
+];
+
+/// Every method that a rig file can name.
+pub(crate) const NAMED: [Method; 8] =
+    [Paper, Residual, Unmatched, Digital, Hybrid, BlockMatching, Wiener, RichardsonLucy];
+/// Those that look at the lens.
+const BY_THE_LENS: [Method; 3] = [Digital, Hybrid, BlockMatching];
+
+/// A table for each condition; a rig whose photos are not linear is charted as it is, in colour.
+/// `quick` leaves out the chart, or all but the methods that look at the lens.
+pub(crate) fn run(rig: &Rig, quick: bool) -> Result<Made, Failure> {
+    let mut made = Made::default();
+    if rig.photo.curve != Curve::Linear {
+        let named = if quick { &BY_THE_LENS[..] } else { &NAMED };
+        let contestants = named.iter().map(|&which| as_filed(rig, which)).collect();
+        let caption =
+            format!("Rig {}, {}; luminance of display values.", rig.name, rig.photo.size());
+        let scores = compare(rig.clone(), &Scene::ALL, contestants)?;
+        return Ok(Made::table(rig.name.clone(), scores_table(caption, &scores)));
+    }
+    let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Chart];
+    let scenes = if quick { &scenes[..2] } else { &scenes };
+    for condition in &CONDITIONS {
+        let Condition { slug, change, strength } = condition;
+        let scores = compare(change.filed(rig, *strength), scenes, contestants(rig, slug))?;
+        let words = change.words(*strength);
+        let caption = format!("Rig {}; {words}; green channel, light.", rig.name);
+        made.tables.push((format!("{}-{slug}", rig.name), scores_table(caption, &scores)));
+    }
+    Ok(made)
+}
+
+fn as_filed(rig: &Rig, which: Method) -> Contestant {
+    Contestant::boxed(which.name(), "", method(rig, which))
+}
+
+/// The methods worth comparing under a condition.
+fn contestants(rig: &Rig, slug: &str) -> Vec<Contestant> {
+    let named = if slug.ends_with("noise") { &NAMED[..] } else { &BY_THE_LENS };
+    let mut all: Vec<Contestant> = named.iter().map(|&which| as_filed(rig, which)).collect();
+    match slug {
+        "no-noise" => {
+            all.push(Contestant::new("paper", "one whole-frame patch", whole_frame(rig)));
+        }
+        "noise" => all.push(Contestant::new("paper", "margin 0", without_margin(rig))),
+        _ => {}
+    }
+    if slug != "no-noise" {
+        all.push(Contestant::new("hybrid", "1 capture", one_capture(rig)));
+    }
+    all
+}
+
+/// `contestants` on `scenes`.
+fn compare(
+    rig: Rig,
+    scenes: &[Scene],
+    contestants: Vec<Contestant>,
+) -> Result<Vec<Score>, Failure> {
+    let mut test_rig = TestRig::open(rig, seconds)?;
+    let mut scores = Vec::new();
+    for &scene in scenes {
+        for contestant in &contestants {
+            scores.push(test_rig.score(scene, &contestant.name(), &*contestant.method)?);
+            scores.last().into_iter().for_each(told);
+        }
+    }
+    Ok(scores)
+}
+
+/// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more;
+/// nothing holds it back.
+pub(crate) fn whole_frame(rig: &Rig) -> PaperMethod {
+    let patch_px = rig.photo.width_px.max(rig.photo.height_px);
+    let shape = PatchShape { patch_px, margin_px: rig.paper.margin_px };
+    PaperMethod { backward: Backward::Light(shape), bounded: false, ..paper(rig) }
+}
+
+/// The paper's loop with nothing sewn around the patches.
+fn without_margin(rig: &Rig) -> PaperMethod {
+    let shape = PatchShape { patch_px: rig.paper.patch_px, margin_px: 0 };
+    PaperMethod { backward: Backward::Light(shape), ..paper(rig) }
+}
+
+/// `hybrid` with a single capture, whose correction is not confirmed.
+pub(crate) fn one_capture(rig: &Rig) -> HybridMethod {
+    HybridMethod { captures_max: 1, ..hybrid(rig) }
+}

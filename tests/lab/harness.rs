@@ -1,0 +1,251 @@
+//! The one harness: a calibrated simulated rig with its witness beside it, on which one thing was
+//! changed.
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use relens::calibration::Calibration;
+use relens::chart::scenes::Scene;
+use relens::chart::test_rig::{PHOTO_SEED, Score, TestRig, seen};
+use relens::config::Rig;
+use relens::deconvolution::forward_convolution::ForwardConvolution;
+use relens::deconvolution::lens_model::LensFunctions;
+use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
+use relens::frame::{Frame, Plane, Work};
+use relens::measurement::calibrate;
+use relens::picture::Tone;
+use relens::pipeline::{Outcome, Prepared, Solved};
+use relens::rig::simulated::{Witness, open};
+
+use crate::change::{Change, NOTHING, Taking, To};
+use crate::{Failure, seconds};
+
+/// A rig on which one thing was changed.
+pub(crate) struct Harness {
+    pub(crate) test_rig: TestRig,
+    pub(crate) witness: Witness,
+    /// Of the camera that took the photos, when that was another.
+    camera: Option<Witness>,
+    taking: Taking,
+    change: &'static Change,
+    strength: f64,
+}
+
+/// What is measured of the simulated rig of `rig`.
+pub(crate) fn calibration(rig: &Rig) -> Result<Calibration, Failure> {
+    Ok(calibrate(&mut open(rig)?.0, rig, None, &mut |_| {})?)
+}
+
+impl Harness {
+    /// The simulated rig of `rig`, calibrated from its own captures, which were taken by it.
+    pub(crate) fn open(rig: Rig) -> Result<(Harness, Calibration), Failure> {
+        let (mut devices, witness) = open(&rig)?;
+        let calibration = calibrate(&mut devices, &rig, None, &mut |_| {})?;
+        let harness = Harness {
+            test_rig: TestRig::on(rig, devices, &calibration, seconds)?,
+            witness,
+            camera: None,
+            taking: Taking::default(),
+            change: &NOTHING,
+            strength: 0.0,
+        };
+        Ok((harness, calibration))
+    }
+
+    /// The rig of `filed` with `change` made to it, and with the `calibration` that was made
+    /// before.
+    pub(crate) fn changed(
+        filed: &Rig,
+        calibration: &Calibration,
+        change: &'static Change,
+        strength: f64,
+    ) -> Result<Harness, Failure> {
+        let now = change.now(filed, strength);
+        let (devices, witness) = open(&now)?;
+        let (mut camera, mut taking) = (None, Taking::default());
+        match change.to {
+            To::Camera(to) => {
+                let mut rig = now.clone();
+                to(&mut rig, strength);
+                camera = Some(open(&rig)?.1);
+            }
+            To::Photo(to) => to(&mut taking, strength),
+            _ => {}
+        }
+        let test_rig = match change.to {
+            To::Functions(grid) => {
+                let fewer = with_fewer_functions(calibration, grid(strength))?;
+                TestRig::on(now, devices, &fewer, seconds)?
+            }
+            _ => TestRig::on(now, devices, calibration, seconds)?,
+        };
+        Ok(Harness { test_rig, witness, camera, taking, change, strength })
+    }
+
+    /// The rig file.
+    pub(crate) fn config(&self) -> &Rig {
+        self.test_rig.config()
+    }
+
+    /// Makes the change that captures alone see. Photos were taken before.
+    pub(crate) fn change_captures(&mut self) {
+        if let To::Captures(to) | To::EachJob(to) = self.change.to
+            && let Some(simulation) = self.test_rig.config().simulation()
+        {
+            to(&mut self.witness, simulation, self.strength);
+        }
+    }
+
+    /// The photo of `light`, photo-sized; `seed` is that of its noise.
+    pub(crate) fn photograph(
+        &self,
+        light: &Frame<Work>,
+        seed: u64,
+    ) -> Result<Frame<Work>, Failure> {
+        let Taking { brighter, noise_levels, jpeg } = self.taking;
+        let tone = Tone::of_curve(self.config().photo.curve, 8);
+        let camera = self.camera.as_ref().unwrap_or(&self.witness);
+        let times = 1.0 + brighter as f32;
+        let light = Frame::from_fn(|c| light.plane(c).map(|v: f32| v * times));
+        let quiet = self.config().simulation().map_or(0.0, |s| s.sensor.read_noise_levels);
+        if noise_levels > 0.0 {
+            camera.set_read_noise_levels(quiet.hypot(noise_levels));
+        }
+        let mut codes = camera.photograph(&light, seed);
+        if noise_levels > 0.0 {
+            camera.set_read_noise_levels(quiet);
+        }
+        if let Some(quality) = jpeg {
+            codes = through_jpeg(&codes, quality)?;
+        }
+        Ok(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+    }
+
+    /// How `light` is seen through a perfect lens, as scored: what the photo holds of it.
+    pub(crate) fn truth(&self, light: &Frame<Work>) -> Plane {
+        let times = 1.0 + self.taking.brighter as f32;
+        self.seen(&Frame::from_fn(|c| light.plane(c).map(|v: f32| (v * times).min(255.0))))
+    }
+
+    /// A picture as it is scored.
+    pub(crate) fn seen(&self, picture: &Frame<Work>) -> Plane {
+        seen(self.config().photo.curve, self.test_rig.channels(), picture)
+    }
+
+    /// `method` on a photo of `scene`, scored.
+    pub(crate) fn score(&mut self, scene: Scene, method: &dyn Method) -> Result<Score, Failure> {
+        let photo = self.photograph(&self.test_rig.light(scene), PHOTO_SEED + scene as u64)?;
+        Ok(self.test_rig.score_photo(scene, &photo, method.name(), method)?)
+    }
+
+    /// `photo` made ready for methods.
+    pub(crate) fn prepare<'a>(&mut self, photo: &'a Frame<Work>) -> Prepared<'a> {
+        let channels = self.test_rig.channels();
+        self.test_rig.parts().0.prepare(photo, channels)
+    }
+
+    /// What `method` makes of `photo`, and what the box delivers of it.
+    pub(crate) fn judge(
+        &mut self,
+        photo: &Prepared<'_>,
+        method: &dyn Method,
+    ) -> Result<(Solved, Outcome), Failure> {
+        if let To::EachJob(_) = self.change.to {
+            self.change_captures();
+        }
+        let (pipeline, rig) = self.test_rig.parts();
+        let solved = pipeline.solve(rig, photo, method, &mut |_, _| {})?;
+        let outcome = pipeline.judge(photo, &solved, &mut |_, _| {})?;
+        Ok((solved, outcome))
+    }
+
+    /// What `make` makes of the rig file, as the change has it.
+    pub(crate) fn method(
+        &self,
+        make: &dyn Fn(&Rig) -> Box<dyn Method + Send + Sync>,
+    ) -> Box<dyn Method + Send + Sync> {
+        let mut rig = self.config().clone();
+        match self.change.to {
+            To::Patches(to) => {
+                to(&mut rig, self.strength);
+                make(&rig)
+            }
+            To::Step => {
+                rig.paper.tau *= self.strength as f32;
+                Box::new(Longer { method: make(&rig), times: self.strength as f32 })
+            }
+            _ => make(&rig),
+        }
+    }
+}
+
+/// A method that thinks ‖K‖ smaller than it is, and so steps too far.
+struct Longer {
+    method: Box<dyn Method + Send + Sync>,
+    times: f32,
+}
+
+impl Method for Longer {
+    fn about(&self) -> &'static About {
+        self.method.about()
+    }
+
+    fn captures_max(&self) -> u32 {
+        self.method.captures_max()
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let level_norms =
+            problem.level_norms.each_ref().map(|norms| norms.scaled(1.0 / self.times));
+        let norm_squared = problem.norm_squared.map(|norm| norm / self.times);
+        let problem = Problem { norm_squared, level_norms: &level_norms, ..*problem };
+        self.method.solve(&problem, optics, watch)
+    }
+}
+
+/// The same calibration with the mean functions of a coarser grid of columns and rows.
+fn with_fewer_functions(
+    calibration: &Calibration,
+    (columns, rows): (usize, usize),
+) -> Result<Calibration, Failure> {
+    let all = &calibration.functions;
+    let mut fewer = LensFunctions { columns, rows, ..all.clone() };
+    let area = all.support_px * all.support_px;
+    for (taps, all_taps) in fewer.taps.iter_mut().zip(&all.taps) {
+        *taps = vec![0.0; columns * rows * area];
+        let mut counts = vec![0.0f32; columns * rows];
+        for (n, function) in all_taps.chunks_exact(area).enumerate() {
+            let at = n / all.columns * rows / all.rows * columns
+                + n % all.columns * columns / all.columns;
+            taps[at * area..][..area].iter_mut().zip(function).for_each(|(sum, tap)| *sum += tap);
+            counts[at] += 1.0;
+        }
+        for (sum, count) in taps.chunks_exact_mut(area).zip(counts) {
+            sum.iter_mut().for_each(|tap| *tap /= count);
+        }
+    }
+    Ok(calibration.with_lens(fewer)?)
+}
+
+/// `codes` kept as a JPEG of `quality` (1 to 100) and read again.
+fn through_jpeg(codes: &Frame<Work, u8>, quality: u8) -> Result<Frame<Work, u8>, Failure> {
+    let size = codes.size();
+    let [red, green, blue] = codes.planes().each_ref().map(|plane| plane.data());
+    let pixels: Vec<u8> =
+        red.iter().zip(green).zip(blue).flat_map(|((&r, &g), &b)| [r, g, b]).collect();
+    let mut file = Vec::new();
+    JpegEncoder::new_with_quality(&mut file, quality).write_image(
+        &pixels,
+        size.width as u32,
+        size.height as u32,
+        ExtendedColorType::Rgb8,
+    )?;
+    let read = image::load_from_memory_with_format(&file, ImageFormat::Jpeg)?.into_rgb8();
+    Ok(Frame::from_fn(|c| {
+        Plane::from_fn(size, |x, y| read.get_pixel(x as u32, y as u32).0[c.index()])
+    }))
+}

@@ -1,0 +1,160 @@
+//! The laboratory: what is measured on simulated rigs alone, as tables, drawings and pictures.
+//!
+//! `cargo run --release --example lab -- WHAT --rig RIG.toml --out DIR`; see [`Experiment`].
+
+mod change;
+mod conditions;
+mod figures;
+mod harness;
+mod ladder;
+mod lines;
+mod made;
+mod peers;
+mod regimes;
+mod sizes;
+mod stability;
+mod varied;
+mod view;
+
+#[cfg(test)]
+mod stability_tests;
+#[cfg(test)]
+mod study_tests;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use relens::chart::test_rig::Score;
+use relens::config::Curve;
+
+/// Why there is no result.
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// The laboratory: what is measured on simulated rigs alone.
+#[derive(clap::Parser)]
+struct Words {
+    /// What is measured
+    #[arg(value_enum)]
+    what: Experiment,
+    /// Rig file of a simulated rig
+    #[arg(long)]
+    rig: PathBuf,
+    /// Folder of what is made
+    #[arg(long)]
+    out: PathBuf,
+    /// Fewer methods, scenes or strengths
+    #[arg(long)]
+    quick: bool,
+    /// Rows of other programs, for `peers`
+    #[arg(long, required_if_eq("what", "peers"))]
+    rows: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Experiment {
+    /// The methods side by side, also without noise, with glare and with a poor lens model
+    Conditions,
+    /// Every method under every fault: where it harms, and whether the box notices
+    Stability,
+    /// Where captures gain over the measured lens alone; for linear photos
+    Regimes,
+    /// What other sizes of the rig's models would gain
+    Sizes,
+    /// The rungs that a varied set of scenes takes
+    Ladder,
+    /// The paper's figures 7 to 12; for linear photos
+    Figures,
+    /// Photos and scenes for tests/benches/outside.py to restore; for linear photos
+    Captures,
+    /// Speed against accuracy with the rows that it prints; for linear photos
+    Peers,
+}
+
+fn main() -> ExitCode {
+    log::set_logger(&Told).map(|()| log::set_max_level(log::LevelFilter::Info)).ok();
+    match run(&<Words as clap::Parser>::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            say(&relens::remedy::full_message(&*failure));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(words: &Words) -> Result<(), Failure> {
+    use Experiment::{Captures, Conditions, Figures, Ladder, Peers, Regimes, Sizes, Stability};
+    let Words { what, out, quick, rows, .. } = words;
+    let rig = relens::config::load(&words.rig)?;
+    if rig.simulation().is_none() {
+        return Err(format!("found the rig {}, allowed simulated rigs", rig.name).into());
+    }
+    let linear = matches!(what, Regimes | Figures | Captures | Peers);
+    if linear && rig.photo.curve != Curve::Linear {
+        let found = &rig.name;
+        return Err(format!("found the rig {found}, allowed rigs with linear photos").into());
+    }
+    let reading = |path: &PathBuf| {
+        let unreadable = |e| format!("cannot read {}: {e}", path.display());
+        std::fs::read_to_string(path).map_err(unreadable)
+    };
+    let rows = rows.as_ref().map(reading).transpose()?.unwrap_or_default();
+    std::fs::create_dir_all(out)?;
+    let made = match what {
+        Conditions => conditions::run(&rig, *quick),
+        Stability => stability::run(&rig, *quick),
+        Regimes => regimes::run(&rig),
+        Sizes => sizes::run(&rig),
+        Ladder => ladder::run(&rig),
+        Figures => figures::run(&rig, out),
+        Captures => peers::captures(&rig),
+        Peers => peers::trade(&rig, *quick, &rows),
+    }?;
+    made.write(out)?;
+    made.tables.iter().for_each(|(_, table)| say(&table.markdown()));
+    say(&format!("written to {}", out.display()));
+    Ok(())
+}
+
+/// A rig file that comes with the program.
+#[cfg(test)]
+fn rig(name: &str) -> Result<relens::config::Rig, Failure> {
+    Ok(relens::config::load(std::path::Path::new(name))?)
+}
+
+/// Seconds since the first call.
+fn seconds() -> f64 {
+    static BEGUN: OnceLock<Instant> = OnceLock::new();
+    BEGUN.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
+
+/// Tells of a score as it comes.
+fn told(score: &Score) {
+    let (scene, method, captures) = (score.scene.name(), &score.method, score.restored.captures);
+    let (ssim, db) = (score.ssim, score.psnr_db);
+    log::info!("{scene} {method}, {captures} captures: SSIM {ssim:.4}, PSNR {db:.2} dB");
+}
+
+#[allow(clippy::print_stdout)]
+fn say(words: &str) {
+    println!("{words}");
+}
+
+/// What is told while it works, on standard error.
+struct Told;
+
+impl log::Log for Told {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.target().starts_with("lab")
+    }
+
+    #[allow(clippy::print_stderr)]
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            eprintln!("{}", record.args());
+        }
+    }
+
+    fn flush(&self) {}
+}
