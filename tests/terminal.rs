@@ -4,11 +4,12 @@
 #![allow(clippy::unwrap_used)]
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Command, ExitStatus};
+use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -69,6 +70,9 @@ fn on_terminal(
             screen.screen().rows(0, columns).filter(|row| is_bar(row)).collect();
         assert!(rows.len() <= 1, "one line of progress at a time: {rows:#?}");
         if interrupt && bars.is_empty() && !rows.is_empty() {
+            // The key's echo comes before its signal, which this terminal does not send by itself.
+            master.write_all(b"\x03").unwrap();
+            std::thread::sleep(Duration::from_millis(100));
             kill_process(Pid::from_child(&child), Signal::INT).unwrap();
         }
         bars.extend(rows);

@@ -3,9 +3,8 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Command, ValueEnum, ValueHint};
-use clap_complete::Generator;
-use clap_complete::shells;
+use clap::{Args, Command, ValueHint};
+use clap_complete::Shell;
 use clap_mangen::Man;
 
 use super::error::CliError;
@@ -15,15 +14,7 @@ use super::output::say;
 #[derive(Debug, Args)]
 pub(super) struct CompletionsOptions {
     /// Shell that asks
-    shell: CompletingShell,
-}
-
-/// The shells that are completed for.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum CompletingShell {
-    Bash,
-    Zsh,
-    Fish,
+    shell: Shell,
 }
 
 /// Print the manual page relens(1), or write the pages of all commands
@@ -39,14 +30,8 @@ pub(super) fn completions(
     options: &CompletionsOptions,
     mut command: Command,
 ) -> Result<(), CliError> {
-    command.set_bin_name("relens");
-    command.build();
     let mut script = Vec::new();
-    match options.shell {
-        CompletingShell::Bash => shells::Bash.generate(&command, &mut script),
-        CompletingShell::Zsh => shells::Zsh.generate(&command, &mut script),
-        CompletingShell::Fish => shells::Fish.generate(&command, &mut script),
-    }
+    clap_complete::generate(options.shell, &mut command, "relens", &mut script);
     say(String::from_utf8_lossy(&script).trim_end());
     Ok(())
 }

@@ -3,14 +3,56 @@
 //! Nothing is drawn where standard error is no terminal, or one that cannot move its cursor
 //! (`TERM=dumb`). There are no colours.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Result};
 use std::sync::OnceLock;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use console::Term;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
 use relens::daemon::{self, Doing, Watcher};
 use relens::measurement;
 
 use super::service::service_manager;
+
+/// Columns that are left free: there a terminal shows the `^C` of a key, and it is cleared with the
+/// line.
+const ECHO_COLUMNS: u16 = 4;
+
+/// A terminal that says it is a little narrower than it is.
+#[derive(Debug)]
+struct Narrowed(Term);
+
+impl TermLike for Narrowed {
+    fn width(&self) -> u16 {
+        self.0.size().1.saturating_sub(ECHO_COLUMNS).max(1)
+    }
+    fn height(&self) -> u16 {
+        self.0.size().0
+    }
+    fn move_cursor_up(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_up(n)
+    }
+    fn move_cursor_down(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_down(n)
+    }
+    fn move_cursor_right(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_right(n)
+    }
+    fn move_cursor_left(&self, n: usize) -> Result<()> {
+        self.0.move_cursor_left(n)
+    }
+    fn write_line(&self, line: &str) -> Result<()> {
+        self.0.write_line(line)
+    }
+    fn write_str(&self, text: &str) -> Result<()> {
+        self.0.write_str(text)
+    }
+    fn clear_line(&self) -> Result<()> {
+        self.0.clear_line()
+    }
+    fn flush(&self) -> Result<()> {
+        self.0.flush()
+    }
+}
 
 /// Whether there is a terminal to draw on.
 pub(super) fn is_drawn() -> bool {
@@ -22,8 +64,13 @@ pub(super) fn is_drawn() -> bool {
 fn bar() -> &'static ProgressBar {
     static BAR: OnceLock<ProgressBar> = OnceLock::new();
     BAR.get_or_init(|| {
-        let target =
-            if is_drawn() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target = match is_drawn() {
+            true => ProgressDrawTarget::term_like_with_hz(
+                Box::new(Narrowed(Term::buffered_stderr())),
+                20,
+            ),
+            false => ProgressDrawTarget::hidden(),
+        };
         let bar = ProgressBar::with_draw_target(Some(1), target);
         // The words get what the terminal has left, and are cut there.
         if let Ok(style) = ProgressStyle::with_template("{bar:10} {percent:>3} %  {wide_msg}") {
