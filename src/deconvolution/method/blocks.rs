@@ -7,53 +7,30 @@
 //! round (half-quadratic splitting with a filter for the prior: Venkatakrishnan, Bouman & Wohlberg
 //! 2013, "Plug-and-play priors"; Danielyan, Katkovnik & Egiazarian 2012, "BM3D frames and
 //! variational image deblurring").
-//!
-//! Measured 2026-11-21 on study.toml, no capture, mean SSIM/PSNR of the photographs; wavelets alone
-//! have 0.941/32.4:
-//!
-//! | in place of what is here, six rounds | |
-//! |---|---|
-//! | as it is | 0.951/33.0 |
-//! | a hard threshold for the guide in every round; in the first one only | 0.946/32.7 (eight rounds); 0.948/33.0 |
-//! | a hard threshold alone; groups as matrices of low rank | 0.942/32.4; 0.936/32.8 (eight rounds) |
-//! | noise taken for white (guide by threshold) | 0.943/32.6 |
-//! | alternating directions in place of splitting | 0.940/32.8 |
-//! | τ wider where the picture is lively | 0.950/32.9 |
-//! | a fifth of the wavelets' picture mixed in | 0.950/32.9 |
+//! What was tried in its place is in `tests/tables/README.md`.
 
 use rayon::prelude::*;
 
-use super::{About, IterationRecord, Problem, ResidualOf, Step, Watch};
+use super::problem::{Problem, Target};
+use super::record::Course;
+use super::{About, ResidualOf, Watch};
 use crate::deconvolution::block_matching::{BlockNoise, Groups, Passed, Search, filter};
 use crate::deconvolution::data_term::{self, NOISE_MIN, SATURATED, TRUSTED};
-use crate::deconvolution::detail_mask::DetailMask;
-use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 
-/// τ of the first and of the last round over the photo's noise. Measured 2026-11-21 on study.toml,
-/// two captures, eight rounds, mean SSIM/PSNR of the photographs and of the chart for 12 to 4 and
-/// 20 to 6: 0.953/34.2 and 0.951/24.8, 0.953/34.3 and 0.956/25.3. In proportion to the noise, since
-/// the same τ for all loses on simulated.toml with half a grey level of noise in green (coffee, no
-/// capture, four rounds, 20 to 6, 10 to 3 and 5 to 1.5 grey levels: 0.926/33.8, 0.929/34.2,
-/// 0.931/34.2).
+/// τ of the first and of the last round over the photo's noise: the same τ for all loses where
+/// there is little noise. Measured, as all below.
 const TAU_FIRST: f32 = 20.0;
 const TAU_LAST: f32 = 6.0;
-/// How much of what the lens model misses counts as noise. Measured 2026-11-21 on study.toml with
-/// four captures, mean SSIM/PSNR for 0, 0.5 and 1: with one function for the field and four rounds
-/// 0.875/24.8, 0.875/24.8 and (with 12 to 4) 0.884/25.9, where `hybrid` has 0.888/27.0; astronaut
-/// with 10 % of glare 0.953/32.9, 0.953/32.9 and 0.951/32.5.
+/// How much of what the lens model misses counts as noise.
 const MISSED_COUNTS: f32 = 0.5;
 /// Share of what is uncertain that the filter is told. The guide has less power than the scene, and
-/// Wiener's rule with such a guide draws too much. Measured 2026-11-21 on study.toml, no capture,
-/// six rounds from 12 to 5, mean SSIM/PSNR for 0.25, 0.4 and 0.6: 0.946/32.9, 0.950/33.0,
-/// 0.950/32.9; from 8 to 3 for 0.6, 1 and 1.5: 0.950/32.9, 0.948/32.8, 0.946/32.6.
+/// Wiener's rule with such a guide draws too much.
 const TOLD: f32 = 0.5;
-/// Steps of conjugate gradients a round; 16 gain less than 0.0002.
+/// Steps of conjugate gradients a round.
 const CONJUGATE_STEPS: u32 = 8;
-/// How like blocks are looked for. Measured 2026-11-21 as above: reach 16 gains nothing, groups of
-/// 8 lose 0.001, of 32 as much; step 3 gains 0.0001 and step 5 loses 0.0002; a limit of 150 or 1200
-/// changes less than 0.0002.
+/// How like blocks are looked for.
 const SEARCH: Search = Search { step_px: 4, reach_px: 12, group_max: 16, difference_max: 400.0 };
 
 /// What a method with block matching for its prior is: [`super::digital`] or [`super::hybrid`].
@@ -71,63 +48,50 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// `start` solved further for `data`; the green channel's residuals go to `record`.
+    /// `start` solved further for `target`; the green channel's residuals go to `course`.
     pub(super) fn solve(
         self,
-        problem: &Problem<'_>,
-        model: &LensModel,
-        (data, mask): (&Frame<Work>, &DetailMask),
+        target: Target<'_>,
         start: Frame<Work>,
-        record: &mut IterationRecord,
+        course: &mut Course<'_>,
         watch: &mut Watch<'_>,
     ) -> Frame<Work> {
-        let begun = (problem.stopwatch)();
-        let before = record.steps().last().map_or((0, 0.0), |step| (step.captures, step.seconds));
+        let problem = target.problem;
         let channels = problem.channels.list();
         let noise = |c: Channel| problem.photo_noise[c.index()].max(NOISE_MIN);
         let doubt = channels.par_iter().map(|&c| {
             let mut seen = Plane::zeros(problem.size());
-            model.forward(c, start.plane(c), &mut seen);
+            target.model.forward(c, start.plane(c), &mut seen);
             let trust = problem.trust.plane(c);
-            data_term::residual_in_place(&mut seen, data.plane(c), trust);
+            data_term::residual_in_place(&mut seen, target.data.plane(c), trust);
             // A residual above the noise is the model's fault.
             let unexplained = data_term::rms_over_data(&seen, trust).max(noise(c));
             (c, unexplained.max(MISSED_COUNTS * self.missed[c.index()]))
         });
         let doubt: Vec<(Channel, f32)> = doubt.collect();
-        let passed = channels.iter().map(|&c| Passed::of(model.functions(), c)).collect::<Vec<_>>();
+        let passed =
+            channels.iter().map(|&c| Passed::of(target.model.functions(), c)).collect::<Vec<_>>();
         let mut picture = start;
         for round in 0..self.rounds {
             let done = round as f32 / (self.rounds - 1).max(1) as f32;
             let tau = |c: Channel| noise(c) * TAU_FIRST * (TAU_LAST / TAU_FIRST).powf(done);
             let towards_data = |&(c, doubt): &(Channel, f32)| {
-                let ratio = (doubt / tau(c)).powi(2);
-                (c, towards_data(problem, model, (c, data.plane(c)), picture.plane(c), ratio))
+                (c, towards_data(target, c, picture.plane(c), (doubt / tau(c)).powi(2)))
             };
             let solved: Vec<(Channel, (Plane, f32))> = doubt.par_iter().map(towards_data).collect();
             let mut uncertain = Frame::zeros(problem.size());
             for (c, (plane, residual)) in solved {
                 *uncertain.plane_mut(c) = plane;
                 if c == Channel::Green {
-                    let iteration = record.steps().len() as u32 + 1;
-                    let seconds = before.1 + (problem.stopwatch)() - begun;
-                    let (of, captures) = (ResidualOf::Model, before.0);
-                    let step = Step { iteration, residual, of, captures, seconds };
-                    record.push(step);
-                    watch(&step, None);
+                    watch(&course.step(residual, ResidualOf::Model, 0), None);
                 }
             }
             let noises = passed.iter().zip(&doubt).map(|(passed, &(c, doubt))| {
                 let undone = BlockNoise::undone(passed, doubt.powi(2), tau(c).powi(2));
-                undone.scaled(TOLD).within(problem.rect.x).masked(mask)
+                undone.scaled(TOLD).within(problem.rect.x).masked(target.mask)
             });
-            filter_colours(
-                channels,
-                uncertain,
-                &mut picture,
-                &noises.collect::<Vec<_>>(),
-                round as usize,
-            );
+            let noises: Vec<BlockNoise<'_>> = noises.collect();
+            filter_colours(channels, uncertain, &mut picture, &noises, round as usize);
         }
         picture
     }
@@ -176,14 +140,9 @@ fn filter_colours(
 
 /// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² by conjugate gradients from `near`, and RMS(K̂ near −
 /// B).
-fn towards_data(
-    problem: &Problem<'_>,
-    model: &LensModel,
-    (c, data): (Channel, &Plane),
-    near: &Plane,
-    ratio: f32,
-) -> (Plane, f32) {
-    let trust = problem.trust.plane(c);
+fn towards_data(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Plane, f32) {
+    let Target { problem: Problem { trust, .. }, model, data, .. } = target;
+    let (data, trust) = (data.plane(c), trust.plane(c));
     let mut seen = Plane::zeros(near.size());
     model.forward(c, near, &mut seen);
     // A saturated pixel counts while it is predicted too dark.

@@ -1,15 +1,12 @@
 //! The lens model alone: what the box does when the camera is unplugged, and a baseline.
 //!
 //! Minimises ½‖K̂L − B‖² + μ‖W L‖ over 0 ≤ L ≤ 255 by proximal steps with momentum. Five things
-//! make it fast and good; each was measured on the study's photographs and on the default rig's
-//! (2026-11-21):
+//! make it fast and good (measured, see `tests/tables/README.md`):
 //!
 //! * it starts from Wiener's filter, which costs as much as a few steps and saves eight;
-//! * a step of its own for each wavelet level ([`LevelNorms`]): 20 steps where one length for all
-//!   takes 50;
+//! * a step of its own for each wavelet level ([`LevelNorms`]): less than half the steps;
 //! * details judged in clusters ([`Shrinkage::in_clusters`]);
-//! * the prior sees opponent colours ([`to_opponent`]): in colour +1.1 dB and +0.02 SSIM at the
-//!   same steps;
+//! * the prior sees opponent colours ([`to_opponent`]);
 //! * cycle spinning (Coifman & Donoho 1995) in two gears. One shift a step, another at each, is
 //!   cheap but leaves a trace of the last shift; the mean over all shifts leaves none but costs
 //!   many transforms. So the first steps turn, and the last [`SETTLING_STEPS`] spin.
@@ -18,8 +15,9 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::blocks::Blocks;
-use super::problem::Certificate;
+use super::blocks::{self, Blocks};
+use super::problem::{Certificate, Target};
+use super::record::Course;
 use super::wiener::Wiener;
 use super::{
     About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step,
@@ -28,22 +26,16 @@ use super::{
 use crate::deconvolution::data_term;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Size, Work};
 
-/// Noise-to-signal power of the start at one grey level of noise. Measured 2026-11-21, 16 steps,
-/// mean SSIM/PSNR on study.toml for 0.01 and 0.003: 0.941/32.4, 0.940/32.4; the hybrid of
-/// simulated.toml 0.934/32.3 and 0.932/32.4, where the rocket's night comes out noisy with 0.003
-/// (0.949 against 0.955).
+/// Noise-to-signal power of the start at one grey level of noise. With less, night comes out noisy.
 const START_NOISE_TO_SIGNAL: f32 = 0.01;
 /// Last steps of a solve, at most half of them, in which the shrinkage is averaged over shifts.
 pub const SETTLING_STEPS: u32 = 3;
-/// By how much the threshold grows from one level to the next coarser one. Measured 2026-11-21 on
-/// the study's photographs, 20 steps, mean SSIM/PSNR for 0.7, 1, 1.4 and 1.7: 0.934/32.3,
-/// 0.937/32.3, 0.938/32.4, 0.939/32.4.
+/// By how much the threshold grows from one level to the next coarser one. Measured; nearly flat.
 const GROWTH_PER_LEVEL: f32 = 1.7;
 
 /// How the channels of a photo are solved.
@@ -78,7 +70,7 @@ pub const ABOUT: About =
 
 impl Method for Digital {
     fn about(&self) -> &'static About {
-        if self.blocks.is_some() { &super::blocks::ABOUT } else { &ABOUT }
+        if self.blocks.is_some() { &blocks::ABOUT } else { &ABOUT }
     }
 
     fn solve(
@@ -87,14 +79,14 @@ impl Method for Digital {
         _optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model("digital")?;
-        let begun = (problem.stopwatch)();
-        let (picture, record) = self.solve_photo(problem, model, &self.mask(problem), watch);
+        problem.needs_model(self.name())?;
+        let course = Course::new(problem.stopwatch);
+        let (picture, record) = self.solve_photo(problem, &self.mask(problem), watch)?;
         if let Some(&last) = record.steps().last() {
-            watch(&Step { seconds: (problem.stopwatch)() - begun, ..last }, Some(&picture));
+            watch(&Step { seconds: course.seconds(), ..last }, Some(&picture));
         }
-        let mut certificate = Certificate::uncertified(problem);
-        certificate.model_residual = Some(model_residual(problem, model, &picture));
+        let model_residual = problem.model_residual(&picture);
+        let certificate = Certificate { model_residual, ..Certificate::uncertified(problem) };
         Ok(Solution::of(picture, record, certificate))
     }
 }
@@ -104,12 +96,14 @@ impl Digital {
     pub(super) fn solve_photo(
         &self,
         problem: &Problem<'_>,
-        model: &LensModel,
         mask: &DetailMask,
         watch: &mut Watch<'_>,
-    ) -> (Frame<Work>, IterationRecord) {
+    ) -> Result<(Frame<Work>, IterationRecord), MethodError> {
+        let model = problem.needs_model(self.name())?;
         let start = Wiener { noise_to_signal: START_NOISE_TO_SIGNAL }.start(problem, model);
-        self.solve_for(problem, model, (problem.photo, mask), &start, problem.level_norms, watch)
+        let norms = problem.level_norms;
+        let target = Target { problem, model, data: problem.photo, mask, norms };
+        Ok(self.solve_for(target, &start, watch))
     }
 
     /// Where the photo of `problem` has details.
@@ -120,36 +114,26 @@ impl Digital {
         DetailMask::of(&problem.channels.list().iter().map(of).collect::<Vec<_>>(), self.levels)
     }
 
-    /// All channels of `problem` with `data` in place of B and no detail looked for where it is
-    /// calm, from `start`, by steps as `norms` allow; the record is the green channel's.
+    /// All channels of `target` solved from `start`; the record is the green channel's.
     pub(super) fn solve_for(
         &self,
-        problem: &Problem<'_>,
-        model: &LensModel,
-        (data, mask): (&Frame<Work>, &DetailMask),
+        target: Target<'_>,
         start: &Frame<Work>,
-        norms: &[LevelNorms; 3],
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
-        let begun = (problem.stopwatch)();
-        let mut prior = ColourPrior::new(self, problem, mask, norms);
+        let problem = target.problem;
+        let mut course = Course::new(problem.stopwatch);
+        let mut prior = ColourPrior::new(self, target);
         let mut solves: Vec<ChannelSolve> =
             problem.channels.list().iter().map(|&c| ChannelSolve::new(c, start)).collect();
-        let mut record = IterationRecord::default();
         let settling = if self.cycle_spun { SETTLING_STEPS.min(self.steps / 2) } else { 0 };
         for iteration in 1..=self.steps {
             let turn = prior.shrinkage.shift(iteration as usize);
-            solves
-                .par_iter_mut()
-                .for_each(|solve| solve.descend(problem, model, data, norms, &prior, turn));
+            solves.par_iter_mut().for_each(|solve| solve.descend(target, &prior, turn));
             prior.apply(&mut solves, iteration as usize, iteration + settling > self.steps);
             solves.par_iter_mut().for_each(ChannelSolve::look_ahead);
             if let Some(green) = solves.iter().find(|solve| solve.channel == Channel::Green) {
-                let (residual, seconds) = (green.residual, (problem.stopwatch)() - begun);
-                let step =
-                    Step { iteration, residual, of: ResidualOf::Model, captures: 0, seconds };
-                record.push(step);
-                watch(&step, None);
+                watch(&course.step(green.residual, ResidualOf::Model, 0), None);
             }
         }
         let mut picture = Frame::zeros(problem.size());
@@ -157,9 +141,9 @@ impl Digital {
             *picture.plane_mut(solve.channel) = solve.stepped;
         }
         if let Some(blocks) = self.blocks {
-            picture = blocks.solve(problem, model, (data, mask), picture, &mut record, watch);
+            picture = blocks.solve(target, picture, &mut course, watch);
         }
-        (picture, record)
+        (picture, course.record)
     }
 }
 
@@ -192,23 +176,15 @@ impl ChannelSolve {
 
     /// `stepped` = the point looked at less its gradient, each wavelet level of it as long as it
     /// may be.
-    fn descend(
-        &mut self,
-        problem: &Problem<'_>,
-        model: &LensModel,
-        data: &Frame<Work>,
-        norms: &[LevelNorms; 3],
-        prior: &ColourPrior<'_>,
-        shift: (usize, usize),
-    ) {
-        let (c, trust) = (self.channel, problem.trust.plane(self.channel));
-        model.forward(c, &self.looked_at, &mut self.predicted);
-        data_term::residual_in_place(&mut self.predicted, data.plane(c), trust);
+    fn descend(&mut self, target: Target<'_>, prior: &ColourPrior<'_>, shift: (usize, usize)) {
+        let (c, trust) = (self.channel, target.problem.trust.plane(self.channel));
+        target.model.forward(c, &self.looked_at, &mut self.predicted);
+        data_term::residual_in_place(&mut self.predicted, target.data.plane(c), trust);
         if c == Channel::Green {
             self.residual = data_term::rms_over_data(&self.predicted, trust);
         }
-        model.adjoint(c, &self.predicted, &mut self.stepped);
-        let steps = norms[c.index()].steps();
+        target.model.adjoint(c, &self.predicted, &mut self.stepped);
+        let steps = target.norms[c.index()].steps();
         prior.lend(|scratch| {
             prior.shrinkage.scale_levels(&mut self.stepped, &steps, shift, scratch)
         });
@@ -243,12 +219,8 @@ struct ColourPrior<'a> {
 }
 
 impl<'a> ColourPrior<'a> {
-    fn new(
-        digital: &Digital,
-        problem: &Problem<'_>,
-        mask: &'a DetailMask,
-        norms: &[LevelNorms; 3],
-    ) -> Self {
+    fn new(digital: &Digital, target: Target<'a>) -> Self {
+        let Target { problem, mask, norms, .. } = target;
         let channels = problem.channels.list();
         let together = digital.colours == Colours::Together && channels.len() == Channel::ALL.len();
         let noise = |c: Channel| problem.photo_noise[c.index()];
@@ -335,15 +307,4 @@ fn in_opponent_colours(solves: &mut [ChannelSolve], change: fn(&mut [Plane; 3]))
             solve.stepped = plane;
         }
     }
-}
-
-/// RMS(K̂L − B), green channel.
-pub(super) fn model_residual(
-    problem: &Problem<'_>,
-    model: &LensModel,
-    picture: &Frame<Work>,
-) -> f32 {
-    let mut predicted = Plane::zeros(problem.size());
-    model.forward(Channel::Green, picture.plane(Channel::Green), &mut predicted);
-    problem.residual_rms(Channel::Green, &predicted)
 }

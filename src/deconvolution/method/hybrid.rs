@@ -8,18 +8,11 @@
 //! corrected, a right model is left alone, and when a capture shows nothing new, d is complete.
 //!
 //! Where the first capture shows that the lens is another than was measured, the model itself is
-//! refined by it ([`crate::deconvolution::refinement`]), and d is what even that leaves. Measured
-//! 2026-11-22 on study.toml, one capture, mean SSIM/PSNR of the photographs without and with: one
-//! function 0.887/26.4, 0.927/31.3; off centre by 25 % 0.898/26.8, 0.918/28.6, by 10 % 0.936/31.4,
-//! 0.936/32.5; 20 % of veiling glare 0.919/31.7, 0.921/32.0; as measured, where nothing is refined,
-//! the same.
+//! refined by it ([`crate::deconvolution::refinement`]), and d is what even that leaves.
 //!
 //! With block matching for the prior the first capture is of what wavelets alone make of the photo:
 //! the defect there hardly differs, and block matching, most of the cost, runs once and not twice.
-//! Measured 2026-11-22 on study.toml, mean SSIM/PSNR with block matching before the first capture,
-//! too, and as it is: one round, one capture 0.948/33.6 in 0.63 s, 0.947/33.5 in 0.46 s; eight
-//! rounds, two captures 0.953/34.3 in 2.9 s, 0.953/34.2 in 1.6 s. The chart, all edges, loses most:
-//! on simulated.toml 0.914/23.9, 0.916/22.3.
+//! A scene of nothing but edges loses by it.
 //!
 //! With a poor model the corrected candidate can overshoot. The next capture tells, and light is
 //! linear: the photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another
@@ -27,14 +20,12 @@
 
 use rayon::prelude::*;
 
-use super::blocks::Blocks;
-use super::digital::{Digital, model_residual};
-use super::problem::Certificate;
-use super::{
-    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch,
-};
+use super::blocks::{self, Blocks};
+use super::digital::Digital;
+use super::problem::{Certificate, Target};
+use super::record::Course;
+use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
 use crate::deconvolution::data_term::{self, MISSING, TRUSTED};
-use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
@@ -79,7 +70,7 @@ pub const ABOUT: About =
 
 impl Method for Hybrid {
     fn about(&self) -> &'static About {
-        if self.digital.blocks.is_some() { &super::blocks::ABOUT } else { &ABOUT }
+        if self.digital.blocks.is_some() { &blocks::ABOUT } else { &ABOUT }
     }
 
     fn captures_max(&self) -> u32 {
@@ -93,75 +84,64 @@ impl Method for Hybrid {
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
         let model = problem.needs_model(self.name())?;
-        let begun = (problem.stopwatch)();
-        let captures_before = optics.captures();
+        let mut course = Course::by(problem.stopwatch, optics);
         let mask = self.digital.mask(problem);
         let by_wavelets = Digital { blocks: None, ..self.digital };
-        let (mut picture, mut record) = by_wavelets.solve_photo(problem, model, &mask, watch);
+        let (picture, steps) = by_wavelets.solve_photo(problem, &mask, watch)?;
+        course.extend(&steps, 0, 0.0);
         let mut certificate = Certificate::uncertified(problem);
-        let mut seen = optics.forward(&picture)?;
-        let mut defect: Frame<Work> = Frame::zeros(problem.size());
+        let (seen, defect) = (optics.forward(&picture)?, Frame::zeros(problem.size()));
+        let mut now = Candidate { picture, seen, defect };
         let (mut look, mut refined) = (CaptureFinding::default(), None);
         for capture in 1..=self.captures_max.max(1) {
-            let optical = problem.residual_rms(Channel::Green, seen.light.plane(Channel::Green));
-            certificate.look(problem, &seen.light);
-            let step = Step {
-                iteration: record.steps().len() as u32 + 1,
-                residual: optical,
-                of: ResidualOf::Optics,
-                captures: (optics.captures() - captures_before) as u32,
-                seconds: (problem.stopwatch)() - begun,
-            };
-            record.push(step);
-            watch(&step, Some(&picture));
+            let optical =
+                problem.residual_rms(Channel::Green, now.seen.light.plane(Channel::Green));
+            certificate.look(problem, &now.seen.light);
+            let step = course.step(optical, ResidualOf::Optics, optics.captures());
+            watch(&step, Some(&now.picture));
             let last = capture >= self.captures_max;
             if last && self.captures_max > 1 {
                 break;
             }
             let channels = problem.channels.list();
             let mut unexplained =
-                seen.unexplained(refined.as_ref().unwrap_or(model), &picture, channels);
+                now.seen.unexplained(refined.as_ref().unwrap_or(model), &now.picture, channels);
             // The first picture is not yet the method's where block matching is still to come.
             let mut unsolved = capture == 1 && self.digital.blocks.is_some();
             if self.refine && capture == 1 {
-                (look, refined) = measured(problem, model).look(&picture, &seen, &unexplained);
+                (look, refined) =
+                    measured(problem, model).look(&now.picture, &now.seen, &unexplained);
                 if let Some(refined) = &refined {
-                    unexplained = seen.unexplained(refined, &picture, channels);
+                    unexplained = now.seen.unexplained(refined, &now.picture, channels);
                     unsolved = true;
                 }
             }
             let model = refined.as_ref().unwrap_or(model);
             let norms = look.refined.as_ref().map_or(problem.level_norms, |lens| &lens.level_norms);
-            let known = (unexplained, &seen.trusted, &defect);
-            let mut known = new_defect(problem, known, self.defect_threshold);
+            let mut known = self.new_defect(problem, unexplained, &now);
             let size =
                 known.plane(Channel::Green).rms() as f32 / problem.noise_floor(Channel::Green);
             // What a refined model leaves no defect of is still to be solved for.
             if size <= self.defect_floor && !unsolved {
                 break;
             }
-            for &channel in problem.channels.list() {
-                known.plane_mut(channel).add_scaled(1.0, defect.plane(channel));
+            for &channel in channels {
+                known.plane_mut(channel).add_scaled(1.0, now.defect.plane(channel));
             }
-            let corrected = self.corrected(
-                problem,
-                (model, &mask, norms),
-                &picture,
-                &known,
-                (&mut record, watch),
-            );
+            let target = Target { problem, model, data: problem.photo, mask: &mask, norms };
+            let corrected = self.corrected(target, &now.picture, &known, &mut course, watch);
             certificate.corrections += 1;
             if last {
-                picture = corrected;
+                now.picture = corrected;
                 certificate.optical_residual = None;
                 break;
             }
-            let seen_corrected = optics.forward(&corrected)?;
-            let now = (&mut picture, &mut seen, &mut defect);
-            step_along(problem, now, (&corrected, &seen_corrected, &known));
+            let corrected =
+                Candidate { seen: optics.forward(&corrected)?, picture: corrected, defect: known };
+            now.step_towards(&corrected, problem);
         }
-        certificate.model_residual = Some(model_residual(problem, model, &picture));
-        Ok(Solution { picture, record, certificate, look })
+        certificate.model_residual = problem.model_residual(&now.picture);
+        Ok(Solution { picture: now.picture, record: course.record, certificate, look })
     }
 }
 
@@ -169,12 +149,13 @@ impl Hybrid {
     /// The solution of K̂L = B − d, from `picture`.
     fn corrected(
         &self,
-        problem: &Problem<'_>,
-        (model, mask, norms): (&LensModel, &DetailMask, &[LevelNorms; 3]),
+        target: Target<'_>,
         picture: &Frame<Work>,
         defect: &Frame<Work>,
-        (record, watch): (&mut IterationRecord, &mut Watch<'_>),
+        course: &mut Course<'_>,
+        watch: &mut Watch<'_>,
     ) -> Frame<Work> {
+        let problem = target.problem;
         let mut data: Frame<Work> = problem.photo.clone();
         for &channel in problem.channels.list() {
             data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
@@ -188,16 +169,38 @@ impl Hybrid {
         let doubtful = |blocks| Blocks { missed: Channel::ALL.map(missed), ..blocks };
         let blocks = self.digital.blocks.map(doubtful);
         let correction = Digital { steps: self.correction_steps, blocks, ..self.digital };
-        let norms = self.careful_norms(problem, norms, picture, defect);
-        let (corrected, steps) =
-            correction.solve_for(problem, model, (&data, mask), picture, &norms, watch);
-        let before = record.steps().last().copied();
-        for step in steps.steps() {
-            let (captures, seconds) = before.map_or((0, 0.0), |b| (b.captures, b.seconds));
-            let iteration = record.steps().len() as u32 + 1;
-            record.push(Step { iteration, captures, seconds: seconds + step.seconds, ..*step });
-        }
+        let norms = &self.careful_norms(target, picture, defect);
+        let careful = Target { data: &data, norms, ..target };
+        let (corrected, steps) = correction.solve_for(careful, picture, watch);
+        let (captures, seconds) =
+            course.record.steps().last().map_or((0, 0.0), |last| (last.captures, last.seconds));
+        course.extend(&steps, captures, seconds);
         corrected
+    }
+
+    /// What is `unexplained` beyond the known defect, (y − K̂L) − d, with its noise shrunk away;
+    /// zero where the capture cannot be trusted or the photo says nothing.
+    fn new_defect(
+        &self,
+        problem: &Problem<'_>,
+        mut unexplained: Frame<Work>,
+        known: &Candidate,
+    ) -> Frame<Work> {
+        let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
+        let mut scratch = ShrinkageScratch::default();
+        // One plane after the other: spinning needs much memory, and keeps all cores busy by
+        // itself.
+        for &channel in problem.channels.list() {
+            let plane = unexplained.plane_mut(channel);
+            let values = plane.data_mut().iter_mut().zip(known.defect.plane(channel).data());
+            for ((v, d), &t) in values.zip(known.seen.trusted.plane(channel).data()) {
+                *v -= if t == TRUSTED { *d } else { 0.0 };
+            }
+            let thresholds = [self.defect_threshold * data_term::noise_of(plane)];
+            shrinkage.shrink_everywhere(plane, &thresholds, None, 0, &mut scratch);
+            problem.mask(channel, plane);
+        }
+        unexplained
     }
 
     /// Power of the details of `plane`, level by level, finest first.
@@ -217,8 +220,7 @@ impl Hybrid {
     /// what K̂ lets through. The defect over the picture, level by level, is how large it is.
     fn careful_norms(
         &self,
-        problem: &Problem<'_>,
-        norms: &[LevelNorms; 3],
+        Target { problem, norms, .. }: Target<'_>,
         picture: &Frame<Work>,
         defect: &Frame<Work>,
     ) -> [LevelNorms; 3] {
@@ -253,50 +255,33 @@ fn measured<'a>(problem: &'a Problem<'_>, model: &'a LensModel) -> Measured<'a> 
     }
 }
 
-/// What is `unexplained` beyond the `known` defect, (y − K̂L) − d, with its noise shrunk away; zero
-/// where the capture cannot be `trusted` or the photo says nothing.
-fn new_defect(
-    problem: &Problem<'_>,
-    (mut unexplained, trusted, known): (Frame<Work>, &Frame<Work, u8>, &Frame<Work>),
-    deviations: f32,
-) -> Frame<Work> {
-    let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
-    let mut scratch = ShrinkageScratch::default();
-    // One plane after the other: spinning needs much memory, and keeps all cores busy by itself.
-    for &channel in problem.channels.list() {
-        let plane = unexplained.plane_mut(channel);
-        let values = plane.data_mut().iter_mut().zip(known.plane(channel).data());
-        for ((v, d), &t) in values.zip(trusted.plane(channel).data()) {
-            *v -= if t == TRUSTED { *d } else { 0.0 };
-        }
-        let noise = data_term::noise_of(plane);
-        shrinkage.shrink_everywhere(plane, &[deviations * noise], None, 0, &mut scratch);
-        problem.mask(channel, plane);
-    }
-    unexplained
+/// A picture, what is seen of it, and the defect used for it.
+struct Candidate {
+    picture: Frame<Work>,
+    seen: Seen,
+    defect: Frame<Work>,
 }
 
-/// Moves the picture, what is seen of it and the defect used for it towards the corrected ones,
-/// channel by channel, as far as brings the seen nearest to the photo.
-fn step_along(
-    problem: &Problem<'_>,
-    (picture, seen, defect): (&mut Frame<Work>, &mut Seen, &mut Frame<Work>),
-    (corrected, seen_corrected, known): (&Frame<Work>, &Seen, &Frame<Work>),
-) {
-    for &c in problem.channels.list() {
-        let alpha = best_step(problem, c, &seen.light, &seen_corrected.light) as f32;
-        let towards = |plane: &mut Plane, target: &Plane| {
-            let pairs = plane.data_mut().iter_mut().zip(target.data());
-            pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
-        };
-        towards(picture.plane_mut(c), corrected.plane(c));
-        picture.plane_mut(c).data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
-        towards(seen.light.plane_mut(c), seen_corrected.light.plane(c));
-        towards(defect.plane_mut(c), known.plane(c));
-        let trusted = seen.trusted.plane_mut(c).data_mut().iter_mut();
-        trusted
-            .zip(seen_corrected.trusted.plane(c).data())
-            .for_each(|(t, &other)| *t = (*t).min(other));
+impl Candidate {
+    /// Moves towards `corrected`, channel by channel, as far as brings the seen nearest to the
+    /// photo.
+    fn step_towards(&mut self, corrected: &Candidate, problem: &Problem<'_>) {
+        for &c in problem.channels.list() {
+            let alpha = best_step(problem, c, &self.seen.light, &corrected.seen.light) as f32;
+            let towards = |plane: &mut Plane, target: &Plane| {
+                let pairs = plane.data_mut().iter_mut().zip(target.data());
+                pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
+            };
+            let picture = self.picture.plane_mut(c);
+            towards(picture, corrected.picture.plane(c));
+            picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+            towards(self.seen.light.plane_mut(c), corrected.seen.light.plane(c));
+            towards(self.defect.plane_mut(c), corrected.defect.plane(c));
+            let trusted = self.seen.trusted.plane_mut(c).data_mut().iter_mut();
+            trusted
+                .zip(corrected.seen.trusted.plane(c).data())
+                .for_each(|(t, &other)| *t = (*t).min(other));
+        }
     }
 }
 

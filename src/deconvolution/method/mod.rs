@@ -34,6 +34,7 @@ pub mod unmatched;
 pub mod wiener;
 
 mod brake;
+mod light_loop;
 mod momentum;
 mod problem;
 mod record;
@@ -41,17 +42,13 @@ mod strength;
 
 pub use momentum::Momentum;
 pub use problem::{Certificate, MethodError, Problem, Solution};
-pub use record::{IterationRecord, ResidualOf, Step};
+pub use record::{IterationRecord, ResidualOf, Step, Watch};
 pub use strength::Strength;
 
 use super::forward_convolution::{ForwardConvolution, Seen};
 use super::wavelet_shrinkage::Shrinkage;
-use crate::frame::{Channel, Frame, Size, Work};
+use crate::frame::{Frame, Size, Work};
 use crate::remedy::AnyFailure;
-
-/// Called after each step with the step's record and, where the method has it at hand, the picture
-/// as it is now. Whoever looks after the program knows by it that a long solve is alive.
-pub type Watch<'a> = dyn FnMut(&Step, Option<&Frame<Work>>) + 'a;
 
 /// What a method is, whatever its numbers: rig files, lists and the judge go by it.
 #[derive(Debug, PartialEq, Eq)]
@@ -98,11 +95,6 @@ pub trait Method {
 fn shrinkage(size: Size, levels: usize, cycle_spun: bool) -> Shrinkage {
     let plain = Shrinkage::new(size, levels);
     if cycle_spun { plain.cycle_spun() } else { plain }
-}
-
-/// The momentum of each channel, from `start`.
-fn momenta(channels: &[Channel], start: &Frame<Work>) -> Vec<Momentum> {
-    channels.iter().map(|&c| Momentum::new(start.plane(c))).collect()
 }
 
 /// The optics when there are none: every capture fails.

@@ -8,14 +8,13 @@
 
 use super::brake::Brake;
 use super::problem::Certificate;
-use super::{
-    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch,
-};
+use super::record::Course;
+use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
 use crate::deconvolution::backward_convolution::{Sign, backward_convolution};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::patches::{PatchGrid, PatchShape};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
-use crate::frame::{Frame, Work};
+use crate::frame::{Channel, Frame, Plane, Work};
 
 /// Who computes the backward convolution.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,22 +62,16 @@ impl Paper {
         match self.backward {
             Backward::Light(shape) => {
                 let grid = PatchGrid::new(problem.size(), problem.rect, shape);
-                Ok(backward_convolution(
-                    optics,
-                    picture,
-                    &grid,
-                    problem.channels,
-                    Sign::Unsigned,
-                    None,
-                )?)
+                let (channels, sign) = (problem.channels, Sign::Unsigned);
+                Ok(backward_convolution(optics, picture, &grid, channels, sign, None)?)
             }
             Backward::Model => {
                 let model = problem.needs_model("paper with computed backward convolution")?;
-                let mut back = Frame::zeros(problem.size());
-                for &channel in problem.channels.list() {
-                    model.adjoint(channel, picture.plane(channel), back.plane_mut(channel));
-                }
-                Ok(back)
+                Ok(problem.frame_of(|c| {
+                    let mut back = Plane::zeros(problem.size());
+                    model.adjoint(c, picture.plane(c), &mut back);
+                    back
+                }))
             }
         }
     }
@@ -106,20 +99,19 @@ impl Method for Paper {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let begun = (problem.stopwatch)();
-        let captures_before = optics.captures();
+        let mut course = Course::by(problem.stopwatch, optics);
         let shrinkage = Shrinkage::new(problem.size(), self.levels);
         let mut scratch = ShrinkageScratch::default();
         let channels = problem.channels;
         let mut photo = problem.photo.clone();
         channels.list().iter().for_each(|&c| problem.mask(c, photo.plane_mut(c)));
 
-        let (mut record, mut brake) = (IterationRecord::default(), Brake::new());
+        let mut brake = Brake::new();
         let mut picture: Frame<Work> = problem.photo.clone();
         let backward_photo = self.backward(problem, optics, &photo)?;
-        for iteration in 1..=self.iterations {
+        for _ in 0..self.iterations {
             let mut seen = optics.forward(&picture)?.light;
-            let green = crate::frame::Channel::Green;
+            let green = Channel::Green;
             let residual = problem.residual_rms(green, seen.plane(green));
             if !(self.bounded && brake.turned_up(residual, &mut picture)) {
                 channels.list().iter().for_each(|&c| problem.mask(c, seen.plane_mut(c)));
@@ -132,16 +124,9 @@ impl Method for Paper {
                     shrinkage.shrink(plane, self.lambda * tau / 2.0, (0, 0), &mut scratch);
                 }
             }
-            let step = Step {
-                iteration,
-                residual,
-                of: ResidualOf::Optics,
-                captures: (optics.captures() - captures_before) as u32,
-                seconds: (problem.stopwatch)() - begun,
-            };
-            record.push(step);
-            watch(&step, Some(&picture));
+            let captures = optics.captures();
+            watch(&course.step(residual, ResidualOf::Optics, captures), Some(&picture));
         }
-        Ok(Solution::of(picture, record, Certificate::uncertified(problem)))
+        Ok(Solution::of(picture, course.record, Certificate::uncertified(problem)))
     }
 }

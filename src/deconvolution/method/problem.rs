@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::record::IterationRecord;
-use crate::deconvolution::data_term::{MISSING, NOISE_MIN, rms_over_data};
+use super::record::{IterationRecord, Watch};
+use crate::deconvolution::data_term::{MISSING, NOISE_MIN, residual, rms_over_data};
+use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::refinement::{CaptureFinding, Learnt};
@@ -71,14 +72,64 @@ impl<'a> Problem<'a> {
     pub fn residual_rms(&self, channel: Channel, predicted: &Plane) -> f32 {
         let mut difference = Plane::zeros(self.size());
         let trust = self.trust.plane(channel);
-        crate::deconvolution::data_term::residual(
-            predicted,
-            self.photo.plane(channel),
-            trust,
-            &mut difference,
-        );
+        residual(predicted, self.photo.plane(channel), trust, &mut difference);
         rms_over_data(&difference, trust)
     }
+
+    /// RMS(K̂L − B) of `picture` in the green channel, grey levels; none without a lens model.
+    pub(super) fn model_residual(&self, picture: &Frame<Work>) -> Option<f32> {
+        let model = self.model?;
+        let mut predicted = Plane::zeros(self.size());
+        model.forward(Channel::Green, picture.plane(Channel::Green), &mut predicted);
+        Some(self.residual_rms(Channel::Green, &predicted))
+    }
+
+    /// A frame whose solved channels are `of` them, black in others.
+    pub(super) fn frame_of(&self, of: impl Fn(Channel) -> Plane + Sync) -> Frame<Work> {
+        let channels = self.channels.list();
+        let planes: Vec<Plane> = channels.par_iter().map(|&c| of(c)).collect();
+        let mut frame = Frame::zeros(self.size());
+        channels.iter().zip(planes).for_each(|(&c, plane)| *frame.plane_mut(c) = plane);
+        frame
+    }
+
+    /// The solution of a method that solves each channel by itself; the record is green's.
+    pub(super) fn solved_by_channel(
+        &self,
+        of: impl Fn(Channel) -> (Plane, IterationRecord) + Sync,
+        watch: &mut Watch<'_>,
+    ) -> Solution {
+        let channels = self.channels.list();
+        let solved: Vec<_> = channels.par_iter().map(|&c| of(c)).collect();
+        let (mut picture, mut record) = (Frame::zeros(self.size()), IterationRecord::default());
+        for (&c, (plane, steps)) in channels.iter().zip(solved) {
+            *picture.plane_mut(c) = plane;
+            if c == Channel::Green {
+                record = steps;
+            }
+        }
+        if let Some(last) = record.steps().last() {
+            watch(last, Some(&picture));
+        }
+        let model_residual = self.model_residual(&picture);
+        let certificate = Certificate { model_residual, ..Certificate::uncertified(self) };
+        Solution::of(picture, record, certificate)
+    }
+}
+
+/// A solve with the lens model, which may be of another photo with another lens than the problem's.
+#[derive(Clone, Copy)]
+pub(super) struct Target<'a> {
+    /// The problem that it is part of.
+    pub(super) problem: &'a Problem<'a>,
+    /// The lens.
+    pub(super) model: &'a LensModel,
+    /// In place of B.
+    pub(super) data: &'a Frame<Work>,
+    /// Where the photo is calm, and no detail is looked for.
+    pub(super) mask: &'a DetailMask,
+    /// What steps are allowed.
+    pub(super) norms: &'a [LevelNorms; 3],
 }
 
 /// A finished picture.

@@ -5,12 +5,10 @@
 //! algorithms for constrained total variation image denoising and deblurring problems"), a few
 //! steps of it, going on from the last ones.
 
-use rayon::prelude::*;
-
-use super::richardson_lucy::finish;
+use super::record::Course;
 use super::{
-    About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step,
-    Strength, Watch,
+    About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Strength,
+    Watch,
 };
 use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
@@ -44,10 +42,8 @@ impl Method for TotalVariation {
         _optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model("total-variation")?;
-        let channels = problem.channels.list();
-        let solved = channels.par_iter().map(|&c| self.solve_channel(problem, model, c)).collect();
-        Ok(finish(problem, solved, watch))
+        let model = problem.needs_model(self.name())?;
+        Ok(problem.solved_by_channel(|c| self.solve_channel(problem, model, c), watch))
     }
 }
 
@@ -58,16 +54,15 @@ impl TotalVariation {
         model: &LensModel,
         c: Channel,
     ) -> (Plane, IterationRecord) {
-        let begun = (problem.stopwatch)();
+        let mut course = Course::new(problem.stopwatch);
         let (data, trust) = (problem.photo.plane(c), problem.trust.plane(c));
         let step = 1.0 / problem.norm_squared[c.index()];
         let weight = step * self.strength.threshold(problem.photo_noise[c.index()]);
-        let mut record = IterationRecord::default();
         let (mut looked_at, mut stepped) = (data.clone(), data.clone());
         let (mut predicted, mut gradient) = (data.clone(), data.clone());
         let mut momentum = Momentum::new(data);
         let mut dual = Dual::new(data.size());
-        for iteration in 1..=self.steps {
+        for _ in 0..self.steps {
             model.forward(c, &looked_at, &mut predicted);
             data_term::residual_in_place(&mut predicted, data, trust);
             let residual = data_term::rms_over_data(&predicted, trust);
@@ -77,10 +72,9 @@ impl TotalVariation {
             dual.draw(&mut stepped, weight);
             stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
             momentum.next(&mut looked_at, &stepped);
-            let seconds = (problem.stopwatch)() - begun;
-            record.push(Step { iteration, residual, of: ResidualOf::Model, captures: 0, seconds });
+            course.step(residual, ResidualOf::Model, 0);
         }
-        (stepped, record)
+        (stepped, course.record)
     }
 }
 

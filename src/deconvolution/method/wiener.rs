@@ -2,10 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::richardson_lucy::finish;
-use super::{
-    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Watch,
-};
+use super::record::Course;
+use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
 use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
@@ -35,29 +33,16 @@ impl Method for Wiener {
         _optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model("wiener")?;
-        let begun = (problem.stopwatch)();
-        let channels = problem.channels.list();
-        let solved = channels
-            .par_iter()
-            .map(|&c| {
-                let picture = self.filtered(problem, model, c);
-                let mut predicted = Plane::zeros(problem.size());
-                model.forward(c, &picture, &mut predicted);
-                let residual = problem.residual_rms(c, &predicted);
-                let seconds = (problem.stopwatch)() - begun;
-                let mut record = IterationRecord::default();
-                record.push(Step {
-                    iteration: 1,
-                    residual,
-                    of: ResidualOf::Model,
-                    captures: 0,
-                    seconds,
-                });
-                (picture, record)
-            })
-            .collect();
-        Ok(finish(problem, solved, watch))
+        let model = problem.needs_model(self.name())?;
+        let of = |c: Channel| {
+            let mut course = Course::new(problem.stopwatch);
+            let picture = self.filtered(problem, model, c);
+            let mut predicted = Plane::zeros(problem.size());
+            model.forward(c, &picture, &mut predicted);
+            course.step(problem.residual_rms(c, &predicted), ResidualOf::Model, 0);
+            (picture, course.record)
+        };
+        Ok(problem.solved_by_channel(of, watch))
     }
 }
 
@@ -70,14 +55,7 @@ impl Wiener {
 
     /// The photo filtered in the channels that are solved; black in others.
     pub(super) fn start(&self, problem: &Problem<'_>, model: &LensModel) -> Frame<Work> {
-        let channels = problem.channels.list();
-        let filtered: Vec<Plane> =
-            channels.par_iter().map(|&c| self.filtered(problem, model, c)).collect();
-        let mut start = Frame::zeros(problem.size());
-        for (&c, plane) in channels.iter().zip(filtered) {
-            *start.plane_mut(c) = plane;
-        }
-        start
+        problem.frame_of(|c| self.filtered(problem, model, c))
     }
 }
 
@@ -259,11 +237,11 @@ impl Transform2 {
                 }
                 // A real picture's transform at −k is the conjugate of that at k, which tells the
                 // two apart.
-                let apart = |z: &[Complex]| {
+                let split = |z: &[Complex]| {
                     let (z, mirrored) = (z[here], z[there].conj());
                     [(z + mirrored) * 0.5, (z - mirrored) * -0.5 * i]
                 };
-                let ([p, q], [h, g]) = (apart(values), apart(lens));
+                let ([p, q], [h, g]) = (split(values), split(lens));
                 let first = p * h.conj() * (scale / (h.norm_sqr() + ratio));
                 let second = q * g.conj() * (scale / (g.norm_sqr() + ratio));
                 values[here] = first + second * i;

@@ -1,0 +1,76 @@
+//! Proximal steps with momentum on what the light shows: the loop of [`residual`](super::residual)
+//! and [`unmatched`](super::unmatched), which send the signed residual FC(L) − B backward each in
+//! its own way.
+
+use super::brake::Brake;
+use super::problem::{Certificate, MethodError, Problem, Solution};
+use super::record::Course;
+use super::{Momentum, ResidualOf, Strength, Watch};
+use crate::deconvolution::data_term;
+use crate::deconvolution::forward_convolution::ForwardConvolution;
+use crate::deconvolution::wavelet_shrinkage::{Prior, Shrinkage, ShrinkageScratch};
+use crate::frame::{Channel, FULL_SCALE, Frame, Work};
+
+/// The loop's parameters.
+pub(super) struct LightLoop {
+    /// Iterations, each at least one capture.
+    pub(super) iterations: u32,
+    /// Soft threshold of each step.
+    pub(super) strength: Strength,
+    /// The prior.
+    pub(super) shrinkage: Shrinkage,
+}
+
+impl LightLoop {
+    /// `problem` solved, its steps taken down in `course`; `backward` is Kᵀ of a signed residual.
+    pub(super) fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        mut course: Course<'_>,
+        backward: &dyn Fn(
+            &mut dyn ForwardConvolution,
+            &Frame<Work>,
+        ) -> Result<Frame<Work>, MethodError>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let channels = problem.channels.list();
+        let momenta = |start: &Frame<Work>| -> Vec<Momentum> {
+            channels.iter().map(|&c| Momentum::new(start.plane(c))).collect()
+        };
+        let (mut scratch, mut brake) = (ShrinkageScratch::default(), Brake::new());
+        let (mut picture, mut looked_at) = (problem.photo.clone(), problem.photo.clone());
+        let mut momentum = momenta(problem.photo);
+        for iteration in 1..=self.iterations {
+            let seen = optics.forward(&looked_at)?.light;
+            let signed = problem.frame_of(|c| {
+                let mut plane = seen.plane(c).clone();
+                let (photo, trust) = (problem.photo.plane(c), problem.trust.plane(c));
+                data_term::residual_in_place(&mut plane, photo, trust);
+                plane
+            });
+            let green = Channel::Green;
+            let residual =
+                data_term::rms_over_data(signed.plane(green), problem.trust.plane(green));
+            if brake.turned_up(residual, &mut looked_at) {
+                momentum = momenta(&looked_at);
+            } else {
+                let gradient = backward(optics, &signed)?;
+                for (&c, momentum) in channels.iter().zip(&mut momentum) {
+                    let stepped = picture.plane_mut(c);
+                    stepped.clone_from(looked_at.plane(c));
+                    let step = brake.step() / problem.norm_squared[c.index()];
+                    stepped.add_scaled(-step, gradient.plane(c));
+                    let noise = problem.photo_noise[c.index()];
+                    let threshold = brake.step() * self.strength.threshold(noise);
+                    self.shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
+                    stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+                    momentum.next(looked_at.plane_mut(c), stepped);
+                }
+            }
+            let captures = optics.captures();
+            watch(&course.step(residual, ResidualOf::Optics, captures), Some(&picture));
+        }
+        Ok(Solution::of(picture, course.record, Certificate::uncertified(problem)))
+    }
+}
