@@ -21,13 +21,16 @@
 //! | layer | modules | what |
 //! |---|---|---|
 //! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
-//! | 1 | [`deconvolution`], [`patterns`], [`config`] | the paper's mathematics; what is shown on purpose; the rig file |
+//! | 1 | [`deconvolution`], [`patterns`] | the paper's mathematics; what is shown on purpose |
 //! | 1 | [`disk`] | whatever is kept, behind a trait that tests stand in for |
-//! | 2 | [`calibration`], [`rig`], [`picture`] | fits and their store; the devices, real or simulated; photo files |
-//! | 3 | [`light_path`], [`measurement`], [`diagnosis`], [`kiosk`] | forward convolution through a rig; show, see, fit, judge, keep; a rig's timing; button, lamps, screens |
-//! | 4 | [`pipeline`], [`nights`] | one photo restored on a calibrated rig; hours, clock trust, drift |
-//! | 5 | [`restorer`] | what is kept beside a rig, photo after photo |
-//! | 6 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed against accuracy, the operating point |
+//! | 2 | [`config`] | the rig file |
+//! | 3 | [`calibration`], [`rig`] | fits and their store; the devices, real or simulated |
+//! | 3 | [`picture`] | photo files |
+//! | 4 | [`light_path`], [`measurement`] | forward convolution through a rig; show, see, fit, judge |
+//! | 4 | [`diagnosis`], [`kiosk`] | a rig's timing; button, lamps, screens |
+//! | 5 | [`pipeline`], [`nights`] | one photo on a calibrated rig; hours, clock trust, drift |
+//! | 6 | [`restorer`] | what is kept beside a rig, photo after photo |
+//! | 7 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed and accuracy, operating point |
 //!
 //! Start reading at [`deconvolution`], then [`light_path`].
 

@@ -138,7 +138,7 @@ fn lens_alone(rig: &config::Rig) -> Vec<Contestant> {
 fn lens_and_captures(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     let of = |set: Setting| Contestant::boxed(set.method.name(), &set.numbers(), set.method(rig));
     let mut all = Vec::new();
-    let filed = Setting::as_filed(rig, config::Method::Hybrid);
+    let filed = Setting::as_filed(rig, config::MethodName::Hybrid);
     for (captures_max, steps, correction_steps) in
         [(1, 4, 4), (2, 8, 6), (1, 16, 10), (2, 16, 10), (4, 16, 10), (2, 32, 20), (4, 64, 30)]
     {
@@ -146,7 +146,7 @@ fn lens_and_captures(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
     }
     let averaged = Averaged { method: Box::new(hybrid(rig)), times: 4 };
     all.push(Contestant::new("hybrid", "each capture 4 times", averaged));
-    let filed = Setting::as_filed(rig, config::Method::BlockMatching);
+    let filed = Setting::as_filed(rig, config::MethodName::BlockMatching);
     for rounds in either(quick, &[1, 8], &[1, 2, 4, 8, 12, 16]) {
         all.push(of(Setting { rounds, captures_max: 0, ..filed }));
     }

@@ -5,7 +5,7 @@ use super::contestants::{Contestant, FILED};
 use super::scenes::Scene;
 use super::test_rig::{Score, TestRig, TestRigError};
 use super::trade::{Trade, Within};
-use crate::config::{Method, OperatingPoint, Rig};
+use crate::config::{MethodName, OperatingPoint, Rig};
 use crate::pipeline::{Chosen, Setting};
 
 /// What is shown: photographs of a portrait, a still life and a night.
@@ -15,15 +15,15 @@ const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 /// `relens chart` on every simulated rig; block matching in many rounds only for the best.
 fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
     let filed = Setting::as_filed(rig, rig.restore.method);
-    let digital = |steps| Setting { method: Method::Digital, steps, ..filed };
+    let digital = |steps| Setting { method: MethodName::Digital, steps, ..filed };
     let hybrid = |steps, correction_steps, captures_max| Setting {
-        method: Method::Hybrid,
+        method: MethodName::Hybrid,
         steps,
         correction_steps,
         captures_max,
         ..filed
     };
-    let matched = Setting { method: Method::BlockMatching, ..filed };
+    let matched = Setting { method: MethodName::BlockMatching, ..filed };
     let once = |steps, correction_steps, captures_max| Setting {
         steps,
         correction_steps,

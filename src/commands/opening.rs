@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use relens::calibration::store;
-use relens::config::{Method, Rig};
+use relens::config::{MethodName, Rig};
 use relens::daemon::Restorer;
 #[cfg(feature = "hardware")]
 use relens::kiosk::screen::{Screen, draw};
@@ -25,7 +25,7 @@ use super::progress;
 pub(super) fn restorer(
     rig: &Rig,
     folder: &Path,
-    method: Option<Method>,
+    method: Option<MethodName>,
     interrupted: Option<Interruption>,
 ) -> Result<Box<dyn Restorer>, CliError> {
     let mut devices = devices(rig)?;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
-use relens::config::{self, Method};
+use relens::config::{self, MethodName};
 use relens::daemon::{Report, Watcher};
 use relens::frame::Channels;
 use relens::picture::{Limits, Manner, Photo, encode};
@@ -18,9 +18,12 @@ use super::output::say;
 use super::progress::PhotoProgress;
 
 /// The methods that `--method` takes.
-fn methods() -> impl TypedValueParser<Value = Method> {
-    PossibleValuesParser::new(Method::ALL.map(Method::name)).try_map(|name| {
-        Method::ALL.into_iter().find(|method| method.name() == name).ok_or("no method of relens")
+fn methods() -> impl TypedValueParser<Value = MethodName> {
+    PossibleValuesParser::new(MethodName::ALL.map(MethodName::name)).try_map(|name| {
+        MethodName::ALL
+            .into_iter()
+            .find(|method| method.name() == name)
+            .ok_or("no method of relens")
     })
 }
 
@@ -45,7 +48,7 @@ pub(super) struct RestoreOptions {
     out: PathBuf,
     /// Method, the rig file's when not given
     #[arg(short, long, value_name = "NAME", value_parser = methods())]
-    method: Option<Method>,
+    method: Option<MethodName>,
     /// Report to write, which must not exist yet
     #[arg(long, value_name = "REPORT.json", value_hint = ValueHint::FilePath)]
     report: Option<PathBuf>,

@@ -9,6 +9,7 @@ mod appliance;
 mod blur;
 mod error;
 mod hardware;
+pub mod methods;
 mod parts;
 mod rules;
 mod simulation;
@@ -21,9 +22,10 @@ pub use hardware::{
     ButtonDevice, CameraDevice, DisplayInterface, ExposureBy, Hardware, LampDevices, Level, Line,
     PanelDevice, TriggerDevice, V4l2Device,
 };
+pub use methods::MethodName;
 pub use parts::{
-    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, Method, OperatingPoint, Panel,
-    Paper, Photo, Restore,
+    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, OperatingPoint, Panel, Paper,
+    Photo, Restore,
 };
 pub use simulation::{
     Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, SensorCurve,
@@ -32,6 +34,7 @@ pub use simulation::{
 
 use std::path::Path;
 
+use crate::deconvolution::method::{blocks, hybrid};
 use crate::frame::{Rect, Size};
 
 /// The rig files that are part of the program, by name.
@@ -112,6 +115,19 @@ impl Rig {
     /// The photo's part of the canvas.
     pub fn photo_on_canvas(&self) -> Rect {
         Rect { x: self.canvas.margin_px, y: self.canvas.margin_px, size: self.photo.size() }
+    }
+
+    /// What methods are made of, as the file has it.
+    pub fn numbers(&self) -> methods::Numbers<'_> {
+        let Rig { restore, paper, .. } = self;
+        methods::Numbers {
+            restore,
+            paper,
+            steps: restore.steps as u32,
+            correction_steps: hybrid::CORRECTION_STEPS,
+            captures_max: 1 + restore.corrections_max as u32,
+            rounds: blocks::ROUNDS,
+        }
     }
 
     /// The simulation's tables, if the rig is a simulated one.

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::methods::MethodName;
 use crate::frame::Size;
 
 /// `[photo]`: the customer's photos.
@@ -154,7 +155,7 @@ pub enum Geometry {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Restore {
     /// The method used when none is asked for.
-    pub method: Method,
+    pub method: MethodName,
     /// Momentum steps of the solver.
     pub steps: usize,
     /// Shrinkage threshold in grey levels at one grey level of noise; it grows with the noise.
@@ -210,56 +211,6 @@ pub enum Colours {
     Together,
     /// Each channel for itself.
     Apart,
-}
-
-/// The methods by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// The paper's loop as printed.
-    Paper,
-    /// Optics only, the signed residual on a pedestal.
-    Residual,
-    /// Lens model backward, optics forward.
-    Unmatched,
-    /// Lens model, certified and corrected by captures.
-    Hybrid,
-    /// `hybrid` with block matching for the prior: better, and slower.
-    BlockMatching,
-    /// Lens model only.
-    Digital,
-    /// Wiener filter by patches.
-    Wiener,
-    /// Richardson–Lucy.
-    RichardsonLucy,
-}
-
-impl Method {
-    /// All of them.
-    pub const ALL: [Method; 8] = [
-        Method::Paper,
-        Method::Residual,
-        Method::Unmatched,
-        Method::Hybrid,
-        Method::BlockMatching,
-        Method::Digital,
-        Method::Wiener,
-        Method::RichardsonLucy,
-    ];
-
-    /// The word in rig files, tables and reports.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Method::Paper => "paper",
-            Method::Residual => "residual",
-            Method::Unmatched => "unmatched",
-            Method::Hybrid => "hybrid",
-            Method::BlockMatching => "block-matching",
-            Method::Digital => "digital",
-            Method::Wiener => "wiener",
-            Method::RichardsonLucy => "richardson-lucy",
-        }
-    }
 }
 
 /// `[paper]`: the paper's own parameters (§4).

@@ -17,7 +17,7 @@ mod solve;
 
 pub use dot_test::BackwardCheck;
 pub use evidence::{Evidence, Residuals};
-pub use methods::{block_matching, digital, hybrid, method, paper, reference_solution};
+pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use outcome::{Iteration, OpticalResidual, Outcome, Restoration, Verdict};
 pub use prepare::Prepared;
 pub(crate) use setting::counted;
@@ -85,7 +85,7 @@ impl Pipeline {
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             reference: reference_solution(rig),
-            patches: methods::patches(rig),
+            patches: config::methods::patches(&rig.paper),
             learning: Learning::default(),
             stopwatch: Arc::new(|| 0.0),
             interruption: None,

@@ -2,19 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::methods::{BLOCK_ROUNDS, CORRECTION_STEPS, block_matching, digital, hybrid, method};
+use crate::config::methods::{Numbers, Solving};
 use crate::config::{self, OperatingPoint, Rig};
-use crate::deconvolution::method::Method;
-use crate::deconvolution::method::blocks::Blocks;
-use crate::deconvolution::method::digital::Digital;
-use crate::deconvolution::method::hybrid::Hybrid;
 
 /// What is chosen for a rig; all else is as its file says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Setting {
     /// The method.
-    pub method: config::Method,
+    pub method: config::MethodName,
     /// Steps of the solve with the lens model.
     pub steps: u32,
     /// Steps of each correction; only the hybrid corrects.
@@ -27,52 +23,23 @@ pub struct Setting {
 
 impl Setting {
     /// `method` with the numbers of the rig file.
-    pub fn as_filed(rig: &Rig, method: config::Method) -> Setting {
-        Setting {
-            method,
-            steps: rig.restore.steps as u32,
-            correction_steps: CORRECTION_STEPS,
-            captures_max: 1 + rig.restore.corrections_max as u32,
-            rounds: BLOCK_ROUNDS,
-        }
+    pub fn as_filed(rig: &Rig, method: config::MethodName) -> Setting {
+        let Numbers { steps, correction_steps, captures_max, rounds, .. } = rig.numbers();
+        Setting { method, steps, correction_steps, captures_max, rounds }
     }
 
     /// The method so set.
-    pub fn method(&self, rig: &Rig) -> Box<dyn Method + Send + Sync> {
-        let digital = Digital { steps: self.steps, ..digital(rig) };
-        match self.method {
-            config::Method::Digital => Box::new(digital),
-            config::Method::Hybrid => Box::new(Hybrid {
-                digital,
-                correction_steps: self.correction_steps,
-                captures_max: self.captures_max,
-                ..hybrid(rig)
-            }),
-            config::Method::BlockMatching => {
-                let blocks = Some(Blocks { rounds: self.rounds, missed: [0.0; 3] });
-                let (digital, captures_max) = (Digital { blocks, ..digital }, self.captures_max);
-                match captures_max {
-                    0 => Box::new(digital),
-                    _ => Box::new(Hybrid {
-                        digital,
-                        correction_steps: self.correction_steps,
-                        captures_max,
-                        ..block_matching(rig)
-                    }),
-                }
-            }
-            other => method(rig, other),
-        }
+    pub fn method(&self, rig: &Rig) -> Solving {
+        let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
+        method.with(&Numbers { steps, correction_steps, captures_max, rounds, ..rig.numbers() })
     }
-}
 
-impl Setting {
     /// Whether the numbers are such as a choice can have: 1 to 10 000, and no capture only for what
     /// may go without.
     pub fn is_sane(&self) -> bool {
         let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
         let sane = |n: u32| (1..=10_000).contains(&n);
-        let without = method == config::Method::BlockMatching && captures_max == 0;
+        let without = method == config::MethodName::BlockMatching && captures_max == 0;
         [steps, correction_steps, rounds].into_iter().all(sane) && (without || sane(captures_max))
     }
 
@@ -82,12 +49,12 @@ impl Setting {
         let (captures, rounds) =
             (captures_at_most(captures_max), counted(rounds as usize, "round"));
         match method {
-            config::Method::Digital => counted(steps as usize, "step"),
-            config::Method::Hybrid => format!("{steps}+{correction_steps} steps, {captures}"),
-            config::Method::BlockMatching if captures_max == 0 => {
+            config::MethodName::Digital => counted(steps as usize, "step"),
+            config::MethodName::Hybrid => format!("{steps}+{correction_steps} steps, {captures}"),
+            config::MethodName::BlockMatching if captures_max == 0 => {
                 format!("{}, {rounds}, {captures}", counted(steps as usize, "step"))
             }
-            config::Method::BlockMatching => {
+            config::MethodName::BlockMatching => {
                 format!("{steps}+{correction_steps} steps, {rounds}, {captures}")
             }
             _ => String::new(),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::config::Method as Named;
+use crate::config::MethodName as Named;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{

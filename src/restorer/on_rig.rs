@@ -75,7 +75,7 @@ impl OnRig {
         config: &config::Rig,
         devices: Rig,
         slots: PathBuf,
-        method: Option<config::Method>,
+        method: Option<config::MethodName>,
         stopwatch: Stopwatch,
         calibrating: fn(measurement::Progress),
     ) -> Result<Self, AnyFailure> {

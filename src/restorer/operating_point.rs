@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::{keep, kept};
-use crate::config::{self, Method};
+use crate::config::{self, MethodName};
 use crate::pipeline::{Chosen, Setting};
 use crate::remedy::{Remediable, Remedy, full_message};
 
@@ -120,7 +120,7 @@ pub fn save(slots: &Path, rig: &config::Rig, chosen: &Chosen) -> Result<(), Oper
 
 /// What photos on `rig` are restored with: `method` if one is asked for, else what was chosen, else
 /// what its file says.
-pub fn setting(slots: &Path, rig: &config::Rig, method: Option<Method>) -> Setting {
+pub fn setting(slots: &Path, rig: &config::Rig, method: Option<MethodName>) -> Setting {
     let filed = Setting::as_filed(rig, method.unwrap_or(rig.restore.method));
     if method.is_some() {
         return filed;
@@ -156,7 +156,7 @@ mod tests {
     fn chosen(rig: &config::Rig) -> Chosen {
         Chosen {
             operating_point: OperatingPoint::Fast,
-            setting: Setting { steps: 5, ..Setting::as_filed(rig, Method::Digital) },
+            setting: Setting { steps: 5, ..Setting::as_filed(rig, MethodName::Digital) },
             seconds: 0.5,
             ssim: 0.93,
             psnr_db: 32.0,
@@ -178,8 +178,8 @@ mod tests {
         assert_eq!(load(slots, &rig).unwrap(), Some(chosen(&rig)));
         assert_eq!(setting(slots, &rig, None).steps, 5);
         assert_eq!(
-            setting(slots, &rig, Some(Method::Wiener)),
-            Setting::as_filed(&rig, Method::Wiener)
+            setting(slots, &rig, Some(MethodName::Wiener)),
+            Setting::as_filed(&rig, MethodName::Wiener)
         );
         let text = std::fs::read_to_string(slots.join(NAME)).unwrap();
         assert!(

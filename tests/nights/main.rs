@@ -51,7 +51,7 @@ fn rig(slots: &Path) -> (config::Rig, OnRig, Witness) {
     let config = config::load(Path::new("small.toml")).unwrap();
     let (mut devices, witness) = simulated::open(&config).unwrap();
     on_rig::measure(&config, &mut devices, slots, |_| {}).unwrap_or_else(|e| panic!("{e}"));
-    let method = Some(config::Method::Digital);
+    let method = Some(config::MethodName::Digital);
     let restorer = OnRig::new(&config, devices, slots.to_owned(), method, Arc::new(|| 0.0), |_| {});
     let restorer = restorer.unwrap_or_else(|e| panic!("{e}"));
     (config, restorer, witness)

@@ -34,6 +34,15 @@ use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 
+/// Proximal steps of each correction; measured.
+pub const CORRECTION_STEPS: u32 = 10;
+/// Shrinkage of the measured defect, in standard deviations of its noise; measured.
+pub const DEFECT_THRESHOLD: f32 = 2.0;
+/// Defect below this share of the noise floor counts as none. Guess, from two trials.
+pub const DEFECT_FLOOR: f32 = 0.25;
+/// How much shorter a wrong model makes the steps of a correction; measured.
+pub const CAREFULNESS: f32 = 25.0;
+
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hybrid {

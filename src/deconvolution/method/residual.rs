@@ -22,6 +22,11 @@ const CLIPPED_SHARE: f64 = 0.001;
 /// Gain beyond which 8-bit steps and noise of the backward captures no longer matter. Guess.
 const GAIN_MAX: f32 = 32.0;
 
+/// Iterations of a rig file's `residual`: 25 captures, where the study compares it.
+pub const ITERATIONS: u32 = 5;
+/// Its strength against the lens model's: it steps with a noisy backward convolution.
+pub const STRENGTH_FACTOR: f32 = 3.0;
+
 /// The residual method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Residual {

@@ -6,6 +6,10 @@ use crate::deconvolution::data_term::{self, MISSING};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Channel, FULL_SCALE, Plane};
 
+/// Steps of a rig file's `richardson-lucy`: where the study's quality peaks at one grey level of
+/// noise.
+pub const STEPS: u32 = 20;
+
 /// Richardson (1972) and Lucy (1974): multiplicative steps, light stays positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RichardsonLucy {

@@ -10,6 +10,9 @@ use super::{About, Method, MethodError, Problem, Solution, Strength, Watch};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Frame, Plane, Work};
 
+/// Iterations of a rig file's `unmatched`: 11 captures, where the study compares it.
+pub const ITERATIONS: u32 = 11;
+
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unmatched {

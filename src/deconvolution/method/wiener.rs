@@ -2,12 +2,17 @@
 
 use rayon::prelude::*;
 
+use rustfft::num_complex::Complex32;
+
 use super::record::Course;
 use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
 use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
+
+/// Noise-to-signal power of a rig file's `wiener` at one grey level of noise: the study's best.
+pub const NOISE_TO_SIGNAL: f32 = 0.01;
 
 /// Wiener (1949), tile by tile with the function that holds in the tile's middle; the tiles are cut
 /// twice their size under a cosine and added up, so that no seam shows.
@@ -88,7 +93,7 @@ fn filter_tiles(
         let mut strip = Plane::zeros(Size::new(size.width, 2 * tile.height));
         let y0 = corner(row, rect.y, tile.height);
         let [mut values, mut lens] =
-            [(); 2].map(|()| vec![Complex::default(); transform.size.area()]);
+            [(); 2].map(|()| vec![Complex32::default(); transform.size.area()]);
         let columns: Vec<isize> = (-1..=functions.columns as isize).collect();
         for pair in columns.chunks(2) {
             // Two tiles in one transform, the second one (the first again, where there is none) as
@@ -104,7 +109,7 @@ fn filter_tiles(
                 let row = photo.row(clamped(y0 + y as isize - reach as isize, size.height));
                 for ((value, &first), &second) in line.iter_mut().zip(&columns[0]).zip(&columns[1])
                 {
-                    *value = Complex { re: row[first], im: row[second] };
+                    *value = Complex32 { re: row[first], im: row[second] };
                 }
             }
             let taps = pair.map(|column| {
@@ -115,7 +120,7 @@ fn filter_tiles(
                 )
             });
             transform.filter(&mut values, taps, functions.support_px, ratio, &mut lens);
-            let mut add = |x0: isize, value_of: fn(&Complex) -> f32| {
+            let mut add = |x0: isize, value_of: fn(&Complex32) -> f32| {
                 for (y, weight) in along_y.iter().enumerate() {
                     let from = &values[(y + reach) * transform.size.width + reach..];
                     let to = strip.row_mut(y);
@@ -180,8 +185,6 @@ struct Transform2 {
     columns: [std::sync::Arc<dyn rustfft::Fft<f32>>; 2],
 }
 
-type Complex = rustfft::num_complex::Complex32;
-
 impl Transform2 {
     fn new(size: Size) -> Self {
         let mut planner = rustfft::FftPlanner::new();
@@ -189,11 +192,11 @@ impl Transform2 {
         Transform2 { size, rows: both(size.width), columns: both(size.height) }
     }
 
-    fn run(&self, values: &mut [Complex], direction: usize) {
+    fn run(&self, values: &mut [Complex32], direction: usize) {
         self.rows[direction].process(values);
         let (width, height) = (self.size.width, self.size.height);
         // Eight neighbouring columns at a time, so that each line of memory is fetched once.
-        let mut columns = vec![Complex::default(); COLUMNS_AT_A_TIME * height];
+        let mut columns = vec![Complex32::default(); COLUMNS_AT_A_TIME * height];
         for start in (0..width).step_by(COLUMNS_AT_A_TIME) {
             let count = COLUMNS_AT_A_TIME.min(width - start);
             for (y, row) in values.chunks_exact(width).enumerate() {
@@ -211,23 +214,23 @@ impl Transform2 {
     /// to work in, as large as `values`.
     fn filter(
         &self,
-        values: &mut [Complex],
+        values: &mut [Complex32],
         taps: [&[f32]; 2],
         support: usize,
         ratio: f32,
-        lens: &mut [Complex],
+        lens: &mut [Complex32],
     ) {
         let (width, height) = (self.size.width, self.size.height);
-        lens.fill(Complex::default());
+        lens.fill(Complex32::default());
         for (k, (&re, &im)) in taps[0].iter().zip(taps[1]).enumerate() {
             let x = (k % support + width - support / 2) % width;
             let y = (k / support + height - support / 2) % height;
-            lens[y * width + x] = Complex { re, im };
+            lens[y * width + x] = Complex32 { re, im };
         }
         self.run(lens, 0);
         self.run(values, 0);
         let scale = 1.0 / (width * height) as f32;
-        let i = Complex::i();
+        let i = Complex32::i();
         for y in 0..height {
             let mirrored_row = (height - y) % height * width;
             for x in 0..width {
@@ -237,7 +240,7 @@ impl Transform2 {
                 }
                 // A real picture's transform at −k is the conjugate of that at k, which tells the
                 // two apart.
-                let split = |z: &[Complex]| {
+                let split = |z: &[Complex32]| {
                     let (z, mirrored) = (z[here], z[there].conj());
                     [(z + mirrored) * 0.5, (z - mirrored) * -0.5 * i]
                 };
@@ -266,8 +269,8 @@ mod tests {
     }
 
     fn filtered(size: Size, pictures: [&[f32]; 2], taps: [&[f32]; 2], ratio: f32) -> [Vec<f32>; 2] {
-        let mut values: Vec<Complex> =
-            pictures[0].iter().zip(pictures[1]).map(|(&re, &im)| Complex { re, im }).collect();
+        let mut values: Vec<Complex32> =
+            pictures[0].iter().zip(pictures[1]).map(|(&re, &im)| Complex32 { re, im }).collect();
         let mut lens = values.clone();
         Transform2::new(size).filter(&mut values, taps, 3, ratio, &mut lens);
         [values.iter().map(|v| v.re).collect(), values.iter().map(|v| v.im).collect()]
