@@ -83,6 +83,8 @@ methods! {
         levels: n.restore.levels,
         cycle_spun: n.restore.cycle_spun,
     });
+    /// Lens model only.
+    Digital: digital::ABOUT, |n| Box::new(digital(n));
     /// Lens model, certified and corrected by captures.
     Hybrid: hybrid::ABOUT, |n| Box::new(hybrid(n));
     /// `hybrid` with block matching for the prior: better, and slower.
@@ -94,8 +96,6 @@ methods! {
             _ => Box::new(Hybrid { digital, ..hybrid(n) }),
         }
     };
-    /// Lens model only.
-    Digital: digital::ABOUT, |n| Box::new(digital(n));
     /// Wiener filter by patches.
     Wiener: wiener::ABOUT, |_| Box::new(Wiener { noise_to_signal: wiener::NOISE_TO_SIGNAL });
     /// Richardson–Lucy.

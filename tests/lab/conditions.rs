@@ -4,12 +4,9 @@ use relens::chart::contestants::Contestant;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{Score, TestRig};
 use relens::chart::trade::scores_table;
-use relens::config::Method::{
-    self, BlockMatching, Digital, Hybrid, Paper, Residual, RichardsonLucy, Unmatched, Wiener,
-};
-use relens::config::{Curve, Rig};
-use relens::deconvolution::method::hybrid::Hybrid as HybridMethod;
-use relens::deconvolution::method::paper::{Backward, Paper as PaperMethod};
+use relens::config::{Curve, MethodName, Rig};
+use relens::deconvolution::method::hybrid::Hybrid;
+use relens::deconvolution::method::paper::{Backward, Paper};
 use relens::deconvolution::patches::PatchShape;
 use relens::pipeline::{hybrid, method, paper};
 
@@ -31,19 +28,18 @@ const CONDITIONS: [Condition; 4] = [
     Condition { slug: "one-function", change: &ONE_FUNCTION, strength: 0.0 },
 ];
 
-/// Every method that a rig file can name.
-pub(crate) const NAMED: [Method; 8] =
-    [Paper, Residual, Unmatched, Digital, Hybrid, BlockMatching, Wiener, RichardsonLucy];
-/// Those that look at the lens.
-const BY_THE_LENS: [Method; 3] = [Digital, Hybrid, BlockMatching];
+/// Every method that a rig file can name, or those that start from the lens.
+fn named(by_the_lens: bool) -> impl Iterator<Item = MethodName> {
+    let all = MethodName::ALL.into_iter();
+    all.filter(move |name| !by_the_lens || name.about().starts_from_lens)
+}
 
 /// A table for each condition; a rig whose photos are not linear is charted as it is, in colour.
 /// `quick` leaves out the chart, or all but the methods that look at the lens.
 pub(crate) fn run(rig: &Rig, quick: bool) -> Result<Made, Failure> {
     let mut made = Made::default();
     if rig.photo.curve != Curve::Linear {
-        let named = if quick { &BY_THE_LENS[..] } else { &NAMED };
-        let contestants = named.iter().map(|&which| as_filed(rig, which)).collect();
+        let contestants = named(quick).map(|which| as_filed(rig, which)).collect();
         let caption =
             format!("Rig {}, {}; luminance of display values.", rig.name, rig.photo.size());
         let scores = compare(rig.clone(), &Scene::ALL, contestants)?;
@@ -61,14 +57,14 @@ pub(crate) fn run(rig: &Rig, quick: bool) -> Result<Made, Failure> {
     Ok(made)
 }
 
-fn as_filed(rig: &Rig, which: Method) -> Contestant {
+fn as_filed(rig: &Rig, which: MethodName) -> Contestant {
     Contestant::boxed(which.name(), "", method(rig, which))
 }
 
 /// The methods worth comparing under a condition.
 fn contestants(rig: &Rig, slug: &str) -> Vec<Contestant> {
-    let named = if slug.ends_with("noise") { &NAMED[..] } else { &BY_THE_LENS };
-    let mut all: Vec<Contestant> = named.iter().map(|&which| as_filed(rig, which)).collect();
+    let named = named(!slug.ends_with("noise"));
+    let mut all: Vec<Contestant> = named.map(|which| as_filed(rig, which)).collect();
     match slug {
         "no-noise" => {
             all.push(Contestant::new("paper", "one whole-frame patch", whole_frame(rig)));
@@ -101,19 +97,19 @@ fn compare(
 
 /// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more;
 /// nothing holds it back.
-pub(crate) fn whole_frame(rig: &Rig) -> PaperMethod {
+pub(crate) fn whole_frame(rig: &Rig) -> Paper {
     let patch_px = rig.photo.width_px.max(rig.photo.height_px);
     let shape = PatchShape { patch_px, margin_px: rig.paper.margin_px };
-    PaperMethod { backward: Backward::Light(shape), bounded: false, ..paper(rig) }
+    Paper { backward: Backward::Light(shape), bounded: false, ..paper(rig) }
 }
 
 /// The paper's loop with nothing sewn around the patches.
-fn without_margin(rig: &Rig) -> PaperMethod {
+fn without_margin(rig: &Rig) -> Paper {
     let shape = PatchShape { patch_px: rig.paper.patch_px, margin_px: 0 };
-    PaperMethod { backward: Backward::Light(shape), ..paper(rig) }
+    Paper { backward: Backward::Light(shape), ..paper(rig) }
 }
 
 /// `hybrid` with a single capture, whose correction is not confirmed.
-pub(crate) fn one_capture(rig: &Rig) -> HybridMethod {
-    HybridMethod { captures_max: 1, ..hybrid(rig) }
+pub(crate) fn one_capture(rig: &Rig) -> Hybrid {
+    Hybrid { captures_max: 1, ..hybrid(rig) }
 }

@@ -17,7 +17,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use relens::chart::table::Table;
 use relens::chart::test_rig::seen;
-use relens::config::{Method, Rig};
+use relens::config::{MethodName, Rig};
 use relens::deconvolution::quality::ssim;
 use relens::frame::{FULL_SCALE, Frame, Plane, Work};
 use relens::picture::Tone;
@@ -78,7 +78,8 @@ fn climb(harness: &mut Harness, one_function: &Pipeline, scene: &Varied) -> Resu
     let truth = seen(curve, scene.channels, &scene.light);
     let score = |light: &Frame<Work>| ssim(&seen(curve, scene.channels, light), &truth);
     let mut scores = [score(&photo), 0.0, 0.0, 0.0];
-    let rungs = [(true, Method::Digital), (false, Method::Digital), (false, Method::Hybrid)];
+    let rungs =
+        [(true, MethodName::Digital), (false, MethodName::Digital), (false, MethodName::Hybrid)];
     let (pipeline, rig) = harness.test_rig.parts();
     let prepared = pipeline.prepare(&photo, scene.channels);
     for (found, (one, which)) in scores[1..].iter_mut().zip(rungs) {

@@ -10,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::chart::test_rig::TestRig;
 use relens::chart::trade::{Point, Trade};
-use relens::config::{Geometry, Method, Rig};
+use relens::config::{Geometry, MethodName, Rig};
 use relens::deconvolution::method::averaging::Averaged;
 use relens::pipeline::method;
 
@@ -51,7 +51,7 @@ pub(crate) fn run(rig: &Rig) -> Result<Made, Failure> {
 
 fn sizes(rig: &Rig) -> Vec<Size> {
     let mut all = Vec::new();
-    let mut add = |what, value: String, filed, rig: Rig, which: Method, times: u32| {
+    let mut add = |what, value: String, filed, rig: Rig, which: MethodName, times: u32| {
         let solver = method(&rig, which);
         let solver = if times > 1 { Box::new(Averaged { method: solver, times }) } else { solver };
         let contestant = Contestant::boxed(solver.name(), &format!("{what} {value}"), solver);
@@ -82,7 +82,7 @@ fn sizes(rig: &Rig) -> Vec<Size> {
     for patch_px in [filed / 4, filed / 2, filed, 2 * filed] {
         let mut changed = rig.clone();
         set_patch(&mut changed, patch_px as f64);
-        add("patch", format!("{patch_px} px"), patch_px == filed, changed, Method::Residual, 1);
+        add("patch", format!("{patch_px} px"), patch_px == filed, changed, MethodName::Residual, 1);
     }
     all
 }

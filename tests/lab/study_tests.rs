@@ -36,7 +36,7 @@ fn mean(scores: &[Score], of: fn(&Score) -> f64) -> f64 {
     scores.iter().map(of).sum::<f64>() / scores.len() as f64
 }
 
-fn named(test_rig: &TestRig, which: config::Method) -> Box<dyn Method + Send + Sync> {
+fn named(test_rig: &TestRig, which: config::MethodName) -> Box<dyn Method + Send + Sync> {
     method(test_rig.config(), which)
 }
 
@@ -66,22 +66,22 @@ fn without_noise_the_paper_s_loop_does_what_the_study_found() {
 fn with_one_grey_level_of_noise_the_default_beats_the_paper_with_a_tenth_of_its_captures() {
     let mut test_rig = test_rig(&NOTHING, 0.0);
     let everything = [Scene::Astronaut, Scene::Coffee, Scene::Chart];
-    let solver = named(&test_rig, config::Method::Paper);
+    let solver = named(&test_rig, config::MethodName::Paper);
     let printed = scores(&mut test_rig, &PHOTOGRAPHS, &*solver);
     assert!(printed.iter().all(|s| s.ssim < s.blurred_ssim), "the paper's loop harms noisy photos");
 
-    let solver = named(&test_rig, config::Method::Residual);
+    let solver = named(&test_rig, config::MethodName::Residual);
     let residual = scores(&mut test_rig, &PHOTOGRAPHS, &*solver);
     assert!(mean(&residual, |s| s.ssim) >= 0.90);
     // 25 for the photo; the bare pedestal is looked at once per session.
     assert!(residual.iter().all(|s| s.restored.captures <= 26));
 
-    let solver = named(&test_rig, config::Method::Digital);
+    let solver = named(&test_rig, config::MethodName::Digital);
     let digital = scores(&mut test_rig, &PHOTOGRAPHS, &*solver);
     assert!(mean(&digital, |s| s.ssim) >= 0.93, "digital {:.4}", mean(&digital, |s| s.ssim));
     assert!(digital.iter().all(|s| s.restored.captures == 0));
 
-    let solver = named(&test_rig, config::Method::Hybrid);
+    let solver = named(&test_rig, config::MethodName::Hybrid);
     let hybrid = scores(&mut test_rig, &everything, &*solver);
     assert!(hybrid.iter().all(|s| s.ssim > s.blurred_ssim && s.restored.captures <= 4));
     assert!(hybrid.iter().all(|s| 10 * s.restored.captures <= printed[0].restored.captures));
@@ -93,7 +93,7 @@ fn with_one_grey_level_of_noise_the_default_beats_the_paper_with_a_tenth_of_its_
 #[test]
 fn block_matching_reaches_what_no_wavelet_does_with_two_captures() {
     let mut test_rig = test_rig(&NOTHING, 0.0);
-    let solver = named(&test_rig, config::Method::BlockMatching);
+    let solver = named(&test_rig, config::MethodName::BlockMatching);
     let found = scores(&mut test_rig, &PHOTOGRAPHS, &*solver);
     assert!(found.iter().all(|s| s.restored.captures <= 2));
     assert!(mean(&found, |s| s.ssim) >= 0.948, "SSIM {:.4}", mean(&found, |s| s.ssim));
@@ -104,7 +104,7 @@ fn block_matching_reaches_what_no_wavelet_does_with_two_captures() {
 /// reaches.
 fn gain_under_glare() -> (f64, f64) {
     let mut test_rig = test_rig(&VEIL, 10.0);
-    let solver = named(&test_rig, config::Method::Digital);
+    let solver = named(&test_rig, config::MethodName::Digital);
     let digital = scores(&mut test_rig, &PHOTOGRAPHS, &*solver);
     let one = one_capture(test_rig.config());
     let hybrid = scores(&mut test_rig, &PHOTOGRAPHS, &one);
@@ -133,9 +133,9 @@ fn with_veiling_glare_one_capture_reaches_what_the_study_s_does() {
 #[test]
 fn with_one_function_the_light_makes_up_for_the_poor_model() {
     let mut test_rig = test_rig(&ONE_FUNCTION, 0.0);
-    let solver = named(&test_rig, config::Method::Digital);
+    let solver = named(&test_rig, config::MethodName::Digital);
     let digital = scores(&mut test_rig, &PHOTOGRAPHS, &*solver);
-    let solver = named(&test_rig, config::Method::Hybrid);
+    let solver = named(&test_rig, config::MethodName::Hybrid);
     let hybrid = scores(&mut test_rig, &PHOTOGRAPHS, &*solver);
     let gain = mean(&hybrid, |s| s.psnr_db) - mean(&digital, |s| s.psnr_db);
     assert!(gain >= 1.0, "{gain:.2} dB");

@@ -1,7 +1,7 @@
 //! Runs methods under changes on a simulated rig that was calibrated healthy, and takes down what
 //! became of them.
 
-use relens::config::Rig;
+use relens::config::{MethodName, Rig};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::ssim;
 use relens::frame::{Frame, Plane, Work};
@@ -10,7 +10,6 @@ use relens::pipeline::{Verdict, method, reference_solution};
 
 use crate::Failure;
 use crate::change::{Swept, To, simulation};
-use crate::conditions::NAMED;
 use crate::harness::{Harness, calibration};
 use crate::view::View;
 
@@ -137,7 +136,7 @@ pub(crate) fn same(one: &Swept, other: &Swept) -> bool {
 
 /// The method called `name` with the settings of `rig`.
 fn named(rig: &Rig, name: &str) -> Box<dyn Method + Send + Sync> {
-    match NAMED.into_iter().find(|which| which.name() == name) {
+    match MethodName::ALL.into_iter().find(|which| which.name() == name) {
         Some(which) => method(rig, which),
         None => Box::new(reference_solution(rig)),
     }
