@@ -24,10 +24,31 @@ pub enum Remedy {
     CallOperator,
 }
 
+impl Remedy {
+    /// What somebody who stands before the box may do, for its panel.
+    pub fn what_to_do(self) -> &'static str {
+        match self {
+            Remedy::SkipPhoto => "The photo lies in the folder failed, with the reason beside it.",
+            Remedy::RetryLater => "Nothing: the box tries again by itself.",
+            Remedy::Recalibrate => {
+                "Measure the lens anew: hold the button while the box starts, then press it long."
+            }
+            Remedy::ShootAgain | Remedy::ReopenRig | Remedy::CallOperator => {
+                "Look after camera, panel and their cables. The box tries again every minute."
+            }
+        }
+    }
+}
+
 /// An error that knows its remedy.
 pub trait Remediable: Error {
     /// What to do about this failure.
     fn remedy(&self) -> Remedy;
+
+    /// The same in words, for the one who stands before the box.
+    fn what_to_do(&self) -> &'static str {
+        self.remedy().what_to_do()
+    }
 }
 
 /// Any error with its remedy, for seams where the kinds of failure are open (the optics behind a

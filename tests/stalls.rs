@@ -19,13 +19,14 @@ use std::time::{Duration, Instant, SystemTime};
 use relens::config::{Curve, Mode};
 use relens::daemon::service::{ServiceManager, Supervised};
 use relens::daemon::{
-    Attended, Daemon, Folders, Progress, Reader, Restorer, Schedule, Setting, State, Turn,
+    Attended, Daemon, DaemonSetting, Folders, Progress, Question, Reader, Restorer, Schedule,
+    State, Turn,
 };
-use relens::disk::{Disk, Kind, LocalDisk, Look, Written};
+use relens::disk::{Disk, FileKind, LocalDisk, Look, Unsynced};
 use relens::frame::{Frame, Plane, Size, Work};
-use relens::kiosk::desk::{self, Fingers, Lamps, attend};
-use relens::kiosk::front::Front;
-use relens::kiosk::lamp::Light;
+use relens::kiosk::attend::{ButtonLevel, ButtonTiming, LampRow, attend};
+use relens::kiosk::front_panel::FrontPanel;
+use relens::kiosk::lamp::LampColour;
 use relens::kiosk::screen::Screen;
 use relens::picture::worker::Worker;
 use relens::picture::{Format, Manner, Photo, encode};
@@ -146,8 +147,10 @@ impl Restorer for Rig {
 struct Piloted;
 
 impl Schedule for Piloted {
-    fn before(&mut self, _: usize, rig: &mut dyn Restorer) -> Turn {
-        rig.pilot().unwrap();
+    fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
+        if asked.is_ready {
+            rig.pilot().unwrap();
+        }
         Turn::Go
     }
 }
@@ -156,7 +159,7 @@ impl Schedule for Piloted {
 struct Hanging(LocalDisk, Option<Gate>);
 
 impl Disk for Hanging {
-    fn list(&self, folder: &Path) -> io::Result<Vec<(std::ffi::OsString, Kind)>> {
+    fn list(&self, folder: &Path) -> io::Result<Vec<(std::ffi::OsString, FileKind)>> {
         if let Some(gate) = &self.1 {
             gate.pass();
         }
@@ -174,7 +177,7 @@ impl Disk for Hanging {
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
         self.0.make_folder(folder)
     }
-    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>> {
+    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>> {
         self.0.write(path, content)
     }
     fn sync_file(&self, path: &Path) -> io::Result<()> {
@@ -201,8 +204,13 @@ fn photo(root: &Path) {
     std::fs::write(root.join("inbox/a.png"), bytes).unwrap();
 }
 
-fn setting() -> Setting {
-    Setting { quiet_s: 0.0, poll_s: 0.05, retry_s: 0.1, ..Setting::new("test", RIG, Curve::Srgb) }
+fn setting() -> DaemonSetting {
+    DaemonSetting {
+        quiet_s: 0.0,
+        poll_s: 0.05,
+        retry_s: 0.1,
+        ..DaemonSetting::new("test", RIG, Curve::Srgb)
+    }
 }
 
 /// How often the watchdog was fed since this was last asked.
@@ -236,7 +244,7 @@ fn starves(place: Place) {
             let mut rig = Rig { place, gate: gate.clone(), mended: false };
             let inner: Box<dyn Schedule> =
                 if place == Place::Pilot { Box::new(Piloted) } else { Box::new(()) };
-            let schedule = Attended::new(Front::default(), Mode::Folder, &clock, inner);
+            let schedule = Attended::new(FrontPanel::default(), Mode::Folder, &clock, inner);
             let daemon =
                 Daemon::open(folders, setting(), &mut rig, &clock, &SystemTime::now, &mut watcher)
                     .unwrap();
@@ -309,7 +317,7 @@ fn a_worker_that_hangs_is_ended_and_its_photo_has_a_reason() {
     let mut rig = Rig { place: Place::Restore, gate, mended: false };
     let (clock, mut watcher) = (Wall(Instant::now()), ());
     let folders = Folders::open(root).unwrap();
-    let setting = Setting { reader, ..setting() };
+    let setting = DaemonSetting { reader, ..setting() };
     let mut daemon =
         Daemon::open(folders, setting, &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
     let summary = daemon.once().unwrap();
@@ -320,11 +328,11 @@ fn a_worker_that_hangs_is_ended_and_its_photo_has_a_reason() {
     );
 }
 
-/// Lamps on a bus that hangs, or that bring the desk's thread to its end.
+/// LampRow on a bus that hangs, or that bring the desk's thread to its end.
 struct Wire(Gate, bool);
 
-impl Lamps for Wire {
-    fn show(&mut self, _: &[Light]) -> Result<(), RigError> {
+impl LampRow for Wire {
+    fn show(&mut self, _: &[LampColour]) -> Result<(), RigError> {
         self.0.pass();
         assert!(!self.1, "told to");
         Ok(())
@@ -334,7 +342,7 @@ impl Lamps for Wire {
 /// A button that hangs.
 struct Stuck(Gate);
 
-impl desk::Button for Stuck {
+impl ButtonLevel for Stuck {
     fn level_by(&mut self, _: Moment) -> Result<bool, RigError> {
         self.0.pass();
         std::thread::sleep(Duration::from_millis(1));
@@ -382,21 +390,21 @@ fn beside_a_desk(
         }
     }
     let root = tempfile::tempdir().unwrap();
-    let (front, ended) = (Front::default(), AtomicBool::new(false));
+    let (front, ended) = (FrontPanel::default(), AtomicBool::new(false));
     let gates = [lamps.0.clone(), button.0.clone()];
     let mut panel = Panel(None);
     front.comes_round();
     std::thread::scope(|scope| {
         let desk = scope.spawn(|| {
-            let fingers = Fingers { debounce_ms: 20.0, long_press_ms: 1500.0 };
+            let timing = ButtonTiming { debounce_ms: 20.0, long_press_ms: 1500.0 };
             let clock = Wall(Instant::now());
             let ended = || ended.load(Ordering::Acquire);
-            attend(&front, Some(&mut button), &mut lamps, &clock, fingers, &ended);
+            attend(&front, Some(&mut button), &mut lamps, &clock, timing, &ended);
         });
         let (clock, mut watcher) = (Quick(Mutex::new(0.0)), ());
         let folders = Folders::open(root.path()).unwrap();
         let schedule = Attended::new(front.clone(), mode, &clock, Box::new(()));
-        let setting = Setting { poll_s: 5.0, hints: false, ..setting() };
+        let setting = DaemonSetting { poll_s: 5.0, hints: false, ..setting() };
         let daemon =
             Daemon::open(folders, setting, &mut panel, &clock, &SystemTime::now, &mut watcher)
                 .unwrap();

@@ -12,7 +12,9 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use relens::config::Curve;
-use relens::daemon::{Daemon, Folders, Progress, Reader, Restorer, Setting, Step, Watcher};
+use relens::daemon::{
+    Daemon, DaemonSetting, Folders, JobStep, Progress, Reader, Restorer, Watcher,
+};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::worker::Worker;
 use relens::picture::{Format, Limits, Manner, Photo, PictureError, PixelLayout, encode};
@@ -90,8 +92,8 @@ impl Clock for Still {
 struct Attempts(PathBuf, Vec<String>);
 
 impl Watcher for Attempts {
-    fn step(&mut self, step: Step) {
-        if step == Step::Recorded {
+    fn step(&mut self, step: JobStep) {
+        if step == JobStep::Recorded {
             let records = std::fs::read_dir(&self.0).unwrap().flatten();
             let records =
                 records.filter(|e| e.file_name().to_string_lossy().starts_with(".ledger-"));
@@ -151,8 +153,10 @@ fn a_file_may_kill_its_worker_and_no_more() {
     std::fs::create_dir_all(root.join("inbox")).unwrap();
     kept(&root, "inbox/a-bomb.jpg", &bomb());
     kept(&root, "inbox/b-good.png", &picture(&Manner::plain(Format::Png, 8, Curve::Srgb), RIG));
-    let setting =
-        Setting { reader: Reader::Worker(small), ..Setting::new("test", RIG, Curve::Srgb) };
+    let setting = DaemonSetting {
+        reader: Reader::Worker(small),
+        ..DaemonSetting::new("test", RIG, Curve::Srgb)
+    };
     let (mut restorer, mut watcher) = (Returner, Attempts(root.join("working"), vec![]));
     let calendar = || UNIX_EPOCH;
     let folders = Folders::open(&root).unwrap();

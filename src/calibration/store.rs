@@ -10,7 +10,7 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use super::Calibration;
-use crate::disk::{Disk, LocalDisk, Written};
+use crate::disk::{Disk, LocalDisk, Unsynced};
 use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
@@ -193,7 +193,7 @@ pub fn save_to(
         let path = path.to_owned();
         move |source| StoreError::Write { path, source }
     };
-    disk.write(&fresh, &mut &bytes[..]).and_then(Written::sync).map_err(failed(&fresh))?;
+    disk.write(&fresh, &mut &bytes[..]).and_then(Unsynced::sync).map_err(failed(&fresh))?;
     disk.rename(&fresh, &path).map_err(failed(&path))?;
     disk.sync_folder(folder).map_err(failed(folder))
 }

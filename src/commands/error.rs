@@ -4,7 +4,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use relens::config::ConfigError;
-use relens::daemon::DaemonError;
+use relens::daemon::{DaemonError, FolderError};
+use relens::disk::FileError;
 use relens::remedy::{AnyFailure, Remediable, Remedy, full_message};
 
 /// What stands in the way of a command.
@@ -72,6 +73,15 @@ impl CliError {
         }
     }
 
+    /// What the one who stands before a box may do about it, for its panel.
+    pub(super) fn what_to_do(&self) -> &'static str {
+        match self {
+            CliError::Folder(error) => error.what_to_do(),
+            CliError::Failed(error) => error.what_to_do(),
+            _ => Remedy::CallOperator.what_to_do(),
+        }
+    }
+
     /// What kept `path` from being written.
     pub(super) fn writing(path: &Path, source: io::Error) -> CliError {
         let path = path.to_owned();
@@ -85,6 +95,18 @@ impl CliError {
     /// Any error that knows its remedy.
     pub(super) fn of(error: impl Remediable + Send + Sync + 'static) -> CliError {
         CliError::Failed(Box::new(error))
+    }
+}
+
+impl From<FolderError> for CliError {
+    fn from(error: FolderError) -> Self {
+        CliError::Folder(error.into())
+    }
+}
+
+impl From<FileError> for CliError {
+    fn from(error: FileError) -> Self {
+        CliError::Folder(error.into())
     }
 }
 

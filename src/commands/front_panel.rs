@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 use relens::config::{Kind, Rig};
-use relens::kiosk::desk::{Fingers, attend};
-use relens::kiosk::front::Front;
+use relens::kiosk::attend::{ButtonTiming, attend};
+use relens::kiosk::front_panel::FrontPanel;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment};
 
@@ -16,34 +16,34 @@ use super::press::SimulatedButton;
 /// Debounce time of a simulated button, which does not bounce.
 const SIMULATED_DEBOUNCE_MS: f64 = 20.0;
 
-/// The desk ends within this time, or hangs: its loop comes round many times a second. Guess.
+/// The front panel's loop ends within this time, or hangs: it comes round many times a second. Guess.
 const END_S: f64 = 2.0;
 
-/// The desk, attended until this is dropped.
-pub(super) struct FrontDesk {
+/// The front panel, attended until this is dropped.
+pub(super) struct FrontPanelThread {
     ended: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl FrontDesk {
+impl FrontPanelThread {
     /// Attends to the button and lamps of `rig`, which works on `folder`.
-    pub(super) fn open(rig: &Rig, folder: &Path, front: Front) -> FrontDesk {
+    pub(super) fn open(rig: &Rig, folder: &Path, front: FrontPanel) -> FrontPanelThread {
         let ended = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&ended);
         let (rig, folder) = (rig.clone(), folder.to_owned());
         front.comes_round();
-        let begun = std::thread::Builder::new().name("desk".to_owned()).spawn(move || {
+        let begun = std::thread::Builder::new().name("front panel".to_owned()).spawn(move || {
             run(&rig, &folder, &front, &|| asked.load(Ordering::Acquire));
         });
         if let Err(error) = &begun {
             log::warn!("there is no thread for button and lamps: {error}");
         }
-        FrontDesk { ended, thread: begun.ok() }
+        FrontPanelThread { ended, thread: begun.ok() }
     }
 }
 
-impl Drop for FrontDesk {
-    /// Waits for the lamps to go dark; not for a desk that hangs, whose end the program's end is.
+impl Drop for FrontPanelThread {
+    /// Waits for the lamps to go dark; not for a loop that hangs, whose end the program's end is.
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Release);
         let Some(thread) = self.thread.take() else { return };
@@ -58,13 +58,13 @@ impl Drop for FrontDesk {
     }
 }
 
-fn run(rig: &Rig, folder: &Path, front: &Front, ended: &dyn Fn() -> bool) {
+fn run(rig: &Rig, folder: &Path, front: &FrontPanel, ended: &dyn Fn() -> bool) {
     let long_press_ms = rig.run.long_press_ms;
     match &rig.kind {
         Kind::Simulated(_) => {
             let mut button = SimulatedButton::new(folder);
-            let fingers = Fingers { debounce_ms: SIMULATED_DEBOUNCE_MS, long_press_ms };
-            attend(front, Some(&mut button), &mut (), &Monotonic, fingers, ended);
+            let timing = ButtonTiming { debounce_ms: SIMULATED_DEBOUNCE_MS, long_press_ms };
+            attend(front, Some(&mut button), &mut (), &Monotonic, timing, ended);
         }
         #[cfg(feature = "hardware")]
         Kind::Hardware(hardware) => board::run(hardware, long_press_ms, front, ended),
@@ -76,9 +76,9 @@ fn run(rig: &Rig, folder: &Path, front: &Front, ended: &dyn Fn() -> bool) {
 #[cfg(feature = "hardware")]
 mod board {
     use relens::config::Hardware;
-    use relens::kiosk::desk::{self, Fingers, attend};
-    use relens::kiosk::front::Front;
-    use relens::kiosk::lamp::Light;
+    use relens::kiosk::attend::{self, ButtonTiming, attend};
+    use relens::kiosk::front_panel::FrontPanel;
+    use relens::kiosk::lamp::LampColour;
     use relens::remedy::full_message;
     use relens::rig::lamps::Lamp;
     use relens::rig::monotonic::Monotonic;
@@ -86,7 +86,7 @@ mod board {
 
     struct BoardButton(button::Button);
 
-    impl desk::Button for BoardButton {
+    impl attend::ButtonLevel for BoardButton {
         fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
             self.0.level_by(deadline)
         }
@@ -94,12 +94,12 @@ mod board {
 
     struct BoardLamps(lamps::Lamps);
 
-    impl desk::Lamps for BoardLamps {
-        fn show(&mut self, lit: &[Light]) -> Result<(), RigError> {
-            let lamp = |light: &Light| match light {
-                Light::Green => Lamp::Ready,
-                Light::White => Lamp::Busy,
-                Light::Red => Lamp::Trouble,
+    impl attend::LampRow for BoardLamps {
+        fn show(&mut self, lit: &[LampColour]) -> Result<(), RigError> {
+            let lamp = |light: &LampColour| match light {
+                LampColour::Green => Lamp::Ready,
+                LampColour::White => Lamp::Busy,
+                LampColour::Red => Lamp::Trouble,
             };
             self.0.show(&lit.iter().map(lamp).collect::<Vec<_>>())
         }
@@ -109,20 +109,20 @@ mod board {
     pub(super) fn run(
         parts: &Hardware,
         long_press_ms: f64,
-        front: &Front,
+        front: &FrontPanel,
         ended: &dyn Fn() -> bool,
     ) {
         let told = |error: RigError| log::warn!("{}", full_message(&error));
         let mut bulbs = hardware::open_lamps(parts).map(BoardLamps).map_err(told).ok();
         let mut line = hardware::open_button(parts).map_err(told).ok().flatten().map(BoardButton);
         let debounce_ms = parts.button.as_ref().map_or(30.0, |button| button.debounce_ms);
-        let fingers = Fingers { debounce_ms, long_press_ms };
-        let button = line.as_mut().map(|line| line as &mut dyn desk::Button);
+        let timing = ButtonTiming { debounce_ms, long_press_ms };
+        let button = line.as_mut().map(|line| line as &mut dyn attend::ButtonLevel);
         let mut none = ();
-        let lamps: &mut dyn desk::Lamps = match &mut bulbs {
+        let lamps: &mut dyn attend::LampRow = match &mut bulbs {
             Some(bulbs) => bulbs,
             None => &mut none,
         };
-        attend(front, button, lamps, &Monotonic, fingers, ended);
+        attend(front, button, lamps, &Monotonic, timing, ended);
     }
 }

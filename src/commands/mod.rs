@@ -46,7 +46,8 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
         Err(error) => return answer(&error, &words),
     };
     let level = if line.verbose { log::LevelFilter::Debug } else { log::LevelFilter::Info };
-    log_writer::start(level, output::log);
+    let journal_stream = std::env::var_os("JOURNAL_STREAM");
+    log_writer::start(level, journal_stream.as_deref(), output::log);
     let done = dispatch(&line);
     progress::leave();
     match done {

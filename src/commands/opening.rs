@@ -62,17 +62,20 @@ pub(super) fn calibration_folder(folder: &Path) -> PathBuf {
 
 /// Shows on the panel what keeps `rig` from being opened, if the panel alone can be had; until the
 /// value is dropped. A simulated panel nobody sees.
-pub(super) fn show_trouble(rig: &Rig, reason: &str) -> Option<Box<dyn Panel + Send>> {
+pub(super) fn show_trouble(
+    rig: &Rig,
+    reason: &str,
+    what_to_do: &str,
+) -> Option<Box<dyn Panel + Send>> {
     #[cfg(feature = "hardware")]
     if let relens::config::Kind::Hardware(hardware) = &rig.kind {
-        let to_do =
-            "Look after camera, panel and their cables. The box tries again by itself.".to_owned();
-        let screen = Screen::Trouble { what: reason.to_owned(), to_do };
+        let (what, to_do) = (reason.to_owned(), what_to_do.to_owned());
+        let screen = Screen::Trouble { what, to_do };
         let mut panel = relens::rig::hardware::open_panel(rig, hardware).ok()?;
         let codes = draw(&screen, panel.size(), None);
         panel.show(&codes).ok()?;
         return Some(panel);
     }
-    log::debug!("{} has no panel to show it on: {reason}", rig.name);
+    log::debug!("{} has no panel to show it on: {reason}; {what_to_do}", rig.name);
     None
 }

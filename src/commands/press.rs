@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use relens::kiosk::desk::Button;
+use relens::kiosk::attend::ButtonLevel;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment, RigError};
 
@@ -34,7 +34,7 @@ impl SimulatedButton {
     }
 }
 
-impl Button for SimulatedButton {
+impl ButtonLevel for SimulatedButton {
     fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
         loop {
             let level = self.path.exists();

@@ -10,16 +10,16 @@ use clap::Args;
 use relens::config::{self, ClockSource, Rig};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
-    Attended, Daemon, Doing, Folders, Nightly, Reader, Restorer, Schedule, Setting, State, Summary,
-    Times, interruption, write_report,
+    Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Reader, Restorer, Schedule, State,
+    Summary, Times, interruption, write_report,
 };
-use relens::kiosk::front::{self, Front};
+use relens::kiosk::front_panel::{BoxState, FrontPanel};
 use relens::picture::worker::Worker;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment};
 
 use super::error::CliError;
-use super::front_panel::FrontDesk;
+use super::front_panel::FrontPanelThread;
 use super::options::{FolderOption, RigOption};
 use super::output::say;
 use super::progress::PhotoProgress;
@@ -72,16 +72,16 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     let gallery = folders.outbox().join("index.html");
     let stopped = signals::stop_flag()?;
     if options.once {
-        let front = Front::default();
+        let front = FrontPanel::default();
         let asked = interruption(front, Arc::clone(&stopped));
         let mut restorer = opening::restorer(&rig, &folders.home(), None, Some(asked))?;
         let summary = empty_inbox(&rig, folders, &mut *restorer)?;
         return conclude(&summary, &gallery);
     }
     service_manager().ready();
-    let front = Front::default();
+    let front = FrontPanel::default();
     // Declared before all that it outlives: the lamps go dark last.
-    let _desk = FrontDesk::open(&rig, folders.root(), front.clone());
+    let _front_panel = FrontPanelThread::open(&rig, folders.root(), front.clone());
     let stop = || stopped.load(Ordering::Acquire);
     let times = Times {
         clock: &Monotonic,
@@ -127,7 +127,7 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
 fn open_patiently(
     rig: &Rig,
     folders: &Folders,
-    front: &Front,
+    front: &FrontPanel,
     stopped: &Arc<AtomicBool>,
     mut night: Option<&mut Nightly<'_>>,
 ) -> Result<Option<Box<dyn Restorer>>, CliError> {
@@ -140,10 +140,10 @@ fn open_patiently(
             Err(trouble) => trouble,
         };
         let reason = relens::remedy::full_message(&trouble);
-        front.set(front::State::Trouble { reason: reason.clone() });
+        front.set(BoxState::Trouble);
         let attention = night.as_deref_mut().map_or(Vec::new(), |night| {
             night.shut_out(&reason);
-            night.attention()
+            night.attention().iter().map(ToString::to_string).collect()
         });
         if told.0 != reason {
             log::warn!("holding: {reason}");
@@ -164,7 +164,7 @@ fn open_patiently(
             told = now;
         }
         service_manager().status(&format!("needs help: {reason}"));
-        let _panel = opening::show_trouble(rig, &reason);
+        let _panel = opening::show_trouble(rig, &reason, trouble.what_to_do());
         let until = Monotonic.now().0 + OPEN_AGAIN_S;
         while Monotonic.now().0 < until {
             if stopped.load(Ordering::Acquire) {
@@ -207,22 +207,21 @@ pub(super) fn empty_inbox(
     Ok(daemon.once()?)
 }
 
-fn setting(rig: &Rig) -> Setting {
+fn setting(rig: &Rig) -> DaemonSetting {
     let reader = Reader::Worker(Worker::of_this_program());
     let floor_bytes = (rig.disk.floor_mib * f64::from(1 << 20)) as u64;
     let lease_s = rig.share.lease_s;
-    Setting {
+    DaemonSetting {
         reader,
         floor_bytes,
         lease_s,
-        ..Setting::new(&rig.name, rig.photo.size(), rig.photo.curve)
+        ..DaemonSetting::new(&rig.name, rig.photo.size(), rig.photo.curve)
     }
 }
 
 fn conclude(summary: &Summary, gallery: &Path) -> Result<(), CliError> {
-    let (restored, failed, left) =
-        (summary.restored.len(), summary.failed.len(), summary.left.len());
-    if restored + failed + left == 0 {
+    let counts = summary.counts();
+    if counts.all() == 0 {
         say("the inbox is empty");
         return Ok(());
     }
@@ -232,9 +231,9 @@ fn conclude(summary: &Summary, gallery: &Path) -> Result<(), CliError> {
     for photo in &summary.left {
         say(&format!("left in the inbox: {}", photo.reason));
     }
-    say(&format!("{restored} restored, {failed} failed, {left} left; see {}", gallery.display()));
-    match failed + left {
+    say(&format!("{counts}; see {}", gallery.display()));
+    match counts.failed + counts.left {
         0 => Ok(()),
-        failed => Err(CliError::SomeFailed { failed, all: restored + failed }),
+        failed => Err(CliError::SomeFailed { failed, all: counts.all() }),
     }
 }

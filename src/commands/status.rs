@@ -47,11 +47,9 @@ fn words(state: &State, running: bool, now_unix_s: u64) -> String {
         state.attention.iter().map(|words| format!("\nattention: {words}")).collect();
     let ago = now_unix_s.saturating_sub(state.written_unix_s);
     format!(
-        "{doing}{attention}\nrig {}; {} restored, {} failed, {} left in the inbox; written {} ago",
+        "{doing}{attention}\nrig {}; {}; written {} ago",
         state.rig,
-        state.restored,
-        state.failed,
-        state.left,
+        state.counts,
         duration(ago)
     )
 }
@@ -67,6 +65,8 @@ fn duration(seconds: u64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use relens::daemon::PhotoCounts;
+
     use super::*;
 
     #[test]
@@ -74,15 +74,13 @@ mod tests {
         let mut state = State {
             rig: "small".into(),
             doing: Doing::Waiting,
-            restored: 3,
-            failed: 1,
-            left: 0,
+            counts: PhotoCounts { restored: 3, untouched: 2, failed: 1, left: 0 },
             attention: Vec::new(),
             written_unix_s: 100,
         };
         assert!(words(&state, true, 160).starts_with("waiting for photos\n"));
         assert!(
-            words(&state, true, 160).contains("3 restored, 1 failed")
+            words(&state, true, 160).contains("3 restored, 2 returned untouched, 1 failed")
                 && words(&state, true, 160).contains("60 s ago")
         );
         assert!(words(&state, false, 160).contains("did not end in good order"));

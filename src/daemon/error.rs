@@ -1,102 +1,71 @@
-//! Why the daemon could not do its part of a job: folders, names, disks.
+//! Why the daemon holds: a drop folder, or a rig, that needs somebody or some time.
 
-use std::path::{Path, PathBuf};
+use super::store::error::FolderError;
+use crate::disk::FileError;
+use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 
-use crate::remedy::{Remediable, Remedy};
-
-/// A failure of the drop folder itself, as opposed to one of a photo or the rig.
+/// Why nothing goes on.
 #[derive(Debug, thiserror::Error)]
 pub enum DaemonError {
-    /// The file system refused something.
-    #[error("cannot {what} {path}")]
-    Files {
-        /// What was tried, as a verb.
-        what: &'static str,
-        /// On which file or folder.
-        path: PathBuf,
-        /// The cause.
-        #[source]
-        source: std::io::Error,
+    /// The drop folder.
+    #[error(transparent)]
+    Store(#[from] FolderError),
+    /// The rig failed, and doing it again or putting it right has not helped.
+    #[error("the operator is needed: {about}{}", full_message(&**failure))]
+    Rig {
+        /// The photo's name and a colon, if a photo was being restored.
+        about: String,
+        /// What failed.
+        failure: AnyFailure,
     },
-    /// Another daemon works on this folder.
-    #[error(
-        "the folder {path} is in use: found a running relens, allowed one at a time, or several \
-         that share it"
-    )]
-    InUse {
-        /// The root folder.
-        path: PathBuf,
+    /// The rig is no longer what was calibrated, and may not be calibrated by itself.
+    #[error("the operator is needed: the rig has drifted{}: {complaint}", again(*.calibrations))]
+    Drifted {
+        /// What is past its limit.
+        complaint: String,
+        /// Calibrations in a row that have not helped.
+        calibrations: u32,
     },
-    /// A box's name is to be the name of a folder.
-    #[error(
-        "a box cannot be called `{found}`, allowed is any name of a folder that does not begin \
-         with a dot"
-    )]
-    BoxName {
-        /// The name asked for.
-        found: String,
-    },
-    /// The disk is nearly full; photos wait until there is room.
-    #[error(
-        "the disk of {path} is nearly full: found {found_mib} MiB free, allowed more than \
-         {floor_mib}; remove files, it then goes on by itself"
-    )]
-    Full {
-        /// A folder on it.
-        path: PathBuf,
-        /// Free by now.
-        found_mib: u64,
-        /// To be left free.
-        floor_mib: u64,
-    },
-    /// A folder of the daemon's lies in another: what goes into one would come out of the other for
-    /// ever.
-    #[error("the folder {inner} lies in {outer}: found one inside the other, allowed five apart")]
-    Nested {
-        /// The one inside.
-        inner: PathBuf,
-        /// The one around it.
-        outer: PathBuf,
-    },
-    /// The rig, or the way to it, needs a person.
-    #[error("the operator is needed: {reason}")]
-    Held {
-        /// The cause in full, with what to do if it is known.
-        reason: String,
+    /// A calibration that was needed failed.
+    #[error("the operator is needed: {why}cannot be calibrated: {}", full_message(&**failure))]
+    Calibration {
+        /// What it was needed for: the beginning of the sentence.
+        why: String,
+        /// What failed.
+        failure: AnyFailure,
     },
 }
 
-impl DaemonError {
-    /// Wraps an input/output error with what was tried on which path.
-    pub(super) fn files(
-        what: &'static str,
-        path: &Path,
-    ) -> impl FnOnce(std::io::Error) -> DaemonError {
-        let path = path.to_owned();
-        move |source| DaemonError::Files { what, path, source }
-    }
+fn again(calibrations: u32) -> &'static str {
+    if calibrations > 0 { " again and again" } else { "" }
 }
 
-impl DaemonError {
-    /// Whether a name was taken that should have been free.
-    pub(super) fn is_taken(&self) -> bool {
-        matches!(self, DaemonError::Files { source, .. } if source.kind() == std::io::ErrorKind::AlreadyExists)
+impl From<FileError> for DaemonError {
+    fn from(error: FileError) -> DaemonError {
+        DaemonError::Store(error.into())
     }
 }
 
 impl Remediable for DaemonError {
     fn remedy(&self) -> Remedy {
-        use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
         match self {
-            DaemonError::Files { source, .. } => match source.kind() {
-                PermissionDenied | ReadOnlyFilesystem => Remedy::CallOperator,
-                _ => Remedy::RetryLater,
-            },
-            DaemonError::Full { .. } => Remedy::RetryLater,
-            DaemonError::BoxName { .. }
-            | DaemonError::InUse { .. }
-            | DaemonError::Nested { .. }
-            | DaemonError::Held { .. } => Remedy::CallOperator,
+            DaemonError::Store(error) => error.remedy(),
+            _ => Remedy::CallOperator,
+        }
+    }
+
+    fn what_to_do(&self) -> &'static str {
+        match self {
+            DaemonError::Store(error) => error.what_to_do(),
+            DaemonError::Rig { failure, .. } => failure.what_to_do(),
+            DaemonError::Drifted { .. } => {
+                "Look whether lens, camera or panel were moved, and whether light falls in. Then \
+                 measure the lens anew: hold the button while the box starts, then press it long."
+            }
+            DaemonError::Calibration { .. } => {
+                "The lens could not be measured: see that the camera sees the whole panel, sharp, \
+                 and that no light falls in. The box tries again every minute."
+            }
         }
     }
 }

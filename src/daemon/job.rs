@@ -1,20 +1,25 @@
 //! One photo from claim to outbox.
 
-use std::ffi::{OsStr, OsString};
-use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
+use super::error::DaemonError;
+use super::setting::DaemonSetting;
+use super::store::claim::{Claimed, JobStep, claim};
+use super::store::deliver::{Delivery, Encoded};
+use super::store::folders::Folders;
+use super::store::lease::Lease;
+use super::store::ledger::ATTEMPTS_MAX;
+use super::store::recover::settle;
+use super::store::report_file::{Delivered, Failed, Report};
+use super::watcher::Watcher;
+use crate::disk::{FileError, FileKind};
+use crate::frame::Size;
 use crate::picture::{Growth, Photo, PictureError};
-use crate::remedy::{Remediable, Remedy, full_message};
-use crate::rig::Moment;
-
-use super::ledger::{ATTEMPTS_MAX, Ledger};
-use super::run::Daemon;
-use super::withdrawal::Delivered;
-use super::{DaemonError, Failed, Report, Step, atomic_file};
-use crate::disk::Kind;
 use crate::pipeline::Outcome;
+use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
+use crate::restorer::Restorer;
+use crate::rig::{Clock, Moment};
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
 const TRIES_MAX: u32 = 3;
@@ -23,12 +28,13 @@ const TRIES_MAX: u32 = 3;
 const GROWTH_WATCH_S: f64 = 1.0;
 
 /// What became of a photo.
-pub(super) enum Verdict {
+#[derive(Debug)]
+pub enum JobEnd {
     /// Its result is in the outbox.
-    Restored {
+    Done {
         /// The report beside it.
         report: Box<Report>,
-        /// Name of the original in `done`, and of the result.
+        /// Name of the original in `done`, and of the result in the outbox.
         delivered: Delivered,
     },
     /// It is in `failed`.
@@ -40,288 +46,261 @@ pub(super) enum Verdict {
         /// Why.
         left: Failed,
     },
-    /// It was gone before it could be claimed.
+    /// It was gone before it could be claimed, or another box has taken it over.
     Gone,
 }
 
-/// Why a restoration has no picture.
-pub(super) enum Refusal {
-    Skip(String),
-    Later(String),
-    Hold(String),
-    /// Its worker died.
-    Died(String),
-    /// Another box took it over.
-    Lost,
+/// Why a photo has no result.
+#[derive(Debug, thiserror::Error)]
+enum JobError {
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+    #[error("{0} (it is still being written)")]
+    Growing(String),
+    #[error(
+        "{photo}: the program ended while it worked on this photo: found {attempts} such \
+         attempts, allowed {ATTEMPTS_MAX}"
+    )]
+    Interrupted { photo: String, attempts: u32 },
+    #[error("{}; found {ATTEMPTS_MAX} such attempts, allowed {ATTEMPTS_MAX}", full_message(source))]
+    Died { source: PictureError },
+    #[error("{photo}: a mistake of relens: found a result of {found}, allowed {allowed}")]
+    WrongSize { photo: String, found: Size, allowed: Size },
+    #[error("{photo}: a mistake of relens: found a panic while restoring, allowed none")]
+    Panicked { photo: String },
+    #[error("{photo}: {}", full_message(&**failure))]
+    Rig { photo: String, failure: AnyFailure },
+    #[error("the rig cannot be put right: {}", full_message(&**failure))]
+    Mending { remedy: Remedy, failure: AnyFailure },
+    #[error(transparent)]
+    Files(#[from] FileError),
 }
 
-/// A photo in `working`.
-pub(super) struct Claimed {
-    pub(super) path: PathBuf,
-    pub(super) name: OsString,
-    pub(super) ledger: Ledger,
-    /// Its result is in the outbox, and safe.
-    pub(super) delivered: bool,
-}
-
-impl Claimed {
-    pub(super) fn shown(&self) -> String {
-        self.name.to_string_lossy().into_owned()
+impl Remediable for JobError {
+    fn remedy(&self) -> Remedy {
+        match self {
+            JobError::Picture(error) => error.remedy(),
+            JobError::Growing(_) => Remedy::RetryLater,
+            JobError::Interrupted { .. }
+            | JobError::Died { .. }
+            | JobError::WrongSize { .. }
+            | JobError::Panicked { .. } => Remedy::SkipPhoto,
+            JobError::Rig { failure, .. } => failure.remedy(),
+            JobError::Mending { .. } => Remedy::CallOperator,
+            JobError::Files(error) => error.remedy(),
+        }
     }
 }
 
-impl Daemon<'_> {
+impl JobError {
+    /// The same for the whole daemon, which holds for it.
+    fn holds(self) -> DaemonError {
+        match self {
+            JobError::Files(error) => error.into(),
+            JobError::Rig { photo, failure } => {
+                DaemonError::Rig { about: format!("{photo}: "), failure }
+            }
+            JobError::Mending { remedy: Remedy::Recalibrate, failure } => {
+                DaemonError::Calibration { why: "the rig ".to_owned(), failure }
+            }
+            JobError::Mending { failure, .. } => DaemonError::Rig { about: String::new(), failure },
+            error => DaemonError::Rig { about: String::new(), failure: Box::new(error) },
+        }
+    }
+}
+
+/// What a job is done with.
+pub(super) struct Job<'a> {
+    pub(super) folders: &'a Folders,
+    pub(super) setting: &'a DaemonSetting,
+    pub(super) restorer: &'a mut dyn Restorer,
+    pub(super) clock: &'a dyn Clock,
+    pub(super) unix_s: &'a dyn Fn() -> u64,
+    pub(super) watcher: &'a mut dyn Watcher,
+    pub(super) lease: &'a Lease,
+    /// Photos that an error left in `working`: name, and whether their result was delivered.
+    pub(super) unsettled: &'a mut Unsettled,
+}
+
+/// Photos that an error left in `working`.
+#[derive(Debug, Default)]
+pub(super) struct Unsettled(Vec<(std::ffi::OsString, bool)>);
+
+impl Unsettled {
+    /// Tries again what could not be made good before.
+    pub(super) fn settle(&mut self, folders: &Folders) -> Result<(), FileError> {
+        while let Some((name, delivered)) = self.0.last() {
+            settle(folders, name, *delivered)?;
+            self.0.pop();
+        }
+        Ok(())
+    }
+}
+
+impl Job<'_> {
     /// Takes the photo at `way` from the inbox through the whole job.
     ///
     /// # Errors
     /// When the folders or the rig need help; the photo is then back in the inbox if that was
-    /// possible, and in `working` otherwise, from where the next start takes it back.
-    pub(super) fn job(&mut self, way: &Path) -> Result<Verdict, DaemonError> {
-        let path = match self.folders.claim(way) {
-            Ok(path) => path,
-            Err(DaemonError::Files { source, .. }) if source.kind() == ErrorKind::NotFound => {
-                return Ok(Verdict::Gone);
-            }
-            Err(error) => return Err(error),
-        };
-        self.watcher.step(Step::Claimed);
+    /// possible, and in `working` otherwise, from where the next look or start takes it back.
+    pub(super) fn work(mut self, way: &Path) -> Result<JobEnd, DaemonError> {
+        let Some(path) = claim(self.folders, way)? else { return Ok(JobEnd::Gone) };
+        self.watcher.step(JobStep::Claimed);
         let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
         let mut delivered = false;
-        self.work_on(path, &name, &mut delivered).inspect_err(|_| {
+        self.work_on(path, &mut delivered).inspect_err(|_| {
             // The first error is the one to tell. If this meets another, it is tried again at the
             // next look.
-            if self.settle(&name, delivered).is_err() {
-                self.unsettled.push((name.clone(), delivered));
+            if settle(self.folders, &name, delivered).is_err() {
+                self.unsettled.0.push((name.clone(), delivered));
             }
         })
     }
 
-    fn work_on(
-        &mut self,
-        path: PathBuf,
-        name: &OsStr,
-        delivered: &mut bool,
-    ) -> Result<Verdict, DaemonError> {
-        let look = self.folders.disk().look(&path).map_err(DaemonError::files("look at", &path))?;
-        let ledger = Ledger::of(&self.folders, name, look)?;
-        let mut photo = Claimed { path, name: name.to_owned(), ledger, delivered: false };
-        if photo.ledger.attempts() >= ATTEMPTS_MAX {
-            let reason = format!(
-                "{}: the program ended while it worked on this photo: found {} such attempts, \
-                 allowed {ATTEMPTS_MAX}",
-                photo.shown(),
-                photo.ledger.attempts()
-            );
-            return self.fail(&photo, reason);
-        }
-        let result = match look.kind {
-            Kind::File => self.attempt(&mut photo),
-            kind => Ok(Err(no_file(&photo, kind))),
-        };
+    fn work_on(&mut self, path: PathBuf, delivered: &mut bool) -> Result<JobEnd, DaemonError> {
+        let folders = self.folders;
+        let mut photo = Claimed::at(folders, path)?;
+        let result = self.attempt(&mut photo);
         *delivered = photo.delivered;
-        match result? {
-            Ok(report) => self.close(&photo, report),
-            Err(Refusal::Skip(reason) | Refusal::Died(reason)) => self.fail(&photo, reason),
-            Err(Refusal::Later(reason)) => {
-                let left = Failed { photo: photo.shown(), reason };
-                let way = self.settle(name, false)?.unwrap_or_else(|| PathBuf::from(name));
-                Ok(Verdict::Left { way, left })
+        let error = match result {
+            Ok(Some(report)) => {
+                let delivered = photo.close(folders, &mut |step| self.watcher.step(step))?;
+                return Ok(JobEnd::Done { report: Box::new(report), delivered });
             }
-            Err(Refusal::Lost) => {
+            Ok(None) => {
                 log::warn!("{}: given up, for another box took it over meanwhile", photo.shown());
-                photo.ledger.close(&self.folders)?;
-                Ok(Verdict::Gone)
+                photo.give_up(folders)?;
+                return Ok(JobEnd::Gone);
             }
-            // The error below puts it back.
-            Err(Refusal::Hold(reason)) => Err(DaemonError::Held { reason }),
+            Err(JobError::Files(error)) => return Err(error.into()),
+            Err(error) => error,
+        };
+        let reason = full_message(&error);
+        match error.remedy() {
+            Remedy::SkipPhoto => Ok(JobEnd::Failed(photo.set_aside(folders, reason)?)),
+            Remedy::RetryLater => {
+                let left = Failed { photo: photo.shown(), reason };
+                let way = settle(folders, &photo.name, false)?;
+                Ok(JobEnd::Left { way: way.unwrap_or_else(|| PathBuf::from(&photo.name)), left })
+            }
+            // Tried often enough by now. The error puts the photo back.
+            Remedy::ShootAgain | Remedy::Recalibrate | Remedy::ReopenRig | Remedy::CallOperator => {
+                Err(error.holds())
+            }
         }
     }
 
-    fn attempt(&mut self, photo: &mut Claimed) -> Result<Result<Report, Refusal>, DaemonError> {
+    /// The report; `None` when the photo has become another box's.
+    fn attempt(&mut self, photo: &mut Claimed) -> Result<Option<Report>, JobError> {
+        let attempts = photo.ledger.attempts();
+        if attempts >= ATTEMPTS_MAX {
+            return Err(JobError::Interrupted { photo: photo.shown(), attempts });
+        }
+        // A link, a pipe, a device: no photo, and nothing to open.
+        let found = match photo.kind {
+            FileKind::File => None,
+            FileKind::Link => Some("a link"),
+            FileKind::Folder => Some("a folder"),
+            FileKind::Other => Some("a pipe or device"),
+        };
+        if let Some(found) = found {
+            Err(PictureError::not_a_file(&photo.shown(), found))?;
+        }
         // Whoever dropped it may not have waited until it was on the disk; from here on it is ours
         // to keep.
-        let disk = self.folders.disk();
-        disk.sync_file(&photo.path).map_err(DaemonError::files("synchronise", &photo.path))?;
+        self.folders.files().sync_file(&photo.path)?;
         let read = loop {
-            photo.ledger.begin(&self.folders)?;
-            self.watcher.step(Step::Recorded);
+            photo.ledger.begin(self.folders)?;
+            self.watcher.step(JobStep::Recorded);
             match self.read(photo) {
-                Ok(read) => break read,
-                Err(Refusal::Died(words)) if photo.ledger.attempts() < ATTEMPTS_MAX => {
-                    log::warn!("{words}")
+                Err(JobError::Picture(source @ PictureError::Died { .. })) => {
+                    if photo.ledger.attempts() >= ATTEMPTS_MAX {
+                        return Err(JobError::Died { source });
+                    }
+                    log::warn!("{}", full_message(&source));
                 }
-                Err(Refusal::Died(words)) => {
-                    let attempts = photo.ledger.attempts();
-                    let reason =
-                        format!("{words}; found {attempts} such attempts, allowed {ATTEMPTS_MAX}");
-                    return Ok(Err(Refusal::Died(reason)));
-                }
-                Err(refusal) => return Ok(Err(refusal)),
+                read => break read?,
             }
         };
-        let restored = match self.restore_with_care(&read) {
-            Ok(restored) => restored,
-            Err(refusal) => return Ok(Err(refusal)),
+        let outcome = self.restore(&read)?;
+        self.watcher.step(JobStep::Restored);
+        let delivery = Delivery {
+            folders: self.folders,
+            photo: &read,
+            outcome: &outcome,
+            encoded: &Encoded::of(&read, &outcome)?,
+            rig: &self.setting.rig,
+            finished_unix_s: (self.unix_s)(),
+            hold_on: &|| self.lease.make_good(self.folders, self.clock),
         };
-        self.watcher.step(Step::Restored);
-        self.deliver(photo, &read, &restored)
+        Ok(delivery.deliver(photo, &mut |step| self.watcher.step(step))?)
     }
 
-    fn read(&self, photo: &Claimed) -> Result<Photo, Refusal> {
-        let path = &photo.path;
-        let before = self.folders.disk().look(path).ok();
-        let opened = self.folders.disk().open(path);
-        let read = opened.map_err(|source| PictureError::Read { path: path.clone(), source });
-        let error = match read
-            .and_then(|file| self.setting.reader.photo(&photo.shown(), file, &self.setting))
-        {
+    fn read(&self, photo: &Claimed) -> Result<Photo, JobError> {
+        let (files, path) = (self.folders.files(), &photo.path);
+        let before = files.look(path).ok();
+        let opened = files.raw().open(path);
+        let opened = opened.map_err(|source| PictureError::Read { path: path.clone(), source });
+        let read =
+            opened.and_then(|file| self.setting.reader.photo(&photo.shown(), file, self.setting));
+        let error = match read {
             Ok(read) => return Ok(read),
             Err(error) => error,
         };
-        let words = full_message(&error);
-        if matches!(error, PictureError::Died { .. }) {
-            return Err(Refusal::Died(words));
-        }
-        if error.growth() != Growth::None {
-            let now = self.clock.now();
-            self.clock.wait_until(Moment(now.0 + GROWTH_WATCH_S));
-            if self.folders.disk().look(path).ok() != before {
-                return Err(Refusal::Later(format!("{words} (it is still being written)")));
+        if error.growth() != Growth::None && !matches!(error, PictureError::Died { .. }) {
+            self.clock.wait_until(Moment(self.clock.now().0 + GROWTH_WATCH_S));
+            if files.look(path).ok() != before {
+                return Err(JobError::Growing(full_message(&error)));
             }
         }
-        Err(refusal(error.remedy(), words))
+        Err(error.into())
     }
 
     /// Restores, and on a stumble of the rig does what the failure's remedy says and tries again.
-    fn restore_with_care(&mut self, photo: &Photo) -> Result<Outcome, Refusal> {
+    fn restore(&mut self, photo: &Photo) -> Result<Outcome, JobError> {
         let mut tries = 1;
         let mut told_of = None;
         loop {
             let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
-            let (lease, folders, clock) = (&self.lease, &self.folders, self.clock);
+            let (lease, folders, clock) = (self.lease, self.folders, self.clock);
             let mut told = |progress| {
                 lease.beat(folders, clock.now());
                 watcher.progress(progress);
             };
+            let name = || photo.name.clone();
             let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut told)));
-            let error = match restored {
-                Ok(Ok(restored)) if restored.picture.size() == photo.light.size() => {
-                    return Ok(restored);
-                }
+            let failure = match restored {
                 Ok(Ok(restored)) => {
-                    let found = restored.picture.size();
-                    let words = format!("a result of {found}, allowed {}", photo.light.size());
-                    log::error!("{}: {words}", photo.name);
-                    return Err(Refusal::Skip(format!(
-                        "{}: a mistake of relens: found {words}",
-                        photo.name
-                    )));
+                    let (found, allowed) = (restored.picture.size(), photo.light.size());
+                    if found == allowed {
+                        return Ok(restored);
+                    }
+                    let error = JobError::WrongSize { photo: name(), found, allowed };
+                    log::error!("{error}");
+                    return Err(error);
                 }
-                Ok(Err(error)) => error,
+                Ok(Err(failure)) => failure,
                 Err(_) => {
                     log::error!("{}: the restoration panicked", photo.name);
-                    let what = "a mistake of relens: found a panic while restoring, allowed none";
-                    return Err(Refusal::Skip(format!("{}: {what}", photo.name)));
+                    return Err(JobError::Panicked { photo: name() });
                 }
             };
-            let words = format!("{}: {}", photo.name, full_message(&*error));
-            match error.remedy() {
-                Remedy::ShootAgain if tries < TRIES_MAX => {}
-                remedy @ (Remedy::Recalibrate | Remedy::ReopenRig) if tries < TRIES_MAX => {
-                    if told_of.as_ref() != Some(&words) {
-                        log::warn!("{words}; the rig is being put right");
-                    }
-                    told_of = Some(words);
-                    if let Err(error) = self.restorer.mend(remedy) {
-                        return Err(Refusal::Hold(full_message(&*error)));
-                    }
+            let remedy = failure.remedy();
+            let mends = matches!(remedy, Remedy::Recalibrate | Remedy::ReopenRig);
+            let error = JobError::Rig { photo: name(), failure };
+            if tries == TRIES_MAX || !(mends || remedy == Remedy::ShootAgain) {
+                return Err(error);
+            }
+            if mends {
+                let words = error.to_string();
+                if told_of.as_ref() != Some(&words) {
+                    log::warn!("{words}; the rig is being put right");
                 }
-                remedy => return Err(refusal(remedy, words)),
+                told_of = Some(words);
+                let mended = self.restorer.mend(remedy);
+                mended.map_err(|failure| JobError::Mending { remedy, failure })?;
             }
             tries += 1;
         }
     }
-
-    /// The result is safe: so is the original, and only then the record goes.
-    fn close(&mut self, photo: &Claimed, report: Report) -> Result<Verdict, DaemonError> {
-        let (disk, done) = (self.folders.disk(), self.folders.done());
-        let kept = atomic_file::move_to(disk, &photo.path, done, &photo.name)?;
-        self.watcher.step(Step::Moved);
-        // Before the record goes: without it the photo would be restored a second time.
-        atomic_file::sync_folder(disk, done)?;
-        let result = photo.ledger.result().unwrap_or_default();
-        photo.ledger.close(&self.folders)?;
-        self.watcher.step(Step::Closed);
-        let delivered =
-            Delivered { kept: kept.file_name().unwrap_or(&photo.name).to_owned(), result };
-        Ok(Verdict::Restored { report: Box::new(report), delivered })
-    }
-
-    /// Whether the photo is still this box's, and stays so for a while.
-    ///
-    /// # Errors
-    /// When that cannot be told: the lease cannot be written, or the look meets an error.
-    pub(super) fn is_ours(&self, photo: &Claimed) -> Result<bool, DaemonError> {
-        self.lease.make_good(&self.folders, self.clock)?;
-        match self.folders.disk().look(&photo.path) {
-            Ok(_) => Ok(true),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-            Err(error) => Err(DaemonError::files("look at", &photo.path)(error)),
-        }
-    }
-
-    /// Sets the photo aside with its reason.
-    fn fail(&self, photo: &Claimed, reason: String) -> Result<Verdict, DaemonError> {
-        let failed = Failed { photo: photo.shown(), reason };
-        let (disk, folder) = (self.folders.disk(), self.folders.failed());
-        // A note without its photo is what a cut left of us, and is written anew.
-        let taken = atomic_file::Taken::of(disk, folder)?;
-        for name in (1..).map(|number| atomic_file::numbered(&photo.name, number)) {
-            if taken.holds(&name) {
-                continue;
-            }
-            let mut note = name.clone();
-            note.push(".txt");
-            atomic_file::replace(disk, folder, &note, failed.note().as_bytes())?;
-            // The reason first: a photo set aside without one would be a riddle.
-            atomic_file::sync_folder(disk, folder)?;
-            match disk.rename_new(&photo.path, &folder.join(&name)) {
-                Ok(()) => break,
-                // Another box set a namesake aside since the look.
-                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(DaemonError::files("move", &photo.path)(error)),
-            }
-        }
-        atomic_file::sync_folder(disk, folder)?;
-        photo.ledger.close(&self.folders)?;
-        Ok(Verdict::Failed(failed))
-    }
-}
-
-/// A link, a pipe, a device: no photo, and nothing to open.
-fn no_file(photo: &Claimed, kind: Kind) -> Refusal {
-    let found = match kind {
-        Kind::Link => "a link",
-        Kind::Folder => "a folder",
-        Kind::File | Kind::Other => "a pipe or device",
-    };
-    Refusal::Skip(full_message(&PictureError::not_a_file(&photo.shown(), found)))
-}
-
-pub(super) fn refusal(remedy: Remedy, words: String) -> Refusal {
-    match remedy {
-        Remedy::SkipPhoto => Refusal::Skip(words),
-        Remedy::RetryLater => Refusal::Later(words),
-        // Tried often enough by now.
-        Remedy::ShootAgain | Remedy::Recalibrate | Remedy::ReopenRig | Remedy::CallOperator => {
-            Refusal::Hold(words)
-        }
-    }
-}
-
-/// Name of the report beside a result.
-pub(super) fn report_name(result: &OsStr) -> OsString {
-    let mut name = result.to_owned();
-    name.push(".json");
-    name
 }

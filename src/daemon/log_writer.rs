@@ -1,25 +1,37 @@
-//! The log on standard error: journald's priorities before each line, plain words on a terminal.
+//! The log on standard error: journald's priorities before each line where the journal reads it,
+//! plain words elsewhere.
 //!
 //! Levels are a promise: `error` is a bug of ours, `warn` is the world misbehaving, `info` is one
 //! line a photo, `debug` may be hidden without loss.
 
-use std::io::IsTerminal;
+use std::ffi::OsStr;
+use std::os::fd::AsFd;
 use std::sync::OnceLock;
 
 use log::{Level, LevelFilter, Log, Metadata, Record};
 
-/// Starts logging; `write` puts a line on standard error. A second call changes nothing.
-pub fn start(level: LevelFilter, write: fn(&str)) {
+/// Starts logging; `write` puts a line on standard error. `journal_stream` is the environment's
+/// `JOURNAL_STREAM`. A second call changes nothing.
+pub fn start(level: LevelFilter, journal_stream: Option<&OsStr>, write: fn(&str)) {
     static WRITER: OnceLock<LogWriter> = OnceLock::new();
-    let writer =
-        WRITER.get_or_init(|| LogWriter { terminal: std::io::stderr().is_terminal(), write });
+    let is_journal = is_journal(std::io::stderr(), journal_stream);
+    let writer = WRITER.get_or_init(|| LogWriter { is_journal, write });
     if log::set_logger(writer).is_ok() {
         log::set_max_level(level);
     }
 }
 
+/// Whether `stream` leads to the journal: `JOURNAL_STREAM` holds the device and inode of the stream
+/// that does (systemd.exec(5)). The service may have sent it elsewhere since.
+fn is_journal(stream: impl AsFd, journal_stream: Option<&OsStr>) -> bool {
+    let named = journal_stream.and_then(|words| words.to_str()?.split_once(':'));
+    let Some((device, inode)) = named else { return false };
+    rustix::fs::fstat(stream)
+        .is_ok_and(|found| device.parse() == Ok(found.st_dev) && inode.parse() == Ok(found.st_ino))
+}
+
 struct LogWriter {
-    terminal: bool,
+    is_journal: bool,
     write: fn(&str),
 }
 
@@ -30,7 +42,7 @@ impl Log for LogWriter {
 
     fn log(&self, record: &Record<'_>) {
         if self.enabled(record.metadata()) {
-            (self.write)(&line(record.level(), &record.args().to_string(), self.terminal));
+            (self.write)(&line(record.level(), &record.args().to_string(), self.is_journal));
         }
     }
 
@@ -38,30 +50,42 @@ impl Log for LogWriter {
 }
 
 /// One line. Control characters, which a photo's name may hold, are shown and not obeyed.
-fn line(level: Level, message: &str, terminal: bool) -> String {
+fn line(level: Level, message: &str, is_journal: bool) -> String {
     let safe: String =
         message.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-    match (terminal, level) {
-        // sd-daemon(3): SD_ERR 3, SD_WARNING 4, SD_INFO 6, SD_DEBUG 7.
-        (false, Level::Error) => format!("<3>{safe}"),
-        (false, Level::Warn) => format!("<4>{safe}"),
-        (false, Level::Info) => format!("<6>{safe}"),
-        (false, _) => format!("<7>{safe}"),
-        (true, Level::Info) => safe,
-        (true, Level::Error) => format!("error: {safe}"),
-        (true, Level::Warn) => format!("warning: {safe}"),
-        (true, _) => format!("  {safe}"),
-    }
+    // sd-daemon(3): SD_ERR 3, SD_WARNING 4, SD_INFO 6, SD_DEBUG 7.
+    let (priority, plain) = match level {
+        Level::Error => (3, "error: "),
+        Level::Warn => (4, "warning: "),
+        Level::Info => (6, ""),
+        Level::Debug | Level::Trace => (7, "  "),
+    };
+    if is_journal { format!("<{priority}>{safe}") } else { format!("{plain}{safe}") }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::MetadataExt;
+
     use super::*;
 
     #[test]
     fn journald_gets_its_priority_and_names_cannot_forge_lines() {
-        assert_eq!(line(Level::Info, "a.jpg restored", false), "<6>a.jpg restored");
-        assert_eq!(line(Level::Warn, "disk full", true), "warning: disk full");
-        assert_eq!(line(Level::Error, "a\n<3>b", false), "<3>a\u{fffd}<3>b");
+        assert_eq!(line(Level::Info, "a.jpg restored", true), "<6>a.jpg restored");
+        assert_eq!(line(Level::Warn, "disk full", false), "warning: disk full");
+        assert_eq!(line(Level::Error, "a\n<3>b", true), "<3>a\u{fffd}<3>b");
+    }
+
+    #[test]
+    fn the_journal_is_the_stream_that_the_environment_names_and_no_other() {
+        let (stream, other) = (tempfile::tempfile().unwrap(), tempfile::tempfile().unwrap());
+        let about = stream.metadata().unwrap();
+        let named = format!("{}:{}", about.dev(), about.ino());
+        let named = Some(OsStr::new(&named));
+        assert!(is_journal(&stream, named));
+        assert!(!is_journal(&other, named), "sent to a file");
+        for words in [None, Some("9:"), Some("elsewhere")] {
+            assert!(!is_journal(&stream, words.map(OsStr::new)), "{words:?}");
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::fs::File;
 use crate::picture::worker::Worker;
 use crate::picture::{Limits, Photo, PictureError, whole};
 
-use super::Setting;
+use super::setting::DaemonSetting;
 
 /// Where photos are read.
 #[derive(Debug, Clone)]
@@ -18,9 +18,6 @@ pub enum Reader {
 
 impl Reader {
     /// Whether `file`, called `name`, is all there.
-    ///
-    /// # Errors
-    /// What it lacks; or that it could not be read.
     pub(super) fn whole(
         &self,
         name: &str,
@@ -34,14 +31,11 @@ impl Reader {
     }
 
     /// The photo in `file`, called `name`, on the rig's grid.
-    ///
-    /// # Errors
-    /// Why there is none.
     pub(super) fn photo(
         &self,
         name: &str,
         file: File,
-        setting: &Setting,
+        setting: &DaemonSetting,
     ) -> Result<Photo, PictureError> {
         match self {
             Reader::Here => {

@@ -10,7 +10,10 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::sync::{Mutex, PoisonError};
 
-use super::{Doing, Progress, Step, Watcher};
+use super::report::state::Doing;
+use super::store::claim::JobStep;
+use super::watcher::Watcher;
+use crate::restorer::Progress;
 
 /// The service manager, or nobody.
 #[derive(Debug, Default)]
@@ -98,7 +101,7 @@ impl Watcher for Supervised<'_> {
         self.inner.progress(progress);
     }
 
-    fn step(&mut self, step: Step) {
+    fn step(&mut self, step: JobStep) {
         self.inner.step(step);
     }
 

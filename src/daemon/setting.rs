@@ -4,11 +4,11 @@ use crate::config::Curve;
 use crate::frame::Size;
 use crate::picture::Limits;
 
-use super::Reader;
+use super::reader::Reader;
 
 /// What the daemon is told once.
 #[derive(Debug, Clone)]
-pub struct Setting {
+pub struct DaemonSetting {
     /// Name of the rig, for reports.
     pub rig: String,
     /// The rig's photo size.
@@ -36,15 +36,15 @@ pub struct Setting {
     pub retry_s: f64,
 }
 
-impl Setting {
+impl DaemonSetting {
     /// The usual waits, which are guesses: 5 s quiet as paperless-ngx has it, a look every 5 s if
     /// nothing happens before, a minute until a retry, a quarter of an hour for an upload that was
     /// broken off to be taken up again, five minutes until a silent box counts as dead; and a disk
     /// that is never filled beyond its last 256 MiB, so that the system can still log in whoever is
     /// to help.
-    pub fn new(rig: &str, photo_size: Size, curve: Curve) -> Setting {
+    pub fn new(rig: &str, photo_size: Size, curve: Curve) -> DaemonSetting {
         let (quiet_s, poll_s, retry_s) = (5.0, 5.0, 60.0);
-        Setting {
+        DaemonSetting {
             rig: rig.to_owned(),
             photo_size,
             curve,

@@ -17,7 +17,7 @@ use rustix::fs::{
 };
 use rustix::io::Errno;
 
-use super::{Disk, Kind, Look, Written};
+use super::{Disk, FileKind, Look, Unsynced};
 
 /// Times an openat2 that met a rename on its way (EAGAIN) is begun again. Guess.
 const TRIES_MAX: usize = 16;
@@ -134,12 +134,12 @@ fn give_up_the_old_name(
     Err(Errno::NOENT)
 }
 
-fn kind(of: FileType) -> Kind {
+fn kind(of: FileType) -> FileKind {
     match of {
-        FileType::RegularFile => Kind::File,
-        FileType::Directory => Kind::Folder,
-        FileType::Symlink => Kind::Link,
-        _ => Kind::Other,
+        FileType::RegularFile => FileKind::File,
+        FileType::Directory => FileKind::Folder,
+        FileType::Symlink => FileKind::Link,
+        _ => FileKind::Other,
     }
 }
 
@@ -155,14 +155,14 @@ fn look(stat: &Stat) -> Look {
 
 struct LocalFile(File);
 
-impl Written for LocalFile {
+impl Unsynced for LocalFile {
     fn sync(self: Box<Self>) -> io::Result<()> {
         self.0.sync_all()
     }
 }
 
 impl Disk for LocalDisk {
-    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, Kind)>> {
+    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, FileKind)>> {
         let folder = self.folder(folder)?;
         let mut found = Vec::new();
         for entry in Dir::read_from(&folder)? {
@@ -197,7 +197,7 @@ impl Disk for LocalDisk {
         // Asked before opening, too: opening a device may do something, opening a file does not.
         let no_file = || io::Error::new(io::ErrorKind::InvalidInput, "no plain file");
         let before = look(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?);
-        if before.kind != Kind::File {
+        if before.kind != FileKind::File {
             return Err(no_file());
         }
         let file = File::from(beneath(&folder, name.as_ref(), flags)?);
@@ -212,12 +212,12 @@ impl Disk for LocalDisk {
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
         let (above, name) = self.place(folder)?;
         match mkdirat(&above, name, Mode::from_raw_mode(0o777)) {
-            Err(Errno::EXIST) if self.look(folder)?.kind == Kind::Folder => Ok(()),
+            Err(Errno::EXIST) if self.look(folder)?.kind == FileKind::Folder => Ok(()),
             done => Ok(done?),
         }
     }
 
-    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>> {
+    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>> {
         let (folder, name) = self.place(path)?;
         let flags =
             OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
@@ -298,7 +298,7 @@ mod tests {
         let kinds = |name: &str| kinds[OsStr::new(name)];
         assert_eq!(
             (kinds("plain"), kinds("way"), kinds("link"), kinds("pipe")),
-            (Kind::File, Kind::Link, Kind::Link, Kind::Other)
+            (FileKind::File, FileKind::Link, FileKind::Link, FileKind::Other)
         );
     }
 

@@ -3,11 +3,12 @@
 //!
 //! The promises of the drop folder and of the calibration slots rest on this much, which POSIX file
 //! systems with a journal keep (ext4, f2fs, xfs, btrfs) and FAT does not: a rename is atomic, also
-//! from one folder to another; what a file holds is safe once [`Written::sync`] has returned, and
+//! from one folder to another; what a file holds is safe once [`Unsynced::sync`] has returned, and
 //! not before; a name given, changed or taken away is safe once one of the folders concerned was
 //! synchronised with [`Disk::sync_folder`], and not before. Nothing is assumed about the order in
 //! which anything else reaches the disk.
 
+pub mod files;
 mod local;
 
 use std::ffi::OsString;
@@ -15,11 +16,12 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+pub use files::{FileError, Files};
 pub use local::LocalDisk;
 
 /// What something in a folder is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum FileKind {
     /// A plain file.
     File,
     /// A folder.
@@ -34,7 +36,7 @@ pub enum Kind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Look {
     /// What it is.
-    pub kind: Kind,
+    pub kind: FileKind,
     /// Length in bytes.
     pub size: u64,
     /// When its content last changed: seconds and nanoseconds since 1970. Whoever owns the file may
@@ -47,7 +49,7 @@ pub struct Look {
 }
 
 /// A file written and not yet safe.
-pub trait Written {
+pub trait Unsynced {
     /// Returns when what was written is safe. After an error nothing is known about it, and asking
     /// again would be answered wrongly (the kernel has by then forgotten the pages): write anew.
     ///
@@ -62,7 +64,7 @@ pub trait Disk: Send + Sync {
     ///
     /// # Errors
     /// When it cannot be read, `NotADirectory` when it is none.
-    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, Kind)>>;
+    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, FileKind)>>;
 
     /// A look at `path` itself.
     ///
@@ -92,7 +94,7 @@ pub trait Disk: Send + Sync {
     ///
     /// # Errors
     /// When it cannot; part of it may then be there.
-    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>>;
+    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>>;
 
     /// Returns when what the file `path` holds is safe, whoever wrote it.
     ///

@@ -2,11 +2,11 @@
 //! twelve does not tell red from green). Colours and rates after IEC 60073 as summarised in trade
 //! pages: green normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
 
-use super::front::State;
+use super::front_panel::BoxState;
 
 /// A lamp by what it stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Light {
+pub enum LampColour {
     /// All is well.
     Green,
     /// The box is busy.
@@ -16,31 +16,31 @@ pub enum Light {
 }
 
 /// A repeated rhythm: for each part how long it lasts and what is lit.
-struct Rhythm(&'static [(f64, &'static [Light])]);
+type Rhythm = &'static [(f64, &'static [LampColour])];
 
-const GREEN: &[Light] = &[Light::Green];
-const WHITE: &[Light] = &[Light::White];
-const RED: &[Light] = &[Light::Red];
-const DARK: &[Light] = &[];
+const GREEN: &[LampColour] = &[LampColour::Green];
+const WHITE: &[LampColour] = &[LampColour::White];
+const RED: &[LampColour] = &[LampColour::Red];
+const DARK: &[LampColour] = &[];
 
-fn rhythm(state: &State) -> Rhythm {
-    Rhythm(match state {
-        State::Starting => &[(1.0, WHITE), (1.0, DARK)],
-        State::Ready => &[(3600.0, GREEN)],
+fn rhythm(state: BoxState) -> Rhythm {
+    match state {
+        BoxState::Starting => &[(1.0, WHITE), (1.0, DARK)],
+        BoxState::Ready => &[(3600.0, GREEN)],
         // Slow flashing: your turn.
-        State::Waiting { .. } => &[(1.0, GREEN), (1.0, DARK)],
-        State::Heard => &[(0.25, WHITE), (0.25, DARK)],
-        State::Working { .. } => &[(3600.0, WHITE)],
+        BoxState::Waiting => &[(1.0, GREEN), (1.0, DARK)],
+        BoxState::Heard => &[(0.25, WHITE), (0.25, DARK)],
+        BoxState::Working => &[(3600.0, WHITE)],
         // A wink in the dark: asleep, not dead.
-        State::Resting { .. } => &[(0.2, GREEN), (3.8, DARK)],
-        State::Trouble { .. } => &[(0.2, RED), (0.2, DARK), (0.2, RED), (0.9, DARK)],
-        State::Maintenance { .. } => &[(0.5, RED), (0.5, WHITE)],
-    })
+        BoxState::Resting => &[(0.2, GREEN), (3.8, DARK)],
+        BoxState::Trouble => &[(0.2, RED), (0.2, DARK), (0.2, RED), (0.9, DARK)],
+        BoxState::Maintenance => &[(0.5, RED), (0.5, WHITE)],
+    }
 }
 
 /// What is lit `since_s` seconds after the state began, and for how many seconds more.
-pub fn lit(state: &State, since_s: f64) -> (&'static [Light], f64) {
-    let Rhythm(parts) = rhythm(state);
+pub fn lit(state: BoxState, since_s: f64) -> (&'static [LampColour], f64) {
+    let parts = rhythm(state);
     let period: f64 = parts.iter().map(|part| part.0).sum();
     let mut at = since_s.max(0.0) % period;
     for &(length, lights) in parts {
@@ -57,48 +57,49 @@ pub fn lit(state: &State, since_s: f64) -> (&'static [Light], f64) {
 mod tests {
     use super::*;
 
-    fn all() -> Vec<State> {
+    fn all() -> Vec<BoxState> {
         vec![
-            State::Starting,
-            State::Ready,
-            State::Waiting { photos: 2 },
-            State::Heard,
-            State::Working { photo: "a".into() },
-            State::Resting { reason: String::new() },
-            State::Trouble { reason: String::new() },
-            State::Maintenance { words: String::new() },
+            BoxState::Starting,
+            BoxState::Ready,
+            BoxState::Waiting,
+            BoxState::Heard,
+            BoxState::Working,
+            BoxState::Resting,
+            BoxState::Trouble,
+            BoxState::Maintenance,
         ]
     }
 
     /// The rhythm without its colours, in 50 ms steps over 8 s.
-    fn beats(state: &State) -> Vec<bool> {
+    fn beats(state: BoxState) -> Vec<bool> {
         (0..160).map(|n| !lit(state, f64::from(n) * 0.05 + 0.01).0.is_empty()).collect()
     }
 
     #[test]
     fn every_state_can_be_told_from_every_other() {
-        let shown = |s: &State| (0..160).map(|n| lit(s, f64::from(n) * 0.05).0).collect::<Vec<_>>();
+        let shown =
+            |s: BoxState| (0..160).map(|n| lit(s, f64::from(n) * 0.05).0).collect::<Vec<_>>();
         for (n, a) in all().iter().enumerate() {
             for b in &all()[n + 1..] {
-                assert_ne!(shown(a), shown(b), "{a:?} and {b:?}");
+                assert_ne!(shown(*a), shown(*b), "{a:?} and {b:?}");
             }
         }
     }
 
     #[test]
     fn trouble_is_told_without_colours() {
-        let trouble = State::Trouble { reason: String::new() };
+        let trouble = BoxState::Trouble;
         for other in all().iter().filter(|s| **s != trouble) {
-            assert_ne!(beats(&trouble), beats(other), "{other:?}");
+            assert_ne!(beats(trouble), beats(*other), "{other:?}");
         }
     }
 
     #[test]
     fn the_first_light_of_being_heard_is_immediate_and_no_state_stays_dark() {
-        assert_eq!(lit(&State::Heard, 0.0).0, WHITE);
+        assert_eq!(lit(BoxState::Heard, 0.0).0, WHITE);
         for state in all() {
             let longest =
-                beats(&state).split(|&on| on).map(<[bool]>::len).max().unwrap_or(0) as f64 * 0.05;
+                beats(state).split(|&on| on).map(<[bool]>::len).max().unwrap_or(0) as f64 * 0.05;
             assert!(longest < 4.0, "{state:?} is dark for {longest} s");
         }
     }
@@ -106,9 +107,9 @@ mod tests {
     #[test]
     fn the_next_change_is_where_the_light_changes() {
         for state in all() {
-            let (before, left) = lit(&state, 0.3);
-            let after = lit(&state, 0.3 + left + 1e-6).0;
-            assert!(left > 0.0 && (after != before || rhythm(&state).0.len() == 1), "{state:?}");
+            let (before, left) = lit(state, 0.3);
+            let after = lit(state, 0.3 + left + 1e-6).0;
+            assert!(left > 0.0 && (after != before || rhythm(state).len() == 1), "{state:?}");
         }
     }
 }

@@ -1,17 +1,17 @@
 //! What a box shows to the one who stands before it: lamps, screens, and what it makes of a press.
 //!
 //! ```text
-//! button ─ edge, then level ─► [`press`] ─► [`desk`] ─► [`lamp`] lit at once
+//! button ─ edge, then level ─► [`press`] ─► [`attend`] ─► [`lamp`] lit at once
 //!                                             │  ▲
 //!                                     presses ▼  │ state
-//!                                          [`front`], shared with the daemon ─► [`screen`] on the panel, between jobs
+//!                                      [`front_panel`], shared with the daemon ─► [`screen`]
 //! ```
 //!
-//! The desk runs on a thread of its own and touches neither camera, panel nor disk: a press is
-//! acknowledged whatever the daemon is doing.
+//! [`attend`] runs on a thread of its own and touches neither camera, panel nor disk: a press is
+//! acknowledged whatever the daemon is doing. Screens are shown on the rig's panel, between jobs.
 
-pub mod desk;
-pub mod front;
+pub mod attend;
+pub mod front_panel;
 pub mod lamp;
 pub mod press;
 pub mod screen;

@@ -35,6 +35,8 @@ pub enum Screen {
     Result {
         /// Its name.
         photo: String,
+        /// The photo itself is the result.
+        untouched: bool,
         /// The certificate in words, or why it was left as it was.
         words: String,
         /// What one may do now.
@@ -70,9 +72,9 @@ pub enum Screen {
     },
 }
 
-/// The mark beside the title: a shape a state, so that no state is told by colour alone.
+/// The symbol beside the title: a shape a state, so that no state is told by colour alone.
 #[derive(Clone, Copy)]
-enum Mark {
+enum Symbol {
     Disc,
     Ring,
     Triangle,
@@ -84,7 +86,7 @@ enum Mark {
 /// Everything a screen says.
 struct Said {
     ground: Colour,
-    mark: (Mark, Colour),
+    symbol: (Symbol, Colour),
     title: String,
     lines: Vec<(String, Colour)>,
     progress: Option<f32>,
@@ -120,27 +122,29 @@ fn sentence(words: &str) -> String {
 }
 
 fn said(screen: &Screen) -> Said {
-    let plain = |mark, title: &str, lines: Vec<(String, Colour)>| Said {
+    let plain = |symbol, title: &str, lines: Vec<(String, Colour)>| Said {
         ground: SLATE,
-        mark,
+        symbol,
         title: title.to_owned(),
         lines,
         progress: None,
     };
     match screen {
         Screen::Starting { words } => {
-            plain((Mark::Ring, SKY), "One moment", vec![(words.clone(), PAPER)])
+            plain((Symbol::Ring, SKY), "One moment", vec![(words.clone(), PAPER)])
         }
-        Screen::Ready { hint } => plain((Mark::Disc, GREEN), "Ready", vec![(hint.clone(), PAPER)]),
+        Screen::Ready { hint } => {
+            plain((Symbol::Disc, GREEN), "Ready", vec![(hint.clone(), PAPER)])
+        }
         Screen::Waiting { photos: count } => plain(
-            (Mark::Disc, GREEN),
+            (Symbol::Disc, GREEN),
             "Press the button",
             vec![(format!("{} to restore", photos(*count)), PAPER)],
         ),
         Screen::Working { photo, number, of } => Said {
             progress: Some((number.saturating_sub(1)) as f32 / (*of).max(1) as f32),
             ..plain(
-                (Mark::Bars, SKY),
+                (Symbol::Bars, SKY),
                 &if *of > 1 { format!("Working: {number} of {of}") } else { "Working".to_owned() },
                 vec![
                     (photo.clone(), PAPER),
@@ -148,19 +152,19 @@ fn said(screen: &Screen) -> Said {
                 ],
             )
         },
-        Screen::Result { photo, words, hint } => plain(
-            (Mark::Disc, GREEN),
-            "Done",
+        Screen::Result { photo, untouched, words, hint } => plain(
+            (Symbol::Disc, GREEN),
+            if *untouched { "Left as it was" } else { "Done" },
             vec![(photo.clone(), PAPER), (words.clone(), SOFT), (hint.clone(), SOFT)],
         ),
         Screen::Resting { words, photos: count } => Said {
             ground: NIGHT,
-            ..plain((Mark::Moon, AMBER), &wait(*count), vec![(words.clone(), PAPER)])
+            ..plain((Symbol::Moon, AMBER), &wait(*count), vec![(sentence(words), PAPER)])
         },
         Screen::Missed { what, why, photos: count } => Said {
             ground: RUST,
             ..plain(
-                (Mark::Triangle, AMBER),
+                (Symbol::Triangle, AMBER),
                 &wait(*count),
                 vec![(sentence(what), PAPER), (sentence(why), AMBER)],
             )
@@ -168,7 +172,7 @@ fn said(screen: &Screen) -> Said {
         Screen::Trouble { what, to_do } => Said {
             ground: RUST,
             ..plain(
-                (Mark::Triangle, AMBER),
+                (Symbol::Triangle, AMBER),
                 "Please help",
                 vec![
                     (what.clone(), PAPER),
@@ -182,7 +186,7 @@ fn said(screen: &Screen) -> Said {
             )
         },
         Screen::Maintenance { words } => plain(
-            (Mark::Square, AMBER),
+            (Symbol::Square, AMBER),
             "Maintenance",
             vec![
                 (words.clone(), PAPER),
@@ -199,7 +203,7 @@ fn said(screen: &Screen) -> Said {
 /// Draws `screen` for a panel of `size`; `pictures` are the photo and its result for
 /// [`Screen::Result`].
 pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<Work>)>) -> Codes {
-    let Said { ground, mark, title, lines, progress } = said(screen);
+    let Said { ground, symbol, title, lines, progress } = said(screen);
     let mut sheet = Sheet::new(size, ground);
     let (width, height) = (size.width as f32, size.height as f32);
     // All measures follow the panel's height; 0.05 of it keeps clear of the edges some panels cut.
@@ -212,7 +216,7 @@ pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<
     };
     let room = width - 2.0 * edge;
     let side = title_px * 0.8;
-    draw_mark(&mut sheet, mark, (edge, edge + 0.1 * title_px), side);
+    draw_symbol(&mut sheet, symbol, (edge, edge + 0.1 * title_px), side);
     let words_at = edge + side * 1.35;
     // A title is one line, smaller if it must be.
     let needed = lettering::width(&title, title_px);
@@ -249,28 +253,33 @@ pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<
     sheet.finish()
 }
 
-fn draw_mark(sheet: &mut Sheet, (mark, colour): (Mark, Colour), (x, y): (f32, f32), side: f32) {
+fn draw_symbol(
+    sheet: &mut Sheet,
+    (symbol, colour): (Symbol, Colour),
+    (x, y): (f32, f32),
+    side: f32,
+) {
     let unit = move |at: (f32, f32)| (at.0 / side, at.1 / side);
     let from_centre = |(u, v): (f32, f32)| ((u - 0.5).powi(2) + (v - 0.5).powi(2)).sqrt();
     let place = (x as i32, y as i32);
     let whole = (side.ceil() as i32, side.ceil() as i32);
     sheet.shape(place, whole, colour, |px, py| {
         let (u, v) = unit((px, py));
-        match mark {
-            Mark::Disc => from_centre((u, v)) < 0.5,
-            Mark::Ring => (0.34..0.5).contains(&from_centre((u, v))),
-            Mark::Triangle => {
+        match symbol {
+            Symbol::Disc => from_centre((u, v)) < 0.5,
+            Symbol::Ring => (0.34..0.5).contains(&from_centre((u, v))),
+            Symbol::Triangle => {
                 let inside = v < 0.95 && (u - 0.5).abs() < 0.53 * v;
                 // The exclamation mark in it.
                 let bar = (u - 0.5).abs() < 0.06 && (0.35..0.68).contains(&v);
                 let dot = (u - 0.5).abs() < 0.06 && (0.76..0.88).contains(&v);
                 inside && !bar && !dot
             }
-            Mark::Bars => {
+            Symbol::Bars => {
                 (u * 5.0) as i32 % 2 == 0 && v > [0.55, 0.0, 0.3, 0.0, 0.0][(u * 5.0) as usize % 5]
             }
-            Mark::Square => (u - 0.5).abs().max((v - 0.5).abs()) > 0.32,
-            Mark::Moon => from_centre((u, v)) < 0.5 && from_centre((u - 0.22, v + 0.12)) > 0.42,
+            Symbol::Square => (u - 0.5).abs().max((v - 0.5).abs()) > 0.32,
+            Symbol::Moon => from_centre((u, v)) < 0.5 && from_centre((u - 0.22, v + 0.12)) > 0.42,
         }
     });
 }
@@ -296,6 +305,7 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
             "result",
             Screen::Result {
                 photo: text("Sommer am Attersee, 1987.jpg"),
+                untouched: false,
                 words: text("Photographed through the lens again, this picture is your photo."),
                 hint: text("The result is in the outbox."),
             },

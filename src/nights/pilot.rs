@@ -25,7 +25,7 @@ const LIGHTS: (f32, f32) = (40.0, 200.0);
 /// What one pilot says of one channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub struct Fit {
+pub struct PilotFit {
     /// Brightness over the prediction's.
     pub gain: f64,
     /// Light added, grey levels.
@@ -40,7 +40,7 @@ pub struct Fit {
 
 /// What one pilot says, channel by channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Reading(pub [Fit; 3]);
+pub struct Reading(pub [PilotFit; 3]);
 
 /// How far the rig is from what it was; the worst channel of each.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -58,7 +58,7 @@ pub struct Drift {
 
 /// How far it may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct DriftLimits {
     /// Displacement, sensor pixels.
     pub shift_max_px: f64,
     /// Brighter or darker, per cent.
@@ -69,19 +69,19 @@ pub struct Limits {
     pub noise_max_ratio: f64,
 }
 
-impl Limits {
+impl DriftLimits {
     /// The limits of a rig file.
-    pub fn of(nights: &Nights) -> Limits {
+    pub fn of(nights: &Nights) -> DriftLimits {
         let &Nights { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio, .. } =
             nights;
-        Limits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio }
+        DriftLimits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio }
     }
 }
 
 impl Reading {
     /// What has changed since `before`.
     pub fn since(&self, before: &Reading) -> Drift {
-        let worst = |of: &dyn Fn(&Fit, &Fit) -> f64| {
+        let worst = |of: &dyn Fn(&PilotFit, &PilotFit) -> f64| {
             let each = self.0.iter().zip(&before.0).map(|(now, then)| of(now, then));
             each.fold(0.0, |worst: f64, v| if v.abs() > worst.abs() { v } else { worst })
         };
@@ -99,7 +99,7 @@ impl Reading {
 
 impl Drift {
     /// What is past its limit, in words; `None` when nothing is.
-    pub fn complaint(&self, limits: &Limits) -> Option<String> {
+    pub fn complaint(&self, limits: &DriftLimits) -> Option<String> {
         let mut said = Vec::new();
         let mut hold = |found: f64, allowed: f64, words: String| {
             // Not finite is past every limit.
@@ -107,7 +107,8 @@ impl Drift {
                 said.push(words);
             }
         };
-        let Limits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio } = *limits;
+        let DriftLimits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio } =
+            *limits;
         let Drift { shift_px, gain_percent, offset_levels, noise_ratio } = *self;
         hold(
             shift_px,
@@ -136,7 +137,7 @@ impl Drift {
     }
 
     /// The largest difference to `other`, each as a share of its limit.
-    pub fn difference(&self, other: &Drift, limits: &Limits) -> f64 {
+    pub fn difference(&self, other: &Drift, limits: &DriftLimits) -> f64 {
         [
             (self.shift_px - other.shift_px) / limits.shift_max_px,
             (self.gain_percent - other.gain_percent) / limits.gain_max_percent,
@@ -181,7 +182,12 @@ pub fn read(
     })))
 }
 
-fn fit(predicted: &Plane, (first, second): (&Seen, &Seen), channel: Channel, photo: Rect) -> Fit {
+fn fit(
+    predicted: &Plane,
+    (first, second): (&Seen, &Seen),
+    channel: Channel,
+    photo: Rect,
+) -> PilotFit {
     let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
     let (mut squared, mut count) = (0.0, 0.0);
     // A pixel in from the border of the photo, for the slopes.
@@ -212,7 +218,7 @@ fn fit(predicted: &Plane, (first, second): (&Seen, &Seen), channel: Channel, pho
     let unknown = Vector4::from_element(f64::NAN);
     let found = normal.lu().solve(&right).unwrap_or(unknown);
     // g·m(x − d) has the slope term g·d.
-    Fit {
+    PilotFit {
         gain: found[0],
         offset_levels: found[1],
         shift_x_px: found[2] / found[0],
@@ -259,7 +265,7 @@ mod tests {
 
     #[test]
     fn what_is_past_its_limit_is_said_with_what_is_allowed() {
-        let limits = Limits {
+        let limits = DriftLimits {
             shift_max_px: 0.25,
             gain_max_percent: 3.0,
             offset_max_levels: 1.0,

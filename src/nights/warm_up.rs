@@ -1,7 +1,7 @@
 //! Waiting until the rig no longer changes. A panel was measured to take 70 minutes to become
 //! steady (colour work; a web source), and a lens and its mount warm up as well.
 
-use super::pilot::{Drift, Limits};
+use super::pilot::{Drift, DriftLimits};
 
 /// Pilots in a row that must agree.
 const STEADY_PILOTS: usize = 3;
@@ -34,7 +34,7 @@ impl WarmUp {
     }
 
     /// Takes one pilot more, read at `now_s`.
-    pub fn take(&mut self, drift: Drift, limits: &Limits, now_s: f64, max_s: f64) -> Warmth {
+    pub fn take(&mut self, drift: Drift, limits: &DriftLimits, now_s: f64, max_s: f64) -> Warmth {
         self.seen.push(drift);
         let last = &self.seen[self.seen.len().saturating_sub(STEADY_PILOTS)..];
         let agree = |a: &Drift| last.iter().all(|b| a.difference(b, limits) < STEADY_SHARE);
@@ -52,7 +52,7 @@ impl WarmUp {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = Limits {
+    const LIMITS: DriftLimits = DriftLimits {
         shift_max_px: 0.25,
         gain_max_percent: 3.0,
         offset_max_levels: 1.0,

@@ -13,7 +13,7 @@ pub mod operating_point;
 use std::io::Read;
 use std::path::Path;
 
-use crate::disk::{Disk, LocalDisk, Written};
+use crate::disk::{Disk, LocalDisk, Unsynced};
 use crate::kiosk::screen::Screen;
 use crate::nights::pilot::Drift;
 use crate::picture::Photo;
@@ -77,7 +77,7 @@ fn keep(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     let folder = folder.canonicalize()?;
     let disk = LocalDisk::new(vec![folder.clone()]);
     let fresh = folder.join(format!("{name}.new"));
-    disk.write(&fresh, &mut &*bytes).and_then(Written::sync)?;
+    disk.write(&fresh, &mut &*bytes).and_then(Unsynced::sync)?;
     disk.rename(&fresh, &folder.join(name))?;
     disk.sync_folder(&folder)
 }

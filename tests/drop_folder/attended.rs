@@ -6,8 +6,11 @@ use std::rc::Rc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use relens::config::Mode;
-use relens::daemon::{Attended, Daemon, Folders, Progress, Restorer, Summary};
-use relens::kiosk::front::{Front, State};
+use relens::daemon::{
+    Attended, Daemon, DaemonError, DaemonSetting, Folders, Progress, Question, Restorer, Schedule,
+    Summary, Turn,
+};
+use relens::kiosk::front_panel::{BoxState, FrontPanel};
 use relens::kiosk::press::Press;
 use relens::kiosk::screen::Screen;
 use relens::picture::{Format, Photo};
@@ -45,8 +48,8 @@ fn attended(
     mode: Mode,
     inner: Brightener,
     until_s: f64,
-    front: &Front,
-    act: impl FnMut(f64, &Front),
+    front: &FrontPanel,
+    act: impl FnMut(f64, &FrontPanel),
 ) -> (Summary, Vec<Screen>, Vec<Remedy>) {
     let calendar = || -> SystemTime { UNIX_EPOCH + Duration::from_secs(1_700_000_000) };
     let screens = Rc::default();
@@ -73,7 +76,7 @@ fn photos(root: &Path, count: usize) {
 }
 
 /// Presses once at `at_s`.
-fn press_at(at_s: f64, press: Press) -> impl FnMut(f64, &Front) {
+fn press_at(at_s: f64, press: Press) -> impl FnMut(f64, &FrontPanel) {
     let mut done = false;
     move |now, front| {
         if now >= at_s && !std::mem::replace(&mut done, true) {
@@ -84,12 +87,12 @@ fn press_at(at_s: f64, press: Press) -> impl FnMut(f64, &Front) {
 
 #[test]
 fn photos_wait_for_the_button_and_one_press_restores_those_that_wait() {
-    let (root, front) = (fresh_root(), Front::default());
+    let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 3);
     let (summary, screens, _) =
         attended(root.path(), Mode::Button, Brightener::default(), 60.0, &front, |_, _| {});
     assert!(summary.restored.is_empty() && screens.contains(&Screen::Waiting { photos: 3 }));
-    assert_eq!(front.state().0, State::Waiting { photos: 3 });
+    assert_eq!(front.state(), BoxState::Waiting);
     let press = press_at(20.0, Press::Down);
     let (summary, screens, _) =
         attended(root.path(), Mode::Button, Brightener::default(), 60.0, &front, press);
@@ -101,7 +104,7 @@ fn photos_wait_for_the_button_and_one_press_restores_those_that_wait() {
 
 #[test]
 fn ten_presses_are_one_and_photos_that_come_later_wait_for_their_own() {
-    let (root, front) = (fresh_root(), Front::default());
+    let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);
     let (mut dropped, mut presses) = (false, 0);
     let (summary, ..) =
@@ -120,15 +123,15 @@ fn ten_presses_are_one_and_photos_that_come_later_wait_for_their_own() {
 
 #[test]
 fn a_press_with_nothing_to_do_ends_in_ready() {
-    let (root, front) = (fresh_root(), Front::default());
+    let (root, front) = (fresh_root(), FrontPanel::default());
     let press = press_at(5.0, Press::Down);
     attended(root.path(), Mode::Button, Brightener::default(), 20.0, &front, press);
-    assert_eq!(front.state().0, State::Ready);
+    assert_eq!(front.state(), BoxState::Ready);
 }
 
 #[test]
 fn held_at_the_start_is_maintenance_until_a_short_press() {
-    let (root, front) = (fresh_root(), Front::default());
+    let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 2);
     front.press(Press::HeldAtStart);
     let mut presses = [(20.0, Press::Long), (40.0, Press::Short)].into_iter().peekable();
@@ -147,14 +150,82 @@ fn held_at_the_start_is_maintenance_until_a_short_press() {
 }
 
 #[test]
+fn a_photo_returned_untouched_is_not_said_to_be_restored() {
+    let (root, front) = (fresh_root(), FrontPanel::default());
+    photos(root.path(), 1);
+    let inner = Brightener { untouched: true, ..Brightener::default() };
+    let (summary, screens, _) = attended(root.path(), Mode::Folder, inner, 30.0, &front, |_, _| {});
+    assert_eq!((summary.restored.len(), summary.untouched.len()), (0, 1));
+    let said = |s: &Screen| match s {
+        Screen::Result { untouched, words, .. } => *untouched && words == "told to",
+        _ => false,
+    };
+    assert!(screens.iter().any(said), "{screens:?}");
+}
+
+/// Needs somebody, each time it is asked.
+struct Needy(fn() -> DaemonError);
+
+impl Schedule for Needy {
+    fn turn(&mut self, _: Question, _: &mut dyn Restorer) -> Turn {
+        Turn::Help((self.0)())
+    }
+}
+
+/// What the panel says to do when a box over one photo is in trouble.
+fn to_do(floor_bytes: u64, inner: Brightener, schedule: Box<dyn Schedule>) -> String {
+    let (root, clock, screens) = (fresh_root(), TestClock::default(), Rc::default());
+    photos(root.path(), 1);
+    let calendar = || UNIX_EPOCH;
+    let (mut restorer, mut watcher) = (Shown { inner, screens: Rc::clone(&screens) }, ());
+    let setting = DaemonSetting { floor_bytes, ..setting() };
+    let folders = Folders::open(root.path()).unwrap();
+    let schedule = Attended::new(FrontPanel::default(), Mode::Folder, &clock, schedule);
+    let daemon =
+        Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    daemon.scheduled(Box::new(schedule)).run(&|| clock.0.get() > 20.0);
+    let screens = screens.borrow();
+    let said = screens.iter().find_map(|screen| match screen {
+        Screen::Trouble { to_do, .. } => Some(to_do.clone()),
+        _ => None,
+    });
+    said.unwrap_or_else(|| panic!("{screens:?}"))
+}
+
+#[test]
+fn each_trouble_has_its_own_thing_to_do() {
+    let failing = |remedy, cannot_mend| Brightener {
+        failures: vec![remedy],
+        cannot_mend,
+        ..Brightener::default()
+    };
+    let well = Brightener::default;
+    let full = to_do(u64::MAX, well(), Box::new(()));
+    assert!(full.contains("Make room on the disk"), "{full}");
+    let gone = to_do(0, failing(Remedy::CallOperator, false), Box::new(()));
+    assert!(gone.contains("cables"), "{gone}");
+    let lost = to_do(0, failing(Remedy::ReopenRig, true), Box::new(()));
+    assert!(lost.contains("cables"), "{lost}");
+    let uncalibrated = to_do(0, failing(Remedy::Recalibrate, true), Box::new(()));
+    assert!(uncalibrated.contains("The lens could not be measured"), "{uncalibrated}");
+    let drifted =
+        || DaemonError::Drifted { complaint: "displaced by 3 px".into(), calibrations: 0 };
+    let drifted = to_do(0, well(), Box::new(Needy(drifted)));
+    assert!(drifted.contains("moved") && drifted.contains("measure the lens anew"), "{drifted}");
+    for words in [full, drifted, uncalibrated] {
+        assert!(!words.contains("cables"), "{words}");
+    }
+}
+
+#[test]
 fn trouble_is_on_the_panel_with_what_to_do_and_clears_itself() {
-    let (root, front) = (fresh_root(), Front::default());
+    let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);
     let failing = Brightener { failures: vec![Remedy::CallOperator], ..Brightener::default() };
     let mut trouble = false;
     let (summary, screens, _) =
         attended(root.path(), Mode::Folder, failing, 120.0, &front, |_, front| {
-            trouble |= matches!(front.state().0, State::Trouble { .. });
+            trouble |= matches!(front.state(), BoxState::Trouble);
         });
     assert!(
         trouble
@@ -163,5 +234,5 @@ fn trouble_is_on_the_panel_with_what_to_do_and_clears_itself() {
                 .any(|s| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains("cables")))
     );
     assert_eq!(summary.restored.len(), 1, "it went on by itself");
-    assert!(!matches!(front.state().0, State::Trouble { .. }));
+    assert!(!matches!(front.state(), BoxState::Trouble));
 }

@@ -7,7 +7,9 @@ use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::Curve;
-use relens::daemon::{Daemon, DaemonError, Folders, Progress, Restorer, Setting, Summary, Watcher};
+use relens::daemon::{
+    Daemon, DaemonError, DaemonSetting, Folders, Progress, Restorer, Summary, Watcher,
+};
 use relens::deconvolution::ladder::Rung;
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::picture::{Format, Limits, Manner, Photo, encode};
@@ -92,8 +94,8 @@ impl Restorer for Brightener {
     }
 }
 
-pub fn setting() -> Setting {
-    Setting::new("test rig", RIG, Curve::Srgb)
+pub fn setting() -> DaemonSetting {
+    DaemonSetting::new("test rig", RIG, Curve::Srgb)
 }
 
 pub fn once_with(

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::Curve;
-use relens::daemon::{Daemon, Folders, Setting};
+use relens::daemon::{Daemon, DaemonSetting, Folders};
 use relens::disk::Disk;
 use relens::remedy::Remedy;
 
@@ -298,7 +298,8 @@ fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), Strin
     let disk = world.disk.clone();
     let (clock, failures) = (TestClock::default(), RefCell::new(vec![]));
     let dates = || UNIX_EPOCH + Duration::from_secs(calendar.get());
-    let setting = Setting { hints: false, ..Setting::new("test rig", TINY, Curve::Srgb) };
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let harm = RefCell::new(None);
     let ended = {
         let world = RefCell::new(&mut *world);

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use relens::config::Curve;
-use relens::daemon::Report;
+use relens::daemon::{PhotoCounts, Report, State};
 use relens::frame::{Plane, Size};
 use relens::picture::{Format, Manner, Orientation, PixelLayout, encode};
 
@@ -240,4 +240,23 @@ fn an_untouched_photo_goes_out_byte_by_byte() {
     let mut restorer = Brightener { untouched: true, ..Brightener::default() };
     once_with(root, &mut restorer, &mut ()).unwrap();
     assert_eq!(std::fs::read(root.join("outbox/a.jpg")).unwrap(), bytes);
+}
+
+#[test]
+fn restored_untouched_failed_and_left_are_counted_apart_everywhere() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "whole.png", &file(Format::Png, 8, RIG));
+    drop_in(root, "broken.png", b"no png");
+    let mut restorer = Brightener { untouched: true, ..Brightener::default() };
+    let summary = once_with(root, &mut restorer, &mut ()).unwrap();
+    let counts = PhotoCounts { restored: 0, untouched: 1, failed: 1, left: 0 };
+    assert_eq!((summary.counts(), State::read(root).unwrap().unwrap().counts), (counts, counts));
+    let words = "0 restored, 1 returned untouched, 1 failed, 0 left in the inbox";
+    assert_eq!(counts.to_string(), words);
+    assert!(summary.untouched[0].line().contains("left as it was"), "the log");
+    let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
+    for words in ["<b>0</b> restored", "<b>1</b> left as they were", "<b>1</b> not restored"] {
+        assert!(page.contains(words), "{words}");
+    }
 }

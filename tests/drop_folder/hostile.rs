@@ -181,8 +181,8 @@ fn records_that_mean_harm_cost_no_photo() {
     let record = std::cell::RefCell::new(Vec::new());
     struct Look<'a>(&'a Path, &'a std::cell::RefCell<Vec<u8>>);
     impl relens::daemon::Watcher for Look<'_> {
-        fn step(&mut self, step: relens::daemon::Step) {
-            if step == relens::daemon::Step::Named {
+        fn step(&mut self, step: relens::daemon::JobStep) {
+            if step == relens::daemon::JobStep::Named {
                 let found = std::fs::read_dir(self.0.join("working")).unwrap().flatten();
                 let found =
                     found.map(|e| e.path()).find(|p| p.to_string_lossy().contains(".ledger-"));

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use relens::config::Keep;
-use relens::daemon::{Daemon, Delivered, Folders, Schedule, Setting, Summary};
+use relens::daemon::{Daemon, DaemonSetting, Delivered, Folders, Schedule, Summary};
 use relens::picture::Format;
 
 use crate::bed::*;
@@ -60,7 +60,7 @@ impl Later<'_> {
         // The disk dates what is moved by the machine's own calendar.
         let calendar = || SystemTime::now() + days * DAY;
         let folders = Folders::open(root).unwrap();
-        let setting = Setting { floor_bytes, ..setting() };
+        let setting = DaemonSetting { floor_bytes, ..setting() };
         let believed = || believed;
         let daemon =
             Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
@@ -173,7 +173,7 @@ fn a_full_disk_is_a_reason_to_look_before_the_hour_and_else_the_photo_waits() {
     let (clock, mut restorer, mut watcher) = (TestClock::default(), Brightener::default(), ());
     let (days, believed) = (Cell::new(0), || true);
     let calendar = || SystemTime::now() + days.get() * DAY;
-    let floor = Setting { floor_bytes: u64::MAX, ..setting() };
+    let floor = DaemonSetting { floor_bytes: u64::MAX, ..setting() };
     let folders = Folders::open(root).unwrap();
     let daemon =
         Daemon::open(folders, floor, &mut restorer, &clock, &calendar, &mut watcher).unwrap();

@@ -8,7 +8,7 @@ use std::io::{self, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use relens::disk::{Disk, Kind, Look, Written};
+use relens::disk::{Disk, FileKind, Look, Unsynced};
 
 /// One operation.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -166,7 +166,8 @@ impl Contents {
         let mut cuts = Vec::new();
         for choice in choices {
             let mut names = self.kept.clone();
-            let kept = |i: usize| choice >> i & 1 == 1;
+            // Beyond what a number holds they share the fate of the last.
+            let kept = |i: usize| choice >> i.min(63) & 1 == 1;
             for (_, change) in pending.iter().enumerate().filter(|&(i, _)| kept(i)) {
                 apply(change, &mut names);
             }
@@ -250,7 +251,7 @@ impl ModelDisk {
         contents.kept.remove(path);
     }
 
-    /// Asked of nobody in particular from now on.
+    /// Question of nobody in particular from now on.
     pub fn guarded_by(&self, guard: Guard) {
         self.inside().guard = guard;
     }
@@ -279,7 +280,7 @@ fn not_found() -> io::Error {
 
 struct Handle(ModelDisk, PathBuf, u64);
 
-impl Written for Handle {
+impl Unsynced for Handle {
     fn sync(self: Box<Self>) -> io::Result<()> {
         let (mut inside, done) = self.0.ask(&Op::Sync(self.1.clone()))?;
         if let Some(inode) = inside.contents.inodes.get_mut(&self.2).filter(|_| done) {
@@ -290,19 +291,21 @@ impl Written for Handle {
 }
 
 impl Disk for ModelDisk {
-    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, Kind)>> {
+    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, FileKind)>> {
         let (inside, _) = self.ask(&Op::Read(folder.to_owned()))?;
         let Contents { folders, names, .. } = &inside.contents;
         if !folders.contains(folder) {
             return Err(not_found());
         }
         let name = |path: &PathBuf| path.file_name().map(OsString::from).unwrap_or_default();
-        let files =
-            names.keys().filter(|path| holds(folder, path)).map(|path| (name(path), Kind::File));
+        let files = names
+            .keys()
+            .filter(|path| holds(folder, path))
+            .map(|path| (name(path), FileKind::File));
         let inner = folders
             .iter()
             .filter(|path| holds(folder, path))
-            .map(|path| (name(path), Kind::Folder));
+            .map(|path| (name(path), FileKind::Folder));
         Ok(files.chain(inner).collect())
     }
 
@@ -311,7 +314,7 @@ impl Disk for ModelDisk {
         let inode = *inside.contents.names.get(path).ok_or_else(not_found)?;
         let size = inside.contents.inodes[&inode].holds.len() as u64;
         let (changed, touched_unix_s) = ((inode as i64, 0), inode as i64);
-        Ok(Look { kind: Kind::File, size, changed, touched_unix_s, inode })
+        Ok(Look { kind: FileKind::File, size, changed, touched_unix_s, inode })
     }
 
     fn open(&self, path: &Path) -> io::Result<File> {
@@ -334,7 +337,7 @@ impl Disk for ModelDisk {
         Ok(())
     }
 
-    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>> {
+    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>> {
         let mut bytes = Vec::new();
         content.read_to_end(&mut bytes)?;
         let asked = self.ask(&Op::Write(path.to_owned()));

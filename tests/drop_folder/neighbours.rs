@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, Folders, Setting, Step, Summary, Watcher};
+use relens::daemon::{Daemon, DaemonSetting, Folders, JobStep, Summary, Watcher};
 use relens::picture::Format;
 use relens::rig::{Clock, Moment};
 use rustix::fs::{FlockOperation, flock};
@@ -40,7 +40,7 @@ fn work(
 
 fn work_by(
     clock: &dyn Clock,
-    setting: Setting,
+    setting: DaemonSetting,
     root: &Path,
     name: &str,
     watcher: &mut dyn Watcher,
@@ -48,7 +48,7 @@ fn work_by(
 ) -> (Summary, usize) {
     let mut restorer = Brightener::default();
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
-    let setting = Setting { hints: false, ..setting };
+    let setting = DaemonSetting { hints: false, ..setting };
     let mut daemon =
         Daemon::open(shared(root, name), setting, &mut restorer, clock, &calendar, watcher)
             .unwrap();
@@ -82,7 +82,7 @@ fn two_boxes_share_the_work_and_never_a_photo() {
         for name in ["left", "right"] {
             let (restored, over) = (&restored, &over);
             scope.spawn(move || {
-                let setting = Setting { quiet_s: 0.0, poll_s: 0.01, ..setting() };
+                let setting = DaemonSetting { quiet_s: 0.0, poll_s: 0.01, ..setting() };
                 let (_, count) =
                     work_by(&RealClock(Instant::now()), setting, root, name, &mut (), over);
                 restored.fetch_add(count, Ordering::SeqCst)
@@ -94,10 +94,10 @@ fn two_boxes_share_the_work_and_never_a_photo() {
 }
 
 /// Dies at a step, or does something first.
-struct At<'a>(Step, &'a dyn Fn());
+struct At<'a>(JobStep, &'a dyn Fn());
 
 impl Watcher for At<'_> {
-    fn step(&mut self, step: Step) {
+    fn step(&mut self, step: JobStep) {
         if step == self.0 {
             (self.1)();
         }
@@ -106,7 +106,7 @@ impl Watcher for At<'_> {
 
 #[test]
 fn a_dead_boxs_photos_are_taken_over_when_its_lease_has_run_out() {
-    for step in Step::ALL {
+    for step in JobStep::ALL {
         let root = fresh_root();
         let root = root.path();
         drop_in(root, "a.png", &file(Format::Png, 8, RIG));
@@ -122,7 +122,7 @@ fn a_dead_boxs_photos_are_taken_over_when_its_lease_has_run_out() {
             "{step:?}: not before the lease has run out"
         );
         let (_, late) = work(root, "right", &mut (), &|now| now > 400.0);
-        let delivered = step >= Step::Delivered;
+        let delivered = step >= JobStep::Delivered;
         assert_eq!(early + late, usize::from(!delivered), "{step:?}");
         all_done(root, 1);
     }
@@ -138,7 +138,7 @@ fn a_box_that_only_slept_gives_up_what_was_taken_over() {
         assert_eq!(restored, 1, "taken over while the other slept");
     };
     let (summary, restored) =
-        work(root, "left", &mut At(Step::Restored, &other_works), &|now| now > 100.0);
+        work(root, "left", &mut At(JobStep::Restored, &other_works), &|now| now > 100.0);
     assert_eq!(
         (restored, summary.restored.len()),
         (1, 0),
@@ -155,7 +155,7 @@ fn a_box_slower_than_its_lease_delivers_what_nobody_took_over() {
     drop(shared(root, "right"));
     let clock = TestClock::default();
     let takes_long = || clock.wait_until(Moment(clock.now().0 + 1000.0));
-    let mut slow = At(Step::Restored, &takes_long);
+    let mut slow = At(JobStep::Restored, &takes_long);
     let (summary, restored) =
         work_by(&clock, setting(), root, "left", &mut slow, &|now| now > 1500.0);
     assert_eq!((restored, summary.restored.len()), (1, 1), "{summary:?}");
@@ -189,7 +189,7 @@ fn a_box_that_cannot_renew_its_lease_delivers_nothing_until_it_can() {
         }
         now > 2000.0
     };
-    let mut slow = At(Step::Restored, &is_slow_and_its_disk_fails);
+    let mut slow = At(JobStep::Restored, &is_slow_and_its_disk_fails);
     let (summary, restored) = work_by(&clock, setting(), root, "left", &mut slow, &fails);
     assert_eq!((restored, summary.restored.len()), (2, 1), "{summary:?}");
     all_done(root, 1);

@@ -14,7 +14,8 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::{ClockSource, Curve, Keep, Nights};
 use relens::daemon::{
-    Daemon, DaemonError, Folders, Nightly, Schedule, Setting, Step, Summary, Times, Watcher,
+    Daemon, DaemonError, DaemonSetting, Folders, JobStep, Nightly, Schedule, Summary, Times,
+    Watcher,
 };
 use relens::disk::Disk;
 use relens::frame::{Frame, Plane, Size, Work};
@@ -37,8 +38,8 @@ type Begun = BTreeSet<OsString>;
 struct Poison(bool);
 
 impl Watcher for Poison {
-    fn step(&mut self, step: Step) {
-        if self.0 && step == Step::Recorded {
+    fn step(&mut self, step: JobStep) {
+        if self.0 && step == JobStep::Recorded {
             std::panic::resume_unwind(Box::new("the power fails"));
         }
     }
@@ -152,7 +153,8 @@ pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: boo
     let (mut restorer, mut watcher) = (Brightener::default(), Poison(poisoned));
     let clock = TestClock::default();
     let calendar = || UNIX_EPOCH + Duration::from_secs(age.calendar_unix_s);
-    let setting = Setting { hints: false, ..Setting::new("test rig", TINY, Curve::Srgb) };
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let lived = catch_unwind(AssertUnwindSafe(|| {
         let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT))?;
         let times =

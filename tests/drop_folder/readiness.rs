@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, Folders, Setting, Summary};
+use relens::daemon::{Daemon, DaemonSetting, Folders, Summary};
 use relens::frame::Size;
 use relens::picture::Format;
 
@@ -15,7 +15,7 @@ use crate::bed::*;
 fn watch(
     root: &Path,
     seconds: f64,
-    setting: Setting,
+    setting: DaemonSetting,
     world: &mut dyn FnMut(f64),
 ) -> (Summary, usize) {
     let clock = TestClock::default();
@@ -34,8 +34,8 @@ fn watch(
 }
 
 /// Without events of the inbox.
-fn deaf() -> Setting {
-    Setting { hints: false, ..setting() }
+fn deaf() -> DaemonSetting {
+    DaemonSetting { hints: false, ..setting() }
 }
 
 #[test]
@@ -51,8 +51,12 @@ fn a_jpeg_cut_anywhere_waits_and_is_taken_once_when_whole() {
         assert_eq!(std::fs::read(root.join("inbox/a.jpg")).unwrap(), whole[..length], "left alone");
         assert!(names(&root.join("failed")).is_empty());
         std::fs::write(root.join("inbox/a.jpg"), &whole).unwrap();
-        let (_, restored) =
-            watch(root, 500.0, Setting { photo_size: Size::new(64, 48), ..deaf() }, &mut |_| ());
+        let (_, restored) = watch(
+            root,
+            500.0,
+            DaemonSetting { photo_size: Size::new(64, 48), ..deaf() },
+            &mut |_| (),
+        );
         assert_eq!((restored, names(&root.join("done"))), (1, set(&["a.jpg"])));
     }
 }
@@ -178,7 +182,7 @@ fn events_make_it_sooner_and_a_flood_of_them_does_no_harm() {
     let root = root.path();
     let bytes = file(Format::Png, 8, RIG);
     std::fs::create_dir_all(root.join("inbox")).unwrap();
-    let slow = Setting { poll_s: 1000.0, ..setting() };
+    let slow = DaemonSetting { poll_s: 1000.0, ..setting() };
     let (mut came, mut taken) = (false, f64::INFINITY);
     let mut come = |now: f64| {
         if now > 20.0 && !came {

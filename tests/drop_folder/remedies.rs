@@ -2,7 +2,7 @@
 
 use std::time::UNIX_EPOCH;
 
-use relens::daemon::{Daemon, Doing, Folders, Setting, State};
+use relens::daemon::{Daemon, DaemonSetting, Doing, Folders, State};
 use relens::picture::Format;
 use relens::remedy::Remedy;
 use relens::rig::Clock;
@@ -69,7 +69,7 @@ fn one_daemon_a_folder_and_the_state_says_what_it_did() {
     drop_in(root, "a.png", &file(Format::Png, 8, RIG));
     once(root);
     let state = State::read(root).unwrap().unwrap();
-    assert_eq!((state.doing, state.restored), (Doing::Ended, 1));
+    assert_eq!((state.doing, state.counts.restored), (Doing::Ended, 1));
     let held = Folders::open(root).unwrap();
     assert!(Folders::in_use(root));
     assert!(Folders::open(root).unwrap_err().to_string().contains("a running relens"));
@@ -105,7 +105,7 @@ fn a_disk_at_its_floor_holds_with_its_reason_and_goes_on_by_itself() {
     let (mut restorer, mut watcher) = (Brightener::default(), ());
     for (floor_bytes, wanted) in [(u64::MAX, 0), (0, 1)] {
         let (clock, folders) = (TestClock::default(), Folders::open(root).unwrap());
-        let setting = Setting { floor_bytes, ..setting() };
+        let setting = DaemonSetting { floor_bytes, ..setting() };
         let mut daemon =
             Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
         let reasons = std::cell::RefCell::new(vec![]);

@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, Folders, Setting, Step, Watcher};
-use relens::disk::{Disk, Kind, LocalDisk, Look, Written};
+use relens::daemon::{Daemon, DaemonSetting, Folders, JobStep, Watcher};
+use relens::disk::{Disk, FileKind, LocalDisk, Look, Unsynced};
 use relens::frame::{Frame, Plane, Work};
 use relens::picture::{Format, Manner, encode};
 use relens::remedy::Remedy;
@@ -24,7 +24,7 @@ use crate::bed::*;
 struct Fillable(LocalDisk, Arc<AtomicBool>);
 
 impl Disk for Fillable {
-    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, Kind)>> {
+    fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, FileKind)>> {
         self.0.list(folder)
     }
     fn look(&self, path: &Path) -> io::Result<Look> {
@@ -39,7 +39,7 @@ impl Disk for Fillable {
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
         self.0.make_folder(folder)
     }
-    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Written>> {
+    fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>> {
         if self.1.load(Ordering::SeqCst) {
             Err(ErrorKind::StorageFull.into())
         } else {
@@ -72,22 +72,22 @@ struct Night<'a> {
 }
 
 impl Watcher for Night<'_> {
-    fn step(&mut self, step: Step) {
-        if step == Step::Claimed {
+    fn step(&mut self, step: JobStep) {
+        if step == JobStep::Claimed {
             self.photos.set(self.photos.get() + 1);
             if self.photos.get().is_multiple_of(self.of / 10) {
                 self.resident_kib.borrow_mut().push(resident_kib());
             }
         }
         let n = self.photos.get();
-        if (n == self.of / 3 && step == Step::Named)
-            || (n == self.of / 2 && step == Step::Delivered)
+        if (n == self.of / 3 && step == JobStep::Named)
+            || (n == self.of / 2 && step == JobStep::Delivered)
         {
             // So that it is cut once.
             self.photos.set(n + 1);
             std::panic::resume_unwind(Box::new("the power fails"));
         }
-        if n == self.of * 2 / 3 && step == Step::Restored {
+        if n == self.of * 2 / 3 && step == JobStep::Restored {
             self.full.store(true, Ordering::SeqCst);
         }
     }
@@ -127,7 +127,7 @@ fn a_thousand_photos_are_all_accounted_for() {
         let failures = if lives > 1 { vec![Remedy::ReopenRig; 3] } else { vec![] };
         let mut restorer = Brightener { failures, ..Brightener::default() };
         let mut watcher = Night { photos: &photos, of, full: &full, resident_kib: &resident };
-        let setting = Setting { hints: false, ..setting() };
+        let setting = DaemonSetting { hints: false, ..setting() };
         let freed = Cell::new(0);
         let lived = catch_unwind(AssertUnwindSafe(|| {
             let anchors: Vec<PathBuf> = vec![root.clone()];

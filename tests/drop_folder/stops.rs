@@ -2,16 +2,16 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use relens::daemon::{Step, Watcher};
+use relens::daemon::{JobStep, Watcher};
 use relens::picture::Format;
 
 use crate::bed::*;
 
 /// Stops the program, as far as the daemon can tell, at one step.
-struct StopAt(Step);
+struct StopAt(JobStep);
 
 impl Watcher for StopAt {
-    fn step(&mut self, step: Step) {
+    fn step(&mut self, step: JobStep) {
         if step == self.0 {
             // A panic without its message and backtrace, which would be printed a hundred times.
             std::panic::resume_unwind(Box::new("stopped"));
@@ -21,8 +21,8 @@ impl Watcher for StopAt {
 
 #[test]
 fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
-    for first in Step::ALL {
-        for second in Step::ALL {
+    for first in JobStep::ALL {
+        for second in JobStep::ALL {
             let root = fresh_root();
             let root = root.path();
             let bytes = file(Format::Png, 8, RIG);
@@ -69,7 +69,7 @@ fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
 fn another_photo_of_the_same_name_is_not_taken_for_the_one_delivered() {
     let root = fresh_root();
     let root = root.path();
-    for (stop, depth) in [(Step::Moved, 8), (Step::Claimed, 16)] {
+    for (stop, depth) in [(JobStep::Moved, 8), (JobStep::Claimed, 16)] {
         drop_in(root, "a.png", &file(Format::Png, depth, RIG));
         let stopped = catch_unwind(AssertUnwindSafe(|| {
             once_with(root, &mut Brightener::default(), &mut StopAt(stop)).unwrap()
@@ -91,7 +91,7 @@ fn a_photo_that_ends_the_program_each_time_is_set_aside() {
     drop_in(root, "poison.png", &file(Format::Png, 8, RIG));
     for _ in 0..3 {
         let stopped = catch_unwind(AssertUnwindSafe(|| {
-            once_with(root, &mut Brightener::default(), &mut StopAt(Step::Recorded)).unwrap()
+            once_with(root, &mut Brightener::default(), &mut StopAt(JobStep::Recorded)).unwrap()
         }));
         assert!(stopped.is_err());
     }

@@ -4,7 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, Doing, Ended, Folders, Restorer, Schedule, State, Turn};
+use relens::daemon::{
+    Daemon, Doing, Event, Folders, JobEnd, Question, Restorer, Schedule, State, Turn,
+};
 use relens::picture::Format;
 
 use crate::bed::*;
@@ -17,22 +19,25 @@ struct Script {
 }
 
 impl Schedule for Script {
-    fn before(&mut self, waiting: usize, _: &mut dyn Restorer) -> Turn {
-        self.heard.borrow_mut().push(format!("before {waiting}"));
+    fn turn(&mut self, asked: Question, _: &mut dyn Restorer) -> Turn {
+        let mut heard = self.heard.borrow_mut();
+        if !asked.is_ready {
+            heard.push("idle".into());
+            return Turn::Go;
+        }
+        heard.push(format!("before {}", asked.waiting));
         if self.turns.is_empty() { Turn::Go } else { self.turns.remove(0) }
     }
-    fn after(&mut self, ended: Ended<'_>, _: &mut dyn Restorer) {
-        self.heard.borrow_mut().push(match ended {
-            Ended::Restored { report, delivered } => {
+    fn told(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
+        let Event::Ended(end) = event else { return };
+        self.heard.borrow_mut().push(match end {
+            JobEnd::Done { report, delivered } => {
                 format!("{} is {}", report.result, delivered.kept.to_string_lossy())
             }
-            Ended::Failed(failed) => format!("{} failed", failed.photo),
-            Ended::Left(left) => format!("{} left", left.photo),
+            JobEnd::Failed(failed) => format!("{} failed", failed.photo),
+            JobEnd::Left { left, .. } => format!("{} left", left.photo),
+            JobEnd::Gone => "gone".into(),
         });
-    }
-    fn idle(&mut self, _: usize, _: &mut dyn Restorer) -> Turn {
-        self.heard.borrow_mut().push("idle".into());
-        Turn::Go
     }
 }
 

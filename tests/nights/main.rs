@@ -15,11 +15,12 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use relens::config::{self, ClockSource, Nights};
 use relens::daemon::{
-    Daemon, Doing, Folders, Nightly, Progress, Reader, Restorer, Setting, State, Summary, Times,
+    Daemon, DaemonSetting, Doing, Folders, Nightly, Progress, Reader, Restorer, State, Summary,
+    Times,
 };
 use relens::deconvolution::ladder::Rung;
 use relens::frame::{Frame, Plane, Work};
-use relens::nights::pilot::{Drift, Limits};
+use relens::nights::pilot::{Drift, DriftLimits};
 use relens::picture::{Format, Manner, Photo, encode};
 use relens::pipeline::{Outcome, Verdict};
 use relens::remedy::{AnyFailure, Remedy};
@@ -27,7 +28,7 @@ use relens::restorer::on_rig::{self, OnRig};
 use relens::rig::simulated::{self, Witness};
 use relens::rig::{Clock, Moment};
 
-const LIMITS: Limits = Limits {
+const LIMITS: DriftLimits = DriftLimits {
     shift_max_px: 0.25,
     gain_max_percent: 3.0,
     offset_max_levels: 1.0,
@@ -202,8 +203,10 @@ fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
     let schedule = Nightly::new(&nights, &folders, times).unwrap();
     let mut restorer = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s };
     let size = relens::frame::Size::new(64, 48);
-    let setting =
-        Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
+    let setting = DaemonSetting {
+        reader: Reader::Here,
+        ..DaemonSetting::new("test", size, config::Curve::Srgb)
+    };
     let mut watcher = ();
     let seen: RefCell<Vec<Doing>> = RefCell::default();
     let daemon =

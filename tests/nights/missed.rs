@@ -8,9 +8,9 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use relens::config::{self, ClockSource, Mode, Nights};
 use relens::daemon::{
-    Attended, Daemon, Folders, Nightly, Progress, Reader, Restorer, Setting, State, Times,
+    Attended, Daemon, DaemonSetting, Folders, Nightly, Progress, Reader, Restorer, State, Times,
 };
-use relens::kiosk::front::{self, Front};
+use relens::kiosk::front_panel::{BoxState, FrontPanel};
 use relens::kiosk::press::Press;
 use relens::kiosk::screen::Screen;
 use relens::nights::pilot::Drift;
@@ -122,7 +122,7 @@ struct Seen {
     warned: Vec<String>,
     page: String,
     screens: Vec<Screen>,
-    front: front::State,
+    front: BoxState,
 }
 
 fn live(root: &Path, life: &Life<'_>) -> Seen {
@@ -140,7 +140,7 @@ fn live(root: &Path, life: &Life<'_>) -> Seen {
     let times = Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &|| None };
     let folders = Folders::open(root).unwrap();
     let night = Nightly::new(&life.nights, &folders, times).unwrap();
-    let front = Front::default();
+    let front = FrontPanel::default();
     if life.maintenance {
         front.press(Press::HeldAtStart);
     }
@@ -149,8 +149,10 @@ fn live(root: &Path, life: &Life<'_>) -> Seen {
     let inner = Scripted { pilots: &pilots, log: &log, clock: &clock, photo_s: 1.0 };
     let mut restorer = Fragile { inner, gone: life.gone, screens: &screens };
     let size = relens::frame::Size::new(64, 48);
-    let setting =
-        Setting { reader: Reader::Here, ..Setting::new("test", size, config::Curve::Srgb) };
+    let setting = DaemonSetting {
+        reader: Reader::Here,
+        ..DaemonSetting::new("test", size, config::Curve::Srgb)
+    };
     let mut watcher = ();
     let daemon =
         Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
@@ -167,7 +169,7 @@ fn live(root: &Path, life: &Life<'_>) -> Seen {
             .collect(),
         page,
         screens: screens.into_inner(),
-        front: front.state().0,
+        front: front.state(),
     }
 }
 
@@ -201,7 +203,7 @@ fn a_night_without_a_camera_is_said_everywhere_once_it_is_over() {
         seen.page.contains("Attention: no photo was restored")
             && seen.page.contains("camera is gone")
     );
-    assert!(matches!(seen.front, front::State::Trouble { reason } if reason == missed), "the lamp");
+    assert_eq!(seen.front, BoxState::Trouble, "the lamp");
     let last = seen.screens.last().unwrap();
     assert!(
         matches!(last, Screen::Missed { what, why, photos: 2 } if missed.starts_with(what) && missed.ends_with(why)),

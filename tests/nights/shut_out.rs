@@ -28,7 +28,7 @@ fn shut_out_for(root: &Path, hours: f64) -> Option<String> {
         night.shut_out(WHY);
         clock.0.set(clock.0.get() + 30.0);
     }
-    night.missed().map(|missed| missed.to_string())
+    night.attention().first().map(ToString::to_string)
 }
 
 #[test]

@@ -14,7 +14,7 @@ use std::time::{Duration, UNIX_EPOCH};
 use libfuzzer_sys::fuzz_target;
 use relens::config::{ClockSource, Curve, Nights};
 use relens::pipeline::Outcome;
-use relens::daemon::{Daemon, Folders, Nightly, Progress, Restorer, Setting, State, Times};
+use relens::daemon::{Daemon, DaemonSetting, Folders, Nightly, Progress, Restorer, State, Times};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::nights::pilot::Drift;
 use relens::picture::{Format, Manner, Photo, encode};
@@ -143,7 +143,7 @@ fuzz_target!(|bytes: &[u8]| {
         let (set, temperature) = (|| true, || None);
         let times = Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &temperature };
         let night = Nightly::new(&nights(), &folders, times).expect("hours that can be read");
-        let setting = Setting { hints: false, floor_bytes: 0, ..Setting::new("test", RIG, Curve::Srgb) };
+        let setting = DaemonSetting { hints: false, floor_bytes: 0, ..DaemonSetting::new("test", RIG, Curve::Srgb) };
         let (mut restorer, mut watcher) = (Returner, ());
         let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher);
         let _ = daemon.expect("folders that were all right").scheduled(Box::new(night)).once();

@@ -6,17 +6,17 @@
 //! later is another photo.
 
 use std::ffi::{OsStr, OsString};
-use std::io::ErrorKind;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, Folders, atomic_file};
-use crate::disk::Look;
+use super::folders::Folders;
+use crate::disk::files::json;
+use crate::disk::{FileError, Look};
 
 /// Attempts that may end with the program or the worker before a photo is set aside. Guess.
-pub(super) const ATTEMPTS_MAX: u32 = 3;
+pub(crate) const ATTEMPTS_MAX: u32 = 3;
 
 /// Beginning of the records' file names.
 const BEGINNING: &str = ".ledger-";
@@ -26,14 +26,14 @@ const BYTES_MAX: u64 = 8192;
 
 /// The record of one photo under way.
 #[derive(Debug)]
-pub(super) struct Ledger {
+pub(crate) struct Ledger {
     folder: PathBuf,
     file: OsString,
-    written: Written,
+    written: LedgerEntry,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct Written {
+struct LedgerEntry {
     /// The photo's name; names are bytes.
     photo: Vec<u8>,
     file: Which,
@@ -57,58 +57,40 @@ impl From<Look> for Which {
 
 impl Ledger {
     /// The record of the photo `name`, which looks like `look`: as found on the disk, or new.
-    ///
-    /// # Errors
-    /// When the disk cannot say whether there is one: then nothing may be decided.
-    pub(super) fn of(folders: &Folders, name: &OsStr, look: Look) -> Result<Ledger, DaemonError> {
+    /// When the disk cannot say whether there is one, nothing may be decided.
+    pub(super) fn of(folders: &Folders, name: &OsStr, look: Look) -> Result<Ledger, FileError> {
         let folder = folders.working().to_owned();
         let file = OsString::from(format!("{BEGINNING}{}", id(name)));
-        let found = atomic_file::read(folders.disk(), &folder.join(&file), BYTES_MAX)?;
-        let found = found.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
+        let found: Option<LedgerEntry> =
+            folders.files().read_json(&folder.join(&file), BYTES_MAX)?;
         let written = found.filter(|w| w.photo == name.as_bytes() && w.file == Which::from(look));
         let photo = name.as_bytes().to_vec();
-        let fresh = || Written { photo, file: look.into(), attempts: 0, result: None };
+        let fresh = || LedgerEntry { photo, file: look.into(), attempts: 0, result: None };
         Ok(Ledger { folder, file, written: written.unwrap_or_else(fresh) })
     }
 
     /// Removes the records of photos that wait nowhere any more.
-    pub(super) fn sweep(folders: &Folders) -> Result<(), DaemonError> {
-        let (disk, folder) = (folders.disk(), folders.working());
-        for (name, _) in disk.list(folder).map_err(DaemonError::files("read the folder", folder))? {
-            if !name.as_bytes().starts_with(BEGINNING.as_bytes()) {
-                continue;
-            }
-            let path = folder.join(&name);
-            let written = atomic_file::read(disk, &path, BYTES_MAX)?;
-            let written = written.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
-            let waits = written.is_some_and(|w| {
-                let home = folders.inbox().join(OsString::from_vec(w.photo));
-                disk.look(&home).is_ok_and(|look| Which::from(look) == w.file)
+    pub(super) fn sweep(folders: &Folders) -> Result<(), FileError> {
+        for (path, entry) in entries(folders)? {
+            let waits = entry.is_some_and(|entry| {
+                let home = folders.inbox().join(OsString::from_vec(entry.photo));
+                folders.files().look(&home).is_ok_and(|look| Which::from(look) == entry.file)
             });
             if !waits {
-                disk.remove(&path).map_err(DaemonError::files("remove", &path))?;
+                folders.files().remove(&path)?;
             }
         }
         Ok(())
     }
 
     /// Names of the results that photos under way have been promised.
-    pub(super) fn promised(folders: &Folders) -> Result<Vec<OsString>, DaemonError> {
-        let (disk, folder) = (folders.disk(), folders.working());
-        let mut promised = Vec::new();
-        for (name, _) in disk.list(folder).map_err(DaemonError::files("read the folder", folder))? {
-            if name.as_bytes().starts_with(BEGINNING.as_bytes()) {
-                let written = atomic_file::read(disk, &folder.join(&name), BYTES_MAX)?;
-                let written =
-                    written.and_then(|bytes| serde_json::from_slice::<Written>(&bytes).ok());
-                promised.extend(written.and_then(|w| w.result).map(OsString::from_vec));
-            }
-        }
-        Ok(promised)
+    pub(super) fn promised(folders: &Folders) -> Result<Vec<OsString>, FileError> {
+        let results = entries(folders)?.into_iter().filter_map(|(_, entry)| entry?.result);
+        Ok(results.map(OsString::from_vec).collect())
     }
 
     /// Attempts begun so far.
-    pub(super) fn attempts(&self) -> u32 {
+    pub(crate) fn attempts(&self) -> u32 {
         self.written.attempts
     }
 
@@ -118,7 +100,7 @@ impl Ledger {
     }
 
     /// Writes down that an attempt begins, so that it is known whatever comes of it.
-    pub(super) fn begin(&mut self, folders: &Folders) -> Result<(), DaemonError> {
+    pub(crate) fn begin(&mut self, folders: &Folders) -> Result<(), FileError> {
         self.written.attempts += 1;
         self.written.result = None;
         self.write(folders)
@@ -129,7 +111,7 @@ impl Ledger {
         &mut self,
         folders: &Folders,
         result: &OsStr,
-    ) -> Result<(), DaemonError> {
+    ) -> Result<(), FileError> {
         self.written.result = Some(result.as_bytes().to_vec());
         self.write(folders)
     }
@@ -137,31 +119,35 @@ impl Ledger {
     /// Writes down that the result named was not delivered and never will be under this attempt.
     /// Should a cut garble this, a record that cannot be read names no result either; should it be
     /// forgotten, the next start comes to the same.
-    pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), DaemonError> {
+    pub(super) fn forget_result(&mut self, folders: &Folders) -> Result<(), FileError> {
         self.written.result = None;
-        atomic_file::replace_for_now(folders.disk(), &self.folder, &self.file, &self.bytes()?)
+        folders.files().replace_for_now(&self.folder, &self.file, &self.bytes()?)
     }
 
     /// Removes the record; the photo has left `working` for good, or the attempts are forgiven.
-    pub(super) fn close(&self, folders: &Folders) -> Result<(), DaemonError> {
-        let path = self.folder.join(&self.file);
-        match folders.disk().remove(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(DaemonError::files("remove", &path)(error))
-            }
-            _ => Ok(()),
-        }
+    pub(super) fn close(&self, folders: &Folders) -> Result<(), FileError> {
+        folders.files().remove(&self.folder.join(&self.file))
     }
 
-    fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
-        atomic_file::replace(folders.disk(), &self.folder, &self.file, &self.bytes()?)?;
-        atomic_file::sync_folder(folders.disk(), &self.folder)
+    fn write(&self, folders: &Folders) -> Result<(), FileError> {
+        folders.files().replace_for_good(&self.folder, &self.file, &self.bytes()?)
     }
 
-    fn bytes(&self) -> Result<Vec<u8>, DaemonError> {
-        let bytes = serde_json::to_vec(&self.written).map_err(std::io::Error::other);
-        bytes.map_err(DaemonError::files("write", &self.folder))
+    fn bytes(&self) -> Result<Vec<u8>, FileError> {
+        json(&self.written, &self.folder)
     }
+}
+
+/// The records in `working` with their paths; `None` where one cannot be understood.
+fn entries(folders: &Folders) -> Result<Vec<(PathBuf, Option<LedgerEntry>)>, FileError> {
+    let (files, folder) = (folders.files(), folders.working());
+    let names = files.list(folder)?.into_iter().map(|(name, _)| name);
+    let records = names.filter(|name| name.as_bytes().starts_with(BEGINNING.as_bytes()));
+    let read = |name| {
+        let path = folder.join(name);
+        files.read_json(&path, BYTES_MAX).map(|entry| (path, entry))
+    };
+    records.map(read).collect()
 }
 
 /// A short name for a name, the same for ever: 64-bit FNV-1a in 16 hexadecimal digits.

@@ -1,19 +1,23 @@
 //! What is written beside a result, and beside a photo that has none.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::disk::{FileError, Files};
 use crate::frame::{Channels, Size};
 use crate::picture::Photo;
 use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
 
-/// What became of a photo that has a result.
+/// A longer file is no report of ours.
+pub(crate) const BYTES_MAX: u64 = 1 << 20;
+
+/// What a result is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum ReportedOutcome {
+pub enum ResultKind {
     /// The result is the restored picture.
     Restored,
     /// The result is the photo itself; the notes say why.
@@ -31,7 +35,7 @@ pub struct Report {
     /// The same as a relative address, each byte that needs it escaped.
     pub result_address: String,
     /// What became of it.
-    pub outcome: ReportedOutcome,
+    pub outcome: ResultKind,
     /// Name of the rig.
     pub rig: String,
     /// Name of the method.
@@ -75,23 +79,23 @@ pub struct Report {
 }
 
 /// What the report needs beyond the photo and its restoration.
-pub(super) struct Circumstances<'a> {
-    pub(super) rig: &'a str,
-    pub(super) result: &'a OsStr,
-    pub(super) before: String,
-    pub(super) after: String,
-    pub(super) finished_unix_s: u64,
+pub(crate) struct Circumstances<'a> {
+    pub(crate) rig: &'a str,
+    pub(crate) result: &'a OsStr,
+    pub(crate) before: String,
+    pub(crate) after: String,
+    pub(crate) finished_unix_s: u64,
 }
 
 impl Report {
-    pub(super) fn new(photo: &Photo, outcome: &Outcome, about: Circumstances<'_>) -> Report {
+    pub(crate) fn new(photo: &Photo, outcome: &Outcome, about: Circumstances<'_>) -> Report {
         Report {
             photo: photo.name.clone(),
             result: about.result.to_string_lossy().into_owned(),
             result_address: address(about.result),
             outcome: match outcome.verdict {
-                Verdict::Untouched => ReportedOutcome::Untouched,
-                Verdict::Sound | Verdict::Replaced => ReportedOutcome::Restored,
+                Verdict::Untouched => ResultKind::Untouched,
+                Verdict::Sound | Verdict::Replaced => ResultKind::Restored,
             },
             rig: about.rig.to_owned(),
             method: outcome.method.to_owned(),
@@ -141,14 +145,35 @@ impl Report {
             )
         });
         let outcome = match self.outcome {
-            ReportedOutcome::Restored => "restored",
-            ReportedOutcome::Untouched => "left as it was",
+            ResultKind::Restored => "restored",
+            ResultKind::Untouched => "left as it was",
         };
         format!(
             "{}: {outcome} ({}, rung {}, {captures}, {:.1} s{certificate})",
             self.photo, self.method, self.rung, self.seconds
         )
     }
+}
+
+/// A photo done and its result; names are bytes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Delivered {
+    /// The original's name in `done`.
+    pub kept: OsString,
+    /// The result's name in the outbox.
+    pub result: OsString,
+}
+
+/// Name of the report beside a result.
+pub(crate) fn report_name(result: &OsStr) -> OsString {
+    let mut name = result.to_owned();
+    name.push(".json");
+    name
+}
+
+/// The report `path`; `None` when there is none of ours.
+pub(crate) fn read_report(files: &Files, path: &Path) -> Result<Option<Report>, FileError> {
+    files.read_json(path, BYTES_MAX)
 }
 
 /// A photo without a result, and why.
@@ -163,7 +188,7 @@ pub struct Failed {
 
 impl Failed {
     /// The note put beside the photo in `failed/`; the reason is its third line.
-    pub(super) fn note(&self) -> String {
+    pub(crate) fn note(&self) -> String {
         let one_line = self.reason.replace(['\n', '\r'], " ");
         format!(
             "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. To \
@@ -173,14 +198,14 @@ impl Failed {
     }
 
     /// Reads a [`note`](Self::note) back.
-    pub(super) fn of_note(photo: String, note: &str) -> Failed {
+    pub(crate) fn of_note(photo: String, note: &str) -> Failed {
         let reason = note.lines().nth(2).unwrap_or("the reason is not written down").to_owned();
         Failed { photo, reason }
     }
 }
 
 /// A file name as a relative address: every byte that is not unreserved (RFC 3986 §2.3) escaped.
-pub(super) fn address(name: &OsStr) -> String {
+pub(crate) fn address(name: &OsStr) -> String {
     let mut text = String::new();
     for &byte in name.as_bytes() {
         match byte {

@@ -1,11 +1,10 @@
 //! What the pilots said, for the morning report: one line a pilot, the newest thousand.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, atomic_file};
-use crate::disk::Disk;
+use super::folders::Folders;
+use crate::disk::FileError;
+use crate::disk::files::json;
 use crate::nights::pilot::Drift;
 
 /// Name of the file among the gallery's pictures.
@@ -20,21 +19,21 @@ const BYTES_MAX: u64 = 1 << 20;
 /// What one pilot said.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) struct Entry {
+pub(crate) struct PilotEntry {
     /// When, seconds since 1970 UTC.
-    pub(super) unix_s: u64,
+    pub(crate) unix_s: u64,
     /// How far the rig had drifted.
-    pub(super) drift: Drift,
+    pub(crate) drift: Drift,
     /// What followed.
-    pub(super) verdict: Verdict,
+    pub(crate) verdict: PilotVerdict,
     /// Temperature of the board, if it tells.
-    pub(super) temperature_c: Option<f64>,
+    pub(crate) temperature_c: Option<f64>,
 }
 
 /// What follows from a pilot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Verdict {
+pub(crate) enum PilotVerdict {
     /// The rig is not steady yet.
     Warming,
     /// All is well.
@@ -43,26 +42,18 @@ pub(super) enum Verdict {
     Drifted,
 }
 
-/// The entries under the folder of the gallery's pictures, oldest first.
-pub(super) fn load(disk: &dyn Disk, folder: &Path) -> Vec<Entry> {
-    let read = atomic_file::read(disk, &folder.join(NAME), BYTES_MAX).ok().flatten();
-    read.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
+/// What the pilots said, oldest first.
+pub(crate) fn load(folders: &Folders) -> Vec<PilotEntry> {
+    let path = folders.previews().join(NAME);
+    folders.files().read_json(&path, BYTES_MAX).ok().flatten().unwrap_or_default()
 }
 
 /// Adds `entry`.
-///
-/// # Errors
-/// When it cannot be written.
-pub(super) fn add(disk: &dyn Disk, folder: &Path, entry: Entry) -> Result<(), DaemonError> {
-    let mut entries = load(disk, folder);
+pub(crate) fn add(folders: &Folders, entry: PilotEntry) -> Result<(), FileError> {
+    let mut entries = load(folders);
     entries.push(entry);
     let beyond = entries.len().saturating_sub(ENTRIES_MAX);
     entries.drain(..beyond);
-    let bytes = serde_json::to_vec(&entries).map_err(std::io::Error::other);
-    atomic_file::replace(
-        disk,
-        folder,
-        NAME.as_ref(),
-        &bytes.map_err(DaemonError::files("write", folder))?,
-    )
+    let previews = folders.previews();
+    folders.files().replace(previews, NAME.as_ref(), &json(&entries, previews)?)
 }

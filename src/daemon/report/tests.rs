@@ -3,8 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::*;
-use crate::daemon::ReportedOutcome;
+use super::gallery::Gallery;
+use super::page;
+use crate::daemon::store::folders::Folders;
+use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
+use crate::daemon::store::report_file::{Failed, Report, ResultKind, address};
 use crate::frame::Size;
 use crate::nights::pilot::Drift;
 use crate::pipeline::OpticalResidual;
@@ -14,12 +17,8 @@ fn report(n: u64) -> Report {
     Report {
         photo: name.clone(),
         result: name.clone(),
-        result_address: super::super::report::address(name.as_ref()),
-        outcome: if n.is_multiple_of(7) {
-            ReportedOutcome::Untouched
-        } else {
-            ReportedOutcome::Restored
-        },
+        result_address: address(name.as_ref()),
+        outcome: if n.is_multiple_of(7) { ResultKind::Untouched } else { ResultKind::Restored },
         rig: "small".into(),
         method: "hybrid".into(),
         rung: 3,
@@ -71,14 +70,14 @@ fn morning(root: &Path, count: u64) -> PathBuf {
             shift_px: 0.002 * n as f64,
             ..Drift::default()
         };
-        let verdict = history::Verdict::Good;
-        let entry = history::Entry {
+        let verdict = PilotVerdict::Good;
+        let entry = PilotEntry {
             unix_s: 1_700_000_000 + 560 * n,
             drift,
             verdict,
             temperature_c: Some(45.0 + (n as f64 / 9.0).sin()),
         };
-        history::add(folders.disk(), folders.previews(), entry).unwrap();
+        pilots::add(&folders, entry).unwrap();
     }
     gallery.write(&folders, "small", &[], &[], 1_700_030_000).unwrap();
     folders.outbox().to_owned()

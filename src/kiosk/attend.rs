@@ -1,7 +1,8 @@
-//! The desk: hears the button and drives the lamps, on a thread of its own, whatever else goes on.
+//! The front panel's loop: hears the button and drives the lamps, on a thread of its own, whatever
+//! else goes on.
 
-use super::front::Front;
-use super::lamp::{self, Light};
+use super::front_panel::FrontPanel;
+use super::lamp::{self, LampColour};
 use super::press::Presses;
 use crate::rig::{Clock, Moment, RigError};
 
@@ -12,7 +13,7 @@ const LOOK_S: f64 = 0.05;
 const LOOK_MIN_S: f64 = 0.001;
 
 /// A button's level.
-pub trait Button {
+pub trait ButtonLevel {
     /// Waits for the level to change, until `deadline` at the longest, and returns the level then
     /// read. It may return early.
     ///
@@ -22,24 +23,24 @@ pub trait Button {
 }
 
 /// The box's lamps.
-pub trait Lamps {
+pub trait LampRow {
     /// Lights `lit` and no other.
     ///
     /// # Errors
     /// When a line cannot be set.
-    fn show(&mut self, lit: &[Light]) -> Result<(), RigError>;
+    fn show(&mut self, lit: &[LampColour]) -> Result<(), RigError>;
 }
 
 /// A box without lamps.
-impl Lamps for () {
-    fn show(&mut self, _: &[Light]) -> Result<(), RigError> {
+impl LampRow for () {
+    fn show(&mut self, _: &[LampColour]) -> Result<(), RigError> {
         Ok(())
     }
 }
 
 /// Times of the button.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fingers {
+pub struct ButtonTiming {
     /// How long a level must hold to count.
     pub debounce_ms: f64,
     /// How long a long press lasts.
@@ -49,25 +50,25 @@ pub struct Fingers {
 /// Attends to button and lamps until `ended` says so, then leaves the lamps dark. A lamp or button
 /// that fails is told of once, and tried again: the photos do not need them.
 pub fn attend(
-    front: &Front,
-    mut button: Option<&mut (dyn Button + '_)>,
-    lamps: &mut dyn Lamps,
+    panel: &FrontPanel,
+    mut button: Option<&mut (dyn ButtonLevel + '_)>,
+    lamps: &mut dyn LampRow,
     clock: &dyn Clock,
-    fingers: Fingers,
+    timing: ButtonTiming,
     ended: &dyn Fn() -> bool,
 ) {
-    let mut presses = Presses::new(fingers.debounce_ms, fingers.long_press_ms, clock.now());
-    let (mut change, mut since) = (front.state().1, clock.now());
-    let mut shown: Option<&[Light]> = None;
+    let mut presses = Presses::new(timing.debounce_ms, timing.long_press_ms, clock.now());
+    let (mut state, mut since) = (panel.state(), clock.now());
+    let mut shown: Option<&[LampColour]> = None;
     let (mut lamp_failed, mut button_failed) = (false, false);
     while !ended() {
-        front.comes_round();
+        panel.comes_round();
         let now = clock.now();
-        let (state, number) = front.state();
-        if number != change {
-            (change, since) = (number, now);
+        let state_now = panel.state();
+        if state_now != state {
+            (state, since) = (state_now, now);
         }
-        let (lights, left_s) = lamp::lit(&state, now.0 - since.0);
+        let (lights, left_s) = lamp::lit(state, now.0 - since.0);
         if shown != Some(lights) {
             shown = Some(lights);
             once(lamps.show(lights), &mut lamp_failed);
@@ -86,7 +87,7 @@ pub fn attend(
             Ok(level) => {
                 button_failed = false;
                 if let Some(press) = presses.read(level, clock.now()) {
-                    front.press(press);
+                    panel.press(press);
                 }
             }
             failed => {
@@ -112,7 +113,7 @@ mod tests {
     use std::cell::{Cell, RefCell};
 
     use super::*;
-    use crate::kiosk::front::State;
+    use crate::kiosk::front_panel::BoxState;
 
     #[derive(Default)]
     struct TestClock(Cell<f64>);
@@ -131,7 +132,7 @@ mod tests {
         changes: &'a [(f64, bool)],
         edges_lost: bool,
     }
-    impl Button for Finger<'_> {
+    impl ButtonLevel for Finger<'_> {
         fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
             let now = self.clock.0.get();
             let next = self.changes.iter().map(|c| c.0).find(|&at| at > now && !self.edges_lost);
@@ -141,25 +142,25 @@ mod tests {
         }
     }
 
-    struct Seen<'a>(&'a TestClock, &'a RefCell<Vec<(f64, Vec<Light>)>>);
-    impl Lamps for Seen<'_> {
-        fn show(&mut self, lit: &[Light]) -> Result<(), RigError> {
+    struct Seen<'a>(&'a TestClock, &'a RefCell<Vec<(f64, Vec<LampColour>)>>);
+    impl LampRow for Seen<'_> {
+        fn show(&mut self, lit: &[LampColour]) -> Result<(), RigError> {
             self.1.borrow_mut().push((self.0.0.get(), lit.to_vec()));
             Ok(())
         }
     }
 
     fn attended(
-        front: &Front,
+        panel: &FrontPanel,
         changes: &[(f64, bool)],
         edges_lost: bool,
         until_s: f64,
-    ) -> Vec<(f64, Vec<Light>)> {
+    ) -> Vec<(f64, Vec<LampColour>)> {
         let (clock, seen) = (TestClock::default(), RefCell::default());
         let mut finger = Finger { clock: &clock, changes, edges_lost };
-        let fingers = Fingers { debounce_ms: 30.0, long_press_ms: 1500.0 };
+        let timing = ButtonTiming { debounce_ms: 30.0, long_press_ms: 1500.0 };
         let ended = || clock.0.get() > until_s;
-        attend(front, Some(&mut finger), &mut Seen(&clock, &seen), &clock, fingers, &ended);
+        attend(panel, Some(&mut finger), &mut Seen(&clock, &seen), &clock, timing, &ended);
         seen.into_inner()
     }
 
@@ -168,46 +169,47 @@ mod tests {
         // Bounces for 12 ms; debounced 30 ms after the last bounce.
         let bouncing = [(2.0, true), (2.004, false), (2.009, true), (2.5, false)];
         for edges_lost in [false, true] {
-            let front = Front::default();
-            front.set(State::Waiting { photos: 1 });
-            let seen = attended(&front, &bouncing, edges_lost, 3.0);
-            let at = seen.iter().find(|(_, lit)| lit == &[Light::White]).map(|s| s.0).unwrap();
+            let panel = FrontPanel::default();
+            panel.set(BoxState::Waiting);
+            let seen = attended(&panel, &bouncing, edges_lost, 3.0);
+            let at = seen.iter().find(|(_, lit)| lit == &[LampColour::White]).map(|s| s.0).unwrap();
             assert!((2.03..=2.139).contains(&at), "lit at {at}, edges lost: {edges_lost}");
-            assert!(front.take_wishes().go);
+            assert!(panel.take_requests().go);
         }
     }
 
     #[test]
     fn the_lamps_end_dark_and_a_state_is_shown_soon() {
-        let front = Front::default();
-        front.set(State::Trouble { reason: "no camera".into() });
-        let seen = attended(&front, &[], false, 1.0);
-        assert_eq!(seen.first().unwrap().1, [Light::Red]);
+        let panel = FrontPanel::default();
+        panel.set(BoxState::Trouble);
+        let seen = attended(&panel, &[], false, 1.0);
+        assert_eq!(seen.first().unwrap().1, [LampColour::Red]);
         assert!(seen.last().unwrap().1.is_empty());
     }
 
     #[test]
     fn a_long_press_in_a_job_cancels_it_and_short_ones_do_not() {
-        let front = Front::default();
-        front.set(State::Working { photo: "a.jpg".into() });
-        attended(&front, &[(1.0, true), (1.2, false), (1.5, true), (1.7, false)], false, 3.0);
-        assert!(!front.cancelled());
-        attended(&front, &[(1.0, true), (4.0, false)], false, 5.0);
-        assert!(front.cancelled());
+        let panel = FrontPanel::default();
+        panel.set(BoxState::Working);
+        attended(&panel, &[(1.0, true), (1.2, false), (1.5, true), (1.7, false)], false, 3.0);
+        assert!(!panel.cancelled());
+        attended(&panel, &[(1.0, true), (4.0, false)], false, 5.0);
+        assert!(panel.cancelled());
     }
 
     #[test]
     fn a_dead_button_leaves_the_lamps_alive() {
         struct Dead;
-        impl Button for Dead {
+        impl ButtonLevel for Dead {
             fn level_by(&mut self, _: Moment) -> Result<bool, RigError> {
                 Err(RigError::Gone { device: "button", what: "pulled off".into() })
             }
         }
-        let (clock, seen, front) = (TestClock::default(), RefCell::default(), Front::default());
-        let fingers = Fingers { debounce_ms: 30.0, long_press_ms: 1500.0 };
+        let (clock, seen, panel) =
+            (TestClock::default(), RefCell::default(), FrontPanel::default());
+        let timing = ButtonTiming { debounce_ms: 30.0, long_press_ms: 1500.0 };
         let ended = || clock.0.get() > 3.0;
-        attend(&front, Some(&mut Dead), &mut Seen(&clock, &seen), &clock, fingers, &ended);
+        attend(&panel, Some(&mut Dead), &mut Seen(&clock, &seen), &clock, timing, &ended);
         assert!(seen.into_inner().len() > 2, "starting goes on flashing");
     }
 }

@@ -1,20 +1,22 @@
 //! What is waiting in the inbox, whether it has come to rest, and whether it is all there.
 //!
-//! The truth is a look at every file, again and again: events (see [`hints`](super::hints)) only
+//! The truth is a look at every file, again and again: events (see [`super::hints`]) only
 //! make the next look come sooner. A photo is ready when it was quiet (size, time of change and
 //! inode the same for a while) *and* its content is whole. One that is quiet and not whole waits
 //! where it is, and is spoken about.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsStr;
 use std::io::ErrorKind;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use super::folders::Folders;
+use super::hints::Hints;
+use super::report_file::Failed;
+use crate::disk::{FileError, FileKind, Files, Look};
+use crate::remedy::full_message;
 use crate::rig::Moment;
-
-use super::DaemonError;
-use crate::disk::{Disk, Kind, Look};
 
 /// Folders within folders are looked into this deep. Guess: deeper ones are no way to hand in
 /// photos.
@@ -22,29 +24,20 @@ const DEPTH_MAX: usize = 8;
 
 /// When a file counts as what it is.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Patience {
+pub(crate) struct Patience {
     /// A file is looked into when it has not changed for this long.
-    pub(super) quiet_s: f64,
+    pub(crate) quiet_s: f64,
     /// One that is not whole is spoken about after this long without a change …
-    pub(super) mention_s: f64,
+    pub(crate) mention_s: f64,
     /// … and taken for what it is after this long: a broken file, to be set aside.
-    pub(super) unfinished_s: f64,
+    pub(crate) unfinished_s: f64,
     /// Seconds since 1970 by which a file's own record of its last change is believed, if there is
     /// no time to watch it: the daemon is to empty the inbox once.
-    pub(super) by_its_record: Option<u64>,
-}
-
-/// What the inbox holds at one look.
-#[derive(Debug, Default)]
-pub(super) struct Waiting {
-    /// Ways from the inbox to photos that may be taken, oldest first.
-    pub(super) ready: Vec<PathBuf>,
-    /// Those that are quiet and not whole, to be spoken about, each with what is missing.
-    pub(super) unfinished: Vec<(PathBuf, String)>,
+    pub(crate) by_its_record: Option<u64>,
 }
 
 #[derive(Debug)]
-struct Seen {
+struct SeenFile {
     look: Look,
     since: Moment,
     /// What is missing from the content that looks like `look`; `None` before anyone looked into
@@ -52,7 +45,7 @@ struct Seen {
     missing: Option<Option<String>>,
 }
 
-impl Seen {
+impl SeenFile {
     /// What is missing from the file, if that is a reason to wait, and for how long it has not
     /// changed.
     fn unfinished(&self, now: Moment, patience: Patience) -> Option<(f64, &str)> {
@@ -66,36 +59,61 @@ impl Seen {
     }
 }
 
+/// Photos that stay for now, after one was put back.
+#[derive(Debug)]
+struct Resting {
+    look: Option<Look>,
+    until: Moment,
+}
+
 /// Looks at the inbox over time.
-#[derive(Debug, Default)]
-pub(super) struct Inbox {
-    seen: HashMap<PathBuf, Seen>,
+#[derive(Debug)]
+pub(crate) struct Inbox {
+    seen: HashMap<PathBuf, SeenFile>,
     /// When the next file will have been quiet for long enough.
     due: Option<Moment>,
+    /// Photos put back: not to be tried before their time unless they change.
+    resting: HashMap<PathBuf, Resting>,
+    /// Photos that stay for now, by the way to them, and why.
+    left: BTreeMap<PathBuf, Failed>,
+    hints: Hints,
+}
+
+/// What may be taken at one look.
+#[derive(Debug)]
+pub(crate) struct Ready {
+    /// Ways from the inbox to the photos, oldest first.
+    pub(crate) photos: Vec<PathBuf>,
+    /// How many wait in all, those included that rest for now.
+    pub(crate) waiting: usize,
 }
 
 impl Inbox {
-    /// What is in `folder` now. Photos are said to be ready as soon as they are quiet: whether one
-    /// is whole is asked of [`Inbox::may_be_taken`] when its turn comes, for it means reading it.
-    ///
-    /// # Errors
-    /// When the folder cannot be read.
-    pub(super) fn look(
+    /// An inbox never looked at, whose events are told by `hints`.
+    pub(crate) fn new(hints: Hints) -> Inbox {
+        let (seen, resting, left) = (HashMap::new(), HashMap::new(), BTreeMap::new());
+        Inbox { seen, due: None, resting, left, hints }
+    }
+
+    /// What may be taken now. Photos are said to be ready as soon as they are quiet: whether one is
+    /// whole is asked of [`Inbox::may_be_taken`] when its turn comes, for it means reading it.
+    pub(crate) fn look(
         &mut self,
-        disk: &dyn Disk,
-        folder: &Path,
+        folders: &Folders,
         now: Moment,
         patience: Patience,
-    ) -> Result<Waiting, DaemonError> {
-        let mut files = Vec::new();
-        collect(disk, folder, Path::new(""), 0, &mut files)?;
+    ) -> Result<Ready, FileError> {
+        let (files, folder) = (folders.files(), folders.inbox());
+        self.hints.listen(folder);
+        let mut found = Vec::new();
+        collect(files, folder, Path::new(""), 0, &mut found)?;
         let mut before = std::mem::take(&mut self.seen);
         let (mut ready, mut unfinished) = (Vec::new(), Vec::new());
         self.due = None;
-        for (way, look) in files {
+        for (way, look) in found {
             let seen = match before.remove(&way) {
                 Some(seen) if seen.look == look => seen,
-                _ => Seen { look, since: now, missing: None },
+                _ => SeenFile { look, since: now, missing: None },
             };
             if now.0 - seen.since.0 < patience.quiet_s {
                 let due = Moment(seen.since.0 + patience.quiet_s);
@@ -113,13 +131,31 @@ impl Inbox {
         }
         ready.sort();
         unfinished.sort();
-        Ok(Waiting { ready: ready.into_iter().map(|(_, way)| way).collect(), unfinished })
+        let look = |way: &Path| files.look(&folder.join(way)).ok();
+        self.resting.retain(|way, _| look(way).is_some());
+        let resting = &self.resting;
+        self.left
+            .retain(|way, _| resting.contains_key(way) || unfinished.iter().any(|(u, _)| u == way));
+        for (way, reason) in unfinished {
+            self.left.entry(way).or_insert_with_key(|way| {
+                let reason = format!("{reason} (waiting for the rest of it)");
+                log::warn!("left in the inbox: {reason}");
+                Failed { photo: way.to_string_lossy().into_owned(), reason }
+            });
+        }
+        let waiting = ready.len();
+        let rested = |way: &PathBuf| match resting.get(way) {
+            Some(resting) => resting.look != look(way) || now >= resting.until,
+            None => true,
+        };
+        let photos = ready.into_iter().map(|(_, way)| way).filter(rested).collect();
+        Ok(Ready { photos, waiting })
     }
 
     /// Whether the photo at `way`, which was ready at the last look, is whole, or has been waited
     /// for long enough. `missing` looks into it and says what it lacks; it is called once for as
     /// long as the file does not change.
-    pub(super) fn may_be_taken(
+    pub(crate) fn may_be_taken(
         &mut self,
         way: &Path,
         now: Moment,
@@ -128,62 +164,97 @@ impl Inbox {
     ) -> bool {
         let Some(seen) = self.seen.get_mut(way) else { return false };
         // What is no file is no photo either, and is set aside by whoever takes it.
-        if seen.look.kind == Kind::File && seen.missing.is_none() {
+        if seen.look.kind == FileKind::File && seen.missing.is_none() {
             seen.missing = Some(missing());
         }
         seen.unfinished(now, patience).is_none()
     }
 
+    /// The photo at `way` was put back, for the reason told in `left`: it is not to be tried before
+    /// `until` unless it changes.
+    pub(crate) fn put_back(
+        &mut self,
+        folders: &Folders,
+        way: PathBuf,
+        left: Failed,
+        until: Moment,
+    ) {
+        let look = folders.files().look(&folders.inbox().join(&way)).ok();
+        self.resting.insert(way.clone(), Resting { look, until });
+        self.left.insert(way, left);
+    }
+
+    /// The photo at `way` was taken.
+    pub(crate) fn taken(&mut self, way: &Path) {
+        self.left.remove(way);
+        self.resting.remove(way);
+    }
+
+    /// Photos that were put back may be tried at once.
+    pub(crate) fn end_rest(&mut self) {
+        self.resting.clear();
+    }
+
+    /// Photos that stay for now, and why.
+    pub(crate) fn left(&self) -> Vec<Failed> {
+        self.left.values().cloned().collect()
+    }
+
     /// When a file that is there will have been quiet for long enough, if nothing happens before.
-    pub(super) fn due(&self) -> Option<Moment> {
+    pub(crate) fn due(&self) -> Option<Moment> {
         self.due
+    }
+
+    /// Whether anything happened in the inbox since this was last asked.
+    pub(crate) fn heard(&self) -> bool {
+        self.hints.heard()
     }
 }
 
 /// Adds the files in `folder/way` and in the folders below it. A folder moved in brings one event
 /// and none for its files, so its files are looked for and not waited for.
 fn collect(
-    disk: &dyn Disk,
+    files: &Files,
     folder: &Path,
     way: &Path,
     depth: usize,
-    files: &mut Vec<(PathBuf, Look)>,
-) -> Result<(), DaemonError> {
+    found: &mut Vec<(PathBuf, Look)>,
+) -> Result<(), FileError> {
     let at = if depth == 0 { folder.to_owned() } else { folder.join(way) };
-    let found = match disk.list(&at) {
+    let listed = match files.list(&at) {
         // Gone again, or changed into a link, since it was seen.
         Err(_) if depth > 0 => return Ok(()),
-        found => found.map_err(DaemonError::files("read the folder", &at))?,
+        listed => listed?,
     };
-    for (name, kind) in found {
+    for (name, kind) in listed {
         if is_junk(&name) {
             continue;
         }
         let way = way.join(&name);
-        if kind == Kind::Folder {
+        if kind == FileKind::Folder {
             if depth < DEPTH_MAX {
-                collect(disk, folder, &way, depth + 1, files)?;
+                collect(files, folder, &way, depth + 1, found)?;
             }
             continue;
         }
-        match disk.look(&folder.join(&way)) {
-            Ok(look) if look.kind != Kind::Folder => files.push((way, look)),
+        match files.look(&folder.join(&way)) {
+            Ok(look) if look.kind != FileKind::Folder => found.push((way, look)),
             Ok(_) => {}
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             // A file that cannot even be looked at holds nobody else up.
-            Err(error) => log::debug!("{}: {error}", way.display()),
+            Err(error) => log::debug!("{}", full_message(&error)),
         }
     }
     Ok(())
 }
 
 /// Names that begin with a dot.
-pub(super) fn is_hidden(name: &OsStr) -> bool {
+pub(crate) fn is_hidden(name: &OsStr) -> bool {
     name.as_bytes().starts_with(b".")
 }
 
 /// Names that systems, shares and uploaders leave behind, and those of uploads under way.
-pub(super) fn is_junk(name: &OsStr) -> bool {
+pub(crate) fn is_junk(name: &OsStr) -> bool {
     const NAMES: [&str; 10] = [
         "thumbs.db",
         "ehthumbs.db",
@@ -219,7 +290,6 @@ pub(super) fn is_junk(name: &OsStr) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::disk::LocalDisk;
 
     #[test]
     fn junk_and_half_uploads_are_not_photos() {
@@ -233,26 +303,25 @@ mod tests {
 
     #[test]
     fn a_file_is_ready_once_it_has_been_quiet_and_whole() {
-        let folder = tempfile::tempdir().unwrap();
-        let folder = &folder.path().canonicalize().unwrap();
-        let disk = LocalDisk::new(vec![folder.clone()]);
-        let file = folder.join("a.jpg");
+        let root = tempfile::tempdir().unwrap();
+        let folders = Folders::open(root.path()).unwrap();
+        let file = folders.inbox().join("a.jpg");
         std::fs::write(&file, b"one").unwrap();
-        let mut inbox = Inbox::default();
+        let mut inbox = Inbox::new(Hints::none());
         let patience =
             Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, by_its_record: None };
         let looks = std::cell::Cell::new(0);
         let mut at = |s: f64| {
             let now = Moment(s);
-            let mut waiting = inbox.look(&disk, folder, now, patience).unwrap();
-            waiting.ready.retain(|way| {
+            let mut ready = inbox.look(&folders, now, patience).unwrap().photos;
+            ready.retain(|way| {
                 inbox.may_be_taken(way, now, patience, || {
                     looks.set(looks.get() + 1);
-                    let bytes = std::fs::read(folder.join(way)).unwrap();
+                    let bytes = std::fs::read(folders.inbox().join(way)).unwrap();
                     (!bytes.ends_with(b"two")).then(|| "its end".to_owned())
                 })
             });
-            (waiting.ready.len(), waiting.unfinished.len())
+            (ready.len(), inbox.left().len())
         };
         assert_eq!((at(0.0), at(4.9), at(6.0), at(59.0)), ((0, 0), (0, 0), (0, 0), (0, 0)));
         assert_eq!((at(60.0), at(899.0), at(900.0)), ((0, 1), (0, 1), (1, 0)));

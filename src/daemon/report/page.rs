@@ -2,10 +2,10 @@
 
 use std::ffi::OsStr;
 
-use super::super::history::Entry;
-use super::super::keeping::Removed;
-use super::super::report::{Failed, Report, ReportedOutcome};
 use super::charts;
+use crate::daemon::store::limits::Removed;
+use crate::daemon::store::pilots::PilotEntry;
+use crate::daemon::store::report_file::{Failed, Report, ResultKind};
 
 /// Photos on one page.
 pub(super) const PHOTOS: usize = 60;
@@ -30,14 +30,14 @@ pub(super) struct Overview<'a> {
     /// What the operator should know, a sentence each.
     pub(super) attention: &'a [String],
     pub(super) removed: Removed,
-    pub(super) pilots: &'a [Entry],
+    pub(super) pilots: &'a [PilotEntry],
     pub(super) now_unix_s: u64,
 }
 
 /// The first page: the summary, the charts, what was not restored, and the newest photos.
 pub(super) fn first_page(overview: &Overview<'_>) -> String {
     let &Overview { rig, reports, failed, left, attention, removed, pilots, now_unix_s } = overview;
-    let restored = reports.iter().filter(|r| r.outcome == ReportedOutcome::Restored).count();
+    let restored = reports.iter().filter(|r| r.outcome == ResultKind::Restored).count();
     let mut counts = vec![format!("<b>{restored}</b> restored")];
     for (n, words) in [
         (reports.len() - restored, "left as they were"),
@@ -201,7 +201,7 @@ fn card(html: &mut String, n: usize, report: &Report) {
         escape(&report.photo.to_lowercase()),
         escape(&report.after),
         escape(&report.before),
-        if report.outcome == ReportedOutcome::Restored { "restored" } else { "left as it was" },
+        if report.outcome == ResultKind::Restored { "restored" } else { "left as it was" },
     ));
     let captures = match report.captures {
         0 => "no capture".to_owned(),
@@ -299,8 +299,8 @@ mod tests {
         Report {
             photo: photo.to_owned(),
             result: photo.to_owned(),
-            result_address: super::super::super::report::address(photo.as_ref()),
-            outcome: ReportedOutcome::Restored,
+            result_address: crate::daemon::store::report_file::address(photo.as_ref()),
+            outcome: ResultKind::Restored,
             rig: "small".into(),
             method: "hybrid".into(),
             rung: 3,

@@ -5,7 +5,7 @@
 //! loop that does the work: one that hangs in a device loses its claims as one does that lost its
 //! power. The others watch whether the lease *changes*, each by its own clock, for the boxes'
 //! calendars may differ by years. A lease that stays as it is for
-//! [`Setting::lease_s`](super::Setting::lease_s) has run out, and any other box takes the photos
+//! `lease_s` has run out, and any other box takes the photos
 //! over.
 //!
 //! A box that was only slow or asleep may find then that its lease can have run out. Before it
@@ -21,10 +21,12 @@ use std::ffi::{OsStr, OsString};
 use crate::remedy::full_message;
 use crate::rig::{Clock, Moment};
 
-use super::{DaemonError, Folders, atomic_file, recovery};
+use super::folders::Folders;
+use super::recover;
+use crate::disk::FileError;
 
 /// Name of the lease in a box's folder.
-pub(super) const LEASE: &str = ".relens-lease";
+const LEASE: &str = ".relens-lease";
 
 /// A lease is changed this many times before it runs out. Guess: nine may be lost to a slow
 /// network.
@@ -39,7 +41,7 @@ const BYTES_MAX: u64 = 64;
 
 /// This box's own lease.
 #[derive(Debug)]
-pub(super) struct Lease {
+pub(crate) struct Lease {
     lease_s: f64,
     beaten: Cell<Option<Moment>>,
     count: Cell<u64>,
@@ -47,12 +49,12 @@ pub(super) struct Lease {
 
 impl Lease {
     /// A lease that runs out when it has not been changed for `lease_s`.
-    pub(super) fn new(lease_s: f64) -> Lease {
+    pub(crate) fn new(lease_s: f64) -> Lease {
         Lease { lease_s, beaten: Cell::new(None), count: Cell::new(0) }
     }
 
     /// Changes the lease when it is time. A box alone on its folders needs none.
-    pub(super) fn beat(&self, folders: &Folders, now: Moment) {
+    pub(crate) fn beat(&self, folders: &Folders, now: Moment) {
         if self.beaten.get().is_none_or(|at| now.0 - at.0 >= self.lease_s / BEATS)
             && let Err(error) = self.renew(folders, now)
         {
@@ -62,15 +64,9 @@ impl Lease {
     }
 
     /// Sees to it that nobody takes this box for dead from here on; after a while in which one may
-    /// have, a take-over that was under way is then over.
-    ///
-    /// # Errors
-    /// When the lease cannot be written; another box may then take the photos over at any time.
-    pub(super) fn make_good(
-        &self,
-        folders: &Folders,
-        clock: &dyn Clock,
-    ) -> Result<(), DaemonError> {
+    /// have, a take-over that was under way is then over. Without it
+    /// another box may take the photos over at any time.
+    pub(crate) fn make_good(&self, folders: &Folders, clock: &dyn Clock) -> Result<(), FileError> {
         if !self.is_good(folders, clock.now()) {
             self.renew(folders, clock.now())?;
             clock.wait_until(Moment(clock.now().0 + TAKE_OVER_S.min(self.lease_s / BEATS)));
@@ -78,18 +74,14 @@ impl Lease {
         Ok(())
     }
 
-    fn renew(&self, folders: &Folders, now: Moment) -> Result<(), DaemonError> {
+    fn renew(&self, folders: &Folders, now: Moment) -> Result<(), FileError> {
         if !folders.shared() {
             return Ok(());
         }
         let count = self.count.get() + 1;
         let words = format!("{} {count}\n", std::process::id());
-        atomic_file::replace_for_now(
-            folders.disk(),
-            folders.working(),
-            LEASE.as_ref(),
-            words.as_bytes(),
-        )?;
+        let files = folders.files();
+        files.replace_for_now(folders.working(), LEASE.as_ref(), words.as_bytes())?;
         self.beaten.set(Some(now));
         self.count.set(count);
         Ok(())
@@ -104,24 +96,20 @@ impl Lease {
 
 /// The other boxes' leases, as last seen to change.
 #[derive(Debug, Default)]
-pub(super) struct Neighbours(HashMap<OsString, (Option<Vec<u8>>, Moment)>);
+pub(crate) struct Neighbours(HashMap<OsString, (Option<Vec<u8>>, Moment)>);
 
 impl Neighbours {
     /// Looks at the other boxes' leases and takes over what those leave that have run out.
-    pub(super) fn look(&mut self, folders: &Folders, now: Moment, lease_s: f64) {
+    pub(crate) fn look(&mut self, folders: &Folders, now: Moment, lease_s: f64) {
         let others = match folders.others() {
             Ok(others) => others,
             Err(error) => return log::debug!("{}", full_message(&error)),
         };
-        self.0.retain(|name, _| others.contains(name));
-        for name in others {
-            let theirs = folders.of_box(&name);
+        self.0.retain(|name, _| others.iter().any(|(other, _)| other == name));
+        for (name, theirs) in others {
             // One that cannot be read for now says nothing new.
-            let Ok(lease) =
-                atomic_file::read(folders.disk(), &theirs.working().join(LEASE), BYTES_MAX)
-            else {
-                continue;
-            };
+            let path = theirs.working().join(LEASE);
+            let Ok(lease) = folders.files().read(&path, BYTES_MAX) else { continue };
             let (seen, since) = self.0.entry(name.clone()).or_insert_with(|| (lease.clone(), now));
             if *seen != lease {
                 (*seen, *since) = (lease, now);
@@ -136,8 +124,8 @@ impl Neighbours {
 
 /// Finishes what the box `name` delivered, and puts the other photos it claimed back into the
 /// inbox.
-fn take_over(theirs: &Folders, name: &OsStr) -> Result<(), DaemonError> {
-    let photos = recovery::photos(theirs)?;
+fn take_over(theirs: &Folders, name: &OsStr) -> Result<(), FileError> {
+    let photos = recover::photos(theirs)?;
     if !photos.is_empty() {
         log::warn!(
             "the box {} has not moved for too long; its photos are taken over",
@@ -145,10 +133,9 @@ fn take_over(theirs: &Folders, name: &OsStr) -> Result<(), DaemonError> {
         );
     }
     for photo in photos {
-        match recovery::recover_photo(theirs, &photo) {
+        match recover::recover_photo(theirs, &photo) {
             // Another box was quicker.
-            Err(DaemonError::Files { source, .. })
-                if source.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
             recovered => recovered?,
         }
     }

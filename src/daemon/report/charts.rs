@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::super::history::Entry;
-use super::super::report::Report;
+use crate::daemon::store::pilots::PilotEntry;
+use crate::daemon::store::report_file::Report;
 
 /// What is drawn: this long before the newest event. A night and the evening before it.
 const SPAN_S: f64 = 86_400.0;
@@ -18,7 +18,7 @@ const LEFT: f64 = 46.0;
 const BELOW: f64 = 18.0;
 
 /// The charts' HTML; empty when there is nothing to draw.
-pub(super) fn charts(reports: &[Report], pilots: &[Entry]) -> String {
+pub(super) fn charts(reports: &[Report], pilots: &[PilotEntry]) -> String {
     let newest =
         reports.iter().map(|r| r.finished_unix_s).chain(pilots.iter().map(|p| p.unix_s)).max();
     let Some(newest) = newest.map(|unix_s| unix_s as f64) else { return String::new() };
@@ -30,7 +30,7 @@ pub(super) fn charts(reports: &[Report], pilots: &[Entry]) -> String {
     }
     let throughput: Vec<(f64, f64)> =
         bars.iter().enumerate().map(|(n, &v)| (oldest + n as f64 * BAR_S, v)).collect();
-    let line = |of: &dyn Fn(&Entry) -> Option<f64>| -> Vec<(f64, f64)> {
+    let line = |of: &dyn Fn(&PilotEntry) -> Option<f64>| -> Vec<(f64, f64)> {
         pilots
             .iter()
             .filter(|p| recent(p.unix_s))

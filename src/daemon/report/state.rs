@@ -4,7 +4,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{DaemonError, Folders, atomic_file};
+use super::summary::PhotoCounts;
+use crate::daemon::store::folders::Folders;
+use crate::disk::FileError;
+use crate::disk::files::json_in_lines;
 
 /// Name of the state file in the root.
 const NAME: &str = ".relens-state.json";
@@ -42,12 +45,9 @@ pub struct State {
     pub rig: String,
     /// What it is doing.
     pub doing: Doing,
-    /// Photos with a result since it was started.
-    pub restored: usize,
-    /// Photos set aside since it was started.
-    pub failed: usize,
-    /// Photos put back into the inbox to be tried later.
-    pub left: usize,
+    /// What became of photos since it was started, and how many are left in the inbox.
+    #[serde(flatten)]
+    pub counts: PhotoCounts,
     /// What the operator should know though the box goes on: a night that was missed, a button that
     /// hangs; a sentence each.
     #[serde(default)]
@@ -62,9 +62,7 @@ impl State {
         State {
             rig: rig.to_owned(),
             doing,
-            restored: 0,
-            failed: 0,
-            left: 0,
+            counts: PhotoCounts::default(),
             attention: Vec::new(),
             written_unix_s,
         }
@@ -74,28 +72,22 @@ impl State {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write(&self, folders: &Folders) -> Result<(), DaemonError> {
-        let bytes = serde_json::to_vec_pretty(self).map_err(std::io::Error::other);
-        atomic_file::replace_for_now(
-            folders.disk(),
-            &folders.home(),
-            NAME.as_ref(),
-            &bytes.map_err(DaemonError::files("write", folders.root()))?,
-        )
+    pub fn write(&self, folders: &Folders) -> Result<(), FileError> {
+        let home = folders.home();
+        let bytes = json_in_lines(self, &home)?;
+        folders.files().replace_for_now(&home, NAME.as_ref(), &bytes)
     }
 
     /// The state last written under `root`; `None` when no daemon ever worked there.
     ///
     /// # Errors
     /// When the file is there and cannot be read.
-    pub fn read(root: &Path) -> Result<Option<State>, DaemonError> {
+    pub fn read(root: &Path) -> Result<Option<State>, FileError> {
         let path = root.join(NAME);
-        match std::fs::read(&path) {
-            Ok(bytes) => serde_json::from_slice(&bytes)
-                .map(Some)
-                .map_err(|e| DaemonError::files("read the state", &path)(e.into())),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(DaemonError::files("read the state", &path)(error)),
-        }
+        let read = match std::fs::read(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            read => read.and_then(|bytes| Ok(serde_json::from_slice(&bytes)?)),
+        };
+        read.map(Some).map_err(FileError::at("read the state", &path))
     }
 }

@@ -2,24 +2,23 @@
 //!
 //! The page holds words; the pictures lie beside it as files and are loaded when scrolled to.
 
-mod charts;
-mod page;
-
 use std::collections::HashSet;
 use std::ffi::OsStr;
 
 use serde::Serialize;
 
-use super::keeping::{self, Removed};
-use super::report::{Failed, Report};
-use super::{DaemonError, Folders, atomic_file, history, inbox};
-
-/// Longer files are no reports or notes of ours.
-const REPORT_BYTES_MAX: u64 = 1 << 20;
+use super::page;
+use crate::daemon::store::folders::Folders;
+use crate::daemon::store::inbox::is_hidden;
+use crate::daemon::store::limits::Removed;
+use crate::daemon::store::pilots::{self, PilotEntry};
+use crate::daemon::store::report_file::{BYTES_MAX, Failed, Report, read_report};
+use crate::disk::FileError;
+use crate::disk::files::json;
 
 /// What the gallery shows.
 #[derive(Debug, Default)]
-pub(super) struct Gallery {
+pub(crate) struct Gallery {
     reports: Vec<Report>,
     failed: Vec<Failed>,
     /// Checksums of the photo pages as written.
@@ -29,16 +28,12 @@ pub(super) struct Gallery {
 }
 
 impl Gallery {
-    /// What the outbox and the failed folder hold.
-    ///
-    /// # Errors
-    /// When a folder cannot be read. A report that cannot is left out, with a warning.
-    pub(super) fn load(folders: &Folders) -> Result<Gallery, DaemonError> {
+    /// What the outbox and the failed folder hold. A report that cannot be read is left out, with
+    /// a warning.
+    pub(crate) fn load(folders: &Folders) -> Result<Gallery, FileError> {
         let mut gallery = Gallery::default();
-        let (disk, outbox, failed) = (folders.disk(), folders.outbox(), folders.failed());
-        let list =
-            |folder| disk.list(folder).map_err(DaemonError::files("read the folder", folder));
-        let found = list(outbox)?;
+        let (files, outbox, failed) = (folders.files(), folders.outbox(), folders.failed());
+        let found = files.list(outbox)?;
         let names: HashSet<&OsStr> = found.iter().map(|(name, _)| name.as_os_str()).collect();
         for name in &names {
             let path = outbox.join(name);
@@ -46,8 +41,7 @@ impl Gallery {
             if path.extension().is_none_or(|e| e != "json") || !names.contains(result) {
                 continue;
             }
-            let read = atomic_file::read(disk, &path, REPORT_BYTES_MAX).ok().flatten();
-            match read.and_then(|bytes| serde_json::from_slice::<Report>(&bytes).ok()) {
+            match read_report(files, &path).ok().flatten() {
                 Some(report) => gallery.add(&report),
                 None => log::warn!(
                     "{} is no report of relens and is not in the gallery",
@@ -55,17 +49,14 @@ impl Gallery {
                 ),
             }
         }
-        let pages = list(folders.previews())?;
+        let pages = files.list(folders.previews())?;
         gallery.last_page =
             pages.iter().filter_map(|(name, _)| page::number(name)).max().unwrap_or(0);
-        for (name, _) in list(failed)? {
+        for (name, _) in files.list(failed)? {
             let mut note = name.clone();
             note.push(".txt");
-            let Ok(Some(note)) = atomic_file::read(disk, &failed.join(note), REPORT_BYTES_MAX)
-            else {
-                continue;
-            };
-            if !inbox::is_hidden(&name) {
+            let Ok(Some(note)) = files.read(&failed.join(note), BYTES_MAX) else { continue };
+            if !is_hidden(&name) {
                 let note = String::from_utf8_lossy(&note);
                 gallery.failed.push(Failed::of_note(name.to_string_lossy().into_owned(), &note));
             }
@@ -74,7 +65,7 @@ impl Gallery {
     }
 
     /// Adds a photo with a result.
-    pub(super) fn add(&mut self, report: &Report) {
+    pub(crate) fn add(&mut self, report: &Report) {
         // The record of the iterations is in the report's file; thousands of them are not kept in
         // memory.
         let mut report = report.clone();
@@ -83,31 +74,31 @@ impl Gallery {
     }
 
     /// Leaves out the result `result`.
-    pub(super) fn remove(&mut self, result: &str) {
+    pub(crate) fn remove(&mut self, result: &str) {
         self.reports.retain(|report| report.result != result);
     }
 
     /// Adds a photo without one.
-    pub(super) fn add_failed(&mut self, failed: Failed) {
+    pub(crate) fn add_failed(&mut self, failed: Failed) {
         self.failed.push(failed);
     }
 
     /// Seconds between two writings while photos come one after another: more of them take longer
     /// to write.
-    pub(super) fn period_s(&self) -> f64 {
+    pub(crate) fn period_s(&self) -> f64 {
         10.0 + 0.05 * self.reports.len() as f64
     }
 
     /// Writes the pages that have changed, and the data beside them.
-    pub(super) fn write(
+    pub(crate) fn write(
         &mut self,
         folders: &Folders,
         rig: &str,
         left: &[Failed],
         attention: &[String],
         now_unix_s: u64,
-    ) -> Result<(), DaemonError> {
-        let (disk, outbox) = (folders.disk(), folders.outbox());
+    ) -> Result<(), FileError> {
+        let (files, outbox) = (folders.files(), folders.outbox());
         // Oldest first, sixty a page: a full page does not change any more.
         self.reports
             .sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
@@ -121,18 +112,18 @@ impl Gallery {
                 let path = outbox.join(&name);
                 let (folder, name) =
                     (path.parent().unwrap_or(outbox), path.file_name().unwrap_or_default());
-                atomic_file::replace(disk, folder, name, html.as_bytes())?;
+                files.replace(folder, name, html.as_bytes())?;
                 self.written[n] = sum;
             }
         }
         // Results that were removed leave fewer.
         let last_page = if pages > 1 { pages } else { 0 };
         for n in last_page + 1..=self.last_page {
-            let _ = disk.remove(&outbox.join(page::page_address(n)));
+            let _ = files.remove(&outbox.join(page::page_address(n)));
         }
         self.last_page = last_page;
-        let removed = keeping::removed(disk, folders.previews());
-        let pilots = history::load(disk, folders.previews());
+        let removed = Removed::load(folders);
+        let pilots = pilots::load(folders);
         let data = Data {
             rig,
             written_unix_s: now_unix_s,
@@ -143,9 +134,8 @@ impl Gallery {
             removed,
             pilots: &pilots,
         };
-        let json = serde_json::to_vec(&data).map_err(std::io::Error::other);
-        let json = json.map_err(DaemonError::files("write", outbox))?;
-        atomic_file::replace_for_now(disk, folders.previews(), "report.json".as_ref(), &json)?;
+        let (previews, json) = (folders.previews(), json(&data, outbox)?);
+        files.replace_for_now(previews, "report.json".as_ref(), &json)?;
         // Newest first.
         let newest: Vec<Report> = self.reports.iter().rev().cloned().collect();
         let html = page::first_page(&page::Overview {
@@ -158,7 +148,7 @@ impl Gallery {
             pilots: &pilots,
             now_unix_s,
         });
-        atomic_file::replace(disk, outbox, "index.html".as_ref(), html.as_bytes())
+        files.replace(outbox, "index.html".as_ref(), html.as_bytes())
     }
 }
 
@@ -172,7 +162,7 @@ pub fn write_report(
     rig: &str,
     attention: &[String],
     now_unix_s: u64,
-) -> Result<(), DaemonError> {
+) -> Result<(), FileError> {
     Gallery::load(folders)?.write(folders, rig, &[], attention, now_unix_s)
 }
 
@@ -187,8 +177,5 @@ struct Data<'a> {
     left: &'a [Failed],
     attention: &'a [String],
     removed: Removed,
-    pilots: &'a [history::Entry],
+    pilots: &'a [PilotEntry],
 }
-
-#[cfg(test)]
-mod tests;

@@ -12,22 +12,22 @@ use rustix::fs::inotify::{self, CreateFlags, Reader, WatchFlags};
 
 /// The events of one folder.
 #[derive(Debug)]
-pub(super) struct Hints(Option<OwnedFd>);
+pub(crate) struct Hints(Option<OwnedFd>);
 
 impl Hints {
     /// No events, for a machine that has no more to give or a test that wants none.
-    pub(super) fn none() -> Hints {
+    pub(crate) fn none() -> Hints {
         Hints(None)
     }
 
     /// Events, if the kernel has any to give.
-    pub(super) fn new() -> Hints {
+    pub(crate) fn new() -> Hints {
         let opened = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC);
         Hints(opened.inspect_err(|errno| log::debug!("no events of the inbox: {errno}")).ok())
     }
 
     /// Listens to `folder` from now on. Asked again, it listens to what has that name by then.
-    pub(super) fn listen(&self, folder: &Path) {
+    pub(crate) fn listen(&self, folder: &Path) {
         let flags = WatchFlags::CLOSE_WRITE
             | WatchFlags::MOVED_TO
             | WatchFlags::CREATE
@@ -40,7 +40,7 @@ impl Hints {
     }
 
     /// Whether anything happened since this was last asked.
-    pub(super) fn heard(&self) -> bool {
+    pub(crate) fn heard(&self) -> bool {
         let Some(inotify) = &self.0 else { return false };
         let mut space = [MaybeUninit::uninit(); 4096];
         let mut events = Reader::new(inotify, &mut space);

@@ -1,0 +1,261 @@
+//! The schedule of a box that somebody stands before: the button says when, lamps and panel say
+//! what.
+//!
+//! Another schedule, the night's or none, is asked after the button.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::{Event, Notice, Question, Schedule, Turn};
+use crate::config::Mode;
+use crate::daemon::job::JobEnd;
+use crate::daemon::store::report_file::{Delivered, Report, ResultKind};
+use crate::kiosk::front_panel::{BoxState, FrontPanel};
+use crate::kiosk::screen::Screen;
+use crate::pipeline::Interruption;
+use crate::remedy::{Remediable, Remedy, full_message};
+use crate::restorer::Restorer;
+use crate::rig::{Clock, Moment};
+
+/// How long a result stays on the panel when nothing else happens. Guess: time to walk up and look.
+const RESULT_S: f64 = 120.0;
+
+/// A screen is shown again after this long: a panel that was switched off and on has forgotten it.
+const SHOW_AGAIN_S: f64 = 60.0;
+
+/// A front panel whose loop has not come round for this long hangs, or has ended: it comes round
+/// many times a second. Guess.
+const STILL_S: f64 = 30.0;
+
+/// What is said of it.
+const STILL: &str = "the button and the lamps do not answer";
+
+/// The photo done last, for the panel.
+struct Shown {
+    photo: String,
+    /// The photo itself is the result.
+    untouched: bool,
+    words: String,
+    at: Moment,
+}
+
+/// Button, lamps and panel around another schedule.
+pub struct Attended<'a> {
+    front_panel: FrontPanel,
+    mode: Mode,
+    clock: &'a dyn Clock,
+    inner: Box<dyn Schedule + 'a>,
+    /// Photos the last press has asked for.
+    asked_for: usize,
+    maintenance: Option<String>,
+    result: Option<Shown>,
+    screen: Option<(Screen, Moment)>,
+    /// The rounds of the front panel's loop when they were last seen to change.
+    rounds: Option<(u64, Moment)>,
+}
+
+impl<'a> Attended<'a> {
+    /// The schedule of a box in `mode`, with this front panel.
+    pub fn new(
+        front_panel: FrontPanel,
+        mode: Mode,
+        clock: &'a dyn Clock,
+        inner: Box<dyn Schedule + 'a>,
+    ) -> Self {
+        Attended {
+            front_panel,
+            mode,
+            clock,
+            inner,
+            asked_for: 0,
+            maintenance: None,
+            result: None,
+            screen: None,
+            rounds: None,
+        }
+    }
+
+    fn show(&mut self, screen: Screen, state: BoxState, rig: &mut dyn Restorer) {
+        self.front_panel.set(state);
+        let now = self.clock.now();
+        let stays =
+            |(shown, at): &(Screen, Moment)| *shown == screen && now.0 - at.0 < SHOW_AGAIN_S;
+        if !self.screen.as_ref().is_some_and(stays) {
+            rig.show(&screen);
+            self.screen = Some((screen, now));
+        }
+    }
+
+    /// Sees whether the front panel's loop still comes round.
+    fn watch_front_panel(&mut self) {
+        let rounds = self.front_panel.rounds();
+        if rounds != self.rounds.map(|(seen, _)| seen) {
+            self.rounds = rounds.map(|rounds| (rounds, self.clock.now()));
+        }
+    }
+
+    fn is_still(&self) -> bool {
+        self.rounds.is_some_and(|(_, since)| self.clock.now().0 - since.0 > STILL_S)
+    }
+
+    /// The screen of a box that waits to be told: that nobody will hear it, if so.
+    fn or_still(&self, screen: Screen) -> Screen {
+        let to_do = "Switch the box off and on.".to_owned();
+        if self.is_still() { Screen::Trouble { what: STILL.to_owned(), to_do } } else { screen }
+    }
+
+    /// What the button asked for. The turn of a box in maintenance.
+    fn answer(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Option<Turn> {
+        if self.front_panel.take_cancelled() {
+            self.asked_for = 0;
+        }
+        let requests = self.front_panel.take_requests();
+        if requests.go {
+            self.asked_for = waiting;
+        }
+        match requests.maintenance {
+            Some(true) => {
+                log::info!("maintenance: the button was held at the start");
+                self.maintenance = Some("The box does no work until you say so.".to_owned());
+            }
+            Some(false) if self.maintenance.take().is_some() => log::info!("maintenance is over"),
+            _ => {}
+        }
+        if requests.calibrate && self.maintenance.is_some() {
+            let words = "The lens is being measured.".to_owned();
+            self.show(Screen::Maintenance { words }, BoxState::Working, rig);
+            let outcome = match rig.mend(Remedy::Recalibrate) {
+                Ok(()) => "The lens has been measured anew.".to_owned(),
+                Err(error) => format!("The lens could not be measured: {}", full_message(&*error)),
+            };
+            log::info!("maintenance: {outcome}");
+            self.maintenance = Some(outcome);
+            self.screen = None;
+        }
+        let words = self.maintenance.clone()?;
+        self.show(Screen::Maintenance { words }, BoxState::Maintenance, rig);
+        self.inner.told(Event::KeptWaiting { waiting, why: "the box is in maintenance" }, rig);
+        Some(Turn::Hold { reason: "maintenance".to_owned(), until: None })
+    }
+
+    /// The last result while it is fresh, else `other`.
+    fn fresh_result(&mut self, hint: &str, other: Screen) -> Screen {
+        let now = self.clock.now();
+        self.result.take_if(|result| now.0 - result.at.0 > RESULT_S);
+        let Some(Shown { photo, untouched, words, .. }) = &self.result else { return other };
+        let (photo, words, hint) = (photo.clone(), words.clone(), hint.to_owned());
+        Screen::Result { photo, untouched: *untouched, words, hint }
+    }
+
+    /// Photos wait for their time: that, or the night that passed them by.
+    fn rest(&mut self, reason: &str, waiting: usize, rig: &mut dyn Restorer) {
+        let (screen, state) = match self.inner.attention().into_iter().next() {
+            Some(Notice { what, why }) => {
+                (Screen::Missed { what, why, photos: waiting }, BoxState::Trouble)
+            }
+            None => {
+                let words = reason.to_owned();
+                (Screen::Resting { words, photos: waiting }, BoxState::Resting)
+            }
+        };
+        self.show(screen, state, rig);
+    }
+
+    /// The button was not pressed for the photos that wait.
+    fn wait_for_button(&mut self, photos: usize, rig: &mut dyn Restorer) -> Turn {
+        let hint = match photos {
+            1 => "1 photo waits: press the button.".to_owned(),
+            n => format!("{n} photos wait: press the button."),
+        };
+        let screen = self.fresh_result(&hint, Screen::Waiting { photos });
+        self.show(self.or_still(screen), BoxState::Waiting, rig);
+        Turn::Hold { reason: "photos wait for the button".to_owned(), until: None }
+    }
+
+    fn be_ready(&mut self, rig: &mut dyn Restorer) {
+        let hint = match self.mode {
+            Mode::Button => "Put photos into the inbox, then press the button.",
+            Mode::Folder => "Put photos into the inbox.",
+        };
+        let ready = Screen::Ready { hint: hint.to_owned() };
+        let screen = self.fresh_result("The result is in the outbox.", ready);
+        self.show(self.or_still(screen), BoxState::Ready, rig);
+    }
+
+    fn remember(&mut self, report: &Report) {
+        let untouched = report.outcome == ResultKind::Untouched;
+        let words = match &report.meaning {
+            _ if untouched => report.rung_reason.clone(),
+            Some(meaning) => meaning.clone(),
+            None => "Restored; not photographed again.".to_owned(),
+        };
+        let (photo, at) = (report.photo.clone(), self.clock.now());
+        self.result = Some(Shown { photo, untouched, words, at });
+    }
+}
+
+impl Schedule for Attended<'_> {
+    fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
+        let Question { waiting, is_ready } = asked;
+        self.watch_front_panel();
+        if let Some(turn) = self.answer(waiting, rig) {
+            return turn;
+        }
+        if !is_ready {
+            self.asked_for = 0;
+        } else if self.mode == Mode::Button && self.asked_for == 0 {
+            return self.wait_for_button(waiting, rig);
+        }
+        let turn = self.inner.turn(asked, rig);
+        match &turn {
+            Turn::Hold { reason, .. } => self.rest(reason, waiting, rig),
+            Turn::Go if is_ready => self.asked_for = self.asked_for.saturating_sub(1),
+            Turn::Go => self.be_ready(rig),
+            Turn::Help(_) | Turn::Again(_) | Turn::Stop => {}
+        }
+        turn
+    }
+
+    fn told(&mut self, event: Event<'_>, rig: &mut dyn Restorer) {
+        match event {
+            Event::Begun { photo, number, of } => {
+                self.screen = None;
+                let screen = Screen::Working { photo: photo.to_owned(), number, of };
+                self.show(screen, BoxState::Working, rig);
+            }
+            Event::Ended(end) => {
+                // The job's last capture is on the panel.
+                self.screen = None;
+                if let JobEnd::Done { report, .. } = end {
+                    self.remember(report);
+                }
+            }
+            Event::Held(error) => {
+                self.watch_front_panel();
+                let (what, to_do) = (full_message(error), error.what_to_do().to_owned());
+                self.show(Screen::Trouble { what, to_do }, BoxState::Trouble, rig);
+            }
+            Event::KeptWaiting { .. } => {}
+        }
+        self.inner.told(event, rig);
+    }
+
+    fn unproven(&self) -> &[Delivered] {
+        self.inner.unproven()
+    }
+
+    fn attention(&self) -> Vec<Notice> {
+        let why = "what attends to them hangs or has ended; switch the box off and on".to_owned();
+        let still = self.is_still().then(|| Notice { what: STILL.to_owned(), why });
+        still.into_iter().chain(self.inner.attention()).collect()
+    }
+
+    fn impatient(&self) -> bool {
+        self.front_panel.has_requests() || self.inner.impatient()
+    }
+}
+
+/// What the restorer's interruption asks: a long press in a job, or a stop of the service.
+pub fn interruption(front_panel: FrontPanel, stopped: Arc<AtomicBool>) -> Interruption {
+    Arc::new(move || front_panel.cancelled() || stopped.load(Ordering::Acquire))
+}

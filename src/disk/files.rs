@@ -1,0 +1,473 @@
+//! Files that are whole or absent, on any disk: temporary file, synchronised, renamed, folder
+//! synchronised. Every error says what was tried, on which path.
+//!
+//! Each of these steps is needed: `tests/drop_folder/power.rs` takes each away in turn and sees a
+//! photo or a result come to harm.
+
+use std::collections::HashSet;
+use std::collections::hash_map::RandomState;
+use std::ffi::{OsStr, OsString};
+use std::fs::File;
+use std::hash::BuildHasher;
+use std::io::{self, ErrorKind, Read};
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, LazyLock};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::{Disk, FileKind, LocalDisk, Look, Unsynced};
+use crate::remedy::{Remediable, Remedy};
+
+/// Beginning and end of the names of temporary files; they never depend on a photo's name, which
+/// may be long.
+const TEMPORARY: (&str, &str) = (".relens-", ".tmp");
+
+/// Longest file name in bytes on the file systems of a board (ext4, f2fs, NAME_MAX).
+const NAME_BYTES_MAX: usize = 255;
+
+/// The file system refused something.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot {what} {path}")]
+pub struct FileError {
+    /// What was tried, as a verb.
+    what: &'static str,
+    /// On which file or folder.
+    path: PathBuf,
+    /// The cause.
+    #[source]
+    source: io::Error,
+}
+
+impl FileError {
+    /// Says of an input/output error what was tried on which path.
+    pub fn at(what: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError {
+        let path = path.to_owned();
+        move |source| FileError { what, path, source }
+    }
+
+    /// What kind of cause it has.
+    pub fn kind(&self) -> ErrorKind {
+        self.source.kind()
+    }
+}
+
+impl Remediable for FileError {
+    fn remedy(&self) -> Remedy {
+        match self.kind() {
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => Remedy::CallOperator,
+            _ => Remedy::RetryLater,
+        }
+    }
+
+    fn what_to_do(&self) -> &'static str {
+        match self.kind() {
+            ErrorKind::StorageFull => {
+                "Make room on the disk: take results out of the outbox and originals out of done."
+            }
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+                "Look after the disk: relens may not write to it."
+            }
+            _ => "Look after the disk or the network share.",
+        }
+    }
+}
+
+/// The files of a disk.
+#[derive(Clone)]
+pub struct Files(Arc<dyn Disk>);
+
+impl Files {
+    /// Those of any disk.
+    pub fn on(disk: Arc<dyn Disk>) -> Files {
+        Files(disk)
+    }
+
+    /// Those of the machine's disks that lie beneath `folders`; see [`LocalDisk::new`].
+    pub fn beneath(folders: Vec<PathBuf>) -> Files {
+        Files(Arc::new(LocalDisk::new(folders)))
+    }
+
+    /// The disk itself.
+    pub fn raw(&self) -> &dyn Disk {
+        &*self.0
+    }
+
+    /// Names and kinds of what `folder` holds, in no order.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn list(&self, folder: &Path) -> Result<Vec<(OsString, FileKind)>, FileError> {
+        self.0.list(folder).map_err(FileError::at("read the folder", folder))
+    }
+
+    /// A look at what has the name `path`.
+    ///
+    /// # Errors
+    /// `NotFound`, or whatever the disk says.
+    pub fn look(&self, path: &Path) -> Result<Look, FileError> {
+        self.0.look(path).map_err(FileError::at("look at", path))
+    }
+
+    /// Whether anything has the name `path`.
+    ///
+    /// # Errors
+    /// When the disk cannot tell.
+    pub fn exists(&self, path: &Path) -> Result<bool, FileError> {
+        match self.look(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+            looked => looked.map(|_| true),
+        }
+    }
+
+    /// The plain file `path` for reading.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn open(&self, path: &Path) -> Result<File, FileError> {
+        self.0.open(path).map_err(FileError::at("open", path))
+    }
+
+    /// At most `bytes_max` bytes of the file `path`; `None` when it is not there.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn read(&self, path: &Path, bytes_max: u64) -> Result<Option<Vec<u8>>, FileError> {
+        let file = match self.open(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            opened => opened?,
+        };
+        let mut bytes = Vec::new();
+        file.take(bytes_max).read_to_end(&mut bytes).map_err(FileError::at("read", path))?;
+        Ok(Some(bytes))
+    }
+
+    /// The value in the JSON file `path`; `None` when it is not there, or is something else, such
+    /// as a file longer than `bytes_max`.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn read_json<T: DeserializeOwned>(
+        &self,
+        path: &Path,
+        bytes_max: u64,
+    ) -> Result<Option<T>, FileError> {
+        Ok(self.read(path, bytes_max)?.and_then(|bytes| serde_json::from_slice(&bytes).ok()))
+    }
+
+    /// Bytes that may still be written to the disk of `folder`.
+    ///
+    /// # Errors
+    /// When the disk does not tell.
+    pub fn free_bytes(&self, folder: &Path) -> Result<u64, FileError> {
+        self.0.free_bytes(folder).map_err(FileError::at("measure the disk of", folder))
+    }
+
+    /// Makes the folder, unless it is there.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn make_folder(&self, folder: &Path) -> Result<(), FileError> {
+        self.0.make_folder(folder).map_err(FileError::at("make the folder", folder))
+    }
+
+    /// Removes the file `path`, unless somebody else was quicker.
+    ///
+    /// # Errors
+    /// When it stays.
+    pub fn remove(&self, path: &Path) -> Result<(), FileError> {
+        match self.0.remove(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            done => done.map_err(FileError::at("remove", path)),
+        }
+    }
+
+    /// Gives `from` the name `to`, which must be free.
+    ///
+    /// # Errors
+    /// `AlreadyExists` when it is not; nothing has changed then.
+    pub fn rename_new(&self, from: &Path, to: &Path) -> Result<(), FileError> {
+        self.0.rename_new(from, to).map_err(FileError::at("move", from))
+    }
+
+    /// Makes the names in `folder` last over a power cut.
+    ///
+    /// # Errors
+    /// When they may not.
+    pub fn sync_folder(&self, folder: &Path) -> Result<(), FileError> {
+        self.0.sync_folder(folder).map_err(FileError::at("synchronise the folder", folder))
+    }
+
+    /// Makes what the file `path` holds last over a power cut, whoever wrote it.
+    ///
+    /// # Errors
+    /// When it may not.
+    pub fn sync_file(&self, path: &Path) -> Result<(), FileError> {
+        self.0.sync_file(path).map_err(FileError::at("synchronise", path))
+    }
+
+    /// Writes `content` to the new file `folder/name`, whole or not at all, and makes it last.
+    ///
+    /// # Errors
+    /// When it cannot, or when `name` is taken (`AlreadyExists`).
+    pub fn write_new(
+        &self,
+        folder: &Path,
+        name: &OsStr,
+        content: &mut dyn Read,
+    ) -> Result<(), FileError> {
+        let temporary = self.write_temporary(folder, content)?;
+        let path = folder.join(name);
+        self.0.rename_new(&temporary, &path).map_err(|error| {
+            let _ = self.0.remove(&temporary);
+            FileError::at("write", &path)(error)
+        })?;
+        self.sync_folder(folder)
+    }
+
+    /// Writes `bytes` to `folder/name` in place of what is there, whole or not at all. Until the
+    /// folder is synchronised a power cut may bring back what was there before.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn replace(&self, folder: &Path, name: &OsStr, bytes: &[u8]) -> Result<(), FileError> {
+        let temporary = self.write_temporary(folder, &mut &*bytes)?;
+        self.rename_over(&temporary, &folder.join(name))
+    }
+
+    /// The same, made to last.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn replace_for_good(
+        &self,
+        folder: &Path,
+        name: &OsStr,
+        bytes: &[u8],
+    ) -> Result<(), FileError> {
+        self.replace(folder, name, bytes)?;
+        self.sync_folder(folder)
+    }
+
+    /// The same for what is written anew at every start: whole for whoever reads it now, anything
+    /// at all after a power cut. It costs the memory card nothing until the system writes back by
+    /// itself.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn replace_for_now(
+        &self,
+        folder: &Path,
+        name: &OsStr,
+        bytes: &[u8],
+    ) -> Result<(), FileError> {
+        let temporary = temporary_in(folder);
+        self.0.write(&temporary, &mut &*bytes).map_err(|error| {
+            let _ = self.0.remove(&temporary);
+            FileError::at("write", &temporary)(error)
+        })?;
+        self.rename_over(&temporary, &folder.join(name))
+    }
+
+    /// Moves `from` to `folder/name`, with a number when the name is taken, and returns the new
+    /// path. It is there for good once [`Files::sync_folder`] was called for either folder.
+    ///
+    /// # Errors
+    /// When it cannot; the file then is where it was.
+    pub fn move_to(&self, from: &Path, folder: &Path, name: &OsStr) -> Result<PathBuf, FileError> {
+        self.move_by(&|from, to| self.0.rename_new(from, to), from, folder, name)
+    }
+
+    /// The same where nobody else puts files into `folder`: in one step on every disk, also where a
+    /// rename cannot be told to overwrite nothing (NFS). Of several who move the same file exactly
+    /// one succeeds.
+    ///
+    /// # Errors
+    /// As [`Files::move_to`].
+    pub fn move_to_own(
+        &self,
+        from: &Path,
+        folder: &Path,
+        name: &OsStr,
+    ) -> Result<PathBuf, FileError> {
+        self.move_by(&|from, to| self.0.rename(from, to), from, folder, name)
+    }
+
+    fn move_by(
+        &self,
+        rename: &dyn Fn(&Path, &Path) -> io::Result<()>,
+        from: &Path,
+        folder: &Path,
+        name: &OsStr,
+    ) -> Result<PathBuf, FileError> {
+        let taken = self.taken_names(folder)?;
+        for name in numbered(name).filter(|name| !taken.holds(name)) {
+            let path = folder.join(name);
+            match rename(from, &path) {
+                // Given to another since the look.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                done => return done.map(|()| path).map_err(FileError::at("move", from)),
+            }
+        }
+        Err(FileError::at("move", from)(ErrorKind::AlreadyExists.into()))
+    }
+
+    /// The names in `folder`.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn taken_names(&self, folder: &Path) -> Result<TakenNames, FileError> {
+        Ok(TakenNames(self.list(folder)?.iter().map(|(name, _)| folded(name)).collect()))
+    }
+
+    /// Removes temporary files that a cut left in `folder`.
+    ///
+    /// # Errors
+    /// When one cannot be removed.
+    pub fn sweep(&self, folder: &Path) -> Result<(), FileError> {
+        for (name, kind) in self.list(folder)? {
+            let bytes = name.as_bytes();
+            let ours = bytes.starts_with(TEMPORARY.0.as_bytes())
+                && bytes.ends_with(TEMPORARY.1.as_bytes());
+            if ours && kind == FileKind::File {
+                self.remove(&folder.join(name))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_temporary(&self, folder: &Path, content: &mut dyn Read) -> Result<PathBuf, FileError> {
+        let path = temporary_in(folder);
+        self.0.write(&path, content).and_then(Unsynced::sync).map_err(|error| {
+            let _ = self.0.remove(&path);
+            FileError::at("write", &path)(error)
+        })?;
+        Ok(path)
+    }
+
+    fn rename_over(&self, temporary: &Path, path: &Path) -> Result<(), FileError> {
+        self.0.rename(temporary, path).map_err(|error| {
+            let _ = self.0.remove(temporary);
+            FileError::at("write", path)(error)
+        })
+    }
+}
+
+/// `value` as JSON, to be written to `path`.
+///
+/// # Errors
+/// When it cannot be said in JSON.
+pub fn json(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, FileError> {
+    serde_json::to_vec(value).map_err(|e| FileError::at("write", path)(e.into()))
+}
+
+/// The same in lines, for people who look into the file.
+///
+/// # Errors
+/// As [`json`].
+pub fn json_in_lines(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, FileError> {
+    serde_json::to_vec_pretty(value).map_err(|e| FileError::at("write", path)(e.into()))
+}
+
+/// The names of a folder, upper and lower case being one: on a share that does not tell them apart,
+/// or for a customer whose computer does not, `A.jpg` would hide `a.jpg`.
+pub struct TakenNames(HashSet<Vec<u8>>);
+
+impl TakenNames {
+    /// Whether `name` is one of them.
+    pub fn holds(&self, name: &OsStr) -> bool {
+        self.0.contains(&folded(name))
+    }
+}
+
+/// A name without the difference of cases. Names are bytes: what is no text is compared as it is.
+fn folded(name: &OsStr) -> Vec<u8> {
+    match name.to_str() {
+        Some(text) => text.to_lowercase().into_bytes(),
+        None => name.as_bytes().to_ascii_lowercase(),
+    }
+}
+
+/// `name` itself, then `stem-2.ext`, `stem-3.ext` and so on; cut to leave room for `.json` and the
+/// like.
+pub fn numbered(name: &OsStr) -> impl Iterator<Item = OsString> + use<> {
+    let name = name.to_owned();
+    (1..).map(move |number| with_number(&name, number))
+}
+
+fn with_number(name: &OsStr, number: u32) -> OsString {
+    let suffix = if number > 1 { format!("-{number}") } else { String::new() };
+    let extension = Path::new(name).extension().map(OsStr::as_bytes).unwrap_or_default();
+    // An ending longer than any real one is part of the name.
+    let extension = if extension.len() > 16 { &[] } else { extension };
+    let mut stem = match extension.is_empty() {
+        true => name.as_bytes().to_vec(),
+        false => name.as_bytes()[..name.len() - extension.len() - 1].to_vec(),
+    };
+    // Room for the dot, the extension, the number and the longest ending that is added, `.json`.
+    let room = NAME_BYTES_MAX.saturating_sub(extension.len() + 1 + suffix.len() + 5).max(1);
+    if stem.len() > room {
+        // Not through the middle of a UTF-8 character.
+        let mut at = room;
+        while at > 1 && stem[at] & 0xc0 == 0x80 {
+            at -= 1;
+        }
+        stem.truncate(at);
+    }
+    stem.extend_from_slice(suffix.as_bytes());
+    if !extension.is_empty() {
+        stem.push(b'.');
+        stem.extend_from_slice(extension);
+    }
+    OsString::from_vec(stem)
+}
+
+/// A name that nobody else has. Boxes that share a folder are alike down to the number of the
+/// process, so a number drawn by this one is part of it.
+fn temporary_in(folder: &Path) -> PathBuf {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    static DRAWN: LazyLock<u64> = LazyLock::new(drawn);
+    let number = NEXT.fetch_add(1, Ordering::Relaxed);
+    folder.join(format!("{}{:016x}-{number}{}", TEMPORARY.0, *DRAWN, TEMPORARY.1))
+}
+
+/// A number by the system's randomness, with which the standard library's hash maps begin.
+fn drawn() -> u64 {
+    RandomState::new().hash_one(std::process::id())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_go_before_the_ending_and_names_stay_short_enough() {
+        assert_eq!(with_number(OsStr::new("a.jpg"), 1), "a.jpg");
+        assert_eq!(with_number(OsStr::new("a.b.jpg"), 3), "a.b-3.jpg");
+        assert_eq!(with_number(OsStr::new("plain"), 2), "plain-2");
+        let long = OsString::from("é".repeat(126) + ".jpg");
+        let cut = with_number(&long, 12);
+        assert!(
+            cut.len() + 5 <= NAME_BYTES_MAX
+                && cut.to_str().is_some_and(|s| s.ends_with("é-12.jpg"))
+        );
+        let ending = OsString::from(format!("a.{}", "b".repeat(253)));
+        assert!(with_number(&ending, 12).len() + 5 <= NAME_BYTES_MAX);
+    }
+
+    #[test]
+    fn nothing_is_overwritten_or_hidden_by_another_case() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = &folder.path().canonicalize().unwrap();
+        let files = Files::beneath(vec![at.clone()]);
+        files.write_new(at, OsStr::new("a.txt"), &mut &b"first"[..]).unwrap();
+        assert!(files.write_new(at, OsStr::new("a.txt"), &mut &b"second"[..]).is_err());
+        files.write_new(at, OsStr::new("b.txt"), &mut &b"third"[..]).unwrap();
+        let moved = files.move_to(&at.join("b.txt"), at, OsStr::new("A.txt")).unwrap();
+        assert_eq!(moved.file_name().unwrap(), "A-2.txt");
+        assert_eq!(std::fs::read(at.join("a.txt")).unwrap(), b"first");
+        assert_eq!(std::fs::read_dir(at).unwrap().count(), 2, "no temporary file stays");
+    }
+}

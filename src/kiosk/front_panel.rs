@@ -1,0 +1,184 @@
+//! What the front panel's loop and the daemon tell each other: the state one way, presses the
+//! other.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::press::Press;
+
+/// What the box is doing, as far as somebody before it cares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BoxState {
+    /// Devices are being opened or measured.
+    #[default]
+    Starting,
+    /// Nothing to do.
+    Ready,
+    /// Photos wait for the button.
+    Waiting,
+    /// The button was pressed, work is about to begin.
+    Heard,
+    /// A photo is being restored, or the lens measured.
+    Working,
+    /// Photos wait for their time.
+    Resting,
+    /// Somebody is needed.
+    Trouble,
+    /// The button was held at the start.
+    Maintenance,
+}
+
+/// What the button asked for and the daemon has not answered yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Requests {
+    /// Restore what is waiting.
+    pub go: bool,
+    /// Leave maintenance, or enter it (held at start).
+    pub maintenance: Option<bool>,
+    /// Calibrate; asked for in maintenance only.
+    pub calibrate: bool,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    state: BoxState,
+    requests: Requests,
+}
+
+/// Both sides of the front panel.
+#[derive(Debug, Clone, Default)]
+pub struct FrontPanel {
+    inner: Arc<Mutex<Inner>>,
+    cancel: Arc<AtomicBool>,
+    /// Rounds of the loop, from 1; 0 for a box whose front panel nobody attends.
+    rounds: Arc<AtomicU64>,
+}
+
+impl FrontPanel {
+    /// Also after a panic elsewhere: each value is whole at any time.
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The side of the loop: it comes round once more. Called for the first time before its
+    /// devices are opened, which may hang as well.
+    pub fn comes_round(&self) {
+        self.rounds.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How often the loop came round; `None` for a box whose front panel nobody attends.
+    pub fn rounds(&self) -> Option<u64> {
+        Some(self.rounds.load(Ordering::Relaxed)).filter(|&rounds| rounds > 0)
+    }
+
+    /// The state the box is in.
+    pub fn state(&self) -> BoxState {
+        self.inner().state
+    }
+
+    /// The daemon's side: the box now is in `state`.
+    pub fn set(&self, state: BoxState) {
+        let mut inner = self.inner();
+        // A press that came just before the daemon looked must not seem to have been forgotten.
+        let heard = inner.requests.go && matches!(state, BoxState::Waiting | BoxState::Ready);
+        inner.state = if heard { BoxState::Heard } else { state };
+    }
+
+    /// The side of the loop: what a press means in the state the box is in.
+    pub fn press(&self, press: Press) {
+        let mut inner = self.inner();
+        match (press, inner.state) {
+            (Press::HeldAtStart, _) => inner.requests.maintenance = Some(true),
+            (Press::Short, BoxState::Maintenance) => inner.requests.maintenance = Some(false),
+            (Press::Long, BoxState::Maintenance) => inner.requests.calibrate = true,
+            (Press::Down, BoxState::Ready | BoxState::Waiting | BoxState::Heard) => {
+                inner.requests.go = true;
+                inner.state = BoxState::Heard;
+            }
+            (Press::Long, BoxState::Working) => {
+                inner.requests.go = false;
+                self.cancel.store(true, Ordering::Release);
+            }
+            (Press::Long, _) if inner.requests.go => {
+                // Taken back before it began: the daemon says what comes next.
+                inner.requests.go = false;
+                inner.state = BoxState::Ready;
+            }
+            // A press during a job, while resting or in trouble changes nothing.
+            (Press::Down | Press::Short | Press::Long, _) => {}
+        }
+    }
+
+    /// Whether the button asked for something.
+    pub fn has_requests(&self) -> bool {
+        self.inner().requests != Requests::default()
+    }
+
+    /// What the button asked for, which counts as answered from now on.
+    pub fn take_requests(&self) -> Requests {
+        std::mem::take(&mut self.inner().requests)
+    }
+
+    /// Whether the job under way is to be given up.
+    pub fn cancelled(&self) -> bool {
+        self.cancel.load(Ordering::Acquire)
+    }
+
+    /// Whether a job was to be given up; the request counts as answered.
+    pub fn take_cancelled(&self) -> bool {
+        self.cancel.swap(false, Ordering::AcqRel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presses_during_a_job_ask_for_nothing() {
+        let panel = FrontPanel::default();
+        panel.set(BoxState::Working);
+        for _ in 0..10 {
+            panel.press(Press::Down);
+        }
+        assert!(!panel.has_requests() && !panel.cancelled());
+        assert_eq!(panel.state(), BoxState::Working);
+    }
+
+    #[test]
+    fn a_long_press_gives_the_job_up_once() {
+        let panel = FrontPanel::default();
+        panel.set(BoxState::Working);
+        panel.press(Press::Down);
+        panel.press(Press::Long);
+        assert!(panel.cancelled() && panel.take_cancelled() && !panel.take_cancelled());
+    }
+
+    #[test]
+    fn a_press_is_kept_until_the_daemon_looks() {
+        let panel = FrontPanel::default();
+        panel.set(BoxState::Waiting);
+        panel.press(Press::Down);
+        assert_eq!(panel.state(), BoxState::Heard);
+        panel.set(BoxState::Waiting);
+        assert_eq!(panel.state(), BoxState::Heard, "the daemon has not looked yet");
+        assert!(panel.take_requests().go);
+        panel.set(BoxState::Waiting);
+        assert_eq!(panel.state(), BoxState::Waiting);
+    }
+
+    #[test]
+    fn in_maintenance_short_leaves_and_long_calibrates() {
+        let panel = FrontPanel::default();
+        panel.press(Press::HeldAtStart);
+        assert_eq!(panel.take_requests().maintenance, Some(true));
+        panel.set(BoxState::Maintenance);
+        panel.press(Press::Down);
+        panel.press(Press::Long);
+        assert_eq!(panel.take_requests(), Requests { calibrate: true, ..Requests::default() });
+        panel.press(Press::Down);
+        assert!(!panel.has_requests(), "short or long is not known yet");
+        panel.press(Press::Short);
+        assert_eq!(panel.take_requests().maintenance, Some(false));
+    }
+}
