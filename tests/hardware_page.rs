@@ -62,7 +62,7 @@ fn a_camera_s_kind_is_v4l2_unless_it_is_named_and_calibrations_stay_good() {
     assert_eq!(named.identity, unnamed.identity);
     let said = changed("[hardware.camera]", "[hardware.camera]\nkind = \"gev\"");
     assert!(said.contains("found \"gev\", allowed \"v4l2\""), "{said}");
-    let said = changed("buffers = ", "bufers = ");
+    let said = changed("exposure-by = ", "bufers = 4\nexposure-by = ");
     assert!(said.contains("bufers") && said.contains("`buffers`"), "{said}");
 }
 

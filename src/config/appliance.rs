@@ -1,102 +1,97 @@
 //! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`, `[keep]`, `[share]`. Each
-//! may be left out; in one that is there, every number is.
+//! may be left out.
 
-use serde::{Deserialize, Serialize};
+use super::keys::{table, words};
 
-use super::ConfigError;
-use super::rules::Rules;
-
-/// `[run]`: who says when photos are restored.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Run {
-    /// The folder or the button.
-    pub mode: Mode,
-    /// How long the button is held to give a job up; in maintenance, to calibrate.
-    pub long_press_ms: f64,
-}
-
-impl Default for Run {
-    /// Photos are taken as they come.
-    fn default() -> Run {
-        Run { mode: Mode::Folder, long_press_ms: 1500.0 }
+table! {
+    /// Who says when photos are restored.
+    @[derive(Copy)]
+    pub struct RunTable {
+        /// The folder or the button.
+        mode: Mode, Word(Mode::WORDS), Means("\"folder\"");
+        /// How long the button is held to give a job up; in maintenance, to calibrate. Held at
+        /// start: maintenance.
+        long_press_ms: f64, Number(300.0, 10_000.0), Means("1500.0");
     }
 }
 
-/// What starts a restoration.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Mode {
-    /// A photo in the inbox.
-    Folder,
-    /// The button; photos wait for it.
-    Button,
+words! {
+    /// What starts a restoration.
+    pub enum Mode {
+        /// A photo in the inbox.
+        Folder = "folder",
+        /// The button; photos wait for it.
+        Button = "button",
+    }
 }
 
-/// `[nights]`: photos are restored at night, and the rig's drift is watched.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Nights {
-    /// From when to when by the clock on the wall, `22:00-06:00`; `always` only watches the drift.
-    pub window: String,
-    /// Whose wall, by its name in the time zone database: `Europe/Vienna`.
-    pub time_zone: String,
+table! {
+    /// Photos are restored at night, and the rig's drift is watched.
+    pub struct Nights {
+        /// From when to when by the clock on the wall; `always` only watches the drift.
+        window: String, Such("two different times as 22:00-06:00, or always", |value| {
+            value.as_str().is_some_and(|window| minutes(window).is_some())
+        }), Never;
+        /// Whose wall, such as `Europe/Vienna`.
+        time_zone: String, Such("a name of the time zone database", |value| {
+            value.as_str().is_some_and(|zone| jiff::tz::TimeZone::get(zone).is_ok())
+        }), Never;
+        /// What makes the box's calendar believable.
+        clock: ClockSource, Word(ClockSource::WORDS), Never;
+        /// Photos between two pilot pictures; there is one before and one after, too.
+        pilot_every_photos: usize, Whole(1, 100_000), Means("50");
+        /// Longest time the rig is given to become steady.
+        warm_up_max_min: f64, Number(0.0, 600.0), Means("60.0");
+        /// Whether a rig that has drifted may be calibrated anew, and what came since the last
+        /// good pilot be restored anew. Else the night is held.
+        recalibrate: bool, Truth, Never;
+        /// Farthest the pilot may be displaced, sensor pixels.
+        shift_max_px: f64, Number(0.01, 10.0), Means("0.25");
+        /// Farthest its brightness may be off, per cent.
+        gain_max_percent: f64, Number(0.01, 100.0), Means("3.0");
+        /// Most light that may have come or gone, grey levels.
+        offset_max_levels: f64, Number(0.01, 255.0), Means("1.0");
+        /// Most noise, as a multiple of the calibration's.
+        noise_max_ratio: f64, Number(1.0, 100.0), Means("1.5");
+    }
+}
+
+words! {
     /// What makes the box's calendar believable.
-    pub clock: ClockSource,
-    /// Photos between two pilot pictures.
-    pub pilot_every_photos: usize,
-    /// Longest time the rig is given to become steady.
-    pub warm_up_max_min: f64,
-    /// Whether the rig may be calibrated anew when it has drifted; else it is held.
-    pub recalibrate: bool,
-    /// Farthest the pilot may be displaced, sensor pixels.
-    pub shift_max_px: f64,
-    /// Farthest its brightness may be off, per cent.
-    pub gain_max_percent: f64,
-    /// Most light that may have come or gone, grey levels.
-    pub offset_max_levels: f64,
-    /// Most noise, as a multiple of the calibration's.
-    pub noise_max_ratio: f64,
-}
-
-/// What makes the box's calendar believable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClockSource {
-    /// The kernel says that it was set by the network: boards without a battery clock.
-    Network,
-    /// A battery clock: any time not before one already seen.
-    Battery,
-}
-
-/// `[disk]`: what is asked of the disk.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Disk {
-    /// Left free on the disk of the results, MiB: photos wait while there is less.
-    pub floor_mib: f64,
-}
-
-impl Default for Disk {
-    /// A quarter of a gigabyte, so that whoever is to help can still log in. Guess.
-    fn default() -> Disk {
-        Disk { floor_mib: 256.0 }
+    pub enum ClockSource {
+        /// The kernel says that the network has set it: boards without a battery clock.
+        Network = "network",
+        /// A battery clock: any time not before one already seen.
+        Battery = "battery",
     }
 }
 
-/// `[keep]`: how long results and originals are kept, and how much of them; `inf` is for ever. What
-/// waits, is under way or could not be restored is kept whatever is written here.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Keep {
-    /// A result is removed from the outbox when it is older, days.
-    pub results_days_max: f64,
-    /// The oldest results are removed while all of them together are larger, MiB.
-    pub results_mib_max: f64,
-    /// An original is removed from `done` when it has been there for longer, days.
-    pub originals_days_max: f64,
-    /// The oldest originals are removed while all of them together are larger, MiB.
-    pub originals_mib_max: f64,
+table! {
+    /// What is asked of the disk.
+    @[derive(Copy)]
+    pub struct DiskTable {
+        /// Left free on the disk of the results, MiB: photos wait while there is less. The default
+        /// is a guess at what whoever is to help needs to log in.
+        floor_mib: f64, Number(0.0, 1e6), Means("256.0");
+    }
+}
+
+table! {
+    /// How long results and originals are kept, and how much of them; `inf` is for ever. What
+    /// waits, is under way or could not be restored is kept whatever is written here.
+    @[derive(Copy)]
+    pub struct Keep {
+        // Less than a day, or than a handful of photos, would take results away from whoever was
+        // about to fetch them.
+        /// A result is removed from the outbox when it is older, days.
+        results_days_max: f64, Number(1.0, f64::INFINITY), Never;
+        /// The oldest results are removed while all of them together are larger, MiB.
+        results_mib_max: f64, Number(100.0, f64::INFINITY), Never;
+        /// An original is removed from `done` when it has been there for longer, days.
+        originals_days_max: f64, Number(1.0, f64::INFINITY), Never;
+        /// The oldest originals are removed while all of them together are larger, MiB.
+        originals_mib_max: f64, Number(100.0, f64::INFINITY), Never;
+    }
 }
 
 impl Default for Keep {
@@ -108,83 +103,39 @@ impl Default for Keep {
     }
 }
 
-/// `[share]`: boxes that work on one set of folders (`relens run --box NAME`).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Share {
-    /// A box that did not move for this long has lost its photos to the others. The same on all of
-    /// them, and longer than any restoration is silent.
-    pub lease_s: f64,
-}
-
-impl Default for Share {
-    /// Five minutes: a guess.
-    fn default() -> Share {
-        Share { lease_s: 300.0 }
+table! {
+    /// Boxes that work on one set of folders (`relens run --box NAME`).
+    @[derive(Copy)]
+    pub struct Share {
+        /// A box that did not move for this long has lost its photos to the others. The same on
+        /// all of them, and longer than any restoration is silent. The default is a guess.
+        // A slow network may keep a lease from being changed for some seconds.
+        lease_s: f64, Number(30.0, 86_400.0), Means("300.0");
     }
 }
 
 /// The night's first and last minute, counted from midnight; `None` for `always`.
-pub type Window = Option<(u16, u16)>;
+pub type NightMinutes = Option<(u16, u16)>;
 
 impl Nights {
-    /// The window in minutes from midnight, which [`check_appliance`] has found readable.
-    pub fn minutes(&self) -> Option<Window> {
-        if self.window == "always" {
-            return Some(None);
-        }
-        let (from, to) = self.window.split_once(['-', '–'])?;
-        let minute = |text: &str| {
-            let (hour, minute) = text.trim().split_once(':')?;
-            let (hour, minute) = (hour.parse::<u16>().ok()?, minute.parse::<u16>().ok()?);
-            (hour < 24 && minute < 60).then_some(hour * 60 + minute)
-        };
-        let window = (minute(from)?, minute(to)?);
-        (window.0 != window.1).then_some(Some(window))
+    /// The window in minutes from midnight, which was found readable when the file was read.
+    pub fn minutes(&self) -> Option<NightMinutes> {
+        minutes(&self.window)
     }
 }
 
-/// The rules of these tables.
-pub(super) fn check_appliance(
-    rules: &Rules,
-    run: Run,
-    nights: Option<&Nights>,
-    disk: Disk,
-    keep: Keep,
-    share: Share,
-) -> Result<(), ConfigError> {
-    rules.within("disk.floor-mib", disk.floor_mib, 0.0, 1e6)?;
-    rules.within("run.long-press-ms", run.long_press_ms, 300.0, 10_000.0)?;
-    // A slow network may keep a lease from being changed for some seconds.
-    rules.within("share.lease-s", share.lease_s, 30.0, 86_400.0)?;
-    // Less than a day, or than a handful of photos, would take results away from whoever was about
-    // to fetch them.
-    rules.within("keep.results-days-max", keep.results_days_max, 1.0, f64::INFINITY)?;
-    rules.within("keep.results-mib-max", keep.results_mib_max, 100.0, f64::INFINITY)?;
-    rules.within("keep.originals-days-max", keep.originals_days_max, 1.0, f64::INFINITY)?;
-    rules.within("keep.originals-mib-max", keep.originals_mib_max, 100.0, f64::INFINITY)?;
-    let Some(nights) = nights else { return Ok(()) };
-    let readable = nights.minutes().is_some();
-    rules.hold(
-        readable,
-        "nights.window",
-        &nights.window,
-        "two different times as 22:00-06:00, or always",
-    )?;
-    let known = jiff::tz::TimeZone::get(&nights.time_zone).is_ok();
-    rules.hold(known, "nights.time-zone", &nights.time_zone, "a name of the time zone database")?;
-    let every = nights.pilot_every_photos;
-    rules.hold(
-        (1..=100_000).contains(&every),
-        "nights.pilot-every-photos",
-        every,
-        "1 to 100000",
-    )?;
-    rules.within("nights.warm-up-max-min", nights.warm_up_max_min, 0.0, 600.0)?;
-    rules.within("nights.shift-max-px", nights.shift_max_px, 0.01, 10.0)?;
-    rules.within("nights.gain-max-percent", nights.gain_max_percent, 0.01, 100.0)?;
-    rules.within("nights.offset-max-levels", nights.offset_max_levels, 0.01, 255.0)?;
-    rules.within("nights.noise-max-ratio", nights.noise_max_ratio, 1.0, 100.0)
+fn minutes(window: &str) -> Option<NightMinutes> {
+    if window == "always" {
+        return Some(None);
+    }
+    let (from, to) = window.split_once(['-', '–'])?;
+    let minute = |text: &str| {
+        let (hour, minute) = text.trim().split_once(':')?;
+        let (hour, minute) = (hour.parse::<u16>().ok()?, minute.parse::<u16>().ok()?);
+        (hour < 24 && minute < 60).then_some(hour * 60 + minute)
+    };
+    let window = (minute(from)?, minute(to)?);
+    (window.0 != window.1).then_some(Some(window))
 }
 
 #[cfg(test)]
@@ -260,10 +211,10 @@ mod tests {
     }
 
     #[test]
-    fn the_readme_s_tables_are_read() {
-        let readme = include_str!("../../README.md");
+    fn the_operator_s_page_has_tables_that_are_read() {
+        let page = include_str!("../../systemd/README.md");
         let tables =
-            readme.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+            page.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
         let rig = small_and(tables).unwrap();
         assert_eq!(
             (rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib),

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::ConfigError;
+use super::error::ConfigError;
+use super::places::Places;
 use crate::frame::read_npy_f32;
 
 /// How far a function's sum may be from 1: `f32` rounding of a few hundred taps, with room.
@@ -29,16 +30,12 @@ impl BlurGrid {
         &self.functions[((row * self.columns + column) * 3 + channel) * area..][..area]
     }
 
-    /// Reads and checks the array in `path`, for the rig file `file`.
-    pub(super) fn read(path: &Path, file: &str) -> Result<Self, ConfigError> {
+    /// Reads and checks the array in `path`, which `lens.blur` names.
+    pub(super) fn read(path: &Path, places: &Places) -> Result<Self, ConfigError> {
+        let key = "lens.blur";
         let (shape, functions) = read_npy_f32(path)
-            .map_err(|source| ConfigError::Blur { file: file.to_owned(), source })?;
-        let wrong = |found: String, allowed: &str| ConfigError::Value {
-            file: file.to_owned(),
-            key: "lens.blur".to_owned(),
-            found,
-            allowed: allowed.to_owned(),
-        };
+            .map_err(|source| ConfigError::Blur { at: places.of(key), source })?;
+        let wrong = |found: String, allowed: &str| places.broken(key, found, allowed);
         let &[rows, columns, 3, support_px, height] = shape.as_slice() else {
             return Err(wrong(format!("an array of shape {shape:?}"), "[rows, columns, 3, k, k]"));
         };

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::frame::NpyError;
 use crate::remedy::{Remediable, Remedy};
 
-/// Why a rig file was not taken.
+/// Why a rig file was not taken. `at` is the rig file, with the line where one is meant.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
@@ -17,33 +17,39 @@ pub enum ConfigError {
         #[source]
         source: std::io::Error,
     },
-    /// The text is not TOML, or a value has the wrong type, or a key is missing.
-    #[error("{file}:{line}: {what}")]
-    Text {
-        /// The rig file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
+    /// The text is not TOML.
+    #[error("{at}: {what}")]
+    NotToml {
+        /// Where.
+        at: String,
         /// What the parser says.
         what: String,
     },
     /// A key nobody knows.
-    #[error("{file}:{line}: unknown key `{key}`; {nearest}")]
+    #[error("{at}: unknown key `{key}`; {nearest}")]
     UnknownKey {
-        /// The rig file.
-        file: String,
-        /// Line, from 1.
-        line: usize,
+        /// Where.
+        at: String,
         /// The key as written.
         key: String,
         /// The nearest known key, or all known ones, in words.
         nearest: String,
     },
-    /// A value out of its range, or at odds with another one.
-    #[error("{file}: {key}: found {found}, allowed {allowed}")]
+    /// A key, or a table, that has no default and is not there.
+    #[error("{at}: missing {what}; it has no default. What it is: {meaning}")]
+    Missing {
+        /// Where.
+        at: String,
+        /// "key `refresh-hz` in [panel]".
+        what: String,
+        /// What the key or the table is.
+        meaning: String,
+    },
+    /// A value of another kind, out of its range, or at odds with another one.
+    #[error("{at}: {key}: found {found}, allowed {allowed}")]
     Value {
-        /// The rig file.
-        file: String,
+        /// Where.
+        at: String,
         /// The key with its table.
         key: String,
         /// What was found.
@@ -52,23 +58,22 @@ pub enum ConfigError {
         allowed: String,
     },
     /// The measured blur grid cannot be read.
-    #[error("{file}: lens.blur cannot be used")]
+    #[error("{at}: lens.blur cannot be used")]
     Blur {
-        /// The rig file.
-        file: String,
+        /// Where.
+        at: String,
         /// The cause.
         #[source]
         source: NpyError,
     },
     /// A hardware rig in a program without device support.
     #[error(
-        "{file}: this is a rig of real devices, and this relens was built without them; build it \
-         with \
-         `--features hardware` or use a simulated rig"
+        "{at}: this is a rig of real devices, and this relens was built without them; build it \
+         with `--features hardware` or use a simulated rig"
     )]
     NoHardware {
-        /// The rig file.
-        file: String,
+        /// Where.
+        at: String,
     },
 }
 

@@ -3,56 +3,56 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
+use toml::Value;
 
-use super::rules::Rules;
-use super::{Camera, ConfigError, Panel};
+use super::error::ConfigError;
+use super::keys::{KindKeys, table, words};
+use super::places::Places;
 
-/// Everything a real rig is made of.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Hardware {
-    /// The display.
-    pub panel: PanelDevice,
-    /// The camera.
-    pub camera: CameraDevice,
-    /// What starts an exposure.
-    pub trigger: TriggerDevice,
-    /// The start button, if the box has one.
-    pub button: Option<ButtonDevice>,
-    /// The lamps, if the box has any.
-    #[serde(default)]
-    pub lamps: LampDevices,
+table! {
+    /// Everything a real rig is made of.
+    pub struct Hardware {
+        /// The display.
+        panel: PanelDevice, Table(&PanelDevice::TABLE), Never;
+        /// The camera, by its kind. Its size is `[camera]`'s.
+        camera: CameraDevice, ByKind(CameraDevice::KINDS), Never;
+        /// What starts an exposure.
+        trigger: TriggerDevice, ByKind(TriggerDevice::KINDS), Never;
+        /// The start button.
+        button: Option<ButtonDevice>, Table(&ButtonDevice::TABLE), Says("the box has none");
+        /// The lamps.
+        lamps: LampDevices, Table(&LampDevices::TABLE), Means("{}");
+    }
 }
 
-/// `[hardware.panel]`: a connector of a display driver. Its mode is `[panel]`'s size and refresh
-/// rate.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct PanelDevice {
-    /// The DRM node; when left out, the first one that drives a display.
-    pub node: Option<PathBuf>,
-    /// The connector by the kernel's name, such as `HDMI-A-1` (a folder under /sys/class/drm after
-    /// `card0-`).
-    pub connector: String,
-    /// How the driver is spoken to.
-    // Not written when it is what it always was: calibrations made before it could be said stay
-    // good.
-    #[serde(default, skip_serializing_if = "DisplayInterface::is_atomic")]
-    pub interface: DisplayInterface,
+table! {
+    /// A connector of a display driver. Its mode is `[panel]`'s size and refresh rate.
+    pub struct PanelDevice {
+        /// The DRM node.
+        node: Option<PathBuf>, Text, Says("the first one that drives a display");
+        /// The connector by the kernel's name, such as `HDMI-A-1` (a folder under /sys/class/drm
+        /// after `card0-`).
+        connector: String, Text, Never;
+        /// How the driver is spoken to.
+        // Not written when it is what it always was: calibrations made before it could be said
+        // stay good.
+        @[serde(default, skip_serializing_if = "DisplayInterface::is_atomic")]
+        interface: DisplayInterface, Word(DisplayInterface::WORDS), Means("\"atomic\"");
+    }
 }
 
-/// The two ways in which the kernel lets a program set modes and show pictures.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DisplayInterface {
-    /// All settings at once, each read back; a driver that has no such interface is driven by the
-    /// other.
-    #[default]
-    Atomic,
-    /// One setting at a time, for drivers whose atomic interface does not do what it says.
-    Legacy,
+words! {
+    /// The two ways in which the kernel lets a program set modes and show pictures.
+    @[derive(Default)]
+    pub enum DisplayInterface {
+        /// All settings at once, each read back; a driver that has no such interface is driven by
+        /// the other.
+        @[default]
+        Atomic = "atomic",
+        /// One setting at a time, for drivers whose atomic interface does not do what it says.
+        Legacy = "legacy",
+    }
 }
 
 impl DisplayInterface {
@@ -61,39 +61,30 @@ impl DisplayInterface {
     }
 }
 
-/// `[hardware.camera]`, by its `kind`; without one it is `v4l2`. Its size is `[camera]`'s.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// A camera. Another kind is a variant, a struct with its keys, and its line in `KINDS`.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum CameraDevice {
     /// A video node of the kernel's.
     V4l2(V4l2Device),
 }
 
 impl CameraDevice {
+    const KINDS: &'static [KindKeys] =
+        &[KindKeys { word: "v4l2", keys: &V4l2Device::TABLE, unless_said: true }];
+
     /// What sets the exposure time.
-    fn exposure_by(&self) -> ExposureBy {
+    pub(super) fn exposure_by(&self) -> ExposureBy {
         match self {
             CameraDevice::V4l2(device) => device.exposure_by,
         }
     }
 
-    fn check(&self, rules: &Rules) -> Result<(), ConfigError> {
+    /// The rules across keys.
+    pub(super) fn check(&self, places: &Places) -> Result<(), ConfigError> {
         match self {
-            CameraDevice::V4l2(device) => device.check(rules),
+            CameraDevice::V4l2(device) => device.check(places),
         }
-    }
-}
-
-impl<'de> Deserialize<'de> for CameraDevice {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let mut table = toml::Table::deserialize(deserializer)?;
-        let kind = table.remove("kind").unwrap_or_else(|| "v4l2".into());
-        let device = match kind.as_str() {
-            Some("v4l2") => V4l2Device::deserialize(table).map(CameraDevice::V4l2),
-            _ => {
-                return Err(D::Error::custom(format_args!("kind: found {kind}, allowed \"v4l2\"")));
-            }
-        };
-        device.map_err(|error| D::Error::custom(error.message()))
     }
 }
 
@@ -107,182 +98,144 @@ impl Serialize for CameraDevice {
     }
 }
 
-/// A V4L2 node.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct V4l2Device {
-    /// A link that udev keeps, under /dev/v4l/by-id or by-path. This or `card`.
-    pub device: Option<PathBuf>,
-    /// The card's name as `v4l2-ctl --info` prints it. This or `device`.
-    pub card: Option<String>,
-    /// Four-character code of the pixel format (`v4l2-ctl --list-formats`).
-    pub format: String,
-    /// Buffers in the capture ring, 2 to 8.
-    pub buffers: usize,
-    /// What sets the exposure time.
-    pub exposure_by: ExposureBy,
-    /// Controls by their `v4l2-ctl --list-ctrls` names. Automatics are switched off without being
-    /// named.
-    #[serde(default)]
-    pub controls: BTreeMap<String, i32>,
+table! {
+    /// A V4L2 node, by `device` or by `card`.
+    @[derive(Eq)]
+    pub struct V4l2Device {
+        /// A link that udev keeps, under /dev/v4l/by-id or by-path.
+        device: Option<PathBuf>, Text, Says("then `card` is needed");
+        /// The card's name as `v4l2-ctl --info` prints it.
+        card: Option<String>, Text, Says("then `device` is needed");
+        /// Four-character code of the pixel format (`v4l2-ctl --list-formats`).
+        format: String, Text, Never;
+        /// Buffers in the capture ring.
+        buffers: usize, Whole(2, 8), Means("4");
+        /// What sets the exposure time.
+        exposure_by: ExposureBy, Word(ExposureBy::WORDS), Never;
+        /// Controls by their `v4l2-ctl --list-ctrls` names. Automatics are switched off without
+        /// being named.
+        controls: BTreeMap<String, i32>, Such("names with whole numbers of 32 bits", |value| {
+            let fits = |one: &Value| one.as_integer().is_some_and(|n| i32::try_from(n).is_ok());
+            value.as_table().is_some_and(|all| all.values().all(fits))
+        }), Means("{}");
+    }
 }
 
 impl V4l2Device {
-    fn check(&self, rules: &Rules) -> Result<(), ConfigError> {
+    fn check(&self, places: &Places) -> Result<(), ConfigError> {
+        let one_of = |found| Err(places.broken("hardware.camera", found, "one of them"));
         match (&self.device, &self.card) {
             (Some(path), None) => {
                 let numbered = path.to_str().and_then(|text| text.strip_prefix("/dev/video"));
                 let stable = numbered.is_none_or(|rest| rest.parse::<u32>().is_err());
                 let allowed =
                     "a link under /dev/v4l/by-id or by-path: numbers change with every plug";
-                rules.hold(stable, "hardware.camera.device", path.display(), allowed)?;
+                places.hold(stable, "hardware.camera.device", path.display(), allowed)
             }
-            (None, Some(_)) => {}
-            (both_or_none, _) => {
-                let found = if both_or_none.is_some() {
-                    "both device and card"
-                } else {
-                    "neither device nor card"
-                };
-                return Err(rules.broken("hardware.camera", found, "one of them"));
-            }
+            (None, Some(_)) => Ok(()),
+            (Some(_), Some(_)) => one_of("both device and card"),
+            (None, None) => one_of("neither device nor card"),
         }
-        rules.hold(
-            (2..=8).contains(&self.buffers),
-            "hardware.camera.buffers",
-            self.buffers,
-            "2 to 8",
-        )
     }
 }
 
-/// What sets the exposure time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ExposureBy {
-    /// The camera's exposure control, set from `camera.exposure-ms`.
-    Control,
-    /// The trigger pulse is as long as the exposure.
-    Pulse,
-    /// Something V4L2 does not reach; `camera.exposure-ms` says what it was set to.
-    Elsewhere,
+words! {
+    /// What sets the exposure time.
+    pub enum ExposureBy {
+        /// The camera's exposure control, set from `camera.exposure-ms`.
+        Control = "control",
+        /// The trigger pulse is as long as the exposure.
+        Pulse = "pulse",
+        /// Something V4L2 does not reach; `camera.exposure-ms` says what it was set to.
+        Elsewhere = "elsewhere",
+    }
 }
 
-/// A GPIO line by the names it keeps.
+table! {
+    /// A GPIO line by the names it keeps.
+    pub struct GpioLine {
+        /// The chip's label (`gpiodetect`), never its number.
+        chip: String, Text, Never;
+        /// The line's name (`gpioinfo`).
+        line: String, Text, Never;
+        /// Which level means "on".
+        active: Level, Word(Level::WORDS), Never;
+    }
+}
+
+words! {
+    /// A level on the wire.
+    pub enum Level {
+        /// Near the supply.
+        High = "high",
+        /// Near ground.
+        Low = "low",
+    }
+}
+
+/// What starts an exposure.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Line {
-    /// The chip's label (`gpiodetect`), never its number.
-    pub chip: String,
-    /// The line's name (`gpioinfo`).
-    pub line: String,
-    /// Which level means "on".
-    pub active: Level,
-}
-
-/// A level on the wire.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Level {
-    /// Near the supply.
-    High,
-    /// Near ground.
-    Low,
-}
-
-/// `[hardware.trigger]`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields, tag = "kind")]
+#[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum TriggerDevice {
     /// A pulse on an output line.
-    Line {
+    Line(PulseLine),
+    /// The camera takes frames by itself.
+    FreeRunning(FreeRunningKeys),
+}
+
+impl TriggerDevice {
+    const KINDS: &'static [KindKeys] = &[
+        KindKeys { word: "line", keys: &PulseLine::TABLE, unless_said: false },
+        KindKeys { word: "free-running", keys: &FreeRunningKeys::TABLE, unless_said: false },
+    ];
+}
+
+table! {
+    /// A pulse on an output line starts the exposure.
+    @[derive(Eq)]
+    pub struct PulseLine {
         /// The chip's label.
-        chip: String,
+        chip: String, Text, Never;
         /// The line's name.
-        line: String,
+        line: String, Text, Never;
         /// The pulse's level.
-        active: Level,
+        active: Level, Word(Level::WORDS), Never;
         /// The pulse's width.
-        #[serde(rename = "pulse-us")]
-        pulse_us: u32,
-    },
+        pulse_us: u32, Whole(1, 1_000_000), Never;
+    }
+}
+
+table! {
     /// The camera takes frames by itself; the first whole one after the picture has settled is
     /// used.
-    FreeRunning,
+    @[derive(Eq)]
+    pub struct FreeRunningKeys {}
 }
 
-/// `[hardware.button]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct ButtonDevice {
-    /// The chip's label.
-    pub chip: String,
-    /// The line's name.
-    pub line: String,
-    /// Which level means "pressed".
-    pub active: Level,
-    /// How long a level must hold to count.
-    pub debounce_ms: f64,
-}
-
-/// `[hardware.lamps]`: any of them.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct LampDevices {
-    /// Waiting for photos.
-    pub ready: Option<Line>,
-    /// Working on a photo.
-    pub busy: Option<Line>,
-    /// The operator is needed.
-    pub trouble: Option<Line>,
-}
-
-/// The rules of `[hardware]`, and what the other tables must be on a real rig.
-pub(super) fn check_hardware(
-    rules: &Rules,
-    hardware: &Hardware,
-    panel: &Panel,
-    camera: &Camera,
-) -> Result<(), ConfigError> {
-    let refreshes = camera.exposure_ms * panel.refresh_hz / 1e3;
-    // Within a hundredth of a refresh: a control in steps of 100 µs rounds by 0.3 % at 60 Hz.
-    rules.hold(
-        refreshes > 0.5 && (refreshes - refreshes.round()).abs() <= 0.01,
-        "camera.exposure-ms",
-        format_args!("{} ms, which is {refreshes:.3} refreshes", camera.exposure_ms),
-        "a whole number of refreshes, or the backlight's flicker shows",
-    )?;
-    hardware.camera.check(rules)?;
-    match &hardware.trigger {
-        TriggerDevice::Line { pulse_us, .. } => {
-            rules.hold(
-                (1..=1_000_000).contains(pulse_us),
-                "hardware.trigger.pulse-us",
-                pulse_us,
-                "1 to 1000000",
-            )?;
-            let as_long = (f64::from(*pulse_us) / 1e3 / camera.exposure_ms - 1.0).abs() <= 0.01;
-            rules.hold(
-                hardware.camera.exposure_by() != ExposureBy::Pulse || as_long,
-                "hardware.trigger.pulse-us",
-                pulse_us,
-                format_args!(
-                    "camera.exposure-ms, {} ms, when the pulse sets the exposure",
-                    camera.exposure_ms
-                ),
-            )?;
-        }
-        TriggerDevice::FreeRunning => rules.hold(
-            hardware.camera.exposure_by() != ExposureBy::Pulse,
-            "hardware.camera.exposure-by",
-            "pulse",
-            "control or elsewhere with a free-running camera",
-        )?,
+table! {
+    /// The start button, on a line.
+    pub struct ButtonDevice {
+        /// The chip's label.
+        chip: String, Text, Never;
+        /// The line's name.
+        line: String, Text, Never;
+        /// Which level means "pressed".
+        active: Level, Word(Level::WORDS), Never;
+        /// How long a level must hold to count.
+        debounce_ms: f64, Number(1.0, 1000.0), Means("30.0");
     }
-    if let Some(button) = &hardware.button {
-        rules.within("hardware.button.debounce-ms", button.debounce_ms, 1.0, 1000.0)?;
+}
+
+table! {
+    /// The lamps, any of them.
+    pub struct LampDevices {
+        /// Waiting for photos.
+        ready: Option<GpioLine>, Table(&GpioLine::TABLE), Says("the box has none");
+        /// Working on a photo.
+        busy: Option<GpioLine>, Table(&GpioLine::TABLE), Says("the box has none");
+        /// The operator is needed.
+        trouble: Option<GpioLine>, Table(&GpioLine::TABLE), Says("the box has none");
     }
-    Ok(())
 }
 
 #[cfg(test)]

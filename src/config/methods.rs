@@ -5,7 +5,8 @@
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use super::parts::{Colours, Paper as PaperKeys, Restore};
+use super::keys::Word;
+use super::parts::{ColourChoice, PaperTable, Restore};
 use crate::deconvolution::method::blocks::{self, Blocks};
 use crate::deconvolution::method::digital::{self, Digital};
 use crate::deconvolution::method::hybrid::{self, Hybrid};
@@ -25,7 +26,7 @@ pub struct Numbers<'a> {
     /// `[restore]`.
     pub restore: &'a Restore,
     /// `[paper]`.
-    pub paper: &'a PaperKeys,
+    pub paper: &'a PaperTable,
     /// Steps of the solve with the lens model.
     pub steps: u32,
     /// Steps of each correction.
@@ -48,8 +49,10 @@ macro_rules! methods {
 
         impl MethodName {
             /// All of them.
-            pub const ALL: [MethodName; Self::NAMES.len()] = [$(MethodName::$method),*];
-            const NAMES: &'static [&'static str] = &[$($about.name),*];
+            pub const ALL: [MethodName; Self::WORDS.len()] = [$(MethodName::$method),*];
+            /// The words for them in a rig file.
+            pub(super) const WORDS: &'static [Word] =
+                &[$(Word { word: $about.name, meaning: concat!($($doc),*) }),*];
 
             /// What it is.
             pub const fn about(self) -> &'static About {
@@ -121,7 +124,7 @@ impl<'de> Deserialize<'de> for MethodName {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let word = String::deserialize(deserializer)?;
         let named = MethodName::ALL.into_iter().find(|method| method.name() == word);
-        named.ok_or_else(|| de::Error::unknown_variant(&word, MethodName::NAMES))
+        named.ok_or_else(|| de::Error::unknown_variant(&word, &[]))
     }
 }
 
@@ -147,8 +150,8 @@ pub fn digital(numbers: &Numbers<'_>) -> Digital {
         levels: restore.levels,
         cycle_spun: restore.cycle_spun,
         colours: match restore.colours {
-            Colours::Together => digital::Colours::Together,
-            Colours::Apart => digital::Colours::Apart,
+            ColourChoice::Together => digital::Colours::Together,
+            ColourChoice::Apart => digital::Colours::Apart,
         },
         blocks: None,
     }
@@ -180,6 +183,6 @@ fn strength(numbers: &Numbers<'_>, factor: f32) -> Strength {
 }
 
 /// The patches of backward convolution.
-pub fn patches(paper: &PaperKeys) -> PatchShape {
+pub fn patches(paper: &PaperTable) -> PatchShape {
     PatchShape { patch_px: paper.patch_px, margin_px: paper.margin_px }
 }

@@ -1,41 +1,42 @@
 //! The rig file: TOML as written, checked into a [`Rig`] that the rest may rely on.
 //!
-//! No physical quantity has a default, every key names its unit, an unknown key is an error that
-//! names the nearest known one, and rules across fields say what was found and what is allowed. The
-//! rig files of `rig-config/` are part of the program, so `--rig simulated.toml` works from any
-//! folder.
+//! No physical quantity has a default; numbers of a method or a procedure have one, which stands at
+//! their field and in `rig-config/README.md`. Every key names its unit. What is said about a file
+//! that is not taken names line, key, what was found and what is allowed. The rig files of
+//! `rig-config/` are part of the program, so `--rig simulated.toml` works from any folder.
 
 mod appliance;
 mod blur;
 mod error;
 mod hardware;
+mod keys;
 pub mod methods;
 mod parts;
+mod places;
+mod rig;
 mod rules;
 mod simulation;
 mod written;
 
-pub use appliance::{ClockSource, Disk, Keep, Mode, Nights, Run, Share, Window};
+pub use appliance::{ClockSource, DiskTable, Keep, Mode, NightMinutes, Nights, RunTable, Share};
 pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
-    ButtonDevice, CameraDevice, DisplayInterface, ExposureBy, Hardware, LampDevices, Level, Line,
-    PanelDevice, TriggerDevice, V4l2Device,
+    ButtonDevice, CameraDevice, DisplayInterface, ExposureBy, FreeRunningKeys, GpioLine, Hardware,
+    LampDevices, Level, PanelDevice, PulseLine, TriggerDevice, V4l2Device,
 };
 pub use methods::MethodName;
 pub use parts::{
-    Calibration, Camera, Canvas, Colours, Curve, Geometry, Marks, OperatingPoint, Panel, Paper,
-    Photo, Restore,
+    Alignment, CalibrationTable, CameraTable, CanvasTable, ColourChoice, Curve, Marks,
+    OperatingPoint, PanelTable, PaperTable, PhotoTable, Restore,
 };
+pub use rig::{Kind, Rig};
 pub use simulation::{
-    Display, Faults, Glare, Lens, LensGeometry, Pose, Prescription, Primaries, Sensor, SensorCurve,
-    Simulation, Subpixels, Surface, Surround, Uneven, Unrest, Wavelength,
+    DisplayTable, Faults, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription, Primaries,
+    SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest, Wavelength,
 };
 
 use std::path::Path;
-
-use crate::deconvolution::method::{blocks, hybrid};
-use crate::frame::{Rect, Size};
 
 /// The rig files that are part of the program, by name.
 const BUILT_IN: [(&str, &str); 5] = [
@@ -45,99 +46,6 @@ const BUILT_IN: [(&str, &str); 5] = [
     ("paper-synthetic.toml", include_str!("../../rig-config/paper-synthetic.toml")),
     ("truthful.toml", include_str!("../../rig-config/truthful.toml")),
 ];
-
-/// A rig as checked: whoever holds one need not doubt its numbers.
-#[derive(Debug, Clone)]
-pub struct Rig {
-    /// The rig's name, for reports.
-    pub name: String,
-    /// Simulated or made of hardware.
-    pub kind: Kind,
-    /// The customer's photos.
-    pub photo: Photo,
-    /// The display.
-    pub panel: Panel,
-    /// The sensor, and where the photo lies on it.
-    pub camera: Camera,
-    /// How far the solver's canvas reaches beyond the photo.
-    pub canvas: Canvas,
-    /// Where the frame marks are; without them a frame is trusted by its time alone.
-    pub marks: Option<Marks>,
-    /// How the rig is calibrated.
-    pub calibration: Calibration,
-    /// How photos are restored.
-    pub restore: Restore,
-    /// The paper's own parameters.
-    pub paper: Paper,
-    /// Who says when photos are restored.
-    pub run: Run,
-    /// When, if only at night; and how drift is watched.
-    pub nights: Option<Nights>,
-    /// How much of the disk is left free.
-    pub disk: Disk,
-    /// How long results and originals are kept.
-    pub keep: Keep,
-    /// How boxes that share folders tell which of them are dead.
-    pub share: Share,
-    /// A hash of everything a calibration depends on: a calibration of another identity is not this
-    /// rig's. Seeds, faults, and how photos are restored are not part of it.
-    pub identity: u64,
-}
-
-/// What the rig is made of.
-#[derive(Debug, Clone)]
-pub enum Kind {
-    /// Physics by computing.
-    Simulated(Box<Simulation>),
-    /// Devices.
-    Hardware(Box<Hardware>),
-}
-
-impl Rig {
-    /// The photo's part of the sensor.
-    pub fn photo_on_sensor(&self) -> Rect {
-        Rect { x: self.camera.photo_x_px, y: self.camera.photo_y_px, size: self.photo.size() }
-    }
-
-    /// The canvas: the photo with the margin around it.
-    pub fn canvas_size(&self) -> Size {
-        let margin = 2 * self.canvas.margin_px;
-        Size::new(self.photo.width_px + margin, self.photo.height_px + margin)
-    }
-
-    /// The canvas's part of the sensor.
-    pub fn canvas_on_sensor(&self) -> Rect {
-        let margin = self.canvas.margin_px;
-        let (x, y) = (self.camera.photo_x_px - margin, self.camera.photo_y_px - margin);
-        Rect { x, y, size: self.canvas_size() }
-    }
-
-    /// The photo's part of the canvas.
-    pub fn photo_on_canvas(&self) -> Rect {
-        Rect { x: self.canvas.margin_px, y: self.canvas.margin_px, size: self.photo.size() }
-    }
-
-    /// What methods are made of, as the file has it.
-    pub fn numbers(&self) -> methods::Numbers<'_> {
-        let Rig { restore, paper, .. } = self;
-        methods::Numbers {
-            restore,
-            paper,
-            steps: restore.steps as u32,
-            correction_steps: hybrid::CORRECTION_STEPS,
-            captures_max: 1 + restore.corrections_max as u32,
-            rounds: blocks::ROUNDS,
-        }
-    }
-
-    /// The simulation's tables, if the rig is a simulated one.
-    pub fn simulation(&self) -> Option<&Simulation> {
-        match &self.kind {
-            Kind::Simulated(simulation) => Some(simulation),
-            Kind::Hardware(_) => None,
-        }
-    }
-}
 
 /// Names of the rig files that are part of the program.
 pub fn built_in_names() -> impl Iterator<Item = &'static str> {
@@ -173,7 +81,8 @@ pub fn load(path: &Path) -> Result<Rig, ConfigError> {
 /// # Errors
 /// When it is not TOML, has an unknown or missing key, or breaks a rule.
 pub fn parse(text: &str, name: &str, base_dir: &Path) -> Result<Rig, ConfigError> {
-    rules::check(written::read(text, name)?, name, base_dir)
+    let (tables, places) = written::read(text, name)?;
+    rules::check(tables, &places, base_dir)
 }
 
 #[cfg(test)]

@@ -1,87 +1,216 @@
 //! The tables every rig has, simulated or not, as plain fields with their units in the names.
 
-use serde::{Deserialize, Serialize};
-
+use super::keys::{table, words};
 use super::methods::MethodName;
 use crate::frame::Size;
 
-/// `[photo]`: the customer's photos.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Photo {
-    /// Pixels in a row.
-    pub width_px: usize,
-    /// Rows.
-    pub height_px: usize,
-    /// How the photo's codes stand for light when the file says nothing else.
-    pub curve: Curve,
+table! {
+    /// The customer's photos.
+    pub struct PhotoTable {
+        /// Pixels in a row.
+        // The upper limit is a guess at the largest panel and sensor one will meet.
+        width_px: usize, Whole(16, 16384), Never;
+        /// Rows.
+        height_px: usize, Whole(16, 16384), Never;
+        /// How the photo's codes stand for light when the file says nothing else.
+        curve: Curve, Word(Curve::WORDS), Never;
+    }
 }
 
-impl Photo {
+words! {
+    /// A photo file's grey-level curve.
+    pub enum Curve {
+        /// IEC 61966-2-1.
+        Srgb = "srgb",
+        /// Codes are proportional to light.
+        Linear = "linear",
+    }
+}
+
+table! {
+    /// The display.
+    pub struct PanelTable {
+        /// Panel pixels in a row.
+        width_px: usize, Whole(16, 16384), Never;
+        /// Panel rows.
+        height_px: usize, Whole(16, 16384), Never;
+        /// Refreshes a second.
+        refresh_hz: f64, Number(1.0, 1000.0), Never;
+        /// Wait from the flip to the trigger: processing latency, scan-out and response time
+        /// together; `relens check` measures it.
+        settle_ms: f64, Number(0.0, 10_000.0), Never;
+        /// From a flip to the first change anyone can see, at the least and at most `settle-ms`;
+        /// `relens check` measures it. The next picture may be asked for this much before an
+        /// exposure ends.
+        latency_ms: Option<f64>, Number(0.0, 10_000.0),
+            Says("every exposure ends before the next picture is asked for");
+    }
+}
+
+table! {
+    /// The sensor.
+    pub struct CameraTable {
+        /// Sensor pixels in a row.
+        width_px: usize, Whole(16, 16384), Never;
+        /// Sensor rows.
+        height_px: usize, Whole(16, 16384), Never;
+        /// Sensor column of the photo's first column.
+        photo_x_px: usize, Whole(0, 16384), Never;
+        /// Sensor row of the photo's first row.
+        photo_y_px: usize, Whole(0, 16384), Never;
+        /// Bits of a count.
+        bits: u8, Of(&[8, 10, 12, 16]), Never;
+        /// Exposure time; on a real rig a whole number of refreshes, or the backlight's flicker
+        /// shows.
+        exposure_ms: f64, Number(0.001, 60_000.0), Never;
+        /// A frame later than this after the trigger is missing; more than the exposure. The
+        /// default is a guess: ten exposures of 50 ms.
+        deadline_ms: f64, Number(1.0, 600_000.0), Means("500.0");
+        /// How often one picture is shot at the most before the rig gives up. The default is a
+        /// guess.
+        exposures_max: u32, Whole(1, 100), Means("3");
+    }
+}
+
+table! {
+    /// The grid the solver works on.
+    pub struct CanvasTable {
+        /// How far the canvas reaches beyond the photo on every side: as far as the lens throws
+        /// light across the photo's border. The canvas stays on the sensor.
+        margin_px: usize, Whole(0, 16384), Never;
+    }
+}
+
+table! {
+    /// The strips at the sensor's upper and lower edge that carry the number of the picture shown.
+    pub struct Marks {
+        /// From the sensor's edge to the strip, in sensor pixels. The canvas stays free.
+        from_edge_px: usize, Whole(0, 16384), Never;
+        /// The strip's height in sensor pixels: wide against the blur.
+        height_px: usize, Whole(2, 16384), Never;
+    }
+}
+
+table! {
+    /// How the rig is measured.
+    pub struct CalibrationTable {
+        /// How panel and sensor are brought together.
+        geometry: Alignment, Word(Alignment::WORDS), Means("\"checkerboard\"");
+        /// Side of a checkerboard square in panel pixels: wide against the blur, and enough
+        /// corners for a spline.
+        checker_square_px: usize, Whole(4, 400), Never;
+        /// Columns of the lens model's grid of functions. 48 functions are enough, 192 gain
+        /// nothing.
+        function_columns: usize, Whole(1, 64), Means("8");
+        /// Rows of the lens model's grid of functions.
+        function_rows: usize, Whole(1, 64), Means("6");
+        /// Width and height of a function: as wide as the lens blurs.
+        function_support_px: usize, Odd(3, 255), Never;
+        /// Pseudo-random patterns shown to measure the lens model. Four are as good as ten.
+        patterns: usize, Whole(1, 100), Means("4");
+        /// Captures averaged for each pattern: four halve the noise.
+        captures_averaged: usize, Whole(1, 100), Means("1");
+        /// Whether light that is scattered wider than the functions reach (veiling glare) is
+        /// measured too. It is kept only where it is there.
+        broad_term: bool, Truth, Means("true");
+    }
+}
+
+words! {
+    /// How panel and sensor are brought together.
+    pub enum Alignment {
+        /// Measured with a displayed checkerboard, per channel.
+        Checkerboard = "checkerboard",
+        /// Panel pixel (i, j) is sensor pixel (i, j) by construction; nothing is resampled.
+        OneToOne = "one-to-one",
+    }
+}
+
+table! {
+    /// How photos are restored.
+    pub struct Restore {
+        /// The method used when none is asked for.
+        method: MethodName, Word(MethodName::WORDS), Means("\"hybrid\"");
+        /// Momentum steps of the solver, which starts from Wiener's filter.
+        steps: usize, Whole(1, 10_000), Means("16");
+        /// Shrinkage threshold in grey levels at one grey level of noise; it grows with the noise.
+        shrinkage_at_one_grey_level: f32, Number(0.0, 255.0), Means("0.09");
+        /// Wavelet levels.
+        levels: usize, Whole(1, 8), Means("4");
+        /// Whether the shrinkage is averaged over shifts (cycle spinning): worth more than any
+        /// change of iteration.
+        cycle_spun: bool, Truth, Means("true");
+        /// Whether the solver's prior sees the colours together.
+        colours: ColourChoice, Word(ColourChoice::WORDS), Means("\"together\"");
+        /// Defect corrections a photo may cost at the most; the first of them reuses the
+        /// certificate's capture.
+        corrections_max: usize, Whole(0, 100), Means("3");
+        /// Whether a photo's first capture may refine the measured lens for that photo: for a lens
+        /// that was touched, moved or poorly measured. The rigs that come with the program say
+        /// `true`; the default is for files from before the key.
+        refine_lens: bool, Truth, Means("false");
+        /// What `relens calibrate` is to choose method, steps and corrections by, from scenes it
+        /// shows.
+        operating_point: Option<OperatingPoint>, Word(OperatingPoint::WORDS),
+            Says("they are as this table has them");
+    }
+}
+
+words! {
+    /// What a setting is chosen by.
+    pub enum OperatingPoint {
+        /// The fastest within 0.01 SSIM of the best of those that take no longer than the rig
+        /// file's own and lose no more than 1 dB to it.
+        Fast = "fast",
+        /// The fastest within 0.002 SSIM of the best of those that take no longer than the rig
+        /// file's own and have no less PSNR.
+        Balanced = "balanced",
+        /// The best, block matching among them, whatever it costs.
+        Best = "best",
+    }
+}
+
+words! {
+    /// How the colours of a photo are solved.
+    pub enum ColourChoice {
+        /// Together: the prior sees brightness and colour differences.
+        Together = "together",
+        /// Each channel for itself.
+        Apart = "apart",
+    }
+}
+
+table! {
+    /// The paper's own parameters (§4), used by the methods `paper` and `residual`.
+    pub struct PaperTable {
+        /// Iterations (Fig. 7).
+        iterations: usize, Whole(0, 10_000), Means("11");
+        /// Step τ of Eq. 7 (§4.1). Above 1/‖K‖² it diverges, and may be written all the same.
+        tau: f32, Number(1e-6, 10.0), Means("0.8");
+        /// Weight λ of the wavelet term (§4.1).
+        lambda: f32, Number(0.0, 1e4), Means("3.0");
+        /// Side of a flip–FC–flip patch.
+        patch_px: usize, Whole(4, i64::MAX), Says("80/1024 of the photo's width, as in the paper");
+        /// Guard margin around a patch.
+        margin_px: usize, Whole(0, 1024), Says("the radius of the lens model's functions");
+    }
+}
+
+impl PhotoTable {
     /// Width and height.
     pub fn size(&self) -> Size {
         Size::new(self.width_px, self.height_px)
     }
 }
 
-/// A photo file's grey-level curve.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Curve {
-    /// IEC 61966-2-1.
-    Srgb,
-    /// Codes are proportional to light.
-    Linear,
-}
-
-/// `[panel]`: the display.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Panel {
-    /// Panel pixels in a row.
-    pub width_px: usize,
-    /// Panel rows.
-    pub height_px: usize,
-    /// Refreshes a second.
-    pub refresh_hz: f64,
-    /// Wait from the flip to the trigger: processing latency, scan-out and response time together.
-    pub settle_ms: f64,
-    /// From a flip to the first change anyone can see, at the least; `relens check` measures it.
-    /// The next picture may be asked for this much before an exposure ends. Left out, every
-    /// exposure ends first.
-    pub latency_ms: Option<f64>,
-}
-
-impl Panel {
+impl PanelTable {
     /// Width and height.
     pub fn size(&self) -> Size {
         Size::new(self.width_px, self.height_px)
     }
 }
 
-/// `[camera]`: the sensor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Camera {
-    /// Sensor pixels in a row.
-    pub width_px: usize,
-    /// Sensor rows.
-    pub height_px: usize,
-    /// Sensor column of the photo's first column.
-    pub photo_x_px: usize,
-    /// Sensor row of the photo's first row.
-    pub photo_y_px: usize,
-    /// Bits of a count: 8, 10, 12 or 16.
-    pub bits: u8,
-    /// Exposure time.
-    pub exposure_ms: f64,
-    /// A frame later than this after the trigger is missing.
-    pub deadline_ms: f64,
-    /// How often one picture is shot at the most before the rig gives up.
-    pub exposures_max: u32,
-}
-
-impl Camera {
+impl CameraTable {
     /// Width and height.
     pub fn size(&self) -> Size {
         Size::new(self.width_px, self.height_px)
@@ -91,140 +220,4 @@ impl Camera {
     pub fn count_max(&self) -> u16 {
         ((1u32 << self.bits) - 1) as u16
     }
-}
-
-/// `[canvas]`: the grid the solver works on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Canvas {
-    /// How far the canvas reaches beyond the photo on every side: light from outside falls into the
-    /// photo.
-    pub margin_px: usize,
-}
-
-/// `[marks]`: the strips at the sensor's upper and lower edge that carry the number of the picture
-/// shown.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Marks {
-    /// From the sensor's edge to the strip, in sensor pixels.
-    pub from_edge_px: usize,
-    /// The strip's height in sensor pixels.
-    pub height_px: usize,
-}
-
-/// `[calibration]`: how the rig is measured.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Calibration {
-    /// How panel and sensor are brought together.
-    pub geometry: Geometry,
-    /// Side of a checkerboard square on the panel.
-    pub checker_square_px: usize,
-    /// Columns of the lens model's grid of functions.
-    pub function_columns: usize,
-    /// Rows of the lens model's grid of functions.
-    pub function_rows: usize,
-    /// Width and height of a function, odd.
-    pub function_support_px: usize,
-    /// Pseudo-random patterns shown to measure the lens model.
-    pub patterns: usize,
-    /// Captures averaged for each pattern of the calibration.
-    pub captures_averaged: usize,
-    /// Whether light that is scattered wider than the functions reach is measured too.
-    #[serde(default = "yes")]
-    pub broad_term: bool,
-}
-
-const fn yes() -> bool {
-    true
-}
-
-/// How panel and sensor are brought together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Geometry {
-    /// Measured with a displayed checkerboard, per channel.
-    Checkerboard,
-    /// Panel pixel (i, j) is sensor pixel (i, j) by construction; nothing is resampled.
-    OneToOne,
-}
-
-/// `[restore]`: how photos are restored.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Restore {
-    /// The method used when none is asked for.
-    pub method: MethodName,
-    /// Momentum steps of the solver.
-    pub steps: usize,
-    /// Shrinkage threshold in grey levels at one grey level of noise; it grows with the noise.
-    pub shrinkage_at_one_grey_level: f32,
-    /// Wavelet levels.
-    pub levels: usize,
-    /// Whether the shrinkage is averaged over shifts (cycle spinning).
-    pub cycle_spun: bool,
-    /// Whether the solver's prior sees the colours together.
-    pub colours: Colours,
-    /// Defect corrections a photo may cost at the most; the first of them reuses the certificate's
-    /// capture.
-    pub corrections_max: usize,
-    /// Whether a photo's first capture may refine the measured lens for that photo; no when left
-    /// out.
-    #[serde(default)]
-    pub refine_lens: bool,
-    /// What `relens calibrate` is to choose method, steps and corrections by. Left out, they are as
-    /// this file has them.
-    pub operating_point: Option<OperatingPoint>,
-}
-
-/// What a setting is chosen by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum OperatingPoint {
-    /// The fastest within 0.01 SSIM of the best of those that take no longer than the rig file's
-    /// own and lose no more than 1 dB to it.
-    Fast,
-    /// The fastest within 0.002 SSIM of the best of those that take no longer than the rig file's
-    /// own and have no less PSNR.
-    Balanced,
-    /// The best, block matching among them, whatever it costs.
-    Best,
-}
-
-impl OperatingPoint {
-    /// The word in rig files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            OperatingPoint::Fast => "fast",
-            OperatingPoint::Balanced => "balanced",
-            OperatingPoint::Best => "best",
-        }
-    }
-}
-
-/// How the colours of a photo are solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Colours {
-    /// Together: the prior sees brightness and colour differences.
-    Together,
-    /// Each channel for itself.
-    Apart,
-}
-
-/// `[paper]`: the paper's own parameters (§4).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct Paper {
-    /// Iterations.
-    pub iterations: usize,
-    /// Step τ of Eq. 7.
-    pub tau: f32,
-    /// Weight λ of the wavelet term.
-    pub lambda: f32,
-    /// Side of a flip–FC–flip patch.
-    pub patch_px: usize,
-    /// Guard margin around a patch.
-    pub margin_px: usize,
 }

@@ -1,11 +1,15 @@
 //! Rig files that are taken, and what is said about those that are not.
 
+use super::keys::{Allowed, Key, KindKeys, LeftOut, TableKeys};
+use super::places::joined;
 use super::*;
 
+/// `small.toml`.
+const SMALL: &str = BUILT_IN[2].1;
+
 fn changed(from: &str, to: &str) -> Result<Rig, ConfigError> {
-    let text = BUILT_IN[2].1;
-    assert!(text.contains(from), "the rig file has no `{from}`");
-    parse(&text.replacen(from, to, 1), "small.toml", Path::new(""))
+    assert!(SMALL.contains(from), "the rig file has no `{from}`");
+    parse(&SMALL.replacen(from, to, 1), "small.toml", Path::new(""))
 }
 
 fn message(result: Result<Rig, ConfigError>) -> String {
@@ -27,8 +31,7 @@ fn an_unknown_key_names_its_line_and_the_nearest_known_one() {
         said.contains("unknown key `settel-ms`; the nearest known one is `settle-ms`"),
         "{said}"
     );
-    let line =
-        BUILT_IN[2].1.lines().position(|l| l.starts_with("settle-ms")).expect("it is there") + 1;
+    let line = SMALL.lines().position(|l| l.starts_with("settle-ms")).expect("it is there") + 1;
     assert!(said.starts_with(&format!("small.toml:{line}:")), "{said}");
     let said = message(changed("[pose]", "[poze]"));
     assert!(said.contains("`pose`"), "{said}");
@@ -43,17 +46,252 @@ fn a_missing_quantity_is_never_made_up() {
         said.contains("lens.pixel-pitch-um") && said.contains("no physical quantity"),
         "{said}"
     );
+    let said = message(changed("[canvas]\nmargin-px", "[marks]\nfrom-edge-px"));
+    assert!(said.contains("missing table `[canvas]`") && said.contains("grid"), "{said}");
+}
+
+#[test]
+fn what_is_wrong_is_said_in_the_file_s_words_with_its_line() {
+    let line = |key: &str| {
+        let at = SMALL.lines().position(|line| line.starts_with(key)).expect("it is there") + 1;
+        format!("small.toml:{at}: ")
+    };
+    for (key, from, to, wanted) in [
+        (
+            "exposure-ms",
+            "exposure-ms = 50.0",
+            "exposure-ms = \"ten\"",
+            "camera.exposure-ms: found \"ten\", allowed a number, 0.001 to 60000",
+        ),
+        (
+            "exposure-ms",
+            "exposure-ms = 50.0",
+            "exposure-ms = 0",
+            "camera.exposure-ms: found 0, allowed 0.001 to 60000",
+        ),
+        (
+            "curve",
+            "curve = \"srgb\"",
+            "curve = \"rgb\"",
+            "photo.curve: found \"rgb\", allowed \"srgb\" or \"linear\"",
+        ),
+        (
+            "checker-square-px",
+            "checker-square-px = 20",
+            "checker-square-px = 20.5",
+            "calibration.checker-square-px: found 20.5, allowed a whole number, 4 to 400",
+        ),
+        (
+            "refine-lens",
+            "refine-lens = true",
+            "refine-lens = 1",
+            "restore.refine-lens: found 1, allowed true or false",
+        ),
+        (
+            "gamma",
+            "gamma = [2.25, 2.2, 2.15]",
+            "gamma = [2.25, 2.2]",
+            "display.gamma: found [2.25, 2.2], allowed three numbers, 0.2 to 5",
+        ),
+        (
+            "read-noise-levels",
+            "read-noise-levels = 0.2",
+            "read-noise-levels = -0.1",
+            "sensor.read-noise-levels: found -0.1, allowed 0 to 255",
+        ),
+        (
+            "red-nm",
+            "red-nm = [[605.0, 0.6]",
+            "red-nm = [[60.5, 0.6]",
+            "display.primaries.red-nm: found [[60.5, 0.6]",
+        ),
+    ] {
+        let said = message(changed(from, to));
+        assert!(said.contains(wanted), "{said}");
+        assert!(said.starts_with(&line(key)), "{said}");
+        for foreign in ["f64", "usize", "variant", "struct", "field", "invalid type"] {
+            assert!(!said.contains(foreign), "{said}");
+        }
+    }
+    let table = message(changed("[rig]\n", "run = 8\n[rig]\n"));
+    assert!(table.contains("run: found 8, allowed a table"), "{table}");
+    let surface = message(changed("thickness-mm = 9.0", "thickness-mm = -9.0"));
+    assert!(surface.contains("lens.surface[1].thickness-mm: found -9.0"), "{surface}");
+}
+
+/// A table, or several of one kind.
+struct Section {
+    names: Vec<String>,
+    known: &'static TableKeys,
+    left_out: LeftOut,
+    kind: Option<&'static KindKeys>,
+}
+
+/// Every table with its whole name, in the file's order; tables of one kind stand together.
+fn sections() -> Vec<Section> {
+    fn collect(name: String, one: &'static TableKeys, left_out: LeftOut, all: &mut Vec<Section>) {
+        if one.keys.iter().any(|key| !matches!(key.allowed, Allowed::Table(_) | Allowed::ByKind(_)))
+        {
+            match all.iter_mut().find(|seen| seen.known.about == one.about) {
+                Some(seen) => seen.names.push(name.clone()),
+                None => all.push(Section {
+                    names: vec![name.clone()],
+                    known: one,
+                    left_out,
+                    kind: None,
+                }),
+            }
+        }
+        for key in one.keys {
+            let (name, left_out) = (joined(&name, &key.name()), key.left_out);
+            match key.allowed {
+                Allowed::Table(inner) | Allowed::Tables(inner) => {
+                    collect(name, inner, left_out, all);
+                }
+                Allowed::ByKind(kinds) => all.extend(kinds.iter().map(|kind| Section {
+                    names: vec![name.clone()],
+                    known: kind.keys,
+                    left_out,
+                    kind: Some(kind),
+                })),
+                _ => {}
+            }
+        }
+    }
+    let mut all = Vec::new();
+    const WHOLE: &TableKeys = &written::RigTables::TABLE;
+    collect(String::new(), WHOLE, LeftOut::Never, &mut all);
+    all
+}
+
+/// `small.toml` with every default written into it.
+fn said_in_full() -> String {
+    let mut whole: toml::Table = toml::from_str(SMALL).expect("it is TOML");
+    for Section { names, known, .. } in sections() {
+        for name in names {
+            let mut at = &mut whole;
+            if name.starts_with("hardware") || name.starts_with("lens.") {
+                continue;
+            }
+            let optional = ["nights", "keep", "marks"].contains(&name.as_str());
+            for part in name.split('.') {
+                let entry = at.entry(part).or_insert_with(|| toml::Table::new().into());
+                at = entry.as_table_mut().expect("a table");
+            }
+            for key in known.keys.iter().filter(|_| !optional) {
+                if let LeftOut::Means(text) = key.left_out {
+                    at.entry(key.name()).or_insert(text.parse().expect("it is TOML"));
+                }
+            }
+        }
+    }
+    for optional in ["nights", "keep", "marks"] {
+        whole.remove(optional);
+    }
+    toml::to_string(&whole).expect("tables of plain values")
+}
+
+#[test]
+fn a_default_said_and_a_default_left_out_are_the_same_rig() {
+    let text = said_in_full();
+    assert!(text.len() > SMALL.len() / 2 && text.contains("corrections-max"), "{text}");
+    let full = parse(&text, "full.toml", Path::new("")).unwrap_or_else(|error| panic!("{error}"));
+    let short = load(Path::new("small.toml")).expect("built in");
+    assert_eq!(full.identity, short.identity);
+    assert_eq!(format!("{full:?}"), format!("{short:?}"));
+    let other = changed("[calibration]", "[calibration]\npatterns = 5").expect("allowed");
+    assert_ne!(other.identity, short.identity);
+}
+
+#[test]
+fn calibrations_from_before_defaults_stay_good() {
+    for (name, identity) in [
+        ("simulated.toml", 0x9e12_f317_cba6_7b36),
+        ("study.toml", 0x8570_706e_d3db_35f6),
+        ("small.toml", 0xd94c_2a41_c826_05bf),
+        ("paper-synthetic.toml", 0x257d_d879_10d2_3cba),
+        ("tests/vm/rigs/truth.toml", 0x2024_52e9_2684_2b01),
+    ] {
+        assert_eq!(load(Path::new(name)).expect(name).identity, identity, "{name}");
+    }
+}
+
+#[test]
+fn the_paper_s_patches_follow_from_the_rig() {
+    let paper = |name: &str| load(Path::new(name)).expect(name).paper;
+    assert_eq!((paper("simulated.toml").patch_px, paper("simulated.toml").margin_px), (80, 20));
+    assert_eq!((paper("small.toml").patch_px, paper("small.toml").margin_px), (20, 6));
+    assert_eq!((paper("study.toml").patch_px, paper("study.toml").margin_px), (40, 10));
+    assert_eq!(paper("paper-synthetic.toml").margin_px, 80);
+}
+
+/// What a key left out means, for the page.
+fn left_out(key: &Key) -> String {
+    match key.left_out {
+        LeftOut::Never => "no default".to_owned(),
+        LeftOut::Means(text) => format!("`{text}`"),
+        LeftOut::Says(words) => format!("left out: {words}"),
+    }
+}
+
+/// The keys of all tables as Markdown.
+fn reference() -> String {
+    let mut page = String::new();
+    let plain = |text: &str| text.trim().replace('|', "\\|");
+    for Section { names, known, left_out: table, kind } in sections() {
+        let names: Vec<String> = names.iter().map(|name| format!("`[{name}]`")).collect();
+        let table = match table {
+            LeftOut::Says(words) => format!(" Left out: {words}."),
+            LeftOut::Means(_) => " May be left out.".to_owned(),
+            LeftOut::Never => String::new(),
+        };
+        page += &format!("\n### {}\n\n{}{table}\n\n", names.join(", "), known.about.trim());
+        page += "| key | allowed | default | what it is |\n|---|---|---|---|\n";
+        if let Some(kind) = kind {
+            let default = if kind.unless_said { "this" } else { "no default" };
+            page +=
+                &format!("| `kind` | \"{}\" | {default} | Whose keys these are. |\n", kind.word);
+        }
+        let is_value = |key: &&Key| {
+            !matches!(key.allowed, Allowed::Table(_) | Allowed::Tables(_) | Allowed::ByKind(_))
+        };
+        for key in known.keys.iter().filter(is_value) {
+            let mut meaning = plain(key.meaning);
+            if let Allowed::Word(words) = key.allowed {
+                for word in words {
+                    meaning += &format!("<br>`\"{}\"`: {}", word.word, plain(word.meaning));
+                }
+            }
+            let allowed = plain(&key.allowed.to_string());
+            page += &format!("| `{}` | {allowed} | {} | {meaning} |\n", key.name(), left_out(key));
+        }
+    }
+    page
+}
+
+#[test]
+fn the_page_of_keys_is_as_the_code_is() {
+    const HEADING: &str = "## Every key\n";
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config/README.md");
+    let page = std::fs::read_to_string(&path).expect("the page");
+    let (head, keys) = page.split_once(HEADING).expect("its heading");
+    let wanted = reference();
+    if std::env::var_os("RELENS_WRITE_PAGES").is_some() {
+        std::fs::write(&path, format!("{head}{HEADING}{wanted}")).expect("a page to write to");
+    } else {
+        assert!(keys == wanted, "keys changed: RELENS_WRITE_PAGES=1 cargo test --lib page_of_keys");
+    }
 }
 
 #[test]
 fn rules_across_fields_say_found_and_allowed() {
     let said = message(changed("margin-px = 8", "margin-px = 17"));
     assert!(said.contains("canvas.margin-px: found 17, allowed 0 to 16"), "{said}");
-    let said = message(changed("geometry = \"checkerboard\"", "geometry = \"one-to-one\""));
+    let said = message(changed("[calibration]", "[calibration]\ngeometry = \"one-to-one\""));
     assert!(said.contains("480×270") && said.contains("288×224"), "{said}");
     let said = message(changed("bits = 10", "bits = 9"));
     assert!(said.contains("found 9, allowed 8, 10, 12 or 16"), "{said}");
-    let said = message(changed("stale = 0.0", "stale = nan"));
+    let said = message(changed("[pose]", "[faults]\nstale = nan\n[pose]"));
     assert!(said.contains("faults.stale"), "{said}");
 }
 
@@ -75,8 +313,8 @@ fn identity_follows_what_a_calibration_depends_on_and_nothing_else() {
     let same = load(Path::new("small.toml")).expect("built in").identity;
     let identity = |from: &str, to: &str| changed(from, to).expect("allowed").identity;
     assert_eq!(identity("seed = 1", "seed = 2"), same);
-    assert_eq!(identity("iterations = 11", "iterations = 5"), same);
-    assert_eq!(identity("missing = 0.0", "missing = 0.1"), same);
+    assert_eq!(identity("[pose]", "[paper]\niterations = 5\n[pose]"), same);
+    assert_eq!(identity("[pose]", "[faults]\nmissing = 0.1\n[pose]"), same);
     assert_ne!(identity("rotation-deg = 0.35", "rotation-deg = 0.36"), same);
     assert_ne!(identity("photo-x-px = 16", "photo-x-px = 15"), same);
     assert_ne!(identity("gamma = [2.25", "gamma = [2.24"), same);
@@ -84,8 +322,7 @@ fn identity_follows_what_a_calibration_depends_on_and_nothing_else() {
 
 #[test]
 fn a_measured_blur_takes_the_place_of_the_prescription() {
-    let text = BUILT_IN[2].1;
-    let (before, lens) = text.split_once("[lens]").expect("has a lens");
+    let (before, lens) = SMALL.split_once("[lens]").expect("has a lens");
     let (_, after) = lens.split_once("[pose]").expect("has a pose");
     let flat = after
         .replace("tilt-x-deg = 0.6", "tilt-x-deg = 0.0")

@@ -22,7 +22,7 @@ pub(super) fn geometry(
     black: &Frame<SensorSpace>,
 ) -> Result<([Geometry; 3], Option<Board>), CalibrateError> {
     let (layout, domain) = (session.layout, session.layout.domain());
-    if session.config.calibration.geometry == config::Geometry::OneToOne {
+    if session.config.calibration.geometry == config::Alignment::OneToOne {
         let one = Geometry::one_to_one(domain, layout.photo_x_px as f64, layout.photo_y_px as f64);
         return Ok(([one.clone(), one.clone(), one], None));
     }

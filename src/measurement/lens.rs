@@ -42,7 +42,7 @@ pub(super) fn measure(
     calibration: &mut Calibration,
     board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
-    if session.config.calibration.geometry == config::Geometry::Checkerboard {
+    if session.config.calibration.geometry == config::Alignment::Checkerboard {
         session.step("centring");
         let layout = session.layout;
         let even = [layout.photo.width, layout.photo.height, layout.margin_px]

@@ -64,10 +64,10 @@ pub fn calibrate(
 /// Captures that a calibration of `config` takes.
 pub fn captures(config: &config::Rig) -> u32 {
     let board = match config.calibration.geometry {
-        config::Geometry::Checkerboard => {
+        config::Alignment::Checkerboard => {
             (1 + 3 + 1, lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS))
         }
-        config::Geometry::OneToOne => (0, 0),
+        config::Alignment::OneToOne => (0, 0),
     };
     let broad = if config.calibration.broad_term { 1 + lens::BROAD_PATTERNS } else { 0 };
     let averaged = broad

@@ -15,7 +15,7 @@ const DAYS_MAX: i64 = 400;
 /// Hours in a time zone; through daylight saving they are what the clock on the wall says.
 #[derive(Debug, Clone)]
 pub struct Window {
-    minutes: config::Window,
+    minutes: config::NightMinutes,
     zone: TimeZone,
     zone_name: String,
 }

@@ -17,7 +17,7 @@ fn tiny(change: impl Fn(&str) -> String) -> (Rig, simulated::Witness, config::Ri
         ("height-px = 224", "height-px = 128"),
         ("photo-x-px = 16", "photo-x-px = 20"),
         ("photo-y-px = 16", "photo-y-px = 20"),
-        ("exposures-max = 3", "exposures-max = 40"),
+        ("exposure-ms = 50.0", "exposure-ms = 50.0\nexposures-max = 40"),
         // A narrower blur and fewer points it is traced at: the lens is not what is tested.
         ("pixel-pitch-um = 40.0", "pixel-pitch-um = 72.0"),
         ("\nsupport-px = 19", "\nsupport-px = 11"),
@@ -43,9 +43,7 @@ fn with_marks(change: impl Fn(&str) -> String) -> Rig {
 }
 
 fn five_percent_of_each(text: &str) -> String {
-    ["stale", "duplicate", "missing", "mixed"].iter().fold(text.to_owned(), |text, fault| {
-        text.replacen(&format!("{fault} = 0.0"), &format!("{fault} = 0.05"), 1)
-    })
+    format!("{text}\n[faults]\nstale = 0.05\nduplicate = 0.05\nmissing = 0.05\nmixed = 0.05\n")
 }
 
 /// One of five pictures that differ everywhere: a frame tells which it is by its mean, the mark

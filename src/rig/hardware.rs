@@ -11,7 +11,7 @@ use super::lamps::{Lamp, Lamps};
 use super::monotonic::Monotonic;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
 use super::{Panel, RigError, Trigger, camera};
-use crate::config::{self, Hardware, Level, TriggerDevice};
+use crate::config::{self, Hardware, Level, PulseLine, TriggerDevice};
 
 /// Opens panel, trigger and camera, and finds the frame marks where the rig has room for them.
 ///
@@ -51,8 +51,8 @@ fn line(chip: &str, line: &str, active: Level) -> LineName {
 
 fn open_trigger(device: &TriggerDevice) -> Result<Box<dyn Trigger + Send>, RigError> {
     match device {
-        TriggerDevice::FreeRunning => Ok(Box::new(FreeRunning(Monotonic))),
-        TriggerDevice::Line { chip, line: name, active, pulse_us } => {
+        TriggerDevice::FreeRunning(_) => Ok(Box::new(FreeRunning(Monotonic))),
+        TriggerDevice::Line(PulseLine { chip, line: name, active, pulse_us }) => {
             let pin = OutputLine::open("trigger", &line(chip, name, *active))?;
             Ok(Box::new(PulseTrigger::new(pin, Delay, Monotonic, *pulse_us)?))
         }

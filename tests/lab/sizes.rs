@@ -10,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::chart::test_rig::TestRig;
 use relens::chart::trade::{Point, Trade};
-use relens::config::{Geometry, MethodName, Rig};
+use relens::config::{Alignment, MethodName, Rig};
 use relens::deconvolution::method::averaging::Averaged;
 use relens::pipeline::method;
 
@@ -61,7 +61,7 @@ fn sizes(rig: &Rig) -> Vec<Size> {
     let (columns, rows) = (rig.calibration.function_columns, rig.calibration.function_rows);
     // A geometry that is seen on a board is centred by the functions, and one place does not tell
     // it.
-    let first = usize::from(rig.calibration.geometry == Geometry::Checkerboard);
+    let first = usize::from(rig.calibration.geometry == Alignment::Checkerboard);
     for &(n, d) in &[(0, 1), (1, 2), (1, 1), (2, 1)][first..] {
         let mut changed = rig.clone();
         let grid = ((columns * n / d).max(1), (rows * n / d).max(1));

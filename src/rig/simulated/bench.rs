@@ -15,7 +15,7 @@ use super::panel::{self, Projection, Shading, approach};
 use super::sensor::SimulatedSensor;
 use super::unrest;
 use super::wear::Wear;
-use crate::config::{Camera, Display, Faults, Panel, Unrest};
+use crate::config::{CameraTable, DisplayTable, Faults, PanelTable, Unrest};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
 use crate::rig::{Exposed, Flip, Moment, RigError};
 
@@ -42,9 +42,9 @@ pub(super) struct OpticalBench {
     shading: Option<Shading>,
     pub(super) sensor: SimulatedSensor,
     pub(super) faults: Faults,
-    pub(super) panel: Panel,
-    pub(super) camera: Camera,
-    pub(super) display: Display,
+    pub(super) panel: PanelTable,
+    pub(super) camera: CameraTable,
+    pub(super) display: DisplayTable,
     pub(super) seed: u64,
     pub(super) unrest: Unrest,
     /// The panel's wander so far, and how far this capture is from where it was, in sensor pixels.
@@ -75,9 +75,9 @@ pub(super) struct Parts {
     pub(super) projection: Projection,
     pub(super) sensor: SimulatedSensor,
     pub(super) faults: Faults,
-    pub(super) panel: Panel,
-    pub(super) camera: Camera,
-    pub(super) display: Display,
+    pub(super) panel: PanelTable,
+    pub(super) camera: CameraTable,
+    pub(super) display: DisplayTable,
     pub(super) shading: Option<Shading>,
     pub(super) unrest: Unrest,
     pub(super) seed: u64,

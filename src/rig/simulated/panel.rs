@@ -3,14 +3,14 @@
 use rayon::prelude::*;
 
 use super::pose::PanelMap;
-use crate::config::{Display, Subpixels, Uneven};
+use crate::config::{DisplayTable, Subpixels, Uneven};
 use crate::frame::{Plane, Size};
 
 /// Light comes from all of a pixel's width.
 const WHOLE: [f32; 2] = [0.0, 1.0];
 
-/// Light of each code, 0..255, of one channel (the formula stands at [`Display`]).
-pub(super) fn response(display: &Display, channel: usize) -> [f32; 256] {
+/// Light of each code, 0..255, of one channel (the formula stands at [`DisplayTable`]).
+pub(super) fn response(display: &DisplayTable, channel: usize) -> [f32; 256] {
     let (gamma, toe) = (display.gamma[channel], display.toe[channel]);
     let floor = (toe / (1.0 + toe)).powf(gamma);
     std::array::from_fn(|code| {
@@ -21,7 +21,7 @@ pub(super) fn response(display: &Display, channel: usize) -> [f32; 256] {
 }
 
 /// Share of a panel pixel's width that a channel's light comes from: from where to where.
-pub(super) fn emitting(display: &Display, channel: usize) -> [f32; 2] {
+pub(super) fn emitting(display: &DisplayTable, channel: usize) -> [f32; 2] {
     match display.subpixels {
         Subpixels::Whole => WHOLE,
         Subpixels::Stripes => [channel as f32 / 3.0, (channel + 1) as f32 / 3.0],

@@ -9,14 +9,14 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use crate::config::{Camera, Sensor as SensorConfig, SensorCurve};
+use crate::config::{CameraTable, SensorCurve, SensorTable};
 use crate::frame::{Channel, Counts, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size};
 use crate::rig::pixel_format::PixelFormat;
 
 /// A sensor as its tables say.
 #[derive(Debug, Clone)]
 pub(super) struct SimulatedSensor {
-    pub(super) config: SensorConfig,
+    pub(super) config: SensorTable,
     count_max: f32,
     bits: u8,
     /// Gains and hot pixels; `None` when all pixels are alike.
@@ -68,7 +68,7 @@ pub(super) fn random(seed: u64, stream: Stream, number: u64, part: u64) -> Xoshi
 }
 
 impl SimulatedSensor {
-    pub(super) fn new(config: &SensorConfig, camera: &Camera) -> SimulatedSensor {
+    pub(super) fn new(config: &SensorTable, camera: &CameraTable) -> SimulatedSensor {
         SimulatedSensor {
             config: config.clone(),
             count_max: f32::from(camera.count_max()),
@@ -279,8 +279,8 @@ impl SimulatedSensor {
 
 /// The differences between the pixels of a sensor of `size`. They are the specimen's: no seed
 /// changes them, since a calibration holds for them.
-fn fixed_pattern(config: &SensorConfig, size: Size) -> Option<[FixedPattern; 3]> {
-    let SensorConfig { gain_deviation, hot_pixel_share, hot_pixel_levels, .. } = *config;
+fn fixed_pattern(config: &SensorTable, size: Size) -> Option<[FixedPattern; 3]> {
+    let SensorTable { gain_deviation, hot_pixel_share, hot_pixel_levels, .. } = *config;
     let own = hot_pixel_share * hot_pixel_levels;
     (gain_deviation > 0.0 || own > 0.0).then(|| {
         Channel::ALL.map(|channel| {

@@ -10,7 +10,7 @@ use crate::Failure;
 use crate::change::{NO_NOISE, NOTHING, lens, simulation};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::{Prescription, Rig, Surface};
+use relens::config::{LensSurface, Prescription, Rig};
 use relens::deconvolution::lens_model::LensModel;
 use relens::frame::Channel;
 use relens::pipeline::hybrid;
@@ -48,7 +48,7 @@ const LENSES: [Singlet; 3] = [
 impl Singlet {
     fn put_into(&self, lens: &mut Prescription) {
         let rim_mm = lens.surfaces.first().map_or(50.0, |s| s.clear_diameter_mm);
-        let surface = |radius_mm, thickness_mm, glass: &str| Surface {
+        let surface = |radius_mm, thickness_mm, glass: &str| LensSurface {
             radius_mm,
             thickness_mm,
             glass: glass.to_owned(),

@@ -1,0 +1,85 @@
+//! Where in the rig file something stands, and what is said about it.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+use toml::de::{DeTable, DeValue};
+
+use super::error::ConfigError;
+
+/// A rig file's name and the lines of its keys, for messages.
+pub(super) struct Places {
+    pub(super) file: String,
+    lines: BTreeMap<String, usize>,
+}
+
+impl Places {
+    /// The places in `text`, called `file` in messages.
+    pub(super) fn find(text: &str, file: &str) -> Result<Places, ConfigError> {
+        let mut places = Places { file: file.to_owned(), lines: BTreeMap::new() };
+        let spanned = DeTable::parse(text).map_err(|error| places.not_toml(&error, text))?;
+        places.note("", spanned.get_ref(), text);
+        Ok(places)
+    }
+
+    /// Where `key` is, or the table it should be in.
+    pub(super) fn of(&self, key: &str) -> String {
+        let table = key.rsplit_once('.').map_or("", |(table, _)| table);
+        match self.lines.get(key).or_else(|| self.lines.get(table)) {
+            Some(line) => format!("{}:{line}", self.file),
+            None => self.file.clone(),
+        }
+    }
+
+    pub(super) fn broken(
+        &self,
+        key: &str,
+        found: impl Display,
+        allowed: impl Display,
+    ) -> ConfigError {
+        let (found, allowed) = (found.to_string(), allowed.to_string());
+        ConfigError::Value { at: self.of(key), key: key.to_owned(), found, allowed }
+    }
+
+    fn note(&mut self, path: &str, table: &DeTable, text: &str) {
+        for (key, value) in table.iter() {
+            let path = joined(path, key.get_ref());
+            let before = &text.as_bytes()[..key.span().start];
+            let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+            match value.get_ref() {
+                DeValue::Table(inner) => self.note(&path, inner, text),
+                DeValue::Array(all) => {
+                    for (n, one) in all.iter().enumerate() {
+                        if let DeValue::Table(inner) = one.get_ref() {
+                            self.note(&format!("{path}[{n}]"), inner, text);
+                        }
+                    }
+                }
+                _ => {}
+            }
+            self.lines.insert(path, line);
+        }
+    }
+
+    pub(super) fn hold(
+        &self,
+        rule: bool,
+        key: &str,
+        found: impl Display,
+        allowed: impl Display,
+    ) -> Result<(), ConfigError> {
+        if rule { Ok(()) } else { Err(self.broken(key, found, allowed)) }
+    }
+
+    pub(super) fn not_toml(&self, error: &toml::de::Error, text: &str) -> ConfigError {
+        let start = error.span().map_or(0, |span| span.start.min(text.len()));
+        let line = 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count();
+        let (at, what) = (format!("{}:{line}", self.file), error.message().to_owned());
+        ConfigError::NotToml { at, what }
+    }
+}
+
+/// The key `name` of the table `path`, with its table.
+pub(super) fn joined(path: &str, name: &str) -> String {
+    if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
+}

@@ -1,0 +1,105 @@
+//! The rig as checked.
+
+use super::appliance::{DiskTable, Keep, Nights, RunTable, Share};
+use super::hardware::Hardware;
+use super::methods::Numbers;
+use super::parts::{
+    CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
+};
+use super::simulation::Simulation;
+use crate::deconvolution::method::{blocks, hybrid};
+use crate::frame::{Rect, Size};
+
+/// A rig as checked: whoever holds one need not doubt its numbers.
+#[derive(Debug, Clone)]
+pub struct Rig {
+    /// The rig's name, for reports.
+    pub name: String,
+    /// Simulated or made of hardware.
+    pub kind: Kind,
+    /// The customer's photos.
+    pub photo: PhotoTable,
+    /// The display.
+    pub panel: PanelTable,
+    /// The sensor, and where the photo lies on it.
+    pub camera: CameraTable,
+    /// How far the solver's canvas reaches beyond the photo.
+    pub canvas: CanvasTable,
+    /// Where the frame marks are; without them a frame is trusted by its time alone.
+    pub marks: Option<Marks>,
+    /// How the rig is calibrated.
+    pub calibration: CalibrationTable,
+    /// How photos are restored.
+    pub restore: Restore,
+    /// The paper's own parameters.
+    pub paper: PaperTable,
+    /// Who says when photos are restored.
+    pub run: RunTable,
+    /// When, if only at night; and how drift is watched.
+    pub nights: Option<Nights>,
+    /// How much of the disk is left free.
+    pub disk: DiskTable,
+    /// How long results and originals are kept.
+    pub keep: Keep,
+    /// How boxes that share folders tell which of them are dead.
+    pub share: Share,
+    /// A hash of everything a calibration depends on: a calibration of another identity is not this
+    /// rig's. Seeds, faults, and how photos are restored are not part of it; a default said and a
+    /// default left out are the same.
+    pub identity: u64,
+}
+
+/// What the rig is made of.
+#[derive(Debug, Clone)]
+pub enum Kind {
+    /// Physics by computing.
+    Simulated(Box<Simulation>),
+    /// Devices.
+    Hardware(Box<Hardware>),
+}
+
+impl Rig {
+    /// The photo's part of the sensor.
+    pub fn photo_on_sensor(&self) -> Rect {
+        Rect { x: self.camera.photo_x_px, y: self.camera.photo_y_px, size: self.photo.size() }
+    }
+
+    /// The canvas: the photo with the margin around it.
+    pub fn canvas_size(&self) -> Size {
+        let margin = 2 * self.canvas.margin_px;
+        Size::new(self.photo.width_px + margin, self.photo.height_px + margin)
+    }
+
+    /// The canvas's part of the sensor.
+    pub fn canvas_on_sensor(&self) -> Rect {
+        let margin = self.canvas.margin_px;
+        let (x, y) = (self.camera.photo_x_px - margin, self.camera.photo_y_px - margin);
+        Rect { x, y, size: self.canvas_size() }
+    }
+
+    /// The photo's part of the canvas.
+    pub fn photo_on_canvas(&self) -> Rect {
+        Rect { x: self.canvas.margin_px, y: self.canvas.margin_px, size: self.photo.size() }
+    }
+
+    /// What methods are made of, as the file has it.
+    pub fn numbers(&self) -> Numbers<'_> {
+        let Rig { restore, paper, .. } = self;
+        Numbers {
+            restore,
+            paper,
+            steps: restore.steps as u32,
+            correction_steps: hybrid::CORRECTION_STEPS,
+            captures_max: 1 + restore.corrections_max as u32,
+            rounds: blocks::ROUNDS,
+        }
+    }
+
+    /// The simulation's tables, if the rig is a simulated one.
+    pub fn simulation(&self) -> Option<&Simulation> {
+        match &self.kind {
+            Kind::Simulated(simulation) => Some(simulation),
+            Kind::Hardware(_) => None,
+        }
+    }
+}
