@@ -15,6 +15,12 @@
 //!                   until the residual is at the noise ─► picture, certificate, report
 //! ```
 //!
+//! Three spaces are types that do not mix: *Panel* (panel pixels, codes), *Sensor* (camera pixels,
+//! counts) and *Work* (the photo's grid, linear light, 0..255). A lens blurs light, so everything
+//! between decoding and encoding is linear light. The rig's own camera took the photo, so the Work
+//! grid is the sensor's grid: captures are never resampled, and the candidate is resampled once, to
+//! the finer panel.
+//!
 //! Layers; a module imports only from layers below its own, and siblings do not import each other
 //! (`tests/tidy.rs` holds this):
 //!

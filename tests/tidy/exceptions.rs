@@ -2,11 +2,6 @@
 
 /// Files in a circle of imports over more than two files.
 pub(crate) const IN_CIRCLES: &[&str] = &[
-    "src/config/appliance.rs",
-    "src/config/hardware.rs",
-    "src/config/mod.rs",
-    "src/config/rules.rs",
-    "src/config/written.rs",
     "src/deconvolution/lens_model/cells.rs",
     "src/deconvolution/lens_model/fast.rs",
     "src/deconvolution/lens_model/halves.rs",
