@@ -113,7 +113,7 @@ fn encoded(
     let out = Cursor::new(&mut bytes);
     match manner.format {
         Format::Jpeg => {
-            write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?
+            write(JpegEncoder::new_with_quality(out, quality), manner, &raw, size, colour)?;
         }
         Format::Png => write(PngEncoder::new(out), manner, &raw, size, colour)?,
         Format::Tiff => write(TiffEncoder::new(out), manner, &raw, size, colour)?,

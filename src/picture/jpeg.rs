@@ -45,7 +45,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
         match marker {
             // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
             0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
-                frame = Some(frame_header(segment)?)
+                frame = Some(frame_header(segment)?);
             }
             0xda => {
                 let end = end_of_scan(bytes, at);

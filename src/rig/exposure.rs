@@ -218,7 +218,7 @@ impl Rig {
                 match self.receive(&shot) {
                     Ok(exposed) => take(shot.index, exposed),
                     Err(RigError::NotThisPicture { .. } | RigError::NoFrame { .. }) => {
-                        again.push(shot.index)
+                        again.push(shot.index);
                     }
                     Err(grave) => return Err(grave),
                 }

@@ -134,7 +134,7 @@ fn known_pictures_take_hardly_longer_than_exposure_and_refresh() {
     let pictures: Vec<&Codes> = (0..40).map(|n| &greys[n % 5]).collect();
     let (begin, rejected) = (rig.seconds(), rig.rejected());
     rig.capture_all(&pictures, &mut |n, exposed| {
-        assert!(is_of(&exposed, &references[n % 5]), "capture {n}")
+        assert!(is_of(&exposed, &references[n % 5]), "capture {n}");
     })
     .unwrap_or_else(|e| panic!("{e}"));
     let each_s = (rig.seconds() - begin) / 40.0;

@@ -59,7 +59,7 @@ impl Row {
 /// The ladder on the simulated rig of `rig`.
 pub(crate) fn run(rig: &Rig) -> Result<Made, Failure> {
     let (mut harness, calibration) = Harness::open(rig.clone())?;
-    let mut one = calibration.clone();
+    let mut one = calibration;
     one.functions = one.functions.mean();
     let one_function = Pipeline::new(rig, &one)?;
     let mut rows = Vec::new();

@@ -229,7 +229,7 @@ impl Kernel for Forward<'_> {
                             terms.for_each(|((sum, &light), &p)| *sum = light.product::<FUSED>(p));
                         } else {
                             terms.for_each(|((sum, &light), &p)| {
-                                *sum = light.product_plus::<FUSED>(p, *sum)
+                                *sum = light.product_plus::<FUSED>(p, *sum);
                             });
                         }
                     }

@@ -186,7 +186,7 @@ impl ChannelSolve {
         target.model.adjoint(c, &self.predicted, &mut self.stepped);
         let steps = target.norms[c.index()].steps();
         prior.lend(|scratch| {
-            prior.shrinkage.scale_levels(&mut self.stepped, &steps, shift, scratch)
+            prior.shrinkage.scale_levels(&mut self.stepped, &steps, shift, scratch);
         });
         let pairs = self
             .stepped

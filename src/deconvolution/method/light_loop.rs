@@ -23,6 +23,7 @@ pub(super) struct LightLoop {
 
 impl LightLoop {
     /// `problem` solved, its steps taken down in `course`; `backward` is Kᵀ of a signed residual.
+    #[allow(clippy::type_complexity)] // a function of three named things
     pub(super) fn solve(
         &self,
         problem: &Problem<'_>,

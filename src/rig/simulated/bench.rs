@@ -28,6 +28,7 @@ struct Picture {
     codes: Arc<Codes>,
     /// The light and how far the panel was from its place for it; `None` for a panel that was
     /// still on its way to the codes, whose light is kept as it was.
+    #[allow(clippy::type_complexity)] // the light, and the shift it was computed for
     light: Option<(Arc<[Plane; 3]>, Option<[f64; 2]>)>,
 }
 
