@@ -53,6 +53,7 @@ mod tests {
         assert!(Monotonic.now() >= until);
     }
 
+    #[cfg(feature = "hardware")]
     #[test]
     fn nothing_is_left_of_a_deadline_that_has_passed() {
         let left = left_until(Moment(Monotonic.now().0 - 1.0));
