@@ -16,7 +16,8 @@ use super::press::SimulatedButton;
 /// Debounce time of a simulated button, which does not bounce.
 const SIMULATED_DEBOUNCE_MS: f64 = 20.0;
 
-/// The front panel's loop ends within this time, or hangs: it comes round many times a second. Guess.
+/// The front panel's loop ends within this time, or hangs: it comes round many times a second.
+/// Guess.
 const END_S: f64 = 2.0;
 
 /// The front panel, attended until this is dropped.

@@ -1,9 +1,9 @@
-//! What a key of a rig file may be: said once, where its field is, for reading, checking, filling in
-//! and `rig-config/README.md`.
+//! What a key of a rig file may be: said once, where its field is, for reading, checking, filling
+//! in and `rig-config/README.md`.
 //!
-//! `table!` makes a struct and its [`TableKeys`] from one list, `words!` an enum and its words. A field
-//! is followed by what is [`Allowed`] and by what it means to be [`LeftOut`]; its documentation is
-//! the key's.
+//! `table!` makes a struct and its [`TableKeys`] from one list, `words!` an enum and its words. A
+//! field is followed by what is [`Allowed`] and by what it means to be [`LeftOut`]; its
+//! documentation is the key's.
 
 use toml::Value;
 
@@ -171,8 +171,8 @@ pub(super) fn numbers(value: &Value, count: usize, low: f64, high: f64) -> bool 
     value.as_array().is_some_and(|all| all.len() == count && all.iter().all(inside))
 }
 
-/// A struct that is read from a table of the rig file, and [`TableKeys`] as its `TABLE`. `@[…]` stands
-/// for an attribute.
+/// A struct that is read from a table of the rig file, and [`TableKeys`] as its `TABLE`. `@[…]`
+/// stands for an attribute.
 macro_rules! table {
     ($(#[doc = $about:literal])* $(@[$meta:meta])* $vis:vis struct $name:ident {
         $($(#[doc = $doc:literal])* $(@[$inner:meta])*

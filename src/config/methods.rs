@@ -61,7 +61,8 @@ macro_rules! methods {
 
             /// The method made of `numbers`.
             pub fn with(self, numbers: &Numbers<'_>) -> Solving {
-                let make: fn(&Numbers<'_>) -> Solving = match self { $(MethodName::$method => $made),* };
+                let make: fn(&Numbers<'_>) -> Solving =
+                    match self { $(MethodName::$method => $made),* };
                 make(numbers)
             }
         }

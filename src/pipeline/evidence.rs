@@ -2,44 +2,24 @@
 //!
 //! | evidence | what it shows |
 //! |---|---|
-//! | model residual over the photo's noise, every channel | a photo that no scene gives through this lens; a rig that is no longer the one that was measured, also where the loop absorbs it |
+//! | model residual over the photo's noise | a photo that no scene gives, or a changed rig |
 //! | the same of the untouched photo | how much there was to gain |
-//! | distance from the reference solution | noise and ringing that the lens hides from every residual |
+//! | distance from the reference solution | noise and ringing that the lens hides from residuals |
 //! | roughness of the quiet parts, as they look | the same, at the finest scale |
 //!
 //! The *reference solution* is what total variation makes of the photo with the measured lens
-//! ([`super::reference_solution`]): no capture goes into it, so nothing that happened to the rig since
-//! it was measured can, and what is flat stays flat in it.
+//! ([`super::reference_solution`]): no capture goes into it, so nothing that happened to the rig
+//! since it was measured can, and what is flat stays flat in it.
 
 use rayon::prelude::*;
 
-use super::{Pipeline, Prepared, Solved};
+use super::Pipeline;
+use super::stages::{Evidence, Prepared, Residuals, Solved};
 use crate::deconvolution::data_term::{
     MISSING, NOISE_MIN, SATURATED, noise_of, residual_in_place, rms_over_data,
 };
 use crate::deconvolution::quality::ssim;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Size, Work};
-
-/// What is known of one channel of a result; residuals are RMS over the photo in grey levels,
-/// saturated pixels and as far as the lens throws their light left out.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Residuals {
-    /// K̂L − B.
-    pub model: f32,
-    /// K̂B − B: of the untouched photo.
-    pub untouched: f32,
-    /// The photo's noise.
-    pub photo_noise: f32,
-}
-
-/// What is known of a result by itself.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Evidence {
-    /// Channel by channel.
-    pub channels: Vec<Residuals>,
-    /// Noise of the quiet parts over that of the photo's, in lightness.
-    pub rougher: f32,
-}
 
 /// A channel with less of its pixels away from saturated ones has no say. Guess.
 const DATA_SHARE_MIN: f64 = 0.05;
@@ -48,26 +28,8 @@ const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// Lightness is light to this power, about.
 const LIGHTNESS: f32 = 1.0 / 2.2;
 
-impl Evidence {
-    /// The model residual over the photo's noise, and over the untouched photo's; of the channel
-    /// where their product is largest among those with more than `noises` of the first and more
-    /// than `share` of the second. Zeros when there is none.
-    ///
-    /// Either alone tells little: a little more than noise is left of a busy photo by any model
-    /// that is not perfect, and of a calm one noise itself is a good part of all there is. Both
-    /// together are what no scene explains.
-    pub fn unexplained(&self, noises: f32, share: f32) -> (f32, f32) {
-        let each = self.channels.iter().map(|r| {
-            (r.model / r.photo_noise.max(NOISE_MIN), r.model / r.untouched.max(f32::MIN_POSITIVE))
-        });
-        // Not a number is past every limit.
-        let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
-        much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()
-    }
-}
-
-/// How far `result` is from the `reference` solution, as a share of how far the untouched photo is from it, by 1 −
-/// SSIM of lightness; 0 is the same picture, above 1 the photo is nearer.
+/// How far `result` is from the `reference` solution, as a share of how far the untouched photo is
+/// from it, by 1 − SSIM of lightness; 0 is the same picture, above 1 the photo is nearer.
 pub(super) fn distance(
     photo: &Frame<Work>,
     result: &Frame<Work>,

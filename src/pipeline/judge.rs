@@ -7,8 +7,9 @@
 
 use std::sync::Arc;
 
-use super::evidence::{Evidence, distance};
-use super::{Outcome, Pipeline, Prepared, Solved, Verdict};
+use super::evidence::distance;
+use super::stages::{Evidence, Prepared, Reference, Solved};
+use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{MethodError, NoOptics, Watch};
 
@@ -43,12 +44,6 @@ const SUSPECT_UNEXPLAINED: f32 = 0.55;
 const SUSPECT_RATIO: f32 = 3.0;
 /// or its quiet parts are this much rougher.
 const SUSPECT_ROUGHER: f32 = 1.7;
-
-/// What a result is judged by.
-pub(super) struct Reference {
-    solved: Solved,
-    evidence: Evidence,
-}
 
 impl Verdict {
     /// Whether something else than the method's result is delivered.

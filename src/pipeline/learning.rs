@@ -1,19 +1,17 @@
 //! What the captures of photos teach of the lens, until it has proved itself.
 //!
 //! A photo whose capture shows another lens than was measured is solved with the lens refined by it
-//! ([`crate::deconvolution::refinement`]). That lens is kept and held against the first capture of every
-//! photo that follows. When it has explained [`PROOFS`] other photos' captures, one after the
+//! ([`crate::deconvolution::refinement`]). That lens is kept and held against the first capture of
+//! every photo that follows. When it has explained [`PROOFS`] other photos' captures, one after the
 //! other, it may take the measured one's place; when it fails one, it is forgotten. Kept is the
-//! lens where it was measured to be ([`crate::deconvolution::refinement::registration`]): a knocked panel
-//! is for the pilot to see, and for a calibration to mend.
+//! lens where it was measured to be ([`crate::deconvolution::refinement::registration`]): a knocked
+//! panel is for the pilot to see, and for a calibration to mend.
 
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hasher};
 
-use super::{Pipeline, Prepared, Solved};
-use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::refinement::{CaptureFinding, Learnt};
-use crate::frame::Channel;
+use crate::frame::Plane;
 
 /// Other photos whose captures a lens must explain. Guess: each of them is a test with some hundred
 /// thousand pixels, and photos are unlike each other.
@@ -34,6 +32,13 @@ impl Learning {
     }
 
     /// Takes down what a capture of `photo` said; the lens, once it has proved itself.
+    pub(super) fn learn(&mut self, photo: &Plane, look: &CaptureFinding) -> Option<&Learnt> {
+        let mut hasher = DefaultHasher::new();
+        photo.data().iter().for_each(|v| hasher.write_u32(v.to_bits()));
+        self.note(hasher.finish(), look)
+    }
+
+    /// [`Learning::learn`] of a photo by its number.
     fn note(&mut self, photo: u64, look: &CaptureFinding) -> Option<&Learnt> {
         if look.learnt_holds == Some(false) {
             log::debug!("what was learnt of the lens does not hold");
@@ -54,21 +59,12 @@ impl Learning {
     }
 }
 
-impl Pipeline {
-    /// Takes down what was learnt of the lens from `photo`, which was `solved`; the lens's
-    /// functions once enough other photos have proved them better than the measured ones.
-    pub fn learn(&mut self, photo: &Prepared<'_>, solved: &Solved) -> Option<LensFunctions> {
-        let mut hasher = DefaultHasher::new();
-        photo.photo.plane(Channel::Green).data().iter().for_each(|v| hasher.write_u32(v.to_bits()));
-        let proved = self.learning.note(hasher.finish(), &solved.solution.look)?;
-        Some(proved.functions.clone())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::deconvolution::lens_model::LensFunctions;
     use crate::deconvolution::level_norms::LevelNorms;
+    use crate::frame::Channel;
 
     fn look(learnt_holds: Option<bool>, refines: bool) -> CaptureFinding {
         let taps = vec![1.0];

@@ -1,8 +1,8 @@
 //! One photo's way on a calibrated rig: prepare, solve, judge, [`Outcome`].
 //!
-//! [`Pipeline::restore`] is the whole way, and what the box takes. A laboratory that wants a method's
-//! own result beside what is delivered takes the same steps one by one: [`Pipeline::prepare`],
-//! [`Pipeline::solve`], [`Pipeline::judge`].
+//! [`Pipeline::restore`] is the whole way, and what the box takes. A laboratory that wants a
+//! method's own result beside what is delivered takes the same steps one by one:
+//! [`Pipeline::prepare`], [`Pipeline::solve`], [`Pipeline::judge`].
 
 mod dot_test;
 mod evidence;
@@ -14,15 +14,14 @@ mod prepare;
 mod setting;
 mod shown;
 mod solve;
+mod stages;
 
 pub use dot_test::BackwardCheck;
-pub use evidence::{Evidence, Residuals};
 pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use outcome::{Iteration, OpticalResidual, Outcome, Restoration, Verdict};
-pub use prepare::Prepared;
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
-pub use solve::Solved;
+pub use stages::{Evidence, Prepared, Residuals, Solved};
 
 use std::sync::Arc;
 
@@ -30,7 +29,7 @@ use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
 use crate::calibration::{Calibration, Noise};
 use crate::config;
-use crate::deconvolution::lens_model::{LensModel, LensModelError};
+use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::patches::PatchShape;
@@ -123,6 +122,13 @@ impl Pipeline {
     /// The measured lens.
     pub fn model(&self) -> &Arc<LensModel> {
         &self.model
+    }
+
+    /// Takes down what was learnt of the lens from `photo`, which was `solved`; the lens's
+    /// functions once enough other photos have proved them better than the measured ones.
+    pub fn learn(&mut self, photo: &Prepared<'_>, solved: &Solved) -> Option<LensFunctions> {
+        let proved = self.learning.learn(photo.photo.plane(Channel::Green), &solved.solution.look);
+        proved.map(|lens| lens.functions.clone())
     }
 
     /// Forward convolution through `rig`.

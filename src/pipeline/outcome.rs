@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Evidence, Pipeline, Prepared, Solved};
+use super::Pipeline;
+use super::stages::{Evidence, Prepared, Solved};
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
 use crate::frame::{Frame, Work};

@@ -11,11 +11,11 @@
 use std::sync::OnceLock;
 
 use super::Pipeline;
-use super::judge::Reference;
+use super::stages::Prepared;
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::ladder::is_blank;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
 /// the code below it is kept as data).
@@ -24,24 +24,6 @@ const SATURATION_SHARE: f32 = 0.998;
 /// Of so many pixels one is looked at for the photo's median level; prime, so that no pattern is
 /// met in step.
 const NOISE_SAMPLE: usize = 31;
-
-/// A photo as the solver takes it.
-pub struct Prepared<'a> {
-    /// The photo, photo-sized, linear light 0..255.
-    pub photo: &'a Frame<Work>,
-    /// The channels it has.
-    pub channels: Channels,
-    /// B on its canvas.
-    pub placed: Frame<Work>,
-    /// What each pixel of B is worth, see [`data_term`].
-    pub trust: Frame<Work, u8>,
-    /// Where the photo lies on the canvas.
-    pub rect: Rect,
-    /// The photo's noise per channel, grey levels.
-    pub noise: [f32; 3],
-    /// The reference solution through the measured lens, made when it is first needed.
-    pub(super) reference: OnceLock<Reference>,
-}
 
 impl Pipeline {
     /// `photo` (photo-sized, linear light 0..255) with its `channels`, made ready.

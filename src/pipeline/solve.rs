@@ -2,32 +2,13 @@
 
 use std::sync::Arc;
 
-use super::{Pipeline, Prepared};
+use super::Pipeline;
+use super::stages::{Prepared, Solved};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::frame::{Channels, Frame, Work};
+use crate::deconvolution::method::{Method, MethodError, Problem, Watch};
+use crate::frame::Channels;
 use crate::rig::exposure::Rig;
-
-/// What a method makes of a photo, not yet judged.
-#[derive(Debug, Clone)]
-pub struct Solved {
-    /// The picture, photo-sized, linear light 0..255.
-    pub picture: Frame<Work>,
-    /// What the method returned, on its canvas.
-    pub solution: Solution,
-    /// The method.
-    pub about: &'static About,
-    /// Captures this photo cost.
-    pub captures: usize,
-    /// Seconds of those captures on the rig's clock.
-    pub capture_seconds: f64,
-    /// Seconds on the stopwatch spent waiting for captures (and, on a simulated rig, computing
-    /// them).
-    pub waited_seconds: f64,
-    /// The lens by which the result is judged: as measured, or as the photo's captures say it is.
-    pub lens: Arc<LensModel>,
-}
 
 impl Pipeline {
     /// What `method` makes of `photo` on `rig`; `watch` is called after every step.

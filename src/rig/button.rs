@@ -52,7 +52,7 @@ mod line {
 
     use gpiocdev::line::{Bias, EdgeDetection, Value};
 
-    use super::Debounce;
+    use crate::rig::button::Debounce;
     use crate::rig::gpio_line::{CONSUMER, LineName, find};
     use crate::rig::monotonic::Monotonic;
     use crate::rig::{Clock, Moment, RigError};

@@ -134,7 +134,8 @@ fn beyond_the_size_the_oldest_go_and_what_is_under_way_or_may_be_asked_back_stay
     let unproven = vec![Delivered { kept: "a.png".into(), result: "a.png".into() }];
     // Another box's job has delivered b.png and is not closed yet.
     std::fs::create_dir_all(root.join("working/other")).unwrap();
-    let record = r#"{"photo":[98],"file":{"inode":1,"size":1,"changed":[0,0]},"attempts":1,"result":[98,46,112,110,103]}"#;
+    let record = r#"{"photo":[98],"file":{"inode":1,"size":1,"changed":[0,0]},
+        "attempts":1,"result":[98,46,112,110,103]}"#;
     std::fs::write(root.join("working/other/.ledger-1"), record).unwrap();
     Later { keep, unproven, believed: false, ..later(root, 9) }.live();
     let kept = set(&["a.png", "a.png.json", "b.png", "b.png.json"]);

@@ -50,8 +50,10 @@ fn answers(program: &Path, photos: &Path, folder: &Path) {
         let path = photos.join(name);
         let file = File::open(if path.exists() { &path } else { program }).unwrap();
         let ask = format!(
-            r#"{{"name":"{name}","limits":{{"bytes_max":1000000000,"pixels_max":10000,"decoder_bytes_max":1000000}},
-            "photo":["srgb",{{"width":{},"height":{}}}],"memory_bytes_max":1000000000,"processor_s_max":10}}"#,
+            r#"{{"name":"{name}",
+            "limits":{{"bytes_max":1000000000,"pixels_max":10000,"decoder_bytes_max":1000000}},
+            "photo":["srgb",{{"width":{},"height":{}}}],
+            "memory_bytes_max":1000000000,"processor_s_max":10}}"#,
             size.width, size.height
         );
         let out = Command::new(program)
@@ -140,16 +142,21 @@ fn records(folder: &Path) {
             r#"{{"floor_unix_s":1.0,"unproven":[{delivered}],"doubted":{again},"again":{again}}}"#
         )
     };
-    let pilots = r#"[{"unix-s":1,"drift":{"shift-px":0.1,"gain-percent":0.0,"offset-levels":0.0,"noise-ratio":1.0},"verdict":"good","temperature-c":40.0}]"#;
-    let report = r#"{"photo":"a.png","result":"a.png","result-address":"a.png","outcome":"untouched","rig":"test",
-        "method":"none","rung":0,"rung-reason":"","captures":0,"seconds":0.0,"certificate":null,"meaning":null,
-        "size":{"width":16,"height":12},"stored":{"width":16,"height":12},"curve":"sRGB","grey":true,"turned":null,
+    let pilots = r#"[{"unix-s":1,
+        "drift":{"shift-px":0.1,"gain-percent":0.0,"offset-levels":0.0,"noise-ratio":1.0},
+        "verdict":"good","temperature-c":40.0}]"#;
+    let report = r#"{"photo":"a.png","result":"a.png","result-address":"a.png",
+        "outcome":"untouched","rig":"test","method":"none","rung":0,"rung-reason":"",
+        "captures":0,"seconds":0.0,"certificate":null,"meaning":null,
+        "size":{"width":16,"height":12},"stored":{"width":16,"height":12},
+        "curve":"sRGB","grey":true,"turned":null,
         "notes":[],"iterations":[],"photo-crc32":"@crc","photo-bytes":@bytes,"finished-unix-s":1,
         "before":"gallery/1-before.jpg","after":"gallery/1-after.jpg"}"#;
     serde_json::from_str::<relens::daemon::Report>(&report.replace("@bytes", "1")).unwrap();
     let note =
         "d.png was not restored.\n\nd.png: it is no photo\n\nThe file lies beside this note.\n";
-    let state = r#"{"rig":"test","doing":{"is":"restoring","photo":"a.png"},"restored":1,"failed":0,"left":0,"written-unix-s":1}"#;
+    let state = r#"{"rig":"test","doing":{"is":"restoring","photo":"a.png"},
+        "restored":1,"failed":0,"left":0,"written-unix-s":1}"#;
     serde_json::from_str::<relens::daemon::State>(state).unwrap();
     let all = [
         (

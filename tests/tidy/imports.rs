@@ -100,7 +100,7 @@ fn read_tree(
         match token.as_str() {
             "{" => {
                 at += 1;
-                while tokens.get(at).is_some_and(|t| t != "}") {
+                while tokens.get(at).is_some_and(|t| t != "}" && t != ";") {
                     at = read_tree(tokens, at, &path, public, into);
                     at += usize::from(tokens.get(at).is_some_and(|t| t == ","));
                 }

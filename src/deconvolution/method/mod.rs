@@ -5,8 +5,8 @@
 //! | [`paper`] | 4 + 5·n | Eqs. 4–7 as printed, flip–FC–flip backward |
 //! | [`residual`] | 5·n | optics only: signed residual on a pedestal, momentum with restart |
 //! | [`unmatched`] | n | lens model backward, optics forward |
-//! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; the default |
-//! | block-matching | 1 + corrections | [`hybrid`] whose corrections have block matching for the prior ([`blocks`]); slower and better |
+//! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; default |
+//! | block-matching | 1 + corrections | [`hybrid`] with block matching for the prior: [`blocks`] |
 //! | [`digital`] | 0 | lens model only |
 //! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
 //!
@@ -55,8 +55,8 @@ use crate::remedy::AnyFailure;
 pub struct About {
     /// The word used in rig files, tables and reports.
     pub name: &'static str,
-    /// Whether it starts from the lens model and its prior: what it makes is then near what the lens
-    /// alone says, unless captures lead it away.
+    /// Whether it starts from the lens model and its prior: what it makes is then near what the
+    /// lens alone says, unless captures lead it away.
     pub starts_from_lens: bool,
     /// Whether it sends pictures backward through the lens, patch by patch.
     pub by_patches: bool,

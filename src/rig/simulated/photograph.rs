@@ -24,14 +24,14 @@ pub(super) struct Layer<'a> {
 }
 
 /// What comes through the lens of a scene: photo-sized linear light, 0..255.
-pub(super) struct Exposure<'a> {
+pub(super) struct SceneLight<'a> {
     sensor: &'a SimulatedSensor,
     part: Rect,
     light: [Plane; 3],
     seed: u64,
 }
 
-impl<'a> Exposure<'a> {
+impl<'a> SceneLight<'a> {
     /// Lets the light of `scene` through the lens, blurred, displaced by the lateral colour, dark
     /// towards the corners. `scene` is what a perfect lens with the green channel's geometry would
     /// record. The blurred parts of a scene add up: what a nearer one hides of a farther one is
@@ -42,8 +42,8 @@ impl<'a> Exposure<'a> {
         scene: &Frame<Work>,
         surround: Surround,
         seed: u64,
-    ) -> Exposure<'a> {
-        let mut sum: Option<Exposure> = None;
+    ) -> SceneLight<'a> {
+        let mut sum: Option<SceneLight> = None;
         for layer in layers {
             let part = Self::of_layer(layer, sensor, scene, surround, seed);
             match &mut sum {
@@ -55,7 +55,7 @@ impl<'a> Exposure<'a> {
                 }
             }
         }
-        sum.unwrap_or_else(|| Exposure {
+        sum.unwrap_or_else(|| SceneLight {
             sensor,
             part: Rect { x: 0, y: 0, size: scene.size() },
             light: [0, 1, 2].map(|_| Plane::zeros(scene.size())),
@@ -69,7 +69,7 @@ impl<'a> Exposure<'a> {
         scene: &Frame<Work>,
         surround: Surround,
         seed: u64,
-    ) -> Exposure<'a> {
+    ) -> SceneLight<'a> {
         let Layer { optics, share } = layer;
         let Rect { x, y, size } = optics.photo;
         let on_grid = Rect { x: x + optics.pad, y: y + optics.pad, size };
@@ -92,11 +92,11 @@ impl<'a> Exposure<'a> {
             .collect();
         let mut planes = planes.into_iter();
         let light = std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(size)));
-        Exposure { sensor, part: optics.photo, light, seed }
+        SceneLight { sensor, part: optics.photo, light, seed }
     }
 
     fn reading(&self) -> Reading {
-        let Exposure { part, seed, .. } = *self;
+        let SceneLight { part, seed, .. } = *self;
         Reading { part, seed, stream: Stream::Photograph, number: 0 }
     }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::devices::Shared;
 use super::optics::{Light, Optics};
 use super::panel::Projection;
-use super::photograph::{Exposure, Layer, RawPhoto, surrounded};
+use super::photograph::{Layer, RawPhoto, SceneLight, surrounded};
 use super::pose::PanelMap;
 use super::wear::Wear;
 use crate::config::{Curve, Faults, Kind, Lens, Pose, Prescription, Rig, Surround, Unrest};
@@ -47,7 +47,7 @@ impl Witness {
         assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
         let sensor = self.shared.bench().sensor.clone();
         let all = [Layer { optics: &self.optics, share: None }];
-        Exposure::new(&all, &sensor, scene, self.surround, seed).developed(self.curve)
+        SceneLight::new(&all, &sensor, scene, self.surround, seed).developed(self.curve)
     }
 
     /// The same photograph as the sensor's sites gave it, before any developing; `None` when the
@@ -59,11 +59,11 @@ impl Witness {
         assert_eq!(scene.size(), self.optics.photo.size, "a scene has the photo's size");
         let sensor = self.shared.bench().sensor.clone();
         let all = [Layer { optics: &self.optics, share: None }];
-        Exposure::new(&all, &sensor, scene, self.surround, seed).raw()
+        SceneLight::new(&all, &sensor, scene, self.surround, seed).raw()
     }
 
-    /// [`Witness::photograph`] of a scene with parts at several distances. The lens is focused where
-    /// it was; each part is as sharp as its distance lets it be.
+    /// [`Witness::photograph`] of a scene with parts at several distances. The lens is focused
+    /// where it was; each part is as sharp as its distance lets it be.
     ///
     /// # Errors
     /// [`RigError::Refused`] when the rig's blur was measured and not traced, so that nothing is
@@ -90,7 +90,7 @@ impl Witness {
             .map(|(optics, part)| Layer { optics, share: Some(&part.share) })
             .collect();
         let sensor = self.shared.bench().sensor.clone();
-        Ok(Exposure::new(&layers, &sensor, scene, self.surround, seed).developed(self.curve))
+        Ok(SceneLight::new(&layers, &sensor, scene, self.surround, seed).developed(self.curve))
     }
 
     /// The optics of this rig with its lens changed.

@@ -23,7 +23,8 @@ const LAYOUT: Layout = Layout {
 };
 
 /// Where the slots are.
-static FOLDER: LazyLock<tempfile::TempDir> = LazyLock::new(|| tempfile::tempdir().expect("a folder"));
+static FOLDER: LazyLock<tempfile::TempDir> =
+    LazyLock::new(|| tempfile::tempdir().expect("a folder"));
 
 fn put_to_work(slot: &[u8]) {
     let folder = FOLDER.path();

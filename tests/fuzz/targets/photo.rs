@@ -6,11 +6,12 @@
 
 use libfuzzer_sys::fuzz_target;
 use relens::config::Curve;
-use relens::frame::{Channels, Size};
+use relens::frame::{Channels, Frame, Size, Work};
 use relens::picture::{Limits, Photo, encode};
 
 const RIG: Size = Size::new(64, 48);
-const LIMITS: Limits = Limits { bytes_max: 1 << 20, pixels_max: 1 << 16, decoder_bytes_max: 16 << 20 };
+const LIMITS: Limits =
+    Limits { bytes_max: 1 << 20, pixels_max: 1 << 16, decoder_bytes_max: 16 << 20 };
 
 /// The program catches a decoder's panic and refuses the file; a panic of its own is a bug.
 fn forgive_decoders() {
@@ -22,9 +23,13 @@ fn forgive_decoders() {
     }));
 }
 
+fn all_finite(light: &Frame<Work>) -> bool {
+    light.planes().iter().all(|plane| plane.data().iter().all(|level| level.is_finite()))
+}
+
 fuzz_target!(init: forgive_decoders(), |bytes: &[u8]| {
     let Ok(photo) = Photo::from_bytes("photo", bytes, Curve::Srgb, &LIMITS) else { return };
-    assert!(photo.light.planes().iter().all(|plane| plane.data().iter().all(|light| light.is_finite())));
+    assert!(all_finite(&photo.light));
     let grey = photo.channels == Channels::Green;
     if let Ok(written) = encode("photo", &photo.light, &photo.manner, grey) {
         // What the photo carried may take more room than it had in there.
@@ -37,6 +42,6 @@ fuzz_target!(init: forgive_decoders(), |bytes: &[u8]| {
     }
     if let Ok(fitted) = photo.fit(RIG) {
         assert_eq!(fitted.light.size(), RIG);
-        assert!(fitted.light.planes().iter().all(|plane| plane.data().iter().all(|light| light.is_finite())));
+        assert!(all_finite(&fitted.light));
     }
 });

@@ -13,11 +13,11 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use libfuzzer_sys::fuzz_target;
 use relens::config::{ClockSource, Curve, Nights};
-use relens::pipeline::Outcome;
 use relens::daemon::{Daemon, DaemonSetting, Folders, Nightly, Progress, Restorer, State, Times};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::nights::pilot::Drift;
 use relens::picture::{Format, Manner, Photo, encode};
+use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
 use relens::rig::{Clock, Moment};
 
@@ -39,11 +39,12 @@ impl Clock for Still {
 struct Returner;
 
 impl Restorer for Returner {
-    fn restore(&mut self, photo: &Photo, _: &mut dyn FnMut(Progress)) -> Result<Outcome, AnyFailure> {
-        Ok(Outcome {
-            captures: 0,
-            ..Outcome::untouched(photo.light.clone(), "told to")
-        })
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        _: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure> {
+        Ok(Outcome { captures: 0, ..Outcome::untouched(photo.light.clone(), "told to") })
     }
     fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
         Ok(())
@@ -85,7 +86,8 @@ fn nights() -> Nights {
 
 /// FNV-1a, by which the record of a photo under way has its name.
 fn hash(name: &str) -> u64 {
-    name.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
+    name.bytes()
+        .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }
 
 /// A box that was stopped with one photo under way and one done.
@@ -141,15 +143,21 @@ fuzz_target!(|bytes: &[u8]| {
         let calendar = || UNIX_EPOCH + Duration::from_secs(4_000_000_000);
         let folders = Folders::open(&root).expect("folders that were all right");
         let (set, temperature) = (|| true, || None);
-        let times = Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &temperature };
+        let times =
+            Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &temperature };
         let night = Nightly::new(&nights(), &folders, times).expect("hours that can be read");
-        let setting = DaemonSetting { hints: false, floor_bytes: 0, ..DaemonSetting::new("test", RIG, Curve::Srgb) };
+        let setting = DaemonSetting {
+            hints: false,
+            floor_bytes: 0,
+            ..DaemonSetting::new("test", RIG, Curve::Srgb)
+        };
         let (mut restorer, mut watcher) = (Returner, ());
         let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher);
         let _ = daemon.expect("folders that were all right").scheduled(Box::new(night)).once();
     }
     for (name, photo) in [("under way", &under_way), ("done", &done)] {
-        let found = ["inbox", "working", "done", "failed"].map(|folder| copies(&root.join(folder), photo));
+        let found =
+            ["inbox", "working", "done", "failed"].map(|folder| copies(&root.join(folder), photo));
         assert_eq!(
             found.iter().sum::<usize>(),
             1,
@@ -159,7 +167,12 @@ fuzz_target!(|bytes: &[u8]| {
     for result in [&b"a result of somebody else"[..], b"the result of c"] {
         assert_eq!(copies(&root.join("outbox"), result), 1, "{}", String::from_utf8_lossy(result));
     }
-    assert_eq!(fs::read(outside.path().join("c.png")).ok().as_deref(), Some(&b"nobody's \
-     business"[..]));
+    assert_eq!(
+        fs::read(outside.path().join("c.png")).ok().as_deref(),
+        Some(
+            &b"nobody's \
+     business"[..]
+        )
+    );
     assert_eq!(fs::read_dir(outside.path()).expect("a folder").count(), 2);
 });

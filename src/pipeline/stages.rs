@@ -1,0 +1,91 @@
+//! What one step of a photo's way hands to the next: [`Prepared`], [`Solved`], [`Evidence`].
+
+use std::sync::{Arc, OnceLock};
+
+use crate::deconvolution::data_term::NOISE_MIN;
+use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::method::{About, Solution};
+use crate::frame::{Channels, Frame, Rect, Work};
+
+/// A photo as the solver takes it.
+pub struct Prepared<'a> {
+    /// The photo, photo-sized, linear light 0..255.
+    pub photo: &'a Frame<Work>,
+    /// The channels it has.
+    pub channels: Channels,
+    /// B on its canvas.
+    pub placed: Frame<Work>,
+    /// What each pixel of B is worth, see [`crate::deconvolution::data_term`].
+    pub trust: Frame<Work, u8>,
+    /// Where the photo lies on the canvas.
+    pub rect: Rect,
+    /// The photo's noise per channel, grey levels.
+    pub noise: [f32; 3],
+    /// The reference solution through the measured lens, made when it is first needed.
+    pub(super) reference: OnceLock<Reference>,
+}
+
+/// What a method makes of a photo, not yet judged.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    /// The picture, photo-sized, linear light 0..255.
+    pub picture: Frame<Work>,
+    /// What the method returned, on its canvas.
+    pub solution: Solution,
+    /// The method.
+    pub about: &'static About,
+    /// Captures this photo cost.
+    pub captures: usize,
+    /// Seconds of those captures on the rig's clock.
+    pub capture_seconds: f64,
+    /// Seconds on the stopwatch spent waiting for captures (and, on a simulated rig, computing
+    /// them).
+    pub waited_seconds: f64,
+    /// The lens by which the result is judged: as measured, or as the photo's captures say it is.
+    pub lens: Arc<LensModel>,
+}
+
+/// What is known of one channel of a result; residuals are RMS over the photo in grey levels,
+/// saturated pixels and as far as the lens throws their light left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residuals {
+    /// K̂L − B.
+    pub model: f32,
+    /// K̂B − B: of the untouched photo.
+    pub untouched: f32,
+    /// The photo's noise.
+    pub photo_noise: f32,
+}
+
+/// What is known of a result by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Evidence {
+    /// Channel by channel.
+    pub channels: Vec<Residuals>,
+    /// Noise of the quiet parts over that of the photo's, in lightness.
+    pub rougher: f32,
+}
+
+impl Evidence {
+    /// The model residual over the photo's noise, and over the untouched photo's; of the channel
+    /// where their product is largest among those with more than `noises` of the first and more
+    /// than `share` of the second. Zeros when there is none.
+    ///
+    /// Either alone tells little: a little more than noise is left of a busy photo by any model
+    /// that is not perfect, and of a calm one noise itself is a good part of all there is. Both
+    /// together are what no scene explains.
+    pub fn unexplained(&self, noises: f32, share: f32) -> (f32, f32) {
+        let each = self.channels.iter().map(|r| {
+            (r.model / r.photo_noise.max(NOISE_MIN), r.model / r.untouched.max(f32::MIN_POSITIVE))
+        });
+        // Not a number is past every limit.
+        let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
+        much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()
+    }
+}
+
+/// What a result is judged by.
+pub(super) struct Reference {
+    pub(super) solved: Solved,
+    pub(super) evidence: Evidence,
+}
