@@ -45,7 +45,7 @@ table! {
     @[derive(Copy, Default)]
     pub struct Unrest {
         /// Step of the panel's wander before the lens, a capture and axis, in sensor pixels
-        /// (standard deviation). It is pulled back, so that it stays within about seven steps.
+        /// (standard deviation). It is pulled back, so that it stays within some three steps.
         wander_px: f64, Number(0.0, 1.0), Means("0.0");
         /// Displacement of one capture alone, an axis, in sensor pixels (standard deviation).
         vibration_px: f64, Number(0.0, 1.0), Means("0.0");

@@ -12,7 +12,9 @@ use rayon::prelude::*;
 use super::faults::{self, Fault};
 use super::optics::{Light, Optics};
 use super::panel::{self, Projection, Shading, approach};
+use super::pose::PanelMap;
 use super::sensor::SimulatedSensor;
+use super::stripes::{self, Beat};
 use super::unrest;
 use super::wear::Wear;
 use crate::config::{CameraTable, DisplayTable, Faults, PanelTable, Unrest};
@@ -41,6 +43,7 @@ pub(super) struct OpticalBench {
     flat: [Option<Plane>; 3],
     veil: [Option<Plane>; 3],
     shading: Option<Shading>,
+    beat: Option<Beat>,
     pub(super) sensor: SimulatedSensor,
     pub(super) faults: Faults,
     pub(super) panel: PanelTable,
@@ -80,6 +83,7 @@ pub(super) struct Parts {
     pub(super) camera: CameraTable,
     pub(super) display: DisplayTable,
     pub(super) shading: Option<Shading>,
+    pub(super) beat: Option<Beat>,
     pub(super) unrest: Unrest,
     pub(super) seed: u64,
 }
@@ -88,12 +92,13 @@ impl OpticalBench {
     /// A bench with a black panel, at time 0.
     pub(super) fn new(parts: Parts) -> OpticalBench {
         let Parts { optics, projection, sensor, faults, panel, camera, .. } = parts;
-        let Parts { display, shading, unrest, seed, .. } = parts;
+        let Parts { display, shading, beat, unrest, seed, .. } = parts;
         let black = Picture { codes: Arc::new(Frame::zeros(panel.size())), light: None };
         OpticalBench {
             response: [0, 1, 2].map(|channel| panel::response(&display, channel)),
             flat: [None, None, None],
             veil: [None, None, None],
+            beat,
             shading,
             unrest,
             wandered_px: [0.0; 2],
@@ -131,7 +136,13 @@ impl OpticalBench {
     }
 
     /// Everything computed for the panel's old place, or the lens's old focus, is void.
-    pub(super) fn set_light_path(&mut self, optics: Arc<Optics>, projection: Projection) {
+    pub(super) fn set_light_path(
+        &mut self,
+        optics: Arc<Optics>,
+        map: &PanelMap,
+        projection: Projection,
+    ) {
+        self.beat = Beat::new(&self.display, &optics, map, &projection);
         (self.optics, self.projection) = (optics, projection);
         self.forget_light();
     }
@@ -344,6 +355,9 @@ impl OpticalBench {
                 if let Some(veil) = &this.veil[c] {
                     light.add_scaled(1.0, veil);
                 }
+                if let Some(beat) = &this.beat {
+                    beat.on(&mut light, channel, this.projection.aside(this.moved_px)[0]);
+                }
                 light
             })
             .collect();
@@ -366,8 +380,9 @@ impl OpticalBench {
     /// What the light of the panel's pixels brings to the sensor.
     fn through(&self, channel: Channel, panel: &Plane) -> Plane {
         let optics = &self.optics;
-        let emitting = panel::emitting(&self.display, channel.index());
-        let on_grid = self.projection.light(panel, emitting, self.moved_px);
+        let [right, down] = self.projection.aside(self.moved_px);
+        let right = right + stripes::aside(&self.display, channel);
+        let on_grid = self.projection.light(panel, [right, down]);
         let blurred = optics.through_lens(Light::Panel, channel, &on_grid);
         let mut seen = blurred.crop(Rect { x: optics.pad, y: optics.pad, size: optics.sensor });
         let falloff = &optics.dark_corner(Light::Panel)[channel.index()];

@@ -18,6 +18,7 @@ mod point_spread;
 mod pose;
 mod prescription;
 mod sensor;
+mod stripes;
 mod trace;
 mod unrest;
 mod wear;
@@ -34,6 +35,7 @@ use self::bench::{OpticalBench, Parts};
 use self::devices::{Shared, SimulatedCamera, SimulatedClock, SimulatedPanel, SimulatedTrigger};
 use self::optics::Optics;
 use self::panel::{Projection, Shading};
+use self::stripes::Beat;
 use super::RigError;
 use super::exposure::{Rig, Timing};
 use crate::config;
@@ -54,8 +56,10 @@ pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
     let pose = simulation.pose.clone();
     let map = optics.map(&pose, rig.panel.size());
     optics.prepare();
+    let projection = Projection::new(&map, optics.grid(), optics.pad);
     let bench = OpticalBench::new(Parts {
-        projection: Projection::new(&map, optics.grid(), optics.pad),
+        beat: Beat::new(&simulation.display, &optics, &map, &projection),
+        projection,
         shading: Shading::new(&simulation.display.uneven, &map, rig.panel.size()),
         unrest: simulation.unrest,
         optics: Arc::clone(&optics),

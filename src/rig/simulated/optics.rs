@@ -2,6 +2,8 @@
 
 use std::sync::OnceLock;
 
+use rustfft::num_complex::Complex;
+
 use super::convolution::{Axis, Convolution};
 use super::glare;
 use super::point_spread::{Fan, Radial};
@@ -251,6 +253,23 @@ impl Optics {
                 let (column, row) = (nearest(self.axes[0], at[0]), nearest(self.axes[1], at[1]));
                 (blur.function(row, column, channel.index()).to_vec(), 0.0)
             }
+        }
+    }
+
+    /// What is left of a grating of `frequency` lines a pixel, along columns and rows, of which
+    /// `channel` sees the panel's light at sensor place `at`: the transfer function. Nothing is
+    /// known of gratings finer than the taps of a measured blur; it passes none.
+    pub(super) fn passed(
+        &self,
+        channel: Channel,
+        at: [f64; 2],
+        frequency: [f64; 2],
+    ) -> Complex<f64> {
+        match &self.functions {
+            Functions::TracedFunctions(traced) => {
+                traced.panel.passed(channel, self.relative_to_axis(at), frequency)
+            }
+            Functions::Measured(_) => Complex::default(),
         }
     }
 

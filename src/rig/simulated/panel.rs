@@ -3,11 +3,8 @@
 use rayon::prelude::*;
 
 use super::pose::PanelMap;
-use crate::config::{DisplayTable, Subpixels, Uneven};
+use crate::config::{DisplayTable, Uneven};
 use crate::frame::{Plane, Size};
-
-/// Light comes from all of a pixel's width.
-const WHOLE: [f32; 2] = [0.0, 1.0];
 
 /// Light of each code, 0..255, of one channel (the formula stands at [`DisplayTable`]).
 pub(super) fn response(display: &DisplayTable, channel: usize) -> [f32; 256] {
@@ -18,14 +15,6 @@ pub(super) fn response(display: &DisplayTable, channel: usize) -> [f32; 256] {
         let share = (curve - floor) / (1.0 - floor);
         (255.0 * (display.leakage_share + (1.0 - display.leakage_share) * share)) as f32
     })
-}
-
-/// Share of a panel pixel's width that a channel's light comes from: from where to where.
-pub(super) fn emitting(display: &DisplayTable, channel: usize) -> [f32; 2] {
-    match display.subpixels {
-        Subpixels::Whole => WHOLE,
-        Subpixels::Stripes => [channel as f32 / 3.0, (channel + 1) as f32 / 3.0],
-    }
 }
 
 /// How an uneven panel's light differs over its area.
@@ -82,10 +71,17 @@ pub(super) struct Projection {
     /// Grid pixel (x, y) is panel pixel (x, y) less this, exactly.
     identity: Option<[isize; 2]>,
     /// How far on the panel a sensor pixel to the right leads, and one down, in the middle.
-    steps: [[f64; 2]; 2],
+    pub(super) steps: [[f64; 2]; 2],
 }
 
 impl Projection {
+    /// How far from its place the panel stands, in its own pixels, when it is seen `moved_px` sensor
+    /// pixels to the right and down: a fraction, over which neither lens nor perspective change.
+    pub(super) fn aside(&self, moved_px: [f64; 2]) -> [f64; 2] {
+        let [right, down] = moved_px;
+        [0, 1].map(|n| right * self.steps[0][n] + down * self.steps[1][n])
+    }
+
     /// The footprints of a grid of `size` whose pixel (0, 0) is sensor pixel (−pad, −pad).
     pub(super) fn new(map: &PanelMap, size: Size, pad: usize) -> Projection {
         let sensor_px_per_panel_px = map.scale;
@@ -115,14 +111,11 @@ impl Projection {
     }
 
     /// The light the grid's pixels would see through a perfect lens: the mean of the panel's light
-    /// over each footprint, dark beyond the panel. A panel pixel's light comes from the part
-    /// `emitting` of its width. The panel is seen `moved_px` sensor pixels to the right and down of
-    /// its place: a fraction, over which neither lens nor perspective change.
-    pub(super) fn light(&self, panel: &Plane, emitting: [f32; 2], moved_px: [f64; 2]) -> Plane {
-        let in_place = moved_px == [0.0; 2];
-        let identity = self.identity.filter(|_| emitting == WHOLE && in_place);
-        let [right, down] = moved_px;
-        let off = [0, 1].map(|n| (right * self.steps[0][n] + down * self.steps[1][n]) as f32);
+    /// over each footprint, dark beyond the panel. The panel's pixels lie `aside` of themselves to
+    /// the right and down of where they are counted.
+    pub(super) fn light(&self, panel: &Plane, aside: [f64; 2]) -> Plane {
+        let off = aside.map(|v| v as f32);
+        let identity = self.identity.filter(|_| aside == [0.0; 2]);
         let mut out = Plane::zeros(self.size);
         let width = self.size.width;
         out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| match identity {
@@ -137,7 +130,7 @@ impl Projection {
             None => {
                 for (value, centre) in row.iter_mut().zip(&self.centres[y * width..][..width]) {
                     let centre = [centre[0] - off[0], centre[1] - off[1]];
-                    *value = footprint(panel, centre, self.half, emitting);
+                    *value = footprint(panel, centre, self.half);
                 }
             }
         });
@@ -149,20 +142,19 @@ fn row_of(panel: &Plane, y: isize) -> Option<&[f32]> {
     usize::try_from(y).ok().filter(|&y| y < panel.height()).map(|y| panel.row(y))
 }
 
-/// First pixel under a footprint along one axis, and the shares of the three pixels from there on,
-/// whose light comes from a part of their width.
-fn shares(centre: f32, half: f32, [from, to]: [f32; 2]) -> (isize, [f32; 3]) {
+/// First pixel under a footprint along one axis, and the shares of the three pixels from there on.
+fn shares(centre: f32, half: f32) -> (isize, [f32; 3]) {
     let (low, high) = (centre - half + 0.5, centre + half + 0.5);
     let first = low.floor();
-    let over = 0.5 / half / (to - from);
-    let share = |n: f32| (high.min(first + n + to) - low.max(first + n + from)).max(0.0) * over;
+    let over = 0.5 / half;
+    let share = |n: f32| (high.min(first + n + 1.0) - low.max(first + n)).max(0.0) * over;
     (first as isize, [share(0.0), share(1.0), share(2.0)])
 }
 
 /// Mean of the panel over one footprint of at most two panel pixels' width.
-fn footprint(panel: &Plane, [x, y]: [f32; 2], half: f32, emitting: [f32; 2]) -> f32 {
-    let (x0, across) = shares(x, half, emitting);
-    let (y0, down) = shares(y, half, WHOLE);
+fn footprint(panel: &Plane, [x, y]: [f32; 2], half: f32) -> f32 {
+    let (x0, across) = shares(x, half);
+    let (y0, down) = shares(y, half);
     let mut sum = 0.0;
     let inside = x0 >= 0 && x0 + 3 <= panel.width() as isize;
     for (n, weight) in down.into_iter().enumerate() {
@@ -189,7 +181,7 @@ mod tests {
         let panel = Plane::from_fn(Size::new(9, 9), |x, y| (10 * x + y) as f32);
         // A plane of constant slope: the mean over any footprint is the value at its centre.
         for (x, y) in [(4.0, 4.0), (3.3, 5.1), (4.5, 2.5), (3.99, 4.01)] {
-            let found = footprint(&panel, [x, y], 0.58, WHOLE);
+            let found = footprint(&panel, [x, y], 0.58);
             let (low, high) = ((x - 0.58f32).round(), (x + 0.58f32).round());
             // Piecewise constant pixels: the mean is a mix of the pixels touched.
             assert!(
@@ -197,11 +189,11 @@ mod tests {
                     && found <= 10.0 * high + (y + 0.58).round()
             );
         }
-        let (_, all) = shares(3.7, 0.58, WHOLE);
+        let (_, all) = shares(3.7, 0.58);
         assert!((all.iter().sum::<f32>() - 1.0).abs() < 1e-6);
-        assert!((footprint(&panel, [4.0, 4.0], 0.5, WHOLE) - 44.0).abs() < 1e-4);
-        assert!((footprint(&panel, [4.5, 4.0], 0.5, WHOLE) - 49.0).abs() < 1e-4);
-        assert!(footprint(&panel, [-3.0, 4.0], 0.58, WHOLE).abs() < 1e-9);
+        assert!((footprint(&panel, [4.0, 4.0], 0.5) - 44.0).abs() < 1e-4);
+        assert!((footprint(&panel, [4.5, 4.0], 0.5) - 49.0).abs() < 1e-4);
+        assert!(footprint(&panel, [-3.0, 4.0], 0.58).abs() < 1e-9);
     }
 
     #[test]

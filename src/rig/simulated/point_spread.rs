@@ -4,9 +4,10 @@
 //! spots are turned to wherever they are needed. A function is a histogram of rays over sensor
 //! pixels: the light of a point in a pixel's centre, integrated over the pixels it falls on.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
+use rustfft::num_complex::Complex;
 
 use super::prescription::Focused;
 use crate::config::{LensGeometry, Prescription, Primaries};
@@ -150,16 +151,15 @@ impl Fan {
         (total(n) + t * (total(n + 1) - total(n))) * stretch * slope * magnification * magnification
     }
 
-    /// The function of `channel` for a point seen at (`x_px`, `y_px`) from the axis: `support_px`²
-    /// values that sum to 1, and the share of the light that fell outside. It is placed on the
-    /// green geometry, or with `own_centroid` on its own centroid.
-    pub(super) fn function(
+    /// Where the rays of `channel` from a point seen at (`x_px`, `y_px`) from the axis arrive, in
+    /// pixels to the right and down of the green geometry, or of their own centroid; and their
+    /// light.
+    fn rays(
         &self,
         channel: Channel,
         [x_px, y_px]: [f64; 2],
-        support_px: usize,
         own_centroid: bool,
-    ) -> (Vec<f32>, f64) {
+    ) -> impl Iterator<Item = ([f32; 2], f32)> {
         let radius = x_px.hypot(y_px);
         let (n, t) = self.around(radius);
         let (a, b) = (&self.spots[channel.index()][n], &self.spots[channel.index()][n + 1]);
@@ -173,15 +173,45 @@ impl Fan {
         let (cosine, sine) = ((cosine / self.pitch_mm) as f32, (sine / self.pitch_mm) as f32);
         let (t, shift) = (t as f32, (a.centroid_mm - origin) as f32);
         let drift = (b.centroid_mm - a.centroid_mm) as f32;
-        let mut function = vec![0.0f32; support_px * support_px];
-        let (half, mut lost) = (support_px as f32 / 2.0, 0.0f64);
-        for i in 0..a.light.len() {
+        (0..a.light.len()).map(move |i| {
             // Rays are stored about their centroid; t between the two traced heights.
             let across = a.across_mm[i] + t * (b.across_mm[i] - a.across_mm[i]);
             let out = a.out_mm[i] + t * (b.out_mm[i] - a.out_mm[i]) + shift + t * drift;
             let light = a.light[i] + t * (b.light[i] - a.light[i]);
-            let column = (out * cosine - across * sine + half).floor();
-            let row = (out * sine + across * cosine + half).floor();
+            ([out * cosine - across * sine, out * sine + across * cosine], light)
+        })
+    }
+
+    /// What is left of a grating of `frequency` lines a pixel that is seen at `at` from the axis.
+    pub(super) fn passed(
+        &self,
+        channel: Channel,
+        at: [f64; 2],
+        frequency: [f64; 2],
+    ) -> Complex<f64> {
+        let (mut sum, mut all) = (Complex::default(), 0.0);
+        for ([right, down], light) in self.rays(channel, at, false) {
+            let lines = f64::from(right) * frequency[0] + f64::from(down) * frequency[1];
+            sum += Complex::cis(-TAU * lines) * f64::from(light);
+            all += f64::from(light);
+        }
+        sum / all
+    }
+
+    /// The function of `channel` for a point seen at `at` from the axis, in pixels: `support_px`²
+    /// values that sum to 1, and the share of the light that fell outside. It is placed on the
+    /// green geometry, or with `own_centroid` on its own centroid.
+    pub(super) fn function(
+        &self,
+        channel: Channel,
+        at: [f64; 2],
+        support_px: usize,
+        own_centroid: bool,
+    ) -> (Vec<f32>, f64) {
+        let mut function = vec![0.0f32; support_px * support_px];
+        let (half, mut lost) = (support_px as f32 / 2.0, 0.0f64);
+        for ([right, down], light) in self.rays(channel, at, own_centroid) {
+            let (column, row) = ((right + half).floor(), (down + half).floor());
             let inside = column >= 0.0 && row >= 0.0 && column < 2.0 * half && row < 2.0 * half;
             if inside {
                 function[row as usize * support_px + column as usize] += light;

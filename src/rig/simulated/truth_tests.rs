@@ -303,6 +303,34 @@ fn striped_subpixels_move_red_and_blue_by_a_third_of_a_panel_pixel() {
     }
 }
 
+#[test]
+fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
+    let stripes = "subpixels = \"stripes\"\nresponse-ms = 5.0";
+    // Of f/4, which passes next to nothing so fine, and of f/16, which does.
+    for (stop, least, most) in [("18.75", 0.0, 0.01), ("4.7", 0.05, 0.3)] {
+        let stop = format!("stop-diameter-mm = {stop}");
+        let lens = [NO_GLARE, ("stop-diameter-mm = 18.75", &stop)];
+        let (config, _, plain) = quiet_with(&lens);
+        let (_, _, striped) = quiet_with(&[lens[0], lens[1], ("response-ms = 5.0", stripes)]);
+        let white = grey(&config, 255);
+        let [plain, striped] = [&plain, &striped].map(|w| w.light_on_sensor(&white));
+        // 1/0.86 panel pixels a sensor pixel: 6.14 pixels a beat.
+        let (mut cosine, mut sine, mut count) = (0.0, 0.0, 0.0);
+        let mut sum = 0.0;
+        for y in 100..124 {
+            for x in 113..175 {
+                let share = f64::from(striped[1].at(x, y) / plain[1].at(x, y)) - 1.0;
+                let phase = std::f64::consts::TAU * x as f64 * (1.0 / 0.86 - 1.0);
+                (cosine, sine) = (cosine + share * phase.cos(), sine + share * phase.sin());
+                (sum, count) = (sum + share, count + 1.0);
+            }
+        }
+        let beat = 2.0 * f64::hypot(cosine, sine) / count;
+        println!("{stop}: a beat of {:.4} of the light", beat);
+        assert!((least..most).contains(&beat) && (sum / count).abs() < 0.002, "{stop}: {beat}");
+    }
+}
+
 /// Distance behind a thin lens of this focal length at which an object is sharp, in mm.
 fn image_mm(object_mm: f64) -> f64 {
     1.0 / (1.0 / 74.68 - 1.0 / object_mm)
@@ -464,7 +492,7 @@ fn captures_are_shaken_and_wander_as_much_as_said() {
         let (_, step) = mean_and_sigma(steps);
         assert!((step / 0.03 - 1.0).abs() < 0.2, "{axis}: {step}");
         let far = wandered.iter().map(|at| at[axis].abs()).fold(0.0, f64::max);
-        assert!((0.08..1.0).contains(&far), "{axis}: {far}");
+        assert!((0.06..0.5).contains(&far), "{axis}: {far}");
     }
     assert_eq!(shaken[..20], displacements("vibration-px = 0.05", 20)[..]);
 }

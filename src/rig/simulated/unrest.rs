@@ -8,7 +8,7 @@ use crate::config::Unrest;
 
 /// Share of its wander that a panel comes back a capture: what swings with the room's warmth
 /// returns. Guess.
-const PULL: f64 = 0.01;
+const PULL: f64 = 0.05;
 
 /// Two normal numbers of exposure `number`, of stream part `part`.
 fn normals(seed: u64, number: u64, part: u64) -> [f64; 2] {

@@ -267,6 +267,6 @@ impl Witness {
     fn place_panel(&mut self) {
         self.map = self.optics.map(&self.pose, self.panel);
         let projection = Projection::new(&self.map, self.optics.grid(), self.optics.pad);
-        self.shared.bench().set_light_path(Arc::clone(&self.optics), projection);
+        self.shared.bench().set_light_path(Arc::clone(&self.optics), &self.map, projection);
     }
 }
