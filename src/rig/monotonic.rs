@@ -55,6 +55,7 @@ mod tests {
 
     #[cfg(feature = "hardware")]
     #[test]
+    #[cfg(feature = "hardware")]
     fn nothing_is_left_of_a_deadline_that_has_passed() {
         let left = left_until(Moment(Monotonic.now().0 - 1.0));
         assert_eq!((left.tv_sec, left.tv_nsec), (0, 0));
