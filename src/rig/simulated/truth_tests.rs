@@ -306,8 +306,8 @@ fn striped_subpixels_move_red_and_blue_by_a_third_of_a_panel_pixel() {
 #[test]
 fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
     let stripes = "subpixels = \"stripes\"\nresponse-ms = 5.0";
-    // Of f/4, which passes next to nothing so fine, and of f/16, which does.
-    for (stop, least, most) in [("18.75", 0.0, 0.01), ("4.7", 0.05, 0.3)] {
+    // f/4 passes a twentieth of such a grating, f/16 most of it.
+    for (stop, least, most) in [("18.75", 0.004, 0.03), ("4.7", 0.1, 0.3)] {
         let stop = format!("stop-diameter-mm = {stop}");
         let lens = [NO_GLARE, ("stop-diameter-mm = 18.75", &stop)];
         let (config, _, plain) = quiet_with(&lens);
@@ -328,6 +328,22 @@ fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
         let beat = 2.0 * f64::hypot(cosine, sine) / count;
         println!("{stop}: a beat of {:.4} of the light", beat);
         assert!((least..most).contains(&beat) && (sum / count).abs() < 0.002, "{stop}: {beat}");
+    }
+}
+
+#[test]
+fn at_a_real_sensor_s_pitch_the_lens_passes_nothing_of_the_stripes() {
+    for (name, most) in [("simulated.toml", 0.02), ("small.toml", 0.2)] {
+        let config = config::load(std::path::Path::new(name)).expect("built in");
+        let optics = optics::Optics::new(&config, config.simulation().expect("simulated"))
+            .expect("a good lens");
+        let Size { width, height } = config.camera.size();
+        let [right, bottom] = [width, height].map(|side| side as f64 - 1.0);
+        for at in [[right / 2.0, bottom / 2.0], [right * 0.75, bottom * 0.75], [right, bottom]] {
+            let passed = optics.passed(Channel::Green, at, [1.0 / 0.86, 0.0]).norm();
+            println!("{name} {at:?}: {passed:.4} passed");
+            assert!(passed < most, "{name} {at:?}: {passed}");
+        }
     }
 }
 
