@@ -326,8 +326,10 @@ fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
             }
         }
         let beat = 2.0 * f64::hypot(cosine, sine) / count;
-        println!("{stop}: a beat of {:.4} of the light", beat);
-        assert!((least..most).contains(&beat) && (sum / count).abs() < 0.002, "{stop}: {beat}");
+        let mean = sum / count;
+        println!("{stop}: a beat of {beat:.4} of the light about {mean:.5}");
+        // Ten beats and a little: what is over leaves a mean of a few hundredths of their height.
+        assert!((least..most).contains(&beat) && mean.abs() < 0.05 * beat, "{stop}: {beat} {mean}");
     }
 }
 
@@ -335,8 +337,8 @@ fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
 fn at_a_real_sensor_s_pitch_the_lens_passes_nothing_of_the_stripes() {
     for (name, most) in [("simulated.toml", 0.02), ("small.toml", 0.2)] {
         let config = config::load(std::path::Path::new(name)).expect("built in");
-        let optics = optics::Optics::new(&config, config.simulation().expect("simulated"))
-            .expect("a good lens");
+        let optics =
+            Optics::new(&config, config.simulation().expect("simulated")).expect("a good lens");
         let Size { width, height } = config.camera.size();
         let [right, bottom] = [width, height].map(|side| side as f64 - 1.0);
         for at in [[right / 2.0, bottom / 2.0], [right * 0.75, bottom * 0.75], [right, bottom]] {
