@@ -14,7 +14,7 @@ use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::measurement::calibrate;
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, digital, hybrid};
-use relens::rig::simulated;
+use relens::rig::simulated::{self, Witness};
 
 /// A departure from the ideal rig: takes what it is from a truthful one.
 type Departure = fn(&mut Simulation, &Simulation);
@@ -80,10 +80,20 @@ struct Tried {
 }
 
 fn tried(rig: &config::Rig, scenes: &[Scene]) -> Result<Vec<Tried>, String> {
-    let (mut devices, witness) = simulated::open(rig).unwrap();
+    tried_after(rig, scenes, &|_| {})
+}
+
+/// The same, `since` having happened to the rig after it was calibrated.
+fn tried_after(
+    rig: &config::Rig,
+    scenes: &[Scene],
+    since: &dyn Fn(&mut Witness),
+) -> Result<Vec<Tried>, String> {
+    let (mut devices, mut witness) = simulated::open(rig).unwrap();
     let calibration =
         calibrate(&mut devices, rig, None, &mut |_| {}).map_err(|error| error.to_string())?;
     let pipeline = Pipeline::new(rig, &calibration).map_err(|error| error.to_string())?;
+    since(&mut witness);
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let light_of = |codes: &Frame<Work, u8>| Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
     let mut all = Vec::new();
@@ -139,6 +149,35 @@ fn what_each_truth_costs() {
                         tried.verdict
                     );
                 }
+            }
+        }
+    }
+}
+
+/// What `hybrid` gains over the photo, SSIM and dB; means over the scenes.
+fn gain(all: &[Tried]) -> [f64; 2] {
+    let of = |n: usize| {
+        all.iter().map(|one| one.hybrid[n] - one.photo[n]).sum::<f64>() / all.len() as f64
+    };
+    [of(0), of(1)]
+}
+
+#[test]
+fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
+    let scenes = [Scene::Astronaut, Scene::Coffee];
+    let unrest = |to: &mut Simulation, from: &Simulation| to.unrest = from.unrest;
+    for (name, rig) in [("steady", load("small.toml")), ("unrest", departed(&[unrest]))] {
+        let still = gain(&tried(&rig, &scenes).unwrap());
+        for px in [0.1, 0.25, 0.5] {
+            let knocked = tried_after(&rig, &scenes, &|witness| {
+                witness.knock_panel(0.8 * px, -0.6 * px);
+            });
+            let knocked = knocked.unwrap();
+            let found = gain(&knocked);
+            println!("{name}, {px} px: gain {found:.4?} of {still:.4?}");
+            assert!(found[0] >= 0.9 * still[0] && found[1] >= 0.9 * still[1], "{name} {px}");
+            for one in &knocked {
+                assert!(one.delivered[0] > one.photo[0], "{name} {px} {}", one.verdict);
             }
         }
     }

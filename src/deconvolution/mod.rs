@@ -24,5 +24,6 @@ pub mod opponent;
 pub mod patches;
 pub mod quality;
 pub mod refinement;
+pub mod registration;
 pub mod wavelet;
 pub mod wavelet_shrinkage;

@@ -99,7 +99,8 @@ impl Method for Hybrid {
         let (picture, steps) = by_wavelets.solve_photo(problem, &mask, watch)?;
         course.extend(&steps, 0, 0.0);
         let mut certificate = Certificate::uncertified(problem);
-        let (seen, defect) = (optics.forward(&picture)?, Frame::zeros(problem.size()));
+        let seen = problem.seen(optics, Some(model), &picture)?;
+        let defect = Frame::zeros(problem.size());
         let mut now = Candidate { picture, seen, defect };
         let (mut look, mut refined) = (CaptureFinding::default(), None);
         for capture in 1..=self.captures_max.max(1) {
@@ -145,8 +146,8 @@ impl Method for Hybrid {
                 certificate.optical_residual = None;
                 break;
             }
-            let corrected =
-                Candidate { seen: optics.forward(&corrected)?, picture: corrected, defect: known };
+            let seen = problem.seen(optics, Some(model), &corrected)?;
+            let corrected = Candidate { seen, picture: corrected, defect: known };
             now.step_towards(&corrected, problem);
         }
         certificate.model_residual = problem.model_residual(&now.picture);

@@ -6,9 +6,11 @@ use serde::{Deserialize, Serialize};
 use super::record::{IterationRecord, Watch};
 use crate::deconvolution::data_term::{MISSING, NOISE_MIN, residual, rms_over_data};
 use crate::deconvolution::detail_mask::DetailMask;
+use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::refinement::{CaptureFinding, Learnt};
+use crate::deconvolution::registration::Registration;
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 
@@ -60,6 +62,32 @@ impl<'a> Problem<'a> {
                 *v = 0.0;
             }
         }
+    }
+
+    /// What `optics` let be seen of `shown`, brought to where the lens, `model`, predicts it
+    /// ([`Registration`]); as it came where there is none.
+    ///
+    /// # Errors
+    /// When the capture fails.
+    pub(super) fn seen(
+        &self,
+        optics: &mut dyn ForwardConvolution,
+        model: Option<&LensModel>,
+        shown: &Frame<Work>,
+    ) -> Result<Seen, MethodError> {
+        let mut seen = optics.forward(shown)?;
+        if let Some(model) = model {
+            let predicted = self.frame_of(|c| {
+                let mut plane = Plane::zeros(self.size());
+                model.forward(c, shown.plane(c), &mut plane);
+                plane
+            });
+            let channels = self.channels.list();
+            let found = Registration::of(&seen, &predicted, self.trust, self.rect, channels);
+            log::debug!("capture registered: {found:?}");
+            found.undo(&mut seen, &predicted, channels);
+        }
+        Ok(seen)
     }
 
     /// What noise alone leaves of FC(L) − B in one channel: √(photo² + capture²), grey levels.
