@@ -2,7 +2,33 @@
 //!
 //! A photo taken through a bad lens is restored by *that lens*: the box shows candidate pictures on
 //! a panel, photographs them through the same lens, and adjusts the candidate until its photograph
-//! is the photo. The light path, drawn once:
+//! is the photo.
+//!
+//! # Examples
+//!
+//! A simulated rig takes a photo through its bad lens, is calibrated, and restores the photo:
+//!
+//! ```
+//! use relens::{Format, Rig};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let temporary = tempfile::tempdir()?;
+//! # let folder = temporary.path();
+//! let mut rig = Rig::open("small.toml")?;
+//! let photo = rig.photograph("tests/scenes/astronaut.png", 1)?;
+//! rig.calibrate(folder)?;
+//! let outcome = rig.restorer(folder)?.restore(&photo)?;
+//! std::fs::write(folder.join("restored.png"), photo.with_picture(&outcome.picture, Format::Png)?)?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A real rig is opened by its own rig file, with the feature `hardware`; the rest is the same, and
+//! [`Rig::read`] reads the photos that its camera took.
+//!
+//! # Inside
+//!
+//! Only what is listed below is for other programs. The light path, drawn once:
 //!
 //! ```text
 //! photo file ─ decode ─ linear light ─► B (Work)
@@ -36,25 +62,58 @@
 //! | 4 | [`diagnosis`], [`kiosk`] | a rig's timing; button, lamps, screens |
 //! | 5 | [`pipeline`], [`nights`] | one photo on a calibrated rig; hours, clock trust, drift |
 //! | 6 | [`restorer`] | what is kept beside a rig, photo after photo |
-//! | 7 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed and accuracy, operating point |
+//! | 7 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed, operating point |
+//! | 8 | [`face`] | the library: open, calibrate, restore, photograph |
 //!
 //! Start reading at [`deconvolution`], then [`light_path`].
 
+// Hidden modules document themselves to who works on them: `cargo doc --document-private-items`.
+#![allow(rustdoc::private_intra_doc_links)]
+
+// What the program, the laboratory, the tests and the fuzzing reach, and nobody else should.
+#[doc(hidden)]
 pub mod calibration;
+#[doc(hidden)]
 pub mod chart;
+#[doc(hidden)]
 pub mod config;
+#[doc(hidden)]
 pub mod daemon;
+#[doc(hidden)]
 pub mod deconvolution;
+#[doc(hidden)]
 pub mod diagnosis;
+#[doc(hidden)]
 pub mod disk;
+#[doc(hidden)]
+pub mod face;
+#[doc(hidden)]
 pub mod frame;
+#[doc(hidden)]
 pub mod kiosk;
+#[doc(hidden)]
 pub mod light_path;
+#[doc(hidden)]
 pub mod measurement;
+#[doc(hidden)]
 pub mod nights;
+#[doc(hidden)]
 pub mod patterns;
+#[doc(hidden)]
 pub mod picture;
+#[doc(hidden)]
 pub mod pipeline;
+#[doc(hidden)]
 pub mod remedy;
+#[doc(hidden)]
 pub mod restorer;
+#[doc(hidden)]
 pub mod rig;
+
+pub use config::Curve;
+pub use deconvolution::ladder::Rung;
+pub use face::{Calibrated, Error, PhotoRestorer, Rig};
+pub use frame::{Channel, Channels, Frame, Plane, Size, Work};
+pub use picture::{Format, Photo};
+pub use pipeline::{Evidence, Iteration, OpticalResidual, Outcome, Residuals, Verdict};
+pub use remedy::Remedy;

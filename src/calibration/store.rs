@@ -124,6 +124,15 @@ impl Remediable for StoreError {
     }
 }
 
+/// Makes `folder` for a calibration to be kept in, and what lies above it.
+///
+/// # Errors
+/// [`StoreError::Write`].
+pub fn make_folder(folder: &Path) -> Result<(), StoreError> {
+    std::fs::create_dir_all(folder)
+        .map_err(|source| StoreError::Write { path: folder.to_owned(), source })
+}
+
 /// The newer whole calibration of the rig `rig` in `folder`.
 ///
 /// # Errors

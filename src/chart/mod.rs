@@ -77,7 +77,7 @@ pub fn trade_on(
     Ok(trade)
 }
 
-/// How many restorations [`trade`] makes; [`trade_on`] a few less.
+/// How many restorations [`trade()`] makes; [`trade_on`] a few less.
 pub fn restorations(rig: &Rig, quick: bool) -> usize {
     let fewer = if quick { 0 } else { 2 * FEWER_FUNCTIONS.len() };
     (contestants(rig, quick).len() + fewer) * scenes_for(rig).len()

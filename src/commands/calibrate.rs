@@ -46,7 +46,6 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
     let mut devices = opening::devices(rig)?;
     let kept = opening::calibration_folder(&options.folder.folder);
-    std::fs::create_dir_all(&kept).map_err(|e| CliError::writing(&kept, e))?;
     let calibration = on_rig::measure(rig, &mut devices, &kept, progress::calibrating)?;
     progress::clear();
     let [red, green, blue] = calibration.operator_error;

@@ -30,7 +30,6 @@ pub(super) fn restorer(
 ) -> Result<Box<dyn Restorer>, CliError> {
     let mut devices = devices(rig)?;
     let kept = calibration_folder(folder);
-    std::fs::create_dir_all(&kept).map_err(|e| CliError::writing(&kept, e))?;
     if let Err(error) = store::load(&kept, rig.identity) {
         if rig.simulation().is_none() {
             return Err(CliError::of(error));

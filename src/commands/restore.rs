@@ -6,8 +6,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use relens::config::{self, MethodName};
 use relens::daemon::{Report, Watcher};
-use relens::frame::Channels;
-use relens::picture::{Limits, Manner, Photo, encode};
+use relens::picture::{Limits, Photo};
 use relens::pipeline::Verdict;
 
 use super::error::CliError;
@@ -69,10 +68,7 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     let outcome = restorer.restore(&photo, &mut |progress| line.progress(progress));
     line.ended();
     let outcome = outcome?;
-    let manner = Manner { format, ..photo.manner.clone() };
-    let grey = photo.channels == Channels::Green;
-    let result = encode(&photo.name, &outcome.picture, &manner, grey).map_err(CliError::of)?;
-    write_new(out, &result)?;
+    write_new(out, &photo.with_picture(&outcome.picture, format).map_err(CliError::of)?)?;
     let by = match outcome.verdict {
         Verdict::Untouched => "the photo as it is".to_owned(),
         Verdict::Sound | Verdict::Replaced => format!("restored by {}", outcome.method),

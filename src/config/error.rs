@@ -40,7 +40,7 @@ pub enum ConfigError {
     Missing {
         /// Where.
         at: String,
-        /// "key `refresh-hz` in [panel]".
+        /// "key refresh-hz in `[panel]`".
         what: String,
         /// What the key or the table is.
         meaning: String,

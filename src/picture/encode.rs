@@ -6,10 +6,10 @@ use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, tiff::TiffEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use crate::frame::resample::resize;
-use crate::frame::{Channel, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Channels, Frame, Plane, Size, Work};
 
 use super::turn::turn;
-use super::{Format, Manner, PictureError, PixelLayout};
+use super::{Format, Manner, Photo, PictureError, PixelLayout};
 
 /// JPEG quality of results. High enough that its loss stays below the noise of a capture; guess.
 const QUALITY: u8 = 95;
@@ -31,6 +31,22 @@ pub fn encode(
 ) -> Result<Vec<u8>, PictureError> {
     encoded(picture, manner, grey, QUALITY)
         .map_err(|source| PictureError::Encode { name: name.to_owned(), source })
+}
+
+impl Photo {
+    /// The file of `picture` (linear light 0..255, the photo's stored orientation) in `format`,
+    /// with all that this photo's file carried along.
+    ///
+    /// # Errors
+    /// [`PictureError::Encode`].
+    pub fn with_picture(
+        &self,
+        picture: &Frame<Work>,
+        format: Format,
+    ) -> Result<Vec<u8>, PictureError> {
+        let manner = Manner { format, ..self.manner.clone() };
+        encode(&self.name, picture, &manner, self.channels == Channels::Green)
+    }
 }
 
 /// A small JPEG of `picture`, upright, at most `longest_px` on its longer side.

@@ -32,7 +32,7 @@ pub struct OnRig {
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
 
-/// Calibrates `devices` and keeps the result in `slots`; what was kept before stays if this fails.
+/// Calibrates `devices` and keeps the result in `slots`, which is made if need be; what was kept before stays if this fails.
 ///
 /// # Errors
 /// When the rig is not fit to be calibrated or the result cannot be kept.
@@ -42,6 +42,7 @@ pub fn measure(
     slots: &Path,
     calibrating: fn(measurement::Progress),
 ) -> Result<Calibration, AnyFailure> {
+    store::make_folder(slots).map_err(boxed)?;
     let previous = store::load(slots, config.identity).ok();
     let measured =
         calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;

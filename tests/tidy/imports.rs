@@ -143,7 +143,8 @@ impl SourceFile {
             let token = tokens[i].as_str();
             let next = tokens.get(i + 1).map_or("", String::as_str);
             match token {
-                "use" => {
+                // `impl Trait + use<>` imports nothing.
+                "use" if next != "<" => {
                     let public = i > 0 && matches!(tokens[i - 1].as_str(), "pub" | ")");
                     i = read_tree(&tokens, i + 1, &[], public, &mut file.imports);
                     continue;

@@ -1,5 +1,5 @@
 //! Bicubic resampling of a plane: at given places ([`warp`], [`sample`]), and to another size
-//! ([`resize`]).
+//! (`resize`).
 //!
 //! The kernel is Keys' cubic convolution ("Cubic convolution interpolation for digital image
 //! processing", 1981) with a = −½, the one value whose error falls with the third power of the
