@@ -18,7 +18,8 @@
 //! let photo = rig.photograph("tests/scenes/astronaut.png", 1)?;
 //! rig.calibrate(folder)?;
 //! let outcome = rig.restorer(folder)?.restore(&photo)?;
-//! std::fs::write(folder.join("restored.png"), photo.with_picture(&outcome.picture, Format::Png)?)?;
+//! let restored = photo.with_picture(&outcome.picture, Format::Png)?;
+//! std::fs::write(folder.join("restored.png"), restored)?;
 //! # Ok(())
 //! # }
 //! ```
@@ -58,7 +59,7 @@
 //! | 2 | [`config`] | the rig file |
 //! | 3 | [`calibration`], [`rig`] | fits and their store; the devices, real or simulated |
 //! | 3 | [`picture`] | photo files |
-//! | 4 | [`light_path`], [`measurement`] | forward convolution through a rig; show, see, fit, judge |
+//! | 4 | [`light_path`], [`measurement`] | forward convolution by a rig; show, see, fit, judge |
 //! | 4 | [`diagnosis`], [`kiosk`] | a rig's timing; button, lamps, screens |
 //! | 5 | [`pipeline`], [`nights`] | one photo on a calibrated rig; hours, clock trust, drift |
 //! | 6 | [`restorer`] | what is kept beside a rig, photo after photo |

@@ -131,7 +131,7 @@ impl Registration {
     }
 }
 
-/// PartSums over a part of the photo: products of the gradient (x, y) with itself, with the residual
+/// Sums over a part of the photo: products of the gradient (x, y) with itself, with the residual
 /// and with the prediction; residual and prediction.
 type PartSums = [f64; 9];
 

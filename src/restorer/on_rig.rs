@@ -32,7 +32,8 @@ pub struct OnRig {
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
 
-/// Calibrates `devices` and keeps the result in `slots`, which is made if need be; what was kept before stays if this fails.
+/// Calibrates `devices` and keeps the result in `slots`, which is made if need be; what was kept
+/// before stays if this fails.
 ///
 /// # Errors
 /// When the rig is not fit to be calibrated or the result cannot be kept.

@@ -93,6 +93,8 @@ pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
 }
 
 #[cfg(test)]
+mod focus_tests;
+#[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod truth_tests;

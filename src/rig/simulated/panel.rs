@@ -75,8 +75,9 @@ pub(super) struct Projection {
 }
 
 impl Projection {
-    /// How far from its place the panel stands, in its own pixels, when it is seen `moved_px` sensor
-    /// pixels to the right and down: a fraction, over which neither lens nor perspective change.
+    /// How far from its place the panel stands, in its own pixels, when it is seen `moved_px`
+    /// sensor pixels to the right and down: a fraction, over which neither lens nor perspective
+    /// change.
     pub(super) fn aside(&self, moved_px: [f64; 2]) -> [f64; 2] {
         let [right, down] = moved_px;
         [0, 1].map(|n| right * self.steps[0][n] + down * self.steps[1][n])

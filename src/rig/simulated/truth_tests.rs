@@ -3,11 +3,10 @@
 use super::tests::{QUIET, grey, small_with};
 use super::*;
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Size, Work};
-use crate::rig::Moment;
 use crate::rig::pixel_format::PixelFormat;
 
 /// small.toml without noise, and some lines changed.
-fn quiet_with(changes: &[(&str, &str)]) -> (config::Rig, Rig, Witness) {
+pub(super) fn quiet_with(changes: &[(&str, &str)]) -> (config::Rig, Rig, Witness) {
     small_with(&[&QUIET[..], changes].concat())
 }
 
@@ -16,7 +15,7 @@ fn sensor_with(lines: &str) -> String {
     format!("readout-ms = 30.0\n{lines}")
 }
 
-fn mean_and_sigma(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+pub(super) fn mean_and_sigma(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;
     (mean, (values.map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
@@ -116,7 +115,7 @@ fn a_sensor_without_filters_has_no_raw_photo() {
 }
 
 /// Mean counts above black in the middle of the field, green.
-fn middle_of(counts: &Counts) -> f64 {
+pub(super) fn middle_of(counts: &Counts) -> f64 {
     let plane = counts.plane(Channel::Green);
     let rows = 100..124;
     let sum: f64 =
@@ -199,7 +198,7 @@ const PURE: (&str, &str) = (
     "cross-channel = [[1.0, 0.08, 0.01], [0.06, 1.0, 0.09], [0.01, 0.12, 1.0]]",
     "cross-channel = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
 );
-const NO_GLARE: (&str, &str) = ("glare-share = 0.03", "glare-share = 0.0");
+pub(super) const NO_GLARE: (&str, &str) = ("glare-share = 0.03", "glare-share = 0.0");
 
 #[test]
 fn an_uneven_panel_is_darker_and_bluer_lacking_towards_its_corners() {
@@ -259,7 +258,7 @@ fn light_and_black_of_a_panel_change_with_the_angle_it_is_seen_at() {
 }
 
 /// Centroids and second moments about them of the three channels' light, dark corner undone.
-fn moments(light: &[Plane; 3], witness: &Witness) -> [([f64; 2], f64); 3] {
+pub(super) fn moments(light: &[Plane; 3], witness: &Witness) -> [([f64; 2], f64); 3] {
     Channel::ALL.map(|channel| {
         let (plane, falloff) = (&light[channel.index()], witness.dark_corner(channel));
         let values = plane.data().iter().zip(falloff.data()).map(|(&v, &f)| f64::from(v / f));
@@ -267,7 +266,10 @@ fn moments(light: &[Plane; 3], witness: &Witness) -> [([f64; 2], f64); 3] {
     })
 }
 
-fn moments_of(values: impl Iterator<Item = f64> + Clone, width: usize) -> ([f64; 2], f64) {
+pub(super) fn moments_of(
+    values: impl Iterator<Item = f64> + Clone,
+    width: usize,
+) -> ([f64; 2], f64) {
     let total: f64 = values.clone().sum();
     let place = |n: usize| [(n % width) as f64, (n / width) as f64];
     let mean = |of: &dyn Fn([f64; 2]) -> f64| {
@@ -278,7 +280,7 @@ fn moments_of(values: impl Iterator<Item = f64> + Clone, width: usize) -> ([f64;
 }
 
 /// A bright spot of Gaussian shape around panel place `at`.
-fn spot(size: Size, at: [f64; 2]) -> Codes {
+pub(super) fn spot(size: Size, at: [f64; 2]) -> Codes {
     Frame::from_fn(|_| {
         Plane::from_fn(size, |x, y| {
             let square = (x as f64 - at[0]).powi(2) + (y as f64 - at[1]).powi(2);
@@ -287,7 +289,7 @@ fn spot(size: Size, at: [f64; 2]) -> Codes {
     })
 }
 
-const NO_LEAKAGE: (&str, &str) = ("leakage-share = 0.001", "leakage-share = 0.0");
+pub(super) const NO_LEAKAGE: (&str, &str) = ("leakage-share = 0.001", "leakage-share = 0.0");
 
 #[test]
 fn striped_subpixels_move_red_and_blue_by_a_third_of_a_panel_pixel() {
@@ -346,228 +348,5 @@ fn at_a_real_sensor_s_pitch_the_lens_passes_nothing_of_the_stripes() {
             println!("{name} {at:?}: {passed:.4} passed");
             assert!(passed < most, "{name} {at:?}: {passed}");
         }
-    }
-}
-
-/// Distance behind a thin lens of this focal length at which an object is sharp, in mm.
-fn image_mm(object_mm: f64) -> f64 {
-    1.0 / (1.0 / 74.68 - 1.0 / object_mm)
-}
-
-#[test]
-fn a_scene_out_of_focus_is_blurred_by_the_cone_of_light() {
-    let near = "object-distance-mm = 4000.0\nscene-distance-mm = 3200.0";
-    let (config, _, sharp) = quiet_with(&[NO_GLARE]);
-    let (_, _, blurred) = quiet_with(&[NO_GLARE, ("object-distance-mm = 4000.0", near)]);
-    let size = config.canvas_size();
-    let [across, down] = [size.width / 2, size.height / 2];
-    let mut scene: Frame<Work> = Frame::zeros(size);
-    scene.planes_mut().iter_mut().for_each(|plane| plane.set(across, down, 1e4));
-    let [before, after] = [&sharp, &blurred].map(|witness| {
-        let plane = witness.forward(&scene, Light::Scene);
-        let green = plane.plane(Channel::Green).clone();
-        moments_of(green.data().iter().map(|&v| f64::from(v)), size.width).1
-    });
-    // A cone of 18.75 mm cut this far from its tip: a disc, whose second moment is half its
-    // radius squared. The sharp image is the one of least moment, so that moments add.
-    let [v, sharp_v] = [3200.0, 4000.0].map(image_mm);
-    let radius_px = 18.75 / 2.0 * (v - sharp_v) / v / 0.04;
-    let grown = after - before;
-    assert!((grown / (radius_px.powi(2) / 2.0) - 1.0).abs() < 0.06, "{before} {after} {radius_px}");
-}
-
-#[test]
-fn a_lens_focused_nearer_magnifies_the_panel_and_blurs_it() {
-    let near = "object-distance-mm = 4000.0\nfocus-distance-mm = 3200.0";
-    let quiet = [NO_LEAKAGE, NO_GLARE];
-    let (config, _, sharp) = quiet_with(&quiet);
-    let (_, _, near) = quiet_with(&[quiet[0], quiet[1], ("object-distance-mm = 4000.0", near)]);
-    let [left, right] = [[150.0, 100.0], [330.0, 160.0]].map(|at| spot(config.panel.size(), at));
-    let apart_and_wide = |witness: &Witness| {
-        let [a, b] = [&left, &right].map(|c| moments(&witness.light_on_sensor(c), witness)[1]);
-        ((a.0[0] - b.0[0]).hypot(a.0[1] - b.0[1]), a.1)
-    };
-    let ((before, narrow), (after, wide)) = (apart_and_wide(&sharp), apart_and_wide(&near));
-    let grown = image_mm(3200.0) / image_mm(4000.0);
-    assert!((after / before / grown - 1.0).abs() < 5e-4, "{before} {after} {grown}");
-    assert!(wide - narrow * grown.powi(2) > 0.3, "{narrow} {wide}");
-
-    // Turning the ring does what opening such a rig does, and turning it back undoes it.
-    let (_, _, mut turned) = quiet_with(&quiet);
-    let first = turned.light_on_sensor(&left);
-    turned.refocus(3200.0).expect("a traced lens");
-    assert_eq!(turned.light_on_sensor(&left), near.light_on_sensor(&left));
-    turned.refocus(4000.0).expect("a traced lens");
-    let again = turned.light_on_sensor(&left);
-    let mut off = again[1].clone();
-    off.add_scaled(-1.0, &first[1]);
-    assert!(off.rms() < 1e-3, "{}", off.rms());
-}
-
-#[test]
-fn a_scene_of_two_depths_is_sharp_where_the_lens_is_focused() {
-    let far = "object-distance-mm = 4000.0\nscene-distance-mm = 8000.0";
-    let (config, _, witness) = quiet_with(&[NO_GLARE]);
-    let (_, _, all_far) = quiet_with(&[NO_GLARE, ("object-distance-mm = 4000.0", far)]);
-    let size = config.photo.size();
-    let scene: Frame<Work> = Frame::from_fn(|c| {
-        Plane::from_fn(size, |x, y| ((x / 5 + y / 7 + c.index()) % 2 * 180 + 30) as f32)
-    });
-    let half = |left: bool| Plane::from_fn(size, |x, _| f32::from(u8::from((x < 128) == left)));
-    let parts = [
-        Depth { distance_mm: 4000.0, share: half(true) },
-        Depth { distance_mm: 8000.0, share: half(false) },
-    ];
-    let both = witness.photograph_in_depth(&scene, &parts, 3).expect("a traced lens");
-    let [near, far] = [&witness, &all_far].map(|w| w.photograph(&scene, 3));
-    let worst = |other: &Frame<Work, u8>, columns: std::ops::Range<usize>| {
-        let mut worst = 0;
-        for (a, b) in both.planes().iter().zip(other.planes()) {
-            for y in 0..size.height {
-                let pairs = a.row(y)[columns.clone()].iter().zip(&b.row(y)[columns.clone()]);
-                worst = pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0).max(worst);
-            }
-        }
-        worst
-    };
-    // A function reaches 9 pixels; the scene mirrored at the frame is the same to both.
-    assert!(worst(&near, 0..118) <= 1 && worst(&far, 138..256) <= 1);
-    assert!(worst(&far, 0..118) > 30 && worst(&near, 138..256) > 30);
-    let (_, _, measured) = blurred_by_a_file();
-    measured.photograph_in_depth(&scene, &parts, 3).expect_err("no lens to focus");
-}
-
-/// small.toml with a measured blur in the place of its lens.
-fn blurred_by_a_file() -> (config::Rig, Rig, Witness) {
-    let text = include_str!("../../../rig-config/small.toml");
-    let (before, lens) = text.split_once("[lens]").expect("has a lens");
-    let (_, after) = lens.split_once("[pose]").expect("has a pose");
-    let flat = after
-        .replace("tilt-x-deg = 0.6", "tilt-x-deg = 0.0")
-        .replace("tilt-y-deg = -0.9", "tilt-y-deg = 0.0");
-    let lens = "[lens]\nblur = \"psf_grid.npy\"\nglare-share = 0.0\nglare-radius-px = 10.0\n";
-    let text = format!("{before}{lens}[pose]{flat}");
-    let folder = std::path::Path::new("tests/golden");
-    let config = config::parse(&text, "small.toml", folder).expect("allowed");
-    let (rig, witness) = open(&config).expect("a good blur");
-    (config, rig, witness)
-}
-
-/// By how much `seen` is moved against `still`: least squares on the gradients of `still`, green.
-fn displacement(seen: &[f64], still: &[f64], width: usize) -> [f64; 2] {
-    let (mut xx, mut xy, mut yy, mut xd, mut yd) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for y in 8..still.len() / width - 8 {
-        for n in y * width + 8..(y + 1) * width - 8 {
-            let right = (still[n + 1] - still[n - 1]) / 2.0;
-            let down = (still[n + width] - still[n - width]) / 2.0;
-            let off = still[n] - seen[n];
-            (xx, xy, yy) = (xx + right * right, xy + right * down, yy + down * down);
-            (xd, yd) = (xd + right * off, yd + down * off);
-        }
-    }
-    let det = xx * yy - xy * xy;
-    [(yy * xd - xy * yd) / det, (xx * yd - xy * xd) / det]
-}
-
-/// Light with no edge sharper than a few pixels, so that gradients tell displacements.
-fn soft(size: Size) -> Codes {
-    Frame::from_fn(|_| {
-        Plane::from_fn(size, |x, y| {
-            let wave = (x as f64 / 5.0).sin() * (y as f64 / 6.0).sin();
-            (130.0 + 90.0 * wave) as u8
-        })
-    })
-}
-
-fn green_of(counts: &Counts) -> Vec<f64> {
-    counts.plane(Channel::Green).data().iter().map(|&v| f64::from(v)).collect()
-}
-
-/// Displacements of `captures` captures against a rig that stands still.
-fn displacements(unrest: &str, captures: usize) -> Vec<[f64; 2]> {
-    let table = format!("surround = \"scene\"\n\n[simulation.unrest]\n{unrest}");
-    let (config, mut still, _) = quiet_with(&[]);
-    let (_, mut rig, _) = quiet_with(&[("surround = \"scene\"", &table)]);
-    let codes = soft(config.panel.size());
-    let at_rest = green_of(&still.capture(&codes).expect("no faults").counts);
-    (0..captures)
-        .map(|_| {
-            let seen = green_of(&rig.capture(&codes).expect("no faults").counts);
-            displacement(&seen, &at_rest, config.camera.width_px)
-        })
-        .collect()
-}
-
-#[test]
-fn captures_are_shaken_and_wander_as_much_as_said() {
-    let shaken = displacements("vibration-px = 0.05", 150);
-    let wandered = displacements("wander-px = 0.03", 150);
-    for axis in 0..2 {
-        let (_, sigma) = mean_and_sigma(shaken.iter().map(|at| at[axis]));
-        // 150 of them know their deviation to 6 %.
-        assert!((sigma / 0.05 - 1.0).abs() < 0.2, "{axis}: {sigma}");
-        let steps = wandered.windows(2).map(|two| two[1][axis] - two[0][axis]);
-        let (_, step) = mean_and_sigma(steps);
-        assert!((step / 0.03 - 1.0).abs() < 0.2, "{axis}: {step}");
-        let far = wandered.iter().map(|at| at[axis].abs()).fold(0.0, f64::max);
-        assert!((0.06..0.5).contains(&far), "{axis}: {far}");
-    }
-    assert_eq!(shaken[..20], displacements("vibration-px = 0.05", 20)[..]);
-}
-
-#[test]
-fn a_panel_creeps_and_its_light_drifts_and_flickers_as_much_as_said() {
-    let table = "surround = \"scene\"\n\n[simulation.unrest]\nflicker-share = 0.003\n\
-                 drift-px-per-h = [0.4, -0.2]\ndrift-share-per-h = -0.03";
-    let (config, mut still, _) = quiet_with(&[]);
-    let (_, mut rig, _) = quiet_with(&[("surround = \"scene\"", table)]);
-    let (codes, flat) = (soft(config.panel.size()), grey(&config, 200));
-    let at_rest = green_of(&still.capture(&codes).expect("no faults").counts);
-    let light = middle_of(&still.capture(&flat).expect("no faults").counts);
-    let mut shares: Vec<f64> = Vec::new();
-    for _ in 0..120 {
-        shares.push(middle_of(&rig.capture(&flat).expect("no faults").counts) / light);
-    }
-    let (mean, sigma) = mean_and_sigma(shares.iter().copied());
-    assert!((sigma / 0.003 - 1.0).abs() < 0.25 && (mean - 1.0).abs() < 1e-3, "{mean} {sigma}");
-    rig.clock.wait_until(Moment(3600.0));
-    let late = rig.capture(&codes).expect("no faults").counts;
-    let [across, down] = displacement(&green_of(&late), &at_rest, config.camera.width_px);
-    assert!((across - 0.4).abs() < 0.02 && (down + 0.2).abs() < 0.02, "{across} {down}");
-    let later: Vec<f64> = (0..40)
-        .map(|_| middle_of(&rig.capture(&flat).expect("no faults").counts) / light)
-        .collect();
-    let (mean, _) = mean_and_sigma(later.iter().copied());
-    assert!((mean - 0.97).abs() < 0.002, "{mean}");
-}
-
-#[test]
-fn a_panel_that_crept_is_seen_as_one_that_was_knocked() {
-    // The hardest there is: edges at every panel pixel.
-    let (config, mut rig, mut witness) = quiet_with(&[]);
-    let codes = Frame::from_fn(|c| {
-        Plane::from_fn(config.panel.size(), |x, y| {
-            ((x * 7919 + y * 104_729 + x * y * 31 + c.index()) % 256) as u8
-        })
-    });
-    let mut at_rest = rig.capture(&codes).expect("no faults").counts;
-    rig.clock.wait_until(Moment(3600.0));
-    for [across, down] in [[0.05, -0.03], [0.4, 0.3]] {
-        witness.knock_panel(across, down);
-        let knocked = rig.capture(&codes).expect("no faults").counts;
-        witness.knock_panel(-across, -down);
-        let drift_px_per_h = [across, down];
-        witness.set_unrest(config::Unrest { drift_px_per_h, ..Default::default() });
-        // Of a picture that was on the panel before, too.
-        let crept = rig.capture(&codes).expect("no faults").counts;
-        witness.set_unrest(config::Unrest::default());
-        let rms = |counts: &Counts| {
-            let squares = green_of(counts).into_iter().zip(green_of(&knocked));
-            (squares.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / at_rest.size().area() as f64)
-                .sqrt()
-        };
-        let (off, change) = (rms(&crept), rms(&at_rest));
-        assert!(off < 0.02 * change + 0.5, "{across} {down}: {off} of {change} counts");
-        at_rest = rig.capture(&codes).expect("no faults").counts;
     }
 }
