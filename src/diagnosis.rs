@@ -7,7 +7,7 @@
 use std::fmt;
 
 use crate::frame::{Channel, Codes};
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 use crate::rig::{Moment, RigError};
 
 /// Trials at one delay, for the jitter.
@@ -45,7 +45,7 @@ pub struct MeasuredTiming {
 ///
 /// # Errors
 /// When a device fails, or black and white look alike.
-pub fn measure(rig: &mut Rig, refresh_hz: f64) -> Result<MeasuredTiming, RigError> {
+pub fn measure(rig: &mut Devices, refresh_hz: f64) -> Result<MeasuredTiming, RigError> {
     let interval_ms = 1e3 / refresh_hz;
     let file_settle_ms = rig.timing.settle_ms;
     let (black, white) =
@@ -102,14 +102,14 @@ pub fn measure(rig: &mut Rig, refresh_hz: f64) -> Result<MeasuredTiming, RigErro
 }
 
 /// The middle's mean level with `code` shown for `settle_ms`.
-fn level_after(rig: &mut Rig, code: u8, settle_ms: f64) -> Result<f64, RigError> {
+fn level_after(rig: &mut Devices, code: u8, settle_ms: f64) -> Result<f64, RigError> {
     let codes = Codes::filled(rig.panel.size(), code);
     let flip = rig.panel.show(&codes)?;
     level_at(rig, Moment(flip.at.0 + settle_ms / 1e3))
 }
 
 /// The middle's mean level in an exposure begun at `moment`, or a new one if that frame is lost.
-fn level_at(rig: &mut Rig, moment: Moment) -> Result<f64, RigError> {
+fn level_at(rig: &mut Devices, moment: Moment) -> Result<f64, RigError> {
     rig.clock.wait_until(moment);
     let fired = rig.trigger.fire()?;
     let deadline = Moment(fired.0 + rig.timing.deadline_ms / 1e3);
@@ -129,7 +129,7 @@ fn level_at(rig: &mut Rig, moment: Moment) -> Result<f64, RigError> {
 }
 
 /// Share of white in an exposure begun `delay_ms` after the flip from black to white.
-fn share_at(rig: &mut Rig, delay_ms: f64, black: f64, white: f64) -> Result<f64, RigError> {
+fn share_at(rig: &mut Devices, delay_ms: f64, black: f64, white: f64) -> Result<f64, RigError> {
     // Twice the file's settle time: whatever it is worth, black is black then.
     let black_codes = Codes::filled(rig.panel.size(), 0);
     let flip = rig.panel.show(&black_codes)?;
@@ -139,7 +139,7 @@ fn share_at(rig: &mut Rig, delay_ms: f64, black: f64, white: f64) -> Result<f64,
 }
 
 /// The shortest settle time, in half refreshes, at which a run of captures brings no wrong frame.
-fn shortest_settle(rig: &mut Rig, interval_ms: f64) -> Result<Option<f64>, RigError> {
+fn shortest_settle(rig: &mut Devices, interval_ms: f64) -> Result<Option<f64>, RigError> {
     if !rig.has_marks() {
         return Ok(None);
     }

@@ -13,7 +13,7 @@ use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::Restorer;
 use crate::restorer::on_rig::{self, OnRig};
-use crate::rig::exposure::Rig as Devices;
+use crate::rig::exposure::Devices;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::{self, simulated};
 

@@ -8,11 +8,11 @@ use crate::calibration::correction::Correction;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::frame::{Frame, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 
 /// A calibrated rig as an operator on Work frames.
 pub struct LightPath<'a> {
-    rig: &'a mut Rig,
+    rig: &'a mut Devices,
     correction: &'a Correction,
     stopwatch: &'a (dyn Fn() -> f64 + Sync),
     waited_seconds: f64,
@@ -35,7 +35,7 @@ impl<'a> LightPath<'a> {
     /// The light path of `rig` under `correction`, which must have been made for it. `stopwatch`
     /// tells how long captures keep the caller waiting.
     pub fn new(
-        rig: &'a mut Rig,
+        rig: &'a mut Devices,
         correction: &'a Correction,
         stopwatch: &'a (dyn Fn() -> f64 + Sync),
     ) -> Self {

@@ -5,7 +5,7 @@
 mod counted;
 
 use relens::frame::{Codes, Counts, Size};
-use relens::rig::exposure::{Rig, Timing};
+use relens::rig::exposure::{Devices, Timing};
 use relens::rig::frame_mark::MarkPlace;
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 use std::sync::{Arc, Mutex};
@@ -103,7 +103,7 @@ fn a_capture_allocates_nothing() {
         exposures_max: 3,
     };
     let boxed = || Box::new(devices.clone());
-    let mut rig = Rig::new(boxed(), boxed(), boxed(), boxed(), timing);
+    let mut rig = Devices::new(boxed(), boxed(), boxed(), boxed(), timing);
     rig.find_marks(MarkPlace { sensor: SENSOR, from_edge_px: 2, height_px: 6, guard_px: 2 })
         .unwrap_or_else(|error| panic!("{error}"));
     let pictures = [40, 200].map(|code| Codes::filled(PANEL, code));

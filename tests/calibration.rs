@@ -13,14 +13,14 @@ use relens::measurement::{CalibrateError, calibrate, captures};
 use relens::patterns;
 use relens::pipeline::{Pipeline, method};
 use relens::remedy::full_message;
-use relens::rig::exposure::Rig;
+use relens::rig::exposure::Devices;
 use relens::rig::simulated::{self, Light, Witness};
 
 fn load(name: &str) -> config::Rig {
     config::load(Path::new(name)).expect("a rig file of the program")
 }
 
-fn calibrated(config: &config::Rig) -> (Rig, Witness, Calibration) {
+fn calibrated(config: &config::Rig) -> (Devices, Witness, Calibration) {
     let (mut rig, witness) = simulated::open(config).expect("a simulated rig");
     let begin = std::time::Instant::now();
     let found = calibrate(&mut rig, config, None, &mut |_| {});
@@ -105,7 +105,7 @@ struct Errors {
 
 fn operator_error(
     config: &config::Rig,
-    rig: &mut Rig,
+    rig: &mut Devices,
     witness: &Witness,
     calibration: &Calibration,
     scene: [Plane; 3],
@@ -188,7 +188,7 @@ fn score_broad_light(config: &config::Rig, calibration: &Calibration) {
 /// asked of the default rig.
 fn score_operator(
     config: &config::Rig,
-    rig: &mut Rig,
+    rig: &mut Devices,
     witness: &Witness,
     calibration: &Calibration,
     factor: f64,

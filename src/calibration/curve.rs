@@ -29,11 +29,11 @@ pub enum CurveError {
 /// A strictly rising table of the light (0..255, black subtracted) of each of the 256 codes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<f32>", into = "Vec<f32>")]
-pub struct Curve {
+pub struct ResponseCurve {
     light: Vec<f32>,
 }
 
-impl TryFrom<Vec<f32>> for Curve {
+impl TryFrom<Vec<f32>> for ResponseCurve {
     type Error = CurveError;
 
     fn try_from(light: Vec<f32>) -> Result<Self, CurveError> {
@@ -47,20 +47,20 @@ impl TryFrom<Vec<f32>> for Curve {
                 return Err(CurveError::NotRising { code, from: pair[0], to: pair[1] });
             }
         }
-        Ok(Curve { light })
+        Ok(ResponseCurve { light })
     }
 }
 
-impl From<Curve> for Vec<f32> {
-    fn from(curve: Curve) -> Self {
+impl From<ResponseCurve> for Vec<f32> {
+    fn from(curve: ResponseCurve) -> Self {
         curve.light
     }
 }
 
-impl Curve {
+impl ResponseCurve {
     /// The curve of a panel whose codes are light.
-    pub fn linear() -> Curve {
-        Curve { light: (0..256).map(|c| c as f32).collect() }
+    pub fn linear() -> ResponseCurve {
+        ResponseCurve { light: (0..256).map(|c| c as f32).collect() }
     }
 
     /// Light of each code, 256 entries.
@@ -88,7 +88,8 @@ impl Curve {
     }
 }
 
-/// [`Curve::code`] for many values at once, by a table even in the square root of light, which
+/// [`ResponseCurve::code`] for many values at once, by a table even in the square root of light,
+/// which
 /// spreads a panel's codes about evenly. Within a fiftieth of a code of the exact inverse, and
 /// without a branch.
 #[derive(Debug, Clone)]
@@ -104,7 +105,7 @@ const STEPS: usize = 4096;
 
 impl Inverse {
     /// The inverse of `curve`.
-    pub fn new(curve: &Curve) -> Inverse {
+    pub fn new(curve: &ResponseCurve) -> Inverse {
         let last = curve.light[255].max(f32::MIN_POSITIVE);
         let code = |n: usize| {
             let root = n as f32 / STEPS as f32;
@@ -135,7 +136,7 @@ mod tests {
     fn code_inverts_light() {
         let table: Vec<f32> =
             (0..256).map(|c| 255.0 * (c as f32 / 255.0).powf(2.2) + 0.01 * c as f32).collect();
-        let curve = Curve::try_from(table).unwrap();
+        let curve = ResponseCurve::try_from(table).unwrap();
         for code in 0..=255u8 {
             assert!((curve.code(curve.light(code)) - f32::from(code)).abs() < 1e-4);
         }
@@ -151,7 +152,7 @@ mod tests {
             let table: Vec<f32> = (0..256)
                 .map(|c| 255.0 * (c as f32 / 255.0).powf(power) + 0.002 * c as f32)
                 .collect();
-            let curve = Curve::try_from(table).unwrap();
+            let curve = ResponseCurve::try_from(table).unwrap();
             let mut values: Vec<f32> = (-200..52_200).map(|n| n as f32 * 0.005).collect();
             let plain: Vec<f32> = values.iter().map(|&v| curve.code(v)).collect();
             Inverse::new(&curve).apply(&mut values);
@@ -169,11 +170,11 @@ mod tests {
         let mut table: Vec<f32> = (0..256).map(|c| c as f32).collect();
         table[7] = table[6];
         assert!(matches!(
-            Curve::try_from(table.clone()),
+            ResponseCurve::try_from(table.clone()),
             Err(CurveError::NotRising { code: 6, .. })
         ));
         table[7] = f32::NAN;
-        assert!(Curve::try_from(table).is_err());
-        assert_eq!(Curve::try_from(vec![0.0; 3]), Err(CurveError::Length { found: 3 }));
+        assert!(ResponseCurve::try_from(table).is_err());
+        assert_eq!(ResponseCurve::try_from(vec![0.0; 3]), Err(CurveError::Length { found: 3 }));
     }
 }

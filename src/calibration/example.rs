@@ -2,7 +2,7 @@
 
 use super::geometric::Map;
 use super::surface::{Domain, Surface};
-use super::{Calibration, CrossChannel, Curve, Geometry, Noise};
+use super::{Calibration, CrossChannel, Geometry, Noise, ResponseCurve};
 use crate::deconvolution::lens_model::{Halo, LensFunctions};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
@@ -25,7 +25,7 @@ pub(crate) fn calibration() -> Calibration {
     let curve = || {
         let table: Vec<f32> =
             (0..256).map(|c| 0.1 * c as f32 + 0.9 / 255.0 * (c * c) as f32).collect();
-        Curve::try_from(table).unwrap()
+        ResponseCurve::try_from(table).unwrap()
     };
     let noise = Noise { at_black: 0.04, per_level: 0.008 };
     Calibration {

@@ -34,7 +34,7 @@ use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
 pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
-pub use curve::Curve;
+pub use curve::ResponseCurve;
 pub use geometric::Geometry;
 pub use noise::Noise;
 use surface::Surface;
@@ -57,7 +57,7 @@ pub struct Calibration {
     /// The mixing of the channels, Eq. 13.
     pub cross_channel: CrossChannel,
     /// Light 0..255 of each panel code, per channel, black subtracted.
-    pub curves: [Curve; 3],
+    pub curves: [ResponseCurve; 3],
     /// Sensor counts with a black panel, over Work coordinates, per channel: pedestal, ambient
     /// light and leakage.
     pub black: [Surface; 3],

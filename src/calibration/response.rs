@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix, SVector};
 
 use super::cross_channel::BlockReading;
-use super::curve::{Curve, CurveError};
+use super::curve::{CurveError, ResponseCurve};
 use super::surface::{basis, place};
 
 /// Knot intervals over the codes: a gamma curve with a toe is followed within 0.15 of 255 through
@@ -20,7 +20,7 @@ const RISE_MIN: f32 = 1e-3;
 ///
 /// # Errors
 /// When the readings do not rise from code 0 to code 255.
-pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<Curve, CurveError> {
+pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurve, CurveError> {
     let unknowns = INTERVALS + 3;
     let mut matrix = DMatrix::<f64>::zeros(unknowns, unknowns);
     let mut side = DVector::<f64>::zeros(unknowns);
@@ -61,7 +61,7 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<Curve, Curve
     for code in 1..256 {
         table[code] = table[code].max(table[code - 1] + RISE_MIN);
     }
-    Curve::try_from(table)
+    ResponseCurve::try_from(table)
 }
 
 /// Rounds of [`among_neighbours`]: each takes out most of what the curve before left wrong.
@@ -74,7 +74,10 @@ const NEIGHBOUR_ROUNDS: usize = 3;
 ///
 /// # Errors
 /// When the readings do not rise from code 0 to code 255.
-pub fn among_neighbours(channel: usize, readings: &[BlockReading]) -> Result<Curve, CurveError> {
+pub fn among_neighbours(
+    channel: usize,
+    readings: &[BlockReading],
+) -> Result<ResponseCurve, CurveError> {
     let mut curve = fit(readings.iter().map(|r| (r.code, r.counts[channel])))?;
     for _ in 0..NEIGHBOUR_ROUNDS {
         let terms = |r: &BlockReading| {
@@ -122,7 +125,7 @@ mod tests {
                 BlockReading { code: own, around, field, counts: [counts; 3] }
             })
             .collect();
-        let worst = |curve: &Curve| {
+        let worst = |curve: &ResponseCurve| {
             (0..=255u8).map(|c| (f64::from(curve.light(c)) - truth(c)).abs()).fold(0.0, f64::max)
         };
         let plain = fit(readings.iter().map(|r| (r.code, r.counts[0]))).unwrap();

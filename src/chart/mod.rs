@@ -16,7 +16,7 @@ use contestants::{Contestant, contestants};
 use drawing::Drawing;
 use scenes::Scene;
 use table::Table;
-use test_rig::{Score, Stopwatch, TestRig, TestRigError};
+use test_rig::{Score, TestRig, TestRigError};
 use trade::{Trade, Within};
 
 /// Tables and drawings, each with the stem of its file's name.
@@ -39,7 +39,7 @@ const FEWER_FUNCTIONS: [(usize, usize); 2] = [(1, 1), (4, 3)];
 pub fn trade(
     rig: &Rig,
     quick: bool,
-    stopwatch: Stopwatch,
+    stopwatch: fn() -> f64,
     each: &mut dyn FnMut(&Score),
 ) -> Result<Trade, TestRigError> {
     let mut trade = trade_on(&mut TestRig::open(rig.clone(), stopwatch)?, quick, each)?;

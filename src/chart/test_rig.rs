@@ -14,20 +14,18 @@ use crate::picture::Tone;
 use crate::pipeline::{Pipeline, PipelineError, Solved};
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 use crate::rig::simulated::{Witness, open};
 
 /// Seed of the photographs' noise; a scene's own number is added.
 pub const PHOTO_SEED: u64 = 20_261_121;
 
-/// Seconds on a clock of the caller's.
-pub type Stopwatch = fn() -> f64;
-
 /// A calibrated rig.
 pub struct TestRig {
-    stopwatch: Stopwatch,
+    /// Seconds on a clock of the caller's.
+    stopwatch: fn() -> f64,
     config: config::Rig,
-    rig: Rig,
+    rig: Devices,
     photos: Photos,
     pipeline: Pipeline,
 }
@@ -66,7 +64,7 @@ impl TestRig {
     ///
     /// # Errors
     /// When the rig cannot be opened or calibrated.
-    pub fn open(config: config::Rig, stopwatch: Stopwatch) -> Result<TestRig, TestRigError> {
+    pub fn open(config: config::Rig, stopwatch: fn() -> f64) -> Result<TestRig, TestRigError> {
         let (mut rig, witness) = open(&config)?;
         let calibration = calibrate(&mut rig, &config, None, &mut |_| {})?;
         let test_rig = TestRig::on(config, rig, &calibration, stopwatch)?;
@@ -80,9 +78,9 @@ impl TestRig {
     /// When the calibration does not fit the rig file.
     pub fn on(
         config: config::Rig,
-        rig: Rig,
+        rig: Devices,
         calibration: &Calibration,
-        stopwatch: Stopwatch,
+        stopwatch: fn() -> f64,
     ) -> Result<TestRig, TestRigError> {
         let pipeline = Pipeline::new(&config, calibration)?.timed_by(Arc::new(stopwatch));
         Ok(TestRig { stopwatch, config, rig, photos: Photos::Shown, pipeline })
@@ -100,7 +98,7 @@ impl TestRig {
     }
 
     /// What restores on it, and its devices.
-    pub fn parts(&mut self) -> (&Pipeline, &mut Rig) {
+    pub fn parts(&mut self) -> (&Pipeline, &mut Devices) {
         (&self.pipeline, &mut self.rig)
     }
 

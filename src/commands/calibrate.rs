@@ -8,7 +8,7 @@ use relens::chart::operating_point::{choose, restorations};
 use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint, Rig};
 use relens::restorer::{on_rig, operating_point};
-use relens::rig::exposure::Rig as Devices;
+use relens::rig::exposure::Devices;
 use relens::rig::monotonic::Monotonic;
 
 use super::error::CliError;

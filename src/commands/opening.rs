@@ -11,7 +11,7 @@ use relens::kiosk::screen::{Screen, draw};
 use relens::pipeline::Interruption;
 use relens::restorer::on_rig::{self, OnRig};
 use relens::rig::Panel;
-use relens::rig::exposure::Rig as Devices;
+use relens::rig::exposure::Devices;
 use relens::rig::monotonic::Monotonic;
 
 use super::error::CliError;

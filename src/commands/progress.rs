@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use console::Term;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
 use relens::daemon::{self, Doing, Watcher};
-use relens::measurement;
+use relens::measurement::CalibrationProgress;
 
 use super::service::service_manager;
 
@@ -113,9 +113,9 @@ pub(super) fn above(write: impl FnOnce()) {
 }
 
 /// The progress of a calibration, each of whose captures is a sign of life.
-pub(super) fn calibrating(progress: measurement::Progress) {
+pub(super) fn calibrating(progress: CalibrationProgress) {
     service_manager().worked();
-    let measurement::Progress { step, captures, total } = progress;
+    let CalibrationProgress { step, captures, total } = progress;
     show(captures.into(), total.into(), &format!("calibrating: {step}, {captures} of {total}"));
 }
 

@@ -142,8 +142,8 @@ mod tests {
         }
     }
 
-    struct Seen<'a>(&'a TestClock, &'a RefCell<Vec<(f64, Vec<LampColour>)>>);
-    impl LampRow for Seen<'_> {
+    struct LampRecord<'a>(&'a TestClock, &'a RefCell<Vec<(f64, Vec<LampColour>)>>);
+    impl LampRow for LampRecord<'_> {
         fn show(&mut self, lit: &[LampColour]) -> Result<(), RigError> {
             self.1.borrow_mut().push((self.0.0.get(), lit.to_vec()));
             Ok(())
@@ -160,7 +160,7 @@ mod tests {
         let mut finger = Finger { clock: &clock, changes, edges_lost };
         let timing = ButtonTiming { debounce_ms: 30.0, long_press_ms: 1500.0 };
         let ended = || clock.0.get() > until_s;
-        attend(panel, Some(&mut finger), &mut Seen(&clock, &seen), &clock, timing, &ended);
+        attend(panel, Some(&mut finger), &mut LampRecord(&clock, &seen), &clock, timing, &ended);
         seen.into_inner()
     }
 
@@ -209,7 +209,7 @@ mod tests {
             (TestClock::default(), RefCell::default(), FrontPanel::default());
         let timing = ButtonTiming { debounce_ms: 30.0, long_press_ms: 1500.0 };
         let ended = || clock.0.get() > 3.0;
-        attend(&panel, Some(&mut Dead), &mut Seen(&clock, &seen), &clock, timing, &ended);
+        attend(&panel, Some(&mut Dead), &mut LampRecord(&clock, &seen), &clock, timing, &ended);
         assert!(seen.into_inner().len() > 2, "starting goes on flashing");
     }
 }

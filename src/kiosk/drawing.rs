@@ -4,7 +4,7 @@ use super::lettering;
 use crate::frame::{Channel, Codes, FULL_SCALE, Frame, Size, Work};
 
 /// A colour in panel codes: red, green, blue.
-pub(super) type Colour = [u8; 3];
+pub(super) type PanelColour = [u8; 3];
 
 /// What is drawn on.
 pub(super) struct Sheet {
@@ -13,7 +13,7 @@ pub(super) struct Sheet {
 
 impl Sheet {
     /// A sheet of one colour.
-    pub(super) fn new(size: Size, ground: Colour) -> Sheet {
+    pub(super) fn new(size: Size, ground: PanelColour) -> Sheet {
         Sheet { codes: Frame::from_fn(|c| crate::frame::Plane::filled(size, ground[c.index()])) }
     }
 
@@ -23,7 +23,7 @@ impl Sheet {
     }
 
     /// Lays `share` (0..1) of `colour` over the pixel; nothing outside the sheet.
-    pub(super) fn blend(&mut self, x: i32, y: i32, colour: Colour, share: f32) {
+    pub(super) fn blend(&mut self, x: i32, y: i32, colour: PanelColour, share: f32) {
         let size = self.codes.size();
         let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return };
         if x >= size.width || y >= size.height {
@@ -43,7 +43,7 @@ impl Sheet {
         &mut self,
         (left, top): (i32, i32),
         (width, height): (i32, i32),
-        colour: Colour,
+        colour: PanelColour,
         inside: impl Fn(f32, f32) -> bool,
     ) {
         for y in 0..height {
@@ -60,12 +60,12 @@ impl Sheet {
     }
 
     /// A filled rectangle.
-    pub(super) fn rectangle(&mut self, at: (i32, i32), size: (i32, i32), colour: Colour) {
+    pub(super) fn rectangle(&mut self, at: (i32, i32), size: (i32, i32), colour: PanelColour) {
         self.shape(at, size, colour, |_, _| true);
     }
 
     /// One line of text with its upper left corner at `at`.
-    pub(super) fn line(&mut self, text: &str, at: (f32, f32), height_px: f32, colour: Colour) {
+    pub(super) fn line(&mut self, text: &str, at: (f32, f32), height_px: f32, colour: PanelColour) {
         lettering::set(text, at, height_px, &mut |x, y, share| self.blend(x, y, colour, share));
     }
 

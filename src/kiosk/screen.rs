@@ -1,6 +1,6 @@
 //! What the panel shows between jobs: the state in large plain words. Never black without a reason.
 
-use super::drawing::{Colour, Sheet};
+use super::drawing::{PanelColour, Sheet};
 use super::lettering;
 use crate::frame::{Codes, Frame, Size, Work};
 
@@ -85,22 +85,22 @@ enum Symbol {
 
 /// Everything a screen says.
 struct Said {
-    ground: Colour,
-    symbol: (Symbol, Colour),
+    ground: PanelColour,
+    symbol: (Symbol, PanelColour),
     title: String,
-    lines: Vec<(String, Colour)>,
+    lines: Vec<(String, PanelColour)>,
     progress: Option<f32>,
 }
 
 /// Dark, and clearly not black: a panel that is on looks on.
-const SLATE: Colour = [28, 38, 54];
-const RUST: Colour = [96, 24, 16];
-const NIGHT: Colour = [16, 22, 60];
-const PAPER: Colour = [245, 243, 236];
-const SOFT: Colour = [176, 186, 200];
-const GREEN: Colour = [96, 214, 140];
-const AMBER: Colour = [255, 194, 74];
-const SKY: Colour = [110, 190, 255];
+const SLATE: PanelColour = [28, 38, 54];
+const RUST: PanelColour = [96, 24, 16];
+const NIGHT: PanelColour = [16, 22, 60];
+const PAPER: PanelColour = [245, 243, 236];
+const SOFT: PanelColour = [176, 186, 200];
+const GREEN: PanelColour = [96, 214, 140];
+const AMBER: PanelColour = [255, 194, 74];
+const SKY: PanelColour = [110, 190, 255];
 
 fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
@@ -122,7 +122,7 @@ fn sentence(words: &str) -> String {
 }
 
 fn said(screen: &Screen) -> Said {
-    let plain = |symbol, title: &str, lines: Vec<(String, Colour)>| Said {
+    let plain = |symbol, title: &str, lines: Vec<(String, PanelColour)>| Said {
         ground: SLATE,
         symbol,
         title: title.to_owned(),
@@ -255,7 +255,7 @@ pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<
 
 fn draw_symbol(
     sheet: &mut Sheet,
-    (symbol, colour): (Symbol, Colour),
+    (symbol, colour): (Symbol, PanelColour),
     (x, y): (f32, f32),
     side: f32,
 ) {
@@ -394,7 +394,7 @@ mod tests {
         let blue: Frame<Work> =
             Frame::from_fn(|c| Plane::filled(photo, [0.0, 0.0, 255.0][c.index()]));
         let codes = draw(&example("result"), size, Some((&red, &blue)));
-        let count = |wanted: Colour| {
+        let count = |wanted: PanelColour| {
             (0..size.area())
                 .filter(|&n| {
                     Channel::ALL.iter().all(|&c| codes.plane(c).data()[n] == wanted[c.index()])

@@ -22,17 +22,17 @@ mod photometric;
 mod session;
 
 pub use error::CalibrateError;
-pub use session::Progress;
+pub use session::CalibrationProgress;
 
 use crate::calibration::geometric::Geometry;
 use crate::calibration::surface::Surface;
-use crate::calibration::{Calibration, CrossChannel, Curve, Layout, Noise};
+use crate::calibration::{Calibration, CrossChannel, Layout, Noise, ResponseCurve};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::{Frame, SensorSpace};
 use crate::patterns::{self, Trial};
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
 use session::{Session, numbers};
 
@@ -43,10 +43,10 @@ use session::{Session, numbers};
 /// Which of panel not in view, over-exposed, too dark, moving, wrong focus it is, or that the rig
 /// brought no captures.
 pub fn calibrate(
-    rig: &mut Rig,
+    rig: &mut Devices,
     config: &config::Rig,
     previous: Option<&Calibration>,
-    progress: &mut dyn FnMut(Progress),
+    progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Calibration, CalibrateError> {
     let mut session = Session::new(rig, config, progress, captures(config));
     let black = trials(&mut session)?;
@@ -93,7 +93,7 @@ fn blank(config: &config::Rig, geometry: [Geometry; 3]) -> Calibration {
         geometry,
         dark_corner: [one(), one(), one()],
         cross_channel: CrossChannel::IDENTITY,
-        curves: [Curve::linear(), Curve::linear(), Curve::linear()],
+        curves: [ResponseCurve::linear(), ResponseCurve::linear(), ResponseCurve::linear()],
         black: [one(), one(), one()],
         counts_per_level: [1.0; 3],
         noise: [Noise { at_black: 0.0, per_level: 0.0 }; 3],

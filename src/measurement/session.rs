@@ -5,11 +5,11 @@ use crate::calibration::surface::Surface;
 use crate::calibration::{Corrected, Correction, Layout, dark_corner};
 use crate::config;
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, SensorSpace, Work};
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 
 /// How far a calibration is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Progress {
+pub struct CalibrationProgress {
     /// What is being measured.
     pub step: &'static str,
     /// Captures made.
@@ -20,10 +20,10 @@ pub struct Progress {
 
 /// A rig being calibrated.
 pub(super) struct Session<'a> {
-    pub(super) rig: &'a mut Rig,
+    pub(super) rig: &'a mut Devices,
     pub(super) config: &'a config::Rig,
     pub(super) layout: Layout,
-    progress: &'a mut dyn FnMut(Progress),
+    progress: &'a mut dyn FnMut(CalibrationProgress),
     step: &'static str,
     captures: u32,
     total: u32,
@@ -31,9 +31,9 @@ pub(super) struct Session<'a> {
 
 impl<'a> Session<'a> {
     pub(super) fn new(
-        rig: &'a mut Rig,
+        rig: &'a mut Devices,
         config: &'a config::Rig,
-        progress: &'a mut dyn FnMut(Progress),
+        progress: &'a mut dyn FnMut(CalibrationProgress),
         total: u32,
     ) -> Self {
         Session {
@@ -54,7 +54,11 @@ impl<'a> Session<'a> {
     }
 
     fn report(&mut self) {
-        (self.progress)(Progress { step: self.step, captures: self.captures, total: self.total });
+        (self.progress)(CalibrationProgress {
+            step: self.step,
+            captures: self.captures,
+            total: self.total,
+        });
     }
 
     /// Captures so far.

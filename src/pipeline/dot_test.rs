@@ -7,7 +7,7 @@ use crate::deconvolution::dot_test::DotTest;
 use crate::deconvolution::patches::PatchShape;
 use crate::frame::Rect;
 use crate::remedy::AnyFailure;
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 
 /// Difference past which backward convolution counts as broken: healthy rigs measure up to 0.015,
 /// patches too small or too large 0.031 and more (tests/tables/README.md).
@@ -28,7 +28,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// The failure of the capture that failed.
-    pub fn check_backward(&self, rig: &mut Rig) -> Result<BackwardCheck, AnyFailure> {
+    pub fn check_backward(&self, rig: &mut Devices) -> Result<BackwardCheck, AnyFailure> {
         let layout = *self.correction.layout();
         let photo = Rect { x: layout.margin_px, y: layout.margin_px, size: layout.photo };
         let (shape, support_px) = (self.patches, self.model.functions().support_px);

@@ -36,7 +36,7 @@ use crate::deconvolution::patches::PatchShape;
 use crate::frame::{Channel, FULL_SCALE};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 use learning::Learning;
 
 /// Everything that a calibrated rig needs to restore photos, made once and used for many.
@@ -132,7 +132,7 @@ impl Pipeline {
     }
 
     /// Forward convolution through `rig`.
-    pub fn light_path<'a>(&'a self, rig: &'a mut Rig) -> LightPath<'a> {
+    pub fn light_path<'a>(&'a self, rig: &'a mut Devices) -> LightPath<'a> {
         LightPath::new(rig, &self.correction, &*self.stopwatch)
     }
 }

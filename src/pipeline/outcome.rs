@@ -7,7 +7,7 @@ use super::stages::{Evidence, Prepared, Solved};
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
 use crate::frame::{Frame, Work};
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 
 /// Whose picture is delivered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,7 +87,7 @@ impl Pipeline {
     /// When a capture fails.
     pub fn restore(
         &self,
-        rig: &mut Rig,
+        rig: &mut Devices,
         photo: &Prepared<'_>,
         method: &dyn Method,
         watch: &mut Watch<'_>,

@@ -4,7 +4,7 @@ use super::Pipeline;
 use crate::deconvolution::data_term;
 use crate::frame::{Frame, Work};
 use crate::rig::RigError;
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 
 impl Pipeline {
     /// What the camera of `rig` makes of `scene` (photo-sized, linear light 0..255) on its panel:
@@ -13,7 +13,11 @@ impl Pipeline {
     ///
     /// # Errors
     /// When the capture fails.
-    pub fn photograph(&self, rig: &mut Rig, scene: &Frame<Work>) -> Result<Frame<Work>, RigError> {
+    pub fn photograph(
+        &self,
+        rig: &mut Devices,
+        scene: &Frame<Work>,
+    ) -> Result<Frame<Work>, RigError> {
         let margin_px = self.correction.layout().margin_px;
         let (canvas, rect) = data_term::canvas_of(scene.size(), margin_px);
         let placed = Frame::from_fn(|c| data_term::place_with_edges(scene.plane(c), canvas, rect));

@@ -8,7 +8,7 @@ use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{Method, MethodError, Problem, Watch};
 use crate::frame::Channels;
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 
 impl Pipeline {
     /// What `method` makes of `photo` on `rig`; `watch` is called after every step.
@@ -17,7 +17,7 @@ impl Pipeline {
     /// When a capture fails.
     pub fn solve(
         &self,
-        rig: &mut Rig,
+        rig: &mut Devices,
         photo: &Prepared<'_>,
         method: &dyn Method,
         watch: &mut Watch<'_>,

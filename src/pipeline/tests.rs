@@ -15,7 +15,7 @@ use crate::rig::simulated::{Witness, open};
 /// The small rig, calibrated.
 struct Bed {
     config: config::Rig,
-    rig: Rig,
+    rig: Devices,
     witness: Witness,
     pipeline: Pipeline,
 }

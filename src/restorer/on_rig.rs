@@ -9,23 +9,23 @@ use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::method::{Method, Step};
 use crate::frame::{Channel, Frame, Work};
 use crate::kiosk::screen::{Screen, draw};
-use crate::measurement::{self, calibrate};
+use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::Photo;
 use crate::pipeline::{
     Interruption, Outcome, Pipeline, Prepared, Restoration, Solved, Stopwatch, Verdict,
 };
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
-use crate::rig::exposure::Rig;
+use crate::rig::exposure::Devices;
 
 /// A rig, its calibration on flash, and how its photos are restored.
 pub struct OnRig {
     config: config::Rig,
-    devices: Rig,
+    devices: Devices,
     slots: PathBuf,
     method: Box<dyn Method + Send + Sync>,
     pipeline: Pipeline,
-    calibrating: fn(measurement::Progress),
+    calibrating: fn(CalibrationProgress),
     /// The pilot's reading right after the calibration.
     baseline: Option<Reading>,
     /// The photo restored last and its result, for the panel.
@@ -39,9 +39,9 @@ pub struct OnRig {
 /// When the rig is not fit to be calibrated or the result cannot be kept.
 pub fn measure(
     config: &config::Rig,
-    devices: &mut Rig,
+    devices: &mut Devices,
     slots: &Path,
-    calibrating: fn(measurement::Progress),
+    calibrating: fn(CalibrationProgress),
 ) -> Result<Calibration, AnyFailure> {
     store::make_folder(slots).map_err(boxed)?;
     let previous = store::load(slots, config.identity).ok();
@@ -57,7 +57,7 @@ pub fn measure(
 /// One pilot, as it is.
 fn read_pilot(
     config: &config::Rig,
-    devices: &mut Rig,
+    devices: &mut Devices,
     pipeline: &Pipeline,
 ) -> Result<Reading, AnyFailure> {
     pilot::read(&mut pipeline.light_path(devices), pipeline.model(), config.photo_on_canvas())
@@ -75,11 +75,11 @@ impl OnRig {
     /// When there is no whole calibration of this rig.
     pub fn new(
         config: &config::Rig,
-        devices: Rig,
+        devices: Devices,
         slots: PathBuf,
         method: Option<config::MethodName>,
         stopwatch: Stopwatch,
-        calibrating: fn(measurement::Progress),
+        calibrating: fn(CalibrationProgress),
     ) -> Result<Self, AnyFailure> {
         let calibration = store::load(&slots, config.identity).map_err(boxed)?;
         let pipeline = Pipeline::new(config, &calibration).map_err(boxed)?.timed_by(stopwatch);

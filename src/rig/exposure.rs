@@ -79,7 +79,7 @@ struct ExposureUnderWay {
 }
 
 /// Panel, trigger, camera and clock, bolted down.
-pub struct Rig {
+pub struct Devices {
     /// The display.
     pub panel: Box<dyn Panel + Send>,
     /// The line that starts an exposure.
@@ -100,7 +100,7 @@ pub struct Rig {
     last_sequence: Option<u32>,
 }
 
-impl Rig {
+impl Devices {
     /// A rig of four devices, without marks as yet.
     pub fn new(
         panel: Box<dyn Panel + Send>,
@@ -108,9 +108,9 @@ impl Rig {
         camera: Box<dyn Camera + Send>,
         clock: Box<dyn Clock + Send>,
         timing: Timing,
-    ) -> Rig {
+    ) -> Devices {
         let marked = Codes::zeros(panel.size());
-        Rig {
+        Devices {
             panel,
             trigger,
             camera,
@@ -130,7 +130,7 @@ impl Rig {
     /// proven.
     ///
     /// # Errors
-    /// [`RigError::NoMarks`] when the panel is not in view; else as [`Rig::capture`].
+    /// [`RigError::NoMarks`] when the panel is not in view; else as [`Devices::capture`].
     pub fn find_marks(&mut self, place: MarkPlace) -> Result<(), RigError> {
         self.marks = None;
         let panel = self.panel.size();
@@ -166,7 +166,7 @@ impl Rig {
     /// end.
     ///
     /// # Errors
-    /// As [`Rig::capture`], for the first picture that cannot be had.
+    /// As [`Devices::capture`], for the first picture that cannot be had.
     pub fn capture_all(
         &mut self,
         pictures: &[&Codes],

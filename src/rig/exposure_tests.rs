@@ -6,7 +6,7 @@ use crate::frame::{Channel, Plane, Size};
 use crate::rig::simulated;
 
 /// A rig as small as marks can be read on: 160 × 128 sensor pixels, one exposure a refresh.
-fn tiny(change: impl Fn(&str) -> String) -> (Rig, simulated::Witness, config::Rig) {
+fn tiny(change: impl Fn(&str) -> String) -> (Devices, simulated::Witness, config::Rig) {
     let mut text = include_str!("../../rig-config/small.toml").to_owned();
     for (from, to) in [
         ("width-px = 256", "width-px = 120"),
@@ -34,7 +34,7 @@ fn tiny(change: impl Fn(&str) -> String) -> (Rig, simulated::Witness, config::Ri
     (devices, witness, rig)
 }
 
-fn with_marks(change: impl Fn(&str) -> String) -> Rig {
+fn with_marks(change: impl Fn(&str) -> String) -> Devices {
     let (mut devices, _, rig) = tiny(change);
     devices
         .find_marks(MarkPlace::of(&rig).expect("it has marks"))

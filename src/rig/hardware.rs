@@ -3,7 +3,7 @@
 use linux_embedded_hal::Delay;
 
 use super::button::Button;
-use super::exposure::{Rig, Timing};
+use super::exposure::{Devices, Timing};
 use super::frame_mark::MarkPlace;
 use super::gpio_line::{LineName, OutputLine};
 use super::kms_panel::{KmsPanel, KmsSettings};
@@ -17,11 +17,11 @@ use crate::config::{self, Hardware, Level, PulseLine, TriggerDevice};
 ///
 /// # Errors
 /// Whatever a device has to say: see its own file.
-pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Rig, RigError> {
+pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Devices, RigError> {
     let panel = open_panel(rig, hardware)?;
     let trigger = open_trigger(&hardware.trigger)?;
     let camera = camera::open(rig, &hardware.camera)?;
-    let mut devices = Rig::new(panel, trigger, camera, Box::new(Monotonic), Timing::of(rig));
+    let mut devices = Devices::new(panel, trigger, camera, Box::new(Monotonic), Timing::of(rig));
     if let Some(place) = MarkPlace::of(rig) {
         devices.find_marks(place)?;
     }

@@ -25,7 +25,7 @@ use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
 use relens::measurement::calibrate;
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, method};
-use relens::rig::exposure::{Rig, Timing};
+use relens::rig::exposure::{Devices, Timing};
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
 
 /// Names the folder of the kept frames to the second process.
@@ -111,7 +111,7 @@ fn alone(folder: &Path) {
     let clock = Steps::default();
     let camera = Kept { frames, next: 0, clock: clock.clone() };
     let panel = Wall { size: rig.panel.size(), clock: clock.clone() };
-    let mut devices = Rig::new(
+    let mut devices = Devices::new(
         Box::new(panel),
         Box::new(clock.clone()),
         Box::new(camera),
@@ -133,7 +133,7 @@ fn restore(
     rig: &config::Rig,
     calibration: &Calibration,
     photo: &Frame<Work>,
-    devices: &mut Rig,
+    devices: &mut Devices,
 ) -> (f64, usize, f64) {
     let before = memory();
     let pipeline = Pipeline::new(rig, calibration).unwrap().timed_by(Arc::new(seconds));

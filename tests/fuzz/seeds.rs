@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use relens::calibration::geometric::Geometry;
 use relens::calibration::surface::{Domain, Surface};
-use relens::calibration::{Calibration, CrossChannel, Curve, Noise, store};
+use relens::calibration::{Calibration, CrossChannel, Noise, ResponseCurve, store};
 use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
 use relens::deconvolution::level_norms::LevelNorms;
@@ -107,7 +107,7 @@ fn calibration(folder: &Path) {
         geometry: [geometry.clone(), geometry.clone(), geometry],
         dark_corner: [1.0, 1.1, 0.9].map(|d| Surface::plane(canvas, d, -0.005, 0.0)),
         cross_channel: CrossChannel { c: identity },
-        curves: [Curve::linear(), Curve::linear(), Curve::linear()],
+        curves: [ResponseCurve::linear(), ResponseCurve::linear(), ResponseCurve::linear()],
         black: [64.0, 65.0, 66.0].map(|b| Surface::constant(canvas, b)),
         counts_per_level: [3.0, 3.2, 2.9],
         noise: [Noise { at_black: 0.04, per_level: 0.008 }; 3],

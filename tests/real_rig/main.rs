@@ -19,7 +19,7 @@ use std::process::{Command, Stdio};
 use relens::config;
 use relens::config::{DisplayInterface, Kind};
 use relens::frame::{Channel, Codes};
-use relens::rig::exposure::Rig;
+use relens::rig::exposure::Devices;
 use relens::rig::kms_panel::{KmsPanel, KmsSettings};
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{self, Clock, Flip, Panel, RigError};
@@ -29,11 +29,11 @@ fn file() -> config::Rig {
     config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn opened() -> (Rig, config::Rig) {
+fn opened() -> (Devices, config::Rig) {
     opened_as(file())
 }
 
-fn opened_as(config: config::Rig) -> (Rig, config::Rig) {
+fn opened_as(config: config::Rig) -> (Devices, config::Rig) {
     let rig = rig::open(&config).unwrap_or_else(|error| panic!("{error}"));
     (rig, config)
 }
@@ -86,7 +86,7 @@ fn rig_every_capture_is_of_its_own_picture_by_the_legacy_interface() {
 }
 
 /// Says what was seen.
-fn every_capture_is_of_its_own_picture((mut rig, config): (Rig, config::Rig)) -> String {
+fn every_capture_is_of_its_own_picture((mut rig, config): (Devices, config::Rig)) -> String {
     let codes = [30, 90, 150, 210];
     let levels = codes.map(|code| middle(&rig.capture(&grey(&config, code)).expect("a frame")));
     assert!(

@@ -7,8 +7,7 @@ pub(crate) const IN_CIRCLES: &[&str] = &[];
 pub(crate) const LONG_LINES: &[&str] = &[];
 
 /// Types of which `src` defines more than one.
-pub(crate) const NAMED_TWICE: &[&str] =
-    &["Colour", "Curve", "Drawing", "Lens", "Progress", "Reading", "Rig", "Seen", "Stopwatch"];
+pub(crate) const NAMED_TWICE: &[&str] = &["Rig"];
 
 /// Files with dates in comments.
 pub(crate) const DATED: &[&str] = &[];

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use relens::config;
 use relens::frame::{Codes, Counts, Plane};
-use relens::rig::exposure::Rig;
+use relens::rig::exposure::Devices;
 use relens::rig::simulated;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -48,7 +48,7 @@ fn main() -> Outcome<()> {
         return Err("usage: physics TRUTH.toml SOCKET".into());
     };
     let truth = config::load(Path::new(truth))?;
-    let (mut bench, _): (Rig, _) = simulated::open(&truth)?;
+    let (mut bench, _): (Devices, _) = simulated::open(&truth)?;
     let mut stream = connected(socket)?;
     let size = truth.panel.size();
     let mut panel = vec![0; size.area() * 3];

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::detail_mask::DetailMask;
 use super::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Plane, Size};
-use spinning::{Drawing, Spinning, SpinningScratch};
+use spinning::{Spinning, SpinningScratch, Thresholding};
 
 /// A regulariser: what a candidate is drawn towards after each step.
 pub trait Prior: Send + Sync {
@@ -175,7 +175,8 @@ impl Shrinkage {
         scratch: &mut ShrinkageScratch,
     ) {
         if thresholds.iter().any(|&threshold| threshold > 0.0) {
-            let drawing = Drawing { thresholds, clusters: self.clusters, mask, turn: step_index };
+            let drawing =
+                Thresholding { thresholds, clusters: self.clusters, mask, turn: step_index };
             self.spinning.shrink(plane, drawing, &mut scratch.spinning);
         }
     }

@@ -53,7 +53,7 @@ struct LevelScratch {
 
 /// What is done to details.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Drawing<'a> {
+pub(super) struct Thresholding<'a> {
     /// Threshold of each level, finest first; the last one holds for all coarser ones.
     pub(super) thresholds: &'a [f32],
     /// Whether details are judged in clusters.
@@ -79,7 +79,7 @@ impl Spinning {
     pub(super) fn shrink(
         &self,
         plane: &mut Plane,
-        drawing: Drawing<'_>,
+        drawing: Thresholding<'_>,
         scratch: &mut SpinningScratch,
     ) {
         if self.levels.is_empty() {
@@ -117,7 +117,7 @@ impl Spinning {
         &self,
         level: usize,
         plane: &Plane,
-        drawing: Drawing<'_>,
+        drawing: Thresholding<'_>,
         shifts: &[(usize, usize)],
         scratch: &mut [LevelScratch],
     ) {

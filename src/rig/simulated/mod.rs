@@ -37,14 +37,14 @@ use self::optics::Optics;
 use self::panel::{Projection, Shading};
 use self::stripes::Beat;
 use super::RigError;
-use super::exposure::{Rig, Timing};
+use super::exposure::{Devices, Timing};
 use crate::config;
 
 /// Builds the simulated rig of `rig`, and the witness to it.
 ///
 /// # Errors
 /// [`RigError::Refused`] when `rig` is not a simulated one or its prescription is no usable lens.
-pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
+pub fn open(rig: &config::Rig) -> Result<(Devices, Witness), RigError> {
     let Some(simulation) = rig.simulation() else {
         return Err(RigError::Refused {
             device: "simulated rig",
@@ -71,7 +71,7 @@ pub fn open(rig: &config::Rig) -> Result<(Rig, Witness), RigError> {
         seed: simulation.seed,
     });
     let shared = Shared::new(bench);
-    let devices = Rig::new(
+    let devices = Devices::new(
         Box::new(SimulatedPanel(shared.clone())),
         Box::new(SimulatedTrigger(shared.clone())),
         Box::new(SimulatedCamera(shared.clone())),

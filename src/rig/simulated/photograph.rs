@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::optics::{Light, Optics};
-use super::sensor::{Reading, SimulatedSensor, Stream};
+use super::sensor::{Readout, SimulatedSensor, Stream};
 use crate::config::{Curve, Surround};
 use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
@@ -95,9 +95,9 @@ impl<'a> SceneLight<'a> {
         SceneLight { sensor, part: optics.photo, light, seed }
     }
 
-    fn reading(&self) -> Reading {
+    fn reading(&self) -> Readout {
         let SceneLight { part, seed, .. } = *self;
-        Reading { part, seed, stream: Stream::Photograph, number: 0 }
+        Readout { part, seed, stream: Stream::Photograph, number: 0 }
     }
 
     fn fill(&self) -> impl Fn(Channel, usize, &mut [f32]) + Sync {

@@ -1,6 +1,6 @@
 //! A prescription in use: brought to focus, and asked where the light of an object point goes.
 
-use super::trace::{Lens, Ray};
+use super::trace::{Ray, TracedLens};
 use crate::config::{Prescription, Wavelength};
 use crate::rig::RigError;
 
@@ -12,7 +12,7 @@ const SPOT_CELLS: usize = 200;
 /// A lens focused at some distance, and the object it looks at, there or elsewhere.
 #[derive(Debug, Clone)]
 pub(super) struct Focused {
-    pub(super) lens: Lens,
+    pub(super) lens: TracedLens,
     /// The image plane.
     pub(super) image_z: f64,
 }
@@ -38,7 +38,7 @@ impl Focused {
         prescription: &Prescription,
         wavelengths: &[Wavelength],
     ) -> Result<Focused, RigError> {
-        let lens = Lens::new(prescription)?;
+        let lens = TracedLens::new(prescription)?;
         let pupil = square_pupil(FOCUS_CELLS);
         let from = [0.0, 0.0, prescription.focus_distance_mm.map_or(lens.object_z, |mm| -mm)];
         // The spot's variance is a parabola in z: Σ|a + u·z|², centred by symmetry.

@@ -33,7 +33,7 @@ struct FixedPattern {
 
 /// A part of the sensor that is read, and the random numbers it is read with.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Reading {
+pub(super) struct Readout {
     pub(super) part: Rect,
     pub(super) seed: u64,
     pub(super) stream: Stream,
@@ -136,7 +136,7 @@ impl SimulatedSensor {
             }
         };
         let reading =
-            Reading { part: Rect { x: 0, y: 0, size }, seed, stream: Stream::Capture, number };
+            Readout { part: Rect { x: 0, y: 0, size }, seed, stream: Stream::Capture, number };
         match self.config.mosaic {
             Some(mosaic) => self.as_a_device_s(&self.sites(mosaic, reading, fill), mosaic),
             None => Frame::from_fn(|channel| {
@@ -150,7 +150,7 @@ impl SimulatedSensor {
     pub(super) fn plane<T: Copy + Default + Send>(
         &self,
         channel: Channel,
-        reading: Reading,
+        reading: Readout,
         fill: impl Fn(Channel, usize, &mut [f32]) + Sync,
         code: impl Fn(f32) -> T + Sync,
     ) -> Plane<T> {
@@ -162,7 +162,7 @@ impl SimulatedSensor {
                 fill(channel, y, levels);
                 self.differ(channel, reading.part, y, levels);
                 let part = (y * Channel::ALL.len() + channel.index()) as u64;
-                let Reading { seed, stream, number, .. } = reading;
+                let Readout { seed, stream, number, .. } = reading;
                 self.add_noise(levels, random(seed, stream, number, part));
                 for (to, &level) in row.iter_mut().zip(levels.iter()) {
                     *to = code(level);
@@ -177,7 +177,7 @@ impl SimulatedSensor {
     pub(super) fn sites(
         &self,
         mosaic: Mosaic,
-        reading: Reading,
+        reading: Readout,
         fill: impl Fn(Channel, usize, &mut [f32]) + Sync,
     ) -> Plane<u16> {
         let Rect { x: left, y: top, size } = reading.part;
@@ -194,7 +194,7 @@ impl SimulatedSensor {
                         levels[x] = own[x];
                     }
                 }
-                let Reading { seed, stream, number, .. } = reading;
+                let Readout { seed, stream, number, .. } = reading;
                 let part = (y * Channel::ALL.len()) as u64;
                 self.add_noise(levels, random(seed, stream, number, part));
                 for (to, &level) in row.iter_mut().zip(levels.iter()) {

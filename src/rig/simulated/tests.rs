@@ -7,14 +7,14 @@ use crate::config::{Faults, load, parse};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Size, Work};
 use crate::rig::Moment;
 
-fn opened(name: &str) -> (config::Rig, Rig, Witness) {
+fn opened(name: &str) -> (config::Rig, Devices, Witness) {
     let config = load(Path::new(name)).expect("built in");
     let (rig, witness) = open(&config).expect("a good lens");
     (config, rig, witness)
 }
 
 /// small.toml with some lines changed.
-pub(super) fn small_with(changes: &[(&str, &str)]) -> (config::Rig, Rig, Witness) {
+pub(super) fn small_with(changes: &[(&str, &str)]) -> (config::Rig, Devices, Witness) {
     let mut text = include_str!("../../../rig-config/small.toml").to_owned();
     for (from, to) in changes {
         assert!(text.contains(from), "small.toml has no `{from}`");

@@ -38,7 +38,7 @@ struct RefractingSurface {
 
 /// A lens ready for tracing. z = 0 is the first refracting vertex.
 #[derive(Debug, Clone)]
-pub(super) struct Lens {
+pub(super) struct TracedLens {
     surfaces: Vec<RefractingSurface>,
     pub(super) stop_z: f64,
     pub(super) stop_radius: f64,
@@ -54,12 +54,12 @@ pub(super) struct Traced {
     pub(super) passed: bool,
 }
 
-impl Lens {
+impl TracedLens {
     /// Lays the surfaces out along the axis.
     ///
     /// # Errors
     /// When a glass is not in the catalogue.
-    pub(super) fn new(prescription: &Prescription) -> Result<Lens, RigError> {
+    pub(super) fn new(prescription: &Prescription) -> Result<TracedLens, RigError> {
         let mut z = 0.0;
         let mut surfaces = Vec::new();
         for written in &prescription.surfaces {
@@ -83,7 +83,7 @@ impl Lens {
         for surface in &mut surfaces {
             surface.vertex_z -= origin;
         }
-        Ok(Lens {
+        Ok(TracedLens {
             stop_z: surfaces[prescription.stop_at_surface].vertex_z,
             stop_radius: prescription.stop_diameter_mm / 2.0,
             object_z: -prescription.object_distance_mm,
