@@ -30,7 +30,7 @@ use crate::rig::{self, simulated};
 /// # }
 /// ```
 pub struct Rig {
-    file: config::Rig,
+    file: config::RigFile,
     devices: Devices,
 }
 
@@ -196,7 +196,7 @@ pub struct Calibrated {
 /// A calibrated rig, photo after photo. With `refine-lens` in the rig file it learns from the
 /// photos and keeps what it learned beside the calibration.
 pub struct PhotoRestorer {
-    file: config::Rig,
+    file: config::RigFile,
     on_rig: OnRig,
 }
 
@@ -249,7 +249,7 @@ impl PhotoRestorer {
     }
 }
 
-fn read(rig: &config::Rig, path: &Path) -> Result<Photo, Error> {
+fn read(rig: &config::RigFile, path: &Path) -> Result<Photo, Error> {
     Ok(Photo::read(path, rig.photo.curve, &Limits::default())?.fit(rig.photo.size())?)
 }
 

@@ -16,11 +16,11 @@ use relens::remedy::full_message;
 use relens::rig::exposure::Devices;
 use relens::rig::simulated::{self, Light, Witness};
 
-fn load(name: &str) -> config::Rig {
+fn load(name: &str) -> config::RigFile {
     config::load(Path::new(name)).expect("a rig file of the program")
 }
 
-fn calibrated(config: &config::Rig) -> (Devices, Witness, Calibration) {
+fn calibrated(config: &config::RigFile) -> (Devices, Witness, Calibration) {
     let (mut rig, witness) = simulated::open(config).expect("a simulated rig");
     let begin = std::time::Instant::now();
     let found = calibrate(&mut rig, config, None, &mut |_| {});
@@ -38,7 +38,7 @@ fn calibrated(config: &config::Rig) -> (Devices, Witness, Calibration) {
 /// RMS distance on the sensor, pixels, between where a Work place shall be seen and where the light
 /// shown for it has its centroid; over the photo.
 fn geometry_error_px(
-    config: &config::Rig,
+    config: &config::RigFile,
     witness: &Witness,
     calibration: &Calibration,
     c: Channel,
@@ -64,7 +64,7 @@ fn geometry_error_px(
 
 /// RMS error of the dark corner over the photo, both scaled to mean 1.
 fn dark_corner_error(
-    config: &config::Rig,
+    config: &config::RigFile,
     witness: &Witness,
     calibration: &Calibration,
     c: Channel,
@@ -84,7 +84,7 @@ fn dark_corner_error(
 
 /// `scene` (photo-sized) on the canvas: its border goes on over the margin, and the last two pixels
 /// are black, so that the panel is black outside the canvas as the witness's operator has it.
-fn on_canvas(config: &config::Rig, scene: [Plane; 3]) -> Frame<Work> {
+fn on_canvas(config: &config::RigFile, scene: [Plane; 3]) -> Frame<Work> {
     let (canvas, margin) = (config.canvas_size(), config.canvas.margin_px);
     Frame::from_planes(scene.map(|scene| {
         Plane::from_fn(canvas, |x, y| {
@@ -104,7 +104,7 @@ struct Errors {
 }
 
 fn operator_error(
-    config: &config::Rig,
+    config: &config::RigFile,
     rig: &mut Devices,
     witness: &Witness,
     calibration: &Calibration,
@@ -132,7 +132,7 @@ fn operator_error(
 }
 
 /// The bounds asked of a rig, all but the operator error's.
-fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
+fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration) {
     let mixing = witness.cross_channel();
     for c in Channel::ALL {
         let i = c.index();
@@ -171,7 +171,7 @@ fn score(config: &config::Rig, witness: &Witness, calibration: &Calibration) {
 
 /// The broad light found against the simulator's glare. Blue is out of focus, and what of its blur
 /// lies beyond its functions is found too.
-fn score_broad_light(config: &config::Rig, calibration: &Calibration) {
+fn score_broad_light(config: &config::RigFile, calibration: &Calibration) {
     let glare = config.simulation().expect("simulated").lens.glare();
     println!(
         "glare of {} over {} px: found {:.4?}",
@@ -187,7 +187,7 @@ fn score_broad_light(config: &config::Rig, calibration: &Calibration) {
 /// The operator error on chart and photographs, bounded by `factor` times the 2 and 1 grey levels
 /// asked of the default rig.
 fn score_operator(
-    config: &config::Rig,
+    config: &config::RigFile,
     rig: &mut Devices,
     witness: &Witness,
     calibration: &Calibration,
@@ -289,7 +289,7 @@ fn what_keeps_a_rig_from_being_calibrated_is_told_apart() {
 
 /// small.toml without tilt, its lens replaced by a measured blur: Gaussians of deviation
 /// `sigma_px`, wider towards the right, in a file beside the rig file.
-fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::Rig {
+fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::RigFile {
     const SUPPORT: i32 = 31;
     let mut taps = Vec::new();
     for column in 0..3 {

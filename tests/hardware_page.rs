@@ -7,7 +7,7 @@ use relens::config;
 
 const BOARD: &str = include_str!("../rig-config/raspberry-pi-5.toml");
 
-fn parse(text: &str) -> Result<config::Rig, config::ConfigError> {
+fn parse(text: &str) -> Result<config::RigFile, config::ConfigError> {
     config::parse(text, "raspberry-pi-5.toml", Path::new(""))
 }
 

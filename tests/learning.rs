@@ -31,7 +31,7 @@ fn no_clock() -> f64 {
 
 /// The small rig with a finger's mark on its lens: so much of the light is scattered over a few
 /// pixels.
-fn touched(rig: &config::Rig, share: f32) -> config::Rig {
+fn touched(rig: &config::RigFile, share: f32) -> config::RigFile {
     let mut touched = rig.clone();
     if let Kind::Simulated(simulation) = &mut touched.kind {
         let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
@@ -41,14 +41,14 @@ fn touched(rig: &config::Rig, share: f32) -> config::Rig {
 }
 
 /// What is photographed, linear light.
-fn scene(rig: &config::Rig, view: View) -> Frame<Work> {
+fn scene(rig: &config::RigFile, view: View) -> Frame<Work> {
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let codes = view.codes(rig.photo.size());
     let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
     Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))))
 }
 
-fn photo(rig: &config::Rig, witness: &Witness, view: View) -> Photo {
+fn photo(rig: &config::RigFile, witness: &Witness, view: View) -> Photo {
     let taken = witness.photograph(&scene(rig, view), view.number());
     let size = rig.photo.size();
     let picture = image::RgbImage::from_fn(size.width as u32, size.height as u32, |x, y| {
@@ -69,8 +69,8 @@ fn views(count: usize) -> Vec<View> {
 /// What a box makes of `count` photos one after the other, and the calibration it has in the end.
 /// It was calibrated as `then`.
 fn restored(
-    then: &config::Rig,
-    now: &config::Rig,
+    then: &config::RigFile,
+    now: &config::RigFile,
     count: usize,
 ) -> (Vec<Outcome>, [Calibration; 2]) {
     let folder = tempfile::tempdir().unwrap();

@@ -50,12 +50,12 @@ const STRONGER: [(&str, Departure); 4] = [
     ("a webcam's gamma of 0.6", |to, _| to.sensor.curve.gamma = 0.6),
 ];
 
-fn load(name: &str) -> config::Rig {
+fn load(name: &str) -> config::RigFile {
     config::load(Path::new(name)).unwrap()
 }
 
 /// The small rig with these departures.
-fn departed(departures: &[Departure]) -> config::Rig {
+fn departed(departures: &[Departure]) -> config::RigFile {
     let (mut rig, truthful) = (load("small.toml"), load("truthful.toml"));
     if let Kind::Simulated(simulation) = &mut rig.kind {
         departures.iter().for_each(|take| take(simulation, truthful.simulation().unwrap()));
@@ -79,13 +79,13 @@ struct Tried {
     verdict: String,
 }
 
-fn tried(rig: &config::Rig, scenes: &[Scene]) -> Result<Vec<Tried>, String> {
+fn tried(rig: &config::RigFile, scenes: &[Scene]) -> Result<Vec<Tried>, String> {
     tried_after(rig, scenes, &|_| {})
 }
 
 /// The same, `since` having happened to the rig after it was calibrated.
 fn tried_after(
-    rig: &config::Rig,
+    rig: &config::RigFile,
     scenes: &[Scene],
     since: &dyn Fn(&mut Witness),
 ) -> Result<Vec<Tried>, String> {

@@ -37,7 +37,7 @@ pub struct Layout {
 
 impl Layout {
     /// The sizes in a rig file.
-    pub fn of(rig: &config::Rig) -> Layout {
+    pub fn of(rig: &config::RigFile) -> Layout {
         Layout {
             panel: rig.panel.size(),
             sensor: rig.camera.size(),

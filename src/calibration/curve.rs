@@ -89,9 +89,8 @@ impl ResponseCurve {
 }
 
 /// [`ResponseCurve::code`] for many values at once, by a table even in the square root of light,
-/// which
-/// spreads a panel's codes about evenly. Within a fiftieth of a code of the exact inverse, and
-/// without a branch.
+/// which spreads a panel's codes about evenly. Within a fiftieth of a code of the exact inverse,
+/// and without a branch.
 #[derive(Debug, Clone)]
 pub struct Inverse {
     /// Fractional code at each step of √light.

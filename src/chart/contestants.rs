@@ -60,7 +60,7 @@ impl Contestant {
 }
 
 /// All that are tried on `rig`; fewer when it must be `quick`.
-pub(super) fn contestants(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
+pub(super) fn contestants(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
     let mut all = papers(rig, quick);
     all.extend(captures_only(rig, quick));
     all.extend(lens_alone(rig));
@@ -78,7 +78,7 @@ fn either<T: Copy>(quick: bool, few: &[T], many: &[T]) -> Vec<T> {
 }
 
 /// The paper's loop.
-fn papers(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
+fn papers(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
     let printed = paper(rig);
     let mut all = Vec::new();
     for iterations in either(quick, &[3, 11], &[1, 2, 3, 5, 8, 11, 16]) {
@@ -102,7 +102,7 @@ fn papers(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
 }
 
 /// The methods that go by captures at every step.
-fn captures_only(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
+fn captures_only(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
     let strength = digital(rig).strength;
     let (levels, cycle_spun) = (rig.restore.levels, rig.restore.cycle_spun);
     let patches = PatchShape { patch_px: rig.paper.patch_px, margin_px: rig.paper.margin_px };
@@ -120,7 +120,7 @@ fn captures_only(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
 }
 
 /// The measured lens alone.
-fn lens_alone(rig: &config::Rig) -> Vec<Contestant> {
+fn lens_alone(rig: &config::RigFile) -> Vec<Contestant> {
     let filed = digital(rig);
     let of =
         |steps| Contestant::new("digital", &format!("{steps} steps"), Digital { steps, ..filed });
@@ -135,7 +135,7 @@ fn lens_alone(rig: &config::Rig) -> Vec<Contestant> {
 }
 
 /// The measured lens, corrected by captures, without block matching and with it.
-fn lens_and_captures(rig: &config::Rig, quick: bool) -> Vec<Contestant> {
+fn lens_and_captures(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
     let of = |set: Setting| Contestant::boxed(set.method.name(), &set.numbers(), set.method(rig));
     let mut all = Vec::new();
     let filed = Setting::as_filed(rig, config::MethodName::Hybrid);

@@ -10,7 +10,7 @@ pub mod table;
 pub mod test_rig;
 pub mod trade;
 
-use crate::config::{Curve, Rig};
+use crate::config::{Curve, RigFile};
 use crate::pipeline::{counted, digital, hybrid};
 use contestants::{Contestant, contestants};
 use drawing::Drawing;
@@ -37,7 +37,7 @@ const FEWER_FUNCTIONS: [(usize, usize); 2] = [(1, 1), (4, 3)];
 /// # Errors
 /// When the rig cannot be opened or calibrated, or a method fails.
 pub fn trade(
-    rig: &Rig,
+    rig: &RigFile,
     quick: bool,
     stopwatch: fn() -> f64,
     each: &mut dyn FnMut(&Score),
@@ -78,18 +78,18 @@ pub fn trade_on(
 }
 
 /// How many restorations [`trade()`] makes; [`trade_on`] a few less.
-pub fn restorations(rig: &Rig, quick: bool) -> usize {
+pub fn restorations(rig: &RigFile, quick: bool) -> usize {
     let fewer = if quick { 0 } else { 2 * FEWER_FUNCTIONS.len() };
     (contestants(rig, quick).len() + fewer) * scenes_for(rig).len()
 }
 
 /// The scenes that a rig's photos are charted by.
-fn scenes_for(rig: &Rig) -> &'static [Scene] {
+fn scenes_for(rig: &RigFile) -> &'static [Scene] {
     if rig.photo.curve == Curve::Linear { &Scene::STUDY_PHOTOGRAPHS } else { &Scene::ALL }
 }
 
 /// The drawing of `trade` on `rig` and its tables, with a `remark` under them.
-pub fn chart(rig: &Rig, trade: &Trade, remark: &str) -> Chart {
+pub fn chart(rig: &RigFile, trade: &Trade, remark: &str) -> Chart {
     let stem = format!("{}-speed-accuracy", rig.name);
     let chosen = |name: &str, within| {
         let point = trade.operating_point(within).map(|n| &trade.points[n]);

@@ -5,7 +5,7 @@ use super::contestants::{Contestant, FILED};
 use super::scenes::Scene;
 use super::test_rig::{Score, TestRig, TestRigError};
 use super::trade::{Trade, Within};
-use crate::config::{MethodName, OperatingPoint, Rig};
+use crate::config::{MethodName, OperatingPoint, RigFile};
 use crate::pipeline::{Chosen, Setting};
 
 /// What is shown: photographs of a portrait, a still life and a night.
@@ -13,7 +13,7 @@ const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
 /// The settings tried for what is `wanted`, the rig file's own first: those on or near the front of
 /// `relens chart` on every simulated rig; block matching in many rounds only for the best.
-fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
+fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let digital = |steps| Setting { method: MethodName::Digital, steps, ..filed };
     let hybrid = |steps, correction_steps, captures_max| Setting {
@@ -48,7 +48,7 @@ fn candidates(rig: &Rig, wanted: OperatingPoint) -> Vec<Setting> {
 }
 
 /// How many restorations [`choose`] makes.
-pub fn restorations(rig: &Rig, wanted: OperatingPoint) -> usize {
+pub fn restorations(rig: &RigFile, wanted: OperatingPoint) -> usize {
     candidates(rig, wanted).len() * SCENES.len()
 }
 

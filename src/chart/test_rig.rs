@@ -24,7 +24,7 @@ pub const PHOTO_SEED: u64 = 20_261_121;
 pub struct TestRig {
     /// Seconds on a clock of the caller's.
     stopwatch: fn() -> f64,
-    config: config::Rig,
+    config: config::RigFile,
     rig: Devices,
     photos: Photos,
     pipeline: Pipeline,
@@ -64,7 +64,7 @@ impl TestRig {
     ///
     /// # Errors
     /// When the rig cannot be opened or calibrated.
-    pub fn open(config: config::Rig, stopwatch: fn() -> f64) -> Result<TestRig, TestRigError> {
+    pub fn open(config: config::RigFile, stopwatch: fn() -> f64) -> Result<TestRig, TestRigError> {
         let (mut rig, witness) = open(&config)?;
         let calibration = calibrate(&mut rig, &config, None, &mut |_| {})?;
         let test_rig = TestRig::on(config, rig, &calibration, stopwatch)?;
@@ -77,7 +77,7 @@ impl TestRig {
     /// # Errors
     /// When the calibration does not fit the rig file.
     pub fn on(
-        config: config::Rig,
+        config: config::RigFile,
         rig: Devices,
         calibration: &Calibration,
         stopwatch: fn() -> f64,
@@ -93,7 +93,7 @@ impl TestRig {
     }
 
     /// The rig file.
-    pub fn config(&self) -> &config::Rig {
+    pub fn config(&self) -> &config::RigFile {
         &self.config
     }
 

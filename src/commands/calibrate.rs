@@ -6,7 +6,7 @@ use clap::Args;
 use relens::calibration::Calibration;
 use relens::chart::operating_point::{choose, restorations};
 use relens::chart::test_rig::TestRig;
-use relens::config::{self, OperatingPoint, Rig};
+use relens::config::{self, OperatingPoint, RigFile};
 use relens::restorer::{on_rig, operating_point};
 use relens::rig::exposure::Devices;
 use relens::rig::monotonic::Monotonic;
@@ -72,7 +72,7 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
 /// Chooses the operating point `wanted` by scenes shown on the rig, and keeps it beside the
 /// calibration.
 fn choose_setting(
-    rig: &Rig,
+    rig: &RigFile,
     devices: Devices,
     calibration: Calibration,
     kept: &Path,

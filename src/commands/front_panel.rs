@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use relens::config::{Kind, Rig};
+use relens::config::{Kind, RigFile};
 use relens::kiosk::attend::{ButtonTiming, attend};
 use relens::kiosk::front_panel::FrontPanel;
 use relens::rig::monotonic::Monotonic;
@@ -28,7 +28,7 @@ pub(super) struct FrontPanelThread {
 
 impl FrontPanelThread {
     /// Attends to the button and lamps of `rig`, which works on `folder`.
-    pub(super) fn open(rig: &Rig, folder: &Path, front: FrontPanel) -> FrontPanelThread {
+    pub(super) fn open(rig: &RigFile, folder: &Path, front: FrontPanel) -> FrontPanelThread {
         let ended = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&ended);
         let (rig, folder) = (rig.clone(), folder.to_owned());
@@ -59,7 +59,7 @@ impl Drop for FrontPanelThread {
     }
 }
 
-fn run(rig: &Rig, folder: &Path, front: &FrontPanel, ended: &dyn Fn() -> bool) {
+fn run(rig: &RigFile, folder: &Path, front: &FrontPanel, ended: &dyn Fn() -> bool) {
     let long_press_ms = rig.run.long_press_ms;
     match &rig.kind {
         Kind::Simulated(_) => {

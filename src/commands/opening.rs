@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use relens::calibration::store;
-use relens::config::{MethodName, Rig};
+use relens::config::{MethodName, RigFile};
 use relens::daemon::Restorer;
 #[cfg(feature = "hardware")]
 use relens::kiosk::screen::{Screen, draw};
@@ -23,7 +23,7 @@ use super::progress;
 /// # Errors
 /// When the rig cannot be opened, or has no valid calibration and is not simulated.
 pub(super) fn restorer(
-    rig: &Rig,
+    rig: &RigFile,
     folder: &Path,
     method: Option<MethodName>,
     interrupted: Option<Interruption>,
@@ -50,7 +50,7 @@ pub(super) fn restorer(
 ///
 /// # Errors
 /// When one of them cannot be had.
-pub(super) fn devices(rig: &Rig) -> Result<Devices, CliError> {
+pub(super) fn devices(rig: &RigFile) -> Result<Devices, CliError> {
     relens::rig::open(rig).map_err(CliError::of)
 }
 
@@ -62,7 +62,7 @@ pub(super) fn calibration_folder(folder: &Path) -> PathBuf {
 /// Shows on the panel what keeps `rig` from being opened, if the panel alone can be had; until the
 /// value is dropped. A simulated panel nobody sees.
 pub(super) fn show_trouble(
-    rig: &Rig,
+    rig: &RigFile,
     reason: &str,
     what_to_do: &str,
 ) -> Option<Box<dyn Panel + Send>> {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 use relens::chart::scenes::cut;
-use relens::config::{self, Rig};
+use relens::config::{self, RigFile};
 use relens::frame::{Frame, Work};
 use relens::picture::{Format, Limits, Manner, Photo, encode};
 use relens::rig::simulated;
@@ -48,7 +48,10 @@ pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
 ///
 /// # Errors
 /// When the rig is not simulated or cannot be opened.
-pub(super) fn codes(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work, u8>>, CliError> {
+pub(super) fn codes(
+    rig: &RigFile,
+    scenes: &[Frame<Work>],
+) -> Result<Vec<Frame<Work, u8>>, CliError> {
     let Some(simulation) = rig.simulation() else {
         return Err(CliError::NotSimulated(rig.name.clone()));
     };
@@ -65,7 +68,7 @@ pub(super) fn codes(rig: &Rig, scenes: &[Frame<Work>]) -> Result<Vec<Frame<Work,
 
 /// The file that holds `codes`, which already have the rig's curve.
 pub(super) fn file_of(
-    rig: &Rig,
+    rig: &RigFile,
     codes: &Frame<Work, u8>,
     format: Format,
     name: &str,

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use clap::Args;
-use relens::config::{self, ClockSource, Rig};
+use relens::config::{self, ClockSource, RigFile};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
     Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Reader, Restorer, Schedule, State,
@@ -125,7 +125,7 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
 /// wrong is said by lamps, log, state file and service manager, and by the panel if at least that
 /// can be had.
 fn open_patiently(
-    rig: &Rig,
+    rig: &RigFile,
     folders: &Folders,
     front: &FrontPanel,
     stopped: &Arc<AtomicBool>,
@@ -197,7 +197,7 @@ fn temperature_c() -> Option<f64> {
 
 /// Restores all that is in the inbox of `folders`.
 pub(super) fn empty_inbox(
-    rig: &Rig,
+    rig: &RigFile,
     folders: Folders,
     restorer: &mut dyn Restorer,
 ) -> Result<Summary, CliError> {
@@ -207,7 +207,7 @@ pub(super) fn empty_inbox(
     Ok(daemon.once()?)
 }
 
-fn setting(rig: &Rig) -> DaemonSetting {
+fn setting(rig: &RigFile) -> DaemonSetting {
     let reader = Reader::Worker(Worker::of_this_program());
     let floor_bytes = (rig.disk.floor_mib * f64::from(1 << 20)) as u64;
     let lease_s = rig.share.lease_s;

@@ -140,9 +140,9 @@ fn minutes(window: &str) -> Option<NightMinutes> {
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Keep, Mode, Rig, parse};
+    use crate::config::{Keep, Mode, RigFile, parse};
 
-    fn small_and(tables: &str) -> Result<Rig, String> {
+    fn small_and(tables: &str) -> Result<RigFile, String> {
         let text = format!("{}\n{tables}", include_str!("../../rig-config/small.toml"));
         parse(&text, "small.toml", std::path::Path::new("")).map_err(|e| e.to_string())
     }

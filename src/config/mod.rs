@@ -1,4 +1,4 @@
-//! The rig file: TOML as written, checked into a [`Rig`] that the rest may rely on.
+//! The rig file: TOML as written, checked into a [`RigFile`] that the rest may rely on.
 //!
 //! No physical quantity has a default; numbers of a method or a procedure have one, which stands at
 //! their field and in `rig-config/README.md`. Every key names its unit. What is said about a file
@@ -30,7 +30,7 @@ pub use parts::{
     Alignment, CalibrationTable, CameraTable, CanvasTable, ColourChoice, Curve, Marks,
     OperatingPoint, PanelTable, PaperTable, PhotoTable, Restore,
 };
-pub use rig::{Kind, Rig};
+pub use rig::{Kind, RigFile};
 pub use simulation::{
     DisplayTable, Faults, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription, Primaries,
     SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest, Wavelength,
@@ -57,7 +57,7 @@ pub fn built_in_names() -> impl Iterator<Item = &'static str> {
 ///
 /// # Errors
 /// When the file cannot be read, is not TOML, has an unknown or missing key, or breaks a rule.
-pub fn load(path: &Path) -> Result<Rig, ConfigError> {
+pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
     match std::fs::read_to_string(path) {
         Ok(text) => {
             let folder = path.parent().unwrap_or(Path::new(""));
@@ -80,7 +80,7 @@ pub fn load(path: &Path) -> Result<Rig, ConfigError> {
 ///
 /// # Errors
 /// When it is not TOML, has an unknown or missing key, or breaks a rule.
-pub fn parse(text: &str, name: &str, base_dir: &Path) -> Result<Rig, ConfigError> {
+pub fn parse(text: &str, name: &str, base_dir: &Path) -> Result<RigFile, ConfigError> {
     let (tables, places) = written::read(text, name)?;
     rules::check(tables, &places, base_dir)
 }

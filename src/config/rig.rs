@@ -12,7 +12,7 @@ use crate::frame::{Rect, Size};
 
 /// A rig as checked: whoever holds one need not doubt its numbers.
 #[derive(Debug, Clone)]
-pub struct Rig {
+pub struct RigFile {
     /// The rig's name, for reports.
     pub name: String,
     /// Simulated or made of hardware.
@@ -58,7 +58,7 @@ pub enum Kind {
     Hardware(Box<Hardware>),
 }
 
-impl Rig {
+impl RigFile {
     /// The photo's part of the sensor.
     pub fn photo_on_sensor(&self) -> Rect {
         Rect { x: self.camera.photo_x_px, y: self.camera.photo_y_px, size: self.photo.size() }
@@ -84,7 +84,7 @@ impl Rig {
 
     /// What methods are made of, as the file has it.
     pub fn numbers(&self) -> Numbers<'_> {
-        let Rig { restore, paper, .. } = self;
+        let RigFile { restore, paper, .. } = self;
         Numbers {
             restore,
             paper,

@@ -9,7 +9,7 @@ use super::error::ConfigError;
 use super::hardware::{ExposureBy, Hardware, PulseLine, TriggerDevice};
 use super::parts::{Alignment, CameraTable, PanelTable};
 use super::places::Places;
-use super::rig::{Kind, Rig};
+use super::rig::{Kind, RigFile};
 use super::simulation::{
     Glare, Lens, LensGeometry, LensTable, Prescription, Simulation, SimulationTable,
 };
@@ -20,7 +20,7 @@ pub(super) fn check(
     written: RigTables,
     places: &Places,
     base_dir: &Path,
-) -> Result<Rig, ConfigError> {
+) -> Result<RigFile, ConfigError> {
     if written.rig.kind == KindWord::Hardware && !cfg!(feature = "hardware") {
         return Err(ConfigError::NoHardware { at: places.file.clone() });
     }
@@ -55,7 +55,7 @@ pub(super) fn check(
             Kind::Simulated(Box::new(simulation))
         }
     };
-    Ok(Rig {
+    Ok(RigFile {
         name: written.rig.name,
         kind,
         photo,

@@ -7,12 +7,12 @@ use super::*;
 /// `small.toml`.
 const SMALL: &str = BUILT_IN[2].1;
 
-fn changed(from: &str, to: &str) -> Result<Rig, ConfigError> {
+fn changed(from: &str, to: &str) -> Result<RigFile, ConfigError> {
     assert!(SMALL.contains(from), "the rig file has no `{from}`");
     parse(&SMALL.replacen(from, to, 1), "small.toml", Path::new(""))
 }
 
-fn message(result: Result<Rig, ConfigError>) -> String {
+fn message(result: Result<RigFile, ConfigError>) -> String {
     result.expect_err("such a rig file is not taken").to_string()
 }
 

@@ -44,7 +44,7 @@ use session::{Session, numbers};
 /// brought no captures.
 pub fn calibrate(
     rig: &mut Devices,
-    config: &config::Rig,
+    config: &config::RigFile,
     previous: Option<&Calibration>,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Calibration, CalibrateError> {
@@ -62,7 +62,7 @@ pub fn calibrate(
 }
 
 /// Captures that a calibration of `config` takes.
-pub fn captures(config: &config::Rig) -> u32 {
+pub fn captures(config: &config::RigFile) -> u32 {
     let board = match config.calibration.geometry {
         config::Alignment::Checkerboard => {
             (1 + 3 + 1, lens::CENTRINGS * (1 + lens::CENTRING_PATTERNS))
@@ -82,7 +82,7 @@ pub fn captures(config: &config::Rig) -> u32 {
 }
 
 /// A calibration of which only the geometry is known.
-fn blank(config: &config::Rig, geometry: [Geometry; 3]) -> Calibration {
+fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
     let domain = Layout::of(config).domain();
     let one = || Surface::constant(domain, 1.0);
     Calibration {

@@ -17,7 +17,7 @@ const LEVELS: usize = 52;
 /// Keeps the black level.
 pub(super) fn black(
     calibration: &mut Calibration,
-    config: &config::Rig,
+    config: &config::RigFile,
     black: &Frame<SensorSpace>,
 ) -> Result<(), CalibrateError> {
     let layout = Layout::of(config);

@@ -21,7 +21,7 @@ pub struct CalibrationProgress {
 /// A rig being calibrated.
 pub(super) struct Session<'a> {
     pub(super) rig: &'a mut Devices,
-    pub(super) config: &'a config::Rig,
+    pub(super) config: &'a config::RigFile,
     pub(super) layout: Layout,
     progress: &'a mut dyn FnMut(CalibrationProgress),
     step: &'static str,
@@ -32,7 +32,7 @@ pub(super) struct Session<'a> {
 impl<'a> Session<'a> {
     pub(super) fn new(
         rig: &'a mut Devices,
-        config: &'a config::Rig,
+        config: &'a config::RigFile,
         progress: &'a mut dyn FnMut(CalibrationProgress),
         total: u32,
     ) -> Self {
@@ -135,7 +135,7 @@ pub(super) fn difference(a: &Plane, b: &Plane) -> Plane {
 
 /// How far into the canvas a flat picture is dimmed by the dark beyond it: half a lens function
 /// where the panel ends with the canvas, else not at all.
-pub(super) fn rim_px(config: &config::Rig) -> usize {
+pub(super) fn rim_px(config: &config::RigFile) -> usize {
     if config.panel.size() == config.canvas_size() {
         config.calibration.function_support_px / 2
     } else {

@@ -67,7 +67,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// When the calibration does not fit the rig file.
-    pub fn new(rig: &config::Rig, calibration: &Calibration) -> Result<Self, PipelineError> {
+    pub fn new(rig: &config::RigFile, calibration: &Calibration) -> Result<Self, PipelineError> {
         let layout = Layout::of(rig);
         let found = calibration.level_norms[0].levels();
         if found != rig.restore.levels {
@@ -111,7 +111,7 @@ impl Pipeline {
     /// When the calibration does not fit the rig file.
     pub fn calibrated(
         &self,
-        rig: &config::Rig,
+        rig: &config::RigFile,
         calibration: &Calibration,
     ) -> Result<Self, PipelineError> {
         let interruption = self.interruption.clone();

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::methods::{Numbers, Solving};
-use crate::config::{self, OperatingPoint, Rig};
+use crate::config::{self, OperatingPoint, RigFile};
 
 /// What is chosen for a rig; all else is as its file says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,13 +23,13 @@ pub struct Setting {
 
 impl Setting {
     /// `method` with the numbers of the rig file.
-    pub fn as_filed(rig: &Rig, method: config::MethodName) -> Setting {
+    pub fn as_filed(rig: &RigFile, method: config::MethodName) -> Setting {
         let Numbers { steps, correction_steps, captures_max, rounds, .. } = rig.numbers();
         Setting { method, steps, correction_steps, captures_max, rounds }
     }
 
     /// The method so set.
-    pub fn method(&self, rig: &Rig) -> Solving {
+    pub fn method(&self, rig: &RigFile) -> Solving {
         let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
         method.with(&Numbers { steps, correction_steps, captures_max, rounds, ..rig.numbers() })
     }

@@ -14,7 +14,7 @@ use crate::rig::simulated::{Witness, open};
 
 /// The small rig, calibrated.
 struct Bed {
-    config: config::Rig,
+    config: config::RigFile,
     rig: Devices,
     witness: Witness,
     pipeline: Pipeline,

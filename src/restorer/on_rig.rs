@@ -20,7 +20,7 @@ use crate::rig::exposure::Devices;
 
 /// A rig, its calibration on flash, and how its photos are restored.
 pub struct OnRig {
-    config: config::Rig,
+    config: config::RigFile,
     devices: Devices,
     slots: PathBuf,
     method: Box<dyn Method + Send + Sync>,
@@ -38,7 +38,7 @@ pub struct OnRig {
 /// # Errors
 /// When the rig is not fit to be calibrated or the result cannot be kept.
 pub fn measure(
-    config: &config::Rig,
+    config: &config::RigFile,
     devices: &mut Devices,
     slots: &Path,
     calibrating: fn(CalibrationProgress),
@@ -56,7 +56,7 @@ pub fn measure(
 
 /// One pilot, as it is.
 fn read_pilot(
-    config: &config::Rig,
+    config: &config::RigFile,
     devices: &mut Devices,
     pipeline: &Pipeline,
 ) -> Result<Reading, AnyFailure> {
@@ -74,7 +74,7 @@ impl OnRig {
     /// # Errors
     /// When there is no whole calibration of this rig.
     pub fn new(
-        config: &config::Rig,
+        config: &config::RigFile,
         devices: Devices,
         slots: PathBuf,
         method: Option<config::MethodName>,

@@ -77,7 +77,7 @@ impl Remediable for OperatingPointError {
 ///
 /// # Errors
 /// Why nothing chosen can be used.
-pub fn load(slots: &Path, rig: &config::Rig) -> Result<Option<Chosen>, OperatingPointError> {
+pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, OperatingPointError> {
     let Some(wanted) = rig.restore.operating_point else { return Ok(None) };
     let path = slots.join(NAME);
     let bytes = match kept(slots, NAME) {
@@ -110,7 +110,11 @@ pub fn load(slots: &Path, rig: &config::Rig) -> Result<Option<Chosen>, Operating
 ///
 /// # Errors
 /// When it cannot.
-pub fn save(slots: &Path, rig: &config::Rig, chosen: &Chosen) -> Result<(), OperatingPointError> {
+pub fn save(
+    slots: &Path,
+    rig: &config::RigFile,
+    chosen: &Chosen,
+) -> Result<(), OperatingPointError> {
     let point = KeptPoint { rig: identity(rig), chosen: *chosen };
     let text = toml::to_string(&point).map_err(std::io::Error::other);
     text.and_then(|text| keep(slots, NAME, format!("{HEAD}{text}").as_bytes())).map_err(|source| {
@@ -120,7 +124,7 @@ pub fn save(slots: &Path, rig: &config::Rig, chosen: &Chosen) -> Result<(), Oper
 
 /// What photos on `rig` are restored with: `method` if one is asked for, else what was chosen, else
 /// what its file says.
-pub fn setting(slots: &Path, rig: &config::Rig, method: Option<MethodName>) -> Setting {
+pub fn setting(slots: &Path, rig: &config::RigFile, method: Option<MethodName>) -> Setting {
     let filed = Setting::as_filed(rig, method.unwrap_or(rig.restore.method));
     if method.is_some() {
         return filed;
@@ -138,7 +142,7 @@ pub fn setting(slots: &Path, rig: &config::Rig, method: Option<MethodName>) -> S
     }
 }
 
-fn identity(rig: &config::Rig) -> String {
+fn identity(rig: &config::RigFile) -> String {
     format!("{:016x}", rig.identity)
 }
 
@@ -147,13 +151,13 @@ mod tests {
     use super::*;
     use crate::config::OperatingPoint;
 
-    fn rig() -> config::Rig {
+    fn rig() -> config::RigFile {
         let mut rig = config::load(Path::new("small.toml")).unwrap();
         rig.restore.operating_point = Some(OperatingPoint::Fast);
         rig
     }
 
-    fn chosen(rig: &config::Rig) -> Chosen {
+    fn chosen(rig: &config::RigFile) -> Chosen {
         Chosen {
             operating_point: OperatingPoint::Fast,
             setting: Setting { steps: 5, ..Setting::as_filed(rig, MethodName::Digital) },
@@ -165,7 +169,7 @@ mod tests {
         }
     }
 
-    fn refused(slots: &Path, rig: &config::Rig) -> String {
+    fn refused(slots: &Path, rig: &config::RigFile) -> String {
         load(slots, rig).unwrap_err().to_string()
     }
 

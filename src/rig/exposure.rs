@@ -29,7 +29,7 @@ pub struct Timing {
 
 impl Timing {
     /// The timing a rig file asks for.
-    pub fn of(rig: &config::Rig) -> Timing {
+    pub fn of(rig: &config::RigFile) -> Timing {
         Timing {
             settle_ms: rig.panel.settle_ms,
             latency_ms: rig.panel.latency_ms.unwrap_or(0.0),

@@ -6,7 +6,7 @@ use crate::frame::{Channel, Plane, Size};
 use crate::rig::simulated;
 
 /// A rig as small as marks can be read on: 160 × 128 sensor pixels, one exposure a refresh.
-fn tiny(change: impl Fn(&str) -> String) -> (Devices, simulated::Witness, config::Rig) {
+fn tiny(change: impl Fn(&str) -> String) -> (Devices, simulated::Witness, config::RigFile) {
     let mut text = include_str!("../../rig-config/small.toml").to_owned();
     for (from, to) in [
         ("width-px = 256", "width-px = 120"),

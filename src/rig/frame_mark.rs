@@ -61,7 +61,7 @@ pub struct MarkPlace {
 
 impl MarkPlace {
     /// Where a rig file puts the strips; `None` without `[marks]`.
-    pub fn of(rig: &config::Rig) -> Option<MarkPlace> {
+    pub fn of(rig: &config::RigFile) -> Option<MarkPlace> {
         let marks = rig.marks.as_ref()?;
         let sensor = rig.camera.size();
         // All of the room up to the canvas, whose light ends there anyway.

@@ -17,7 +17,7 @@ use crate::config::{self, Hardware, Level, PulseLine, TriggerDevice};
 ///
 /// # Errors
 /// Whatever a device has to say: see its own file.
-pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Devices, RigError> {
+pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigError> {
     let panel = open_panel(rig, hardware)?;
     let trigger = open_trigger(&hardware.trigger)?;
     let camera = camera::open(rig, &hardware.camera)?;
@@ -33,7 +33,7 @@ pub fn open(rig: &config::Rig, hardware: &Hardware) -> Result<Devices, RigError>
 /// # Errors
 /// When there is no such panel, or another program has it.
 pub fn open_panel(
-    rig: &config::Rig,
+    rig: &config::RigFile,
     hardware: &Hardware,
 ) -> Result<Box<dyn Panel + Send>, RigError> {
     Ok(Box::new(KmsPanel::open(KmsSettings {

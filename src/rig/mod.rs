@@ -45,7 +45,7 @@ use crate::config;
 ///
 /// # Errors
 /// Whatever a device has to say.
-pub fn open(rig: &config::Rig) -> Result<exposure::Devices, RigError> {
+pub fn open(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
     match &rig.kind {
         config::Kind::Simulated(_) => {
             let (mut devices, _) = simulated::open(rig)?;

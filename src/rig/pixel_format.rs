@@ -92,7 +92,7 @@ impl PixelFormat {
 
     /// The format that the camera of `rig` sends; `None` when it is one relens does not take, or a
     /// simulated one without colour filters, which sends counts of three colours.
-    pub fn of(rig: &config::Rig) -> Option<Self> {
+    pub fn of(rig: &config::RigFile) -> Option<Self> {
         match &rig.kind {
             config::Kind::Simulated(simulation) => {
                 let mosaic = simulation.sensor.mosaic?;

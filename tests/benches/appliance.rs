@@ -38,7 +38,7 @@ fn main() {
     }
 }
 
-fn rig() -> config::Rig {
+fn rig() -> config::RigFile {
     config::parse(include_str!("../../rig-config/simulated.toml"), "simulated.toml", Path::new("."))
         .unwrap()
 }
@@ -51,7 +51,7 @@ fn seconds() -> f64 {
 
 /// The rig with a finger's mark on its lens: so much of the light is scattered over a few pixels.
 /// Guesses.
-fn touched(mut rig: config::Rig) -> config::Rig {
+fn touched(mut rig: config::RigFile) -> config::RigFile {
     if let Kind::Simulated(simulation) = &mut rig.kind {
         let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
         *glare = Glare { share: 0.2, radius_px: 6.0 };
@@ -130,7 +130,7 @@ fn alone(folder: &Path) {
 
 /// Restores and tells seconds of computing, captures and seconds of processor time.
 fn restore(
-    rig: &config::Rig,
+    rig: &config::RigFile,
     calibration: &Calibration,
     photo: &Frame<Work>,
     devices: &mut Devices,

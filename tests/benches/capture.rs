@@ -1,7 +1,7 @@
 //! What a simulated capture costs in wall time, and opening the rig.
 
 use divan::{Bencher, black_box};
-use relens::config::{self, Rig};
+use relens::config::{self, RigFile};
 use relens::frame::{Codes, Frame, Plane};
 use relens::rig::simulated;
 
@@ -9,7 +9,7 @@ fn main() {
     divan::main();
 }
 
-fn rig(name: &str) -> Rig {
+fn rig(name: &str) -> RigFile {
     config::load(std::path::Path::new(name)).expect("built in")
 }
 
@@ -17,7 +17,7 @@ fn rig(name: &str) -> Rig {
 /// last.
 const RIGS: [&str; 4] = ["simulated.toml", "study.toml", "small.toml", "paper-synthetic.toml"];
 
-fn picture(rig: &Rig, n: usize) -> Codes {
+fn picture(rig: &RigFile, n: usize) -> Codes {
     Frame::from_fn(|channel| {
         Plane::from_fn(rig.panel.size(), |x, y| {
             ((x * 7 + y * 13 + n * 31) * (channel.index() + 3) % 251) as u8

@@ -1,7 +1,7 @@
 //! One thing changed against the rig file, in some strength: before the rig is calibrated, since
 //! then, on the photo, on the captures, or on the method.
 
-use relens::config::{Glare, Kind, Lens, Prescription, Primaries, Rig, Simulation, Wavelength};
+use relens::config::{Glare, Kind, Lens, Prescription, Primaries, RigFile, Simulation, Wavelength};
 use relens::rig::simulated::{Wear, Witness};
 
 /// What is changed.
@@ -19,11 +19,11 @@ pub(crate) struct Change {
 #[derive(Debug)]
 pub(crate) enum To {
     /// The rig file, before the rig is calibrated.
-    File(fn(&mut Rig, f64)),
+    File(fn(&mut RigFile, f64)),
     /// The rig since it was calibrated: photo and captures see it.
-    Since(fn(&mut Rig, f64)),
+    Since(fn(&mut RigFile, f64)),
     /// The camera that took the photo, which was another than the rig's.
-    Camera(fn(&mut Rig, f64)),
+    Camera(fn(&mut RigFile, f64)),
     /// The photo between scene and file.
     Photo(fn(&mut Taking, f64)),
     /// The running rig: captures alone see it.
@@ -33,7 +33,7 @@ pub(crate) enum To {
     /// The calibration: columns and rows of its lens functions.
     Functions(fn(f64) -> (usize, usize)),
     /// The rig file by which a method cuts its patches.
-    Patches(fn(&mut Rig, f64)),
+    Patches(fn(&mut RigFile, f64)),
     /// The method's step.
     Step,
 }
@@ -59,7 +59,7 @@ impl Change {
     }
 
     /// `rig` as it is calibrated.
-    pub(crate) fn filed(&self, rig: &Rig, strength: f64) -> Rig {
+    pub(crate) fn filed(&self, rig: &RigFile, strength: f64) -> RigFile {
         let mut rig = rig.clone();
         if let To::File(change) = self.to {
             change(&mut rig, strength);
@@ -68,7 +68,7 @@ impl Change {
     }
 
     /// `rig` as it is when photos are restored.
-    pub(crate) fn now(&self, rig: &Rig, strength: f64) -> Rig {
+    pub(crate) fn now(&self, rig: &RigFile, strength: f64) -> RigFile {
         let mut rig = self.filed(rig, strength);
         if let To::Since(change) = self.to {
             change(&mut rig, strength);
@@ -78,7 +78,7 @@ impl Change {
 }
 
 /// Changes the traced lens of a simulated rig.
-pub(crate) fn lens(rig: &mut Rig, change: impl FnOnce(&mut Prescription)) {
+pub(crate) fn lens(rig: &mut RigFile, change: impl FnOnce(&mut Prescription)) {
     if let Kind::Simulated(simulation) = &mut rig.kind
         && let Lens::Prescription(lens, _) = &mut simulation.lens
     {
@@ -86,7 +86,7 @@ pub(crate) fn lens(rig: &mut Rig, change: impl FnOnce(&mut Prescription)) {
     }
 }
 
-fn glare(rig: &mut Rig, change: impl FnOnce(&mut Glare)) {
+fn glare(rig: &mut RigFile, change: impl FnOnce(&mut Glare)) {
     simulation(rig, |simulation| {
         let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
         change(glare);
@@ -94,7 +94,7 @@ fn glare(rig: &mut Rig, change: impl FnOnce(&mut Glare)) {
 }
 
 /// Changes the simulation of a rig that is one.
-pub(crate) fn simulation(rig: &mut Rig, change: impl FnOnce(&mut Simulation)) {
+pub(crate) fn simulation(rig: &mut RigFile, change: impl FnOnce(&mut Simulation)) {
     if let Kind::Simulated(simulation) = &mut rig.kind {
         change(simulation);
     }
@@ -105,7 +105,7 @@ const VEIL_PX: f32 = 60.0;
 /// Width of what a greasy finger leaves, pixels. Guess: wider than the blur, narrower than a veil.
 const SMEAR_PX: f32 = 12.0;
 
-fn veil(rig: &mut Rig, percent: f64, radius_px: f32) {
+fn veil(rig: &mut RigFile, percent: f64, radius_px: f32) {
     glare(rig, |glare| *glare = Glare { share: (percent / 100.0) as f32, radius_px });
 }
 
@@ -180,13 +180,13 @@ pub(crate) struct Swept {
     /// The change.
     pub(crate) change: Change,
     /// Its strengths on a rig, the first of them no change at all.
-    pub(crate) strengths: fn(&Rig) -> [f64; 5],
+    pub(crate) strengths: fn(&RigFile) -> [f64; 5],
 }
 
 const fn swept(
     name: &'static str,
     unit: &'static str,
-    strengths: fn(&Rig) -> [f64; 5],
+    strengths: fn(&RigFile) -> [f64; 5],
     to: To,
 ) -> Swept {
     Swept { change: Change { name, unit, to }, strengths }
@@ -353,7 +353,7 @@ const STOPPED: To =
 const PATCHES: To = To::Patches(set_patch);
 
 /// Patches of `px`; a margin wider than the patch would sew its neighbours' light in.
-pub(crate) fn set_patch(rig: &mut Rig, px: f64) {
+pub(crate) fn set_patch(rig: &mut RigFile, px: f64) {
     rig.paper.patch_px = px as usize;
     rig.paper.margin_px = rig.paper.margin_px.min(rig.paper.patch_px / 2);
 }

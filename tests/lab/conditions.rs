@@ -4,7 +4,7 @@ use relens::chart::contestants::Contestant;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{Score, TestRig};
 use relens::chart::trade::scores_table;
-use relens::config::{Curve, MethodName, Rig};
+use relens::config::{Curve, MethodName, RigFile};
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::deconvolution::method::paper::{Backward, Paper};
 use relens::deconvolution::patches::PatchShape;
@@ -36,7 +36,7 @@ fn named(by_the_lens: bool) -> impl Iterator<Item = MethodName> {
 
 /// A table for each condition; a rig whose photos are not linear is charted as it is, in colour.
 /// `quick` leaves out the chart, or all but the methods that look at the lens.
-pub(crate) fn run(rig: &Rig, quick: bool) -> Result<Made, Failure> {
+pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let mut made = Made::default();
     if rig.photo.curve != Curve::Linear {
         let contestants = named(quick).map(|which| as_filed(rig, which)).collect();
@@ -57,12 +57,12 @@ pub(crate) fn run(rig: &Rig, quick: bool) -> Result<Made, Failure> {
     Ok(made)
 }
 
-fn as_filed(rig: &Rig, which: MethodName) -> Contestant {
+fn as_filed(rig: &RigFile, which: MethodName) -> Contestant {
     Contestant::boxed(which.name(), "", method(rig, which))
 }
 
 /// The methods worth comparing under a condition.
-fn contestants(rig: &Rig, slug: &str) -> Vec<Contestant> {
+fn contestants(rig: &RigFile, slug: &str) -> Vec<Contestant> {
     let named = named(!slug.ends_with("noise"));
     let mut all: Vec<Contestant> = named.map(|which| as_filed(rig, which)).collect();
     match slug {
@@ -80,7 +80,7 @@ fn contestants(rig: &Rig, slug: &str) -> Vec<Contestant> {
 
 /// `contestants` on `scenes`.
 fn compare(
-    rig: Rig,
+    rig: RigFile,
     scenes: &[Scene],
     contestants: Vec<Contestant>,
 ) -> Result<Vec<Score>, Failure> {
@@ -97,19 +97,19 @@ fn compare(
 
 /// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more;
 /// nothing holds it back.
-pub(crate) fn whole_frame(rig: &Rig) -> Paper {
+pub(crate) fn whole_frame(rig: &RigFile) -> Paper {
     let patch_px = rig.photo.width_px.max(rig.photo.height_px);
     let shape = PatchShape { patch_px, margin_px: rig.paper.margin_px };
     Paper { backward: Backward::Light(shape), bounded: false, ..paper(rig) }
 }
 
 /// The paper's loop with nothing sewn around the patches.
-fn without_margin(rig: &Rig) -> Paper {
+fn without_margin(rig: &RigFile) -> Paper {
     let shape = PatchShape { patch_px: rig.paper.patch_px, margin_px: 0 };
     Paper { backward: Backward::Light(shape), ..paper(rig) }
 }
 
 /// `hybrid` with a single capture, whose correction is not confirmed.
-pub(crate) fn one_capture(rig: &Rig) -> Hybrid {
+pub(crate) fn one_capture(rig: &RigFile) -> Hybrid {
     Hybrid { captures_max: 1, ..hybrid(rig) }
 }

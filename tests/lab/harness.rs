@@ -6,7 +6,7 @@ use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PHOTO_SEED, Score, TestRig, seen};
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
@@ -31,13 +31,13 @@ pub(crate) struct Harness {
 }
 
 /// What is measured of the simulated rig of `rig`.
-pub(crate) fn calibration(rig: &Rig) -> Result<Calibration, Failure> {
+pub(crate) fn calibration(rig: &RigFile) -> Result<Calibration, Failure> {
     Ok(calibrate(&mut open(rig)?.0, rig, None, &mut |_| {})?)
 }
 
 impl Harness {
     /// The simulated rig of `rig`, calibrated from its own captures, which were taken by it.
-    pub(crate) fn open(rig: Rig) -> Result<(Harness, Calibration), Failure> {
+    pub(crate) fn open(rig: RigFile) -> Result<(Harness, Calibration), Failure> {
         let (mut devices, witness) = open(&rig)?;
         let calibration = calibrate(&mut devices, &rig, None, &mut |_| {})?;
         let harness = Harness {
@@ -54,7 +54,7 @@ impl Harness {
     /// The rig of `filed` with `change` made to it, and with the `calibration` that was made
     /// before.
     pub(crate) fn changed(
-        filed: &Rig,
+        filed: &RigFile,
         calibration: &Calibration,
         change: &'static Change,
         strength: f64,
@@ -82,7 +82,7 @@ impl Harness {
     }
 
     /// The rig file.
-    pub(crate) fn config(&self) -> &Rig {
+    pub(crate) fn config(&self) -> &RigFile {
         self.test_rig.config()
     }
 
@@ -161,7 +161,7 @@ impl Harness {
     /// What `make` makes of the rig file, as the change has it.
     pub(crate) fn method(
         &self,
-        make: &dyn Fn(&Rig) -> Box<dyn Method + Send + Sync>,
+        make: &dyn Fn(&RigFile) -> Box<dyn Method + Send + Sync>,
     ) -> Box<dyn Method + Send + Sync> {
         let mut rig = self.config().clone();
         match self.change.to {

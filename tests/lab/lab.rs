@@ -119,7 +119,7 @@ fn run(words: &Words) -> Result<(), Failure> {
 
 /// A rig file that comes with the program.
 #[cfg(test)]
-fn rig(name: &str) -> Result<relens::config::Rig, Failure> {
+fn rig(name: &str) -> Result<relens::config::RigFile, Failure> {
     Ok(relens::config::load(std::path::Path::new(name))?)
 }
 

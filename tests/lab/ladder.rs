@@ -17,7 +17,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use relens::chart::table::Table;
 use relens::chart::test_rig::seen;
-use relens::config::{MethodName, Rig};
+use relens::config::{MethodName, RigFile};
 use relens::deconvolution::quality::ssim;
 use relens::frame::{FULL_SCALE, Frame, Plane, Work};
 use relens::picture::Tone;
@@ -57,7 +57,7 @@ impl Row {
 }
 
 /// The ladder on the simulated rig of `rig`.
-pub(crate) fn run(rig: &Rig) -> Result<Made, Failure> {
+pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let (mut harness, calibration) = Harness::open(rig.clone())?;
     let mut one = calibration;
     one.functions = one.functions.mean();

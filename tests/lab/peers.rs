@@ -9,7 +9,7 @@ use relens::chart::contestants::OUTSIDE;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestRig;
 use relens::chart::trade::Point;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::frame::{Channel, Plane, npy_f32};
 
 use crate::made::Made;
@@ -54,7 +54,7 @@ enum PeerError {
 /// Files for peers: `SCENE-truth.npy` and `SCENE-photo.npy` (`f32`, light 0..255, rows × columns),
 /// and `function.npy`, the central function as measured, summing to about 1; all of the green
 /// channel.
-pub(crate) fn captures(rig: &Rig) -> Result<Made, Failure> {
+pub(crate) fn captures(rig: &RigFile) -> Result<Made, Failure> {
     let mut test_rig = TestRig::open(rig.clone(), seconds)?;
     let array = |plane: &Plane| npy_f32(&[plane.height(), plane.width()], plane.data());
     let mut files = Vec::new();
@@ -73,7 +73,7 @@ pub(crate) fn captures(rig: &Rig) -> Result<Made, Failure> {
 }
 
 /// Speed against accuracy with the peers' `rows` in it.
-pub(crate) fn trade(rig: &Rig, quick: bool, rows: &str) -> Result<Made, Failure> {
+pub(crate) fn trade(rig: &RigFile, quick: bool, rows: &str) -> Result<Made, Failure> {
     let mut test_rig = TestRig::open(rig.clone(), seconds)?;
     let mut photos = Vec::new();
     for scene in Scene::STUDY_PHOTOGRAPHS {

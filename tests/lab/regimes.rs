@@ -3,7 +3,7 @@
 
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::deconvolution::method::Method;
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::pipeline::{digital, hybrid};
@@ -69,14 +69,14 @@ impl Row {
 }
 
 /// Every regime on the simulated rig of `rig`, whose photos are linear.
-pub(crate) fn run(rig: &Rig) -> Result<Made, Failure> {
+pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let rows = REGIMES.iter().map(|&regime| measure(rig, regime));
     let rows: Vec<Row> = rows.collect::<Result<_, _>>()?;
     Ok(Made::table(format!("{}-regimes", rig.name), table(rig, &rows)))
 }
 
 /// One regime on the study's photographs.
-pub(crate) fn measure(rig: &Rig, (change, strength): Regime) -> Result<Row, Failure> {
+pub(crate) fn measure(rig: &RigFile, (change, strength): Regime) -> Result<Row, Failure> {
     let calibration = calibration(&change.filed(rig, strength))?;
     let mut harness = Harness::changed(rig, &calibration, change, strength)?;
     let mut photo = Mean::default();
@@ -102,7 +102,7 @@ pub(crate) fn measure(rig: &Rig, (change, strength): Regime) -> Result<Row, Fail
     Ok(Row { name, photo, digital, as_measured, one, hybrid })
 }
 
-fn table(rig: &Rig, rows: &[Row]) -> Table {
+fn table(rig: &RigFile, rows: &[Row]) -> Table {
     let caption = format!(
         "Where light earns its place, rig {0}, green channel, mean of astronaut and coffee: the \
          measured lens alone, and captures with it: the lens as measured, at most {1} captures; \

@@ -10,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::chart::test_rig::TestRig;
 use relens::chart::trade::{Point, Trade};
-use relens::config::{Alignment, MethodName, Rig};
+use relens::config::{Alignment, MethodName, RigFile};
 use relens::deconvolution::method::averaging::Averaged;
 use relens::pipeline::method;
 
@@ -27,12 +27,12 @@ struct Size {
     value: String,
     /// Whether the rig file has it so.
     filed: bool,
-    rig: Rig,
+    rig: RigFile,
     contestant: Contestant,
 }
 
 /// Every size on the study's photographs.
-pub(crate) fn run(rig: &Rig) -> Result<Made, Failure> {
+pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let mut points = Vec::new();
     let sizes = sizes(rig);
     for size in &sizes {
@@ -49,9 +49,9 @@ pub(crate) fn run(rig: &Rig) -> Result<Made, Failure> {
     Ok(Made::table(format!("{}-sizes", rig.name), table(caption, &sizes, &points)))
 }
 
-fn sizes(rig: &Rig) -> Vec<Size> {
+fn sizes(rig: &RigFile) -> Vec<Size> {
     let mut all = Vec::new();
-    let mut add = |what, value: String, filed, rig: Rig, which: MethodName, times: u32| {
+    let mut add = |what, value: String, filed, rig: RigFile, which: MethodName, times: u32| {
         let solver = method(&rig, which);
         let solver = if times > 1 { Box::new(Averaged { method: solver, times }) } else { solver };
         let contestant = Contestant::boxed(solver.name(), &format!("{what} {value}"), solver);

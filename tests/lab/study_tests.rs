@@ -3,7 +3,7 @@
 
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{Score, TestRig};
-use relens::config::{self, Rig};
+use relens::config::{self, RigFile};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::method::paper::{Backward, Paper};
 use relens::pipeline::{method, paper};
@@ -17,7 +17,7 @@ use crate::told;
 
 const PHOTOGRAPHS: [Scene; 2] = Scene::STUDY_PHOTOGRAPHS;
 
-fn rig() -> Rig {
+fn rig() -> RigFile {
     crate::rig("study.toml").unwrap()
 }
 

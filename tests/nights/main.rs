@@ -48,7 +48,7 @@ impl Clock for TestClock {
     }
 }
 
-fn rig(slots: &Path) -> (config::Rig, OnRig, Witness) {
+fn rig(slots: &Path) -> (config::RigFile, OnRig, Witness) {
     let config = config::load(Path::new("small.toml")).unwrap();
     let (mut devices, witness) = simulated::open(&config).unwrap();
     on_rig::measure(&config, &mut devices, slots, |_| {}).unwrap_or_else(|e| panic!("{e}"));

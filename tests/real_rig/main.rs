@@ -24,22 +24,22 @@ use relens::rig::kms_panel::{KmsPanel, KmsSettings};
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{self, Clock, Flip, Panel, RigError};
 
-fn file() -> config::Rig {
+fn file() -> config::RigFile {
     let file = std::env::var("RELENS_RIG").expect("RELENS_RIG names the rig file");
     config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn opened() -> (Devices, config::Rig) {
+fn opened() -> (Devices, config::RigFile) {
     opened_as(file())
 }
 
-fn opened_as(config: config::Rig) -> (Devices, config::Rig) {
+fn opened_as(config: config::RigFile) -> (Devices, config::RigFile) {
     let rig = rig::open(&config).unwrap_or_else(|error| panic!("{error}"));
     (rig, config)
 }
 
 /// The rig file with another way to speak to the display's driver.
-fn spoken_to_by(interface: DisplayInterface) -> config::Rig {
+fn spoken_to_by(interface: DisplayInterface) -> config::RigFile {
     let mut config = file();
     let Kind::Hardware(hardware) = &mut config.kind else { panic!("a rig of devices") };
     hardware.panel.interface = interface;
@@ -47,7 +47,7 @@ fn spoken_to_by(interface: DisplayInterface) -> config::Rig {
 }
 
 /// The panel alone.
-fn panel_of(config: &config::Rig) -> KmsPanel {
+fn panel_of(config: &config::RigFile) -> KmsPanel {
     let Kind::Hardware(hardware) = &config.kind else { panic!("a rig of devices") };
     let settings = KmsSettings {
         node: hardware.panel.node.clone(),
@@ -59,7 +59,7 @@ fn panel_of(config: &config::Rig) -> KmsPanel {
     KmsPanel::open(settings).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn grey(config: &config::Rig, code: u8) -> Codes {
+fn grey(config: &config::RigFile, code: u8) -> Codes {
     Codes::filled(config.panel.size(), code)
 }
 
@@ -86,7 +86,7 @@ fn rig_every_capture_is_of_its_own_picture_by_the_legacy_interface() {
 }
 
 /// Says what was seen.
-fn every_capture_is_of_its_own_picture((mut rig, config): (Devices, config::Rig)) -> String {
+fn every_capture_is_of_its_own_picture((mut rig, config): (Devices, config::RigFile)) -> String {
     let codes = [30, 90, 150, 210];
     let levels = codes.map(|code| middle(&rig.capture(&grey(&config, code)).expect("a frame")));
     assert!(

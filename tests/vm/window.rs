@@ -32,7 +32,7 @@ use self::trace::{Event, Trace};
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// The camera's node, ready to take frames.
-fn camera(video: &str, truth: &config::Rig) -> Outcome<v4l::Device> {
+fn camera(video: &str, truth: &config::RigFile) -> Outcome<v4l::Device> {
     let node = v4l::Device::with_path(video)?;
     let size = truth.camera.size();
     let wanted = v4l::Format::new(size.width as u32, size.height as u32, v4l::FourCC::new(b"RGB3"));
@@ -53,7 +53,7 @@ fn camera(video: &str, truth: &config::Rig) -> Outcome<v4l::Device> {
 /// Delivers each frame when its exposure and read-out have passed, or as soon after as it has been
 /// computed.
 fn deliver(
-    truth: &config::Rig,
+    truth: &config::RigFile,
     video: &str,
     mut port: File,
     rises_s: mpsc::Receiver<f64>,
@@ -86,7 +86,7 @@ fn fingerprint(codes: &Codes) -> String {
 }
 
 fn look(
-    truth: &config::Rig,
+    truth: &config::RigFile,
     card: &str,
     line: &str,
     mut port: File,

@@ -10,7 +10,7 @@ use crate::config::{self, CameraDevice};
 /// # Errors
 /// Whatever that kind of camera has to say.
 pub(super) fn open(
-    rig: &config::Rig,
+    rig: &config::RigFile,
     device: &CameraDevice,
 ) -> Result<Box<dyn Camera + Send>, RigError> {
     match device {

@@ -95,7 +95,7 @@ fn a_scene_of_two_depths_is_sharp_where_the_lens_is_focused() {
 }
 
 /// small.toml with a measured blur in the place of its lens.
-fn blurred_by_a_file() -> (config::Rig, Devices, Witness) {
+fn blurred_by_a_file() -> (config::RigFile, Devices, Witness) {
     let text = include_str!("../../../rig-config/small.toml");
     let (before, lens) = text.split_once("[lens]").expect("has a lens");
     let (_, after) = lens.split_once("[pose]").expect("has a pose");

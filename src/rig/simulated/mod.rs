@@ -44,7 +44,7 @@ use crate::config;
 ///
 /// # Errors
 /// [`RigError::Refused`] when `rig` is not a simulated one or its prescription is no usable lens.
-pub fn open(rig: &config::Rig) -> Result<(Devices, Witness), RigError> {
+pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     let Some(simulation) = rig.simulation() else {
         return Err(RigError::Refused {
             device: "simulated rig",

@@ -9,7 +9,7 @@ use super::glare;
 use super::point_spread::{Fan, Radial};
 use super::pose::PanelMap;
 use super::prescription::Focused;
-use crate::config::{BlurGrid, Glare, Lens, Pose, Prescription, Primaries, Rig, Simulation};
+use crate::config::{BlurGrid, Glare, Lens, Pose, Prescription, Primaries, RigFile, Simulation};
 use crate::frame::{Channel, Plane, Rect, Size};
 use crate::rig::RigError;
 
@@ -137,7 +137,7 @@ impl Optics {
     ///
     /// # Errors
     /// When the prescription is no usable lens.
-    pub(super) fn new(rig: &Rig, simulation: &Simulation) -> Result<Optics, RigError> {
+    pub(super) fn new(rig: &RigFile, simulation: &Simulation) -> Result<Optics, RigError> {
         let (sensor, photo) = (rig.camera.size(), rig.photo_on_sensor());
         let (functions, support_px) = match &simulation.lens {
             Lens::Measured(blur, _) => (Functions::Measured(blur.clone()), blur.support_px),

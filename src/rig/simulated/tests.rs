@@ -7,14 +7,14 @@ use crate::config::{Faults, load, parse};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Size, Work};
 use crate::rig::Moment;
 
-fn opened(name: &str) -> (config::Rig, Devices, Witness) {
+fn opened(name: &str) -> (config::RigFile, Devices, Witness) {
     let config = load(Path::new(name)).expect("built in");
     let (rig, witness) = open(&config).expect("a good lens");
     (config, rig, witness)
 }
 
 /// small.toml with some lines changed.
-pub(super) fn small_with(changes: &[(&str, &str)]) -> (config::Rig, Devices, Witness) {
+pub(super) fn small_with(changes: &[(&str, &str)]) -> (config::RigFile, Devices, Witness) {
     let mut text = include_str!("../../../rig-config/small.toml").to_owned();
     for (from, to) in changes {
         assert!(text.contains(from), "small.toml has no `{from}`");
@@ -36,7 +36,7 @@ fn only(stale: f64, duplicate: f64, missing: f64, mixed: f64, unplugged: f64) ->
     Faults { stale, duplicate, missing, mixed, unplugged, unplugged_ms: 2000.0 }
 }
 
-pub(super) fn grey(config: &config::Rig, code: u8) -> Codes {
+pub(super) fn grey(config: &config::RigFile, code: u8) -> Codes {
     Frame::filled(config.panel.size(), code)
 }
 

@@ -6,7 +6,7 @@ use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Size, Work};
 use crate::rig::pixel_format::PixelFormat;
 
 /// small.toml without noise, and some lines changed.
-pub(super) fn quiet_with(changes: &[(&str, &str)]) -> (config::Rig, Devices, Witness) {
+pub(super) fn quiet_with(changes: &[(&str, &str)]) -> (config::RigFile, Devices, Witness) {
     small_with(&[&QUIET[..], changes].concat())
 }
 

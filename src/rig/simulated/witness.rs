@@ -9,7 +9,7 @@ use super::panel::Projection;
 use super::photograph::{Layer, RawPhoto, SceneLight, surrounded};
 use super::pose::PanelMap;
 use super::wear::Wear;
-use crate::config::{Curve, Faults, Kind, Lens, Pose, Prescription, Rig, Surround, Unrest};
+use crate::config::{Curve, Faults, Kind, Lens, Pose, Prescription, RigFile, Surround, Unrest};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::rig::RigError;
 
@@ -23,7 +23,7 @@ pub struct Witness {
     pub(super) canvas: Rect,
     pub(super) surround: Surround,
     pub(super) curve: Curve,
-    pub(super) rig: Rig,
+    pub(super) rig: RigFile,
 }
 
 /// A part of a scene that is all at one distance.

@@ -7,7 +7,7 @@ use crate::Failure;
 use crate::change::{NO_NOISE, lens};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::deconvolution::lens_model::LensModel;
 use relens::deconvolution::method::Method;
 use relens::frame::Channel;
@@ -29,7 +29,7 @@ struct Cell {
 }
 
 /// The figure, measured without noise.
-pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     let at = |mm: f64| {
         let mut rig = NO_NOISE.filed(rig, 0.0);
         lens(&mut rig, |lens| lens.object_distance_mm = mm);

@@ -7,7 +7,7 @@ use crate::Failure;
 use crate::change::NO_NOISE;
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::deconvolution::patches::PatchShape;
 use relens::frame::Plane;
 
@@ -62,7 +62,7 @@ impl Zones {
 }
 
 /// The figure, measured without noise.
-pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     let mut stage = Stage::open(NO_NOISE.filed(rig, 0.0))?;
     let taken = stage.take(Scene::Chart)?;
     let border_px = stage.truth.functions().support_px / 2;

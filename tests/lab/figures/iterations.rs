@@ -8,14 +8,14 @@ use crate::change::{NO_NOISE, NOTHING};
 use crate::lines::{LineChart, PALETTE, Scale, Series};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::Rig;
+use relens::config::RigFile;
 
 const SHOWN: [u32; 5] = [1, 2, 3, 5, 11];
 /// "Within a few iterations": this share of the whole gain within five.
 const FEW: (usize, f64) = (5, 0.8);
 
 /// The figure, with the rig's noise and without.
-pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     let mut table = Table::new(
         "SSIM/PSNR (dB) after so many iterations of the paper's loop, astronaut.",
         &["captures", "photo", "1", "2", "3", "5", "11"],

@@ -10,7 +10,7 @@ use crate::Failure;
 use crate::change::{NO_NOISE, NOTHING, lens, simulation};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::{LensSurface, Prescription, Rig};
+use relens::config::{LensSurface, Prescription, RigFile};
 use relens::deconvolution::lens_model::LensModel;
 use relens::frame::Channel;
 use relens::pipeline::hybrid;
@@ -62,7 +62,7 @@ impl Singlet {
 }
 
 /// The figure: the paper's loop without noise, the default method with the rig's.
-pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     let mut table = Table::new(
         "Three lenses; spots in pixels (root mean square, green) in the centre and in the corner.",
         &[

@@ -26,7 +26,7 @@ use std::path::Path;
 
 use relens::chart::drawing::Drawing;
 use relens::chart::table::Table;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::frame::Plane;
 
 use crate::Failure;
@@ -118,7 +118,7 @@ impl Figure {
 }
 
 /// Measures a figure on rigs made from the simulated one given, whose photos are linear.
-type Measure = fn(&Rig) -> Result<Figure, Failure>;
+type Measure = fn(&RigFile) -> Result<Figure, Failure>;
 
 const ALL: [Measure; 6] = [
     patch_size::measure,
@@ -130,7 +130,7 @@ const ALL: [Measure; 6] = [
 ];
 
 /// All figures, each written into `folder` as soon as it is measured.
-pub(crate) fn run(rig: &Rig, folder: &Path) -> Result<Made, Failure> {
+pub(crate) fn run(rig: &RigFile, folder: &Path) -> Result<Made, Failure> {
     let mut figures = Vec::new();
     for measure in ALL {
         let figure = measure(rig)?;
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     /// The study's rig at half its size: 256×192.
-    fn rig() -> Rig {
+    fn rig() -> RigFile {
         stage::half(&crate::rig("study.toml").unwrap())
     }
 

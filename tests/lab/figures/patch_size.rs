@@ -9,7 +9,7 @@ use crate::conditions::whole_frame;
 use crate::lines::{LineChart, PALETTE, Scale, Series};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::deconvolution::method::Method;
 use relens::deconvolution::method::paper::Paper;
 
@@ -27,7 +27,7 @@ const SMALL_SSIM: f64 = 0.005;
 const FLAT_SSIM: f64 = 0.005;
 
 /// The figure, measured without noise.
-pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     let mut stage = Stage::open(NO_NOISE.filed(rig, 0.0))?;
     let mut table = Table::new(
         "SSIM after so many iterations, captures without noise.",

@@ -13,7 +13,7 @@ use crate::change::NO_NOISE;
 use crate::lines::{LineChart, PALETTE, Scale, Series};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::deconvolution::method::Method;
 use relens::deconvolution::method::paper::Paper;
 use relens::frame::Plane;
@@ -60,7 +60,7 @@ impl Row {
 }
 
 /// The figure, on the rig at half its size, since it takes so many runs.
-pub(super) fn measure(rig: &Rig) -> Result<Figure, Failure> {
+pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     // Calibrated in quiet, so that the noise is in the loop and nowhere else.
     let mut stage = Stage::open(NO_NOISE.filed(&half(rig), 0.0))?;
     let as_printed = printed(stage.harness.config());
@@ -122,7 +122,7 @@ fn strip(details: &[Plane]) -> Plane {
     mosaic(&tiles, 4)
 }
 
-fn table(rows: &[Row], rig: &Rig) -> Table {
+fn table(rows: &[Row], rig: &RigFile) -> Table {
     let head = [
         "scene", "noise", "variance", "blurred", "λ 1", "λ 3", "λ 8", "λ 18", "λ 30", "λ 45",
         "λ 70", "best λ",

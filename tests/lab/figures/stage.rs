@@ -2,7 +2,7 @@
 
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::PHOTO_SEED;
-use relens::config::Rig;
+use relens::config::RigFile;
 use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
 use relens::deconvolution::data_term;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
@@ -78,7 +78,7 @@ impl Course {
 
 impl Stage {
     /// The rig of `rig` as it is, calibrated from its own captures.
-    pub(super) fn open(rig: Rig) -> Result<Stage, Failure> {
+    pub(super) fn open(rig: RigFile) -> Result<Stage, Failure> {
         let (harness, _) = Harness::open(rig)?;
         let truth = true_lens(harness.config(), &harness.witness)?;
         Ok(Stage { harness, truth })
@@ -166,23 +166,23 @@ pub(super) fn shown(plane: &Plane) -> Plane {
 }
 
 /// `px` of the paper's 1024 on a photo as wide as that of `rig`.
-pub(super) fn scaled(rig: &Rig, px: usize) -> usize {
+pub(super) fn scaled(rig: &RigFile, px: usize) -> usize {
     (px * rig.photo.width_px / PAPER_WIDTH_PX).max(1)
 }
 
 /// The paper's loop as printed, nothing holding it back.
-pub(super) fn printed(rig: &Rig) -> Paper {
+pub(super) fn printed(rig: &RigFile) -> Paper {
     Paper { bounded: false, ..paper(rig) }
 }
 
 /// The paper's loop with patches of `patch_px` (for a photo 1024 wide).
-pub(super) fn with_patches(rig: &Rig, patch_px: usize) -> Paper {
+pub(super) fn with_patches(rig: &RigFile, patch_px: usize) -> Paper {
     let shape = PatchShape { patch_px: scaled(rig, patch_px), margin_px: rig.paper.margin_px };
     Paper { backward: Backward::Light(shape), ..printed(rig) }
 }
 
 /// `rig` at half its size: the same field on pixels twice as large.
-pub(super) fn half(rig: &Rig) -> Rig {
+pub(super) fn half(rig: &RigFile) -> RigFile {
     let mut rig = rig.clone();
     lens(&mut rig, |lens| {
         lens.pixel_pitch_um *= 2.0;
@@ -241,7 +241,7 @@ impl Method for Exact<'_> {
 }
 
 /// The true lens of a simulated rig as an operator, from the witness's functions.
-fn true_lens(rig: &Rig, witness: &Witness) -> Result<LensModel, Failure> {
+fn true_lens(rig: &RigFile, witness: &Witness) -> Result<LensModel, Failure> {
     let (columns, rows) = TRUE_FUNCTIONS;
     let Rect { x, y, size } = rig.photo_on_sensor();
     let centre = |n: usize, of: usize, length: usize, start: usize| {

@@ -9,7 +9,7 @@ pub(crate) mod report;
 pub(crate) mod sweep;
 
 use relens::chart::scenes::Scene;
-use relens::config::Rig;
+use relens::config::RigFile;
 
 use crate::Failure;
 use crate::change::SWEPT;
@@ -25,7 +25,7 @@ const SEEDS: [u64; 2] = [2, 3];
 
 /// Sweeps the simulated rig of `rig`; `quick` takes one strength of each change and a part of the
 /// views, and leaves out the paper's loop.
-pub(crate) fn run(rig: &Rig, quick: bool) -> Result<Made, Failure> {
+pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let quarters = |n: usize| HELD_OUT.map(|scene| View::quarter(scene, n));
     let every: Vec<View> = (0..4).flat_map(quarters).collect();
     let views = if quick { &every[..2] } else { &every[..4] };

@@ -1,7 +1,7 @@
 //! Runs methods under changes on a simulated rig that was calibrated healthy, and takes down what
 //! became of them.
 
-use relens::config::{MethodName, Rig};
+use relens::config::{MethodName, RigFile};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::ssim;
 use relens::frame::{Frame, Plane, Work};
@@ -65,7 +65,7 @@ pub(crate) struct Plan<'a> {
 }
 
 /// Runs `plan` on the simulated rig of `rig`.
-pub(crate) fn sweep(rig: &Rig, plan: &Plan<'_>) -> Result<Vec<Run>, Failure> {
+pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>) -> Result<Vec<Run>, Failure> {
     let mut healthy = rig.clone();
     simulation(&mut healthy, |simulation| simulation.seed = plan.seed);
     let calibration = calibration(&healthy)?;
@@ -135,7 +135,7 @@ pub(crate) fn same(one: &Swept, other: &Swept) -> bool {
 }
 
 /// The method called `name` with the settings of `rig`.
-fn named(rig: &Rig, name: &str) -> Box<dyn Method + Send + Sync> {
+fn named(rig: &RigFile, name: &str) -> Box<dyn Method + Send + Sync> {
     match MethodName::ALL.into_iter().find(|which| which.name() == name) {
         Some(which) => method(rig, which),
         None => Box::new(reference_solution(rig)),

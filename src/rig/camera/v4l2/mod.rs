@@ -55,7 +55,7 @@ impl CameraSettings {
     /// # Errors
     /// [`RigError::Refused`] for a pixel format relens does not take, or one whose depth is not
     /// `camera.bits`.
-    pub fn of(rig: &config::Rig, device: &V4l2Device) -> Result<Self, RigError> {
+    pub fn of(rig: &config::RigFile, device: &V4l2Device) -> Result<Self, RigError> {
         let fits = |format: &PixelFormat| format.bits() == rig.camera.bits;
         let format = PixelFormat::from_code(&device.format).filter(fits).ok_or_else(|| {
             let allowed = PixelFormat::ALL.iter().filter(|(_, format)| fits(format));
