@@ -7,7 +7,7 @@ use super::parts::{
     CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
 };
 use super::simulation::Simulation;
-use crate::deconvolution::method::{blocks, hybrid};
+use crate::deconvolution::method::hybrid;
 use crate::frame::{Rect, Size};
 
 /// A rig as checked: whoever holds one need not doubt its numbers.
@@ -91,7 +91,7 @@ impl RigFile {
             steps: restore.steps as u32,
             correction_steps: hybrid::CORRECTION_STEPS,
             captures_max: 1 + restore.corrections_max as u32,
-            rounds: blocks::ROUNDS,
+            rounds: restore.block_rounds as u32,
         }
     }
 

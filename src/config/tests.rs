@@ -25,6 +25,13 @@ fn every_built_in_rig_file_is_taken() {
 }
 
 #[test]
+fn rounds_of_block_matching_are_the_file_s() {
+    let rounds = |rig: Result<RigFile, ConfigError>| rig.expect("it is taken").numbers().rounds;
+    assert_eq!(rounds(changed("[restore]", "[restore]")), 8);
+    assert_eq!(rounds(changed("[restore]", "[restore]\nblock-rounds = 1")), 1);
+}
+
+#[test]
 fn an_unknown_key_names_its_line_and_the_nearest_known_one() {
     let said = message(changed("settle-ms", "settel-ms"));
     assert!(
