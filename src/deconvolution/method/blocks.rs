@@ -33,9 +33,6 @@ const CONJUGATE_STEPS: u32 = 8;
 /// How like blocks are looked for.
 const SEARCH: Search = Search { step_px: 4, reach_px: 12, group_max: 16, difference_max: 400.0 };
 
-/// Rounds in each solve with block matching; more gain nothing.
-pub const ROUNDS: u32 = 8;
-
 /// What a method with block matching for its prior is: [`super::digital`] or [`super::hybrid`].
 pub const ABOUT: About =
     About { name: "block-matching", starts_from_lens: true, by_patches: false, by_steps: true };
