@@ -114,7 +114,7 @@ fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
         let (photo, method) = (photo(&now, &witness, view), digital(&now));
         let prepared = pipeline.prepare(&photo.light, Channels::Colour);
         let restored = pipeline.solve(&mut devices, &prepared, &method, &mut |_, _| {}).unwrap();
-        let truth = scene(&now, view);
+        let truth = witness.shaded(&scene(&now, view));
         let (seen, truth) = (restored.picture.plane(Channel::Green), truth.plane(Channel::Green));
         (ssim(seen, truth), psnr(seen, truth))
     };

@@ -10,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::config::{self, Kind, Lens, Simulation};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::frame::{Channel, Channels, Frame, Plane, Work};
+use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use relens::measurement::calibrate;
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, digital, hybrid};
@@ -102,6 +102,7 @@ fn tried_after(
         let codes = scene.codes(rig.photo.size());
         let truth = light_of(&Frame::from_fn(|c| rounded(codes.plane(c))));
         let photo = light_of(&witness.photograph(&truth, 1 + scene as u64));
+        let truth = witness.shaded(&truth);
         let prepared = pipeline.prepare(&photo, Channels::Colour);
         let mut by = |method: &dyn Method| {
             pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap()
@@ -181,4 +182,47 @@ fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
             }
         }
     }
+}
+
+/// Side of the corners that are looked at, pixels.
+const CORNER_PX: usize = 24;
+
+/// Mean light of the four corners in the three channels.
+fn corners(picture: &Frame<Work>) -> Vec<f64> {
+    let Size { width, height } = picture.size();
+    let (right, bottom) = (width - CORNER_PX, height - CORNER_PX);
+    let size = Size::new(CORNER_PX, CORNER_PX);
+    let mean = |c: Channel, (x, y): (usize, usize)| {
+        let part = picture.plane(c).crop(Rect { x, y, size });
+        part.data().iter().map(|&v| f64::from(v)).sum::<f64>() / part.data().len() as f64
+    };
+    let places = [(0, 0), (right, 0), (0, bottom), (right, bottom)];
+    Channel::ALL.iter().flat_map(|&c| places.map(|place| mean(c, place))).collect()
+}
+
+#[test]
+fn an_uneven_panel_leaves_the_photo_s_own_shading() {
+    let uneven = |to: &mut Simulation, from: &Simulation| to.display.uneven = from.display.uneven;
+    let rig = departed(&[uneven]);
+    let (mut devices, witness) = simulated::open(&rig).unwrap();
+    let calibration = calibrate(&mut devices, &rig, None, &mut |_| {}).unwrap();
+    let pipeline = Pipeline::new(&rig, &calibration).unwrap();
+    let tone = Tone::of_curve(rig.photo.curve, 8);
+    let light = |x: usize, y: usize| match (x / 12 + y / 8) % 3 {
+        0 => 60.0,
+        1 => 110.0 + 0.2 * x as f32,
+        _ => 150.0 - 0.2 * y as f32,
+    };
+    let scene = Frame::from_fn(|_| Plane::from_fn(rig.photo.size(), light));
+    let codes = witness.photograph(&scene, 3);
+    let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+    let prepared = pipeline.prepare(&photo, Channels::Colour);
+    let restored = pipeline.restore(&mut devices, &prepared, &hybrid(&rig), &mut |_, _| {});
+    let outcome = restored.unwrap().outcome;
+    assert!(outcome.captures > 0, "{}", outcome.reason);
+    let ought = corners(&witness.shaded(&scene));
+    let off = corners(&outcome.picture).into_iter().zip(ought).map(|(is, ought)| is / ought - 1.0);
+    let worst = off.map(f64::abs).fold(0.0, f64::max);
+    println!("corners off by {:.2} % at the worst", 100.0 * worst);
+    assert!(worst < 0.01);
 }

@@ -130,6 +130,15 @@ impl TestRig {
         }
     }
 
+    /// What a photo of `scene` is to become: its light, shaded as the photo is.
+    pub fn truth(&self, scene: Scene) -> Frame<Work> {
+        let light = self.light(scene);
+        match &self.photos {
+            Photos::Witnessed(witness) => witness.shaded(&light),
+            Photos::Shown => light,
+        }
+    }
+
     /// The photo the rig's camera takes of `scene`, as linear light.
     ///
     /// # Errors
@@ -158,26 +167,27 @@ impl TestRig {
         name: &str,
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
-        let photo = self.photograph(scene)?;
-        self.score_photo(scene, &photo, name, method)
+        let (photo, truth) = (self.photograph(scene)?, self.truth(scene));
+        self.score_photo(scene, [&photo, &truth], name, method)
     }
 
-    /// [`TestRig::score`] on a `photo` of the scene that was taken elsewhere.
+    /// [`TestRig::score`] on a photo of the scene that was taken elsewhere, and what it is to
+    /// become.
     ///
     /// # Errors
     /// When the method fails.
     pub fn score_photo(
         &mut self,
         scene: Scene,
-        photo: &Frame<Work>,
+        [photo, truth]: [&Frame<Work>; 2],
         name: &str,
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
         let channels = self.channels();
         let (restored, computing_seconds) = self.solve(photo, channels, method, &mut |_, _| {})?;
-        let (curve, light) = (self.config.photo.curve, self.light(scene));
+        let curve = self.config.photo.curve;
         let [truth, before, after] =
-            [&light, photo, &restored.picture].map(|frame| seen(curve, channels, frame));
+            [truth, photo, &restored.picture].map(|frame| seen(curve, channels, frame));
         Ok(Score {
             scene,
             method: name.to_owned(),

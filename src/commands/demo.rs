@@ -52,10 +52,11 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     ));
     let names = Scene::ALL.map(Scene::file_name);
     let sharp = Scene::ALL.map(|scene| scene.light(rig.photo.size()));
-    for (name, codes) in names.iter().zip(photograph::codes(&rig, &sharp)?) {
+    let taken = photograph::photos(&rig, &sharp)?;
+    for (name, taken) in names.iter().zip(&taken) {
         let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
         let path = inbox.join(name);
-        std::fs::write(&path, photograph::file_of(&rig, &codes, format, name)?)
+        std::fs::write(&path, photograph::file_of(&rig, &taken.codes, format, name)?)
             .map_err(|e| CliError::writing(&path, e))?;
     }
     say("2. calibrating the rig, from captures alone");
@@ -64,7 +65,7 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     let summary = empty_inbox(&rig, folders, &mut *restorer)?;
     say("\n              SSIM            PSNR in dB      captures  seconds\n              photo  \
          restored photo  restored");
-    for (name, scene) in names.iter().zip(&sharp) {
+    for (name, taken) in names.iter().zip(&taken) {
         let Some(report) = summary.restored.iter().find(|report| report.photo == **name) else {
             continue;
         };
@@ -73,7 +74,7 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
                 Photo::read(&path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
             let tone = Tone::of_curve(config::Curve::Srgb, 8);
             let [is, ought] =
-                [&photo.in_colour(), scene].map(|light| display_luminance(&tone, light));
+                [&photo.in_colour(), &taken.shaded].map(|light| display_luminance(&tone, light));
             Ok([ssim(&is, &ought), psnr(&is, &ought)])
         };
         let (before, after) = (of(root.join("done").join(name))?, of(outbox.join(&report.result))?);

@@ -39,19 +39,24 @@ pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
     must_be_new(&options.out)?;
     let sharp =
         Photo::read(&options.scene, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
-    let taken = codes(&rig, &[cut(&sharp.in_colour(), rig.photo.size())])?;
-    write_new(&options.out, &file_of(&rig, &taken[0], format, &sharp.name)?)
+    let taken = photos(&rig, &[cut(&sharp.in_colour(), rig.photo.size())])?;
+    write_new(&options.out, &file_of(&rig, &taken[0].codes, format, &sharp.name)?)
 }
 
-/// The codes of the photos that the simulated `rig` would take of `scenes` (photo-sized linear
-/// light), the n-th with noise of its own.
+/// A photo of a scene.
+pub(super) struct Taken {
+    /// What the camera's file holds.
+    pub(super) codes: Frame<Work, u8>,
+    /// The scene shaded as the photo is: what it can be restored to.
+    pub(super) shaded: Frame<Work>,
+}
+
+/// The photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the n-th
+/// with noise of its own.
 ///
 /// # Errors
 /// When the rig is not simulated or cannot be opened.
-pub(super) fn codes(
-    rig: &RigFile,
-    scenes: &[Frame<Work>],
-) -> Result<Vec<Frame<Work, u8>>, CliError> {
+pub(super) fn photos(rig: &RigFile, scenes: &[Frame<Work>]) -> Result<Vec<Taken>, CliError> {
     let Some(simulation) = rig.simulation() else {
         return Err(CliError::NotSimulated(rig.name.clone()));
     };
@@ -59,7 +64,7 @@ pub(super) fn codes(
     let all = scenes.len() as u64;
     let each = |(done, (scene, seed))| {
         progress::show(done, all, "photographing");
-        witness.photograph(scene, seed)
+        Taken { codes: witness.photograph(scene, seed), shaded: witness.shaded(scene) }
     };
     let taken = (0..).zip(scenes.iter().zip(simulation.seed..)).map(each).collect();
     progress::clear();

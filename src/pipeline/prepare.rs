@@ -3,10 +3,13 @@
 //!
 //! | step | why |
 //! |---|---|
-//! | dark corner divided out | the light path divides it out of every capture, so B must match |
 //! | saturated pixels marked | a full pixel is only a lower bound |
 //! | placed on the canvas | light from outside the frame fell into it |
 //! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
+//!
+//! The photo's own shading V stays: B = V·K(L) is K(V·L) as far as V is smooth, so V·L is what is
+//! solved, shown and delivered. The flats of the captures hold the panel's shading, too, and no
+//! photo was taken of the panel.
 
 use std::sync::OnceLock;
 
@@ -29,8 +32,6 @@ impl Pipeline {
     /// `photo` (photo-sized, linear light 0..255) with its `channels`, made ready.
     pub fn prepare<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
         let (canvas, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
-        let mut flat = photo.clone();
-        self.photo_side.undo_dark_corner(&mut flat);
         let trust = Frame::from_fn(|c| {
             let full = SATURATION_SHARE * FULL_SCALE;
             let inner = photo.plane(c).map(|v: f32| if v >= full { SATURATED } else { TRUSTED });
@@ -38,9 +39,9 @@ impl Pipeline {
         });
         let placed = Frame::from_fn(|c| {
             if self.black_surround {
-                data_term::place(flat.plane(c), canvas, rect, 0.0)
+                data_term::place(photo.plane(c), canvas, rect, 0.0)
             } else {
-                data_term::place_with_edges(flat.plane(c), canvas, rect)
+                data_term::place_with_edges(photo.plane(c), canvas, rect)
             }
         });
         let of = |c: Channel| self.noise_of(c, photo.plane(c));

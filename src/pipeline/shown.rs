@@ -8,8 +8,8 @@ use crate::rig::exposure::Devices;
 
 impl Pipeline {
     /// What the camera of `rig` makes of `scene` (photo-sized, linear light 0..255) on its panel:
-    /// linear light as a photo has it, with blur, colour fringes, dark corner and noise. The
-    /// panel's three primaries stand for the scene's light.
+    /// linear light as a photo has it, with blur, colour fringes and noise, the scene's
+    /// shading being what the panel shows. Its three primaries stand for the scene's light.
     ///
     /// # Errors
     /// When the capture fails.
@@ -22,8 +22,6 @@ impl Pipeline {
         let (canvas, rect) = data_term::canvas_of(scene.size(), margin_px);
         let placed = Frame::from_fn(|c| data_term::place_with_edges(scene.plane(c), canvas, rect));
         let exposed = rig.capture(&self.correction.show_scene(&placed))?;
-        let mut photo = self.correction.see(&exposed.counts).light.crop(rect);
-        self.photo_side.put_dark_corner(&mut photo);
-        Ok(photo)
+        Ok(self.correction.see(&exposed.counts).light.crop(rect))
     }
 }

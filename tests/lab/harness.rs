@@ -120,10 +120,12 @@ impl Harness {
         Ok(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
     }
 
-    /// How `light` is seen through a perfect lens, as scored: what the photo holds of it.
-    pub(crate) fn truth(&self, light: &Frame<Work>) -> Plane {
+    /// What a photo of `light` is to become: as bright as the photo holds it, shaded as it is.
+    pub(crate) fn truth(&self, light: &Frame<Work>) -> Frame<Work> {
         let times = 1.0 + self.taking.brighter as f32;
-        self.seen(&Frame::from_fn(|c| light.plane(c).map(|v: f32| (v * times).min(255.0))))
+        let camera = self.camera.as_ref().unwrap_or(&self.witness);
+        let shaded = camera.shaded(&Frame::from_fn(|c| light.plane(c).map(|v: f32| v * times)));
+        Frame::from_fn(|c| shaded.plane(c).map(|v: f32| v.min(255.0)))
     }
 
     /// A picture as it is scored.
@@ -133,8 +135,10 @@ impl Harness {
 
     /// `method` on a photo of `scene`, scored.
     pub(crate) fn score(&mut self, scene: Scene, method: &dyn Method) -> Result<Score, Failure> {
-        let photo = self.photograph(&self.test_rig.light(scene), PHOTO_SEED + scene as u64)?;
-        Ok(self.test_rig.score_photo(scene, &photo, method.name(), method)?)
+        let light = self.test_rig.light(scene);
+        let photo = self.photograph(&light, PHOTO_SEED + scene as u64)?;
+        let both = [&photo, &self.truth(&light)];
+        Ok(self.test_rig.score_photo(scene, both, method.name(), method)?)
     }
 
     /// `photo` made ready for methods.

@@ -75,7 +75,8 @@ fn climb(harness: &mut Harness, one_function: &Pipeline, scene: &Varied) -> Resu
     let config = harness.config().clone();
     let curve = config.photo.curve;
     let photo = photo(harness, scene)?;
-    let truth = seen(curve, scene.channels, &scene.light);
+    let truth = if scene.through_lens { harness.truth(&scene.light) } else { scene.light.clone() };
+    let truth = seen(curve, scene.channels, &truth);
     let score = |light: &Frame<Work>| ssim(&seen(curve, scene.channels, light), &truth);
     let mut scores = [score(&photo), 0.0, 0.0, 0.0];
     let rungs =

@@ -59,7 +59,7 @@ pub(crate) fn captures(rig: &RigFile) -> Result<Made, Failure> {
     let array = |plane: &Plane| npy_f32(&[plane.height(), plane.width()], plane.data());
     let mut files = Vec::new();
     for scene in Scene::STUDY_PHOTOGRAPHS {
-        let (truth, photo) = (test_rig.light(scene), test_rig.photograph(scene)?);
+        let (truth, photo) = (test_rig.truth(scene), test_rig.photograph(scene)?);
         for (what, light) in [("truth", truth), ("photo", photo)] {
             let name = format!("{}-{what}.npy", scene.name());
             files.push((name, array(light.plane(Channel::Green))));

@@ -50,6 +50,18 @@ impl Witness {
         SceneLight::new(&all, &sensor, scene, self.surround, seed).developed(self.curve)
     }
 
+    /// `scene` (photo-sized, linear light) shaded as the lens shades a photograph of it: what the
+    /// photograph would hold if the lens did nothing else.
+    pub fn shaded(&self, scene: &Frame<Work>) -> Frame<Work> {
+        let falloff = self.optics.dark_corner(Light::Scene);
+        Frame::from_fn(|c| {
+            let mut plane = scene.plane(c).clone();
+            let shares = falloff[c.index()].crop(self.optics.photo);
+            plane.data_mut().iter_mut().zip(shares.data()).for_each(|(v, share)| *v *= share);
+            plane
+        })
+    }
+
     /// The same photograph as the sensor's sites gave it, before any developing; `None` when the
     /// sensor has no colour filters.
     ///

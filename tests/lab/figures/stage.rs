@@ -88,7 +88,7 @@ impl Stage {
     pub(super) fn take(&self, scene: Scene) -> Result<Taken, Failure> {
         let light = self.harness.test_rig.light(scene);
         let photo = self.harness.photograph(&light, PHOTO_SEED + scene as u64)?;
-        Ok(Taken { truth: light.plane(Channel::Green).clone(), photo })
+        Ok(Taken { truth: self.harness.truth(&light).plane(Channel::Green).clone(), photo })
     }
 
     /// `method` on a photo, every step scored, the pictures after the `wanted` iterations kept.

@@ -161,5 +161,5 @@ fn photograph(harness: &Harness, view: View, seed: u64) -> Result<(Frame<Work>, 
         tone.plane(c, &codes)
     });
     let photo = harness.photograph(&scene, seed.wrapping_mul(1000) + view.number())?;
-    Ok((photo, harness.truth(&scene)))
+    Ok((photo, harness.seen(&harness.truth(&scene))))
 }
