@@ -71,44 +71,45 @@
 // Hidden modules document themselves to who works on them: `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]
 
-// What the program, the laboratory, the tests and the fuzzing reach, and nobody else should.
-#[doc(hidden)]
+// What the program, the laboratory, the tests and the fuzzing reach, and nobody else should. Hidden
+// from the pages alone, so that the compiler still asks for the documentation of each item.
+#[cfg_attr(doc, doc(hidden))]
 pub mod calibration;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod chart;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod config;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod daemon;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod deconvolution;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod diagnosis;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod disk;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod face;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod frame;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod kiosk;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod light_path;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod measurement;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod nights;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod patterns;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod picture;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod pipeline;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod remedy;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod restorer;
-#[doc(hidden)]
+#[cfg_attr(doc, doc(hidden))]
 pub mod rig;
 
 pub use config::Curve;
