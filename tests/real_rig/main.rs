@@ -119,7 +119,7 @@ fn rig_opens_again_and_again() {
         // The next opening finds a camera that was left with overlapped frames.
         let mut seen = [0.0; 4];
         rig.capture_all(&[&light, &dark, &light, &dark], &mut |n, exposed| {
-            seen[n] = middle(&exposed)
+            seen[n] = middle(&exposed);
         })
         .unwrap_or_else(|error| panic!("{error}"));
         assert!(seen[0] > seen[1] && seen[2] > seen[3], "{seen:?}");

@@ -108,7 +108,7 @@ fn look(
                 println!("{at_s:.6} flip to {number}, seen {:.1} ms later", late_ms(at_s));
             }
             Event::Rise { at_s } if shutter.exists() => {
-                println!("{at_s:.6} trigger, the shutter is closed")
+                println!("{at_s:.6} trigger, the shutter is closed");
             }
             Event::Rise { at_s } => {
                 let codes =
