@@ -160,6 +160,8 @@ fn no_method_runs_away_whatever_is_wrong() {
             photo: &photo,
             trust: &trust,
             rect: Rect { x: 0, y: 0, size: SIZE },
+            mosaic: None,
+            capture_mosaic: None,
             channels: Channels::Green,
             model: Some(&model),
             norm_squared: [1.0 / wrong.norms; 3],

@@ -69,6 +69,8 @@ impl Case {
             photo: &self.photo,
             trust: &self.trust,
             rect: Rect { x: 0, y: 0, size },
+            mosaic: None,
+            capture_mosaic: None,
             channels: Channels::Green,
             model,
             norm_squared: [1.0; 3],

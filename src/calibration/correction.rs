@@ -13,7 +13,7 @@ use super::surface::Domain;
 use super::{Calibration, Geometry};
 use crate::config;
 use crate::frame::resample::{Outside, warp};
-use crate::frame::{Channel, Codes, Counts, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Size, Work};
 use crate::remedy::{Remediable, Remedy};
 
 /// Sizes of the devices and where the photo lies on the sensor; from the rig file.
@@ -33,6 +33,8 @@ pub struct Layout {
     pub margin_px: usize,
     /// Counts at and above which a pixel is saturated.
     pub saturated: u16,
+    /// The colours of the sensor's sites, where it has colour filters.
+    pub mosaic: Option<Mosaic>,
 }
 
 impl Layout {
@@ -46,7 +48,15 @@ impl Layout {
             photo_y_px: rig.camera.photo_y_px,
             margin_px: rig.canvas.margin_px,
             saturated: rig.camera.count_max(),
+            mosaic: rig.mosaic(),
         }
+    }
+
+    /// The colours of the canvas's pixels.
+    pub fn canvas_mosaic(&self) -> Option<Mosaic> {
+        // Less the margin is as well as more of it: a mosaic repeats by two.
+        let (x, y) = (self.photo_x_px + self.margin_px, self.photo_y_px + self.margin_px);
+        self.mosaic.map(|mosaic| mosaic.from_place(x, y))
     }
 
     /// The photo and its margins.
@@ -103,7 +113,8 @@ impl Remediable for CorrectionError {
 pub struct Corrected {
     /// Light, 0..255, canvas-sized; 0 where the sensor does not reach.
     pub light: Frame<Work>,
-    /// 1 where all three channels have a sensor value below saturation, else 0.
+    /// 1 where all three channels have a sensor value below saturation, else 0. Behind colour
+    /// filters each channel is known at its own sites.
     pub trusted: Frame<Work, u8>,
 }
 
@@ -165,6 +176,13 @@ impl Correction {
             black: Channel::ALL.map(|c| on_canvas(&calibration.black[c.index()])),
             gain: Channel::ALL.map(gain),
         })
+    }
+
+    /// The same, for which what lies between a channel's sites is as good as they are: where means
+    /// over several pixels are looked at.
+    #[must_use]
+    pub fn between_sites(&self) -> Correction {
+        Correction { layout: Layout { mosaic: None, ..self.layout }, ..self.clone() }
     }
 
     /// The sizes it was made for.
@@ -270,7 +288,14 @@ impl Correction {
             self.see_row(counts, *y, [&mut **red, &mut **green, &mut **blue], good);
         });
         drop(rows);
-        Corrected { light, trusted: Frame::from_fn(|_| good.clone()) }
+        let trusted = |c: Channel| match self.layout.canvas_mosaic() {
+            Some(mosaic) => {
+                let own = |x, y| u8::from(mosaic.colour_at(x, y) == c);
+                Plane::from_fn(canvas, |x, y| good.at(x, y) & own(x, y))
+            }
+            None => good.clone(),
+        };
+        Corrected { light, trusted: Frame::from_fn(trusted) }
     }
 
     fn see_row(&self, counts: &Counts, y: usize, light: [&mut [f32]; 3], good: &mut [u8]) {

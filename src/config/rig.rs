@@ -1,14 +1,14 @@
 //! The rig as checked.
 
 use super::appliance::{DiskTable, Keep, Nights, RunTable, Share};
-use super::hardware::Hardware;
+use super::hardware::{CameraDevice, Hardware};
 use super::methods::Numbers;
 use super::parts::{
     CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
 };
 use super::simulation::Simulation;
 use crate::deconvolution::method::hybrid;
-use crate::frame::{Rect, Size};
+use crate::frame::{Mosaic, Rect, Size};
 
 /// A rig as checked: whoever holds one need not doubt its numbers.
 #[derive(Debug, Clone)]
@@ -92,6 +92,16 @@ impl RigFile {
             correction_steps: hybrid::CORRECTION_STEPS,
             captures_max: 1 + restore.corrections_max as u32,
             rounds: restore.block_rounds as u32,
+        }
+    }
+
+    /// The colours of the camera's sites, if it has colour filters and sends them raw.
+    pub fn mosaic(&self) -> Option<Mosaic> {
+        match &self.kind {
+            Kind::Simulated(simulation) => simulation.sensor.mosaic,
+            Kind::Hardware(hardware) => match &hardware.camera {
+                CameraDevice::V4l2(device) => Mosaic::of_format(device.format.trim_end()),
+            },
         }
     }
 

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::data_term::TRUSTED;
+use super::data_term::{NOISE_MIN, TRUSTED};
 use crate::frame::{Plane, Size};
 
 /// Everything is counted in blocks of two by two pixels, as many as the finest level has details.
@@ -35,11 +35,14 @@ pub struct DetailMask {
 
 impl DetailMask {
     /// The mask of a photo of `planes`, each with its trust and its noise in grey levels, for
-    /// `levels` levels of details. The channel with most details decides for a place.
-    pub fn of(planes: &[(&Plane, &Plane<u8>, f32)], levels: usize) -> DetailMask {
+    /// `levels` levels of details. The channel with most details decides for a place. `raw` planes
+    /// are known at a mosaic's sites.
+    pub fn of(planes: &[(&Plane, &Plane<u8>, f32)], levels: usize, raw: bool) -> DetailMask {
         let size = planes.first().map_or(Size::new(0, 0), |(plane, ..)| blocks(plane.size()));
-        let activities: Vec<Plane> =
-            planes.par_iter().map(|(plane, trust, noise)| activity(plane, trust, *noise)).collect();
+        let activities: Vec<Plane> = planes
+            .par_iter()
+            .map(|(plane, trust, noise)| activity(plane, trust, *noise, raw))
+            .collect();
         let mut largest: Plane = Plane::zeros(size);
         for activity in &activities {
             largest.data_mut().iter_mut().zip(activity.data()).for_each(|(l, a)| *l = l.max(*a));
@@ -85,8 +88,11 @@ fn halved(plane: &Plane) -> Plane {
 }
 
 /// Variance of the surroundings of each block over the noise's there; infinite where nothing of
-/// them can be trusted.
-fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32) -> Plane {
+/// them can be trusted. Of a `raw` plane the noise is told by sites of one phase, two pixels apart,
+/// where a scene has details, too: it is believed up to [`MOST_POWER`].
+fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32, raw: bool) -> Plane {
+    let (apart, most) =
+        if raw { (2, MOST_POWER * noise.max(NOISE_MIN).powi(2)) } else { (1, f32::INFINITY) };
     let (size, width) = (photo.size(), photo.width());
     let blocks = blocks(size);
     let mean = photo.mean() as f32;
@@ -95,7 +101,7 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32) -> Plane {
     let mut values: [Plane; 4] = std::array::from_fn(|_| Plane::zeros(blocks));
     for y in 0..size.height {
         let near = |y: usize| photo.row(y.min(size.height - 1));
-        let (above, here, below) = (near(y.saturating_sub(1)), photo.row(y), near(y + 1));
+        let (above, here, below) = (near(y.saturating_sub(apart)), photo.row(y), near(y + apart));
         let trusted = trust.row(y);
         let [count, sum, square, finest] = &mut values;
         let block = y / BLOCK_PX;
@@ -109,7 +115,7 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32) -> Plane {
             if trusted[x] != TRUSTED {
                 continue;
             }
-            let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
+            let (left, right) = (x.saturating_sub(apart), (x + apart).min(width - 1));
             let fine = above[left] + above[right] + below[left] + below[right]
                 - 2.0 * (above[x] + below[x] + here[left] + here[right])
                 + 4.0 * here[x];
@@ -139,12 +145,14 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32) -> Plane {
         let side = (BLOCK_PX * (2 * REACH + 1)) as f32;
         let shading = (along_x * along_x + along_y * along_y) * (side * side - 1.0) / 12.0;
         let variance = square.at(x, y) / pixels - mean(x, y).powi(2) - shading;
-        variance.max(0.0) / (fine.at(x, y) / pixels).max(least).max(f32::MIN_POSITIVE)
+        variance.max(0.0) / (fine.at(x, y) / pixels).min(most).max(least).max(f32::MIN_POSITIVE)
     })
 }
 
 /// Noise is at least this share of the photo's anywhere.
 const LEAST_SHARE: f32 = 0.5;
+/// Noise power of a mosaic's sites is at most so much of the photo's anywhere: white over grey.
+const MOST_POWER: f32 = 2.0;
 
 /// Sums over squares of 2·[`REACH`] + 1 blocks.
 fn surroundings(plane: &Plane) -> Plane {
@@ -198,7 +206,7 @@ mod tests {
             scene(x, y) + noise * (scene(x, y) / 100.0).sqrt()
         });
         let trust = Plane::filled(size, TRUSTED);
-        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 3);
+        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 3, false);
         assert_eq!(mask.factors(2).unwrap().size(), Size::new(20, 15));
         assert!(mask.factors(3).is_none());
         mask.factors(0).unwrap().clone()
@@ -231,7 +239,7 @@ mod tests {
             Plane::filled(size, 80.0),
             Plane::filled(size, crate::deconvolution::data_term::MISSING),
         );
-        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 1);
+        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 1, false);
         assert!(mask.factors(0).unwrap().data().iter().all(|&f| f == 1.0));
     }
 }

@@ -46,9 +46,10 @@ impl Rung {
 }
 
 /// Whether nothing in a photo of `planes`, each with its trust and its noise in grey levels, rises
-/// above its noise: flat everywhere, whatever its broad shading.
-pub fn is_blank(planes: &[(&Plane, &Plane<u8>, f32)]) -> bool {
-    DetailMask::of(planes, 1).is_flat()
+/// above its noise: flat everywhere, whatever its broad shading. `raw` planes are known at a
+/// mosaic's sites.
+pub fn is_blank(planes: &[(&Plane, &Plane<u8>, f32)], raw: bool) -> bool {
+    DetailMask::of(planes, 1, raw).is_flat()
 }
 
 #[cfg(test)]
@@ -72,9 +73,9 @@ mod tests {
     #[test]
     fn a_shaded_wall_is_blank_and_a_faint_disc_is_not() {
         let (wall, trust) = noisy(|x, y| 90.0 + 0.05 * (x + y) as f32);
-        assert!(is_blank(&[(&wall, &trust, 1.0)]));
+        assert!(is_blank(&[(&wall, &trust, 1.0)], false));
         let (disc, trust) =
             noisy(|x, y| if (x as f32 - 80.0).hypot(y as f32 - 60.0) < 20.0 { 94.0 } else { 90.0 });
-        assert!(!is_blank(&[(&wall, &trust, 1.0), (&disc, &trust, 1.0)]));
+        assert!(!is_blank(&[(&wall, &trust, 1.0), (&disc, &trust, 1.0)], false));
     }
 }

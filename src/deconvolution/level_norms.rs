@@ -17,13 +17,15 @@ use serde::{Deserialize, Serialize};
 
 use super::lens_model::LensModel;
 use super::wavelet::{Coefficients, Scratch, Sym8};
-use crate::frame::{Channel, Plane};
+use crate::frame::{Channel, Mosaic, Plane};
 
 /// The power method comes from below; by so much its result is raised. Guess: with eight rounds on
 /// the default rig's lens it is within 3 %.
 const RAISED: f32 = 1.05;
 /// Power let through below which a level counts as lost: its step is no longer than this allows.
 const LEAST: f32 = 1e-3;
+/// Of the picture that the power method at sites begins with.
+const SITES_SEED: u64 = 18;
 
 /// αⱼ of each level of details, finest first, and of the approximation, last.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,19 +46,23 @@ impl LevelNorms {
         rounds: usize,
         seed: u64,
     ) -> Self {
-        let transform = Sym8::new(model.canvas(), levels);
-        let mut power =
-            Power { model, channel, transform, scratch: Scratch::default(), rounds, seed };
-        let alone: Vec<f32> = (0..=levels)
-            .map(|level| {
-                let only: Vec<f32> =
-                    (0..=levels).map(|l| if l == level { 1.0 } else { 0.0 }).collect();
-                power.largest(&only).max(LEAST)
-            })
-            .collect();
-        let scales: Vec<f32> = alone.iter().map(|norm| 1.0 / norm.sqrt()).collect();
-        let overlap = power.largest(&scales).max(1.0);
-        LevelNorms(alone.iter().map(|norm| norm * overlap * RAISED).collect())
+        let model = At { model, channel, mosaic: None };
+        Power::new(model, levels, rounds, seed).norms(levels)
+    }
+
+    /// The same of √weight · K at the sites of `mosaic` over the canvas (each counted as often as
+    /// [`Mosaic::pixels_a_site`] says), and the largest ‖√weight · K x‖² of any x of norm 1.
+    pub fn at_sites(
+        model: &LensModel,
+        channel: Channel,
+        mosaic: Mosaic,
+        levels: usize,
+        rounds: usize,
+    ) -> (Self, f32) {
+        let model = At { model, channel, mosaic: Some(mosaic) };
+        let mut power = Power::new(model, levels, rounds, SITES_SEED);
+        let norms = power.norms(levels);
+        (norms, RAISED * power.largest(&vec![1.0; levels + 1]))
     }
 
     /// Number of levels of details.
@@ -100,21 +106,64 @@ impl LevelNorms {
     }
 }
 
-/// The power method on levels.
-struct Power<'a> {
+/// One channel of a lens model, everywhere or at a mosaic's sites.
+struct At<'a> {
     model: &'a LensModel,
     channel: Channel,
+    mosaic: Option<Mosaic>,
+}
+
+impl At<'_> {
+    /// `seen` = K `picture`; the sum of its squares, weighted; then `picture` = Kᵀ of it, weighted.
+    fn there_and_back(&self, shown: &Plane, seen: &mut Plane, back: &mut Plane) -> f32 {
+        self.model.forward(self.channel, shown, seen);
+        let mut power = seen.dot(seen);
+        if let Some(mosaic) = self.mosaic {
+            let weight = Mosaic::pixels_a_site(self.channel);
+            let weighted = |x, y| {
+                if mosaic.colour_at(x, y) == self.channel { weight * seen.at(x, y) } else { 0.0 }
+            };
+            *seen = Plane::from_fn(seen.size(), weighted);
+            power = seen.dot(seen) / f64::from(weight);
+        }
+        self.model.adjoint(self.channel, seen, back);
+        power as f32
+    }
+}
+
+/// The power method on levels.
+struct Power<'a> {
+    model: At<'a>,
     transform: Sym8,
     scratch: Scratch,
     rounds: usize,
     seed: u64,
 }
 
-impl Power<'_> {
+impl<'a> Power<'a> {
+    fn new(model: At<'a>, levels: usize, rounds: usize, seed: u64) -> Self {
+        let transform = Sym8::new(model.model.canvas(), levels);
+        Power { model, transform, scratch: Scratch::default(), rounds, seed }
+    }
+
+    fn norms(&mut self, levels: usize) -> LevelNorms {
+        let alone: Vec<f32> = (0..=levels)
+            .map(|level| {
+                let only: Vec<f32> =
+                    (0..=levels).map(|l| if l == level { 1.0 } else { 0.0 }).collect();
+                self.largest(&only).max(LEAST)
+            })
+            .collect();
+        let scales: Vec<f32> = alone.iter().map(|norm| 1.0 / norm.sqrt()).collect();
+        let overlap = self.largest(&scales).max(1.0);
+        LevelNorms(alone.iter().map(|norm| norm * overlap * RAISED).collect())
+    }
+
     /// Largest eigenvalue of S W KᵀK Wᵀ S, where S scales the levels by `scales`.
     fn largest(&mut self, scales: &[f32]) -> f32 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.seed);
-        let mut picture = Plane::from_fn(self.model.canvas(), |_, _| random.random::<f32>() - 0.5);
+        let mut picture =
+            Plane::from_fn(self.model.model.canvas(), |_, _| random.random::<f32>() - 0.5);
         let (mut seen, mut found) = (Plane::zeros(picture.size()), self.transform.zeros());
         let mut largest = 0.0;
         self.scale(&mut picture, &mut found, scales);
@@ -124,9 +173,7 @@ impl Power<'_> {
             // With S x = `scaled` and |x| = 1, |K Wᵀ S x|² is the eigenvalue's estimate.
             let mut scaled = picture.clone();
             self.scale(&mut scaled, &mut found, scales);
-            self.model.forward(self.channel, &scaled, &mut seen);
-            largest = seen.dot(&seen) as f32;
-            self.model.adjoint(self.channel, &seen, &mut picture);
+            largest = self.model.there_and_back(&scaled, &mut seen, &mut picture);
             self.scale(&mut picture, &mut found, scales);
         }
         largest

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Channel;
+use super::{Channel, Frame, Plane};
 
 /// Which colours the first two pixels of the first two rows have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,6 +39,49 @@ impl Mosaic {
             (0, 0) => Channel::Red,
             (1, 1) => Channel::Blue,
             _ => Channel::Green,
+        }
+    }
+
+    /// How many pixels each site of `channel` stands for: 2 of green, 4 of red and blue.
+    pub const fn pixels_a_site(channel: Channel) -> f32 {
+        match channel {
+            Channel::Green => 2.0,
+            Channel::Red | Channel::Blue => 4.0,
+        }
+    }
+
+    /// Three planes of `sites`: a channel's own as they are, the others the mean of that channel's
+    /// sites among the eight neighbours. Something to begin with and to look at; data are the sites.
+    pub fn interpolated<S>(self, sites: &Plane) -> Frame<S> {
+        Frame::from_fn(|channel| self.filled(channel, sites))
+    }
+
+    /// One channel of [`Mosaic::interpolated`].
+    pub fn filled(self, channel: Channel, sites: &Plane) -> Plane {
+        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        Plane::from_fn(sites.size(), |x, y| {
+            if self.colour_at(x, y) == channel {
+                return sites.at(x, y);
+            }
+            let (mut sum, mut count) = (0.0f32, 0.0f32);
+            for v in near(y, sites.height()) {
+                for u in near(x, sites.width()).filter(|&u| self.colour_at(u, v) == channel) {
+                    (sum, count) = (sum + sites.at(u, v), count + 1.0);
+                }
+            }
+            sum / count.max(1.0)
+        })
+    }
+
+    /// The mosaic that a camera's pixel format says, by its four-character code; none of a format
+    /// that is not raw.
+    pub fn of_format(code: &str) -> Option<Mosaic> {
+        match code {
+            "BA81" | "BG10" | "BG12" | "BYR2" => Some(Mosaic::Bggr),
+            "GBRG" | "GB10" | "GB12" | "GB16" => Some(Mosaic::Gbrg),
+            "GRBG" | "BA10" | "BA12" | "GR16" => Some(Mosaic::Grbg),
+            "RGGB" | "RG10" | "RG12" | "RG16" => Some(Mosaic::Rggb),
+            _ => None,
         }
     }
 

@@ -52,7 +52,8 @@ pub(super) fn measure(
         let support_px =
             (CENTRING_SHARE * session.config.calibration.function_support_px as f64) as usize | 1;
         for round in 0..CENTRINGS {
-            let correction = correction(session, calibration)?;
+            // Means over two by two pixels: sites alone would pull a function towards them.
+            let correction = correction(session, calibration)?.between_sites();
             let series = shoot(
                 session,
                 &correction,
@@ -94,12 +95,18 @@ fn broad_light(
     correction: &Correction,
 ) -> Result<(), CalibrateError> {
     let beyond = calibration.beyond();
-    let shots = shoot(session, correction, BROAD_PATTERNS, &|session, n| squares(session, n), 1)?;
+    let shots = shoot(
+        session,
+        &correction.between_sites(),
+        BROAD_PATTERNS,
+        &|session, n| squares(session, n),
+        1,
+    )?;
     let no_model = |e| CalibrateError::Lens(LensBlurError::Model(e));
     let model = calibration.lens_model().map_err(no_model)?;
     for c in Channel::ALL {
         calibration.broad[c.index()] =
-            lens_blur::halos(&model, c, &shots.shots[c.index()], &shots.trusted, beyond);
+            lens_blur::halos(&model, c, &shots.shots[c.index()], &shots.trusted[c.index()], beyond);
     }
     Ok(())
 }
@@ -182,8 +189,8 @@ fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
 struct Series {
     /// Differences from grey, per channel, averaged to the pattern's squares.
     shots: [Vec<Shot>; 3],
-    /// 1 where all captures can be trusted.
-    trusted: Plane<u8>,
+    /// 1 where all captures can be trusted, per channel.
+    trusted: [Plane<u8>; 3],
     /// Green light of the first pattern, as seen.
     first: Plane,
 }
@@ -198,7 +205,7 @@ fn shoot(
 ) -> Result<Series, CalibrateError> {
     let size = session.layout.canvas();
     let grey = session.seen(correction, &Frame::filled(size, GREY))?;
-    let mut trusted = grey.trusted.plane(Channel::Green).clone();
+    let mut trusted = grey.trusted.clone();
     // What is seen of grey is smooth; without its noise it adds none to the patterns. Where the
     // panel ends with the canvas it falls off at the border, and is taken as it is.
     let margin = session.layout.margin_px;
@@ -222,8 +229,9 @@ fn shoot(
     for n in 0..count {
         let shown = nth(session, n);
         let seen = session.seen(correction, &on_grey(&shown))?;
-        let both = trusted.data_mut().iter_mut().zip(seen.trusted.plane(Channel::Green).data());
-        both.for_each(|(a, &b)| *a &= b);
+        for (trusted, seen) in trusted.planes_mut().iter_mut().zip(seen.trusted.planes()) {
+            trusted.data_mut().iter_mut().zip(seen.data()).for_each(|(a, &b)| *a &= b);
+        }
         if first.is_none() {
             first = Some(seen.light.plane(Channel::Green).clone());
         }
@@ -234,8 +242,10 @@ fn shoot(
         }
     }
     let first = first.unwrap_or_else(|| Plane::filled(size, GREY));
-    let whole = averaged(&trusted.map(f32::from), pixel_px);
-    Ok(Series { shots, trusted: whole.map(|share| u8::from(share > 0.999)), first })
+    let whole = trusted.planes().each_ref().map(|plane| {
+        averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
+    });
+    Ok(Series { shots, trusted: whole, first })
 }
 
 /// The lens functions that explain `series`, on pixels of `pixel_px`.
@@ -260,7 +270,11 @@ fn functions(
     let found: Result<Vec<Vec<f32>>, LensBlurError> = Channel::ALL
         .par_iter()
         .map(|&c| {
-            FunctionFit::new(grid, &series.trusted)?.taps(c, &series.shots[c.index()], rounds)
+            FunctionFit::new(grid, &series.trusted[c.index()])?.taps(
+                c,
+                &series.shots[c.index()],
+                rounds,
+            )
         })
         .collect();
     let mut taps = found.map_err(CalibrateError::Lens)?.into_iter();

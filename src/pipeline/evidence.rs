@@ -19,7 +19,7 @@ use crate::deconvolution::data_term::{
     MISSING, NOISE_MIN, SATURATED, noise_of, residual_in_place, rms_over_data,
 };
 use crate::deconvolution::quality::ssim;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
 /// A channel with less of its pixels away from saturated ones has no say. Guess.
 const DATA_SHARE_MIN: f64 = 0.05;
@@ -51,6 +51,19 @@ fn lightness(picture: &Frame<Work>, channels: Channels) -> Plane {
     sum.map(|v: f32| FULL_SCALE * (v / FULL_SCALE).powf(LIGHTNESS))
 }
 
+/// The sites of a raw photo in cells of two by two: interpolated ones hide the noise.
+fn in_cells(photo: &Frame<Work>, mosaic: Mosaic) -> Frame<Work> {
+    let cells = Size::new(photo.size().width / 2, photo.size().height / 2);
+    Frame::from_fn(|c| {
+        let plane = photo.plane(c);
+        Plane::from_fn(cells, |x, y| {
+            let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(u, v)| (2 * x + u, 2 * y + v));
+            let own = four.into_iter().filter(|&(x, y)| mosaic.colour_at(x, y) == c);
+            own.map(|(x, y)| plane.at(x, y)).sum::<f32>() * Mosaic::pixels_a_site(c) / 4.0
+        })
+    })
+}
+
 /// Side of the blocks whose noise is looked at one by one, pixels.
 const BLOCK_PX: usize = 8;
 
@@ -72,7 +85,12 @@ impl Pipeline {
     /// What can be known of what was `solved` for `photo`, by the lens as its captures say it is.
     pub(super) fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
         let rough = |picture: &Frame<Work>| roughness(&lightness(picture, photo.channels));
-        let rougher = rough(&solved.picture) / rough(photo.photo).max(NOISE_MIN);
+        let before = match photo.mosaic {
+            // The photo's own, not the canvas's.
+            Some(of) => rough(&in_cells(photo.photo, of.from_place(photo.rect.x, photo.rect.y))),
+            None => rough(photo.photo),
+        };
+        let rougher = rough(&solved.picture) / before.max(NOISE_MIN);
         let reach = solved.lens.functions().support_px / 2;
         let of = |&c: &Channel| {
             let trust = away_from_saturated(photo.trust.plane(c), reach);

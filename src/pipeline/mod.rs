@@ -4,6 +4,7 @@
 //! method's own result beside what is delivered takes the same steps one by one:
 //! [`Pipeline::prepare`], [`Pipeline::solve`], [`Pipeline::judge`].
 
+mod at_sites;
 mod dot_test;
 mod evidence;
 mod judge;
@@ -23,7 +24,7 @@ pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
 pub use stages::{Evidence, Prepared, Residuals, Solved};
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
@@ -37,6 +38,7 @@ use crate::frame::{Channel, FULL_SCALE};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::exposure::Devices;
+use at_sites::AtSites;
 use learning::Learning;
 
 /// Everything that a calibrated rig needs to restore photos, made once and used for many.
@@ -46,6 +48,7 @@ pub struct Pipeline {
     model: Arc<LensModel>,
     norm_squared: [f32; 3],
     level_norms: [LevelNorms; 3],
+    at_sites: OnceLock<AtSites>,
     capture_noise: [f32; 3],
     noise: [Noise; 3],
     black_surround: bool,
@@ -80,6 +83,7 @@ impl Pipeline {
             photo_side: PhotoSide::new(calibration, &layout),
             norm_squared: norm_bound(calibration),
             level_norms: calibration.level_norms.clone(),
+            at_sites: OnceLock::new(),
             noise: calibration.noise,
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,

@@ -18,7 +18,7 @@ use super::stages::Prepared;
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::ladder::is_blank;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Mosaic, Plane, Work};
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
 /// the code below it is kept as data).
@@ -50,25 +50,51 @@ impl Pipeline {
             || rayon::join(|| of(Channel::Green), || of(Channel::Blue)),
         );
         let (noise, reference) = ([red, green, blue], OnceLock::new());
-        Prepared { photo, channels, placed, trust, rect, noise, reference }
+        Prepared { photo, channels, placed, trust, rect, mosaic: None, noise, reference }
+    }
+
+    /// The same of a `photo` that this rig's own sensor took and that is known at the sites of
+    /// `mosaic` only; between them it holds something to begin with
+    /// ([`Mosaic::interpolated`]). The noise is the sensor's.
+    pub fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, mosaic: Mosaic) -> Prepared<'a> {
+        let prepared = self.prepare(photo, Channels::Colour);
+        let Prepared { rect, mut trust, .. } = prepared;
+        // By two rows and columns a mosaic repeats.
+        let mosaic = mosaic.from_place(rect.x, rect.y);
+        for channel in Channel::ALL {
+            let plane = trust.plane_mut(channel);
+            for y in 0..plane.height() {
+                let row = plane.row_mut(y).iter_mut().enumerate();
+                row.filter(|&(x, _)| mosaic.colour_at(x, y) != channel)
+                    .for_each(|(_, trust)| *trust = MISSING);
+            }
+        }
+        let noise = Channel::ALL.map(|c| self.noise[c.index()].sigma(median(photo.plane(c))));
+        Prepared { trust, mosaic: Some(mosaic), noise, ..prepared }
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera
     /// has at the photo's median level, with what a JPEG's coding adds. A JPEG's noise is flattened
     /// where it is measured, and still in the picture.
     fn noise_of(&self, channel: Channel, photo: &Plane) -> f32 {
-        let mut sample: Vec<f32> = photo.data().iter().step_by(NOISE_SAMPLE).copied().collect();
-        let middle = sample.len() / 2;
-        let median = *sample.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let of_light = data_term::noise_of(photo).max(self.noise[channel.index()].sigma(median));
+        let of_camera = self.noise[channel.index()].sigma(median(photo));
+        let of_light = data_term::noise_of(photo).max(of_camera);
         of_light.hypot(blocking_of(photo))
     }
+}
+
+/// The median of a photo's light, of a sample of it.
+fn median(photo: &Plane) -> f32 {
+    let mut sample: Vec<f32> = photo.data().iter().step_by(NOISE_SAMPLE).copied().collect();
+    let middle = sample.len() / 2;
+    *sample.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 impl Prepared<'_> {
     /// Whether nothing in the photo rises above its noise.
     pub fn is_blank(&self) -> bool {
         let of = |&c: &Channel| (self.placed.plane(c), self.trust.plane(c), self.noise[c.index()]);
-        is_blank(&self.channels.list().iter().map(of).collect::<Vec<_>>())
+        let planes: Vec<_> = self.channels.list().iter().map(of).collect();
+        is_blank(&planes, self.mosaic.is_some())
     }
 }

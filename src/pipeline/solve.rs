@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::Pipeline;
+use super::at_sites::AtSites;
 use super::stages::{Prepared, Solved};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
@@ -42,16 +43,26 @@ impl Pipeline {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<Solved, MethodError> {
+        let (norm_squared, level_norms) = match photo.mosaic {
+            Some(mosaic) => {
+                let levels = self.level_norms[0].levels();
+                let of = self.at_sites.get_or_init(|| AtSites::of(&self.model, mosaic, levels));
+                (of.norm_squared, &of.level_norms)
+            }
+            None => (self.norm_squared, &self.level_norms),
+        };
         let problem = Problem {
             photo: &photo.placed,
             trust: &photo.trust,
             rect: photo.rect,
+            mosaic: photo.mosaic,
             channels: photo.channels,
             model: Some(lens),
-            norm_squared: self.norm_squared,
-            level_norms: &self.level_norms,
+            norm_squared,
+            level_norms,
             learnt: self.learning.lens(),
             photo_noise: photo.noise,
+            capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,
             stopwatch: &*self.stopwatch,
         };

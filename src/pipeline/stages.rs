@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{About, Solution};
-use crate::frame::{Channels, Frame, Rect, Work};
+use crate::frame::{Channels, Frame, Mosaic, Rect, Work};
 
 /// A photo as the solver takes it.
 pub struct Prepared<'a> {
@@ -19,7 +19,9 @@ pub struct Prepared<'a> {
     pub trust: Frame<Work, u8>,
     /// Where the photo lies on the canvas.
     pub rect: Rect,
-    /// The photo's noise per channel, grey levels.
+    /// The colours of the canvas's pixels, where the photo is a sensor's raw sites.
+    pub mosaic: Option<Mosaic>,
+    /// The photo's noise per channel, grey levels; of raw sites that of the sites.
     pub noise: [f32; 3],
     /// The reference solution through the measured lens, made when it is first needed.
     pub(super) reference: OnceLock<Reference>,

@@ -256,6 +256,7 @@ mod tests {
     fn every_code_comes_back_from_its_format() {
         for (code, format) in PixelFormat::ALL {
             assert_eq!(format.code(), code);
+            assert_eq!(format.mosaic(), Mosaic::of_format(code));
             assert_eq!(
                 PixelFormat::from_code(std::str::from_utf8(&format.fourcc()).unwrap()),
                 Some(format)

@@ -12,6 +12,7 @@ fn layout() -> Layout {
         photo_y_px: 4,
         margin_px: 4,
         saturated: 1023,
+        mosaic: None,
     }
 }
 
@@ -146,6 +147,7 @@ fn time_of_show_and_see() {
         photo_y_px: 64,
         margin_px: 32,
         saturated: 1023,
+        mosaic: None,
     };
     let correction = Correction::new(&calibration, layout).unwrap();
     let picture = Frame::from_fn(|c| {

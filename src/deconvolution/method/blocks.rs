@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::problem::{Problem, Target};
+use super::problem::Target;
 use super::record::Course;
 use super::{About, ResidualOf, Watch};
 use crate::deconvolution::block_matching::{BlockNoise, Groups, Passed, Search, filter};
@@ -58,14 +58,15 @@ impl Blocks {
     ) -> Frame<Work> {
         let problem = target.problem;
         let channels = problem.channels.list();
-        let noise = |c: Channel| problem.photo_noise[c.index()].max(NOISE_MIN);
+        let noise = |c: Channel| problem.solving_noise(c).max(NOISE_MIN);
         let doubt = channels.par_iter().map(|&c| {
             let mut seen = Plane::zeros(problem.size());
             target.model.forward(c, start.plane(c), &mut seen);
             let trust = problem.trust.plane(c);
             data_term::residual_in_place(&mut seen, target.data.plane(c), trust);
             // A residual above the noise is the model's fault.
-            let unexplained = data_term::rms_over_data(&seen, trust).max(noise(c));
+            let unexplained = data_term::rms_over_data(&seen, trust) * problem.weight(c).sqrt();
+            let unexplained = unexplained.max(noise(c));
             (c, unexplained.max(MISSED_COUNTS * self.missed[c.index()]))
         });
         let doubt: Vec<(Channel, f32)> = doubt.collect();
@@ -141,8 +142,8 @@ fn filter_colours(
 /// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² by conjugate gradients from `near`, and RMS(K̂ near −
 /// B).
 fn towards_data(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Plane, f32) {
-    let Target { problem: Problem { trust, .. }, model, data, .. } = target;
-    let (data, trust) = (data.plane(c), trust.plane(c));
+    let Target { problem, model, data, .. } = target;
+    let (data, trust, weight) = (data.plane(c), problem.trust.plane(c), problem.weight(c));
     let mut seen = Plane::zeros(near.size());
     model.forward(c, near, &mut seen);
     // A saturated pixel counts while it is predicted too dark.
@@ -151,6 +152,7 @@ fn towards_data(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Pl
     let counts: Vec<bool> = pixels.map(counts).collect();
     data_term::residual_in_place(&mut seen, data, trust);
     let residual = data_term::rms_over_data(&seen, trust);
+    data_term::count(&mut seen, weight);
     // (KᵀK + ratio) correction = Kᵀ(B − K near).
     let mut left = Plane::zeros(near.size());
     model.adjoint(c, &seen, &mut left);
@@ -165,7 +167,7 @@ fn towards_data(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Pl
         seen.data_mut()
             .iter_mut()
             .zip(&counts)
-            .for_each(|(v, counts)| *v = if *counts { *v } else { 0.0 });
+            .for_each(|(v, counts)| *v = if *counts { weight * *v } else { 0.0 });
         model.adjoint(c, &seen, &mut turned);
         turned.add_scaled(ratio, &along);
         let step = (power / along.dot(&turned)) as f32;

@@ -38,6 +38,11 @@ pub const SETTLING_STEPS: u32 = 3;
 /// By how much the threshold grows from one level to the next coarser one. Measured; nearly flat.
 const GROWTH_PER_LEVEL: f32 = 1.7;
 
+/// By how much more the two finest levels are shrunk of a photo known at a mosaic's sites, in each
+/// opponent colour: nothing but the prior speaks of details that fall between sites, and colours
+/// have few of their own. Set on astronaut and coffee.
+const SITES_MORE: [[f32; 2]; 3] = [[3.0, 2.0], [10.0, 4.0], [10.0, 4.0]];
+
 /// How the channels of a photo are solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Colours {
@@ -111,7 +116,8 @@ impl Digital {
         let of = |&c: &Channel| {
             (problem.photo.plane(c), problem.trust.plane(c), problem.photo_noise[c.index()])
         };
-        DetailMask::of(&problem.channels.list().iter().map(of).collect::<Vec<_>>(), self.levels)
+        let planes: Vec<_> = problem.channels.list().iter().map(of).collect();
+        DetailMask::of(&planes, self.levels, problem.mosaic.is_some())
     }
 
     /// All channels of `target` solved from `start`; the record is the green channel's.
@@ -183,6 +189,7 @@ impl ChannelSolve {
         if c == Channel::Green {
             self.residual = data_term::rms_over_data(&self.predicted, trust);
         }
+        data_term::count(&mut self.predicted, target.problem.weight(c));
         target.model.adjoint(c, &self.predicted, &mut self.stepped);
         let steps = target.norms[c.index()].steps();
         prior.lend(|scratch| {
@@ -223,7 +230,7 @@ impl<'a> ColourPrior<'a> {
         let Target { problem, mask, norms, .. } = target;
         let channels = problem.channels.list();
         let together = digital.colours == Colours::Together && channels.len() == Channel::ALL.len();
-        let noise = |c: Channel| problem.photo_noise[c.index()];
+        let noise = |c: Channel| problem.solving_noise(c);
         let norms = |c: Channel| &norms[c.index()];
         let levels_of = |noise: f32, norms: &LevelNorms| -> Vec<f32> {
             let base = digital.strength.threshold(noise);
@@ -239,7 +246,14 @@ impl<'a> ColourPrior<'a> {
                 .iter()
                 .skip(1)
                 .fold(norms(channels[0]).clone(), |a, &c| a.or_larger(norms(c)));
-            vec![levels_of((power / channels.len() as f32).sqrt(), &shortest); channels.len()]
+            let of_light = levels_of((power / channels.len() as f32).sqrt(), &shortest);
+            let mut all = vec![of_light; channels.len()];
+            if problem.mosaic.is_some() {
+                for (thresholds, more) in all.iter_mut().zip(SITES_MORE) {
+                    thresholds.iter_mut().zip(more).for_each(|(t, more)| *t *= more);
+                }
+            }
+            all
         } else {
             channels.iter().map(|&c| levels_of(noise(c), norms(c))).collect()
         };

@@ -32,7 +32,7 @@ use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::refinement::{CaptureFinding, Measured};
 use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
 
 /// Proximal steps of each correction; measured.
 pub const CORRECTION_STEPS: u32 = 10;
@@ -66,6 +66,8 @@ pub struct Hybrid {
     pub refine: bool,
 }
 
+/// Shrinkage of a defect at a mosaic's sites, in standard deviations of the sensor's noise there.
+const SITES_THRESHOLD: f32 = 1.0;
 /// Longest step along a correction. Beyond it the line through two captures says more about their
 /// noise.
 const STEP_MAX: f64 = 1.5;
@@ -104,8 +106,7 @@ impl Method for Hybrid {
         let mut now = Candidate { picture, seen, defect };
         let (mut look, mut refined) = (CaptureFinding::default(), None);
         for capture in 1..=self.captures_max.max(1) {
-            let optical =
-                problem.residual_rms(Channel::Green, now.seen.light.plane(Channel::Green));
+            let optical = problem.seen_rms(Channel::Green, now.seen.light.plane(Channel::Green));
             certificate.look(problem, &now.seen.light);
             let step = course.step(optical, ResidualOf::Optics, optics.captures());
             watch(&step, Some(&now.picture));
@@ -206,8 +207,13 @@ impl Hybrid {
             for ((v, d), &t) in values.zip(known.seen.trusted.plane(channel).data()) {
                 *v -= if t == TRUSTED { *d } else { 0.0 };
             }
-            let thresholds = [self.defect_threshold * data_term::noise_of(plane)];
-            shrinkage.shrink_everywhere(plane, &thresholds, None, 0, &mut scratch);
+            if let Some(mosaic) = problem.capture_mosaic {
+                let noise = problem.capture_noise[channel.index()];
+                shrink_sites(plane, channel, mosaic, SITES_THRESHOLD * noise, &mut scratch);
+            } else {
+                let thresholds = [self.defect_threshold * data_term::noise_of(plane)];
+                shrinkage.shrink_everywhere(plane, &thresholds, None, 0, &mut scratch);
+            }
             problem.mask(channel, plane);
         }
         unexplained
@@ -250,6 +256,32 @@ impl Hybrid {
         raised.into_iter().for_each(|(c, raised)| norms[c.index()] = raised);
         norms
     }
+}
+
+/// Shrinks what is known at the sites of one channel, each phase of the mosaic as a plane of its
+/// own, for noise is white there; between them what is left is interpolated.
+fn shrink_sites(
+    plane: &mut Plane,
+    channel: Channel,
+    mosaic: Mosaic,
+    threshold: f32,
+    scratch: &mut ShrinkageScratch,
+) {
+    let phases = [(0, 0), (1, 0), (0, 1), (1, 1)];
+    for (x0, y0) in phases.into_iter().filter(|&(x, y)| mosaic.colour_at(x, y) == channel) {
+        let half = |side: usize, first: usize| (side - first).div_ceil(2);
+        let size = Size::new(half(plane.width(), x0), half(plane.height(), y0));
+        let mut phase = Plane::from_fn(size, |x, y| plane.at(2 * x + x0, 2 * y + y0));
+        // One level fewer is as coarse.
+        let shrinkage = Shrinkage::new(size, DEFECT_LEVELS - 1);
+        shrinkage.shrink_everywhere(&mut phase, &[threshold], None, 0, scratch);
+        for y in 0..size.height {
+            for x in 0..size.width {
+                plane.set(2 * x + x0, 2 * y + y0, phase.at(x, y));
+            }
+        }
+    }
+    *plane = mosaic.filled(channel, plane);
 }
 
 /// What a refinement of `model` starts from.
@@ -306,8 +338,13 @@ fn best_step(
     let (mut along, mut square, mut count) = (0.0f64, 0.0f64, 0u32);
     let pairs = seen.plane(channel).data().iter().zip(corrected.plane(channel).data());
     let photo = problem.photo.plane(channel).data().iter().zip(problem.trust.plane(channel).data());
-    for ((&y, &y_corrected), (&b, &trust)) in pairs.zip(photo) {
-        if trust != MISSING {
+    let width = problem.size().width;
+    let is_site = |n: usize| {
+        let own = |mosaic: Mosaic| mosaic.colour_at(n % width, n / width) == channel;
+        problem.capture_mosaic.is_none_or(own)
+    };
+    for (n, ((&y, &y_corrected), (&b, &trust))) in pairs.zip(photo).enumerate() {
+        if trust != MISSING && is_site(n) {
             let step = f64::from(y_corrected - y);
             along += f64::from(b - y) * step;
             square += step * step;

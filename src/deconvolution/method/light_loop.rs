@@ -44,7 +44,7 @@ impl LightLoop {
         let mut momentum = momenta(problem.photo);
         for iteration in 1..=self.iterations {
             let seen = problem.seen(optics, problem.model, &looked_at)?.light;
-            let signed = problem.frame_of(|c| {
+            let mut signed = problem.frame_of(|c| {
                 let mut plane = seen.plane(c).clone();
                 let (photo, trust) = (problem.photo.plane(c), problem.trust.plane(c));
                 data_term::residual_in_place(&mut plane, photo, trust);
@@ -56,13 +56,16 @@ impl LightLoop {
             if brake.turned_up(residual, &mut looked_at) {
                 momentum = momenta(&looked_at);
             } else {
+                for &c in channels {
+                    data_term::count(signed.plane_mut(c), problem.weight(c));
+                }
                 let gradient = backward(optics, &signed)?;
                 for (&c, momentum) in channels.iter().zip(&mut momentum) {
                     let stepped = picture.plane_mut(c);
                     stepped.clone_from(looked_at.plane(c));
                     let step = brake.step() / problem.norm_squared[c.index()];
                     stepped.add_scaled(-step, gradient.plane(c));
-                    let noise = problem.photo_noise[c.index()];
+                    let noise = problem.solving_noise(c);
                     let threshold = brake.step() * self.strength.threshold(noise);
                     self.shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
                     stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));

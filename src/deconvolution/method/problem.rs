@@ -4,14 +4,16 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::record::{IterationRecord, Watch};
-use crate::deconvolution::data_term::{MISSING, NOISE_MIN, residual, rms_over_data};
+use crate::deconvolution::data_term::{
+    MISSING, NOISE_MIN, residual, residual_in_place, rms_over_data,
+};
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::refinement::{CaptureFinding, Learnt};
 use crate::deconvolution::registration::Registration;
-use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
+use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 
 /// One photo to be solved.
@@ -22,11 +24,15 @@ pub struct Problem<'a> {
     pub trust: &'a Frame<Work, u8>,
     /// Where the photo lies on the canvas.
     pub rect: Rect,
+    /// The colours of the canvas's pixels where the photo is a sensor's raw sites: its data are
+    /// those, and `trust` says so.
+    pub mosaic: Option<Mosaic>,
     /// Which channels are solved.
     pub channels: Channels,
     /// The measured lens, when there is one.
     pub model: Option<&'a LensModel>,
-    /// ‖K‖² of each channel, an upper estimate; bounds the steps.
+    /// ‖K‖² of each channel, an upper estimate; bounds the steps. Of raw sites, of √weight · K at
+    /// the sites, as the level norms are.
     pub norm_squared: [f32; 3],
     /// How much of each wavelet level arrives, per channel; sets the steps of solves with the
     /// model.
@@ -35,6 +41,8 @@ pub struct Problem<'a> {
     pub learnt: Option<&'a Learnt>,
     /// Standard deviation of the photo's noise per channel, grey levels.
     pub photo_noise: [f32; 3],
+    /// The colours of the canvas's pixels where captures are known at a sensor's raw sites.
+    pub capture_mosaic: Option<Mosaic>,
     /// Standard deviation of one capture's noise per channel, grey levels.
     pub capture_noise: [f32; 3],
     /// Seconds on the caller's clock.
@@ -53,6 +61,16 @@ impl<'a> Problem<'a> {
     /// When the method needs a lens model and there is none.
     pub fn needs_model(&self, method: &'static str) -> Result<&'a LensModel, MethodError> {
         self.model.ok_or(MethodError::NoModel { method })
+    }
+
+    /// What a residual counts in its channel: how many pixels each of the photo's stands for.
+    pub fn weight(&self, channel: Channel) -> f32 {
+        self.mosaic.map_or(1.0, |_| Mosaic::pixels_a_site(channel))
+    }
+
+    /// Standard deviation of the noise of a photo that has data everywhere and says as much.
+    pub fn solving_noise(&self, channel: Channel) -> f32 {
+        self.photo_noise[channel.index()] * self.weight(channel).sqrt()
     }
 
     /// Zero where the photo has no data.
@@ -102,6 +120,18 @@ impl<'a> Problem<'a> {
         let trust = self.trust.plane(channel);
         residual(predicted, self.photo.plane(channel), trust, &mut difference);
         rms_over_data(&difference, trust)
+    }
+
+    /// [`Problem::residual_rms`] of a capture: where it is known.
+    pub fn seen_rms(&self, channel: Channel, seen: &Plane) -> f32 {
+        let Some(mosaic) = self.capture_mosaic else { return self.residual_rms(channel, seen) };
+        let photo = self.trust.plane(channel);
+        let trust = Plane::from_fn(photo.size(), |x, y| {
+            if mosaic.colour_at(x, y) == channel { photo.at(x, y) } else { MISSING }
+        });
+        let mut difference = seen.clone();
+        residual_in_place(&mut difference, self.photo.plane(channel), &trust);
+        rms_over_data(&difference, &trust)
     }
 
     /// RMS(K̂L − B) of `picture` in the green channel, grey levels; none without a lens model.
@@ -202,10 +232,10 @@ impl Certificate {
         Certificate { noise_floor: problem.noise_floor(Channel::Green), ..Certificate::default() }
     }
 
-    /// Takes down what is `seen` of the picture.
+    /// Takes down what is `seen` of the picture, in light.
     pub fn look(&mut self, problem: &Problem<'_>, seen: &Frame<Work>) {
         let worst = problem.channels.list().par_iter().map(|&c| {
-            let residual = problem.residual_rms(c, seen.plane(c));
+            let residual = problem.seen_rms(c, seen.plane(c));
             (residual, problem.noise_floor(c))
         });
         let worst: Vec<(f32, f32)> = worst.collect();

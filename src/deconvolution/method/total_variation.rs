@@ -62,7 +62,7 @@ impl TotalVariation {
         let mut course = Course::new(problem.stopwatch);
         let (data, trust) = (problem.photo.plane(c), problem.trust.plane(c));
         let step = 1.0 / problem.norm_squared[c.index()];
-        let weight = step * self.strength.threshold(problem.photo_noise[c.index()]);
+        let weight = step * self.strength.threshold(problem.solving_noise(c));
         let (mut looked_at, mut stepped) = (data.clone(), data.clone());
         let (mut predicted, mut gradient) = (data.clone(), data.clone());
         let mut momentum = Momentum::new(data);
@@ -71,6 +71,7 @@ impl TotalVariation {
             model.forward(c, &looked_at, &mut predicted);
             data_term::residual_in_place(&mut predicted, data, trust);
             let residual = data_term::rms_over_data(&predicted, trust);
+            data_term::count(&mut predicted, problem.weight(c));
             model.adjoint(c, &predicted, &mut gradient);
             stepped.clone_from(&looked_at);
             stepped.add_scaled(-step, &gradient);

@@ -54,7 +54,7 @@ impl Method for Wiener {
 impl Wiener {
     /// One channel of the photo filtered.
     fn filtered(&self, problem: &Problem<'_>, model: &LensModel, channel: Channel) -> Plane {
-        let noise = problem.photo_noise[channel.index()].max(NOISE_MIN);
+        let noise = problem.solving_noise(channel).max(NOISE_MIN);
         filter_tiles(model.functions(), channel, problem, self.noise_to_signal * noise * noise)
     }
 

@@ -1,0 +1,125 @@
+//! Raw sites behind colour filters as the data: what they are worth against a sensor that sees all
+//! three colours at each pixel, with as much noise as the missing sites cost.
+
+// A failed unwrap is a failed test, also in the functions the tests share.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use relens::chart::scenes::Scene;
+use relens::config::{self, Kind};
+use relens::deconvolution::quality::{psnr, ssim};
+use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, Work};
+use relens::measurement::calibrate;
+use relens::pipeline::{Pipeline, Prepared, digital};
+use relens::rig::simulated::{self, Witness};
+
+/// The rig `name` behind the colour filters `mosaic`, or without.
+fn rig(name: &str, mosaic: Option<Mosaic>) -> config::RigFile {
+    let mut rig = config::load(Path::new(name)).unwrap();
+    if let Kind::Simulated(simulation) = &mut rig.kind {
+        simulation.sensor.mosaic = mosaic;
+    }
+    rig
+}
+
+/// Raw photos of a rig, in linear light at the sites of each mosaic.
+struct Cameras {
+    behind: Vec<(Mosaic, Witness)>,
+    full_well_electrons: f64,
+    read_noise_levels: f64,
+}
+
+impl Cameras {
+    fn of(name: &str) -> Cameras {
+        let sensor = rig(name, None).simulation().unwrap().sensor.clone();
+        let open = |mosaic| (mosaic, simulated::open(&rig(name, Some(mosaic))).unwrap().1);
+        Cameras {
+            behind: Mosaic::ALL.map(open).into(),
+            full_well_electrons: sensor.full_well_electrons,
+            read_noise_levels: sensor.read_noise_levels,
+        }
+    }
+
+    /// The sites of the `n`-th camera, with so many times its noise power.
+    fn sites(&self, n: usize, scene: &Frame<Work>, seed: u64, power: f32) -> (Mosaic, Plane) {
+        let witness = &self.behind[n].1;
+        witness.set_full_well_electrons(self.full_well_electrons / f64::from(power));
+        witness.set_read_noise_levels(self.read_noise_levels * f64::from(power).sqrt());
+        let raw = witness.photograph_raw(scene, seed).unwrap();
+        let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
+        let light = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
+        (raw.mosaic, light)
+    }
+
+    /// What sensors without filters see, each channel with the noise that missing sites cost.
+    fn full_colour(&self, scene: &Frame<Work>, seed: u64) -> Frame<Work> {
+        let mut photo: Frame<Work> = Frame::zeros(scene.size());
+        for channel in Channel::ALL {
+            for n in 0..self.behind.len() {
+                let power = Mosaic::pixels_a_site(channel);
+                let (mosaic, sites) =
+                    self.sites(n, scene, seed + 100 * (1 + n + 4 * channel.index()) as u64, power);
+                let plane = photo.plane_mut(channel);
+                for y in 0..sites.height() {
+                    for x in (0..sites.width()).filter(|&x| mosaic.colour_at(x, y) == channel) {
+                        plane.set(x, y, sites.at(x, y));
+                    }
+                }
+            }
+        }
+        photo
+    }
+}
+
+/// SSIM and dB of linear light, means over the channels.
+fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
+    let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
+    [each.map(|(a, b)| ssim(a, b)), each.map(|(a, b)| psnr(a, b))]
+        .map(|scores| scores.iter().sum::<f64>() / 3.0)
+}
+
+#[test]
+#[ignore = "makes a table; a minute"]
+fn what_raw_sites_are_worth() {
+    let name = std::env::var("RIG").unwrap_or_else(|_| "small.toml".to_owned());
+    let plain = rig(&name, None);
+    let (mut devices, _) = simulated::open(&plain).unwrap();
+    let calibration = calibrate(&mut devices, &plain, None, &mut |_| {}).unwrap();
+    let pipeline = Pipeline::new(&plain, &calibration).unwrap();
+    let cameras = Cameras::of(&name);
+    println!("| scene | full colour, noisier | sites | interpolated first | verdict on sites |");
+    println!("|---|---|---|---|---|");
+    let mut sums = [[0.0f64; 2]; 3];
+    let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
+    for scene in scenes {
+        let truth = scene.light(plain.photo.size());
+        let seed = 1 + scene as u64;
+        let full = cameras.full_colour(&truth, seed);
+        let (mosaic, sites) = cameras.sites(3, &truth, seed, 1.0);
+        let filled: Frame<Work> = mosaic.interpolated(&sites);
+        let mut by = |prepared: &Prepared<'_>| {
+            let restored =
+                pipeline.restore(&mut devices, prepared, &digital(&plain), &mut |_, _| {}).unwrap();
+            let own = score(&restored.solved.unwrap().picture, &truth);
+            (own, format!("{:?}", restored.outcome.verdict))
+        };
+        // The noise of the noisier sensor is known as that of the sites is.
+        let mut noisier = pipeline.prepare(&full, Channels::Colour);
+        let raw = pipeline.prepare_raw(&filled, mosaic);
+        noisier.noise =
+            Channel::ALL.map(|c| raw.noise[c.index()] * Mosaic::pixels_a_site(c).sqrt());
+        let (a, _) = by(&noisier);
+        let (b, verdict) = by(&raw);
+        let (c, _) = by(&pipeline.prepare(&filled, Channels::Colour));
+        let cell = |[ssim, db]: [f64; 2]| format!("{ssim:.4}/{db:.2}");
+        println!("| {} | {} | {} | {} | {verdict} |", scene.name(), cell(a), cell(b), cell(c));
+        for (sum, one) in sums.iter_mut().zip([a, b, c]) {
+            sum.iter_mut().zip(one).for_each(|(s, v)| *s += v / scenes.len() as f64);
+        }
+    }
+    println!("mean {sums:.4?}");
+    let [full, sites, interpolated] = sums;
+    assert!(sites[0] > interpolated[0] && sites[1] > interpolated[1]);
+    assert!(full[0] - sites[0] < 0.01 && full[1] - sites[1] < 0.4);
+}
