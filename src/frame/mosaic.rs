@@ -51,7 +51,8 @@ impl Mosaic {
     }
 
     /// Three planes of `sites`: a channel's own as they are, the others the mean of that channel's
-    /// sites among the eight neighbours. Something to begin with and to look at; data are the sites.
+    /// sites among the eight neighbours. Something to begin with and to look at; data are the
+    /// sites.
     pub fn interpolated<S>(self, sites: &Plane) -> Frame<S> {
         Frame::from_fn(|channel| self.filled(channel, sites))
     }
