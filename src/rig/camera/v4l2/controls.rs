@@ -1,4 +1,5 @@
-//! Everything in a camera that adapts is switched off, the exposure set, and all of it read back.
+//! Everything in a camera that adapts or bends is switched off or pinned, the exposure set, and all
+//! of it read back.
 
 use super::kernel::{Control, Node};
 use crate::rig::RigError;
@@ -28,28 +29,75 @@ impl Exposure {
     }
 }
 
-/// Control names (as `v4l2-ctl` prints them, in today's spelling and the one before Linux 6.0) and
-/// the value that stops the camera from adapting. Auto exposure 1 is "manual mode"
+/// What a control is held at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Held {
+    /// This value, or the least above it.
+    At(i32),
+    /// Its least value.
+    Least,
+    /// What the driver calls its default: no change of the picture, where there is such a value.
+    Default,
+    /// A gamma of 1, which is 100 in the units of the USB video class (1.5, §4.2.2.3.9); its
+    /// default where 100 cannot be had.
+    Straight,
+}
+use Held::{At, Default, Least, Straight};
+
+/// What the controls of one row do to a picture, and the names they may have (as `v4l2-ctl` prints
+/// them, in today's spelling and the one before Linux 6.0; from `auto_shutter` on The Imaging
+/// Source's own, tiscamera's data/uvc-extensions/usb33.json), with what stops a camera from
+/// adapting. Automatics come before what they would set. Auto exposure 1 is "manual mode"
 /// (V4L2_EXPOSURE_MANUAL).
-const STEADY: [(&str, i32); 15] = [
-    ("auto_exposure", 1),
-    ("exposure_auto", 1),
-    ("exposure_dynamic_framerate", 0),
-    ("exposure_auto_priority", 0),
-    ("gain_automatic", 0),
-    ("autogain", 0),
-    ("white_balance_automatic", 0),
-    ("white_balance_temperature_auto", 0),
-    ("focus_automatic_continuous", 0),
-    ("backlight_compensation", 0),
-    ("power_line_frequency", 0),
-    ("sharpness", i32::MIN),
-    // The Imaging Source's own, once its extension is loaded (tiscamera,
-    // data/uvc-extensions/usb33.json).
-    ("auto_shutter", 0),
-    ("gain_auto", 0),
-    ("highlight_reduction", 0),
+const STEADY: [(&str, &[(&str, Held)]); 8] = [
+    (
+        "exposure",
+        &[
+            ("auto_exposure", At(1)),
+            ("exposure_auto", At(1)),
+            ("exposure_dynamic_framerate", At(0)),
+            ("exposure_auto_priority", At(0)),
+            ("auto_shutter", At(0)),
+            ("backlight_compensation", At(0)),
+            ("power_line_frequency", At(0)),
+            ("highlight_reduction", At(0)),
+        ],
+    ),
+    ("gain", &[("gain_automatic", At(0)), ("autogain", At(0)), ("gain_auto", At(0))]),
+    (
+        "white balance",
+        &[
+            ("white_balance_automatic", At(0)),
+            ("white_balance_temperature_auto", At(0)),
+            ("white_balance_temperature", Default),
+            ("red_balance", Default),
+            ("blue_balance", Default),
+        ],
+    ),
+    ("sharpness", &[("focus_automatic_continuous", At(0)), ("sharpness", Least)]),
+    ("gamma", &[("gamma", Straight)]),
+    ("contrast", &[("contrast_automatic", At(0)), ("contrast", Default)]),
+    ("saturation", &[("saturation", Default)]),
+    ("hue", &[("hue_automatic", At(0)), ("hue_auto", At(0)), ("hue", Default)]),
 ];
+
+impl Held {
+    fn value(self, control: &Control) -> i32 {
+        match self {
+            At(value) => value.max(control.minimum),
+            Least => control.minimum,
+            Straight if (control.minimum..=control.maximum).contains(&100) => 100,
+            Default | Straight => control.default,
+        }
+    }
+}
+
+/// What the camera `has` no control of.
+fn uncontrolled(has: &[Control]) -> Vec<&'static str> {
+    let is_there = |name: &str| has.iter().any(|control| control.name == name && control.settable);
+    let lacks = |names: &[(&str, Held)]| !names.iter().any(|(name, _)| is_there(name));
+    STEADY.iter().filter(|(_, names)| lacks(names)).map(|(what, _)| *what).collect()
+}
 
 /// Sets the steady values, the exposure and the file's own `wanted` controls, in this order, and
 /// reads each back.
@@ -62,10 +110,17 @@ pub(super) fn settle_controls(
     wanted: &[(String, i32)],
 ) -> Result<(), RigError> {
     let has = node.controls();
-    for (name, value) in STEADY {
-        if let Some(control) = has.iter().find(|control| control.name == name && control.settable) {
-            hold(node, control, value.max(control.minimum))?;
+    for (name, held) in STEADY.iter().flat_map(|(_, names)| *names) {
+        if let Ok(control) = named(&has, name) {
+            hold(node, control, held.value(control))?;
         }
+    }
+    let missing = uncontrolled(&has);
+    if !missing.is_empty() {
+        log::warn!(
+            "the camera has no control of {}; whatever it does there of itself stays",
+            missing.join(", ")
+        );
     }
     if let Exposure::Control { exposure_ms } = exposure {
         let steps = (exposure_ms * 10.0).round() as i32;
@@ -76,7 +131,27 @@ pub(super) fn settle_controls(
     for (name, value) in wanted {
         hold(node, named(&has, name)?, *value)?;
     }
+    give_time(node, exposure.exposure_ms());
     Ok(())
+}
+
+/// Asks for an interval between frames in which the exposure has room: drivers cut an exposure that
+/// has none. A triggered camera may have no interval, and is left alone.
+fn give_time(node: &Node, exposure_ms: f64) {
+    let exposure_s = exposure_ms / 1000.0;
+    match node.frame_interval_s() {
+        Ok(Some(found)) if found < exposure_s => {
+            let set = node.set_frame_interval_s(exposure_s).ok().flatten();
+            if set.is_none_or(|set| set < exposure_s) {
+                log::warn!(
+                    "the camera takes a frame every {:.1} ms and does not change that; an \
+                     exposure of {exposure_ms} ms may be cut short",
+                    1000.0 * set.unwrap_or(found)
+                );
+            }
+        }
+        _ => {}
+    }
 }
 
 fn named<'a>(has: &'a [Control], name: &str) -> Result<&'a Control, RigError> {
@@ -106,5 +181,31 @@ fn hold(node: &Node, control: &Control, value: i32) -> Result<(), RigError> {
             },
             allowed: format!("{} to {}", control.minimum, control.maximum),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn control(name: &str, minimum: i32, maximum: i32, default: i32) -> Control {
+        Control { id: 0, name: name.to_owned(), minimum, maximum, default, settable: true }
+    }
+
+    #[test]
+    fn a_gamma_is_made_straight_where_it_is_in_hundredths() {
+        assert_eq!(Straight.value(&control("gamma", 72, 500, 220)), 100);
+        assert_eq!(Straight.value(&control("gamma", 0, 3, 1)), 1);
+        assert_eq!(Default.value(&control("hue", -40, 40, 0)), 0);
+        assert_eq!(Least.value(&control("sharpness", 2, 7, 3)), 2);
+        assert_eq!(At(0).value(&control("gain_auto", 1, 2, 2)), 1);
+    }
+
+    #[test]
+    fn what_a_camera_cannot_be_told_is_named() {
+        let has = [control("auto_exposure", 0, 3, 3), control("gamma", 72, 500, 100)];
+        let missing = uncontrolled(&has);
+        assert!(missing.contains(&"hue") && missing.contains(&"white balance"), "{missing:?}");
+        assert!(!missing.contains(&"gamma") && !missing.contains(&"exposure"), "{missing:?}");
     }
 }

@@ -15,9 +15,9 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use v4l::v4l_sys as sys;
 
 use super::request::{
-    self, EnumerateFormats, GetControl, MappedBuffer, PictureFormat, QueryBuffer, QueryCapability,
-    QueryControl, QueueBuffer, RequestBuffers, SetControl, SetFormat, TakeBuffer, buffers_wanted,
-    call, format_description, zeroed,
+    self, EnumerateFormats, FrameTiming, GetControl, GetTiming, MappedBuffer, PictureFormat,
+    QueryBuffer, QueryCapability, QueryControl, QueueBuffer, RequestBuffers, SetControl, SetFormat,
+    SetTiming, TakeBuffer, buffers_wanted, call, format_description, zeroed,
 };
 
 /// An open video node.
@@ -56,6 +56,7 @@ pub(super) struct Control {
     pub(super) name: String,
     pub(super) minimum: i32,
     pub(super) maximum: i32,
+    pub(super) default: i32,
     /// Neither disabled, nor read-only, nor a button.
     pub(super) settable: bool,
 }
@@ -127,6 +128,21 @@ impl Node {
         })
     }
 
+    /// Seconds from frame to frame; `None` of a driver that has no such time.
+    pub(super) fn frame_interval_s(&self) -> io::Result<Option<f64>> {
+        let mut timing = FrameTiming::of_interval(0, 1);
+        call::<GetTiming>(self, &mut timing)?;
+        Ok(timing.interval_s())
+    }
+
+    /// Asks for so many seconds from frame to frame, rounded up to tenths of a millisecond; what
+    /// the driver makes of it.
+    pub(super) fn set_frame_interval_s(&self, seconds: f64) -> io::Result<Option<f64>> {
+        let mut timing = FrameTiming::of_interval((seconds * 1e4).ceil() as u32, 10_000);
+        call::<SetTiming>(self, &mut timing)?;
+        Ok(timing.interval_s())
+    }
+
     /// Every simple control.
     pub(super) fn controls(&self) -> Vec<Control> {
         let mut all = Vec::new();
@@ -144,6 +160,7 @@ impl Node {
                 name: control_name(&text(&query.name)),
                 minimum: query.minimum,
                 maximum: query.maximum,
+                default: query.default_value,
                 settable: kinds.contains(&query.type_) && query.flags & locked == 0,
             });
             query =

@@ -37,7 +37,7 @@ macro_rules! zeroable {
 
 zeroable! {
     v4l2_capability v4l2_fmtdesc v4l2_format v4l2_pix_format v4l2_queryctrl v4l2_requestbuffers
-    v4l2_buffer
+    v4l2_buffer v4l2_streamparm
 }
 
 macro_rules! requests {
@@ -61,6 +61,8 @@ requests! {
     QueryControl = VIDIOC_QUERYCTRL(sys::v4l2_queryctrl);
     SetControl = VIDIOC_S_CTRL(sys::v4l2_control);
     GetControl = VIDIOC_G_CTRL(sys::v4l2_control);
+    GetTiming = VIDIOC_G_PARM(FrameTiming);
+    SetTiming = VIDIOC_S_PARM(FrameTiming);
     RequestBuffers = VIDIOC_REQBUFS(sys::v4l2_requestbuffers);
     QueryBuffer = VIDIOC_QUERYBUF(MappedBuffer);
     QueueBuffer = VIDIOC_QBUF(MappedBuffer);
@@ -122,6 +124,28 @@ impl PictureFormat {
     }
 }
 
+/// How a stream of captured pictures goes in time.
+#[repr(transparent)]
+pub(super) struct FrameTiming(sys::v4l2_streamparm);
+
+impl FrameTiming {
+    /// A wish for `numerator`/`denominator` seconds from frame to frame.
+    pub(super) fn of_interval(numerator: u32, denominator: u32) -> Self {
+        let mut timing = sys::v4l2_streamparm { type_: CAPTURE, ..zeroed() };
+        timing.parm.capture.timeperframe = sys::v4l2_fract { numerator, denominator };
+        FrameTiming(timing)
+    }
+
+    /// Seconds from frame to frame; `None` where the driver has no such time.
+    pub(super) fn interval_s(&self) -> Option<f64> {
+        // SAFETY: any bits are a value of this member.
+        let capture = unsafe { self.0.parm.capture };
+        let sys::v4l2_fract { numerator, denominator } = capture.timeperframe;
+        let has = capture.capability & sys::V4L2_CAP_TIMEPERFRAME != 0 && denominator > 0;
+        has.then(|| f64::from(numerator) / f64::from(denominator))
+    }
+}
+
 /// A buffer that the driver owns and this program maps; other kinds of buffer hold pointers.
 #[repr(transparent)]
 pub(super) struct MappedBuffer(sys::v4l2_buffer);
@@ -166,6 +190,8 @@ mod tests {
         assert!(refused::<QueryControl>(zeroed()));
         assert!(refused::<SetControl>(sys::v4l2_control { id: 0, value: 0 }));
         assert!(refused::<GetControl>(sys::v4l2_control { id: 0, value: 0 }));
+        assert!(refused::<GetTiming>(FrameTiming::of_interval(0, 1)));
+        assert!(refused::<SetTiming>(FrameTiming::of_interval(1, 20)));
         assert!(refused::<RequestBuffers>(buffers_wanted(2)));
         assert!(refused::<QueryBuffer>(MappedBuffer::new(0)));
         assert!(refused::<QueueBuffer>(MappedBuffer::new(0)));
