@@ -386,3 +386,25 @@ fn the_same_rig_gives_the_same_calibration_and_counts_generations() {
     assert_eq!(second.generation, first.generation + 1);
     assert_eq!(Calibration { generation: first.generation, ..second }, first);
 }
+
+#[test]
+fn a_camera_that_bends_its_counts_is_refused_and_a_sensor_s_knee_is_not() {
+    let mut config = load("small.toml");
+    config.calibration.linearity = true;
+    let bent = |gamma: f64, knee_share: f64| {
+        let mut config = config.clone();
+        if let config::Kind::Simulated(simulation) = &mut config.kind {
+            let curve = &mut simulation.sensor.curve;
+            (curve.gamma, curve.knee_share, curve.knee_slope) = (gamma, knee_share, 0.7);
+        }
+        let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
+        calibrate(&mut rig, &config, None, &mut |_| {})
+    };
+    let straight = bent(0.98, 0.85).expect("a truthful rig's camera");
+    assert_eq!(straight.captures, captures(&config));
+    for gamma in [0.6, 0.45, 1.5] {
+        let error = bent(gamma, 1.0).expect_err("a camera with a gamma");
+        println!("{gamma}: {}", full_message(&error));
+        assert!(matches!(error, CalibrateError::NotLinear { .. }), "{error}");
+    }
+}

@@ -113,6 +113,11 @@ table! {
         /// Whether light that is scattered wider than the functions reach (veiling glare) is
         /// measured too. It is kept only where it is there.
         broad_term: bool, Truth, Means("true");
+        /// Whether the camera's counts are proven to be straight in light: one code at one, two
+        /// and three times the exposure, where the exposure can be set. A camera that bends them
+        /// by more than a tenth is refused.
+        @[serde(skip_serializing_if = "std::ops::Not::not")]
+        linearity: bool, Truth, Means("false");
     }
 }
 

@@ -77,6 +77,19 @@ pub enum CalibrateError {
         /// What was found.
         found: String,
     },
+    /// The camera bends its counts.
+    #[error(
+        "the camera's counts are not straight in light: in the {channel} channel {found}, \
+         {allowed} are allowed; switch its gamma and its contrast off, or take its raw pictures"
+    )]
+    NotLinear {
+        /// The channel.
+        channel: &'static str,
+        /// What was found.
+        found: String,
+        /// What is allowed.
+        allowed: String,
+    },
     /// A smooth surface does not fit.
     #[error("calibration step `{step}` cannot be fitted")]
     Fit {

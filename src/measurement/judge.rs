@@ -3,7 +3,7 @@
 use super::CalibrateError;
 use crate::calibration::checkerboard::CheckerboardError;
 use crate::calibration::geometric::{Geometry, Pair};
-use crate::frame::{Counts, Plane, Size};
+use crate::frame::{Channel, Counts, Plane, Size};
 
 /// Cells the sensor is divided into, in each direction, to see where light is missing or too much.
 const CELLS: usize = 16;
@@ -20,6 +20,9 @@ const LIT_SHARE: f64 = 0.2;
 /// Farthest that a corner may move between two captures, sensor pixels: registration off by half a
 /// pixel does harm (study).
 const SHIFT_MAX_PX: f64 = 0.25;
+/// Largest deviation of counts from what so many times the exposure should bring, as a share: twice
+/// what a sensor's knee near its full well does, a third of a webcam's gamma (guess).
+const BENT_MAX: f64 = 0.1;
 /// Least share of the corners expected in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
@@ -156,6 +159,31 @@ pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError>
     Ok(())
 }
 
+/// Judges whether counts are straight in light, by what one code brings in `channel` over black at
+/// `times` the exposure.
+///
+/// # Errors
+/// Not linear.
+pub(super) fn straight(
+    channel: Channel,
+    times: [f64; 3],
+    counts: [f64; 3],
+) -> Result<(), CalibrateError> {
+    for (times, found) in times.into_iter().zip(counts).skip(1) {
+        let found = found / counts[0];
+        let (least, most) = (times * (1.0 - BENT_MAX), times * (1.0 + BENT_MAX));
+        // Written so that a number that is none fails too.
+        if !(least..=most).contains(&found) {
+            return Err(CalibrateError::NotLinear {
+                channel: channel.name(),
+                found: format!("{times} times the exposure brings {found:.2} times the counts"),
+                allowed: format!("{least:.2} to {most:.2}"),
+            });
+        }
+    }
+    Ok(())
+}
+
 /// Judges whether the whole canvas can be shown.
 ///
 /// # Errors
@@ -205,6 +233,18 @@ pub(super) fn focus(
 mod tests {
     use super::*;
     use crate::frame::Frame;
+
+    #[test]
+    fn counts_that_follow_the_exposure_are_straight_and_a_gamma_is_not() {
+        let counts = |gamma: f64| [1.0, 2.0, 3.0].map(|times: f64| 250.0 * times.powf(gamma));
+        let times = [1.0, 2.0, 3.0];
+        for gamma in [0.95, 0.98, 1.0, 1.05] {
+            straight(Channel::Green, times, counts(gamma)).unwrap();
+        }
+        for gamma in [0.45, 0.6, 0.8, 1.2, 2.2, f64::NAN] {
+            assert!(straight(Channel::Green, times, counts(gamma)).is_err(), "{gamma}");
+        }
+    }
 
     #[test]
     fn rows_kept_for_marks_are_not_asked_to_be_white() {

@@ -3,6 +3,7 @@
 //! | step | captures (times `captures-averaged`, but for the trials) | yields |
 //! |---|---|---|
 //! | trials | 2 black, 1 white | judgement of exposure and view; black level |
+//! | linearity | 11 (if `linearity`, and the exposure can be set) | judgement of the camera's curve |
 //! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; judgement of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations a channel | C, response curves |
@@ -18,6 +19,7 @@ mod board;
 mod error;
 mod judge;
 mod lens;
+mod linearity;
 mod photometric;
 mod session;
 
@@ -50,6 +52,9 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let mut session = Session::new(rig, config, progress, captures(config));
     let black = trials(&mut session)?;
+    if config.calibration.linearity {
+        linearity::prove(&mut session)?;
+    }
     let (geometry, board) = board::geometry(&mut session, &black)?;
     let mut calibration = blank(config, geometry);
     calibration.generation = previous.map_or(1, |p| p.generation.wrapping_add(1));
@@ -78,7 +83,8 @@ pub fn captures(config: &config::RigFile) -> u32 {
         + 1
         + config.calibration.patterns
         + 5;
-    (3 + averaged * config.calibration.captures_averaged.max(1)) as u32
+    let straight = if config.calibration.linearity { linearity::CAPTURES } else { 0 };
+    (3 + straight + averaged * config.calibration.captures_averaged.max(1)) as u32
 }
 
 /// A calibration of which only the geometry is known.

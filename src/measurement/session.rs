@@ -76,6 +76,13 @@ impl<'a> Session<'a> {
         Ok(exposed.counts)
     }
 
+    /// Exposures are `times` as long as the rig file says from now on; false where the camera's
+    /// cannot be set.
+    pub(super) fn expose_times(&mut self, times: f64) -> Result<bool, CalibrateError> {
+        let step = self.step;
+        self.rig.expose_times(times).map_err(|source| CalibrateError::Rig { step, source })
+    }
+
     /// As many captures of `codes` as the rig file asks to average, averaged.
     pub(super) fn counts(&mut self, codes: &Codes) -> Result<Frame<SensorSpace>, CalibrateError> {
         let times = self.config.calibration.captures_averaged.max(1);

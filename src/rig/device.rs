@@ -61,6 +61,15 @@ pub trait Camera {
     fn give_back(&mut self, counts: Counts) {
         drop(counts);
     }
+    /// Makes exposures from now on `times` as long as the rig file says; false, and nothing is
+    /// changed, where this camera's exposure is set elsewhere.
+    ///
+    /// # Errors
+    /// When the camera does not take it.
+    fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
+        let _ = times;
+        Ok(false)
+    }
     /// Closes and opens the camera again, with fresh buffers.
     ///
     /// # Errors

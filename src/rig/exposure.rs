@@ -98,6 +98,8 @@ pub struct Devices {
     captures: usize,
     seconds: f64,
     last_sequence: Option<u32>,
+    /// How long exposures are against the rig file's.
+    exposure_times: f64,
 }
 
 impl Devices {
@@ -123,7 +125,24 @@ impl Devices {
             captures: 0,
             seconds: 0.0,
             last_sequence: None,
+            exposure_times: 1.0,
         }
+    }
+
+    /// Makes exposures `times` as long as the rig file says, until it is called again; false where
+    /// this camera's exposure cannot be set.
+    ///
+    /// # Errors
+    /// When the camera does not take it.
+    pub fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
+        let can = self.camera.expose_times(times)?;
+        if can {
+            let longer_ms = self.timing.exposure_ms * (times / self.exposure_times - 1.0);
+            self.timing.exposure_ms += longer_ms;
+            self.timing.deadline_ms += longer_ms;
+            self.exposure_times = times;
+        }
+        Ok(can)
     }
 
     /// Finds the places of the frame marks by some thirty captures; from then on every frame is

@@ -67,6 +67,8 @@ pub(super) struct OpticalBench {
     /// another.
     fired_s: VecDeque<f64>,
     exposures: u64,
+    /// How long exposures are against the rig file's.
+    exposure_times: f64,
     sequence: u32,
     last: Option<Exposed>,
     /// When an unplugged camera can be opened again; `None` while it is there.
@@ -121,6 +123,7 @@ impl OpticalBench {
             change_s: 0.0,
             fired_s: VecDeque::new(),
             exposures: 0,
+            exposure_times: 1.0,
             sequence: 0,
             last: None,
             away_until_s: None,
@@ -133,6 +136,14 @@ impl OpticalBench {
 
     pub(super) fn wait_until(&mut self, moment: Moment) {
         self.now_s = self.now_s.max(moment.0);
+    }
+
+    /// Exposures are `times` as long from now on.
+    pub(super) fn expose_times(&mut self, times: f64) {
+        let longer = times / self.exposure_times;
+        self.camera.exposure_ms *= longer;
+        self.sensor.config.white_share *= longer;
+        self.exposure_times = times;
     }
 
     /// Everything computed for the panel's old place, or the lens's old focus, is void.

@@ -55,6 +55,11 @@ impl Camera for SimulatedCamera {
         self.0.bench().frame(deadline)
     }
 
+    fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
+        self.0.bench().expose_times(times);
+        Ok(true)
+    }
+
     fn reopen(&mut self) -> Result<(), RigError> {
         self.0.bench().reopen()
     }

@@ -122,17 +122,30 @@ pub(super) fn settle_controls(
             missing.join(", ")
         );
     }
-    if let Exposure::Control { exposure_ms } = exposure {
-        let steps = (exposure_ms * 10.0).round() as i32;
-        let control =
-            named(&has, "exposure_time_absolute").or_else(|_| named(&has, "exposure_absolute"))?;
-        hold(node, control, steps)?;
-    }
+    expose(node, &has, exposure, 1.0)?;
     for (name, value) in wanted {
         hold(node, named(&has, name)?, *value)?;
     }
-    give_time(node, exposure.exposure_ms());
     Ok(())
+}
+
+/// Exposes `times` as long as `exposure` says; false where it is set elsewhere.
+///
+/// # Errors
+/// [`RigError::Refused`] when the camera has no such control or does not hold it.
+pub(super) fn expose(
+    node: &Node,
+    has: &[Control],
+    exposure: &Exposure,
+    times: f64,
+) -> Result<bool, RigError> {
+    let Exposure::Control { exposure_ms } = exposure else { return Ok(false) };
+    let steps = (times * exposure_ms * 10.0).round() as i32;
+    let control =
+        named(has, "exposure_time_absolute").or_else(|_| named(has, "exposure_absolute"))?;
+    hold(node, control, steps)?;
+    give_time(node, times * exposure_ms);
+    Ok(true)
 }
 
 /// Asks for an interval between frames in which the exposure has room: drivers cut an exposure that

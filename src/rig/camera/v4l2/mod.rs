@@ -9,7 +9,7 @@ mod ring;
 use std::path::{Path, PathBuf};
 
 pub use controls::Exposure;
-use controls::settle_controls;
+use controls::{expose, settle_controls};
 use kernel::{Node, Settled};
 use ring::Ring;
 
@@ -190,6 +190,13 @@ impl Camera for V4l2Camera {
             // A spare too many is simply freed.
             let _ = self.spare.push(counts);
         }
+    }
+
+    fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
+        let Some(ring) = &self.ring else {
+            return Err(gone("it was lost and is not open".to_owned()));
+        };
+        expose(ring.node(), &ring.node().controls(), &self.settings.exposure, times)
     }
 
     fn reopen(&mut self) -> Result<(), RigError> {

@@ -36,6 +36,11 @@ impl Ring {
         Ok(ring)
     }
 
+    /// The node it streams from.
+    pub(super) fn node(&self) -> &Node {
+        &self.node
+    }
+
     /// The next filled buffer, or `None` when the deadline passes first.
     pub(super) fn next(&mut self, deadline: Moment) -> io::Result<Option<Filled>> {
         loop {
