@@ -3,7 +3,7 @@
 //! | step | captures (times `captures-averaged`, but for the trials) | yields |
 //! |---|---|---|
 //! | trials | 2 black, 1 white | judgement of exposure and view; black level |
-//! | linearity | 11 (if `linearity`, and the exposure can be set) | judgement of the camera's curve |
+//! | linearity | 11 (if `linearity`, exposure settable) | judgement of the camera's curve |
 //! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; judgement of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations a channel | C, response curves |
