@@ -1,7 +1,8 @@
 //! The methods that a rig file can name: one row each, with what is made of the file's keys.
 //!
 //! A method says what it is in its own file of [`crate::deconvolution::method`]. To add one, write
-//! that file and a row here; help, messages, `rig-config/README.md`, charts and the judge follow.
+//! that file, its line in `mod.rs` and a row here; help, messages, `rig-config/README.md`, charts
+//! and the judge follow.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 

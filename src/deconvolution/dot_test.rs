@@ -14,7 +14,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use super::backward_convolution::{Sign, backward_convolution};
 use super::forward_convolution::ForwardConvolution;
 use super::lens_model::LensModel;
-use super::patches::{PARITY_CLASSES, PatchGrid, PatchShape};
+use super::patches::{PatchGrid, PatchShape};
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use crate::remedy::AnyFailure;
 
@@ -38,9 +38,6 @@ pub struct DotTest {
     /// Standard error of each.
     pub uncertainty: [f64; 3],
 }
-
-/// Captures that a test takes.
-pub const CAPTURES: usize = GREYS + PROBES as usize * (1 + PARITY_CLASSES);
 
 impl DotTest {
     /// Tests `optics` with patches of `shape` over `photo`, a rectangle of the canvas of `model`.
@@ -145,6 +142,7 @@ mod tests {
     use super::*;
     use crate::deconvolution::computed_optics::ComputedOptics;
     use crate::deconvolution::lens_model::LensFunctions;
+    use crate::deconvolution::patches::PARITY_CLASSES;
 
     /// What the test finds of a lens that blurs as wide as `deviation_px`, with patches of so many
     /// pixels.
@@ -167,7 +165,7 @@ mod tests {
         let mut optics = ComputedOptics::new(&model, true);
         let found =
             DotTest::measure(&mut optics, &model, Rect { x: 8, y: 8, size: photo }, shape).unwrap();
-        assert_eq!(optics.captures(), CAPTURES);
+        assert_eq!(optics.captures(), GREYS + PROBES as usize * (1 + PARITY_CLASSES));
         found.worst().1
     }
 

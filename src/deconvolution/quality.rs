@@ -6,7 +6,7 @@
 //! `gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=255`, which is what
 //! the golden values were made with.
 
-use crate::frame::{FULL_SCALE, Plane, Size};
+use crate::frame::{FULL_SCALE, Plane};
 
 /// Pixels from the middle of the window to its border.
 const RADIUS: usize = 5;
@@ -32,15 +32,6 @@ pub fn ssim(a: &Plane, b: &Plane) -> f64 {
         places += row.len();
     });
     total / places as f64
-}
-
-/// Structural similarity at each place where the whole window lies in the planes: ten pixels less
-/// in both directions, place (0, 0) is pixel (5, 5). `None` when there is no such place.
-pub fn ssim_map(a: &Plane, b: &Plane) -> Option<Plane> {
-    let size = Size::new(a.width().checked_sub(2 * RADIUS)?, a.height().checked_sub(2 * RADIUS)?);
-    let mut data = Vec::with_capacity(size.area());
-    for_each_row(a, b, |row| data.extend_from_slice(row));
-    Plane::from_vec(size, data).filter(|p| p.size().area() > 0)
 }
 
 /// Peak signal-to-noise ratio in dB for a full scale of 255; infinite for equal planes.
@@ -116,7 +107,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::frame::read_npy_f32;
+    use crate::frame::{Size, read_npy_f32};
 
     fn golden(name: &str) -> Plane {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name);
@@ -134,19 +125,11 @@ mod tests {
     }
 
     #[test]
-    fn the_map_has_the_mean_as_its_mean() {
-        let (x, blurred) = (golden("ssim_x.npy"), golden("ssim_b.npy"));
-        let map = ssim_map(&x, &blurred).unwrap();
-        assert_eq!(map.size(), Size::new(118, 86));
-        assert!((map.mean() - ssim(&x, &blurred)).abs() < 1e-9);
-    }
-
-    #[test]
     fn equal_planes_are_perfect_and_small_ones_have_no_similarity() {
         let x = golden("ssim_x.npy");
         assert!((ssim(&x, &x) - 1.0).abs() < 1e-6);
         assert!(psnr(&x, &x).is_infinite());
         let small = Plane::filled(Size::new(10, 40), 3.0);
-        assert!(ssim(&small, &small).is_nan() && ssim_map(&small, &small).is_none());
+        assert!(ssim(&small, &small).is_nan());
     }
 }
