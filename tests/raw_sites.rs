@@ -99,6 +99,8 @@ fn what_raw_sites_are_worth() {
         let full = cameras.full_colour(&truth, seed);
         let (mosaic, sites) = cameras.sites(3, &truth, seed, 1.0);
         let filled: Frame<Work> = mosaic.interpolated(&sites);
+        // The lens darkens its corners, and a photo keeps them.
+        let truth = cameras.behind[0].1.shaded(&truth);
         let mut by = |prepared: &Prepared<'_>| {
             let restored =
                 pipeline.restore(&mut devices, prepared, &digital(&plain), &mut |_, _| {}).unwrap();
@@ -154,6 +156,7 @@ fn captures_behind_filters_are_known_at_their_sites() {
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let filled: Frame<Work> = raw.mosaic.interpolated(&sites);
     let prepared = pipeline.prepare_raw(&filled, raw.mosaic);
+    let truth = witness.shaded(&truth);
     let mut by = |method: &dyn Method| {
         let restored = pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap();
         let solved = restored.solved.unwrap();

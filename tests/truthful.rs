@@ -10,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::config::{self, Kind, Lens, Simulation};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
+use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 use relens::measurement::calibrate;
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, digital, hybrid};
@@ -26,7 +26,7 @@ fn scene_distance(simulation: &mut Simulation, mm: f64) {
 }
 
 const DEPARTURES: [(&str, Departure); 8] = [
-    ("mosaic, interpolated", |to, from| to.sensor.mosaic = from.sensor.mosaic),
+    ("mosaic", |to, from| to.sensor.mosaic = from.sensor.mosaic),
     ("uneven panel", |to, from| to.display.uneven = from.display.uneven),
     ("subpixel stripes", |to, from| to.display.subpixels = from.display.subpixels),
     ("scene at 3.8 m", |to, _| scene_distance(to, 3800.0)),
@@ -83,6 +83,20 @@ fn tried(rig: &config::RigFile, scenes: &[Scene]) -> Result<Vec<Tried>, String> 
     tried_after(rig, scenes, &|_| {})
 }
 
+/// Whether photos are the camera's raw sites where it has colour filters, and no picture that was
+/// interpolated before.
+fn raw_photos() -> bool {
+    std::env::var_os("RAW").is_some()
+}
+
+/// What the camera's raw sites hold in light, filled between them.
+fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame<Work>, Mosaic)> {
+    let raw = witness.photograph_raw(truth, seed)?;
+    let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
+    let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
+    Some((raw.mosaic.interpolated(&sites), raw.mosaic))
+}
+
 /// The same, `since` having happened to the rig after it was calibrated.
 fn tried_after(
     rig: &config::RigFile,
@@ -101,9 +115,17 @@ fn tried_after(
         let rounded = |plane: &Plane| plane.map(|v: f32| v.round().clamp(0.0, 255.0) as u8);
         let codes = scene.codes(rig.photo.size());
         let truth = light_of(&Frame::from_fn(|c| rounded(codes.plane(c))));
-        let photo = light_of(&witness.photograph(&truth, 1 + scene as u64));
+        let seed = 1 + scene as u64;
+        let raw = raw_photos().then(|| raw_photo(&witness, &truth, seed)).flatten();
+        let photo = match &raw {
+            Some((photo, _)) => photo.clone(),
+            None => light_of(&witness.photograph(&truth, seed)),
+        };
         let truth = witness.shaded(&truth);
-        let prepared = pipeline.prepare(&photo, Channels::Colour);
+        let prepared = match raw {
+            Some((_, mosaic)) => pipeline.prepare_raw(&photo, mosaic),
+            None => pipeline.prepare(&photo, Channels::Colour),
+        };
         let mut by = |method: &dyn Method| {
             pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap()
         };
@@ -134,7 +156,9 @@ fn what_each_truth_costs() {
         .chain([("all of these (truthful.toml)", all)])
         .chain(STRONGER.map(|(name, departure)| (name, vec![departure])));
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
-    for (name, departures) in rows {
+    // ROW=mosaic makes the rows whose names have that in them.
+    let wanted = std::env::var("ROW").unwrap_or_default();
+    for (name, departures) in rows.filter(|(name, _)| name.contains(&wanted)) {
         match tried(&departed(&departures), &scenes) {
             Err(refused) => println!("| {name} | | not calibrated: {refused} | | | | |"),
             Ok(tried) => {
