@@ -157,6 +157,15 @@ fn captures_behind_filters_are_known_at_their_sites() {
     let filled: Frame<Work> = raw.mosaic.interpolated(&sites);
     let prepared = pipeline.prepare_raw(&filled, raw.mosaic);
     let truth = witness.shaded(&truth);
+    for c in Channel::ALL {
+        let mut light = filled.plane(c).data().to_vec();
+        light.sort_by(f32::total_cmp);
+        let median = f64::from(light[light.len() / 2]);
+        let wanted = (witness.noise_levels(median).powi(2) + 1.0 / 12.0 / gain / gain).sqrt();
+        let found = f64::from(prepared.noise[c.index()]);
+        println!("{c:?}: noise of the photo {found:.3}, {wanted:.3}");
+        assert!((found / wanted - 1.0).abs() < 0.1, "{c:?}: {found} {wanted}");
+    }
     let mut by = |method: &dyn Method| {
         let restored = pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap();
         let solved = restored.solved.unwrap();

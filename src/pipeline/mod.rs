@@ -28,7 +28,7 @@ use std::sync::{Arc, OnceLock};
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
-use crate::calibration::{Calibration, Noise};
+use crate::calibration::{Calibration, CrossChannel, Noise};
 use crate::config;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
@@ -51,6 +51,7 @@ pub struct Pipeline {
     at_sites: OnceLock<AtSites>,
     capture_noise: [f32; 3],
     noise: [Noise; 3],
+    site_noise: [Noise; 3],
     black_surround: bool,
     reference: TotalVariation,
     patches: PatchShape,
@@ -85,6 +86,7 @@ impl Pipeline {
             level_norms: calibration.level_norms.clone(),
             at_sites: OnceLock::new(),
             noise: calibration.noise,
+            site_noise: site_noise(calibration),
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             reference: reference_solution(rig),
@@ -139,6 +141,18 @@ impl Pipeline {
     pub fn light_path<'a>(&'a self, rig: &'a mut Devices) -> LightPath<'a> {
         LightPath::new(rig, &self.correction, &*self.stopwatch)
     }
+}
+
+/// The noise of one channel of a photo that nothing has mixed. A capture's was measured on greys,
+/// whose light comes from all of the panel's primaries, and after its mixing was undone.
+fn site_noise(calibration: &Calibration) -> [Noise; 3] {
+    let unmix = calibration.cross_channel.inverse().unwrap_or(CrossChannel::IDENTITY.c);
+    Channel::ALL.map(|channel| {
+        let n = channel.index();
+        let (found, own) = (calibration.noise[n], unmix[n][n].powi(2));
+        let grey: f32 = calibration.cross_channel.c.iter().map(|primary| primary[n]).sum();
+        Noise { at_black: found.at_black / own, per_level: found.per_level / (own * grey) }
+    })
 }
 
 /// ‖K‖² of each channel with its uncertainty on top: by as much as the light's own ‖K‖² differs

@@ -69,7 +69,7 @@ impl Pipeline {
                     .for_each(|(_, trust)| *trust = MISSING);
             }
         }
-        let noise = Channel::ALL.map(|c| self.noise[c.index()].sigma(median(photo.plane(c))));
+        let noise = Channel::ALL.map(|c| self.site_noise[c.index()].sigma(median(photo.plane(c))));
         Prepared { trust, mosaic: Some(mosaic), noise, ..prepared }
     }
 
