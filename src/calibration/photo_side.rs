@@ -1,12 +1,16 @@
-//! What a calibration says about the photo itself: its colour fringes.
+//! What a calibration says about the photo itself: its dark corner, and its colour fringes.
 
 use rayon::prelude::*;
 
 use super::Calibration;
 use super::correction::Layout;
+use super::surface::Surface;
 use crate::frame::resample::{Outside, warp};
 use crate::frame::{Channel, Frame, Plane, Size, Work};
 
+/// Share of light below which a corner is too dark to be worth dividing by; what is darker is left
+/// dark.
+const DARKEST: f32 = 0.05;
 /// Rows between which displacements are interpolated: they vary by hundredths of a pixel over that.
 const COARSE_PX: usize = 16;
 
@@ -16,6 +20,8 @@ const BAND_ROWS: usize = 32;
 /// The photo's side of a calibration, made ready.
 #[derive(Debug, Clone)]
 pub struct PhotoSide {
+    /// Share of light that arrives, over the photo.
+    dark_corner: [Surface; 3],
     /// Where red (first) and blue (second) have what green has at a canvas place.
     fringes: [Fringe; 2],
 }
@@ -24,7 +30,45 @@ impl PhotoSide {
     /// The photo's side of `calibration` on a rig of `layout`.
     pub fn new(calibration: &Calibration, layout: &Layout) -> PhotoSide {
         PhotoSide {
+            dark_corner: calibration.dark_corner.clone(),
             fringes: [Channel::Red, Channel::Blue].map(|c| Fringe::new(calibration, layout, c)),
+        }
+    }
+
+    /// Divides the dark corner of the flats out of `photo` (photo-sized), as the light path does
+    /// with captures: for photos of what stands before darkness, as the panel does.
+    pub fn undo_dark_corner(&self, photo: &mut Frame<Work>) {
+        self.scale_by_corner(photo, |v, share| v / share);
+    }
+
+    /// Puts the dark corner into `light` (photo-sized), as a photo has it.
+    pub fn put_dark_corner(&self, light: &mut Frame<Work>) {
+        self.scale_by_corner(light, |v, share| v * share);
+    }
+
+    /// Each value of `photo` changed by the share of light that arrives there against the middle.
+    fn scale_by_corner(&self, photo: &mut Frame<Work>, change: impl Fn(f32, f32) -> f32 + Sync) {
+        for c in Channel::ALL {
+            let (surface, plane) = (&self.dark_corner[c.index()], photo.plane_mut(c));
+            let (width, height) = (plane.width(), plane.height());
+            // The calibration's surface has mean 1 over the photo; a photo is exposed for its
+            // middle, which must keep its light.
+            let middle = surface.at(width as f64 / 2.0, height as f64 / 2.0) as f32;
+            plane
+                .data_mut()
+                .par_chunks_mut(width.max(1))
+                .with_min_len(BAND_ROWS)
+                .enumerate()
+                .for_each_init(
+                    || vec![0.0; width],
+                    |shares, (y, row)| {
+                        surface.row(y as f64, 0.0, 1.0, shares);
+                        let darkest = DARKEST * middle;
+                        row.iter_mut()
+                            .zip(&*shares)
+                            .for_each(|(v, share)| *v = change(*v, share.max(darkest) / middle));
+                    },
+                );
         }
     }
 

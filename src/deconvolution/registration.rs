@@ -6,10 +6,15 @@
 //! capture, whose noise stays as it is.
 //!
 //! s comes from linear least squares on the gradients of P, repeated with P moved (Lucas & Kanade
-//! 1981). g comes from the sums of y and P: a lens that scatters more than was measured keeps
-//! them, and least squares on P would take its veil for less light. Either counts only where it
-//! stands out of its own uncertainty, which is what parts of the photo say without each other
-//! (the jackknife, Quenouille 1956): what a wrong lens pretends differs from part to part.
+//! 1981), both as means over cells as wide as half a lens function: a lens that came off its axis
+//! throws fine detail aside and leaves the centroid of its light, and is no shift.
+//!
+//! g comes from the sums of y and P: a lens that scatters more than was measured keeps them, and
+//! least squares on P would take its veil for less light. Either counts only where it stands out of
+//! its own uncertainty, which is what parts of the photo say without each other (the jackknife,
+//! Quenouille 1956): what a wrong lens pretends differs from part to part.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -47,18 +52,20 @@ impl Registration {
     pub const IN_PLACE: Registration = Registration { shift_px: (0.0, 0.0), gain: 1.0 };
 
     /// How `seen` lies against what was `predicted` of it, by what is known of the photo (`trust`,
-    /// `photo`) in the `channels`.
+    /// `photo`) in the `channels`; the lens blurs over `blur_px` pixels.
     pub fn of(
         seen: &Seen,
         predicted: &Frame<Work>,
         trust: &Frame<Work, u8>,
         photo: Rect,
         channels: &[Channel],
+        blur_px: usize,
     ) -> Registration {
         let mut found = Registration::IN_PLACE;
         for _ in 0..ROUNDS {
             let moved = found.prediction(predicted, channels);
-            let sums = sums(seen, moved.as_ref().unwrap_or(predicted), trust, photo, channels);
+            let known = Known { seen, trust, photo, channels, cell_px: (blur_px / 2).max(1) };
+            let sums = known.sums(moved.as_ref().unwrap_or(predicted));
             let (step, uncertain) = step(&sums);
             let before = found;
             found = found.and(step).certain(uncertain);
@@ -132,46 +139,73 @@ impl Registration {
 }
 
 /// Sums over a part of the photo: products of the gradient (x, y) with itself, with the residual
-/// and with the prediction; residual and prediction.
+/// and with the prediction; residual and prediction. Of means over cells.
 type PartSums = [f64; 9];
 
-/// The sums part by part.
-fn sums(
-    seen: &Seen,
-    predicted: &Frame<Work>,
-    trust: &Frame<Work, u8>,
+/// What a prediction is held against.
+struct Known<'a> {
+    seen: &'a Seen,
+    trust: &'a Frame<Work, u8>,
     photo: Rect,
-    channels: &[Channel],
-) -> Vec<PartSums> {
-    let size = predicted.size();
-    let edge = |n: usize, parts: usize, side: usize| n * side / parts;
-    let parts: Vec<usize> = (0..PARTS.0 * PARTS.1).collect();
-    let of_part = |&n: &usize| {
-        let (i, j) = (n % PARTS.0, n / PARTS.0);
-        let columns = |i: usize| photo.x + edge(i, PARTS.0, photo.size.width);
-        let rows = |j: usize| photo.y + edge(j, PARTS.1, photo.size.height);
-        let mut sums = [0.0; 9];
-        for &c in channels {
-            let (p, y) = (predicted.plane(c), seen.light.plane(c));
-            let (known, trusted) = (trust.plane(c), seen.trusted.plane(c));
-            for v in rows(j).max(1)..rows(j + 1).min(size.height - 1) {
-                let (above, here, below) = (p.row(v - 1), p.row(v), p.row(v + 1));
-                let (y, known, trusted) = (y.row(v), known.row(v), trusted.row(v));
-                for u in columns(i).max(1)..columns(i + 1).min(size.width - 1) {
-                    if known[u] == MISSING || trusted[u] != TRUSTED {
-                        continue;
+    channels: &'a [Channel],
+    cell_px: usize,
+}
+
+impl Known<'_> {
+    /// The sums part by part.
+    fn sums(&self, predicted: &Frame<Work>) -> Vec<PartSums> {
+        let Rect { x, y, size } = self.photo;
+        let cells = (size.width.div_ceil(self.cell_px), size.height.div_ceil(self.cell_px));
+        let of_part = |n: usize| {
+            let (i, j) = (n % PARTS.0, n / PARTS.0);
+            let span =
+                |n: usize, parts: usize, cells: usize| n * cells / parts..(n + 1) * cells / parts;
+            let mut sums = [0.0; 9];
+            for row in span(j, PARTS.1, cells.1) {
+                for column in span(i, PARTS.0, cells.0) {
+                    let (left, top) = (column * self.cell_px, row * self.cell_px);
+                    let columns = x + left..x + (left + self.cell_px).min(size.width);
+                    let rows = y + top..y + (top + self.cell_px).min(size.height);
+                    for &c in self.channels {
+                        self.add_cell(predicted, c, columns.clone(), rows.clone(), &mut sums);
                     }
-                    let gx = f64::from(here[u + 1] - here[u - 1]) / 2.0;
-                    let gy = f64::from(below[u] - above[u]) / 2.0;
-                    let (p, r) = (f64::from(here[u]), f64::from(y[u] - here[u]));
-                    let more = [gx * gx, gx * gy, gy * gy, gx * r, gy * r, gx * p, gy * p, r, p];
-                    sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+                }
+            }
+            sums
+        };
+        (0..PARTS.0 * PARTS.1).into_par_iter().map(of_part).collect()
+    }
+
+    fn add_cell(
+        &self,
+        predicted: &Frame<Work>,
+        c: Channel,
+        columns: Range<usize>,
+        rows: Range<usize>,
+        sums: &mut PartSums,
+    ) {
+        let (p, y) = (predicted.plane(c), self.seen.light.plane(c));
+        let (known, trusted) = (self.trust.plane(c), self.seen.trusted.plane(c));
+        let (mut gx, mut gy, mut r, mut light, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for v in rows.start.max(1)..rows.end.min(p.height() - 1) {
+            let (above, here, below) = (p.row(v - 1), p.row(v), p.row(v + 1));
+            let (y, known, trusted) = (y.row(v), known.row(v), trusted.row(v));
+            for u in columns.start.max(1)..columns.end.min(p.width() - 1) {
+                if known[u] != MISSING && trusted[u] == TRUSTED {
+                    gx += f64::from(here[u + 1] - here[u - 1]) / 2.0;
+                    gy += f64::from(below[u] - above[u]) / 2.0;
+                    r += f64::from(y[u] - here[u]);
+                    light += f64::from(here[u]);
+                    count += 1.0;
                 }
             }
         }
-        sums
-    };
-    parts.par_iter().map(of_part).collect()
+        if count > 0.0 {
+            let more = [gx * gx, gx * gy, gy * gy, gx * r, gy * r, gx * light, gy * light];
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more / count);
+            (sums[7], sums[8]) = (sums[7] + r, sums[8] + light);
+        }
+    }
 }
 
 /// What the sums of all parts say, and its standard errors.
@@ -241,7 +275,7 @@ mod tests {
 
     fn found(seen: &Seen) -> Registration {
         let trust = Frame::filled(SIZE, TRUSTED);
-        Registration::of(seen, &picture(0.0, 0.0), &trust, PHOTO, &Channel::ALL)
+        Registration::of(seen, &picture(0.0, 0.0), &trust, PHOTO, &Channel::ALL, 13)
     }
 
     #[test]

@@ -9,7 +9,8 @@
 //!
 //! The photo's own shading V stays: B = V·K(L) is K(V·L) as far as V is smooth, so V·L is what is
 //! solved, shown and delivered. The flats of the captures hold the panel's shading, too, and no
-//! photo was taken of the panel.
+//! photo was taken of the panel. Only where the canvas has no margin, and photo and panel both end
+//! in the dark, is the photo divided, too: the flats then hold what the lens loses into it.
 
 use std::sync::OnceLock;
 
@@ -32,6 +33,10 @@ impl Pipeline {
     /// `photo` (photo-sized, linear light 0..255) with its `channels`, made ready.
     pub fn prepare<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
         let (canvas, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+        let mut flat = photo.clone();
+        if self.black_surround {
+            self.photo_side.undo_dark_corner(&mut flat);
+        }
         let trust = Frame::from_fn(|c| {
             let full = SATURATION_SHARE * FULL_SCALE;
             let inner = photo.plane(c).map(|v: f32| if v >= full { SATURATED } else { TRUSTED });
@@ -39,7 +44,7 @@ impl Pipeline {
         });
         let placed = Frame::from_fn(|c| {
             if self.black_surround {
-                data_term::place(photo.plane(c), canvas, rect, 0.0)
+                data_term::place(flat.plane(c), canvas, rect, 0.0)
             } else {
                 data_term::place_with_edges(photo.plane(c), canvas, rect)
             }

@@ -22,6 +22,10 @@ impl Pipeline {
         let (canvas, rect) = data_term::canvas_of(scene.size(), margin_px);
         let placed = Frame::from_fn(|c| data_term::place_with_edges(scene.plane(c), canvas, rect));
         let exposed = rig.capture(&self.correction.show_scene(&placed))?;
-        Ok(self.correction.see(&exposed.counts).light.crop(rect))
+        let mut photo = self.correction.see(&exposed.counts).light.crop(rect);
+        if self.black_surround {
+            self.photo_side.put_dark_corner(&mut photo);
+        }
+        Ok(photo)
     }
 }

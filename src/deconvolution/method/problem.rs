@@ -101,7 +101,9 @@ impl<'a> Problem<'a> {
                 plane
             });
             let channels = self.channels.list();
-            let found = Registration::of(&seen, &predicted, self.trust, self.rect, channels);
+            let blur_px = model.functions().support_px;
+            let (trust, rect) = (self.trust, self.rect);
+            let found = Registration::of(&seen, &predicted, trust, rect, channels, blur_px);
             log::debug!("capture registered: {found:?}");
             found.undo(&mut seen, &predicted, channels);
         }
