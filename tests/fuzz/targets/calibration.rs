@@ -13,6 +13,7 @@ use relens::frame::{Channel, Frame, Plane, Size, Work};
 /// The rig and the photo that `tests/fuzz/seeds.rs` calibrates.
 const RIG: u64 = 7;
 const LAYOUT: Layout = Layout {
+    mosaic: None,
     panel: Size::new(64, 50),
     sensor: Size::new(60, 50),
     photo: Size::new(40, 30),
