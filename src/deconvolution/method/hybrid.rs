@@ -38,7 +38,8 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
 pub const CORRECTION_STEPS: u32 = 10;
 /// Shrinkage of the measured defect, in standard deviations of its noise; measured.
 pub const DEFECT_THRESHOLD: f32 = 2.0;
-/// Defect below this share of the noise floor counts as none. Guess, from two trials.
+/// Defect below this share of the noise floor, in the channel where it is largest, counts as none.
+/// Guess, from two trials.
 pub const DEFECT_FLOOR: f32 = 0.25;
 /// How much shorter a wrong model makes the steps of a correction; measured.
 pub const CAREFULNESS: f32 = 25.0;
@@ -130,8 +131,8 @@ impl Method for Hybrid {
             let model = refined.as_ref().unwrap_or(model);
             let norms = look.refined.as_ref().map_or(problem.level_norms, |lens| &lens.level_norms);
             let mut known = self.new_defect(problem, unexplained, &now);
-            let size =
-                known.plane(Channel::Green).rms() as f32 / problem.noise_floor(Channel::Green);
+            let over = |&c: &Channel| known.plane(c).rms() as f32 / problem.noise_floor(c);
+            let size = channels.iter().map(over).fold(0.0, f32::max);
             // What a refined model leaves no defect of is still to be solved for.
             if size <= self.defect_floor && !unsolved {
                 break;
