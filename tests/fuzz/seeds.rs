@@ -74,6 +74,9 @@ fn answers(program: &Path, photos: &Path, folder: &Path) {
 /// The program's own rig files, and the README's tables for an appliance.
 fn rig_files(from: &Path, folder: &Path) {
     for entry in fs::read_dir(from).unwrap().flatten() {
+        if entry.path().extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
         let text = fs::read_to_string(entry.path()).unwrap();
         // Comments are nothing to a fuzzer but bytes.
         let bare: Vec<&str> = text
