@@ -6,10 +6,14 @@
 
 use std::fmt;
 
+use crate::config::RigFile;
 use crate::frame::{Channel, Codes};
 use crate::rig::exposure::Devices;
 use crate::rig::{Moment, RigError};
 
+/// Share of the largest count that white brings at least: three bits of the sensor's are lost
+/// below. Guess.
+const WHITE_MIN: f64 = 0.125;
 /// Trials at one delay, for the jitter.
 const TRIALS: usize = 10;
 /// Delays tried after a flip: up to this many refreshes, in half ones.
@@ -20,6 +24,15 @@ const SHARE_MIN: f64 = 0.01;
 /// Delays in a row at which the picture is all there: two refreshes, so that a slow second change
 /// is not missed.
 const SETTLED_POINTS: usize = 5;
+/// While black and white themselves are found, a picture settles for as long, whatever the rig file
+/// says: that may be the very thing that is wrong.
+pub fn patient(rig: &RigFile) -> RigFile {
+    let mut rig = rig.clone();
+    let longest_ms = REFRESHES_MAX as f64 * 1e3 / rig.panel.refresh_hz;
+    rig.panel.settle_ms = rig.panel.settle_ms.max(longest_ms);
+    rig
+}
+
 /// Captures of different pictures that a settle time must stand without a wrong frame.
 const PROBES: usize = 20;
 
@@ -38,18 +51,19 @@ pub struct MeasuredTiming {
     pub interval_ms: f64,
     /// Settle time of the rig file.
     pub file_settle_ms: f64,
+    /// Counts that white brings, of the largest count, 0..1.
+    pub white_share: f64,
 }
 
-/// Measures the rig's timing; the rig keeps the shortest settle time that gave no wrong frame, and
-/// half a refresh.
+/// Measures the timing of `rig`, which was opened as [`patient`] `file` says; the rig keeps the
+/// shortest settle time that gave no wrong frame, and half a refresh.
 ///
 /// # Errors
 /// When a device fails, or black and white look alike.
-pub fn measure(rig: &mut Devices, refresh_hz: f64) -> Result<MeasuredTiming, RigError> {
-    let interval_ms = 1e3 / refresh_hz;
-    let file_settle_ms = rig.timing.settle_ms;
-    let (black, white) =
-        (level_after(rig, 0, file_settle_ms)?, level_after(rig, 255, file_settle_ms)?);
+pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigError> {
+    let interval_ms = 1e3 / file.panel.refresh_hz;
+    let (file_settle_ms, long_ms) = (file.panel.settle_ms, rig.timing.settle_ms);
+    let (black, white) = (level_after(rig, 0, long_ms)?, level_after(rig, 255, long_ms)?);
     if white < black * 1.5 + 1.0 {
         return Err(RigError::NoMarks {
             what: format!(
@@ -68,6 +82,7 @@ pub fn measure(rig: &mut Devices, refresh_hz: f64) -> Result<MeasuredTiming, Rig
             break;
         }
     }
+    let white_share = white / f64::from(file.camera.count_max());
     let settle_ms = curve
         .iter()
         .rev()
@@ -98,6 +113,7 @@ pub fn measure(rig: &mut Devices, refresh_hz: f64) -> Result<MeasuredTiming, Rig
         shortest_settle_ms,
         interval_ms,
         file_settle_ms,
+        white_share,
     })
 }
 
@@ -130,10 +146,9 @@ fn level_at(rig: &mut Devices, moment: Moment) -> Result<f64, RigError> {
 
 /// Share of white in an exposure begun `delay_ms` after the flip from black to white.
 fn share_at(rig: &mut Devices, delay_ms: f64, black: f64, white: f64) -> Result<f64, RigError> {
-    // Twice the file's settle time: whatever it is worth, black is black then.
     let black_codes = Codes::filled(rig.panel.size(), 0);
     let flip = rig.panel.show(&black_codes)?;
-    rig.clock.wait_until(Moment(flip.at.0 + 2.0 * rig.timing.settle_ms / 1e3));
+    rig.clock.wait_until(Moment(flip.at.0 + rig.timing.settle_ms / 1e3));
     let level = level_after(rig, 255, delay_ms)?;
     Ok((level - black) / (white - black))
 }
@@ -185,6 +200,14 @@ impl MeasuredTiming {
                 self.settle_ms.ceil()
             ));
         }
+        if self.white_share < WHITE_MIN {
+            all.push(format!(
+                "white brings {:.1} % of the largest count, allowed {:.0} or more: camera.bits may \
+                 be more than the sensor has, or the exposure too short, or the aperture closed",
+                100.0 * self.white_share,
+                100.0 * WHITE_MIN
+            ));
+        }
         if self.jitter_ms > self.interval_ms / 2.0 {
             all.push(
                 "the panel's delay varies by more than half a refresh: switch its picture \
@@ -227,9 +250,8 @@ mod tests {
         );
         let config = config::parse(&text, "small.toml", std::path::Path::new(""))
             .unwrap_or_else(|e| panic!("{e}"));
-        let mut devices = rig::open(&config).unwrap_or_else(|e| panic!("{e}"));
-        let timing =
-            measure(&mut devices, config.panel.refresh_hz).unwrap_or_else(|e| panic!("{e}"));
+        let mut devices = rig::open(&patient(&config)).unwrap_or_else(|e| panic!("{e}"));
+        let timing = measure(&mut devices, &config).unwrap_or_else(|e| panic!("{e}"));
         // Two refreshes of latency, then an exponential of 5 ms; an exposure of 50 ms that starts a
         // little early forgives some of it. The linear estimate counts the response time as
         // latency.
@@ -240,5 +262,17 @@ mod tests {
         assert!((25.0..=70.0).contains(&shortest_ms), "{timing}");
         assert!(timing.complaints().is_empty(), "{:?}", timing.complaints());
         assert!((devices.timing.settle_ms - shortest_ms - timing.interval_ms / 2.0).abs() < 1e-9);
+        // A file that is far too hasty: the time is found all the same, and said.
+        let mut hasty = config.clone();
+        hasty.panel.settle_ms = 10.0;
+        let mut devices = rig::open(&patient(&hasty)).unwrap_or_else(|e| panic!("{e}"));
+        let again = measure(&mut devices, &hasty).unwrap_or_else(|e| panic!("{e}"));
+        assert!((again.settle_ms - timing.settle_ms).abs() < timing.interval_ms, "{again}");
+        let complaints = again.complaints();
+        assert_eq!(complaints.len(), 1, "{complaints:?}");
+        assert!(
+            complaints[0].contains("panel.settle-ms = 10 is too short: set it to"),
+            "{complaints:?}"
+        );
     }
 }

@@ -65,7 +65,8 @@ impl Rig {
     }
 
     /// Reads the photo in the file `path`: JPEG, PNG or TIFF, 8 or 16 bits, of any size that has
-    /// the shape of the rig's photos. It is resampled to theirs.
+    /// the shape of the rig's photos. It is resampled to theirs. A raw photo of the rig's sensor
+    /// (DNG) has the rig's own size.
     ///
     /// # Errors
     /// When the file cannot be read, is damaged, or has another shape.
@@ -250,7 +251,7 @@ impl PhotoRestorer {
 }
 
 fn read(rig: &config::RigFile, path: &Path) -> Result<Photo, Error> {
-    Ok(Photo::read(path, rig.photo.curve, &Limits::default())?.fit(rig.photo.size())?)
+    Ok(Photo::read(path, rig.photo.curve, &Limits::default())?.fit(rig.photo_grid())?)
 }
 
 /// Whatever stood in the way, with what to do about it.

@@ -1,5 +1,8 @@
 //! The built program: help, wrong use, exit codes.
 
+// The functions below stop the test as it does itself.
+#![allow(clippy::unwrap_used)]
+
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -119,6 +122,26 @@ fn wrong_use_ends_with_2_and_one_sentence() {
 }
 
 #[test]
+fn what_became_of_photos_is_said_once_and_told_to_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("inbox")).unwrap();
+    std::fs::write(folder.join("inbox/letter.jpg"), b"Dear Sir or Madam").unwrap();
+    let output = relens(&["run", "--rig", "small.toml", "--once"], folder);
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert_eq!(said.matches("a text").count(), 1, "{said}");
+    let counts = "0 restored, 0 left as they were, 1 failed, 0 waiting";
+    assert!(said.contains(counts), "{said}");
+    assert!(text(&relens(&["status"], folder).stdout).contains(counts));
+    let json = relens(&["status", "--json"], folder).stdout;
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!((&json["running"], &json["failed"]), (&false.into(), &1.into()), "{json}");
+    assert_eq!(json["waiting"]["unfinished"], 0, "{json}");
+    std::fs::remove_dir(folder.join("inbox")).unwrap();
+    assert!(text(&relens(&["status"], folder).stdout).contains("its inbox is not there"));
+}
+
+#[test]
 fn a_photo_that_cannot_be_restored_ends_with_1() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.jpg"), b"not a photo").unwrap();
@@ -126,7 +149,7 @@ fn a_photo_that_cannot_be_restored_ends_with_1() {
     assert_eq!(output.status.code(), Some(1));
     assert!(
         text(&output.stderr)
-            .contains("this is not a photo: found a text, allowed JPEG, PNG or TIFF")
+            .contains("this is not a photo: found a text, allowed JPEG, PNG, TIFF, WebP")
     );
     assert!(!folder.path().join("b.jpg").exists());
 }
@@ -150,4 +173,50 @@ fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
     let again = relens(&words, folder.path());
     assert_eq!(again.status.code(), Some(2));
     assert!(text(&again.stderr).contains("photo.png exists already"));
+}
+
+/// A folder with the photo `photo.png`, taken by the small rig.
+fn folder_with_photo() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+    let words = ["photograph", "--rig", "small.toml", scene, "-o", "photo.png"];
+    assert!(relens(&words, folder.path()).status.success());
+    folder
+}
+
+#[test]
+fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
+    let folder = folder_with_photo();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("bad.png"), b"not a photo").unwrap();
+    std::fs::copy(at("photo.png"), at("again.png")).unwrap();
+    let restore = ["restore", "--rig", "small.toml", "--method", "digital"];
+    let words = |more: &[&'static str]| [&restore[..], more].concat();
+    let all = words(&["bad.png", "photo.png", "again.png", "-o", "results"]);
+    let output = relens(&all, folder.path());
+    assert_eq!(output.status.code(), Some(2), "there is no folder yet");
+    assert!(text(&output.stderr).contains("allowed a folder for the results"));
+    std::fs::create_dir(at("results")).unwrap();
+    let output = relens(&all, folder.path());
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("1 of 3 photos were not restored"));
+    assert!(at("results/photo.png").is_file() && at("results/again.png").is_file());
+    assert!(!at("results/bad.png").exists());
+    // Quietly: nothing but what went wrong.
+    let output = relens(&words(&["-q", "photo.png", "-o", "quiet.png"]), folder.path());
+    assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
+    assert!(at("quiet.png").is_file());
+}
+
+#[test]
+fn a_photo_comes_from_standard_input_and_goes_to_standard_output() {
+    let folder = folder_with_photo();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
+    command.args(["restore", "--rig", "small.toml", "-m", "digital", "-", "-o", "-"]);
+    command.stdin(std::fs::File::open(folder.path().join("photo.png")).unwrap());
+    let output = command.current_dir(folder.path()).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(output.stdout.starts_with(b"\x89PNG"), "the picture and nothing before it");
+    assert!(output.stdout.ends_with(b"IEND\xaeB\x60\x82"), "and nothing behind it");
+    assert!(text(&output.stderr).contains("standard output: restored by digital"));
 }

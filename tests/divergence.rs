@@ -161,6 +161,7 @@ fn no_method_runs_away_whatever_is_wrong() {
             trust: &trust,
             rect: Rect { x: 0, y: 0, size: SIZE },
             mosaic: None,
+            coded: false,
             capture_mosaic: None,
             channels: Channels::Green,
             model: Some(&model),

@@ -94,6 +94,25 @@ fn says(restored: &Outcome, words: &str) -> bool {
 }
 
 #[test]
+fn progress_is_even_and_never_goes_back() {
+    let rig = config::load(Path::new("small.toml")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let calibration =
+        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut |_| {}).unwrap();
+    store::save(folder.path(), &calibration).unwrap();
+    let (devices, witness) = simulated::open(&rig).unwrap();
+    let photo = photo(&rig, &witness, View::whole(Scene::Astronaut));
+    let slots = folder.path().to_owned();
+    let mut restorer = OnRig::new(&rig, devices, slots, None, Arc::new(no_clock), |_| {}).unwrap();
+    let mut told = Vec::new();
+    restorer.restore(&photo, &mut |progress| told.push(progress.done)).unwrap();
+    for step in told.windows(2) {
+        assert!((0.0..0.2).contains(&(step[1] - step[0])), "{told:?}");
+    }
+    assert!(told[0] == 0.0 && told.last().is_some_and(|&done| done > 0.5), "{told:?}");
+}
+
+#[test]
 fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
     let mut then = config::load(Path::new("small.toml")).unwrap();
     then.restore.refine_lens = true;

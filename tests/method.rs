@@ -70,6 +70,7 @@ impl Case {
             trust: &self.trust,
             rect: Rect { x: 0, y: 0, size },
             mosaic: None,
+            coded: false,
             capture_mosaic: None,
             channels: Channels::Green,
             model,

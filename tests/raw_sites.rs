@@ -10,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::config::{self, Kind};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, Work};
+use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, RawSites, Work};
 use relens::measurement::calibrate;
 use relens::pipeline::{Pipeline, Prepared, digital, hybrid};
 use relens::rig::simulated::{self, Witness};
@@ -109,7 +109,8 @@ fn what_raw_sites_are_worth() {
         };
         // The noise of the noisier sensor is known as that of the sites is.
         let mut noisier = pipeline.prepare(&full, Channels::Colour);
-        let raw = pipeline.prepare_raw(&filled, mosaic);
+        let counts_per_level = cameras.behind[3].1.counts_per_level() as f32;
+        let raw = pipeline.prepare_raw(&filled, RawSites { mosaic, counts_per_level });
         noisier.noise =
             Channel::ALL.map(|c| raw.noise[c.index()] * Mosaic::pixels_a_site(c).sqrt());
         let (a, _) = by(&noisier);
@@ -155,7 +156,14 @@ fn captures_behind_filters_are_known_at_their_sites() {
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let filled: Frame<Work> = raw.mosaic.interpolated(&sites);
-    let prepared = pipeline.prepare_raw(&filled, raw.mosaic);
+    let known = RawSites { mosaic: raw.mosaic, counts_per_level: gain as f32 };
+    let prepared = pipeline.prepare_raw(&filled, known);
+    // As a file with another white says it.
+    let dim: Frame<Work> = Frame::from_fn(|c| filled.plane(c).map(|v: f32| v / 2.0));
+    let by_half = RawSites { counts_per_level: 2.0 * known.counts_per_level, ..known };
+    for (whole, half) in prepared.noise.iter().zip(pipeline.prepare_raw(&dim, by_half).noise) {
+        assert!((half / whole - 0.5).abs() < 1e-4, "{half} {whole}");
+    }
     let truth = witness.shaded(&truth);
     for c in Channel::ALL {
         let mut light = filled.plane(c).data().to_vec();

@@ -4,6 +4,7 @@
 // The functions below stop the test as it does itself.
 #![allow(clippy::unwrap_used)]
 
+use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -21,6 +22,44 @@ fn relens(words: &[&str], folder: &Path) -> Child {
         .stderr(Stdio::null())
         .spawn()
         .unwrap()
+}
+
+#[test]
+fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    assert!(relens(&["calibrate", "--rig", "small.toml"], folder).wait().unwrap().success());
+    let press = |long: &[&str]| relens(&[&["press"], long].concat(), folder).wait().unwrap();
+    assert_eq!(press(&[]).code(), Some(2), "there is nobody to press for");
+    assert!(!folder.join(".relens-button-is-down").exists());
+    let mut child = Command::new(env!("CARGO_BIN_EXE_relens"))
+        .args(["run", "--rig", "small.toml"])
+        .current_dir(folder)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    while !folder.join("outbox/index.html").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "it does not start");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    for signal in [Signal::HUP, Signal::USR1] {
+        kill_process(Pid::from_child(&child), signal).unwrap();
+    }
+    assert!(!ended_within(&mut child, 1), "it goes on");
+    let calibrated = relens(&["calibrate", "--rig", "small.toml"], folder).wait().unwrap();
+    assert_eq!(calibrated.code(), Some(3), "the folder is in use");
+    assert!(press(&[]).success());
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    assert!(ended_within(&mut child, 30));
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(
+        said.contains("SIGHUP changes nothing") && said.contains("waiting for photos"),
+        "{said}"
+    );
+    assert!(said.contains("0 restored, 0 left as they were, 0 failed, 0 waiting"), "{said}");
+    assert!(!said.contains("<6>"), "no priorities in a pipe: {said}");
 }
 
 fn empty_inbox(folder: &Path) -> Child {

@@ -54,7 +54,10 @@ fn on_terminal(
     let slave: OwnedFd =
         File::options().read(true).write(true).open(path.to_str().unwrap()).unwrap().into();
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
-    command.args(words).current_dir(folder).env("TERM", name).env("NO_COLOR", "1");
+    // Words before the command that set something are the environment's.
+    let set = words.iter().map_while(|word| word.split_once('=')).collect::<Vec<_>>();
+    command.args(&words[set.len()..]).current_dir(folder).env_remove("COLUMNS");
+    command.envs(set).env("TERM", name).env("NO_COLOR", "1");
     command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap()).stderr(slave);
     let mut child = command.spawn().unwrap();
     // The program holds the only other end now.
@@ -110,6 +113,19 @@ fn progress_fits_fifty_columns_and_leaves_nothing_behind() {
     for line in ["calibrating the simulated rig small", "a-photo-with-a-name", "1 restored"] {
         assert!(left.lines().any(|row| row.trim_start().starts_with(line)), "{line}: {left}");
     }
+}
+
+#[test]
+fn columns_that_are_told_are_believed() {
+    let folder = folder_with_photo();
+    let words = ["run", "--rig", "small.toml", "--once"];
+    let seen = on_terminal(&words, folder.path(), ("xterm", 80), false);
+    let longest = |seen: &Seen| seen.bars.iter().map(|bar| bar.trim_end().chars().count()).max();
+    assert!(longest(&seen) > Some(46), "{:#?}", seen.bars);
+    let folder = folder_with_photo();
+    let words = ["COLUMNS=40", "run", "--rig", "small.toml", "--once"];
+    let seen = on_terminal(&words, folder.path(), ("xterm", 80), false);
+    assert!(seen.status.success() && longest(&seen) <= Some(36), "{:#?}", seen.bars);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::config::{self, Kind, Lens, Simulation};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
+use relens::frame::{Channel, Channels, Frame, Plane, RawSites, Rect, Size, Work};
 use relens::measurement::calibrate;
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, digital, hybrid};
@@ -90,11 +90,12 @@ fn raw_photos() -> bool {
 }
 
 /// What the camera's raw sites hold in light, filled between them.
-fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame<Work>, Mosaic)> {
+fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame<Work>, RawSites)> {
     let raw = witness.photograph_raw(truth, seed)?;
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
-    Some((raw.mosaic.interpolated(&sites), raw.mosaic))
+    let known = RawSites { mosaic: raw.mosaic, counts_per_level: gain as f32 };
+    Some((raw.mosaic.interpolated(&sites), known))
 }
 
 /// The same, `since` having happened to the rig after it was calibrated.
@@ -123,7 +124,7 @@ fn tried_after(
         };
         let truth = witness.shaded(&truth);
         let prepared = match raw {
-            Some((_, mosaic)) => pipeline.prepare_raw(&photo, mosaic),
+            Some((_, raw)) => pipeline.prepare_raw(&photo, raw),
             None => pipeline.prepare(&photo, Channels::Colour),
         };
         let mut by = |method: &dyn Method| {

@@ -15,9 +15,9 @@ use relens::config::Curve;
 use relens::daemon::{
     Daemon, DaemonSetting, Folders, JobStep, Progress, Reader, Restorer, Watcher,
 };
-use relens::frame::{Frame, Plane, Size, Work};
+use relens::frame::{Frame, Mosaic, Plane, Size, Work};
 use relens::picture::worker::Worker;
-use relens::picture::{Format, Limits, Manner, Photo, PictureError, PixelLayout, encode};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, PictureError, PixelLayout, encode};
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
 use relens::rig::{Clock, Moment};
@@ -129,6 +129,21 @@ fn a_file_may_kill_its_worker_and_no_more() {
             );
         }
     }
+    let sites = Plane::from_fn(RIG, |x, y| (64 + 13 * x + 2 * y) as u16);
+    let (mosaic, camera) = (Mosaic::Grbg, "rig");
+    let raw = Dng {
+        sites: &sites,
+        mosaic,
+        black: 64.0,
+        white: 1023,
+        camera,
+        exposure_s: None,
+        crop: None,
+    }
+    .bytes();
+    let path = kept(folder, "a.dng", &raw);
+    let here = Photo::read(&path, Curve::Srgb, &Limits::default()).unwrap();
+    assert_eq!(format!("{here:?}"), format!("{:?}", read(&worker(), &path).unwrap()));
     let path = kept(folder, "half.jpg", &bomb()[..200]);
     let here = Photo::read(&path, Curve::Srgb, &Limits::default()).unwrap_err();
     let there = read(&worker(), &path).unwrap_err();

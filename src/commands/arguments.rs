@@ -15,6 +15,7 @@ use super::press::PressOptions;
 use super::restore::RestoreOptions;
 use super::run::RunOptions;
 use super::screens::ScreensOptions;
+use super::shoot::ShootOptions;
 use super::status::StatusOptions;
 
 /// Makes cheap lenses take good photographs
@@ -46,6 +47,9 @@ pub(super) struct CommandLine {
     /// Show debug messages, too
     #[arg(short, long, global = true)]
     pub(super) verbose: bool,
+    /// Say only what went wrong
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(super) quiet: bool,
 }
 
 /// Each command's own file has its options.
@@ -55,6 +59,7 @@ pub(super) enum Command {
     Run(RunOptions),
     Calibrate(CalibrateOptions),
     Restore(RestoreOptions),
+    Shoot(ShootOptions),
     Photograph(PhotographOptions),
     Chart(ChartOptions),
     Check(CheckOptions),
@@ -176,6 +181,7 @@ mod tests {
         let line = read_line("run --once -f box --rig=a.toml -v").unwrap();
         assert!(line.verbose && matches!(line.command, Command::Run(_)));
         assert!(read_line("-v demo").unwrap().verbose);
+        assert!(read_line("restore -q a.jpg b.jpg - -r a.toml -o out").unwrap().quiet);
         for line in ["restore in.jpg -r a.toml -o out.jpg -m paper", "version", "status", "demo"] {
             assert!(read_line(line).is_ok(), "{line}");
         }

@@ -7,6 +7,7 @@ use relens::calibration::Calibration;
 use relens::chart::operating_point::{choose, restorations};
 use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint, RigFile};
+use relens::daemon::Folders;
 use relens::restorer::{on_rig, operating_point};
 use relens::rig::exposure::Devices;
 use relens::rig::monotonic::Monotonic;
@@ -44,6 +45,8 @@ pub(super) struct CalibrateOptions {
 /// When the rig cannot be opened or is not fit to be calibrated; what was kept before then stays.
 pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
+    rig.doubts().iter().for_each(|doubt| log::warn!("{doubt}"));
+    let _alone = Folders::keep_out(&options.folder.folder)?;
     let mut devices = opening::devices(rig)?;
     let kept = opening::calibration_folder(&options.folder.folder);
     let calibration = on_rig::measure(rig, &mut devices, &kept, progress::calibrating)?;

@@ -36,7 +36,7 @@ pub(super) struct CheckOptions {
 /// is wrong.
 pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
-    let mut devices = opening::devices(rig)?;
+    let mut devices = opening::devices(&diagnosis::patient(rig))?;
     let row = |name: &str, found: &str| say(&format!("{name:<28}{found}"));
     let sizes = format!("{} panel, {} camera", devices.panel.size(), devices.camera.size());
     row("devices", &sizes);
@@ -45,9 +45,10 @@ pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
         false => "none: frames are trusted by their time",
     };
     row("frame marks", marks);
-    let timing = diagnosis::measure(&mut devices, rig.panel.refresh_hz).map_err(CliError::of)?;
+    let timing = diagnosis::measure(&mut devices, rig).map_err(CliError::of)?;
     say(timing.to_string().trim_end());
-    let mut complaints = timing.complaints();
+    let mut complaints = rig.doubts();
+    complaints.extend(timing.complaints());
     let kept = opening::calibration_folder(&options.folder.folder);
     match store::load(&kept, rig.identity) {
         Ok(calibration) => {

@@ -7,9 +7,9 @@ use clap::{Args, ValueHint};
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::display_luminance;
 use relens::config;
-use relens::daemon::Folders;
+use relens::daemon::{Folders, SCENES};
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::picture::{Format, Limits, Photo, Tone};
+use relens::picture::{Format, Limits, Manner, Photo, Tone, encode};
 
 use super::error::CliError;
 use super::output::say;
@@ -18,6 +18,10 @@ use super::{opening, photograph};
 
 /// The rig of the demo.
 const RIG: &str = "simulated.toml";
+
+/// What is photographed, in this order. A photograph comes first, and one last: the gallery begins
+/// with the newest.
+const SCENES_TAKEN: [Scene; 4] = [Scene::Coffee, Scene::Chart, Scene::Rocket, Scene::Astronaut];
 
 /// Tell the whole story on a simulated rig: start here
 ///
@@ -50,14 +54,20 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
         "1. photographing four scenes through the bad lens of {RIG} ({})",
         rig.photo.size()
     ));
-    let names = Scene::ALL.map(Scene::file_name);
-    let sharp = Scene::ALL.map(|scene| scene.light(rig.photo.size()));
+    let names = SCENES_TAKEN.map(Scene::file_name);
+    let sharp = SCENES_TAKEN.map(|scene| scene.light(rig.photo.size()));
     let taken = photograph::photos(&rig, &sharp)?;
+    let scenes = root.join(SCENES);
+    std::fs::create_dir_all(&scenes).map_err(|e| CliError::writing(&scenes, e))?;
     for (name, taken) in names.iter().zip(&taken) {
         let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
-        let path = inbox.join(name);
-        std::fs::write(&path, photograph::file_of(&rig, &taken.codes, format, name)?)
-            .map_err(|e| CliError::writing(&path, e))?;
+        let photo = photograph::file_of(&rig, &taken.codes, format, name)?;
+        let manner = Manner::plain(format, 8, rig.photo.curve);
+        let scene = encode(name, &taken.shaded, &manner, false).map_err(CliError::of)?;
+        for (folder, bytes) in [(&inbox, photo), (&scenes, scene)] {
+            let path = folder.join(name);
+            std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, e))?;
+        }
     }
     say("2. calibrating the rig, from captures alone");
     let mut restorer = opening::restorer(&rig, &root, None, None)?;
@@ -104,4 +114,16 @@ fn free(wanted: &Path) -> PathBuf {
         number += 1;
     }
     path
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_story_and_its_gallery_begin_with_photographs() {
+        let [first, .., last] = SCENES_TAKEN;
+        assert!(first != Scene::Chart && last != Scene::Chart);
+        assert!(Scene::ALL.iter().all(|scene| SCENES_TAKEN.contains(scene)));
+    }
 }

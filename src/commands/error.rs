@@ -17,6 +17,18 @@ pub(super) enum CliError {
     /// The command is for simulated rigs.
     #[error("found the rig {0}, made of devices, allowed simulated rigs")]
     NotSimulated(String),
+    /// A raw photo is asked of a camera that has none.
+    #[error(
+        "found the rig {0}, whose sensor has no colour filters ([sensor] mosaic), allowed one that \
+         has for a raw photo (.dng)"
+    )]
+    NoFilters(String),
+    /// A simulated rig has nothing before its lens.
+    #[error("found no picture for the simulated rig {0} to photograph, allowed --scene PICTURE")]
+    NoScene(String),
+    /// An exposure is asked of a camera that has one only.
+    #[error("this camera's exposure cannot be set by program, allowed --exposure 1")]
+    FixedExposure,
     /// A file that is to be written is there already.
     #[error("{0} exists already, allowed a new name")]
     Taken(PathBuf),
@@ -26,9 +38,21 @@ pub(super) enum CliError {
     /// The result's name does not tell a format.
     #[error("found the result's name {0}, allowed one ending in .jpg, .png or .tif")]
     Format(PathBuf),
+    /// Several photos' results go into a folder.
+    #[error("found no folder {0}, allowed a folder for the results of several photos")]
+    NoSuchFolder(PathBuf),
+    /// A report is of one photo.
+    #[error("found --report beside {0} photos, allowed one photo")]
+    OneReport(usize),
+    /// What was piped in cannot be read.
+    #[error("cannot read standard input")]
+    StandardInput(#[source] io::Error),
     /// No daemon worked on the folder yet.
     #[error("found no state file in {0}, allowed a folder that `relens run` has worked on")]
     NoState(PathBuf),
+    /// No daemon works on the folder.
+    #[error("found no relens at work on {0}, allowed a folder with a `relens run`")]
+    NobodyThere(PathBuf),
     /// The disk refused a file.
     #[error("cannot write {0}")]
     Writing(PathBuf, #[source] io::Error),
@@ -62,11 +86,17 @@ impl CliError {
         match self {
             CliError::RigFile(_)
             | CliError::NotSimulated(_)
+            | CliError::NoFilters(_)
+            | CliError::NoScene(_)
+            | CliError::FixedExposure
             | CliError::Taken(_)
             | CliError::NoFolder(_)
             | CliError::Format(_)
+            | CliError::NobodyThere(_)
+            | CliError::NoSuchFolder(_)
+            | CliError::OneReport(_)
             | CliError::NoState(_) => 2,
-            CliError::Writing(..) | CliError::SomeFailed { .. } => 1,
+            CliError::Writing(..) | CliError::StandardInput(_) | CliError::SomeFailed { .. } => 1,
             CliError::Signals(_) | CliError::NothingScored | CliError::Unwell(_) => 3,
             CliError::Folder(error) => of(error.remedy()),
             CliError::Failed(error) => of(error.remedy()),

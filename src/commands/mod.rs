@@ -20,6 +20,7 @@ mod restore;
 mod run;
 mod screens;
 mod service;
+mod shoot;
 mod signals;
 mod status;
 
@@ -45,7 +46,23 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
         Ok(line) => line,
         Err(error) => return answer(&error, &words),
     };
-    let level = if line.verbose { log::LevelFilter::Debug } else { log::LevelFilter::Info };
+    let level = match (line.verbose, line.quiet) {
+        (true, _) => log::LevelFilter::Debug,
+        (_, true) => log::LevelFilter::Warn,
+        _ => log::LevelFilter::Info,
+    };
+    // An answer that was asked for is given.
+    let asks = matches!(
+        line.command,
+        Command::Status(_)
+            | Command::Check(_)
+            | Command::Version
+            | Command::Completions(_)
+            | Command::Man(_)
+    );
+    if line.quiet && !asks {
+        output::be_quiet();
+    }
     let journal_stream = std::env::var_os("JOURNAL_STREAM");
     log_writer::start(level, journal_stream.as_deref(), output::log);
     let done = dispatch(&line);
@@ -92,6 +109,7 @@ fn dispatch(line: &CommandLine) -> Result<(), CliError> {
         Command::Calibrate(options) => calibrate::run(options),
         Command::Restore(options) => restore::run(options),
         Command::Photograph(options) => photograph::run(options),
+        Command::Shoot(options) => shoot::run(options),
         Command::Chart(options) => chart::run(options),
         Command::Check(options) => check::run(options),
         Command::Status(options) => status::run(options),

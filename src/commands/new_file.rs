@@ -1,9 +1,13 @@
 //! A result's file: its ending tells the format, and it never goes over another file.
 
-use std::io::Write;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{self, Write};
 use std::path::Path;
 
 use relens::picture::Format;
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
 
 use super::error::CliError;
 
@@ -21,9 +25,27 @@ pub(super) fn must_be_new(out: &Path) -> Result<(), CliError> {
     }
 }
 
-/// Writes a file that must not exist yet.
+/// Writes a file that must not exist yet: whole, or not at all. Until it is whole it has a hidden
+/// name, which a daemon passes over.
 pub(super) fn write_new(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
-    file.and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .map_err(|e| CliError::writing(path, e))
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(".part");
+    let part = path.with_file_name(name);
+    let written = File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| put(&part, path));
+    written.map_err(|e| {
+        let _ = std::fs::remove_file(&part);
+        CliError::writing(path, e)
+    })
+}
+
+/// Gives `part` the name `path`, over nothing.
+fn put(part: &Path, path: &Path) -> io::Result<()> {
+    match renameat_with(CWD, part, CWD, path, RenameFlags::NOREPLACE) {
+        // NFS knows no such renaming; that the name is free was seen before.
+        Err(Errno::INVAL) => std::fs::rename(part, path),
+        renamed => Ok(renamed?),
+    }
 }

@@ -16,7 +16,8 @@ use super::progress;
 
 /// Take the photo that a simulated rig's camera would take
 ///
-/// The picture is cut to the rig's shape.
+/// The picture is cut to the rig's shape, and the photo developed as a camera does. See `relens
+/// shoot` for raw photos.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

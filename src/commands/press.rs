@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use relens::daemon::Folders;
 use relens::kiosk::attend::ButtonLevel;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment, RigError};
@@ -64,7 +65,11 @@ pub(super) struct PressOptions {
 
 /// `relens press`.
 pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
-    let path = options.folder.folder.join(NAME);
+    let folder = &options.folder.folder;
+    if !Folders::in_use(folder) {
+        return Err(CliError::NobodyThere(folder.clone()));
+    }
+    let path = folder.join(NAME);
     std::fs::write(&path, b"").map_err(|e| CliError::writing(&path, e))?;
     // Twice the longest long press a rig file may ask for would keep people waiting; three seconds
     // do for most.

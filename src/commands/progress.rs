@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
 use relens::daemon::{self, Doing, Watcher};
 use relens::measurement::CalibrationProgress;
 
+use super::output::is_quiet;
 use super::service::service_manager;
 
 /// Columns that are left free: there a terminal shows the `^C` of a key, and it is cleared with the
@@ -23,7 +24,10 @@ struct Narrowed(Term);
 
 impl TermLike for Narrowed {
     fn width(&self) -> u16 {
-        self.0.size().1.saturating_sub(ECHO_COLUMNS).max(1)
+        // Whoever says how wide it is, for a terminal that cannot or lies, is believed.
+        let said = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
+        let columns: u16 = said.filter(|&columns| columns > 0).unwrap_or(self.0.size().1);
+        columns.saturating_sub(ECHO_COLUMNS).max(1)
     }
     fn height(&self) -> u16 {
         self.0.size().0
@@ -54,9 +58,10 @@ impl TermLike for Narrowed {
     }
 }
 
-/// Whether there is a terminal to draw on.
+/// Whether there is a terminal to draw on, and somebody who wants to see it.
 pub(super) fn is_drawn() -> bool {
-    let moves = std::env::var_os("TERM").is_some_and(|name| !name.is_empty() && name != "dumb");
+    let moves = !is_quiet()
+        && std::env::var_os("TERM").is_some_and(|name| !name.is_empty() && name != "dumb");
     moves && std::io::stderr().is_terminal()
 }
 

@@ -1,11 +1,12 @@
-//! `relens restore`: one photo in, one picture out.
+//! `relens restore`: photos in, pictures out.
 
-use std::path::PathBuf;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
-use relens::config::{self, MethodName};
-use relens::daemon::{Report, Watcher};
+use relens::config::{self, LargerPhotos, MethodName, RigFile};
+use relens::daemon::{Report, Restorer, Watcher};
 use relens::picture::{Limits, Photo};
 use relens::pipeline::Verdict;
 
@@ -13,7 +14,7 @@ use super::error::CliError;
 use super::new_file::{format_of, must_be_new, write_new};
 use super::opening;
 use super::options::{FolderOption, RigOption};
-use super::output::say;
+use super::output::{note, say};
 use super::progress::PhotoProgress;
 
 /// The methods that `--method` takes.
@@ -26,62 +27,188 @@ fn methods() -> impl TypedValueParser<Value = MethodName> {
     })
 }
 
-/// Restore one photo
+/// Restore photos
 ///
-/// PHOTO and RESULT are JPEG, PNG or TIFF, each by its own ending.
+/// PHOTO is a JPEG, PNG, TIFF, WebP, BMP or GIF, or a raw photo of the rig's sensor (DNG); RESULT a
+/// JPEG, PNG or TIFF by its ending. Of several photos one that cannot be restored stops no other.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   relens restore --rig RIG.toml photo.jpg -o restored.jpg
+  relens restore --rig RIG.toml *.jpg -o DIR
+  relens restore --rig RIG.toml - -o - < photo.jpg > restored.jpg
   relens restore --rig RIG.toml photo.jpg -o restored.tif --method digital --report report.json")]
 pub(super) struct RestoreOptions {
     #[command(flatten)]
     rig: RigOption,
     #[command(flatten)]
     folder: FolderOption,
-    /// Photo taken through the rig's lens
-    #[arg(value_name = "PHOTO", value_hint = ValueHint::FilePath)]
-    photo: PathBuf,
-    /// Restored picture, which must not exist yet; its ending tells the format
-    #[arg(short, long, value_name = "RESULT", value_hint = ValueHint::FilePath)]
+    /// Photos taken through the rig's lens; `-` is standard input
+    #[arg(value_name = "PHOTO", value_hint = ValueHint::FilePath, required = true)]
+    photos: Vec<PathBuf>,
+    /// Restored picture, which must not exist yet; its ending tells the format. `-` is standard
+    /// output, in the photo's format. For several photos a folder, where each keeps its name
+    #[arg(short, long, value_name = "RESULT", value_hint = ValueHint::AnyPath)]
     out: PathBuf,
     /// Method, the rig file's when not given
     #[arg(short, long, value_name = "NAME", value_parser = methods())]
     method: Option<MethodName>,
-    /// Report to write, which must not exist yet
+    /// Report to write, which must not exist yet; for one photo
     #[arg(long, value_name = "REPORT.json", value_hint = ValueHint::FilePath)]
     report: Option<PathBuf>,
 }
 
+/// A photo and where its result goes.
+struct Errand<'a> {
+    photo: &'a Path,
+    /// `None` is standard output.
+    out: Option<PathBuf>,
+}
+
+/// `-`, in place of a file.
+fn is_dash(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
 /// `relens restore`.
 pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
+    let RestoreOptions { photos, out, report, .. } = options;
     let rig = config::load(&options.rig.rig)?;
-    let out = &options.out;
-    let format = format_of(out)?;
-    must_be_new(out)?;
-    let photo = Photo::read(&options.photo, rig.photo.curve, &Limits::default())
-        .and_then(|photo| photo.fit(rig.photo.size()))
-        .map_err(CliError::of)?;
+    if report.is_some() && photos.len() > 1 {
+        return Err(CliError::OneReport(photos.len()));
+    }
+    let into_folder = photos.len() > 1 || out.is_dir();
+    if into_folder && !out.is_dir() {
+        return Err(CliError::NoSuchFolder(out.clone()));
+    }
+    let errands: Vec<Errand<'_>> = photos
+        .iter()
+        .map(|photo| {
+            let name = photo.file_name().filter(|_| !is_dash(photo));
+            let out = match name {
+                Some(name) if into_folder => developed(out.join(name)),
+                None if into_folder => out.join("photo.png"),
+                _ => out.clone(),
+            };
+            Errand { photo, out: (!is_dash(&out)).then_some(out) }
+        })
+        .collect();
+    // Said before the long work, not after it.
+    for out in errands.iter().filter_map(|errand| errand.out.as_ref()) {
+        format_of(out)?;
+        must_be_new(out)?;
+    }
+    // A single photo is looked at before the rig.
+    if let [errand] = &errands[..] {
+        let photo = read(errand.photo, &rig)?;
+        let mut restorer = opening::restorer(&rig, &options.folder.folder, options.method, None)?;
+        return one(options, &rig.name, errand, &photo, &mut *restorer);
+    }
     let mut restorer = opening::restorer(&rig, &options.folder.folder, options.method, None)?;
+    let mut failed = 0;
+    for errand in &errands {
+        let done = read(errand.photo, &rig)
+            .and_then(|photo| one(options, &rig.name, errand, &photo, &mut *restorer));
+        match done {
+            Err(error) if error.exit_code() == 3 => return Err(error),
+            Err(error) => {
+                failed += 1;
+                log::warn!("{}", relens::remedy::full_message(&error));
+            }
+            Ok(()) => {}
+        }
+    }
+    match failed {
+        0 => Ok(()),
+        failed => Err(CliError::SomeFailed { failed, all: errands.len() }),
+    }
+}
+
+/// The name of a result: that of a raw photo is a TIFF, and a PNG that of one of a kind that is
+/// read alone.
+fn developed(out: PathBuf) -> PathBuf {
+    let has = |ending: &str| out.extension().is_some_and(|has| has.eq_ignore_ascii_case(ending));
+    match has("dng") {
+        true => out.with_extension("tif"),
+        false if ["bmp", "gif", "webp"].into_iter().any(has) => out.with_extension("png"),
+        false => out,
+    }
+}
+
+/// The photo in a file or from standard input, on the rig's grid.
+fn read(path: &Path, rig: &RigFile) -> Result<Photo, CliError> {
+    let limits = Limits::default();
+    let photo = if is_dash(path) {
+        let mut bytes = Vec::new();
+        // A byte more than is allowed tells that there are too many.
+        std::io::stdin()
+            .take(limits.bytes_max + 1)
+            .read_to_end(&mut bytes)
+            .map_err(CliError::StandardInput)?;
+        Photo::from_bytes("standard input", &bytes, rig.photo.curve, &limits)
+    } else {
+        Photo::read(path, rig.photo.curve, &limits)
+    };
+    let photo = photo.and_then(|photo| photo.fit(rig.photo_grid()));
+    let photo = photo.and_then(|photo| match rig.run.larger_photos {
+        LargerPhotos::Shrink => Ok(photo),
+        LargerPhotos::Refuse => photo.no_larger(),
+    });
+    photo.map_err(CliError::of)
+}
+
+/// One photo restored, its result written, and what was done said.
+fn one(
+    options: &RestoreOptions,
+    rig: &str,
+    errand: &Errand<'_>,
+    photo: &Photo,
+    restorer: &mut dyn Restorer,
+) -> Result<(), CliError> {
     let mut line = PhotoProgress::default();
     line.begun(&photo.name, 1, 1);
-    let outcome = restorer.restore(&photo, &mut |progress| line.progress(progress));
+    let outcome = restorer.restore(photo, &mut |progress| line.progress(progress));
     line.ended();
     let outcome = outcome?;
-    write_new(out, &photo.with_picture(&outcome.picture, format).map_err(CliError::of)?)?;
+    let format = errand.out.as_deref().map_or(Ok(photo.manner.format), format_of)?;
+    let bytes = photo.with_picture(&outcome.picture, format).map_err(CliError::of)?;
+    let place = errand.out.as_deref().unwrap_or(Path::new("standard output"));
+    match &errand.out {
+        Some(out) => write_new(out, &bytes)?,
+        None => {
+            let mut stdout = std::io::stdout().lock();
+            stdout
+                .write_all(&bytes)
+                .and_then(|()| stdout.flush())
+                .map_err(|e| CliError::writing(place, e))?;
+        }
+    }
     let by = match outcome.verdict {
         Verdict::Untouched => "the photo as it is".to_owned(),
         Verdict::Sound | Verdict::Replaced => format!("restored by {}", outcome.method),
     };
     let (captures, seconds) = (outcome.captures, outcome.seconds);
-    say(&format!("{}: {by}; captures: {captures}, {seconds:.1} s", out.display()));
+    let (size, stored) = (photo.light.size(), photo.stored);
+    let smaller = match outcome.verdict {
+        Verdict::Sound | Verdict::Replaced if stored.area() > size.area() => {
+            format!("comes back smaller, {size} for {stored}; ")
+        }
+        _ => String::new(),
+    };
+    let mut said =
+        format!("{}: {smaller}{by}; captures: {captures}, {seconds:.1} s", place.display());
     let certificate = outcome.certificate.map(|certificate| certificate.meaning().to_owned());
     let notes = certificate.iter().chain(&photo.notes).chain(&outcome.notes);
     for note in [&outcome.reason].into_iter().chain(notes) {
-        say(&format!("  {note}"));
+        said.push_str(&format!("\n  {note}"));
+    }
+    match errand.out {
+        Some(_) => say(&said),
+        // Standard output is the picture's.
+        None => note(&said),
     }
     if let Some(path) = &options.report {
-        let report = Report::single(&rig.name, &photo, &outcome, out);
+        let report = Report::single(rig, photo, &outcome, place);
         let json =
             serde_json::to_vec_pretty(&report).map_err(|e| CliError::writing(path, e.into()))?;
         write_new(path, &json)?;

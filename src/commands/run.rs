@@ -36,9 +36,11 @@ const OPEN_AGAIN_S: f64 = 30.0;
 /// outbox/index.html, that shows all before and after. The originals go to done, or to failed with
 /// a note that says why. Nothing is ever overwritten or lost, whenever the power fails.
 ///
-/// A photo is taken when it is all there; one whose end is missing waits in the inbox. JPEG, PNG
-/// and TIFF are read, 8 or 16 bits, of the rig's shape; other sizes of it are resampled. A
-/// simulated rig without a calibration calibrates itself first.
+/// A photo is taken when it is all there; one whose end is missing waits in the inbox. JPEG, PNG,
+/// TIFF, WebP, BMP and GIF are read, of 8 or 16 bits, up to 32 megapixels and 256 MiB, of the rig's
+/// shape; other sizes of it are resampled to the rig's. A raw photo of the rig's own sensor (DNG,
+/// uncompressed, of the photo's size) comes out as a 16-bit TIFF. A simulated rig without a
+/// calibration calibrates itself first.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -70,7 +72,7 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
         Some(name) => Folders::open_shared(folder, name)?,
     };
     let gallery = folders.outbox().join("index.html");
-    let stopped = signals::stop_flag()?;
+    let stopped = signals::stop_flag(folders.home())?;
     if options.once {
         let front = FrontPanel::default();
         let asked = interruption(front, Arc::clone(&stopped));
@@ -215,7 +217,8 @@ fn setting(rig: &RigFile) -> DaemonSetting {
         reader,
         floor_bytes,
         lease_s,
-        ..DaemonSetting::new(&rig.name, rig.photo.size(), rig.photo.curve)
+        larger_photos: rig.run.larger_photos,
+        ..DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)
     }
 }
 
@@ -225,14 +228,9 @@ fn conclude(summary: &Summary, gallery: &Path) -> Result<(), CliError> {
         say("the inbox is empty");
         return Ok(());
     }
-    for photo in &summary.failed {
-        say(&format!("not restored: {}", photo.reason));
-    }
-    for photo in &summary.left {
-        say(&format!("left in the inbox: {}", photo.reason));
-    }
+    // What became of each, and why, the log has said.
     say(&format!("{counts}; see {}", gallery.display()));
-    match counts.failed + counts.left {
+    match counts.failed + counts.waiting.all() {
         0 => Ok(()),
         failed => Err(CliError::SomeFailed { failed, all: counts.all() }),
     }

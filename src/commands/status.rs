@@ -1,9 +1,11 @@
 //! `relens status`: what the daemon is doing, from its state file.
 
+use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use relens::daemon::{Doing, Folders, State};
+use serde::Serialize;
 
 use super::error::CliError;
 use super::options::FolderOption;
@@ -13,24 +15,71 @@ use super::output::say;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  relens status --folder DIR")]
+  relens status --folder DIR
+  relens status --folder DIR --json")]
 pub(super) struct StatusOptions {
     #[command(flatten)]
     folder: FolderOption,
+    /// Write it as JSON, for other programs
+    #[arg(long)]
+    json: bool,
 }
 
 /// Says what the daemon does, from its state file.
 pub(super) fn run(options: &StatusOptions) -> Result<(), CliError> {
     let folder = &options.folder.folder;
-    let state = State::read(folder)?.ok_or_else(|| CliError::NoState(folder.clone()))?;
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    say(&words(&state, Folders::in_use(folder), now));
+    if !options.json {
+        say(&of(folder)?);
+        return Ok(());
+    }
+    let (state, running) = read(folder)?;
+    let told = Told { running, inbox_is_there: inbox_is_there(folder), state };
+    let json = serde_json::to_string_pretty(&told);
+    say(&json.map_err(|e| CliError::writing(folder, e.into()))?);
     Ok(())
+}
+
+/// What `--json` writes.
+#[derive(Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Told {
+    running: bool,
+    inbox_is_there: bool,
+    #[serde(flatten)]
+    state: State,
+}
+
+/// The state in `folder`, and whether a daemon is at work there.
+fn read(folder: &Path) -> Result<(State, bool), CliError> {
+    let state = State::read(folder)?.ok_or_else(|| CliError::NoState(folder.to_owned()))?;
+    Ok((state, Folders::in_use(folder)))
+}
+
+/// What the daemon on `folder` does, in a few lines.
+pub(super) fn of(folder: &Path) -> Result<String, CliError> {
+    let (state, running) = read(folder)?;
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let gone = match inbox_is_there(folder) {
+        true => "",
+        false => "\nits inbox is not there: make the folder again, or mount its disk",
+    };
+    Ok(words(&state, running, now) + gone)
+}
+
+/// Whether `folder`, or the one that its box shares, has an inbox.
+fn inbox_is_there(folder: &Path) -> bool {
+    folder.join("inbox").is_dir() || folder.join("../inbox").is_dir()
 }
 
 fn words(state: &State, running: bool, now_unix_s: u64) -> String {
     let doing = match (&state.doing, running) {
-        (Doing::Restoring { photo }, true) => format!("restoring {photo}"),
+        (Doing::Restoring { photo, done, left_s }, true) => {
+            let left = left_s.map_or(String::new(), |left_s| {
+                let all = if state.counts.waiting.turn > 0 { " for all" } else { "" };
+                format!(", about {} left{all}", duration(left_s.ceil() as u64))
+            });
+            format!("restoring {photo}: {:.0} %{left}", 100.0 * done)
+        }
         (Doing::Waiting, true) => "waiting for photos".to_owned(),
         (Doing::Paused { reason }, true) => format!("paused: {reason}"),
         (Doing::Held { reason }, true) => format!("needs help: {reason}"),
@@ -65,7 +114,7 @@ fn duration(seconds: u64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use relens::daemon::PhotoCounts;
+    use relens::daemon::{PhotoCounts, Waiting};
 
     use super::*;
 
@@ -74,18 +123,24 @@ mod tests {
         let mut state = State {
             rig: "small".into(),
             doing: Doing::Waiting,
-            counts: PhotoCounts { restored: 3, untouched: 2, failed: 1, left: 0 },
+            counts: PhotoCounts { restored: 3, untouched: 2, failed: 1, ..PhotoCounts::default() },
             attention: Vec::new(),
             written_unix_s: 100,
         };
         assert!(words(&state, true, 160).starts_with("waiting for photos\n"));
         assert!(
-            words(&state, true, 160).contains("3 restored, 2 returned untouched, 1 failed")
+            words(&state, true, 160)
+                .contains("3 restored, 2 left as they were, 1 failed, 0 waiting")
                 && words(&state, true, 160).contains("60 s ago")
         );
         assert!(words(&state, false, 160).contains("did not end in good order"));
         state.doing = Doing::Ended;
         assert!(words(&state, false, 160).contains("ended in good order"));
+        state.doing = Doing::Restoring { photo: "a.jpg".into(), done: 0.4, left_s: Some(200.0) };
+        state.counts.waiting = Waiting { turn: 2, settling: 1, ..Waiting::default() };
+        let told = words(&state, true, 160);
+        assert!(told.starts_with("restoring a.jpg: 40 %, about 3 min left for all\n"), "{told}");
+        assert!(told.contains("3 waiting (2 for a turn, 1 settling)"), "{told}");
         state.attention.push("no photo was restored".into());
         assert!(words(&state, true, 160).contains("\nattention: no photo was restored\n"));
     }

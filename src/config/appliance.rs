@@ -12,6 +12,18 @@ table! {
         /// How long the button is held to give a job up; in maintenance, to calibrate. Held at
         /// start: maintenance.
         long_press_ms: f64, Number(300.0, 10_000.0), Means("1500.0");
+        /// What becomes of a photo with more pixels than `[photo]` has.
+        larger_photos: LargerPhotos, Word(LargerPhotos::WORDS), Means("\"shrink\"");
+    }
+}
+
+words! {
+    /// What becomes of a photo with more pixels than the rig's.
+    pub enum LargerPhotos {
+        /// Its result has the rig's pixels and no more, which log and report say first.
+        Shrink = "shrink",
+        /// It is not restored.
+        Refuse = "refuse",
     }
 }
 

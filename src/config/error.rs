@@ -17,6 +17,14 @@ pub enum ConfigError {
         #[source]
         source: std::io::Error,
     },
+    /// There is none.
+    #[error("found no rig file {path}, allowed a file, or one that is part of relens: {names}")]
+    NoFile {
+        /// The name asked for.
+        path: PathBuf,
+        /// Those that are part of relens.
+        names: String,
+    },
     /// The text is not TOML.
     #[error("{at}: {what}")]
     NotToml {

@@ -152,6 +152,7 @@ pub fn digital(numbers: &Numbers<'_>) -> Digital {
         levels: restore.levels,
         cycle_spun: restore.cycle_spun,
         colours: match restore.colours {
+            ColourChoice::AlongAxes => digital::Colours::AlongAxes,
             ColourChoice::Together => digital::Colours::Together,
             ColourChoice::Apart => digital::Colours::Apart,
         },

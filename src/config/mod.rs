@@ -18,7 +18,9 @@ mod rules;
 mod simulation;
 mod written;
 
-pub use appliance::{ClockSource, DiskTable, Keep, Mode, NightMinutes, Nights, RunTable, Share};
+pub use appliance::{
+    ClockSource, DiskTable, Keep, LargerPhotos, Mode, NightMinutes, Nights, RunTable, Share,
+};
 pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
@@ -39,11 +41,12 @@ pub use simulation::{
 use std::path::Path;
 
 /// The rig files that are part of the program, by name.
-const BUILT_IN: [(&str, &str); 5] = [
+const BUILT_IN: [(&str, &str); 6] = [
     ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
     ("study.toml", include_str!("../../rig-config/study.toml")),
     ("small.toml", include_str!("../../rig-config/small.toml")),
     ("paper-synthetic.toml", include_str!("../../rig-config/paper-synthetic.toml")),
+    ("raspberry-pi-5.toml", include_str!("../../rig-config/raspberry-pi-5.toml")),
     ("truthful.toml", include_str!("../../rig-config/truthful.toml")),
 ];
 
@@ -53,7 +56,7 @@ pub fn built_in_names() -> impl Iterator<Item = &'static str> {
 }
 
 /// The rig in the file `path`; when there is no such file and `path` is the bare name of a rig file
-/// that is part of the program, that one.
+/// that is part of the program, with `.toml` or without, that one.
 ///
 /// # Errors
 /// When the file cannot be read, is not TOML, has an unknown or missing key, or breaks a rule.
@@ -64,12 +67,18 @@ pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
             parse(&text, &path.display().to_string(), folder)
         }
         Err(source) => {
-            let built_in = BUILT_IN.iter().find(|(name, _)| Path::new(name) == path);
-            match built_in {
-                Some((name, text)) if source.kind() == std::io::ErrorKind::NotFound => {
-                    parse(text, name, Path::new(""))
+            if source.kind() != std::io::ErrorKind::NotFound {
+                return Err(ConfigError::Read { path: path.to_owned(), source });
+            }
+            let is_meant = |name: &str| {
+                path == Path::new(name) || path == Path::new(name.trim_end_matches(".toml"))
+            };
+            match BUILT_IN.iter().find(|(name, _)| is_meant(name)) {
+                Some((name, text)) => parse(text, name, Path::new("")),
+                None => {
+                    let names = built_in_names().collect::<Vec<_>>().join(", ");
+                    Err(ConfigError::NoFile { path: path.to_owned(), names })
                 }
-                _ => Err(ConfigError::Read { path: path.to_owned(), source }),
             }
         }
     }

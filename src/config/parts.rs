@@ -146,7 +146,7 @@ table! {
         /// change of iteration.
         cycle_spun: bool, Truth, Means("true");
         /// Whether the solver's prior sees the colours together.
-        colours: ColourChoice, Word(ColourChoice::WORDS), Means("\"together\"");
+        colours: ColourChoice, Word(ColourChoice::WORDS), Means("\"along-axes\"");
         /// Defect corrections a photo may cost at the most; the first of them reuses the
         /// certificate's capture.
         corrections_max: usize, Whole(0, 100), Means("3");
@@ -181,6 +181,10 @@ words! {
 words! {
     /// How the colours of a photo are solved.
     pub enum ColourChoice {
+        /// Together: start and prior see details along the axes of the photo's colours, in three
+        /// quarters of `steps`; a raw photo's sites, and a JPEG whose blocks are seen, as
+        /// "together".
+        AlongAxes = "along-axes",
         /// Together: the prior sees brightness and colour differences.
         Together = "together",
         /// Each channel for itself.

@@ -8,7 +8,7 @@ use super::parts::{
 };
 use super::simulation::Simulation;
 use crate::deconvolution::method::hybrid;
-use crate::frame::{Mosaic, Rect, Size};
+use crate::frame::{Mosaic, PhotoGrid, Rect, Size};
 
 /// A rig as checked: whoever holds one need not doubt its numbers.
 #[derive(Debug, Clone)]
@@ -64,6 +64,12 @@ impl RigFile {
         Rect { x: self.camera.photo_x_px, y: self.camera.photo_y_px, size: self.photo.size() }
     }
 
+    /// What photos the rig takes.
+    pub fn photo_grid(&self) -> PhotoGrid {
+        let sensor = Size::new(self.camera.width_px, self.camera.height_px);
+        PhotoGrid { sensor, photo: self.photo_on_sensor() }
+    }
+
     /// The canvas: the photo with the margin around it.
     pub fn canvas_size(&self) -> Size {
         let margin = 2 * self.canvas.margin_px;
@@ -103,6 +109,29 @@ impl RigFile {
                 CameraDevice::V4l2(device) => Mosaic::of_format(device.format.trim_end()),
             },
         }
+    }
+
+    /// The same of the photo's pixels.
+    pub fn photo_mosaic(&self) -> Option<Mosaic> {
+        let (x, y) = (self.camera.photo_x_px, self.camera.photo_y_px);
+        self.mosaic().map(|mosaic| mosaic.from_place(x, y))
+    }
+
+    /// What of the file can hardly be meant, and what to set instead; a sentence each.
+    pub fn doubts(&self) -> Vec<String> {
+        let (exposure_ms, refresh_hz) = (self.camera.exposure_ms, self.panel.refresh_hz);
+        let refreshes = exposure_ms * refresh_hz / 1e3;
+        let whole = refreshes.round().max(1.0);
+        // As near as a real rig's must be.
+        let doubt = (refreshes - whole).abs() > 0.01;
+        let words = || {
+            format!(
+                "camera.exposure-ms = {exposure_ms} is {refreshes:.3} refreshes of the panel, \
+                 allowed a whole number of them, or its flicker shows: set it to {:.2}",
+                whole * 1e3 / refresh_hz
+            )
+        };
+        doubt.then(words).into_iter().collect()
     }
 
     /// The simulation's tables, if the rig is a simulated one.

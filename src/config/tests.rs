@@ -19,8 +19,24 @@ fn message(result: Result<RigFile, ConfigError>) -> String {
 #[test]
 fn every_built_in_rig_file_is_taken() {
     for name in built_in_names() {
-        let rig = load(Path::new(name)).unwrap_or_else(|error| panic!("{error}"));
+        let rig = match load(Path::new(name)) {
+            Err(ConfigError::NoHardware { .. }) if !cfg!(feature = "hardware") => continue,
+            taken => taken.unwrap_or_else(|error| panic!("{error}")),
+        };
         assert_eq!(format!("{}.toml", rig.name), name);
+        assert_eq!(rig.doubts(), Vec::<String>::new(), "{name}");
+    }
+    assert_eq!(load(Path::new("small")).expect("without its ending").name, "small");
+    let said = message(load(Path::new("smal.toml")));
+    assert!(said.contains("small.toml") && said.contains("raspberry-pi-5.toml"), "{said}");
+}
+
+#[test]
+fn an_exposure_that_is_no_number_of_refreshes_is_doubted() {
+    for (exposure, wanted) in [("0.05", "set it to 16.67"), ("60.0", "set it to 66.67")] {
+        let rig = changed("exposure-ms = 50.0", &format!("exposure-ms = {exposure}"));
+        let doubts = rig.expect("it is taken").doubts().concat();
+        assert!(doubts.contains(wanted), "{doubts}");
     }
 }
 

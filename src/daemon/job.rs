@@ -1,11 +1,12 @@
 //! One photo from claim to outbox.
 
+use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use super::error::DaemonError;
 use super::setting::DaemonSetting;
-use super::store::claim::{Claimed, JobStep, claim};
+use super::store::claim::{Claim, Claimed, JobStep, claim};
 use super::store::deliver::{Delivery, Encoded};
 use super::store::folders::Folders;
 use super::store::lease::Lease;
@@ -18,13 +19,16 @@ use crate::frame::Size;
 use crate::picture::{Growth, Photo, PictureError};
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
-use crate::restorer::Restorer;
+use crate::restorer::{Progress, Restorer};
 use crate::rig::{Clock, Moment};
 
 /// Times one photo is begun again in one go when the rig stumbles. Guess.
 const TRIES_MAX: u32 = 3;
 
-/// How long a file that is damaged is watched for growth.
+/// A damaged file that changed within as many seconds is watched for growth. Guess.
+const LATELY_S: i64 = 10;
+
+/// How long it is.
 const GROWTH_WATCH_S: f64 = 1.0;
 
 /// What became of a photo.
@@ -57,6 +61,8 @@ enum JobError {
     Picture(#[from] PictureError),
     #[error("{0} (it is still being written)")]
     Growing(String),
+    #[error("{0}")]
+    Kept(String),
     #[error(
         "{photo}: the program ended while it worked on this photo: found {attempts} such \
          attempts, allowed {ATTEMPTS_MAX}"
@@ -80,7 +86,7 @@ impl Remediable for JobError {
     fn remedy(&self) -> Remedy {
         match self {
             JobError::Picture(error) => error.remedy(),
-            JobError::Growing(_) => Remedy::RetryLater,
+            JobError::Growing(_) | JobError::Kept(_) => Remedy::RetryLater,
             JobError::Interrupted { .. }
             | JobError::Died { .. }
             | JobError::WrongSize { .. }
@@ -117,6 +123,8 @@ pub(super) struct Job<'a> {
     pub(super) clock: &'a dyn Clock,
     pub(super) unix_s: &'a dyn Fn() -> u64,
     pub(super) watcher: &'a mut dyn Watcher,
+    /// Told how far the restoration is.
+    pub(super) further: &'a mut dyn FnMut(Progress),
     pub(super) lease: &'a Lease,
     /// Photos that an error left in `working`: name, and whether their result was delivered.
     pub(super) unsettled: &'a mut Unsettled,
@@ -144,7 +152,15 @@ impl Job<'_> {
     /// When the folders or the rig need help; the photo is then back in the inbox if that was
     /// possible, and in `working` otherwise, from where the next look or start takes it back.
     pub(super) fn work(mut self, way: &Path) -> Result<JobEnd, DaemonError> {
-        let Some(path) = claim(self.folders, way)? else { return Ok(JobEnd::Gone) };
+        let path = match claim(self.folders, way)? {
+            Claim::Path(path) => path,
+            Claim::Gone => return Ok(JobEnd::Gone),
+            Claim::Refused(error) => {
+                let photo = way.to_string_lossy().into_owned();
+                let left = Failed { photo, reason: error.of_photo() };
+                return Ok(JobEnd::Left { way: way.to_owned(), left });
+            }
+        };
         self.watcher.step(JobStep::Claimed);
         let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
         let mut delivered = false;
@@ -159,7 +175,11 @@ impl Job<'_> {
 
     fn work_on(&mut self, path: PathBuf, delivered: &mut bool) -> Result<JobEnd, DaemonError> {
         let folders = self.folders;
-        let mut photo = Claimed::at(folders, path)?;
+        let mut photo = match Claimed::at(folders, path) {
+            // Taken away again by whoever dropped it.
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(JobEnd::Gone),
+            claimed => claimed?,
+        };
         let result = self.attempt(&mut photo);
         *delivered = photo.delivered;
         let error = match result {
@@ -208,7 +228,11 @@ impl Job<'_> {
         }
         // Whoever dropped it may not have waited until it was on the disk; from here on it is ours
         // to keep.
-        self.folders.files().sync_file(&photo.path)?;
+        let home = self.folders.inbox().join(&photo.name);
+        self.folders.files().sync_file(&photo.path).map_err(|error| match error.is_of_disk() {
+            true => JobError::Files(error),
+            false => JobError::Kept(error.now_at(home).of_photo()),
+        })?;
         let read = loop {
             photo.ledger.begin(self.folders)?;
             self.watcher.step(JobStep::Recorded);
@@ -240,14 +264,20 @@ impl Job<'_> {
         let (files, path) = (self.folders.files(), &photo.path);
         let before = files.look(path).ok();
         let opened = files.raw().open(path);
-        let opened = opened.map_err(|source| PictureError::Read { path: path.clone(), source });
+        let opened =
+            opened.map_err(|source| PictureError::Read { path: photo.shown().into(), source });
         let read =
             opened.and_then(|file| self.setting.reader.photo(&photo.shown(), file, self.setting));
         let error = match read {
             Ok(read) => return Ok(read),
             Err(error) => error,
         };
-        if error.growth() != Growth::None && !matches!(error, PictureError::Died { .. }) {
+        // What has not changed for a while was waited for before: four hundred damaged photos would
+        // keep the next one waiting for as many times the watch.
+        let now = (self.unix_s)() as i64;
+        let lately = before.is_none_or(|look| now - look.changed.0 < LATELY_S);
+        let may_grow = error.growth() != Growth::None && lately;
+        if may_grow && !matches!(error, PictureError::Died { .. }) {
             self.clock.wait_until(Moment(self.clock.now().0 + GROWTH_WATCH_S));
             if files.look(path).ok() != before {
                 return Err(JobError::Growing(full_message(&error)));
@@ -262,10 +292,12 @@ impl Job<'_> {
         let mut told_of = None;
         loop {
             let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
+            let further = &mut self.further;
             let (lease, folders, clock) = (self.lease, self.folders, self.clock);
             let mut told = |progress| {
                 lease.beat(folders, clock.now());
                 watcher.progress(progress);
+                further(progress);
             };
             let name = || photo.name.clone();
             let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut told)));

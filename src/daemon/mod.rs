@@ -24,7 +24,7 @@ mod watcher;
 pub use error::DaemonError;
 pub use job::JobEnd;
 pub use reader::Reader;
-pub use report::gallery::write_report;
+pub use report::gallery::{SCENES, write_report};
 pub use report::state::{Doing, State};
 pub use report::summary::{PhotoCounts, Summary};
 pub use run::Daemon;
@@ -35,6 +35,7 @@ pub use setting::DaemonSetting;
 pub use store::claim::JobStep;
 pub use store::error::FolderError;
 pub use store::folders::Folders;
+pub use store::inbox::Waiting;
 pub use store::report_file::{Delivered, Failed, Report, ResultKind};
 pub use watcher::Watcher;
 

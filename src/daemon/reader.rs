@@ -2,6 +2,7 @@
 
 use std::fs::File;
 
+use crate::config::LargerPhotos;
 use crate::picture::worker::Worker;
 use crate::picture::{Limits, Photo, PictureError, whole};
 
@@ -37,13 +38,17 @@ impl Reader {
         file: File,
         setting: &DaemonSetting,
     ) -> Result<Photo, PictureError> {
-        match self {
+        let photo = match self {
             Reader::Here => {
-                Photo::of_file(name, file, setting.curve, &setting.limits)?.fit(setting.photo_size)
+                Photo::of_file(name, file, setting.curve, &setting.limits)?.fit(setting.grid)
             }
             Reader::Worker(worker) => {
-                worker.photo(name, file, setting.curve, &setting.limits, setting.photo_size)
+                worker.photo(name, file, setting.curve, &setting.limits, setting.grid)
             }
+        }?;
+        match setting.larger_photos {
+            LargerPhotos::Shrink => Ok(photo),
+            LargerPhotos::Refuse => photo.no_larger(),
         }
     }
 }

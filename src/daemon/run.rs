@@ -1,6 +1,7 @@
 //! The loop: empty the inbox once, or watch it until told to stop.
 
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::error::DaemonError;
@@ -15,13 +16,14 @@ use super::store::hints::Hints;
 use super::store::inbox::{Inbox, Patience, Ready};
 use super::store::lease::{Lease, Neighbours};
 use super::store::limits::{Keeping, Now};
-use super::store::report_file::Delivered;
+use super::store::report_file::{Delivered, Failed};
 use super::store::withdraw::withdraw;
 use super::watcher::Watcher;
 use crate::config::Keep;
-use crate::picture::Growth;
+use crate::disk::FileError;
+use crate::picture::{Growth, PictureError};
 use crate::remedy::full_message;
-use crate::restorer::Restorer;
+use crate::restorer::{Progress, Restorer};
 use crate::rig::{Clock, Moment};
 
 /// While the schedule holds, it is asked again after this long at the most.
@@ -29,6 +31,13 @@ const HOLD_LOOK_S: f64 = 15.0;
 
 /// A wait is made of steps of this length, after each of which a stop is heard.
 const STEP_S: f64 = 0.2;
+
+/// How far a photo is, is written down after this long. Each is a small file that is not
+/// synchronised.
+const TELL_S: f64 = 1.0;
+
+/// An inbox that is not there is looked for after this long.
+const GONE_LOOK_S: f64 = 2.0;
 
 /// A photo whose end is missing is spoken about after this long without a change. Guess.
 const MENTION_S: f64 = 60.0;
@@ -176,7 +185,7 @@ impl<'a> Daemon<'a> {
                     }
                     // Whoever supervises the loop must see it come round.
                     let wait_s = until.map_or(0.0, |at| at.0 - self.clocks.moment().0);
-                    (reason, wait_s.min(HOLD_LOOK_S))
+                    (reason, wait_s.min(HOLD_LOOK_S).max(self.setting.poll_s))
                 }
                 Ok(Turn::Go | Turn::Again(_) | Turn::Help(_)) => {
                     if held.take().is_some() {
@@ -184,6 +193,7 @@ impl<'a> Daemon<'a> {
                         self.tell(Doing::Waiting);
                     }
                     self.watcher.looked();
+                    self.tell_who_waits();
                     self.wait_for_photos(stop);
                     continue;
                 }
@@ -193,12 +203,14 @@ impl<'a> Daemon<'a> {
                         log::warn!("holding: {reason}");
                         self.tell(Doing::Held { reason: reason.clone() });
                     }
-                    (reason, self.setting.retry_s)
+                    let inbox = self.folders.files().look(self.folders.inbox());
+                    (reason, if inbox.is_err() { GONE_LOOK_S } else { self.setting.retry_s })
                 }
             };
             held = Some(reason);
+            self.tell_who_waits();
             self.watcher.looked();
-            self.wait(wait_s.max(self.setting.poll_s), stop);
+            self.wait(wait_s, stop);
         }
         self.try_to_show_gallery();
         self.tell(Doing::Ended);
@@ -230,8 +242,17 @@ impl<'a> Daemon<'a> {
                 if stop() {
                     return Ok(Turn::Stop);
                 }
-                if !self.may_be_taken(&way, patience) {
-                    continue;
+                match self.may_be_taken(&way, patience) {
+                    Ok(true) => {}
+                    Ok(false) => {
+                        self.inbox.has_turn();
+                        continue;
+                    }
+                    Err(unread) => {
+                        self.inbox.has_turn();
+                        self.leave(way, unread.of_photo(), retry_s);
+                        continue;
+                    }
                 }
                 self.make_room()?;
                 match self.ask(Question { waiting: waiting - taken, is_ready: true })? {
@@ -280,16 +301,24 @@ impl<'a> Daemon<'a> {
         Ok(self.inbox.look(folders, now.moment, patience)?)
     }
 
-    /// Whether the photo at `way` is all there, or never will be. Whatever else is wrong with it is
-    /// the job's to say.
-    fn may_be_taken(&mut self, way: &Path, patience: Patience) -> bool {
+    /// Whether the photo at `way` is all there, or never will be; an error when it cannot be read.
+    /// Whatever else is wrong with it is the job's to say.
+    fn may_be_taken(&mut self, way: &Path, patience: Patience) -> Result<bool, FileError> {
         let (setting, path) = (&self.setting, self.folders.inbox().join(way));
         let files = self.folders.files();
         self.inbox.may_be_taken(way, self.clocks.moment(), patience, || {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let file = files.open(&path).ok()?;
-            let lacking = setting.reader.whole(&name, file, &setting.limits).err()?;
-            (lacking.growth() == Growth::Likely).then(|| full_message(&lacking))
+            let file = match files.open(&path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+                opened => opened?,
+            };
+            match setting.reader.whole(&name, file, &setting.limits) {
+                Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &path)(source)),
+                Err(lacking) if lacking.growth() == Growth::Likely => {
+                    Ok(Some(full_message(&lacking)))
+                }
+                _ => Ok(None),
+            }
         })
     }
 
@@ -305,11 +334,28 @@ impl<'a> Daemon<'a> {
 
     fn work(&mut self, way: &Path, number: usize, of: usize) -> Result<JobEnd, DaemonError> {
         let photo = &*way.to_string_lossy();
-        self.tell(Doing::Restoring { photo: photo.to_owned() });
+        self.inbox.has_turn();
+        let restoring = |done, left_s| Doing::Restoring { photo: photo.to_owned(), done, left_s };
+        self.tell(restoring(0.0, None));
         self.watcher.begun(photo, number, of);
         self.upkeep.lease.beat(&self.folders, self.clocks.moment());
         self.schedule.told(Event::Begun { photo, number, of }, &mut *self.restorer);
+        let (begun, usual_s) = (self.clocks.moment(), self.reporter.usual_s());
+        let (mut told, telling) = (begun, self.telling());
+        let mut further = |progress: Progress| {
+            let Now { moment, unix_s } = self.clocks.now();
+            if moment.0 - told.0 < TELL_S {
+                return;
+            }
+            told = moment;
+            let (done, passed_s) = (f64::from(progress.done).clamp(0.0, 1.0), moment.0 - begun.0);
+            let whole_s = usual_s.unwrap_or(passed_s / done.max(0.01)).max(passed_s);
+            let left_s = whole_s * (1.0 - done + telling.waiting.turn as f64);
+            let telling = Telling { moment, unix_s, ..telling.clone() };
+            self.reporter.tell(&self.folders, restoring(done, Some(left_s)), &telling);
+        };
         let job = Job {
+            further: &mut further,
             folders: &self.folders,
             setting: &self.setting,
             restorer: &mut *self.restorer,
@@ -325,18 +371,23 @@ impl<'a> Daemon<'a> {
     }
 
     fn note(&mut self, way: &Path, end: JobEnd, retry_s: f64) {
-        self.inbox.taken(way);
         self.schedule.told(Event::Ended(&end), &mut *self.restorer);
+        if !matches!(end, JobEnd::Left { .. }) {
+            self.inbox.taken(way);
+        }
         match end {
             JobEnd::Done { report, .. } => self.reporter.add(*report),
             JobEnd::Failed(failed) => self.reporter.add_failed(failed),
-            JobEnd::Left { way, left } => {
-                log::warn!("left in the inbox: {}", left.reason);
-                let until = Moment(self.clocks.moment().0 + retry_s);
-                self.inbox.put_back(&self.folders, way, left, until);
-            }
+            JobEnd::Left { way, left } => self.leave(way, left.reason, retry_s),
             JobEnd::Gone => {}
         }
+    }
+
+    /// The photo at `way` stays in the inbox, and is tried again after `retry_s`.
+    fn leave(&mut self, way: PathBuf, reason: String, retry_s: f64) {
+        let left = Failed { photo: way.to_string_lossy().into_owned(), reason };
+        let until = Moment(self.clocks.moment().0 + retry_s);
+        self.inbox.put_back(&self.folders, way, left, until);
     }
 
     fn withdraw(&mut self, photos: &[Delivered]) -> Result<(), DaemonError> {
@@ -346,12 +397,20 @@ impl<'a> Daemon<'a> {
     }
 
     fn summary(&self) -> Summary {
-        self.reporter.summary(self.inbox.left())
+        self.reporter.summary(self.inbox.left(), self.inbox.waiting())
+    }
+
+    /// Writes down that other photos wait, or for something else, than was told last.
+    fn tell_who_waits(&mut self) {
+        if self.reporter.waiting() != self.inbox.waiting() {
+            let telling = self.telling();
+            self.reporter.tell(&self.folders, self.reporter.doing(), &telling);
+        }
     }
 
     fn telling(&self) -> Telling {
         let Now { moment, unix_s } = self.clocks.now();
-        Telling { left: self.inbox.left(), moment, unix_s }
+        Telling { left: self.inbox.left(), waiting: self.inbox.waiting(), moment, unix_s }
     }
 
     fn show_gallery(&mut self) -> Result<(), DaemonError> {

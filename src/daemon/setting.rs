@@ -1,7 +1,7 @@
 //! What the daemon is told once.
 
-use crate::config::Curve;
-use crate::frame::Size;
+use crate::config::{Curve, LargerPhotos};
+use crate::frame::PhotoGrid;
 use crate::picture::Limits;
 
 use super::reader::Reader;
@@ -11,10 +11,12 @@ use super::reader::Reader;
 pub struct DaemonSetting {
     /// Name of the rig, for reports.
     pub rig: String,
-    /// The rig's photo size.
-    pub photo_size: Size,
+    /// What photos the rig takes.
+    pub grid: PhotoGrid,
     /// Curve of photos that carry no profile.
     pub curve: Curve,
+    /// What becomes of photos with more pixels than that.
+    pub larger_photos: LargerPhotos,
     /// What one photo may ask of the box.
     pub limits: Limits,
     /// A photo is taken when it has not changed for this long.
@@ -42,12 +44,13 @@ impl DaemonSetting {
     /// broken off to be taken up again, five minutes until a silent box counts as dead; and a disk
     /// that is never filled beyond its last 256 MiB, so that the system can still log in whoever is
     /// to help.
-    pub fn new(rig: &str, photo_size: Size, curve: Curve) -> DaemonSetting {
+    pub fn new(rig: &str, grid: impl Into<PhotoGrid>, curve: Curve) -> DaemonSetting {
         let (quiet_s, poll_s, retry_s) = (5.0, 5.0, 60.0);
         DaemonSetting {
             rig: rig.to_owned(),
-            photo_size,
+            grid: grid.into(),
             curve,
+            larger_photos: LargerPhotos::Shrink,
             limits: Limits::default(),
             reader: Reader::Here,
             unfinished_s: 900.0,

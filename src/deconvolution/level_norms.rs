@@ -46,8 +46,8 @@ impl LevelNorms {
         rounds: usize,
         seed: u64,
     ) -> Self {
-        let model = At { model, channel, mosaic: None };
-        Power::new(model, levels, rounds, seed).norms(levels)
+        let lens = SampledLens { model, channel, mosaic: None };
+        Power::new(lens, levels, rounds, seed).norms(levels)
     }
 
     /// The same of √weight · K at the sites of `mosaic` over the canvas (each counted as often as
@@ -59,8 +59,8 @@ impl LevelNorms {
         levels: usize,
         rounds: usize,
     ) -> (Self, f32) {
-        let model = At { model, channel, mosaic: Some(mosaic) };
-        let mut power = Power::new(model, levels, rounds, SITES_SEED);
+        let lens = SampledLens { model, channel, mosaic: Some(mosaic) };
+        let mut power = Power::new(lens, levels, rounds, SITES_SEED);
         let norms = power.norms(levels);
         (norms, RAISED * power.largest(&vec![1.0; levels + 1]))
     }
@@ -107,14 +107,14 @@ impl LevelNorms {
 }
 
 /// One channel of a lens model, everywhere or at a mosaic's sites.
-struct At<'a> {
+struct SampledLens<'a> {
     model: &'a LensModel,
     channel: Channel,
     mosaic: Option<Mosaic>,
 }
 
-impl At<'_> {
-    /// `seen` = K `picture`; the sum of its squares, weighted; then `picture` = Kᵀ of it, weighted.
+impl SampledLens<'_> {
+    /// `seen` = w K `shown` with the sites' weights w, `back` = Kᵀ `seen`; ‖√w K `shown`‖².
     fn there_and_back(&self, shown: &Plane, seen: &mut Plane, back: &mut Plane) -> f32 {
         self.model.forward(self.channel, shown, seen);
         let mut power = seen.dot(seen);
@@ -133,7 +133,7 @@ impl At<'_> {
 
 /// The power method on levels.
 struct Power<'a> {
-    model: At<'a>,
+    lens: SampledLens<'a>,
     transform: Sym8,
     scratch: Scratch,
     rounds: usize,
@@ -141,9 +141,9 @@ struct Power<'a> {
 }
 
 impl<'a> Power<'a> {
-    fn new(model: At<'a>, levels: usize, rounds: usize, seed: u64) -> Self {
-        let transform = Sym8::new(model.model.canvas(), levels);
-        Power { model, transform, scratch: Scratch::default(), rounds, seed }
+    fn new(lens: SampledLens<'a>, levels: usize, rounds: usize, seed: u64) -> Self {
+        let transform = Sym8::new(lens.model.canvas(), levels);
+        Power { lens, transform, scratch: Scratch::default(), rounds, seed }
     }
 
     fn norms(&mut self, levels: usize) -> LevelNorms {
@@ -163,7 +163,7 @@ impl<'a> Power<'a> {
     fn largest(&mut self, scales: &[f32]) -> f32 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.seed);
         let mut picture =
-            Plane::from_fn(self.model.model.canvas(), |_, _| random.random::<f32>() - 0.5);
+            Plane::from_fn(self.lens.model.canvas(), |_, _| random.random::<f32>() - 0.5);
         let (mut seen, mut found) = (Plane::zeros(picture.size()), self.transform.zeros());
         let mut largest = 0.0;
         self.scale(&mut picture, &mut found, scales);
@@ -173,7 +173,7 @@ impl<'a> Power<'a> {
             // With S x = `scaled` and |x| = 1, |K Wᵀ S x|² is the eigenvalue's estimate.
             let mut scaled = picture.clone();
             self.scale(&mut scaled, &mut found, scales);
-            largest = self.model.there_and_back(&scaled, &mut seen, &mut picture);
+            largest = self.lens.there_and_back(&scaled, &mut seen, &mut picture);
             self.scale(&mut picture, &mut found, scales);
         }
         largest

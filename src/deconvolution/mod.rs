@@ -6,11 +6,12 @@
 //! | Eqs. 9–12: flip–FC–flip | [`backward_convolution`] over [`patches`] |
 //! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
-//! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`opponent`] |
+//! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
 
 pub mod backward_convolution;
 pub mod block_matching;
 pub mod blocking;
+pub mod colour_axis;
 pub mod computed_optics;
 pub mod data_term;
 pub mod detail_mask;

@@ -18,8 +18,8 @@ use std::sync::{Arc, LazyLock};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::error::FileError;
 use super::{Disk, FileKind, LocalDisk, Look, Unsynced};
-use crate::remedy::{Remediable, Remedy};
 
 /// Beginning and end of the names of temporary files; they never depend on a photo's name, which
 /// may be long.
@@ -27,53 +27,6 @@ const TEMPORARY: (&str, &str) = (".relens-", ".tmp");
 
 /// Longest file name in bytes on the file systems of a board (ext4, f2fs, NAME_MAX).
 const NAME_BYTES_MAX: usize = 255;
-
-/// The file system refused something.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot {what} {path}")]
-pub struct FileError {
-    /// What was tried, as a verb.
-    what: &'static str,
-    /// On which file or folder.
-    path: PathBuf,
-    /// The cause.
-    #[source]
-    source: io::Error,
-}
-
-impl FileError {
-    /// Says of an input/output error what was tried on which path.
-    pub fn at(what: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError {
-        let path = path.to_owned();
-        move |source| FileError { what, path, source }
-    }
-
-    /// What kind of cause it has.
-    pub fn kind(&self) -> ErrorKind {
-        self.source.kind()
-    }
-}
-
-impl Remediable for FileError {
-    fn remedy(&self) -> Remedy {
-        match self.kind() {
-            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => Remedy::CallOperator,
-            _ => Remedy::RetryLater,
-        }
-    }
-
-    fn what_to_do(&self) -> &'static str {
-        match self.kind() {
-            ErrorKind::StorageFull => {
-                "Make room on the disk: take results out of the outbox and originals out of done."
-            }
-            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-                "Look after the disk: relens may not write to it."
-            }
-            _ => "Look after the disk or the network share.",
-        }
-    }
-}
 
 /// The files of a disk.
 #[derive(Clone)]

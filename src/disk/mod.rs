@@ -8,6 +8,7 @@
 //! synchronised with [`Disk::sync_folder`], and not before. Nothing is assumed about the order in
 //! which anything else reaches the disk.
 
+mod error;
 pub mod files;
 mod local;
 
@@ -16,7 +17,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-pub use files::{FileError, Files};
+pub use error::FileError;
+pub use files::Files;
 pub use local::LocalDisk;
 
 /// What something in a folder is.

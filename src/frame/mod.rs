@@ -13,9 +13,9 @@ pub mod resample;
 mod space;
 
 pub use channel::{Channel, Channels};
-pub use mosaic::Mosaic;
+pub use mosaic::{Mosaic, RawSites};
 pub use npy::{NpyError, npy_f32, read_npy_f32};
-pub use plane::{Plane, Rect, Size};
+pub use plane::{PhotoGrid, Plane, Rect, Size};
 pub use space::{Codes, Counts, Frame, PanelSpace, SensorSpace, Work};
 
 /// Full scale of linear light in Work space (the paper's 0..255).

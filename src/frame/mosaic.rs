@@ -18,9 +18,28 @@ pub enum Mosaic {
     Rggb,
 }
 
+/// What is known of a picture whose data are a sensor's raw sites.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RawSites {
+    /// The colours of its pixels.
+    pub mosaic: Mosaic,
+    /// Sensor counts that one grey level (of 255) is.
+    pub counts_per_level: f32,
+}
+
 impl Mosaic {
     /// All of them.
     pub const ALL: [Mosaic; 4] = [Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg, Mosaic::Rggb];
+
+    /// The colours of the first four sites, row by row.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Mosaic::Bggr => "BGGR",
+            Mosaic::Gbrg => "GBRG",
+            Mosaic::Grbg => "GRBG",
+            Mosaic::Rggb => "RGGB",
+        }
+    }
 
     /// The column and row, each 0 or 1, of the red site of the first four.
     const fn red_at(self) -> (usize, usize) {

@@ -40,6 +40,22 @@ pub struct Rect {
     pub size: Size,
 }
 
+/// Where a rig's photos lie on its sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PhotoGrid {
+    /// The whole sensor.
+    pub sensor: Size,
+    /// The part of it that is restored, inside the sensor.
+    pub photo: Rect,
+}
+
+/// All of the sensor.
+impl From<Size> for PhotoGrid {
+    fn from(size: Size) -> PhotoGrid {
+        PhotoGrid { sensor: size, photo: Rect { x: 0, y: 0, size } }
+    }
+}
+
 /// A grid of numbers, row-major, height × width.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plane<T = f32> {

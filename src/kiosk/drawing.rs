@@ -1,6 +1,7 @@
 //! A sheet of panel codes to draw on.
 
 use super::lettering;
+use crate::frame::resample::resize;
 use crate::frame::{Channel, Codes, FULL_SCALE, Frame, Size, Work};
 
 /// A colour in panel codes: red, green, blue.
@@ -15,6 +16,11 @@ impl Sheet {
     /// A sheet of one colour.
     pub(super) fn new(size: Size, ground: PanelColour) -> Sheet {
         Sheet { codes: Frame::from_fn(|c| crate::frame::Plane::filled(size, ground[c.index()])) }
+    }
+
+    /// Its size.
+    pub(super) fn size(&self) -> Size {
+        self.codes.size()
     }
 
     /// The sheet as the panel takes it.
@@ -81,14 +87,15 @@ impl Sheet {
         let scale = (width as f32 / size.width as f32).min(height as f32 / size.height as f32);
         let drawn = ((size.width as f32 * scale) as i32, (size.height as f32 * scale) as i32);
         let place = (left + (width - drawn.0) / 2, top + (height - drawn.1) / 2);
-        for y in 0..drawn.1 {
-            for x in 0..drawn.0 {
-                let from = |at: i32, limit: usize| {
-                    (((at as f32 + 0.5) / scale) as usize).min(limit.saturating_sub(1))
-                };
-                let (u, v) = (from(x, size.width), from(y, size.height));
-                let colour = Channel::ALL.map(|c| code(picture.plane(c).at(u, v)));
-                self.blend(place.0 + x, place.1 + y, colour, 1.0);
+        let [wide, high] = [drawn.0, drawn.1].map(|px| usize::try_from(px).unwrap_or(0));
+        if wide == 0 || high == 0 {
+            return (place, drawn);
+        }
+        let shown = Channel::ALL.map(|c| resize(picture.plane(c), Size::new(wide, high)));
+        for y in 0..high {
+            for x in 0..wide {
+                let colour = [0, 1, 2].map(|c| code(shown[c].at(x, y)));
+                self.blend(place.0 + x as i32, place.1 + y as i32, colour, 1.0);
             }
         }
         (place, drawn)

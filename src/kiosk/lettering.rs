@@ -44,29 +44,56 @@ pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i
     }
 }
 
-/// `text` in lines no wider than `width_px` and at most `lines_max` of them; what does not fit ends
-/// in `…`. A word too long for a line is cut in its middle, so that the ending of a file's name
-/// stays.
-pub fn wrapped(text: &str, height_px: f32, width_px: f32, lines_max: usize) -> Vec<String> {
+/// `text` in lines no wider than `width_px`. A word too long for a line is cut in its middle, so
+/// that the ending of a file's name stays.
+pub fn wrapped(text: &str, height_px: f32, width_px: f32) -> Vec<String> {
     let fits = |line: &str| width(line, height_px) <= width_px;
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace().take(WORDS_MAX) {
         let word = shortened(word, &fits);
-        let full = lines.len() >= lines_max;
         match lines.last_mut() {
             Some(line) if fits(&format!("{line} {word}")) => {
                 line.push(' ');
                 line.push_str(&word);
             }
-            Some(last) if full => {
-                while !fits(&format!("{last} …")) && last.pop().is_some() {}
-                last.push_str(" …");
-                break;
-            }
             _ => lines.push(word),
         }
     }
     lines
+}
+
+/// Distance from line to line, in heights of a line.
+pub const SPACING: f32 = 1.2;
+/// More distance between two texts.
+pub const GAP: f32 = 0.35;
+
+/// `texts` in lines, in letters at most `height_px` high and small enough that all of them have
+/// room in `room` (width, height): the letters' height and each text's lines. Where even letters of
+/// a third of that height do not fit, the last lines are left out.
+pub fn fitted(texts: &[&str], height_px: f32, room: (f32, f32)) -> (f32, Vec<Vec<String>>) {
+    let set = |px: f32| -> Vec<Vec<String>> {
+        texts.iter().map(|text| wrapped(text, px, room.0)).collect()
+    };
+    let needed = |px: f32, lines: &[Vec<String>]| {
+        let count: usize = lines.iter().map(Vec::len).sum();
+        px * (SPACING * count as f32 + GAP * lines.len().saturating_sub(1) as f32)
+    };
+    let mut px = height_px;
+    loop {
+        let mut lines = set(px);
+        if needed(px, &lines) <= room.1 {
+            return (px, lines);
+        }
+        if px <= height_px / 3.0 {
+            while needed(px, &lines) > room.1
+                && let Some(last) = lines.iter_mut().rev().find(|lines| !lines.is_empty())
+            {
+                last.pop();
+            }
+            return (px, lines);
+        }
+        px *= 0.95;
+    }
 }
 
 /// `word` with as much of its middle left out as `fits` asks for.
@@ -83,7 +110,7 @@ fn shortened(word: &str, fits: &dyn Fn(&str) -> bool) -> String {
             return cut;
         }
     }
-    "…".to_owned()
+    String::new()
 }
 
 #[cfg(test)]
@@ -99,22 +126,24 @@ mod tests {
     }
 
     #[test]
-    fn lines_fit_and_what_does_not_is_marked() {
+    fn text_is_set_smaller_until_all_of_it_has_room() {
         let text =
             "No frame came from the camera, and the panel is gone as well, and so is the light";
-        let lines = wrapped(text, 20.0, 300.0, 2);
-        assert_eq!(lines.len(), 2);
-        assert!(
-            lines.iter().all(|l| width(l, 20.0) <= 300.0) && lines[1].ends_with('…'),
-            "{lines:?}"
-        );
-        assert_eq!(wrapped(text, 20.0, 1e6, 2), [text]);
+        let (px, lines) = fitted(&[text, "Help."], 40.0, (300.0, 150.0));
+        assert!((14.0..40.0).contains(&px), "{px}");
+        assert!(lines[0].iter().all(|line| width(line, px) <= 300.0));
+        assert_eq!(lines[0].join(" "), text);
+        assert_eq!(lines[1], ["Help."]);
+        assert_eq!(fitted(&[text], 20.0, (1e6, 100.0)), (20.0, vec![vec![text.to_owned()]]));
+        // Words without end end with a line, and without a mark.
+        let (_, lines) = fitted(&[&"light ".repeat(1000)], 40.0, (300.0, 150.0));
+        assert!(lines[0].len() > 3 && lines[0].iter().all(|line| line.ends_with("light")));
     }
 
     #[test]
     fn a_long_name_keeps_its_ending() {
         let name = "a".repeat(200) + ".jpg";
-        let lines = wrapped(&name, 20.0, 300.0, 1);
+        let lines = wrapped(&name, 20.0, 300.0);
         assert!(
             lines[0].ends_with(".jpg") && lines[0].contains('…') && width(&lines[0], 20.0) <= 300.0
         );

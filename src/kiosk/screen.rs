@@ -203,47 +203,47 @@ fn said(screen: &Screen) -> Said {
 /// Draws `screen` for a panel of `size`; `pictures` are the photo and its result for
 /// [`Screen::Result`].
 pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<Work>)>) -> Codes {
-    let Said { ground, symbol, title, lines, progress } = said(screen);
+    let Said { ground, symbol, mut title, mut lines, progress } = said(screen);
     let mut sheet = Sheet::new(size, ground);
     let (width, height) = (size.width as f32, size.height as f32);
-    // All measures follow the panel's height; 0.05 of it keeps clear of the edges some panels cut.
+    // All measures follow the panel's height; 0.06 of it keeps words clear of the edges some panels
+    // cut.
     let edge = (0.06 * height).max(2.0);
     let pictures = pictures.filter(|_| matches!(screen, Screen::Result { .. }));
-    let (title_px, line_px, lines_max) = if pictures.is_some() {
-        (0.1 * height, 0.052 * height, 1)
-    } else {
-        (0.17 * height, 0.085 * height, 3)
+    let (top, title_px, line_px) = match pictures {
+        Some(pictures) => {
+            let below = 0.27 * height;
+            (draw_pair(&mut sheet, pictures, height - below, ground) + 0.2 * edge, 0.1, 0.06)
+        }
+        None => (edge, 0.17, 0.085),
     };
+    let (title_px, line_px) = (title_px * height, line_px * height);
     let room = width - 2.0 * edge;
     let side = title_px * 0.8;
-    draw_symbol(&mut sheet, symbol, (edge, edge + 0.1 * title_px), side);
+    draw_symbol(&mut sheet, symbol, (edge, top + 0.1 * title_px), side);
     let words_at = edge + side * 1.35;
     // A title is one line, smaller if it must be.
-    let needed = lettering::width(&title, title_px);
-    let shrunk = title_px * ((width - edge - words_at) / needed.max(1.0)).min(1.0);
-    sheet.line(&title, (words_at, edge + (title_px - shrunk) / 2.0), shrunk, PAPER);
-    let mut y = edge + title_px * 1.3;
-    if let Some((before, after)) = pictures {
-        let half = (room - edge / 2.0) / 2.0;
-        let below = lines.len() as f32 * line_px * 1.2;
-        let tall = height - y - edge - below - line_px * 1.4;
-        for (n, (picture, word)) in [(before, "before"), (after, "after")].into_iter().enumerate() {
-            let left = edge + n as f32 * (half + edge / 2.0);
-            let (place, drawn) =
-                sheet.picture(picture, (left as i32, y as i32), (half as i32, tall as i32));
-            let at = place.0 as f32 + (drawn.0 as f32 - lettering::width(word, line_px)) / 2.0;
-            sheet.line(word, (at, y + tall + 0.1 * line_px), line_px, PAPER);
-        }
-        y += tall + line_px * 1.4;
+    let shrunk = |title: &str| {
+        let needed = lettering::width(title, title_px);
+        title_px * ((width - edge - words_at) / needed.max(1.0)).min(1.0)
+    };
+    // Beside pictures there is little room: a name that is not too long goes into the title.
+    let named = format!("{title}: {}", lines.first().map_or("", |(name, _)| name));
+    if pictures.is_some() && lines.len() > 1 && shrunk(&named) > 0.5 * title_px {
+        (title, lines) = (named, lines.split_off(1));
     }
-    for (text, colour) in lines {
-        for line in lettering::wrapped(&text, line_px, room, lines_max) {
-            sheet.line(&line, (edge, y), line_px, colour);
-            y += line_px * 1.2;
+    let shrunk = shrunk(&title);
+    sheet.line(&title, (words_at, top + (title_px - shrunk) / 2.0), shrunk, PAPER);
+    let mut y = top + title_px * 1.2;
+    let foot = if progress.is_some() { 0.08 * height + edge } else { edge };
+    let texts: Vec<&str> = lines.iter().map(|(text, _)| text.as_str()).collect();
+    let (px, set) = lettering::fitted(&texts, line_px, (room, height - y - 0.5 * foot));
+    for (text, (_, colour)) in set.iter().zip(&lines) {
+        for line in text {
+            sheet.line(line, (edge, y), px, *colour);
+            y += px * lettering::SPACING;
         }
-        if pictures.is_none() {
-            y += line_px * 0.35;
-        }
+        y += px * lettering::GAP;
     }
     if let Some(share) = progress {
         let (bar_y, thick) = ((height - edge - 0.05 * height) as i32, (0.05 * height) as i32);
@@ -251,6 +251,30 @@ pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<
         sheet.rectangle((edge as i32, bar_y), ((room * share.clamp(0.0, 1.0)) as i32, thick), SKY);
     }
     sheet.finish()
+}
+
+/// Both pictures side by side from edge to edge, at most `tall_px` high; returns where they end.
+fn draw_pair(
+    sheet: &mut Sheet,
+    (before, after): (&Frame<Work>, &Frame<Work>),
+    tall_px: f32,
+    ground: PanelColour,
+) -> f32 {
+    let size = sheet.size();
+    let gap = (size.width / 200).max(1) as i32;
+    let half = (size.width as i32 - gap) / 2;
+    let shape = before.size();
+    let tall = (half as f32 * shape.height as f32 / shape.width as f32).min(tall_px);
+    for (n, (picture, word)) in [(before, "before"), (after, "after")].into_iter().enumerate() {
+        let left = n as i32 * (size.width as i32 - half);
+        let (place, _) = sheet.picture(picture, (left, 0), (half, tall.ceil() as i32));
+        let px = 0.045 * size.height as f32;
+        let (wide, high) = ((lettering::width(word, px) + px) as i32, (1.3 * px) as i32);
+        let corner = (place.0, tall as i32 - high);
+        sheet.rectangle(corner, (wide, high), ground);
+        sheet.line(word, (corner.0 as f32 + 0.5 * px, corner.1 as f32 + 0.15 * px), px, PAPER);
+    }
+    tall
 }
 
 fn draw_symbol(
@@ -403,9 +427,25 @@ mod tests {
         };
         let (before, after) = (count([255, 0, 0]), count([0, 0, 255]));
         assert!(
-            before > size.area() / 8 && before.abs_diff(after) < before / 50,
+            before > size.area() / 4 && before.abs_diff(after) < before / 20,
             "{before}, {after}"
         );
+        // From edge to edge.
+        let row = codes.plane(Channel::Red).row(20);
+        assert_eq!((row[0], row[size.width - 1]), (255, 0), "the pictures reach both edges");
+        assert_eq!(codes.plane(Channel::Blue).row(0)[size.width - 1], 255);
+    }
+
+    #[test]
+    fn every_example_says_all_of_its_words_on_a_small_panel() {
+        for (name, screen) in examples() {
+            let said = said(&screen);
+            let texts: Vec<&str> = said.lines.iter().map(|(text, _)| text.as_str()).collect();
+            let (_, set) = lettering::fitted(&texts, 0.085 * 480.0, (700.0, 0.55 * 480.0));
+            for (text, lines) in texts.iter().zip(&set) {
+                assert_eq!(lines.join(" "), *text, "{name}");
+            }
+        }
     }
 
     #[test]

@@ -70,7 +70,10 @@ pub enum CalibrateError {
         allowed: String,
     },
     /// The response of a channel cannot be a panel's.
-    #[error("the {channel} channel does not answer to the panel: {found}")]
+    #[error(
+        "the {channel} channel does not answer to the panel: {found}; `relens check` says whether \
+         panel.settle-ms is too short, or the camera does not see the panel"
+    )]
     Response {
         /// The channel.
         channel: &'static str,

@@ -6,14 +6,18 @@
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
+use image::codecs::{
+    bmp::BmpDecoder, gif::GifDecoder, jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder,
+    webp::WebPDecoder,
+};
 use image::{ColorType, ImageDecoder};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::Size;
 
-use super::kind::{Format, recognise};
-use super::{Flaw, Orientation, jpeg, png, tiff};
+use super::dng::{self, RawFile, Sites};
+use super::kind::{Content, Format, recognise};
+use super::{Flaw, Orientation, jpeg, others, png, tiff};
 
 /// How much one photo may ask of the box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -72,7 +76,7 @@ impl PixelLayout {
 /// A decoded file: its samples as stored, and what it carried.
 #[derive(Debug)]
 pub(super) struct Raster {
-    pub(super) format: Format,
+    pub(super) content: Content,
     pub(super) size: Size,
     pub(super) layout: PixelLayout,
     /// 8 or 16.
@@ -85,15 +89,26 @@ pub(super) struct Raster {
     pub(super) exif: Option<Vec<u8>>,
     /// What cannot be carried over into the result.
     pub(super) losses: Vec<String>,
+    /// Maker and model of a raw photo's camera.
+    pub(super) camera: Option<String>,
+    /// What the samples mean, where they are a sensor's counts.
+    pub(super) sites: Option<Sites>,
 }
+
+/// Said of a photo with an artist, a description or other words in it.
+pub(super) const WORDS_LOST: &str =
+    "words in the file, such as its artist and description, cannot be carried over into the result";
+/// Said of a photo that states at how many dots per inch it is printed.
+pub(super) const DENSITY_LOST: &str = "dots per inch cannot be carried over into the result";
 
 /// What a file says of itself, nothing decoded.
 pub(super) struct Heading {
-    format: Format,
+    content: Content,
     losses: Vec<String>,
+    raw: Option<RawFile>,
 }
 
-/// Walks a whole JPEG, PNG or TIFF to its end without decoding anything.
+/// Walks a whole photo to its end without decoding anything.
 ///
 /// # Errors
 /// The [`Flaw`] that keeps it from being a photo, as far as that can be told without decoding.
@@ -101,62 +116,99 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     if bytes.len() as u64 > limits.bytes_max {
         return Err(Flaw::TooLong { found: bytes.len() as u64, allowed: limits.bytes_max });
     }
-    let format = recognise(bytes)?;
-    let mut losses = Vec::new();
-    let size = match format {
-        Format::Jpeg => {
+    let content = recognise(bytes)?;
+    let (mut losses, mut raw) = (Vec::new(), None);
+    let size = match content {
+        Content::Written(Format::Jpeg) => {
             let walked = jpeg::walk(bytes)?;
             if walked.components == 4 {
                 return Err(Flaw::Unsupported {
                     kind: "JPEG",
                     found: "four inks (CMYK)".to_owned(),
-                    allowed: "grey and RGB photos",
+                    allowed: "grey and RGB photos; save it as RGB in an image program",
                 });
             }
             walked.size
         }
-        Format::Png => png::walk(bytes)?,
-        Format::Tiff => {
-            let walked = tiff::walk(bytes)?;
-            if walked.more_pages {
+        Content::Written(Format::Png) => png::walk(bytes, &mut losses)?,
+        Content::Written(Format::Tiff) => {
+            raw = dng::find(bytes)?;
+            let (size, more_pages, exif) = match &raw {
+                Some(raw) => (raw.size, false, raw.exif),
+                None => {
+                    let walked = tiff::walk(bytes)?;
+                    losses.extend(walked.words.then(|| WORDS_LOST.to_owned()));
+                    losses.extend(walked.density.then(|| DENSITY_LOST.to_owned()));
+                    (walked.size, walked.more_pages, walked.exif)
+                }
+            };
+            if more_pages {
                 losses.push("only the first picture of this TIFF file was restored".to_owned());
             }
-            if walked.exif {
+            if exif {
                 losses.push("EXIF data cannot be carried into a TIFF result".to_owned());
             }
-            walked.size
+            size
+        }
+        Content::Bmp | Content::Gif | Content::Webp => {
+            others::walk(bytes, content)?;
+            let written = content.written().name();
+            losses.push(format!("a restored {} comes back as {written}", content.name()));
+            // Its decoder tells, before it allocates anything.
+            Size::new(0, 0)
         }
     };
     if size.width as u64 * size.height as u64 > limits.pixels_max {
         return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
     }
-    Ok(Heading { format, losses })
+    Ok(Heading { content, losses, raw })
 }
 
-/// Decodes a whole JPEG, PNG or TIFF.
+/// Decodes a whole photo, a raw one among them.
 ///
 /// # Errors
 /// The [`Flaw`] that keeps it from being a photo; nothing large is allocated before the header's
 /// size is found within `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
-    let Heading { format, losses } = walk(bytes, limits)?;
+    let Heading { content, losses, raw } = walk(bytes, limits)?;
+    if let Some(raw) = raw {
+        return Ok(Raster {
+            content,
+            size: raw.size,
+            layout: PixelLayout::Grey,
+            bits: 16,
+            samples: raw.counts(bytes),
+            orientation: Orientation::from_exif(raw.orientation)
+                .unwrap_or(Orientation::NoTransforms),
+            icc: None,
+            exif: None,
+            losses,
+            camera: raw.camera,
+            sites: Some(raw.sites),
+        });
+    }
     // Decoders may panic on hostile files, by their own notes.
     let decoded = catch_unwind(AssertUnwindSafe(|| {
         let input = Cursor::new(bytes);
-        match format {
-            Format::Jpeg => collect(JpegDecoder::new(input), format, limits, losses),
-            Format::Png => collect(
-                PngDecoder::with_limits(input, decoder_limits(limits)),
-                format,
-                limits,
-                losses,
-            ),
-            Format::Tiff => collect(TiffDecoder::new(input), format, limits, losses),
+        match content {
+            Content::Written(Format::Jpeg) => {
+                collect(JpegDecoder::new(input), content, limits, losses)
+            }
+            Content::Written(Format::Png) => {
+                let decoder = PngDecoder::with_limits(input, decoder_limits(limits));
+                collect(decoder, content, limits, losses)
+            }
+            Content::Written(Format::Tiff) => {
+                collect(TiffDecoder::new(input), content, limits, losses)
+            }
+            Content::Bmp => collect(BmpDecoder::new(input), content, limits, losses),
+            Content::Gif => collect(GifDecoder::new(input), content, limits, losses),
+            Content::Webp => collect(WebPDecoder::new(input), content, limits, losses),
         }
     }));
     match decoded {
         Ok(result) => result,
-        Err(_) => Err(Flaw::BrokeTheDecoder { kind: format.name() }),
+        Err(_) => Err(Flaw::BrokeTheDecoder { kind: content.name() }),
     }
 }
 
@@ -168,12 +220,20 @@ fn decoder_limits(limits: &Limits) -> image::Limits {
 
 fn collect<D: ImageDecoder>(
     decoder: image::ImageResult<D>,
-    format: Format,
+    content: Content,
     limits: &Limits,
     mut losses: Vec<String>,
 ) -> Result<Raster, Flaw> {
-    let kind = format.name();
-    let undecodable = |source| Flaw::Undecodable { kind, source };
+    let kind = content.name();
+    const ALLOWED: &str =
+        "grey and RGB of 8 or 16 bits; save it so in an image program and drop it again";
+    let undecodable = |error| match error {
+        image::ImageError::Unsupported(_) => {
+            let found = "one of its rarer forms".to_owned();
+            Flaw::Unsupported { kind, found, allowed: ALLOWED }
+        }
+        _ => Flaw::Undecodable { kind },
+    };
     let mut decoder = decoder.map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     let size = Size::new(width as usize, height as usize);
@@ -192,8 +252,11 @@ fn collect<D: ImageDecoder>(
         ColorType::Rgb16 => (PixelLayout::Rgb, 16),
         ColorType::Rgba16 => (PixelLayout::RgbAlpha, 16),
         other => {
-            let found = format!("samples of kind {other:?}");
-            return Err(Flaw::Unsupported { kind, found, allowed: "grey and RGB of 8 or 16 bits" });
+            let floating = matches!(other, ColorType::Rgb32F | ColorType::Rgba32F);
+            let found =
+                if floating { "numbers with fractions" } else { "samples of another depth" };
+            let found = found.to_owned();
+            return Err(Flaw::Unsupported { kind, found, allowed: ALLOWED });
         }
     };
     let icc = decoder.icc_profile().unwrap_or(None).filter(|icc| !icc.is_empty());
@@ -213,7 +276,20 @@ fn collect<D: ImageDecoder>(
         8 => raw.into_iter().map(u16::from).collect(),
         _ => raw.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]])).collect(),
     };
-    Ok(Raster { format, size, layout, bits, samples, orientation, icc, exif, losses })
+    let sites = None;
+    Ok(Raster {
+        content,
+        size,
+        layout,
+        bits,
+        samples,
+        orientation,
+        icc,
+        exif,
+        losses,
+        camera: None,
+        sites,
+    })
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use crate::frame::resample::resize;
 use crate::frame::{Channel, Channels, Frame, Plane, Size, Work};
 
+use super::exif;
 use super::turn::turn;
 use super::{Format, Manner, Photo, PictureError, PixelLayout};
 
@@ -150,7 +151,7 @@ fn write<E: ImageEncoder>(
     }
     if let Some(exif) = &manner.exif {
         // TIFF cannot; the decoder has noted that.
-        let _ = encoder.set_exif_metadata(exif.clone());
+        let _ = encoder.set_exif_metadata(exif::of_result(exif, size));
     }
     encoder.write_image(raw, size.width as u32, size.height as u32, colour)
 }

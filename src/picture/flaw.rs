@@ -4,20 +4,17 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::frame::Size;
+use crate::frame::{Mosaic, Size};
 use crate::remedy::{Remediable, Remedy};
 
 /// What is wrong with the content of a file. The file's name is added by [`PictureError`].
 #[derive(Debug, thiserror::Error)]
 pub enum Flaw {
     /// Zero bytes long.
-    #[error("the file is empty: found 0 bytes, allowed a whole JPEG, PNG or TIFF photo")]
+    #[error("the file is empty: found 0 bytes, allowed a whole photo")]
     Empty,
     /// Not a plain file.
-    #[error(
-        "this is no plain file: found {found}, allowed a JPEG, PNG or TIFF file itself, not a way \
-         to one"
-    )]
+    #[error("this is no plain file: found {found}, allowed a photo itself, not a way to one")]
     NotAFile {
         /// What it is.
         found: &'static str,
@@ -45,23 +42,21 @@ pub enum Flaw {
         length: usize,
     },
     /// Some other kind of file.
-    #[error("this is not a photo: found {found}, allowed JPEG, PNG or TIFF")]
+    #[error("this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP or GIF")]
     NotAPhoto {
         /// What the content says it is.
         found: String,
     },
-    /// The name says one kind, the content another.
+    /// A photo of a kind that is not read.
     #[error(
-        "the name does not fit the content: found a {found} file named .{extension}, allowed a \
-         name ending in {allowed}; rename it and drop it again"
+        "this kind of photo is not read: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP or GIF; \
+         {to_do}"
     )]
-    Misnamed {
+    Unread {
         /// What the content says it is.
         found: &'static str,
-        /// The ending it has.
-        extension: String,
-        /// The endings this content may have.
-        allowed: &'static str,
+        /// What to do with it.
+        to_do: &'static str,
     },
     /// The file ends before the picture does.
     #[error(
@@ -90,7 +85,7 @@ pub enum Flaw {
     /// allocated.
     #[error(
         "the picture is too large: found {found} pixels by its header, allowed {allowed} pixels \
-         in all"
+         in all; save it smaller, in the same shape"
     )]
     Oversized {
         /// Width and height by the header.
@@ -109,13 +104,25 @@ pub enum Flaw {
         allowed: &'static str,
     },
     /// The decoder refused it.
-    #[error("the {kind} data cannot be decoded, allowed are whole and valid files")]
+    #[error(
+        "the {kind} data cannot be decoded, allowed are whole and valid files; copy it again, or \
+         save it anew in an image program"
+    )]
     Undecodable {
         /// Kind of file.
         kind: &'static str,
-        /// The decoder's words.
-        #[source]
-        source: image::ImageError,
+    },
+    /// Its result would be smaller, and the rig file will have none that are.
+    #[error(
+        "the result would be smaller than the photo: found {found}, allowed at most {allowed}, for \
+         the rig file says run.larger-photos = \"refuse\"; save the photo at that size, or take \
+         the line out"
+    )]
+    Larger {
+        /// Width and height as stored.
+        found: Size,
+        /// The rig's photo size.
+        allowed: Size,
     },
     /// The decoder panicked, which hostile or damaged files can make it do.
     #[error(
@@ -128,7 +135,8 @@ pub enum Flaw {
     /// Not the rig's shape.
     #[error(
         "the photo has not this rig's shape: found {found}{held}, allowed {allowed} or the same \
-         shape at another size"
+         shape at another size; set the camera to that shape and take the photo again, whole and \
+         not cropped: a lens blurs each place in its own way, and a crop does not say where it was"
     )]
     Shape {
         /// Width and height as stored.
@@ -137,6 +145,42 @@ pub enum Flaw {
         held: &'static str,
         /// The rig's photo size.
         allowed: Size,
+    },
+    /// A raw photo that is not the rig's, site for site.
+    #[error(
+        "a raw photo is not resampled: found {found} sites, allowed the rig's whole sensor, \
+         {sensor}, or its photo, {allowed}"
+    )]
+    RawSize {
+        /// Sites of the file.
+        found: Size,
+        /// The rig's photo size.
+        allowed: Size,
+        /// The rig's sensor's.
+        sensor: Size,
+    },
+    /// A raw photo that another rig took.
+    #[error(
+        "this raw photo was taken by another rig, whose lens is another: found {found}, allowed \
+         {allowed}"
+    )]
+    OtherRig {
+        /// Maker and model.
+        found: String,
+        /// This rig's.
+        allowed: String,
+    },
+    /// A raw photo of a sensor that is not the rig's.
+    #[error(
+        "this raw photo is of another sensor: found colour filters {}, allowed {}", .found.name(),
+        .allowed.map_or("photos that are not raw, for the rig's camera gives no raw sites",
+                        Mosaic::name)
+    )]
+    OtherSensor {
+        /// The photo's.
+        found: Mosaic,
+        /// Those of the rig's photos, if its sensor has any.
+        allowed: Option<Mosaic>,
     },
 }
 

@@ -44,40 +44,93 @@ impl Format {
             _ => None,
         }
     }
+}
 
-    const fn endings(self) -> &'static str {
+/// What the content of a file that is read says it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Content {
+    /// One that is written, too.
+    Written(Format),
+    Bmp,
+    Gif,
+    Webp,
+}
+
+impl Content {
+    /// The word for messages.
+    pub(super) const fn name(self) -> &'static str {
         match self {
-            Format::Jpeg => ".jpg or .jpeg",
-            Format::Png => ".png",
-            Format::Tiff => ".tif or .tiff",
+            Content::Written(format) => format.name(),
+            Content::Bmp => "BMP",
+            Content::Gif => "GIF",
+            Content::Webp => "WebP",
+        }
+    }
+
+    /// The format of a result.
+    pub(super) const fn written(self) -> Format {
+        match self {
+            Content::Written(format) => format,
+            Content::Bmp | Content::Gif | Content::Webp => Format::Png,
+        }
+    }
+
+    fn is_promised_by(self, extension: &str) -> bool {
+        match self {
+            Content::Written(format) => Format::of_extension(extension) == Some(format),
+            other => extension.eq_ignore_ascii_case(other.name()),
         }
     }
 }
 
+/// What people are to do with a photo that their camera's maker alone understands.
+const DEVELOP: &str = "develop it with the camera maker's program, without sharpening and lens \
+                       corrections, and save it as TIFF of 16 bits; no preview in it is restored";
+/// With pictures that most programs can save in another form.
+const SAVE: &str = "open it in an image program and save it as JPEG or PNG";
+/// With those of a telephone.
+const TELEPHONE: &str = "save it as JPEG, and set the telephone to do so (iPhone: Settings, \
+                         Camera, Formats, Most Compatible)";
+
+/// Kinds of photos that are not read: where which bytes stand, what to call them, what to do.
+const UNREAD: &[(usize, &[u8], &str, &str)] = &[
+    (4, b"ftypcrx", "a camera raw photo (Canon CR3)", DEVELOP),
+    (4, b"ftypavif", "an AVIF picture", SAVE),
+    (4, b"ftypavis", "an AVIF picture", SAVE),
+    (4, b"ftyphe", "an HEIC picture", TELEPHONE),
+    (4, b"ftypmif1", "an HEIC or AVIF picture", TELEPHONE),
+    (4, b"ftypmsf1", "an HEIC or AVIF picture", TELEPHONE),
+    (0, b"II\x1a\0\0\0HEAPCCDR", "a camera raw photo (Canon CRW)", DEVELOP),
+    (8, b"CR\x02", "a camera raw photo (Canon CR2)", DEVELOP),
+    (0, b"FUJIFILM", "a camera raw photo (Fujifilm RAF)", DEVELOP),
+    (0, b"FOVb", "a camera raw photo (Sigma X3F)", DEVELOP),
+    (0, b"IIRO", "a camera raw photo (Olympus ORF)", DEVELOP),
+    (0, b"MMOR", "a camera raw photo (Olympus ORF)", DEVELOP),
+    (0, b"IIRS", "a camera raw photo (Olympus ORF)", DEVELOP),
+    (0, b"IIU\0", "a camera raw photo (Panasonic RW2)", DEVELOP),
+    (0, b"\0MRM", "a camera raw photo (Minolta MRW)", DEVELOP),
+    (0, b"\xff\x0a", "a JPEG XL picture", SAVE),
+    (0, b"\0\0\0\x0cJXL ", "a JPEG XL picture", SAVE),
+    (0, b"\0\0\0\x0cjP  ", "a JPEG 2000 picture", SAVE),
+    (0, b"8BPS", "a Photoshop document", SAVE),
+    (0, b"II+\0", "a BigTIFF picture", "save it as a plain TIFF"),
+    (0, b"MM\0+", "a BigTIFF picture", "save it as a plain TIFF"),
+];
+
+/// A camera raw photo in a TIFF that says so.
+pub(super) fn tiff_of_a_camera() -> Flaw {
+    Flaw::Unread { found: "a camera raw photo", to_do: DEVELOP }
+}
+
 /// First bytes of files that people have beside their photos, and what to call them.
 const FOREIGN: &[(usize, &[u8], &str)] = &[
-    (0, b"GIF8", "a GIF picture"),
-    (8, b"WEBP", "a WebP picture"),
-    (0, b"BM", "a BMP picture"),
-    (0, b"8BPS", "a Photoshop document"),
     (0, b"%PDF", "a PDF document"),
     (0, b"PK\x03\x04", "a ZIP archive or office document"),
     (0, b"\x1f\x8b", "a gzip archive"),
     (0, b"7z\xbc\xaf", "a 7z archive"),
     (0, b"\x7fELF", "a program"),
     (0, b"MZ", "a Windows program"),
-    (4, b"ftypheic", "an HEIC picture"),
-    (4, b"ftypmif1", "an HEIF picture"),
-    (4, b"ftypavif", "an AVIF picture"),
-    (4, b"ftypcrx", "a Canon raw photo"),
     (4, b"ftyp", "a video"),
-    (0, b"II\x1a\0\0\0HEAPCCDR", "a Canon raw photo"),
-    (0, b"FUJIFILM", "a Fujifilm raw photo"),
-    (0, b"IIRO", "an Olympus raw photo"),
-    (0, b"IIU\0", "a Panasonic raw photo"),
-    (0, b"\xff\x0a", "a JPEG XL picture"),
-    (0, b"\0\0\0\x0cJXL ", "a JPEG XL picture"),
-    (0, b"\0\0\0\x0cjP  ", "a JPEG 2000 picture"),
     (0, b"<svg", "an SVG drawing"),
     (0, b"<?xml", "an XML text"),
     (0, b"<!DOCTYPE html", "a web page"),
@@ -86,37 +139,36 @@ const FOREIGN: &[(usize, &[u8], &str)] = &[
     (0, b"RIFF", "a RIFF sound or video file"),
 ];
 
-/// The format of `bytes`, or what they are instead.
+/// What `bytes` are.
 ///
 /// # Errors
-/// [`Flaw::Empty`], [`Flaw::ZeroFilled`] or [`Flaw::NotAPhoto`] with the kind of file by name.
-pub(super) fn recognise(bytes: &[u8]) -> Result<Format, Flaw> {
+/// [`Flaw::Empty`], [`Flaw::ZeroFilled`], [`Flaw::Unread`] or [`Flaw::NotAPhoto`] with the kind of
+/// file by name.
+pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if bytes.is_empty() {
         return Err(Flaw::Empty);
     }
     if bytes.iter().all(|&b| b == 0) {
         return Err(Flaw::ZeroFilled { from: 0, to: bytes.len(), length: bytes.len() });
     }
-    if bytes.starts_with(b"\xff\xd8") {
-        return Ok(Format::Jpeg);
+    let at = |at: usize, magic: &[u8]| bytes.get(at..).is_some_and(|b| b.starts_with(magic));
+    if let Some((.., found, to_do)) = UNREAD.iter().find(|(from, magic, ..)| at(*from, magic)) {
+        return Err(Flaw::Unread { found, to_do });
     }
-    // The signature's first half is enough: a copy cut inside it is a PNG cut short.
-    if bytes.starts_with(b"\x89PNG") {
-        return Ok(Format::Png);
+    // Of a PNG's signature the first half is enough: a copy cut inside it is a PNG cut short.
+    let read = [
+        (at(0, b"\xff\xd8"), Content::Written(Format::Jpeg)),
+        (at(0, b"\x89PNG"), Content::Written(Format::Png)),
+        (at(0, b"II*\0") || at(0, b"MM\0*"), Content::Written(Format::Tiff)),
+        (at(0, b"RIFF") && at(8, b"WEBP"), Content::Webp),
+        // Two letters could begin a text, too; four zeros are reserved behind a bitmap's length.
+        (at(0, b"BM") && at(6, &[0; 4]), Content::Bmp),
+        (at(0, b"GIF8"), Content::Gif),
+    ];
+    if let Some((_, content)) = read.into_iter().find(|(is, _)| *is) {
+        return Ok(content);
     }
-    if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") {
-        return Ok(Format::Tiff);
-    }
-    if bytes.starts_with(b"II+\0") || bytes.starts_with(b"MM\0+") {
-        return Err(Flaw::Unsupported {
-            kind: "TIFF",
-            found: "a BigTIFF file".to_owned(),
-            allowed: "TIFF files below 4 GiB",
-        });
-    }
-    let foreign = FOREIGN
-        .iter()
-        .find(|(at, magic, _)| bytes.get(*at..).is_some_and(|b| b.starts_with(magic)));
+    let foreign = FOREIGN.iter().find(|(from, magic, _)| at(*from, magic));
     let found = match foreign {
         Some((_, _, name)) => (*name).to_owned(),
         None if looks_like_text(bytes) => "a text".to_owned(),
@@ -125,17 +177,13 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Format, Flaw> {
     Err(Flaw::NotAPhoto { found })
 }
 
-/// Refuses a name whose ending contradicts the content; a name without an ending promises nothing.
-pub(super) fn check_name(name: &str, format: Format) -> Result<(), Flaw> {
-    let Some(extension) =
-        std::path::Path::new(name).extension().map(|e| e.to_string_lossy().into_owned())
-    else {
-        return Ok(());
-    };
-    if Format::of_extension(&extension) == Some(format) {
-        return Ok(());
-    }
-    Err(Flaw::Misnamed { found: format.name(), extension, allowed: format.endings() })
+/// A remark on a name whose ending contradicts the content, which is believed; a name without an
+/// ending promises nothing. `raw` of a sensor's sites, in a TIFF.
+pub(super) fn misnamed(name: &str, content: Content, raw: bool) -> Option<String> {
+    let extension = std::path::Path::new(name).extension()?.to_string_lossy().into_owned();
+    let fits = content.is_promised_by(&extension) || raw && extension.eq_ignore_ascii_case("dng");
+    let found = if raw { "DNG" } else { content.name() };
+    (!fits).then(|| format!("the file is named .{extension} and holds a {found}, which was read"))
 }
 
 fn looks_like_text(bytes: &[u8]) -> bool {
@@ -155,8 +203,8 @@ mod tests {
     #[test]
     fn content_decides_and_is_named() {
         let found = |bytes: &[u8]| recognise(bytes).unwrap_err().to_string();
-        assert_eq!(recognise(b"\xff\xd8\xff\xe0").unwrap(), Format::Jpeg);
-        assert_eq!(recognise(b"MM\0*....").unwrap(), Format::Tiff);
+        assert_eq!(recognise(b"\xff\xd8\xff\xe0").unwrap(), Content::Written(Format::Jpeg));
+        assert_eq!(recognise(b"MM\0*....").unwrap(), Content::Written(Format::Tiff));
         assert!(found(b"").contains("empty"));
         assert!(found(&[0; 100]).contains("never filled"));
         assert!(found(b"%PDF-1.7 ...").contains("a PDF document"));
@@ -166,10 +214,30 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_lies_is_refused_and_no_ending_is_no_lie() {
-        assert!(check_name("holiday.JPEG", Format::Jpeg).is_ok());
-        assert!(check_name("holiday", Format::Png).is_ok());
-        let words = check_name("holiday.jpg", Format::Png).unwrap_err().to_string();
-        assert!(words.contains("a PNG file named .jpg") && words.contains(".png"), "{words}");
+    fn content_is_believed_and_a_name_that_lies_is_remarked_upon() {
+        let png = Content::Written(Format::Png);
+        assert_eq!(misnamed("holiday.JPEG", Content::Written(Format::Jpeg), false), None);
+        assert_eq!(misnamed("holiday", png, false), None);
+        assert_eq!(misnamed("holiday.webp", Content::Webp, false), None);
+        assert_eq!(misnamed("holiday.DNG", Content::Written(Format::Tiff), true), None);
+        assert!(misnamed("holiday.dng", Content::Written(Format::Tiff), false).is_some());
+        let words = misnamed("holiday.jpg", png, false).unwrap();
+        assert!(words.contains("named .jpg and holds a PNG"), "{words}");
+    }
+
+    #[test]
+    fn what_is_not_read_comes_with_what_to_do() {
+        for (bytes, found, to_do) in [
+            (&b"\0\0\0\x18ftypheic"[..], "an HEIC picture", "Most Compatible"),
+            (b"\0\0\0\x18ftypavif", "an AVIF picture", "save it as JPEG"),
+            (b"\0\0\0\x0cJXL \r\n", "a JPEG XL picture", "save it as JPEG"),
+            (b"FUJIFILMCCD-RAW", "a camera raw photo (Fujifilm RAF)", "TIFF of 16 bits"),
+            (b"II*\0\x10\0\0\0CR\x02\0", "a camera raw photo (Canon CR2)", "TIFF of 16 bits"),
+            (b"II+\0\x08\0\0\0", "a BigTIFF picture", "a plain TIFF"),
+        ] {
+            let words = recognise(bytes).unwrap_err().to_string();
+            assert!(words.contains(found) && words.contains(to_do), "{words}");
+            assert_eq!(words.lines().count(), 1, "{words}");
+        }
     }
 }

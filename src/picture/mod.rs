@@ -13,15 +13,23 @@
 //!
 //! **Alpha** is no light: it is set aside, resampled with the photo if need be, and put back.
 //!
+//! **Raw photos**, a sensor's sites in a DNG, are linear as they are. Between the sites they are
+//! filled with something to look at; data are the sites. Their results are TIFFs of 16 bits with
+//! the rig's curve.
+//!
 //! **Curve.** An embedded ICC profile's tone curves, else the rig's curve (sRGB or linear). A
 //! profile's primaries are left as they are: the lens blurs each stored channel, and the result
 //! carries the profile.
 
+mod colour_difference;
 mod decode;
+pub(crate) mod dng;
 mod encode;
+mod exif;
 mod flaw;
 mod jpeg;
 mod kind;
+mod others;
 mod photo;
 mod png;
 mod shape;
@@ -30,7 +38,9 @@ mod tone;
 mod turn;
 pub mod worker;
 
+pub use colour_difference::Lab;
 pub use decode::{Limits, PixelLayout};
+pub use dng::Dng;
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
 pub use kind::Format;

@@ -8,10 +8,10 @@ use rustix::fs::{Mode, OFlags};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::resample::resize;
-use crate::frame::{Channel, Channels, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Channels, Frame, PhotoGrid, Plane, RawSites, Rect, Size, Work};
 
 use super::decode::{Limits, Raster, decode, walk};
-use super::kind::{Format, check_name};
+use super::kind::{Format, misnamed};
 use super::{Flaw, Growth, Orientation, PictureError, PixelLayout, Tone, shape, turn};
 use crate::config::Curve;
 
@@ -67,8 +67,12 @@ pub struct Photo {
     /// The file's name, for messages and results.
     pub name: String,
     /// Linear light 0..255, stored orientation. For grey photos the green plane alone, the others
-    /// black.
+    /// black. Between the sites of a raw photo, what its neighbours hold on the average.
     pub light: Frame<Work>,
+    /// Which of that light is data, of a raw photo; of any other all of it.
+    pub raw: Option<RawSites>,
+    /// Maker and model of the camera, as far as a raw photo says them.
+    pub camera: Option<String>,
     /// Whether all channels carry something of their own.
     pub channels: Channels,
     /// How its result is written.
@@ -125,16 +129,32 @@ impl Photo {
         limits: &Limits,
     ) -> Result<Photo, PictureError> {
         let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
-        let raster = decode(bytes, limits).map_err(refused)?;
-        check_name(name, raster.format).map_err(refused)?;
+        let mut raster = decode(bytes, limits).map_err(refused)?;
+        raster.losses.extend(misnamed(name, raster.content, raster.sites.is_some()));
         let file = FileFacts { crc32: crc32fast::hash(bytes), bytes: bytes.len() as u64 };
         Ok(Photo::of_raster(name, raster, curve, file))
     }
 
     fn of_raster(name: &str, raster: Raster, curve: Curve, file: FileFacts) -> Photo {
-        let Raster { format, size, layout, bits, samples, orientation, icc, mut exif, losses } =
+        if let Some(sites) = raster.sites {
+            let raw = RawSites { mosaic: sites.mosaic, counts_per_level: sites.counts_per_level() };
+            let plain = Manner::plain(raster.content.written(), raster.bits, curve);
+            return Photo {
+                name: name.to_owned(),
+                light: raw.mosaic.interpolated(&sites.light(raster.size, &raster.samples)),
+                raw: Some(raw),
+                camera: raster.camera,
+                channels: Channels::Colour,
+                manner: Manner { orientation: raster.orientation, ..plain },
+                stored: raster.size,
+                file,
+                notes: raster.losses,
+            };
+        }
+        let Raster { content, size, layout, bits, samples, orientation, icc, mut exif, .. } =
             raster;
-        let mut notes = losses;
+        let format = content.written();
+        let mut notes = raster.losses;
         let tone = icc.as_deref().map(|icc| Tone::of_profile(icc, bits, layout.is_grey()));
         let tone = match tone {
             Some(Ok(tone)) => tone,
@@ -178,6 +198,8 @@ impl Photo {
         Photo {
             name: name.to_owned(),
             light,
+            raw: None,
+            camera: None,
             channels: if grey { Channels::Green } else { Channels::Colour },
             manner: Manner { format, layout, bits, tone, orientation, icc, exif, alpha },
             stored: size,
@@ -186,15 +208,24 @@ impl Photo {
         }
     }
 
-    /// The photo on the rig's grid: itself, or resampled when it has the same shape at another
-    /// size.
+    /// The photo on the rig's grid: itself, its part of the whole sensor's, or resampled when it
+    /// has the same shape at another size.
     ///
     /// # Errors
-    /// [`Flaw::Shape`] when its shape is another.
-    pub fn fit(mut self, allowed: Size) -> Result<Photo, PictureError> {
-        let found = self.light.size();
+    /// [`Flaw::Shape`] when its shape is another, [`Flaw::RawSize`] when it is raw and its size is.
+    pub fn fit(mut self, grid: impl Into<PhotoGrid>) -> Result<Photo, PictureError> {
+        let PhotoGrid { sensor, photo } = grid.into();
+        let (found, allowed) = (self.light.size(), photo.size);
         if found == allowed {
             return Ok(self);
+        }
+        if found == sensor {
+            self.cut(photo);
+            return Ok(self);
+        }
+        if self.raw.is_some() {
+            let flaw = Flaw::RawSize { found, allowed, sensor };
+            return Err(PictureError::Refused { name: self.name, flaw });
         }
         if !shape::same_shape(found, allowed) {
             let turned = Size::new(found.height, found.width);
@@ -216,8 +247,37 @@ impl Photo {
             false => Plane::zeros(allowed),
         });
         self.manner.alpha = self.manner.alpha.as_ref().map(|alpha| resize(alpha, allowed));
-        self.notes.push(format!("the photo was resampled from {found} to the rig's {allowed}"));
+        let less = if found.area() > allowed.area() { ": its result is smaller" } else { "" };
+        let note = format!("the photo was resampled from {found} to the rig's {allowed}{less}");
+        self.notes.insert(0, note);
         Ok(self)
+    }
+
+    /// The same photo, unless its result would be smaller than it is.
+    ///
+    /// # Errors
+    /// [`Flaw::Larger`].
+    pub fn no_larger(self) -> Result<Photo, PictureError> {
+        let (found, allowed) = (self.stored, self.light.size());
+        if found.area() <= allowed.area() {
+            return Ok(self);
+        }
+        Err(PictureError::Refused { name: self.name, flaw: Flaw::Larger { found, allowed } })
+    }
+
+    /// Keeps the part `rect` alone.
+    fn cut(&mut self, rect: Rect) {
+        let all = self.light.size();
+        self.light = Frame::from_fn(|channel| self.light.plane(channel).crop(rect));
+        self.manner.alpha = self.manner.alpha.as_ref().map(|alpha| alpha.crop(rect));
+        if let Some(raw) = &mut self.raw {
+            raw.mosaic = raw.mosaic.from_place(rect.x, rect.y);
+        }
+        let kept = rect.size;
+        // What is cut away is no resolution lost.
+        self.stored = kept;
+        self.notes
+            .push(format!("{kept} of the sensor's {all} are the rig's photo; the rest is cut"));
     }
 
     /// How the result is turned, for the report; `None` when it is delivered as stored.

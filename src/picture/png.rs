@@ -3,12 +3,14 @@
 use crate::frame::Size;
 
 use super::Flaw;
+use super::decode::{DENSITY_LOST, WORDS_LOST};
 
-/// Walks `bytes` from the signature to IEND and returns width and height by the header.
+/// Walks `bytes` from the signature to IEND and returns width and height by the header. What it
+/// holds that no result can is added to `losses`.
 ///
 /// # Errors
 /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
-pub(super) fn walk(bytes: &[u8]) -> Result<Size, Flaw> {
+pub(super) fn walk(bytes: &[u8], losses: &mut Vec<String>) -> Result<Size, Flaw> {
     const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
     if !bytes.starts_with(SIGNATURE) {
         if SIGNATURE.starts_with(bytes) {
@@ -20,7 +22,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Size, Flaw> {
         ));
     }
     let mut rest = &bytes[SIGNATURE.len()..];
-    let mut size = None;
+    let (mut size, mut has_words, mut has_density) = (None, false, false);
     loop {
         let at = bytes.len() - rest.len();
         let Some((&[l3, l2, l1, l0, ref kind @ ..], after)) = rest.split_first_chunk::<8>() else {
@@ -58,10 +60,15 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Size, Flaw> {
         match kind {
             b"IHDR" => size = header(body),
             b"IEND" => break,
+            // XMP is told of by itself.
+            b"tEXt" | b"zTXt" | b"iTXt" => has_words |= !body.starts_with(b"XML:com.adobe.xmp"),
+            b"pHYs" => has_density = true,
             _ => {}
         }
         rest = after;
     }
+    losses.extend(has_words.then(|| WORDS_LOST.to_owned()));
+    losses.extend(has_density.then(|| DENSITY_LOST.to_owned()));
     match size {
         Some(size) if size.area() > 0 => Ok(size),
         _ => Err(damaged("no header, or one of zero pixels", "a header of at least 1×1")),
@@ -102,12 +109,33 @@ mod tests {
 
     const COFFEE: &[u8] = include_bytes!("../../tests/scenes/coffee.png");
 
+    fn walk_alone(bytes: &[u8]) -> Result<Size, Flaw> {
+        walk(bytes, &mut Vec::new())
+    }
+
+    #[test]
+    fn words_and_density_that_are_lost_are_told_of() {
+        let mut bytes = COFFEE[..33].to_vec();
+        for (kind, body) in [(b"tEXt", &b"Artist\0Ada"[..]), (b"pHYs", &[0; 9]), (b"IEND", &[])] {
+            bytes.extend((body.len() as u32).to_be_bytes());
+            let mut hasher = crc32fast::Hasher::new();
+            for part in [&kind[..], body] {
+                hasher.update(part);
+                bytes.extend(part);
+            }
+            bytes.extend(hasher.finalize().to_be_bytes());
+        }
+        let mut losses = Vec::new();
+        assert!(walk(&bytes, &mut losses).is_ok());
+        assert!(losses[0].contains("artist") && losses[1].contains("dots per inch"), "{losses:?}");
+    }
+
     #[test]
     fn a_whole_photo_passes_and_every_cut_of_it_does_not() {
-        assert!(walk(COFFEE).unwrap().area() > 0);
+        assert!(walk_alone(COFFEE).unwrap().area() > 0);
         for percent in 0..100 {
             let cut = &COFFEE[..(COFFEE.len() * percent / 100).max(4)];
-            assert!(matches!(walk(cut), Err(Flaw::Truncated { .. })), "cut to {percent} %");
+            assert!(matches!(walk_alone(cut), Err(Flaw::Truncated { .. })), "cut to {percent} %");
         }
     }
 
@@ -115,16 +143,16 @@ mod tests {
     fn a_changed_byte_and_a_zero_tail_are_told_apart() {
         let mut changed = COFFEE.to_vec();
         changed[COFFEE.len() / 2] ^= 1;
-        assert!(matches!(walk(&changed), Err(Flaw::Damaged { .. })));
+        assert!(matches!(walk_alone(&changed), Err(Flaw::Damaged { .. })));
         let mut tail = COFFEE.to_vec();
         tail[COFFEE.len() / 2..].fill(0);
-        assert!(matches!(walk(&tail), Err(Flaw::ZeroFilled { .. })));
+        assert!(matches!(walk_alone(&tail), Err(Flaw::ZeroFilled { .. })));
     }
 
     #[test]
     fn an_absurd_length_field_is_a_cut_and_no_overflow() {
         let mut long = COFFEE.to_vec();
         long[33..37].copy_from_slice(&[0xff; 4]);
-        assert!(matches!(walk(&long), Err(Flaw::Truncated { .. })));
+        assert!(matches!(walk_alone(&long), Err(Flaw::Truncated { .. })));
     }
 }

@@ -4,6 +4,7 @@
 use crate::frame::Size;
 
 use super::Flaw;
+use super::kind::tiff_of_a_camera;
 
 /// What the walk learns without decoding anything.
 pub(super) struct Walked {
@@ -12,16 +13,25 @@ pub(super) struct Walked {
     pub(super) more_pages: bool,
     /// Whether the file holds an EXIF directory, which cannot be carried over.
     pub(super) exif: bool,
+    /// Whether it names an artist, a description or the like.
+    pub(super) words: bool,
+    /// Whether it states dots per inch or centimetre.
+    pub(super) density: bool,
 }
 
-const IMAGE_WIDTH: u16 = 256;
-const IMAGE_LENGTH: u16 = 257;
-const COMPRESSION: u16 = 259;
-const STRIP_OFFSETS: u16 = 273;
-const STRIP_BYTE_COUNTS: u16 = 279;
-const TILE_OFFSETS: u16 = 324;
+pub(super) const NEW_SUBFILE_TYPE: u16 = 254;
+pub(super) const IMAGE_WIDTH: u16 = 256;
+pub(super) const IMAGE_LENGTH: u16 = 257;
+pub(super) const COMPRESSION: u16 = 259;
+const DESCRIPTION: u16 = 270;
+const RESOLUTION_UNIT: u16 = 296;
+const ARTIST: u16 = 315;
+const COPYRIGHT: u16 = 33432;
+pub(super) const STRIP_OFFSETS: u16 = 273;
+pub(super) const STRIP_BYTE_COUNTS: u16 = 279;
+pub(super) const TILE_OFFSETS: u16 = 324;
 const TILE_BYTE_COUNTS: u16 = 325;
-const EXIF_DIRECTORY: u16 = 34665;
+pub(super) const EXIF_DIRECTORY: u16 = 34665;
 
 /// More strips than this are no photo of ours but a file made to keep us busy. Guess.
 const STRIPS_MAX: usize = 1 << 20;
@@ -31,22 +41,37 @@ const STRIPS_MAX: usize = 1 << 20;
 /// # Errors
 /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
-    let file = File { bytes, big_endian: bytes.starts_with(b"MM") };
+    let file = File::new(bytes);
     let directory = file.u32(4)? as usize;
+    let mut preview = false;
     let entries = usize::from(file.u16(directory)?);
-    let mut walked = Walked { size: Size::new(0, 0), more_pages: false, exif: false };
+    let mut walked = Walked {
+        size: Size::new(0, 0),
+        more_pages: false,
+        exif: false,
+        words: false,
+        density: false,
+    };
     let (mut offsets, mut counts, mut plain) = (Vec::new(), Vec::new(), true);
     for n in 0..entries {
         let entry = directory + 2 + 12 * n;
         match file.u16(entry)? {
             IMAGE_WIDTH => walked.size.width = file.first(entry)?,
             IMAGE_LENGTH => walked.size.height = file.first(entry)?,
+            // Bit 0: a smaller picture of another one in the file.
+            NEW_SUBFILE_TYPE => preview = file.first(entry)? & 1 == 1,
             COMPRESSION => plain = file.first(entry)? == 1,
             STRIP_OFFSETS | TILE_OFFSETS => offsets = file.numbers(entry)?,
             STRIP_BYTE_COUNTS | TILE_BYTE_COUNTS => counts = file.numbers(entry)?,
             EXIF_DIRECTORY => walked.exif = true,
+            DESCRIPTION | ARTIST | COPYRIGHT => walked.words = true,
+            // 1 is a shape of pixels alone.
+            RESOLUTION_UNIT => walked.density = file.first(entry)? > 1,
             _ => {}
         }
+    }
+    if preview {
+        return Err(tiff_of_a_camera());
     }
     walked.more_pages = file.u32(directory + 2 + 12 * entries)? != 0;
     if walked.size.area() == 0 || offsets.is_empty() || offsets.len() != counts.len() {
@@ -60,38 +85,51 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             "at least 1×1 and a length for every strip",
         ));
     }
-    let mut zeros_at_end = 0;
-    let mut total = 0;
-    for (&from, &length) in offsets.iter().zip(&counts) {
-        let Some(strip) = from.checked_add(length).and_then(|to| bytes.get(from..to)) else {
-            return Err(file.ended_early("picture data past the end"));
-        };
-        total += length;
-        let trailing = strip.iter().rev().take_while(|&&b| b == 0).count();
-        zeros_at_end = if trailing == length { zeros_at_end + length } else { trailing };
-    }
-    // Plain data may hold zeros, black pixels; a whole quarter of exact zeros at the end is a hole,
-    // for no sensor is that quiet. Guess. Packed data never holds them.
-    let allowed = if plain { (total / 4).max(512) } else { 512 };
-    if zeros_at_end >= allowed {
-        let to = offsets.iter().zip(&counts).map(|(o, c)| o + c).max().unwrap_or(bytes.len());
-        return Err(Flaw::ZeroFilled {
-            from: to.saturating_sub(zeros_at_end),
-            to,
-            length: bytes.len(),
-        });
-    }
+    file.strips(&offsets, &counts, plain)?;
     Ok(walked)
 }
 
 /// The bytes with the byte order their header states.
-struct File<'a> {
-    bytes: &'a [u8],
-    big_endian: bool,
+pub(super) struct File<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) big_endian: bool,
 }
 
-impl File<'_> {
-    fn u16(&self, at: usize) -> Result<u16, Flaw> {
+impl<'a> File<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> File<'a> {
+        File { bytes, big_endian: bytes.starts_with(b"MM") }
+    }
+
+    /// Sees that these strips or tiles, `plain` or packed, lie in the file and were filled.
+    pub(super) fn strips(
+        &self,
+        offsets: &[usize],
+        counts: &[usize],
+        plain: bool,
+    ) -> Result<(), Flaw> {
+        let mut zeros_at_end = 0;
+        let mut total = 0;
+        for (&from, &length) in offsets.iter().zip(counts) {
+            let Some(strip) = from.checked_add(length).and_then(|to| self.bytes.get(from..to))
+            else {
+                return Err(self.ended_early("picture data past the end"));
+            };
+            total += length;
+            let trailing = strip.iter().rev().take_while(|&&b| b == 0).count();
+            zeros_at_end = if trailing == length { zeros_at_end + length } else { trailing };
+        }
+        // Plain data may hold zeros, black pixels; a whole quarter of exact zeros at the end is a
+        // hole, for no sensor is that quiet. Guess. Packed data never holds them.
+        let allowed = if plain { (total / 4).max(512) } else { 512 };
+        if zeros_at_end >= allowed {
+            let length = self.bytes.len();
+            let to = offsets.iter().zip(counts).map(|(o, c)| o + c).max().unwrap_or(length);
+            return Err(Flaw::ZeroFilled { from: to.saturating_sub(zeros_at_end), to, length });
+        }
+        Ok(())
+    }
+
+    pub(super) fn u16(&self, at: usize) -> Result<u16, Flaw> {
         let b = self
             .bytes
             .get(at..at + 2)
@@ -100,7 +138,7 @@ impl File<'_> {
         Ok(if self.big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) })
     }
 
-    fn u32(&self, at: usize) -> Result<u32, Flaw> {
+    pub(super) fn u32(&self, at: usize) -> Result<u32, Flaw> {
         let b = self
             .bytes
             .get(at..at + 4)
@@ -109,34 +147,45 @@ impl File<'_> {
         Ok(if self.big_endian { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
     }
 
-    /// The numbers (SHORT or LONG) of the entry at `entry`.
-    fn numbers(&self, entry: usize) -> Result<Vec<usize>, Flaw> {
+    /// The whole numbers (BYTE, SHORT, LONG or a directory's place) of the entry at `entry`.
+    pub(super) fn numbers(&self, entry: usize) -> Result<Vec<usize>, Flaw> {
         let width = match self.u16(entry + 2)? {
+            1 | 7 => 1,
             3 => 2,
-            4 => 4,
+            4 | 13 => 4,
             other => return Err(self.damaged(&format!("a field of type {other}"), "SHORT or LONG")),
         };
-        let count = self.u32(entry + 4)? as usize;
-        if count > STRIPS_MAX {
-            return Err(self.damaged(&format!("{count} strips"), &format!("at most {STRIPS_MAX}")));
-        }
-        let at = if count * width <= 4 { entry + 8 } else { self.u32(entry + 8)? as usize };
+        let (count, at) = self.place(entry, width)?;
         (0..count)
             .map(|n| match width {
+                1 => {
+                    let byte = self.bytes.get(at + n).copied().map(usize::from);
+                    byte.ok_or_else(|| self.ended_early("a directory past the end"))
+                }
                 2 => self.u16(at + 2 * n).map(usize::from),
                 _ => self.u32(at + 4 * n).map(|v| v as usize),
             })
             .collect()
     }
 
-    fn first(&self, entry: usize) -> Result<usize, Flaw> {
+    /// How many values the entry at `entry` has, each `width` bytes wide, and where they begin.
+    pub(super) fn place(&self, entry: usize, width: usize) -> Result<(usize, usize), Flaw> {
+        let count = self.u32(entry + 4)? as usize;
+        if count > STRIPS_MAX {
+            return Err(self.damaged(&format!("{count} strips"), &format!("at most {STRIPS_MAX}")));
+        }
+        let at = if count * width <= 4 { entry + 8 } else { self.u32(entry + 8)? as usize };
+        Ok((count, at))
+    }
+
+    pub(super) fn first(&self, entry: usize) -> Result<usize, Flaw> {
         self.numbers(entry)?
             .first()
             .copied()
             .ok_or_else(|| self.damaged("an empty field", "one number"))
     }
 
-    fn ended_early(&self, found: &str) -> Flaw {
+    pub(super) fn ended_early(&self, found: &str) -> Flaw {
         let length = self.bytes.len();
         let zeros = self.bytes.iter().rev().take_while(|&&b| b == 0).count();
         if zeros >= 512 {
@@ -146,7 +195,7 @@ impl File<'_> {
         Flaw::Truncated { kind: "TIFF", found, end: "the end of its last strip and its directory" }
     }
 
-    fn damaged(&self, found: &str, allowed: &str) -> Flaw {
+    pub(super) fn damaged(&self, found: &str, allowed: &str) -> Flaw {
         // A directory read out of a never-filled tail is all zeros: say that instead.
         let length = self.bytes.len();
         let zeros = self.bytes.iter().rev().take_while(|&&b| b == 0).count();
@@ -154,5 +203,36 @@ impl File<'_> {
             return Flaw::ZeroFilled { from: length - zeros, to: length, length };
         }
         Flaw::Damaged { kind: "TIFF", found: found.to_owned(), allowed: allowed.to_owned() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_preview_of_a_raw_photo_is_never_taken_for_the_photo() {
+        let file = |kind: u32| {
+            let entries = [
+                (NEW_SUBFILE_TYPE, kind),
+                (IMAGE_WIDTH, 16),
+                (IMAGE_LENGTH, 12),
+                (STRIP_OFFSETS, 74),
+                (STRIP_BYTE_COUNTS, 192),
+            ];
+            let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+            bytes.extend(5u16.to_le_bytes());
+            for (tag, value) in entries {
+                bytes.extend(tag.to_le_bytes().into_iter().chain([4, 0, 1, 0, 0, 0]));
+                bytes.extend(value.to_le_bytes());
+            }
+            bytes.extend([0; 4]);
+            bytes.resize(74, 0);
+            bytes.extend([100; 192]);
+            bytes
+        };
+        assert_eq!(walk(&file(0)).ok().map(|walked| walked.size), Some(Size::new(16, 12)));
+        let words = walk(&file(1)).err().map(|flaw| flaw.to_string()).unwrap_or_default();
+        assert!(words.contains("a camera raw photo") && words.contains("develop it"), "{words}");
     }
 }

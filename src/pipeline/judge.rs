@@ -126,10 +126,9 @@ fn foreign(reference: &Evidence) -> Option<String> {
     (!fine).then(|| {
         let (left, allowed) = (100.0 * share, FOREIGN / share);
         format!(
-            "the measured lens does not explain the photo: {noises:.1} times its noise is left, \
-             {left:.0} % of what it leaves of the \
-             photo as it is, allowed {allowed:.1} times; it may come from another lens, have been \
-             sharpened or compressed: the photo is returned untouched"
+            "the measured lens does not explain the photo; it may come from another lens, be sharp \
+             already, or have been sharpened or compressed ({noises:.1} times its noise is left, \
+             {left:.0} % of what is left of the photo as it is; allowed {allowed:.1} times)"
         )
     })
 }
@@ -145,9 +144,8 @@ fn harmful(
     let allowed = distance_limit(solved);
     if found > allowed || found.is_nan() {
         return Some(format!(
-            "the result is {:.0} % as far from what the measured lens alone makes of the photo as \
-             the photo itself is, \
-             allowed {:.0}: that is returned in its place",
+            "the result was too far from what the measured lens alone makes of the photo, and that \
+             is returned in its place ({:.0} % as far as the photo itself, allowed {:.0})",
             100.0 * found,
             100.0 * allowed
         ));
@@ -155,9 +153,9 @@ fn harmful(
     let rougher = evidence.rougher;
     (rougher > ROUGHER || rougher.is_nan()).then(|| {
         format!(
-            "the quiet parts of the result are {rougher:.1} times as noisy as the photo's, \
-             allowed {ROUGHER}: what the \
-             measured lens alone makes of the photo is returned in its place"
+            "the quiet parts of the result were noisier than the photo's, and what the measured \
+             lens alone makes of the photo is returned in its place ({rougher:.1} times as noisy, \
+             allowed {ROUGHER})"
         )
     })
 }

@@ -4,7 +4,7 @@
 //! ([`crate::deconvolution::refinement`]). That lens is kept and held against the first capture of
 //! every photo that follows. When it has explained [`PROOFS`] other photos' captures, one after the
 //! other, it may take the measured one's place; when it fails one, it is forgotten. Kept is the
-//! lens where it was measured to be ([`crate::deconvolution::refinement::registration`]): a knocked
+//! lens where it was measured to be ([`crate::deconvolution::refinement::displacement`]): a knocked
 //! panel is for the pilot to see, and for a calibration to mend.
 
 use std::collections::BTreeSet;

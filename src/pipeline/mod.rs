@@ -19,7 +19,7 @@ mod stages;
 
 pub use dot_test::BackwardCheck;
 pub use methods::{digital, hybrid, method, paper, reference_solution};
-pub use outcome::{Iteration, OpticalResidual, Outcome, Restoration, Verdict};
+pub use outcome::{Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict};
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
 pub use stages::{Evidence, Prepared, Residuals, Solved};
@@ -52,6 +52,7 @@ pub struct Pipeline {
     capture_noise: [f32; 3],
     noise: [Noise; 3],
     site_noise: [Noise; 3],
+    counts_per_level: [f32; 3],
     black_surround: bool,
     reference: TotalVariation,
     patches: PatchShape,
@@ -87,6 +88,7 @@ impl Pipeline {
             at_sites: OnceLock::new(),
             noise: calibration.noise,
             site_noise: site_noise(calibration),
+            counts_per_level: calibration.counts_per_level,
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             reference: reference_solution(rig),

@@ -176,22 +176,64 @@ fn rung_of(solved: &Solved) -> (Rung, String) {
     }
 }
 
+/// What the photograph of a finished picture says of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Confirmation {
+    /// It is the photo.
+    Full,
+    /// It is, as far as strong noise lets one see.
+    Noisy,
+    /// It is nearly the photo.
+    Nearly,
+    /// It is another picture.
+    Not,
+}
+
+/// Noise alone above which agreement says little, grey levels of 255. Guess: three times what a
+/// photo at a sensor's highest useful gain has.
+const NOISY_GREY_LEVELS: f64 = 12.0;
+
 impl OpticalResidual {
     /// Residual over floor; 1 is perfect.
     pub fn ratio(&self) -> f64 {
         self.residual_grey_levels / self.floor_grey_levels.max(1e-9)
     }
 
-    /// What it means, for one who drops photos and picks results up. The steps are guesses: 1.25 is
-    /// about what the spread of a noise estimate explains, 2 is three parts of unexplained light to
-    /// one of noise.
-    pub fn meaning(&self) -> &'static str {
+    /// How large the residual is, in one number of which the smaller is the better.
+    pub fn words(&self) -> String {
         match self.ratio() {
-            r if r <= 1.25 => "Photographed through the lens again, this picture is your photo.",
-            r if r <= 2.0 => {
+            r if r <= 1.0 => "no more than noise alone would leave".to_owned(),
+            r => format!("{r:.2} times what noise alone would leave"),
+        }
+    }
+
+    /// What it says of the picture. The steps are guesses: 1.25 is about what the spread of a noise
+    /// estimate explains, 2 is three parts of unexplained light to one of noise.
+    pub fn confirmation(&self) -> Confirmation {
+        match self.ratio() {
+            r if r <= 1.25 && self.floor_grey_levels > NOISY_GREY_LEVELS => Confirmation::Noisy,
+            r if r <= 1.25 => Confirmation::Full,
+            r if r <= 2.0 => Confirmation::Nearly,
+            _ => Confirmation::Not,
+        }
+    }
+
+    /// The same for one who drops photos and picks results up.
+    pub fn meaning(&self) -> &'static str {
+        match self.confirmation() {
+            Confirmation::Full => {
+                "Photographed through the lens again, this picture is your photo."
+            }
+            Confirmation::Noisy => {
+                "Photographed through the lens again, this picture is your photo as far as its \
+                 strong noise lets one see."
+            }
+            Confirmation::Nearly => {
                 "Photographed through the lens again, this picture is nearly your photo."
             }
-            _ => "Photographed through the lens again, this picture still differs from your photo.",
+            Confirmation::Not => {
+                "Photographed through the lens again, this picture still differs from your photo."
+            }
         }
     }
 }

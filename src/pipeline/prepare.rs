@@ -19,7 +19,7 @@ use super::stages::Prepared;
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::ladder::is_blank;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Mosaic, Plane, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Work};
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
 /// the code below it is kept as data).
@@ -49,23 +49,24 @@ impl Pipeline {
                 data_term::place_with_edges(photo.plane(c), canvas, rect)
             }
         });
-        let of = |c: Channel| self.noise_of(c, photo.plane(c));
+        let of = |c: Channel| self.noise_and_coding_of(c, photo.plane(c));
         let (red, (green, blue)) = rayon::join(
             || of(Channel::Red),
             || rayon::join(|| of(Channel::Green), || of(Channel::Blue)),
         );
-        let (noise, reference) = ([red, green, blue], OnceLock::new());
-        Prepared { photo, channels, placed, trust, rect, mosaic: None, noise, reference }
+        let (noise, reference) = ([red, green, blue].map(|(all, _)| all), OnceLock::new());
+        let coded = [red, green, blue].iter().any(|&(_, coding)| coding > 0.0);
+        Prepared { photo, channels, placed, trust, rect, mosaic: None, noise, coded, reference }
     }
 
-    /// The same of a `photo` that this rig's own sensor took and that is known at the sites of
-    /// `mosaic` only; between them it holds something to begin with
-    /// ([`Mosaic::interpolated`]). The noise is the sensor's.
-    pub fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, mosaic: Mosaic) -> Prepared<'a> {
+    /// The same of a `photo` that this rig's own sensor took and that is known at its `raw` sites
+    /// only; between them it holds something to begin with
+    /// ([`Mosaic::interpolated`](crate::frame::Mosaic::interpolated)). The noise is the sensor's.
+    pub fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
         let prepared = self.prepare(photo, Channels::Colour);
         let Prepared { rect, mut trust, .. } = prepared;
         // By two rows and columns a mosaic repeats.
-        let mosaic = mosaic.from_place(rect.x, rect.y);
+        let mosaic = raw.mosaic.from_place(rect.x, rect.y);
         for channel in Channel::ALL {
             let plane = trust.plane_mut(channel);
             for y in 0..plane.height() {
@@ -74,17 +75,22 @@ impl Pipeline {
                     .for_each(|(_, trust)| *trust = MISSING);
             }
         }
-        let noise = Channel::ALL.map(|c| self.site_noise[c.index()].sigma(median(photo.plane(c))));
-        Prepared { trust, mosaic: Some(mosaic), noise, ..prepared }
+        let noise = Channel::ALL.map(|c| {
+            // The sensor is the same, and the photo's white is not the calibration's.
+            let levels = self.counts_per_level[c.index()] / raw.counts_per_level;
+            levels * self.site_noise[c.index()].sigma(median(photo.plane(c)) / levels)
+        });
+        Prepared { trust, mosaic: Some(mosaic), noise, coded: false, ..prepared }
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera
-    /// has at the photo's median level, with what a JPEG's coding adds. A JPEG's noise is flattened
-    /// where it is measured, and still in the picture.
-    fn noise_of(&self, channel: Channel, photo: &Plane) -> f32 {
+    /// has at the photo's median level, with what a JPEG's coding adds; and that alone. A JPEG's
+    /// noise is flattened where it is measured, and still in the picture.
+    fn noise_and_coding_of(&self, channel: Channel, photo: &Plane) -> (f32, f32) {
         let of_camera = self.noise[channel.index()].sigma(median(photo));
         let of_light = data_term::noise_of(photo).max(of_camera);
-        of_light.hypot(blocking_of(photo))
+        let coding = blocking_of(photo);
+        (of_light.hypot(coding), coding)
     }
 }
 

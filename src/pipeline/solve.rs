@@ -56,6 +56,7 @@ impl Pipeline {
             trust: &photo.trust,
             rect: photo.rect,
             mosaic: photo.mosaic,
+            coded: photo.coded,
             channels: photo.channels,
             model: Some(lens),
             norm_squared,

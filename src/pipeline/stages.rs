@@ -23,6 +23,8 @@ pub struct Prepared<'a> {
     pub mosaic: Option<Mosaic>,
     /// The photo's noise per channel, grey levels; of raw sites that of the sites.
     pub noise: [f32; 3],
+    /// Whether the blocks of a JPEG are seen in it.
+    pub coded: bool,
     /// The reference solution through the measured lens, made when it is first needed.
     pub(super) reference: OnceLock<Reference>,
 }

@@ -7,11 +7,11 @@ use crate::calibration::{Calibration, store};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::method::{Method, Step};
-use crate::frame::{Channel, Frame, Work};
+use crate::frame::{Channel, Frame, RawSites, Work};
 use crate::kiosk::screen::{Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
-use crate::picture::Photo;
+use crate::picture::{Flaw, Photo, PictureError, dng};
 use crate::pipeline::{
     Interruption, Outcome, Pipeline, Prepared, Restoration, Solved, Stopwatch, Verdict,
 };
@@ -123,6 +123,18 @@ impl OnRig {
         }
     }
 
+    /// Why a raw photo of a `camera` that says its name, or none, cannot be this rig's. Of other
+    /// makers' files only the sites tell: whoever writes a camera's raw files names it his own way.
+    fn of_another_camera(&self, camera: Option<&str>, raw: RawSites) -> Option<Flaw> {
+        let ours = dng::camera_of(&self.config.name);
+        let by_relens = camera.filter(|camera| camera.starts_with(dng::OUR_MAKE));
+        if let Some(found) = by_relens.filter(|found| *found != ours) {
+            return Some(Flaw::OtherRig { found: found.to_owned(), allowed: ours });
+        }
+        let allowed = self.config.photo_mosaic();
+        (allowed != Some(raw.mosaic)).then_some(Flaw::OtherSensor { found: raw.mosaic, allowed })
+    }
+
     fn adopt(&mut self, functions: LensFunctions) -> Result<Calibration, AnyFailure> {
         let before = store::load(&self.slots, self.config.identity).map_err(boxed)?;
         let after = before.with_lens(functions).map_err(boxed)?;
@@ -143,19 +155,38 @@ impl Restorer for OnRig {
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure> {
-        let captures_max = self.method.captures_max() as usize;
+        let config::methods::Numbers { steps, correction_steps, .. } = self.config.numbers();
+        let captures_max = self.method.captures_max() as f32;
+        // Every step counts, of computing as of light; what only captures do, captures count.
+        let by_computing = self.method.about().starts_from_lens;
+        // Most photos need one solve and one look; what corrects them has the last fifth.
+        let first = steps as f32 + 1.0;
+        let more = captures_max.max(1.0) * (1 + correction_steps) as f32;
+        let mut taken = 0.0;
         let mut shown = Progress { done: 0.0, doing: "solving", captures: 0 };
         progress(shown);
         let mut watch = |step: &Step, _: Option<&Frame<Work>>| {
-            if step.captures > 0 {
-                let captures = step.captures as usize;
-                let done = 0.5 + 0.5 * captures as f32 / captures_max.max(captures) as f32;
-                shown = Progress { done, doing: "showing and seeing", captures };
-            }
-            // A step of computing changes nothing that is shown, and says that the solve is alive.
+            taken += 1.0;
+            let captures = shown.captures.max(step.captures as usize);
+            let share = match by_computing {
+                true if taken <= first => 0.8 * taken / first,
+                true => 0.8 + 0.2 * (taken - first) / more,
+                false => captures as f32 / captures_max,
+            };
+            let doing = if step.captures > 0 { "showing and seeing" } else { shown.doing };
+            // It is not done before it is judged.
+            shown = Progress { done: shown.done.max(share.min(0.99)), doing, captures };
             progress(shown);
         };
-        let prepared = self.pipeline.prepare(&photo.light, photo.channels);
+        let prepared = match photo.raw {
+            None => self.pipeline.prepare(&photo.light, photo.channels),
+            Some(raw) => {
+                if let Some(flaw) = self.of_another_camera(photo.camera.as_deref(), raw) {
+                    return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
+                }
+                self.pipeline.prepare_raw(&photo.light, raw)
+            }
+        };
         let Restoration { mut outcome, solved } = self
             .pipeline
             .restore(&mut self.devices, &prepared, &*self.method, &mut watch)

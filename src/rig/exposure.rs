@@ -11,6 +11,7 @@ use super::mark_search::find_marks;
 use super::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 use crate::config;
 use crate::frame::Codes;
+use crate::remedy::{Remediable, Remedy};
 
 /// How long a rig waits, and how often it tries.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -177,6 +178,31 @@ impl Devices {
         let result = self.shoot(codes);
         self.seconds += self.clock.now().0 - begin.0;
         result
+    }
+
+    /// Exposes what is before the lens, nothing shown: the photo itself. Frames from before the
+    /// trigger are passed over; a frame that does not come is shot again, up to
+    /// [`Timing::exposures_max`] exposures in all.
+    ///
+    /// # Errors
+    /// As [`Devices::capture`].
+    pub fn expose(&mut self) -> Result<Exposed, RigError> {
+        // No panel is in view, or none that shows a mark.
+        let marks = self.marks.take();
+        let mut outcome = Err(RigError::NoFrame { waited_ms: 0.0 });
+        for _ in 0..self.timing.exposures_max {
+            outcome = self.trigger.fire().and_then(|fired| {
+                self.captures += 1;
+                let flip = Flip { at: fired, vblank: 0 };
+                self.receive(&ExposureUnderWay { index: 0, flip, fired, number: 0 })
+            });
+            let again = matches!(&outcome, Err(error) if error.remedy() == Remedy::ShootAgain);
+            if !again {
+                break;
+            }
+        }
+        self.marks = marks;
+        outcome
     }
 
     /// Captures pictures that are all known beforehand, and hands `take` each one's frame by its

@@ -4,7 +4,6 @@ use linux_embedded_hal::Delay;
 
 use super::button::Button;
 use super::exposure::{Devices, Timing};
-use super::frame_mark::MarkPlace;
 use super::gpio_line::{LineName, OutputLine};
 use super::kms_panel::{KmsPanel, KmsSettings};
 use super::lamps::{Lamp, Lamps};
@@ -13,7 +12,7 @@ use super::pulse_trigger::{FreeRunning, PulseTrigger};
 use super::{Panel, RigError, Trigger, camera};
 use crate::config::{self, Hardware, Level, PulseLine, TriggerDevice};
 
-/// Opens panel, trigger and camera, and finds the frame marks where the rig has room for them.
+/// Opens panel, trigger and camera.
 ///
 /// # Errors
 /// Whatever a device has to say: see its own file.
@@ -21,11 +20,7 @@ pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigEr
     let panel = open_panel(rig, hardware)?;
     let trigger = open_trigger(&hardware.trigger)?;
     let camera = camera::open(rig, &hardware.camera)?;
-    let mut devices = Devices::new(panel, trigger, camera, Box::new(Monotonic), Timing::of(rig));
-    if let Some(place) = MarkPlace::of(rig) {
-        devices.find_marks(place)?;
-    }
-    Ok(devices)
+    Ok(Devices::new(panel, trigger, camera, Box::new(Monotonic), Timing::of(rig)))
 }
 
 /// The panel alone, for saying what is wrong with the rest.

@@ -35,25 +35,33 @@ pub mod monotonic;
 pub mod pixel_format;
 #[cfg(feature = "hardware")]
 pub mod pulse_trigger;
+pub mod shoot;
 pub mod simulated;
 
 pub use device::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 
 use crate::config;
 
-/// Opens the rig of a rig file, simulated or real.
+/// Opens the rig of a rig file, simulated or real, and finds the frame marks where it has room for
+/// them.
 ///
 /// # Errors
 /// Whatever a device has to say.
 pub fn open(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
+    let mut devices = open_without_marks(rig)?;
+    if let Some(place) = frame_mark::MarkPlace::of(rig) {
+        devices.find_marks(place)?;
+    }
+    Ok(devices)
+}
+
+/// The same for photos of what is not on the panel, which need not be in view.
+///
+/// # Errors
+/// Whatever a device has to say.
+pub fn open_without_marks(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
     match &rig.kind {
-        config::Kind::Simulated(_) => {
-            let (mut devices, _) = simulated::open(rig)?;
-            if let Some(place) = frame_mark::MarkPlace::of(rig) {
-                devices.find_marks(place)?;
-            }
-            Ok(devices)
-        }
+        config::Kind::Simulated(_) => Ok(simulated::open(rig)?.0),
         #[cfg(feature = "hardware")]
         config::Kind::Hardware(hardware) => hardware::open(rig, hardware),
         #[cfg(not(feature = "hardware"))]

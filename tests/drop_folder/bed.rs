@@ -11,8 +11,8 @@ use relens::daemon::{
     Daemon, DaemonError, DaemonSetting, Folders, Progress, Restorer, Summary, Watcher,
 };
 use relens::deconvolution::ladder::Rung;
-use relens::frame::{Frame, Plane, Size, Work};
-use relens::picture::{Format, Limits, Manner, Photo, encode};
+use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, encode};
 use relens::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 use relens::rig::{Clock, Moment};
@@ -119,6 +119,14 @@ pub fn scene(size: Size) -> Frame<Work> {
 
 pub fn file(format: Format, bits: u8, size: Size) -> Vec<u8> {
     encode("scene", &scene(size), &Manner::plain(format, bits, Curve::Srgb), false).unwrap()
+}
+
+/// A raw photo of the scene's green.
+pub fn raw_file(size: Size) -> Vec<u8> {
+    let sites = scene(size).plane(Channel::Green).map(|v: f32| 64 + 3 * v as u16);
+    let (mosaic, camera) = (Mosaic::Gbrg, "rig");
+    Dng { sites: &sites, mosaic, black: 64.0, white: 1023, camera, exposure_s: None, crop: None }
+        .bytes()
 }
 
 pub fn drop_in(root: &Path, name: &str, bytes: &[u8]) {

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use relens::config::Curve;
-use relens::daemon::{PhotoCounts, Report, State};
+use image::ImageEncoder;
+use relens::config::{Curve, LargerPhotos};
+use relens::daemon::{Daemon, DaemonSetting, Folders, PhotoCounts, Report, State};
 use relens::frame::{Plane, Size};
 use relens::picture::{Format, Manner, Orientation, PixelLayout, encode};
 
@@ -40,6 +41,29 @@ fn every_format_comes_out_as_it_came_in() {
 }
 
 #[test]
+fn a_raw_photo_comes_out_developed() {
+    let root = fresh_root();
+    let root = root.path();
+    drop_in(root, "a.dng", &raw_file(RIG));
+    drop_in(root, "wide.dng", &raw_file(Size::new(128, 96)));
+    drop_in(root, "b.jpg", &raw_file(RIG));
+    let summary = once(root);
+    assert_eq!(summary.restored.len(), 2, "{:?}", summary.failed);
+    let result = read_back(&root.join("outbox/a.tif"));
+    assert_eq!((result.manner.format, result.manner.bits), (Format::Tiff, 16));
+    assert!(result.raw.is_none() && read_back(&root.join("done/a.dng")).raw.is_some());
+    assert!(root.join("outbox/a.tif.json").is_file());
+    let told = format!("{:?}", summary.failed);
+    assert!(
+        told.contains("not resampled: found 128×96 sites, allowed the rig's whole sensor, 64×48"),
+        "{told}"
+    );
+    let notes = summary.restored.iter().map(|report| report.notes.concat()).collect::<String>();
+    assert!(notes.contains("named .jpg and holds a DNG"), "{notes}");
+    assert!(root.join("outbox/b.tif").is_file());
+}
+
+#[test]
 fn each_bad_file_gets_its_own_sentence_and_is_kept() {
     let root = fresh_root();
     let root = root.path();
@@ -53,7 +77,12 @@ fn each_bad_file_gets_its_own_sentence_and_is_kept() {
     oversized[sof + 5..sof + 9].copy_from_slice(&[0xff; 4]);
     let mut flipped = png.clone();
     flipped[png.len() / 2] ^= 1;
-    let cases: [(&str, &[u8], &str); 12] = [
+    let mut floats = Vec::new();
+    let pixels: Vec<u8> = [0.5f32; 3 * 64 * 48].iter().flat_map(|v| v.to_ne_bytes()).collect();
+    image::codecs::tiff::TiffEncoder::new(std::io::Cursor::new(&mut floats))
+        .write_image(&pixels, 64, 48, image::ExtendedColorType::Rgb32F)
+        .unwrap();
+    let cases: [(&str, &[u8], &str); 14] = [
         ("empty.jpg", b"", "empty: found 0 bytes"),
         ("cut.jpg", &jpeg[..jpeg.len() / 100], "JPEG file is cut short"),
         ("cut.png", &png[..png.len() / 2], "PNG file is cut short"),
@@ -61,7 +90,9 @@ fn each_bad_file_gets_its_own_sentence_and_is_kept() {
         ("zeros.jpg", &[0; 5000], "never filled"),
         ("tail.jpg", &tail, "never filled"),
         ("big.jpg", &oversized, "found 65535×65535 pixels by its header"),
-        ("misnamed.jpg", &png, "found a PNG file named .jpg"),
+        ("floats.tif", &floats, "found numbers with fractions"),
+        ("phone.jpg", b"\0\0\0\x18ftypheic\0\0\0\0", "an HEIC picture"),
+        ("DSCF0001.RAF", b"FUJIFILMCCD-RAW 0201", "a camera raw photo (Fujifilm RAF)"),
         ("paper.jpg", b"%PDF-1.7\nhello", "a PDF document"),
         ("letter.txt", b"Dear Sir or Madam", "a text"),
         ("flipped.png", &flipped, "PNG file is damaged"),
@@ -94,6 +125,56 @@ fn each_bad_file_gets_its_own_sentence_and_is_kept() {
     }
     assert_eq!(sentences.len(), cases.len(), "no two share a sentence");
     assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
+}
+
+#[test]
+fn content_is_believed_and_what_is_read_alone_comes_back_as_png() {
+    let root = fresh_root();
+    let root = root.path();
+    let rgb: Vec<u8> = (0..64 * 48 * 3).map(|n| (n % 200) as u8).collect();
+    let as_rgb = image::ExtendedColorType::Rgb8;
+    let (mut webp, mut bmp, mut gif) = (Vec::new(), Vec::new(), Vec::new());
+    image::codecs::webp::WebPEncoder::new_lossless(&mut webp)
+        .write_image(&rgb, 64, 48, as_rgb)
+        .unwrap();
+    image::codecs::bmp::BmpEncoder::new(&mut bmp).write_image(&rgb, 64, 48, as_rgb).unwrap();
+    image::codecs::gif::GifEncoder::new(&mut gif).encode(&rgb, 64, 48, as_rgb).unwrap();
+    let png = file(Format::Png, 8, RIG);
+    let photos: [(&str, &[u8], &str); 5] = [
+        ("a.webp", &webp, "WebP"),
+        ("b.BMP", &bmp, "BMP"),
+        ("c.gif", &gif, "GIF"),
+        ("d.jpg", &png, "PNG"),
+        ("12.5.2024", &png, "PNG"),
+    ];
+    for (name, bytes, _) in photos {
+        drop_in(root, name, bytes);
+    }
+    let summary = once(root);
+    assert_eq!(summary.restored.len(), photos.len(), "{:?}", summary.failed);
+    for (report, result) in summary
+        .restored
+        .iter()
+        .map(|report| (report, read_back(&root.join("outbox").join(&report.result))))
+    {
+        let (_, _, content) = photos.iter().find(|(name, ..)| *name == report.photo).unwrap();
+        assert_eq!(result.manner.format, Format::Png, "{}", report.photo);
+        assert!(report.notes.iter().any(|note| note.contains(content)), "{:?}", report.notes);
+        assert!(report.result.ends_with(".png"), "{}", report.result);
+    }
+    assert!(root.join("outbox/12.5.2024.png").is_file());
+    // Cut, they wait as the others do; left as they were, they are themselves.
+    for (name, bytes) in [("a.webp", &webp), ("b.bmp", &bmp), ("c.gif", &gif)] {
+        drop_in(root, name, &bytes[..bytes.len() / 2]);
+        let failed = once(root).failed;
+        assert!(failed[0].reason.contains("is cut short"), "{failed:?}");
+    }
+    for (name, bytes) in [("a.webp", &webp), ("b.bmp", &bmp), ("c.gif", &gif)] {
+        drop_in(root, &format!("sharp-{name}"), bytes);
+    }
+    let mut restorer = Brightener { untouched: true, ..Brightener::default() };
+    assert_eq!(once_with(root, &mut restorer, &mut ()).unwrap().untouched.len(), 3);
+    assert_eq!(std::fs::read(root.join("outbox/sharp-a.webp")).unwrap(), webp);
 }
 
 #[test]
@@ -140,7 +221,7 @@ fn names_are_bytes_and_may_be_hostile_or_long() {
         root.join("outbox").join(&latin).is_file() && root.join("outbox").join(&hostile).is_file()
     );
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
-    assert_eq!(page.matches("<script>").count(), 1, "the page's own");
+    assert_eq!(page.matches("<script>").count(), 2, "the page's own");
     assert!(page.contains("M%FCnchen.png"));
 }
 
@@ -212,6 +293,21 @@ fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
             .any(|n| n.contains("resampled from 256×192 to the rig's 64×48"))
     );
     assert_eq!(read_back(&root.join("outbox/big.png")).light.size(), RIG);
+    let report = &summary.restored[0];
+    assert!(report.notes[0].contains("its result is smaller"), "first of all: {:?}", report.notes);
+    assert!(report.line().starts_with("big.png: comes back smaller, 64×48 for 256×192; restored"));
+    // Unless the rig file will have none of that.
+    drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
+    drop_in(root, "small.png", &file(Format::Png, 8, Size::new(32, 24)));
+    let refusing = DaemonSetting { larger_photos: LargerPhotos::Refuse, ..setting() };
+    let (clock, calendar) = (TestClock::default(), || std::time::SystemTime::now());
+    let (mut restorer, mut watcher) = (Brightener::default(), ());
+    let folders = Folders::open(root).unwrap();
+    let mut daemon =
+        Daemon::open(folders, refusing, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let summary = daemon.once().unwrap();
+    assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
+    assert!(summary.failed[0].reason.contains("larger-photos"), "{:?}", summary.failed);
 }
 
 #[test]
@@ -235,11 +331,13 @@ fn grey_photos_stay_grey_and_alpha_comes_back() {
 fn an_untouched_photo_goes_out_byte_by_byte() {
     let root = fresh_root();
     let root = root.path();
-    let bytes = file(Format::Jpeg, 8, RIG);
-    drop_in(root, "a.jpg", &bytes);
+    let photos = [("a.jpg", file(Format::Jpeg, 8, RIG)), ("b.dng", raw_file(RIG))];
+    photos.iter().for_each(|(name, bytes)| drop_in(root, name, bytes));
     let mut restorer = Brightener { untouched: true, ..Brightener::default() };
     once_with(root, &mut restorer, &mut ()).unwrap();
-    assert_eq!(std::fs::read(root.join("outbox/a.jpg")).unwrap(), bytes);
+    for (name, bytes) in photos {
+        assert_eq!(std::fs::read(root.join("outbox").join(name)).unwrap(), bytes);
+    }
 }
 
 #[test]
@@ -250,13 +348,13 @@ fn restored_untouched_failed_and_left_are_counted_apart_everywhere() {
     drop_in(root, "broken.png", b"no png");
     let mut restorer = Brightener { untouched: true, ..Brightener::default() };
     let summary = once_with(root, &mut restorer, &mut ()).unwrap();
-    let counts = PhotoCounts { restored: 0, untouched: 1, failed: 1, left: 0 };
+    let counts = PhotoCounts { untouched: 1, failed: 1, ..PhotoCounts::default() };
     assert_eq!((summary.counts(), State::read(root).unwrap().unwrap().counts), (counts, counts));
-    let words = "0 restored, 1 returned untouched, 1 failed, 0 left in the inbox";
+    let words = "0 restored, 1 left as they were, 1 failed, 0 waiting";
     assert_eq!(counts.to_string(), words);
-    assert!(summary.untouched[0].line().contains("left as it was"), "the log");
+    assert!(summary.untouched[0].line().contains("left as it was: told to (1 c"), "the log");
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
-    for words in ["<b>0</b> restored", "<b>1</b> left as they were", "<b>1</b> not restored"] {
+    for words in ["<b>0</b> restored", "<b>1</b> left as it was", "<b>1</b> failed"] {
         assert!(page.contains(words), "{words}");
     }
 }

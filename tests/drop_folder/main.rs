@@ -14,6 +14,7 @@ mod hostile;
 mod keeping;
 mod model_disk;
 mod neighbours;
+mod neighbours_of_bad;
 mod power;
 mod power_checks;
 mod readiness;

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, DaemonSetting, Folders, Summary};
+use relens::daemon::{Daemon, DaemonSetting, Doing, Folders, State, Summary};
 use relens::frame::Size;
 use relens::picture::Format;
 
@@ -54,7 +54,7 @@ fn a_jpeg_cut_anywhere_waits_and_is_taken_once_when_whole() {
         let (_, restored) = watch(
             root,
             500.0,
-            DaemonSetting { photo_size: Size::new(64, 48), ..deaf() },
+            DaemonSetting { grid: Size::new(64, 48).into(), ..deaf() },
             &mut |_| (),
         );
         assert_eq!((restored, names(&root.join("done"))), (1, set(&["a.jpg"])));
@@ -198,6 +198,108 @@ fn events_make_it_sooner_and_a_flood_of_them_does_no_harm() {
     };
     watch(root, 900.0, slow, &mut come);
     assert!(taken < 30.0, "taken at {taken} s, quiet since 20 s");
+}
+
+#[test]
+fn a_photo_that_was_moved_in_is_under_way_within_two_seconds() {
+    let root = fresh_root();
+    let root = root.path();
+    let bytes = file(Format::Png, 8, RIG);
+    std::fs::create_dir_all(root.join("aside/sea")).unwrap();
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    for name in ["a.png", "sea/b.png"] {
+        std::fs::write(root.join("aside").join(name), &bytes).unwrap();
+    }
+    let (mut came, mut taken) = (None, f64::INFINITY);
+    let mut come = |now: f64| {
+        if now > 20.0 && came.is_none() {
+            came = Some(now);
+            for name in ["a.png", "sea"] {
+                std::fs::rename(root.join("aside").join(name), root.join("inbox").join(name))
+                    .unwrap();
+            }
+            // Copied: this one may not be all there yet.
+            std::fs::write(root.join("inbox/copied.png"), &bytes).unwrap();
+        }
+        if ["a.png", "sea-b.png"].iter().all(|name| root.join("done").join(name).exists()) {
+            taken = now.min(taken);
+        }
+        assert!(
+            now > 25.0 || !root.join("done/copied.png").exists(),
+            "a copy is let settle, and not taken at {now} s"
+        );
+    };
+    let (summary, restored) = watch(root, 60.0, setting(), &mut come);
+    let came = came.unwrap();
+    assert_eq!(restored, 3, "{summary:?}");
+    assert!(taken <= came + 2.0, "came at {came} s, done at {taken} s");
+}
+
+#[test]
+fn an_inbox_that_was_made_anew_is_seen_within_five_seconds() {
+    let root = fresh_root();
+    let root = root.path();
+    std::fs::create_dir_all(root.join("inbox")).unwrap();
+    let (mut made, mut seen) = (None, f64::INFINITY);
+    let mut come = |now: f64| {
+        if now > 20.0 && root.join("inbox").exists() && made.is_none() && now < 30.0 {
+            std::fs::remove_dir(root.join("inbox")).unwrap();
+        }
+        let state = State::read(root).unwrap().unwrap();
+        if now > 100.0 && made.is_none() {
+            assert!(matches!(state.doing, Doing::Held { .. }), "{:?}", state.doing);
+            std::fs::create_dir(root.join("inbox")).unwrap();
+            made = Some(now);
+        }
+        if made.is_some() && state.doing == Doing::Waiting {
+            seen = now.min(seen);
+        }
+    };
+    watch(root, 200.0, deaf(), &mut come);
+    let made = made.unwrap();
+    assert!(seen <= made + 5.0, "made at {made} s, seen at {seen} s");
+}
+
+#[test]
+fn who_waits_and_for_what_is_told_while_it_is_so() {
+    let root = fresh_root();
+    let root = root.path();
+    let whole = file(Format::Jpeg, 8, Size::new(256, 192));
+    drop_in(root, "half.jpg", &whole[..whole.len() / 2]);
+    let mut dropped = false;
+    let told = RefCell::new(Vec::new());
+    let mut look = |now: f64| {
+        if now > 30.0 && !dropped {
+            dropped = true;
+            drop_in(root, "whole.jpg", &whole);
+        }
+        if let Some(state) = State::read(root).unwrap() {
+            let words = state.counts.to_string();
+            if told.borrow().last() != Some(&words) {
+                told.borrow_mut().push(words);
+            }
+        }
+    };
+    watch(root, 60.0, deaf(), &mut look);
+    let none = "0 restored, 0 left as they were, 0 failed";
+    let one = "1 restored, 0 left as they were, 0 failed";
+    let half = "1 for the rest of the file";
+    let wanted = [
+        format!("{none}, 0 waiting"),
+        format!("{none}, 1 waiting (1 settling)"),
+        format!("{none}, 1 waiting ({half})"),
+        format!("{none}, 2 waiting (1 settling, {half})"),
+        format!("{one}, 1 waiting ({half})"),
+    ];
+    let told = told.into_inner();
+    let mut rest = told.iter();
+    for words in &wanted {
+        assert!(rest.any(|told| told == words), "{words}, in order, in {told:#?}");
+    }
+    // Another life counts what is there.
+    watch(root, 10.0, deaf(), &mut |_| ());
+    let counts = State::read(root).unwrap().unwrap().counts.to_string();
+    assert_eq!(counts, format!("{one}, 1 waiting ({half})"), "after a restart");
 }
 
 #[test]

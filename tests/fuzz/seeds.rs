@@ -13,8 +13,8 @@ use relens::calibration::{Calibration, CrossChannel, Noise, ResponseCurve, store
 use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
 use relens::deconvolution::level_norms::LevelNorms;
-use relens::frame::{Frame, Plane, Size, Work};
-use relens::picture::{Format, Limits, Manner, Photo, PixelLayout, encode, worker};
+use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, PixelLayout, encode, worker};
 
 /// A few files of each format, depth and layout, with and without a profile; a photo of a scene.
 fn photos(folder: &Path) {
@@ -41,20 +41,32 @@ fn photos(folder: &Path) {
         Photo::from_bytes("seed", &bytes, config::Curve::Srgb, &Limits::default()).unwrap();
         fs::write(folder.join(format!("{n}.{}", format.extension())), bytes).unwrap();
     }
+    let sites = scene.plane(Channel::Green).map(|v: f32| 64 + v as u16);
+    let (mosaic, camera) = (Mosaic::Rggb, "seed");
+    let raw = Dng {
+        sites: &sites,
+        mosaic,
+        black: 64.0,
+        white: 1023,
+        camera,
+        exposure_s: None,
+        crop: None,
+    };
+    fs::write(folder.join("raw.dng"), raw.bytes()).unwrap();
 }
 
-/// What a worker of `program` answers about two photos.
+/// What a worker of `program` answers about two photos and a raw one.
 fn answers(program: &Path, photos: &Path, folder: &Path) {
     let size = Size::new(16, 12);
-    for name in ["1.jpg", "2.png", "no-photo"] {
+    let grid = format!(r#"{{"width":{},"height":{}}}"#, size.width, size.height);
+    for name in ["1.jpg", "2.png", "raw.dng", "no-photo"] {
         let path = photos.join(name);
         let file = File::open(if path.exists() { &path } else { program }).unwrap();
         let ask = format!(
             r#"{{"name":"{name}",
             "limits":{{"bytes_max":1000000000,"pixels_max":10000,"decoder_bytes_max":1000000}},
-            "photo":["srgb",{{"width":{},"height":{}}}],
-            "memory_bytes_max":1000000000,"processor_s_max":10}}"#,
-            size.width, size.height
+            "photo":["srgb",{{"sensor":{grid},"photo":{{"x":0,"y":0,"size":{grid}}}}}],
+            "memory_bytes_max":1000000000,"processor_s_max":10}}"#
         );
         let out = Command::new(program)
             .args([worker::WORD, &ask])

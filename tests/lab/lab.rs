@@ -3,6 +3,7 @@
 //! `cargo run --release --example lab -- WHAT --rig RIG.toml --out DIR`; see [`Experiment`].
 
 mod change;
+mod colour;
 mod conditions;
 mod figures;
 mod harness;
@@ -50,12 +51,17 @@ struct Words {
     /// Rows of other programs, for `peers`
     #[arg(long, required_if_eq("what", "peers"))]
     rows: Option<PathBuf>,
+    /// Folder of more photographs, for `colour`
+    #[arg(long)]
+    pictures: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
 enum Experiment {
     /// The methods side by side, also without noise, with glare and with a poor lens model
     Conditions,
+    /// Whether colours hold together: charts in inks, and photographs
+    Colour,
     /// Every method under every fault: where it harms, and whether the box notices
     Stability,
     /// Where captures gain over the measured lens alone; for linear photos
@@ -84,8 +90,10 @@ fn main() -> ExitCode {
 }
 
 fn run(words: &Words) -> Result<(), Failure> {
-    use Experiment::{Captures, Conditions, Figures, Ladder, Peers, Regimes, Sizes, Stability};
-    let Words { what, out, quick, rows, .. } = words;
+    use Experiment::{
+        Captures, Colour, Conditions, Figures, Ladder, Peers, Regimes, Sizes, Stability,
+    };
+    let Words { what, out, quick, rows, pictures, .. } = words;
     let rig = relens::config::load(&words.rig)?;
     if rig.simulation().is_none() {
         return Err(format!("found the rig {}, allowed simulated rigs", rig.name).into());
@@ -103,6 +111,7 @@ fn run(words: &Words) -> Result<(), Failure> {
     std::fs::create_dir_all(out)?;
     let made = match what {
         Conditions => conditions::run(&rig, *quick),
+        Colour => colour::run(&rig, *quick, pictures.as_deref()),
         Stability => stability::run(&rig, *quick),
         Regimes => regimes::run(&rig),
         Sizes => sizes::run(&rig),

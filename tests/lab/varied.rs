@@ -56,8 +56,15 @@ fn text_page(size: Size) -> Plane {
     let mut page: Plane = Plane::filled(size, 0.8 * FULL_SCALE);
     let height_px = size.height as f32 / 16.0;
     let mut y = height_px;
-    for line in lettering::wrapped(&[WORDS; 8].join(" "), height_px, 0.9 * size.width as f32, 12) {
-        lettering::set(&line, (0.05 * size.width as f32, y), height_px, &mut |x, y, coverage| {
+    let wide = 0.9 * size.width as f32;
+    let mut lines = lettering::wrapped(&[WORDS; 8].join(" "), height_px, wide);
+    lines.truncate(12);
+    if let Some(last) = lines.last_mut() {
+        while lettering::width(&format!("{last} …"), height_px) > wide && last.pop().is_some() {}
+        last.push_str(" …");
+    }
+    for line in &lines {
+        lettering::set(line, (0.05 * size.width as f32, y), height_px, &mut |x, y, coverage| {
             if (0..size.width as i32).contains(&x) && (0..size.height as i32).contains(&y) {
                 let (x, y) = (x as usize, y as usize);
                 page.set(x, y, page.at(x, y) * (1.0 - 0.95 * coverage));

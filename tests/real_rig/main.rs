@@ -153,9 +153,9 @@ fn rig_known_pictures_come_each_once() {
 #[test]
 #[ignore = "needs a rig"]
 fn rig_timing_can_be_measured() {
-    let (mut rig, config) = opened();
-    let timing = relens::diagnosis::measure(&mut rig, config.panel.refresh_hz)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let (mut rig, _) = opened_as(relens::diagnosis::patient(&file()));
+    let timing =
+        relens::diagnosis::measure(&mut rig, &file()).unwrap_or_else(|error| panic!("{error}"));
     println!("{timing}");
     assert!(timing.settle_ms.is_finite(), "{timing}");
 }

@@ -1,120 +1,169 @@
-//! The last day in lines: photos an hour, drift, temperature. Drawn as SVG inside the page.
+//! The last day drawn: photos by the minute or the quarter of an hour, drift, temperature. Lines
+//! and bars are SVG that fills its box; every letter is the page's own, legible on a phone.
 
 use std::fmt::Write;
 
+use super::card::GalleryPhoto;
+use super::html::{photos, span};
 use crate::daemon::store::pilots::PilotEntry;
-use crate::daemon::store::report_file::Report;
 
 /// What is drawn: this long before the newest event. A night and the evening before it.
-const SPAN_S: f64 = 86_400.0;
+const SPAN_S: u64 = 86_400;
 
-/// Width of one bar of the throughput.
-const BAR_S: f64 = 900.0;
+/// What a bar may count: a minute, five, a quarter of an hour.
+const BARS_S: [(u64, &str); 3] =
+    [(60, "a minute"), (300, "5 minutes"), (900, "a quarter of an hour")];
 
-const WIDTH: f64 = 640.0;
-const HEIGHT: f64 = 120.0;
-/// Room for the numbers at the left, and the hours below.
-const LEFT: f64 = 46.0;
-const BELOW: f64 = 18.0;
+/// Bars that a phone has room for.
+const BARS_MAX: u64 = 96;
 
-/// The charts' HTML; empty when there is nothing to draw.
-pub(super) fn charts(reports: &[Report], pilots: &[PilotEntry]) -> String {
-    let newest =
-        reports.iter().map(|r| r.finished_unix_s).chain(pilots.iter().map(|p| p.unix_s)).max();
-    let Some(newest) = newest.map(|unix_s| unix_s as f64) else { return String::new() };
-    let oldest = newest - SPAN_S;
-    let recent = |unix_s: u64| unix_s as f64 >= oldest;
-    let mut bars = vec![0.0; (SPAN_S / BAR_S) as usize + 1];
-    for report in reports.iter().filter(|r| recent(r.finished_unix_s)) {
-        bars[((report.finished_unix_s as f64 - oldest) / BAR_S) as usize] += 3600.0 / BAR_S;
-    }
-    let throughput: Vec<(f64, f64)> =
-        bars.iter().enumerate().map(|(n, &v)| (oldest + n as f64 * BAR_S, v)).collect();
-    let line = |of: &dyn Fn(&PilotEntry) -> Option<f64>| -> Vec<(f64, f64)> {
-        pilots
-            .iter()
-            .filter(|p| recent(p.unix_s))
-            .filter_map(|p| Some((p.unix_s as f64, of(p)?)))
-            .collect()
-    };
-    let drawn = [
-        ("Photos an hour", "", throughput, true),
-        ("Brightness of the pilot picture", "%", line(&|p| Some(p.drift.gain_percent)), false),
-        ("Displacement of the pilot picture", "px", line(&|p| Some(p.drift.shift_px)), false),
-        ("Stray light", "levels", line(&|p| Some(p.drift.offset_levels)), false),
-        ("Temperature of the board", "°C", line(&|p| p.temperature_c), false),
-    ];
-    let mut html = String::from("<section class=\"charts\">\n");
-    for (title, unit, points, bars) in drawn {
-        // One point is no course of a night.
-        if points.len() > 1 {
-            chart(&mut html, (title, unit), &points, (oldest, newest), bars);
+/// Height and width of a drawing in its own units.
+const SIDE: f64 = 100.0;
+
+/// The charts' HTML for photos, newest first; empty when there is nothing to draw.
+pub(super) fn charts(shown: &[GalleryPhoto<'_>], pilots: &[PilotEntry]) -> String {
+    let ends = shown.iter().map(|photo| photo.report.finished_unix_s);
+    let events = ends.chain(pilots.iter().map(|p| p.unix_s));
+    let Some(newest) = events.clone().max() else { return String::new() };
+    let recent = |unix_s: u64| unix_s + SPAN_S > newest;
+    let oldest = events.filter(|&unix_s| recent(unix_s)).min().unwrap_or(newest);
+    let fits = |bar_s: u64| (newest - oldest) / bar_s < BARS_MAX - 1;
+    let (bar_s, bar_words) = BARS_S.into_iter().find(|b| fits(b.0)).unwrap_or(BARS_S[2]);
+    // Whole bars from before the oldest to after the newest event.
+    let (begin, end) = (oldest / bar_s * bar_s, (newest / bar_s + 1) * bar_s);
+    let mut html = String::from("<section class=\"charts\" aria-label=\"The last day\">\n");
+
+    let night: Vec<_> = shown.iter().filter(|p| recent(p.report.finished_unix_s)).collect();
+    if let (Some(last), Some(first)) = (night.first(), night.last()) {
+        let mut bars = vec![0_usize; ((end - begin) / bar_s) as usize];
+        for photo in &night {
+            bars[((photo.report.finished_unix_s - begin) / bar_s) as usize] += 1;
         }
+        let took = last.report.finished_unix_s as f64 - first.report.finished_unix_s as f64
+            + first.report.seconds;
+        let title = format!("{} in {}", photos(night.len()), span(took));
+        let most = bars.iter().copied().max().unwrap_or(1);
+        let width = SIDE / bars.len() as f64;
+        let mut drawn = String::new();
+        for (n, &count) in bars.iter().enumerate().filter(|(_, count)| **count > 0) {
+            let height = SIDE * count as f64 / most as f64;
+            let _ = write!(
+                drawn,
+                "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{height:.2}\"/>",
+                n as f64 * width + 0.05 * width,
+                SIDE - height,
+                0.9 * width,
+            );
+        }
+        let caption = format!("{title} <small>bars of {bar_words}</small>");
+        figure(&mut html, &caption, ["0", &most.to_string()], (begin, end), &drawn);
+    }
+
+    let line = |of: &dyn Fn(&PilotEntry) -> Option<f64>| -> Vec<(f64, f64)> {
+        let recent = pilots.iter().filter(|p| recent(p.unix_s));
+        let points = recent.filter_map(|p| Some(((p.unix_s - begin) as f64, of(p)?)));
+        points.filter(|(_, value)| value.is_finite()).collect()
+    };
+    let lines = [
+        ("Brightness of the pilot picture", "%", line(&|p| Some(p.drift.gain_percent))),
+        ("Displacement of the pilot picture", "px", line(&|p| Some(p.drift.shift_px))),
+        ("Stray light", "grey levels", line(&|p| Some(p.drift.offset_levels))),
+        ("Temperature of the board", "°C", line(&|p| p.temperature_c)),
+    ];
+    // One point is no course of a night.
+    let lines: Vec<_> = lines.into_iter().filter(|(.., points)| points.len() > 1).collect();
+    if !lines.is_empty() {
+        html.push_str("<details><summary>How steady the box was</summary>\n");
+        for (title, unit, points) in lines {
+            course(&mut html, (title, unit), &points, (begin, end));
+        }
+        html.push_str("</details>\n");
     }
     html.push_str("</section>\n");
     html
 }
 
-fn chart(
-    html: &mut String,
-    (title, unit): (&str, &str),
-    points: &[(f64, f64)],
-    span: (f64, f64),
-    bars: bool,
-) {
-    let finite = points.iter().map(|p| p.1).filter(|v| v.is_finite());
+/// A line through `points`: seconds since the beginning of `over`, and values.
+fn course(html: &mut String, (title, unit): (&str, &str), points: &[(f64, f64)], over: (u64, u64)) {
     // Zero belongs to every one of them but temperature, which is near nothing.
     let about = if unit == "°C" { f64::INFINITY } else { 0.0 };
     let (mut low, mut high) =
-        finite.fold((about, if bars { 1.0 } else { -about }), |(l, h), v| (l.min(v), h.max(v)));
+        points.iter().fold((about, -about), |(l, h), &(_, v)| (l.min(v), h.max(v)));
     if high - low < 1e-9 {
         (low, high) = (low - 0.5, high + 0.5);
     }
-    let x = |unix_s: f64| LEFT + (WIDTH - LEFT) * (unix_s - span.0) / (span.1 - span.0);
-    let y =
-        |value: f64| 6.0 + (HEIGHT - BELOW - 6.0) * (high - value.clamp(low, high)) / (high - low);
-    // Writing to a string cannot fail.
+    let x = |at_s: f64| SIDE * at_s / (over.1 - over.0) as f64;
+    let y = |value: f64| SIDE * (high - value) / (high - low);
+    let path: Vec<String> =
+        points.iter().map(|&(at, v)| format!("{:.2},{:.2}", x(at), y(v))).collect();
+    let drawn = format!("<polyline points=\"{}\"/>", path.join(" "));
+    let caption = format!("{title} <small>{unit}</small>");
+    // Without a minus before what rounds to nothing.
+    let label = |value: f64| format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0);
+    figure(html, &caption, [&label(low), &label(high)], over, &drawn);
+}
+
+/// A drawing with its lowest and highest value and its hours, in UTC until a script makes them
+/// local.
+fn figure(html: &mut String, caption: &str, [low, high]: [&str; 2], over: (u64, u64), drawn: &str) {
     let _ = write!(
         html,
-        "<figure><figcaption>{title} <small>{unit}</small></figcaption><svg viewBox=\"0 0 {WIDTH} \
-         {HEIGHT}\" role=\"img\" \
-         aria-label=\"{title}, {low:.1} to {high:.1} {unit}\">\
-         <text x=\"{0}\" y=\"12\" text-anchor=\"end\">{high:.1}</text>\
-         <text x=\"{0}\" y=\"{1:.0}\" text-anchor=\"end\">{low:.1}</text>\
-         <line class=\"axis\" x1=\"{LEFT}\" x2=\"{WIDTH}\" y1=\"{2:.1}\" y2=\"{2:.1}\"/>",
-        LEFT - 6.0,
-        HEIGHT - BELOW,
-        y(0.0f64.clamp(low, high)),
+        "<figure><figcaption>{caption}</figcaption><div class=\"chart\"><span>{high}</span>\
+         <span>{low}</span><svg viewBox=\"0 0 {SIDE} {SIDE}\" preserveAspectRatio=\"none\" \
+         aria-hidden=\"true\">{drawn}</svg></div><p class=\"hours\">"
     );
-    if bars {
-        let width = (x(span.0 + BAR_S) - x(span.0) - 1.0).max(1.0);
-        for &(at, value) in points.iter().filter(|p| p.1 > 0.0) {
-            let top = y(value);
-            let _ = write!(
-                html,
-                "<rect x=\"{:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\"/>",
-                x(at),
-                y(0.0) - top
-            );
-        }
-    } else {
-        let path: Vec<String> = points
-            .iter()
-            .filter(|p| p.1.is_finite())
-            .map(|&(at, v)| format!("{:.1},{:.1}", x(at), y(v)))
+    for third in 0..=3 {
+        let at = over.0 + (over.1 - over.0) * third / 3;
+        let time = jiff::Timestamp::from_second(at as i64).unwrap_or_default();
+        let _ = write!(html, "<span data-hour=\"{at}\">{}</span>", time.strftime("%H:%M"));
+    }
+    html.push_str("</p></figure>\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::daemon::report::tests::report;
+    use crate::daemon::store::report_file::Report;
+
+    fn charts_of(reports: &[Report]) -> String {
+        let newest_first = reports.iter().rev();
+        let shown: Vec<_> = newest_first
+            .map(|report| GalleryPhoto { report, number: 0, original: None, scene: None })
             .collect();
-        let _ = write!(html, "<polyline points=\"{}\"/>", path.join(" "));
+        charts(&shown, &[])
     }
-    for quarter in 0..=4 {
-        let at = span.0 + (span.1 - span.0) * f64::from(quarter) / 4.0;
-        let anchor = ["start", "middle", "middle", "middle", "end"][quarter as usize];
-        let _ = write!(
-            html,
-            "<text class=\"hour\" x=\"{:.1}\" y=\"{:.0}\" text-anchor=\"{anchor}\" \
-             data-hour=\"{at:.0}\"></text>",
-            x(at),
-            HEIGHT - 4.0
-        );
+
+    /// The numbers behind each `name="`.
+    fn numbers(html: &str, name: &str) -> Vec<f64> {
+        let attribute = format!(" {name}=\"");
+        let after = html.split(&attribute).skip(1);
+        after.map(|rest| rest.split('"').next().unwrap().parse().unwrap()).collect()
     }
-    html.push_str("</svg></figure>\n");
+
+    #[test]
+    fn every_bar_is_inside_also_the_newest_and_the_only_one() {
+        for count in [1, 4, 60, 4000] {
+            let reports: Vec<Report> = (0..count).map(report).collect();
+            let html = charts_of(&reports);
+            let (x, width) = (numbers(&html, "x"), numbers(&html, "width"));
+            assert!(!x.is_empty(), "{count} photos are drawn");
+            for (x, width) in x.iter().zip(&width) {
+                assert!(*x >= 0.0 && x + width <= SIDE && *width > 0.5, "{count}: {x}+{width}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_said_is_what_was_done() {
+        let mut reports: Vec<Report> = (0..4).map(report).collect();
+        for (n, report) in reports.iter_mut().enumerate() {
+            report.finished_unix_s = 1_700_000_000 + 180 * n as u64;
+            report.seconds = 180.0;
+        }
+        let html = charts_of(&reports);
+        assert!(html.contains("4 photos in 12 min <small>bars of a minute"), "{html}");
+        assert!(charts_of(&reports[..1]).contains("1 photo in 3 min"));
+        assert_eq!(charts_of(&[]), "");
+    }
 }

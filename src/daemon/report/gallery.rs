@@ -2,25 +2,40 @@
 //!
 //! The page holds words; the pictures lie beside it as files and are loaded when scrolled to.
 
-use std::collections::HashSet;
-use std::ffi::OsStr;
+use std::collections::{HashMap, HashSet};
+use std::ffi::{OsStr, OsString};
+use std::path::Path;
 
 use serde::Serialize;
 
+use super::card::{GalleryPhoto, stamp_address, state};
+use super::html::harmless;
 use super::page;
+use super::summary::PhotoCounts;
 use crate::daemon::store::folders::Folders;
-use crate::daemon::store::inbox::is_hidden;
+use crate::daemon::store::inbox::{Waiting, is_hidden};
 use crate::daemon::store::limits::Removed;
 use crate::daemon::store::pilots::{self, PilotEntry};
-use crate::daemon::store::report_file::{BYTES_MAX, Failed, Report, read_report};
+use crate::daemon::store::report_file::{BYTES_MAX, Failed, Report, address, read_report};
 use crate::disk::FileError;
 use crate::disk::files::json;
+
+/// Photos by which is judged how long the next will take.
+const USUAL: usize = 8;
+
+/// Folder in the root that may hold scenes as they are, under the names of their photos: where the
+/// truth is known, one sees how near a result came.
+pub const SCENES: &str = "scenes";
 
 /// What the gallery shows.
 #[derive(Debug, Default)]
 pub(crate) struct Gallery {
     reports: Vec<Report>,
     failed: Vec<Failed>,
+    /// Photos that wait in the inbox.
+    pub(crate) waiting: Waiting,
+    /// Names that originals have in `done`, by the name of the result.
+    originals: HashMap<String, OsString>,
     /// Checksums of the photo pages as written.
     written: Vec<u32>,
     /// Number of the last photo page there is.
@@ -70,6 +85,8 @@ impl Gallery {
         // memory.
         let mut report = report.clone();
         report.iterations = Vec::new();
+        // A name that is used again is another photo's.
+        self.originals.remove(&report.result);
         self.reports.push(report);
     }
 
@@ -78,9 +95,52 @@ impl Gallery {
         self.reports.retain(|report| report.result != result);
     }
 
+    /// How many photos came to what end, by what is there.
+    pub(crate) fn counts(&self) -> PhotoCounts {
+        let (failed, waiting) = (self.failed.len(), self.waiting);
+        let mut counts = PhotoCounts { failed, waiting, ..PhotoCounts::default() };
+        self.reports.iter().for_each(|report| counts.add(report.outcome));
+        counts
+    }
+
+    /// Seconds that the photos done last took, on average.
+    pub(crate) fn usual_s(&self) -> Option<f64> {
+        let last = &self.reports[self.reports.len().saturating_sub(USUAL)..];
+        let seconds = last.iter().map(|report| report.seconds).sum::<f64>();
+        (!last.is_empty()).then(|| seconds / last.len() as f64)
+    }
+
     /// Adds a photo without one.
     pub(crate) fn add_failed(&mut self, failed: Failed) {
         self.failed.push(failed);
+    }
+
+    /// Learns under which names the originals are kept: the photo's own or the result's, whichever
+    /// file has the photo's length.
+    fn find_originals(&mut self, folders: &Folders) {
+        let (files, done) = (folders.files(), folders.done());
+        let found: HashSet<OsString> =
+            files.list(done).unwrap_or_default().into_iter().map(|(name, _)| name).collect();
+        self.originals.retain(|_, name| found.contains(name));
+        for report in &self.reports {
+            if self.originals.contains_key(&report.result) {
+                continue;
+            }
+            let names = [&report.photo, &report.result].map(OsString::from);
+            let is_it = |name: &OsString| {
+                found.contains(name)
+                    && files.look(&done.join(name)).is_ok_and(|l| l.size == report.photo_bytes)
+            };
+            if let Some(name) = names.into_iter().find(is_it) {
+                self.originals.insert(report.result.clone(), name);
+            }
+        }
+    }
+
+    /// Address of the original from the outbox, if it is still there.
+    fn original(&self, report: &Report) -> Option<String> {
+        let name = self.originals.get(&report.result)?;
+        Some(format!("../done/{}", address(name)))
     }
 
     /// Seconds between two writings while photos come one after another: more of them take longer
@@ -102,10 +162,25 @@ impl Gallery {
         // Oldest first, sixty a page: a full page does not change any more.
         self.reports
             .sort_by(|a, b| (a.finished_unix_s, &a.photo).cmp(&(b.finished_unix_s, &b.photo)));
-        let pages = self.reports.len().div_ceil(page::PHOTOS);
+        self.find_originals(folders);
+        let originals: Vec<Option<String>> =
+            self.reports.iter().map(|r| self.original(r)).collect();
+        let scenes = files.list(&folders.root().join(SCENES)).unwrap_or_default();
+        let scenes: HashSet<OsString> = scenes.into_iter().map(|(name, _)| name).collect();
+        // Newest first.
+        let numbered = self.reports.iter().zip(&originals).enumerate().rev();
+        let shown: Vec<GalleryPhoto<'_>> = numbered
+            .map(|(number, (report, original))| {
+                let original = original.as_deref();
+                let scene = OsStr::new(&report.photo);
+                let scene = scenes.contains(scene).then(|| format!("../scenes/{}", address(scene)));
+                GalleryPhoto { report, number, original, scene }
+            })
+            .collect();
+        let pages = shown.len().div_ceil(page::PHOTOS);
         self.written.resize(pages, 0);
-        for (n, reports) in self.reports.chunks(page::PHOTOS).enumerate() {
-            let html = page::photo_page(rig, n + 1, pages, reports);
+        for (n, chunk) in shown.rchunks(page::PHOTOS).enumerate() {
+            let html = page::photo_page(n + 1, pages, chunk);
             let sum = crc32fast::hash(html.as_bytes());
             if pages > 1 && self.written[n] != sum {
                 let name = page::page_address(n + 1);
@@ -127,6 +202,7 @@ impl Gallery {
         let data = Data {
             rig,
             written_unix_s: now_unix_s,
+            counts: self.counts(),
             photos: &self.reports,
             failed: &self.failed,
             left,
@@ -136,13 +212,14 @@ impl Gallery {
         };
         let (previews, json) = (folders.previews(), json(&data, outbox)?);
         files.replace_for_now(previews, "report.json".as_ref(), &json)?;
-        // Newest first.
-        let newest: Vec<Report> = self.reports.iter().rev().cloned().collect();
+        let names = names_script(&self.reports, outbox)?;
+        files.replace_for_now(previews, "names.js".as_ref(), &names)?;
         let html = page::first_page(&page::Overview {
             rig,
-            reports: &newest,
+            photos: &shown,
             failed: &self.failed,
             left,
+            waiting: self.waiting,
             attention,
             removed,
             pilots: &pilots,
@@ -150,6 +227,18 @@ impl Gallery {
         });
         files.replace(outbox, "index.html".as_ref(), html.as_bytes())
     }
+}
+
+/// What the search looks through, as a script: pages opened from a disk may not read data.
+fn names_script(reports: &[Report], outbox: &Path) -> Result<Vec<u8>, FileError> {
+    let rows: Vec<_> = reports
+        .iter()
+        .map(|r| {
+            let name: String = r.photo.chars().map(harmless).collect();
+            (name, state(r.outcome), stamp_address(r))
+        })
+        .collect();
+    Ok([b"relensNames(", &json(&rows, outbox)?[..], b");\n"].concat())
 }
 
 /// Writes the report of the rig called `rig` over `folders` while there is no daemon to do it: what
@@ -172,6 +261,7 @@ pub fn write_report(
 struct Data<'a> {
     rig: &'a str,
     written_unix_s: u64,
+    counts: PhotoCounts,
     photos: &'a [Report],
     failed: &'a [Failed],
     left: &'a [Failed],

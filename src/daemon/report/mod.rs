@@ -4,17 +4,20 @@ pub(super) mod gallery;
 pub(super) mod state;
 pub(super) mod summary;
 
+mod card;
 mod charts;
+mod html;
 mod page;
 
 use super::store::folders::Folders;
+use super::store::inbox::Waiting;
 use super::store::report_file::{Failed, Report};
 use crate::disk::FileError;
 use crate::remedy::full_message;
 use crate::rig::Moment;
 use gallery::Gallery;
 use state::{Doing, State};
-use summary::{PhotoCounts, Summary};
+use summary::Summary;
 
 /// Tells what the daemon does: in the state file, and in the gallery.
 pub(super) struct Reporter {
@@ -24,8 +27,8 @@ pub(super) struct Reporter {
     /// The gallery shows results that were removed.
     stale: bool,
     summary: Summary,
-    /// Of all photos since it was opened.
-    counts: PhotoCounts,
+    /// Who waits, as told last.
+    waiting: Waiting,
     /// What was told last.
     doing: Doing,
     /// What the operator should know, as told last.
@@ -36,6 +39,7 @@ pub(super) struct Reporter {
 #[derive(Debug, Clone)]
 pub(super) struct Telling {
     pub(super) left: Vec<Failed>,
+    pub(super) waiting: Waiting,
     pub(super) moment: Moment,
     pub(super) unix_s: u64,
 }
@@ -49,7 +53,7 @@ impl Reporter {
             written: None,
             stale: false,
             summary: Summary::default(),
-            counts: PhotoCounts::default(),
+            waiting: Waiting::default(),
             doing: Doing::Waiting,
             attention: Vec::new(),
         })
@@ -59,7 +63,6 @@ impl Reporter {
     pub(super) fn add(&mut self, report: Report) {
         log::info!("{}", report.line());
         self.gallery.add(&report);
-        self.counts.add(report.outcome);
         self.summary.add(report);
     }
 
@@ -67,7 +70,6 @@ impl Reporter {
     pub(super) fn add_failed(&mut self, failed: Failed) {
         log::warn!("not restored: {}", failed.reason);
         self.gallery.add_failed(failed.clone());
-        self.counts.failed += 1;
         self.summary.add_failed(failed);
     }
 
@@ -84,9 +86,19 @@ impl Reporter {
         self.stale = true;
     }
 
-    /// What was done, while `left` stay in the inbox.
-    pub(super) fn summary(&self, left: Vec<Failed>) -> Summary {
-        Summary { left, ..self.summary.clone() }
+    /// What was done, while `left` stay in the inbox, of `waiting` in all.
+    pub(super) fn summary(&self, left: Vec<Failed>, waiting: Waiting) -> Summary {
+        Summary { left, waiting, ..self.summary.clone() }
+    }
+
+    /// Who waits, as told last.
+    pub(super) fn waiting(&self) -> Waiting {
+        self.waiting
+    }
+
+    /// Seconds that photos took of late.
+    pub(super) fn usual_s(&self) -> Option<f64> {
+        self.gallery.usual_s()
     }
 
     /// What the daemon does, as told last.
@@ -96,11 +108,12 @@ impl Reporter {
 
     /// Writes the state file. That nobody can look on is no reason to stop.
     pub(super) fn tell(&mut self, folders: &Folders, doing: Doing, telling: &Telling) {
-        self.doing = doing.clone();
+        (self.doing, self.waiting) = (doing.clone(), telling.waiting);
+        self.gallery.waiting = telling.waiting;
         let state = State {
             rig: self.rig.clone(),
             doing,
-            counts: PhotoCounts { left: telling.left.len(), ..self.counts },
+            counts: self.gallery.counts(),
             attention: self.attention.clone(),
             written_unix_s: telling.unix_s,
         };
@@ -135,6 +148,7 @@ impl Reporter {
         if folders.shared() {
             self.gallery = Gallery::load(folders)?;
         }
+        self.gallery.waiting = telling.waiting;
         self.gallery.write(folders, &self.rig, &telling.left, &self.attention, telling.unix_s)
     }
 }

@@ -1,11 +1,15 @@
-//! The gallery's HTML. Whatever comes from a file's name or an error is escaped.
+//! The gallery's pages. They work from a disk, without a server, a network or scripts.
 
 use std::ffi::OsStr;
+use std::fmt::Write;
 
+use super::card::{GalleryPhoto, card, stamp};
 use super::charts;
+use super::html::{escape, moment, photos};
+use crate::daemon::store::inbox::Waiting;
 use crate::daemon::store::limits::Removed;
 use crate::daemon::store::pilots::PilotEntry;
-use crate::daemon::store::report_file::{Failed, Report, ResultKind};
+use crate::daemon::store::report_file::{Failed, ResultKind, address};
 
 /// Photos on one page.
 pub(super) const PHOTOS: usize = 60;
@@ -23,10 +27,12 @@ pub(super) fn number(name: &OsStr) -> Option<usize> {
 /// Everything the first page says beside its photos.
 pub(super) struct Overview<'a> {
     pub(super) rig: &'a str,
-    /// All photos with a result.
-    pub(super) reports: &'a [Report],
+    /// All photos with a result, newest first.
+    pub(super) photos: &'a [GalleryPhoto<'a>],
     pub(super) failed: &'a [Failed],
     pub(super) left: &'a [Failed],
+    /// Photos that wait, those left among them.
+    pub(super) waiting: Waiting,
     /// What the operator should know, a sentence each.
     pub(super) attention: &'a [String],
     pub(super) removed: Removed,
@@ -34,310 +40,229 @@ pub(super) struct Overview<'a> {
     pub(super) now_unix_s: u64,
 }
 
-/// The first page: the summary, the charts, what was not restored, and the newest photos.
+/// The first page: the counts, what failed, the newest photos, and how the night went.
 pub(super) fn first_page(overview: &Overview<'_>) -> String {
-    let &Overview { rig, reports, failed, left, attention, removed, pilots, now_unix_s } = overview;
-    let restored = reports.iter().filter(|r| r.outcome == ResultKind::Restored).count();
+    let &Overview { rig, photos: all, failed, left, waiting, .. } = overview;
+    let &Overview { attention, removed, pilots, now_unix_s, .. } = overview;
+    let restored = all.iter().filter(|p| p.report.outcome == ResultKind::Restored).count();
+    let as_were = all.len() - restored;
     let mut counts = vec![format!("<b>{restored}</b> restored")];
+    let waiting_words = waiting.to_string();
     for (n, words) in [
-        (reports.len() - restored, "left as they were"),
-        (failed.len(), "not restored"),
-        (left.len(), "waiting"),
+        (as_were, if as_were == 1 { "left as it was" } else { "left as they were" }),
+        (failed.len(), "failed"),
+        (waiting.all(), waiting_words.split_once(' ').map_or("waiting", |(_, words)| words)),
     ] {
         if n > 0 {
             counts.push(format!("<b>{n}</b> {words}"));
         }
     }
-    let summary = format!(
-        "<p>{} · rig {} · <time data-unix=\"{now_unix_s}\"></time> · <a \
-         href=\"gallery/report.json\">as data</a></p>\n",
-        counts.join(" · "),
-        escape(rig),
-    );
-    let pages = reports.len().div_ceil(PHOTOS);
-    let mut html = head(&summary, "", reports.len() > 12);
+    let mut html = head(&format!("<p>{}</p>\n", counts.join(" · ")), "", all.len());
     for words in attention {
-        html.push_str(&format!(
-            "<p class=\"attention\">Attention: {}.</p>\n",
+        let _ = writeln!(
+            html,
+            "<p class=\"attention\">Attention: {}.</p>",
             escape(words.trim_end_matches('.'))
-        ));
+        );
     }
-    list(&mut html, "Not restored", "in the folder <code>failed</code>, unchanged", failed);
-    list(&mut html, "Waiting", "still in the inbox, to be tried again", left);
-    html.push_str(&charts::charts(reports, pilots));
-    if reports.is_empty() {
+    let failed_are = "They lie unchanged in the folder <code>failed</code>. To try one again, move \
+                      it back into <code>inbox</code>.";
+    list(&mut html, "Failed", failed_are, failed, Some("../failed/"));
+    let left_are = "They are still in the folder <code>inbox</code>, and are tried again.";
+    list(&mut html, "Waiting", left_are, left, None);
+    if all.is_empty() {
         html.push_str(
             "<p class=\"empty\">No photo has been restored yet. Drop one into the inbox.</p>\n",
         );
     }
+    let pages = all.len().div_ceil(PHOTOS);
     pager(&mut html, pages);
+    cards(&mut html, &all[..all.len().min(PHOTOS)], "");
+    html.push_str(&charts::charts(all, pilots));
+    html.push_str(HELP);
     if removed != Removed::default() {
-        html.push_str(&format!(
-            "<p class=\"removed\">Removed by the limits of this box so far: {} of the results, {} \
-             of the originals, {} MiB; the last \
-             <time data-unix=\"{}\"></time>.</p>\n",
+        let _ = writeln!(
+            html,
+            "<p class=\"quiet\">Removed by the limits of this box so far: {} of the results, {} \
+             of the originals, {} MiB; the last {}.</p>",
             removed.results,
             removed.originals,
             removed.bytes >> 20,
-            removed.last_unix_s,
-        ));
+            moment(removed.last_unix_s),
+        );
     }
-    photos(&mut html, reports.iter().take(PHOTOS));
+    let _ = writeln!(
+        html,
+        "<p class=\"quiet\">Written {} by the rig {}. The same <a \
+         href=\"gallery/report.json\">as data</a>.</p>",
+        moment(now_unix_s),
+        escape(rig),
+    );
     foot(html)
 }
 
-/// The `n`-th page, from 1 with the oldest photos, of `pages`, with these `reports`. It names its
-/// neighbours only, so that it does not change with every page that is added.
-pub(super) fn photo_page(rig: &str, n: usize, pages: usize, reports: &[Report]) -> String {
-    let summary = format!("<p>rig {} · page <b>{n}</b></p>\n", escape(rig));
-    // Addresses are those of the first page, which lies one folder up.
-    let mut html = head(&summary, "<base href=\"../\">\n", reports.len() > 12);
-    html.push_str("<nav><a href=\"index.html\">newest</a>");
-    let neighbours = [(n < pages, n + 1, "newer"), (n > 1, n.saturating_sub(1), "older")];
-    for (_, other, word) in neighbours.into_iter().filter(|(is, ..)| *is) {
-        html.push_str(&format!("<a href=\"{}\">{word}</a>", page_address(other)));
+/// The `n`-th page, from 1 with the oldest photos, of `pages`, with these photos, newest first. It
+/// names its neighbours only, so that it does not change with every page that is added.
+pub(super) fn photo_page(n: usize, pages: usize, shown: &[GalleryPhoto<'_>]) -> String {
+    let summary = format!("<p>page <b>{n}</b>: {}</p>\n", photos(shown.len()));
+    let up = "../";
+    let mut html = head(&summary, up, PHOTOS + 1);
+    html.push_str("<nav aria-label=\"Pages\"><a href=\"../index.html\">newest</a>");
+    let neighbours =
+        [(n < pages, n + 1, "newer", "prev"), (n > 1, n.saturating_sub(1), "older", "next")];
+    for (_, other, word, rel) in neighbours.into_iter().filter(|(is, ..)| *is) {
+        let _ = write!(html, "<a rel=\"{rel}\" href=\"{up}{}\">{word}</a>", page_address(other));
     }
     html.push_str("</nav>\n");
-    photos(&mut html, reports.iter());
+    cards(&mut html, shown, up);
     foot(html)
 }
 
-/// Links to all pages, the newest first.
+/// Links to the page where the first photo is that is not on this one, and to all `pages`, the
+/// newest first.
 fn pager(html: &mut String, pages: usize) {
     if pages < 2 {
         return;
     }
-    html.push_str("<nav><a href=\"index.html\" aria-current=\"page\">newest</a>");
+    let _ = write!(
+        html,
+        "<nav aria-label=\"Pages\"><a rel=\"next\" href=\"{}\">older</a>\
+         <details><summary>all {pages} pages</summary><div>",
+        page_address(pages - 1)
+    );
     for n in (1..=pages).rev() {
-        html.push_str(&format!("<a href=\"{}\">{n}</a>", page_address(n)));
+        let _ = write!(html, "<a href=\"{}\">{n}</a>", page_address(n));
     }
-    html.push_str("</nav>\n");
+    html.push_str("</div></details></nav>\n");
 }
 
-/// The photos' small pictures, and a card for each.
-fn photos<'a>(html: &mut String, reports: impl Iterator<Item = &'a Report> + Clone) {
-    if reports.clone().count() > 6 {
-        html.push_str("<div class=\"small\">\n");
-        for (n, report) in reports.clone().enumerate() {
-            let name = escape(&report.photo);
-            let (small, large) =
-                (escape(&report.after.replace("-after.", "-small.")), escape(&report.after));
-            html.push_str(&format!(
-                "<a href=\"#photo-{n}\" title=\"{name}\" \
-                 onclick=\"document.getElementById('photo-{n}').scrollIntoView();return \
-                 false\"><img src=\"{small}\" data-large=\"{large}\" alt=\"{name}\" \
-                 loading=\"lazy\"></a>\n"
-            ));
-        }
+/// The photos' stamps, and a card for each.
+fn cards(html: &mut String, shown: &[GalleryPhoto<'_>], up: &str) {
+    if shown.len() > 6 {
+        html.push_str("<div class=\"stamps\">\n");
+        shown.iter().for_each(|photo| stamp(html, photo, up));
         html.push_str("</div>\n");
     }
     html.push_str("<div class=\"cards\">\n");
-    for (n, report) in reports.enumerate() {
-        card(html, n, report);
-    }
+    shown.iter().for_each(|photo| card(html, photo, up));
     html.push_str("</div>\n");
 }
 
-fn foot(mut html: String) -> String {
-    html.push_str("</main>\n<script>\n");
-    html.push_str(include_str!("page.js"));
-    html.push_str("</script>\n</body>\n</html>\n");
-    html
-}
+/// What a photographer may ask of the page.
+const HELP: &str = "<details class=\"aside\"><summary>What the words mean, how to fetch all, how \
+    to try again</summary>\n<dl>\
+    <dt>Sharpened with the lens model</dt><dd>The box has measured how its lens blurs, and has \
+    undone that.</dd>\
+    <dt>Corrected by light</dt><dd>It has shown the result on its panel, photographed it through \
+    the lens, and mended what differed from your photo.</dd>\
+    <dt>Confirmed by light</dt><dd>The photograph of the result is your photo, but for noise.</dd>\
+    <dt>Left as it was</dt><dd>The box could not have made it better; the result is your file \
+    itself.</dd>\
+    <dt>To fetch all</dt><dd>Every result is a file in the folder <code>outbox</code>, under the \
+    name of its photo: copy them from there, or mark them and let the file manager compress them \
+    into one archive.</dd>\
+    <dt>To try again</dt><dd>Move the original from the folder <code>done</code>, or from \
+    <code>failed</code>, back into <code>inbox</code>. The earlier result stays.</dd></dl>\
+    </details>\n";
 
-fn head(summary: &str, base: &str, find: bool) -> String {
+fn head(summary: &str, up: &str, count: usize) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<title>relens: restored \
-         photos</title>\n{base}\
-         <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>relens</h1>\n{summary}",
+         photos</title>\n<style>\n{}</style>\n\
+         <script>document.documentElement.className = \"js\";</script>\n</head>\n\
+         <body data-up=\"{up}\" data-page=\"{PHOTOS}\">\n<header>\n<h1>relens</h1>\n{summary}",
         include_str!("page.css"),
     );
-    if find {
+    if count > 6 {
         html.push_str(
-            "<input id=\"find\" type=\"search\" placeholder=\"Find a name on this page\" \
-             aria-label=\"Find a name on this page\">\n",
+            "<form id=\"find\" role=\"search\"><input type=\"search\" placeholder=\"Find a name\" \
+             aria-label=\"Find a photo by its name\">\
+             <button type=\"button\" data-state=\"\" aria-pressed=\"true\">All</button>\
+             <button type=\"button\" data-state=\"restored\" aria-pressed=\"false\">Restored\
+             </button><button type=\"button\" data-state=\"left\" aria-pressed=\"false\">Left as \
+             they were</button></form>\n",
         );
     }
-    html.push_str("</header>\n<main>\n");
+    html.push_str("</header>\n<main>\n<div id=\"found\" hidden></div>\n");
     html
 }
 
-fn list(html: &mut String, title: &str, where_they_are: &str, photos: &[Failed]) {
+fn foot(mut html: String) -> String {
+    let _ = write!(
+        html,
+        "</main>\n<script>\n{}{}</script>\n</body>\n</html>\n",
+        include_str!("page.js"),
+        include_str!("viewer.js"),
+    );
+    html
+}
+
+fn list(
+    html: &mut String,
+    title: &str,
+    where_they_are: &str,
+    photos: &[Failed],
+    folder: Option<&str>,
+) {
     if photos.is_empty() {
         return;
     }
-    html.push_str(&format!(
-        "<details class=\"aside\" open><summary>{title}: {} \
-         <span>{where_they_are}</span></summary>\n<ul>\n",
+    let _ = write!(
+        html,
+        "<details class=\"aside {}\" open><summary>{title}: {}</summary>\n<p>{where_they_are}</p>\
+         <ul>\n",
+        title.to_lowercase(),
         photos.len()
-    ));
+    );
     for photo in photos {
         let name = escape(&photo.photo);
+        // A name that is no text has no address here.
+        let named = match folder.filter(|_| !photo.photo.contains('\u{fffd}')) {
+            Some(folder) => {
+                format!("<a href=\"{folder}{}\">{name}</a>", address(photo.photo.as_ref()))
+            }
+            None => format!("<b>{name}</b>"),
+        };
         let reason =
             photo.reason.strip_prefix(&format!("{}: ", photo.photo)).unwrap_or(&photo.reason);
-        html.push_str(&format!("<li><b>{name}</b> {}</li>\n", escape(reason)));
+        let _ = writeln!(html, "<li>{named} {}</li>", escape(reason));
     }
     html.push_str("</ul></details>\n");
-}
-
-fn card(html: &mut String, n: usize, report: &Report) {
-    let name = escape(&report.photo);
-    let (mut width, mut height) = (report.size.width, report.size.height);
-    if report.turned.is_some_and(|tag| tag >= 5) {
-        (width, height) = (height, width);
-    }
-    html.push_str(&format!(
-        "<article id=\"photo-{n}\" data-name=\"{}\">\n<div class=\"pair\" \
-         style=\"aspect-ratio:{width}/{height}\">\n\
-         <img src=\"{}\" alt=\"{name}, restored\" loading=\"lazy\" draggable=\"false\">\n\
-         <img class=\"before\" src=\"{}\" alt=\"{name}, as it was\" loading=\"lazy\" \
-         draggable=\"false\">\n\
-         <span class=\"tag left\">photo</span><span class=\"tag right\">{}</span><i></i>\n\
-         <input type=\"range\" min=\"0\" max=\"100\" step=\"0.5\" value=\"50\" aria-label=\"How \
-         much of {name} to show as it was\">\n\
-         </div>\n",
-        escape(&report.photo.to_lowercase()),
-        escape(&report.after),
-        escape(&report.before),
-        if report.outcome == ResultKind::Restored { "restored" } else { "left as it was" },
-    ));
-    let captures = match report.captures {
-        0 => "no capture".to_owned(),
-        1 => "1 capture".to_owned(),
-        n => format!("{n} captures"),
-    };
-    html.push_str(&format!(
-        "<h2><a href=\"{}\">{name}</a><button type=\"button\" class=\"wide\" title=\"Large or \
-         small\" aria-label=\"Show {name} large or small\">⤢</button></h2>\n\
-         <p class=\"facts\"><span title=\"{}\">rung {}: {}</span> · {} · {captures} · {}</p>\n",
-        escape(&report.result_address),
-        escape(&report.rung_reason),
-        report.rung,
-        rung_words(report.rung),
-        escape(&report.method),
-        seconds(report.seconds),
-    ));
-    match &report.certificate {
-        Some(certificate) => html.push_str(&format!(
-            "<p class=\"certificate {}\">{} <small>residual {:.2} grey levels; noise alone \
-             {:.2}</small></p>\n",
-            match certificate.ratio() {
-                r if r <= 1.25 => "good",
-                r if r <= 2.0 => "fair",
-                _ => "poor",
-            },
-            certificate.meaning(),
-            certificate.residual_grey_levels,
-            certificate.floor_grey_levels,
-        )),
-        None => html.push_str(
-            "<p class=\"certificate none\">Not photographed again, so not \
-         certified.</p>\n",
-        ),
-    }
-    if !report.notes.is_empty() {
-        html.push_str("<ul class=\"notes\">");
-        for note in &report.notes {
-            html.push_str(&format!("<li>{}</li>", escape(note)));
-        }
-        html.push_str("</ul>\n");
-    }
-    html.push_str(&format!(
-        "<p class=\"more\"><time data-unix=\"{}\"></time> · {width}×{height} · <a \
-         href=\"{}.json\">report</a></p>\n</article>\n",
-        report.finished_unix_s,
-        escape(&report.result_address),
-    ));
-}
-
-/// The design's ladder in a customer's words.
-fn rung_words(rung: u8) -> &'static str {
-    match rung {
-        0 => "left as it was",
-        1 => "one blur for the whole photo",
-        2 => "the lens model",
-        _ => "the lens model and the lens itself",
-    }
-}
-
-fn seconds(seconds: f64) -> String {
-    match seconds {
-        s if s < 9.95 => format!("{s:.1} s"),
-        s if s < 99.5 => format!("{s:.0} s"),
-        s => format!("{:.0} min", s / 60.0),
-    }
-}
-
-/// Text for HTML, in content as in quoted attributes. Control characters are shown, not obeyed.
-fn escape(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            '\'' => safe.push_str("&#39;"),
-            // Bidirectional overrides make a name read as another one.
-            '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => safe.push('\u{fffd}'),
-            c if c.is_control() => safe.push('\u{fffd}'),
-            c => safe.push(c),
-        }
-    }
-    safe
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Size;
-    use crate::pipeline::OpticalResidual;
+    use crate::daemon::report::tests::report;
+    use crate::daemon::store::report_file::Report;
 
-    fn report(photo: &str) -> Report {
+    fn report_of(photo: &str) -> Report {
         Report {
             photo: photo.to_owned(),
             result: photo.to_owned(),
-            result_address: crate::daemon::store::report_file::address(photo.as_ref()),
-            outcome: ResultKind::Restored,
-            rig: "small".into(),
-            method: "hybrid".into(),
-            rung: 3,
-            rung_reason: "glare".into(),
-            captures: 1,
-            seconds: 4.31,
-            certificate: Some(OpticalResidual {
-                residual_grey_levels: 1.13,
-                floor_grey_levels: 1.0,
-            }),
-            meaning: None,
-            size: Size::new(256, 192),
-            stored: Size::new(256, 192),
-            curve: "sRGB".into(),
-            grey: false,
+            result_address: address(photo.as_ref()),
             turned: Some(6),
             notes: vec!["the photo was resampled from 512×384 to the rig's 256×192".into()],
-            iterations: Vec::new(),
-            photo_crc32: "0".into(),
-            photo_bytes: 1,
-            finished_unix_s: 1_700_000_000,
             before: "gallery/1-before.jpg".into(),
             after: "gallery/1-after.jpg".into(),
+            ..report(1)
         }
     }
 
     fn overview<'a>(
         rig: &'a str,
-        reports: &'a [Report],
+        photos: &'a [GalleryPhoto<'a>],
         failed: &'a [Failed],
         left: &'a [Failed],
     ) -> Overview<'a> {
         Overview {
             rig,
-            reports,
+            photos,
             failed,
             left,
+            waiting: Waiting { settling: 2, ..Waiting::default() },
             attention: &[],
             removed: Removed::default(),
             pilots: &[],
@@ -351,21 +276,28 @@ mod tests {
             photo: "b.jpg".into(),
             reason: "b.jpg: the file is empty: found 0 bytes".into(),
         }];
-        let html = first_page(&overview("small", &[report("a.jpg")], &failed, &[]));
+        let report = report_of("a.jpg");
+        let photos = [GalleryPhoto {
+            report: &report,
+            number: 0,
+            original: Some("../done/a.jpg"),
+            scene: None,
+        }];
+        let html = first_page(&overview("small", &photos, &failed, &[]));
         for wanted in [
             "gallery/1-before.jpg",
             "gallery/1-after.jpg",
             "type=\"range\"",
             "a.jpg",
-            "rung 3",
+            "<b>2</b> waiting (2 settling)",
+            "Sharpened with the lens model",
             "hybrid",
-            "1 capture",
-            "4.3 s",
-            "this picture is your photo",
-            "residual 1.13",
+            "6.5 s",
+            "Confirmed by light: photographed through the lens again, it is your photo",
             "resampled from 512×384",
-            "<b>b.jpg</b> the file is empty",
-            "aspect-ratio:192/256",
+            "<a href=\"../failed/b.jpg\">b.jpg</a> the file is empty",
+            "move it back into <code>inbox</code>",
+            "--w:192;--h:256",
             "prefers-color-scheme",
         ] {
             assert!(html.contains(wanted), "{wanted}");
@@ -377,8 +309,10 @@ mod tests {
     fn hostile_names_stay_words() {
         let name = "\"><script>alert(1)</script>' onload=x \u{202e}gpj.jpg";
         let failed = [Failed { photo: name.into(), reason: format!("{name}: <img src=x>") }];
-        let html = first_page(&overview("<b>rig", &[report(name)], &failed, &failed));
-        assert_eq!(html.matches("<script>").count(), 1, "the page's own");
+        let report = report_of(name);
+        let photos = [GalleryPhoto { report: &report, number: 0, original: None, scene: None }];
+        let html = first_page(&overview("<b>rig", &photos, &failed, &failed));
+        assert_eq!(html.matches("<script>").count(), 2, "the page's own");
         let overview = Overview {
             attention: &["no photo was restored: <img src=x>".to_owned()],
             ..overview("small", &[], &[], &[])

@@ -22,6 +22,12 @@ pub enum Doing {
     Restoring {
         /// Its name.
         photo: String,
+        /// Share of it that is done, 0..1.
+        #[serde(default)]
+        done: f64,
+        /// Seconds until it and those that wait for their turn are done, a guess by the last ones.
+        #[serde(default)]
+        left_s: Option<f64>,
     },
     /// Photos wait for their time: the button, the night.
     Paused {
@@ -45,7 +51,7 @@ pub struct State {
     pub rig: String,
     /// What it is doing.
     pub doing: Doing,
-    /// What became of photos since it was started, and how many are left in the inbox.
+    /// What became of the photos whose results and reasons are there, and how many wait.
     #[serde(flatten)]
     pub counts: PhotoCounts,
     /// What the operator should know though the box goes on: a night that was missed, a button that

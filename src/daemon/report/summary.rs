@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::daemon::store::inbox::Waiting;
 use crate::daemon::store::report_file::{Failed, Report, ResultKind};
 
 /// Outcomes of each kind that a daemon that watches still has to tell at its end: a box runs for a
@@ -19,17 +20,18 @@ pub struct PhotoCounts {
     pub untouched: usize,
     /// Photos set aside.
     pub failed: usize,
-    /// Photos put back into the inbox to be tried later.
-    pub left: usize,
+    /// Photos that wait in the inbox.
+    #[serde(default)]
+    pub waiting: Waiting,
 }
 
 impl PhotoCounts {
     /// All of them.
     pub fn all(self) -> usize {
-        self.restored + self.untouched + self.failed + self.left
+        self.restored + self.untouched + self.failed + self.waiting.all()
     }
 
-    /// PhotoCounts a photo with a result.
+    /// Counts a photo with a result.
     pub(super) fn add(&mut self, kind: ResultKind) {
         match kind {
             ResultKind::Restored => self.restored += 1,
@@ -40,12 +42,8 @@ impl PhotoCounts {
 
 impl std::fmt::Display for PhotoCounts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let PhotoCounts { restored, untouched, failed, left } = self;
-        write!(
-            f,
-            "{restored} restored, {untouched} returned untouched, {failed} failed, {left} left in \
-             the inbox"
-        )
+        let PhotoCounts { restored, untouched, failed, waiting } = self;
+        write!(f, "{restored} restored, {untouched} left as they were, {failed} failed, {waiting}")
     }
 }
 
@@ -60,6 +58,8 @@ pub struct Summary {
     pub failed: Vec<Failed>,
     /// Photos put back into the inbox to be tried later, with their reasons.
     pub left: Vec<Failed>,
+    /// How many wait in the inbox, those included.
+    pub waiting: Waiting,
 }
 
 impl Summary {
@@ -69,7 +69,7 @@ impl Summary {
             restored: self.restored.len(),
             untouched: self.untouched.len(),
             failed: self.failed.len(),
-            left: self.left.len(),
+            waiting: self.waiting,
         }
     }
 

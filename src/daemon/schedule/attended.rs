@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::{Event, Notice, Question, Schedule, Turn};
 use crate::config::Mode;
 use crate::daemon::job::JobEnd;
-use crate::daemon::store::report_file::{Delivered, Report, ResultKind};
+use crate::daemon::store::report_file::{Delivered, Report, ResultKind, plain};
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
 use crate::kiosk::screen::Screen;
 use crate::pipeline::Interruption;
@@ -185,7 +185,7 @@ impl<'a> Attended<'a> {
     fn remember(&mut self, report: &Report) {
         let untouched = report.outcome == ResultKind::Untouched;
         let words = match &report.meaning {
-            _ if untouched => report.rung_reason.clone(),
+            _ if untouched => plain(&report.rung_reason).to_owned(),
             Some(meaning) => meaning.clone(),
             None => "Restored; not photographed again.".to_owned(),
         };

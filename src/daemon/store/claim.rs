@@ -45,14 +45,25 @@ impl JobStep {
     ];
 }
 
-/// Moves the photo at `way` from the inbox to `working`; its new path, or `None` when it was gone
-/// before.
-pub(crate) fn claim(folders: &Folders, way: &Path) -> Result<Option<PathBuf>, FileError> {
+/// What became of a claim.
+pub(crate) enum Claim {
+    /// The photo's new path.
+    Path(PathBuf),
+    /// It was gone before.
+    Gone,
+    /// It cannot be moved, though others may be.
+    Refused(FileError),
+}
+
+/// Moves the photo at `way` from the inbox to `working`.
+pub(crate) fn claim(folders: &Folders, way: &Path) -> Result<Claim, FileError> {
     // The names of the folders it lies in become part of its own.
     let flat = way.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"));
-    match folders.files().move_to_own(&folders.inbox().join(way), folders.working(), &flat) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        moved => moved.map(Some),
+    let from = folders.inbox().join(way);
+    match folders.files().move_to_own(&from, folders.working(), &flat) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Claim::Gone),
+        Err(error) if error.is_about(&from) && !error.is_of_disk() => Ok(Claim::Refused(error)),
+        moved => moved.map(Claim::Path),
     }
 }
 

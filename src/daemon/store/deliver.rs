@@ -12,7 +12,7 @@ use super::report_file::{Circumstances, Report, report_name};
 use crate::disk::FileError;
 use crate::disk::files::{json_in_lines, numbered};
 use crate::frame::Channels;
-use crate::picture::{Photo, PictureError, encode, preview};
+use crate::picture::{Format, Photo, PictureError, encode, preview};
 use crate::pipeline::{Outcome, Verdict};
 
 /// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
@@ -142,13 +142,30 @@ impl Delivery<'_> {
         Ok(Some(report))
     }
 
-    /// The photo's name, with an ending if it has none, and a number if result or report exist
-    /// already.
+    /// The photo's name, with an ending if it has none or the result is in another format, and a
+    /// number if result or report exist already.
     fn free_name(&self, name: &OsStr) -> Result<OsString, FileError> {
         let mut wanted = name.to_owned();
-        if Path::new(name).extension().is_none() {
-            wanted.push(".");
-            wanted.push(self.photo.manner.format.extension());
+        let format = self.photo.manner.format;
+        let has = Path::new(name).extension().map(|ending| ending.to_string_lossy().into_owned());
+        let fits = match &has {
+            None => false,
+            // The photo's own file keeps the name it came with.
+            Some(ending) => {
+                self.encoded.result.is_none() || Format::of_extension(ending) == Some(format)
+            }
+        };
+        if !fits {
+            let others = ["dng", "webp", "bmp", "gif"];
+            let is_picture = |ending: &String| {
+                let lower = ending.to_lowercase();
+                Format::of_extension(&lower).is_some() || others.contains(&&*lower)
+            };
+            // `12.5.2024` has no ending: nothing of it is taken away.
+            match has.filter(is_picture) {
+                Some(_) => wanted = Path::new(name).with_extension(format.extension()).into(),
+                None => wanted.push(format!(".{}", format.extension())),
+            }
         }
         let taken = self.folders.files().taken_names(self.folders.outbox())?;
         let mut names = numbered(&wanted);

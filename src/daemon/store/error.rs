@@ -14,7 +14,7 @@ pub enum FolderError {
     /// Another daemon works on this folder.
     #[error(
         "the folder {path} is in use: found a running relens, allowed one at a time, or several \
-         that share it"
+         that share it; end that one first (the service: systemctl stop relens)"
     )]
     InUse {
         /// The root folder.

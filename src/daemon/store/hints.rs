@@ -4,26 +4,34 @@
 //! comes while their queue is full; they end without a word when the disk is mounted anew
 //! (inotify(7), and measured). So a box without them is slower by one look and otherwise the same.
 
+use std::cell::RefCell;
+use std::collections::HashSet;
+use std::ffi::{OsStr, OsString};
 use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use rustix::fs::inotify::{self, CreateFlags, Reader, WatchFlags};
+use rustix::fs::inotify::{self, CreateFlags, ReadFlags, Reader, WatchFlags};
 
 /// The events of one folder.
 #[derive(Debug)]
-pub(crate) struct Hints(Option<OwnedFd>);
+pub(crate) struct Hints {
+    inotify: Option<OwnedFd>,
+    moved: RefCell<HashSet<OsString>>,
+}
 
 impl Hints {
     /// No events, for a machine that has no more to give or a test that wants none.
     pub(crate) fn none() -> Hints {
-        Hints(None)
+        Hints { inotify: None, moved: RefCell::default() }
     }
 
     /// Events, if the kernel has any to give.
     pub(crate) fn new() -> Hints {
         let opened = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC);
-        Hints(opened.inspect_err(|errno| log::debug!("no events of the inbox: {errno}")).ok())
+        let told = opened.inspect_err(|errno| log::debug!("no events of the inbox: {errno}"));
+        Hints { inotify: told.ok(), ..Hints::none() }
     }
 
     /// Listens to `folder` from now on. Asked again, it listens to what has that name by then.
@@ -33,22 +41,33 @@ impl Hints {
             | WatchFlags::CREATE
             | WatchFlags::ATTRIB
             | WatchFlags::ONLYDIR;
-        if let Some(inotify) = &self.0 {
+        if let Some(inotify) = &self.inotify {
             let _ = inotify::add_watch(inotify, folder, flags)
                 .inspect_err(|errno| log::debug!("no events of {}: {errno}", folder.display()));
         }
     }
 
-    /// Whether anything happened since this was last asked.
+    /// Whether anything happened since this was last asked. Names that came by being moved here,
+    /// and so were written elsewhere, are remembered.
     pub(crate) fn heard(&self) -> bool {
-        let Some(inotify) = &self.0 else { return false };
+        let Some(inotify) = &self.inotify else { return false };
         let mut space = [MaybeUninit::uninit(); 4096];
         let mut events = Reader::new(inotify, &mut space);
         let mut heard = false;
-        while events.next().is_ok() {
+        while let Ok(event) = events.next() {
             heard = true;
+            if let Some(name) =
+                event.file_name().filter(|_| event.events().contains(ReadFlags::MOVED_TO))
+            {
+                self.moved.borrow_mut().insert(OsStr::from_bytes(name.to_bytes()).to_owned());
+            }
         }
         heard
+    }
+
+    /// Names that were moved here since this was last asked, as far as they were heard.
+    pub(crate) fn moved(&self) -> HashSet<OsString> {
+        self.moved.take()
     }
 }
 
@@ -65,7 +84,9 @@ mod tests {
         std::fs::write(folder.path().join("a.jpg"), b"a").unwrap();
         assert!(hints.heard() && !hints.heard());
         std::fs::hard_link(folder.path().join("a.jpg"), folder.path().join("b.jpg")).unwrap();
-        assert!(hints.heard());
+        assert!(hints.heard() && hints.moved().is_empty());
+        std::fs::rename(folder.path().join("b.jpg"), folder.path().join("c.jpg")).unwrap();
+        assert!(hints.heard() && hints.moved() == HashSet::from(["c.jpg".into()]));
         assert!(!Hints::none().heard());
     }
 }

@@ -11,11 +11,12 @@ use std::io::ErrorKind;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::folders::Folders;
 use super::hints::Hints;
 use super::report_file::Failed;
 use crate::disk::{FileError, FileKind, Files, Look};
-use crate::remedy::full_message;
 use crate::rig::Moment;
 
 /// Folders within folders are looked into this deep. Guess: deeper ones are no way to hand in
@@ -77,6 +78,43 @@ pub(crate) struct Inbox {
     /// Photos that stay for now, by the way to them, and why.
     left: BTreeMap<PathBuf, Failed>,
     hints: Hints,
+    waiting: Waiting,
+}
+
+/// How many photos wait in the inbox, by what they wait for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Waiting {
+    /// For their turn: for the photo before them, the button, the window.
+    pub turn: usize,
+    /// Changed a moment ago, and may change again.
+    pub settling: usize,
+    /// For the rest of the file.
+    pub unfinished: usize,
+    /// Cannot be had for now; tried again by itself.
+    pub retry: usize,
+}
+
+impl Waiting {
+    /// All of them.
+    pub fn all(self) -> usize {
+        self.turn + self.settling + self.unfinished + self.retry
+    }
+}
+
+impl std::fmt::Display for Waiting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let parts = [
+            (self.turn, "for a turn"),
+            (self.settling, "settling"),
+            (self.unfinished, "for the rest of the file"),
+            (self.retry, "to be tried again"),
+        ];
+        let some = parts.into_iter().filter(|(n, _)| *n > 0);
+        let words: Vec<String> = some.map(|(n, what)| format!("{n} {what}")).collect();
+        write!(f, "{} waiting", self.all())?;
+        if words.is_empty() { Ok(()) } else { write!(f, " ({})", words.join(", ")) }
+    }
 }
 
 /// What may be taken at one look.
@@ -91,8 +129,14 @@ pub(crate) struct Ready {
 impl Inbox {
     /// An inbox never looked at, whose events are told by `hints`.
     pub(crate) fn new(hints: Hints) -> Inbox {
-        let (seen, resting, left) = (HashMap::new(), HashMap::new(), BTreeMap::new());
-        Inbox { seen, due: None, resting, left, hints }
+        Inbox {
+            seen: HashMap::new(),
+            due: None,
+            resting: HashMap::new(),
+            left: BTreeMap::new(),
+            hints,
+            waiting: Waiting::default(),
+        }
     }
 
     /// What may be taken now. Photos are said to be ready as soon as they are quiet: whether one is
@@ -105,69 +149,81 @@ impl Inbox {
     ) -> Result<Ready, FileError> {
         let (files, folder) = (folders.files(), folders.inbox());
         self.hints.listen(folder);
-        let mut found = Vec::new();
-        collect(files, folder, Path::new(""), 0, &mut found)?;
+        let (mut found, mut staying) = (Vec::new(), BTreeMap::new());
+        collect(files, folder, Path::new(""), 0, &mut found, &mut staying)?;
+        let out_of_reach = staying.len();
         let mut before = std::mem::take(&mut self.seen);
-        let (mut ready, mut unfinished) = (Vec::new(), Vec::new());
+        let mut ready = Vec::new();
         self.due = None;
+        self.hints.heard();
+        let moved = self.hints.moved();
+        let mut waiting = Waiting::default();
         for (way, look) in found {
-            let seen = match before.remove(&way) {
+            let mut seen = match before.remove(&way) {
                 Some(seen) if seen.look == look => seen,
                 _ => SeenFile { look, since: now, missing: None },
             };
+            // What came whole from elsewhere need not settle.
+            if way.iter().next().is_some_and(|name| moved.contains(name)) {
+                seen.since = Moment(seen.since.0.min(now.0 - patience.quiet_s));
+            }
             if now.0 - seen.since.0 < patience.quiet_s {
+                waiting.settling += 1;
                 let due = Moment(seen.since.0 + patience.quiet_s);
                 self.due = Some(self.due.filter(|&before| before <= due).unwrap_or(due));
             } else {
                 match seen.unfinished(now, patience) {
-                    None => ready.push((look.changed, way.clone())),
+                    // What could not be had before keeps nothing else waiting.
+                    None => ready.push((self.left.contains_key(&way), look.changed, way.clone())),
                     Some((unchanged_s, missing)) if unchanged_s >= patience.mention_s => {
-                        unfinished.push((way.clone(), missing.to_owned()));
+                        waiting.unfinished += 1;
+                        let reason = format!("{missing} (waiting for the rest of it)");
+                        staying.insert(way.clone(), reason);
                     }
-                    Some(_) => {}
+                    Some(_) => waiting.unfinished += 1,
                 }
             }
             self.seen.insert(way, seen);
         }
         ready.sort();
-        unfinished.sort();
         let look = |way: &Path| files.look(&folder.join(way)).ok();
         self.resting.retain(|way, _| look(way).is_some());
-        let resting = &self.resting;
-        self.left
-            .retain(|way, _| resting.contains_key(way) || unfinished.iter().any(|(u, _)| u == way));
-        for (way, reason) in unfinished {
-            self.left.entry(way).or_insert_with_key(|way| {
-                let reason = format!("{reason} (waiting for the rest of it)");
-                log::warn!("left in the inbox: {reason}");
-                Failed { photo: way.to_string_lossy().into_owned(), reason }
-            });
+        self.left.retain(|way, _| self.resting.contains_key(way) || staying.contains_key(way));
+        for (way, reason) in staying {
+            let photo = way.to_string_lossy().into_owned();
+            self.leave(way, Failed { photo, reason });
         }
-        let waiting = ready.len();
+        let (all, resting) = (ready.len(), &self.resting);
         let rested = |way: &PathBuf| match resting.get(way) {
             Some(resting) => resting.look != look(way) || now >= resting.until,
             None => true,
         };
-        let photos = ready.into_iter().map(|(_, way)| way).filter(rested).collect();
-        Ok(Ready { photos, waiting })
+        let photos: Vec<PathBuf> = ready.into_iter().map(|(.., way)| way).filter(rested).collect();
+        waiting.turn = photos.len();
+        waiting.retry = all - photos.len() + out_of_reach;
+        self.waiting = waiting;
+        Ok(Ready { photos, waiting: all })
     }
 
     /// Whether the photo at `way`, which was ready at the last look, is whole, or has been waited
     /// for long enough. `missing` looks into it and says what it lacks; it is called once for as
     /// long as the file does not change.
-    pub(crate) fn may_be_taken(
+    ///
+    /// # Errors
+    /// Those of `missing`, when nobody can look into it.
+    pub(crate) fn may_be_taken<E>(
         &mut self,
         way: &Path,
         now: Moment,
         patience: Patience,
-        missing: impl FnOnce() -> Option<String>,
-    ) -> bool {
-        let Some(seen) = self.seen.get_mut(way) else { return false };
+        missing: impl FnOnce() -> Result<Option<String>, E>,
+    ) -> Result<bool, E> {
+        let Some(seen) = self.seen.get_mut(way) else { return Ok(false) };
         // What is no file is no photo either, and is set aside by whoever takes it.
         if seen.look.kind == FileKind::File && seen.missing.is_none() {
-            seen.missing = Some(missing());
+            seen.missing = Some(missing()?);
         }
-        seen.unfinished(now, patience).is_none()
+        Ok(seen.unfinished(now, patience).is_none())
     }
 
     /// The photo at `way` was put back, for the reason told in `left`: it is not to be tried before
@@ -181,7 +237,27 @@ impl Inbox {
     ) {
         let look = folders.files().look(&folders.inbox().join(&way)).ok();
         self.resting.insert(way.clone(), Resting { look, until });
+        self.waiting.retry += 1;
+        self.leave(way, left);
+    }
+
+    /// Says of the photo at `way` why it stays, once for as long as it does for one reason.
+    fn leave(&mut self, way: PathBuf, left: Failed) {
+        let reason = &left.reason;
+        if self.left.get(&way).is_none_or(|told| told.reason != *reason) {
+            log::warn!("left in the inbox: {reason}");
+        }
         self.left.insert(way, left);
+    }
+
+    /// A photo that waited for its turn has it, or does not wait for one any more.
+    pub(crate) fn has_turn(&mut self) {
+        self.waiting.turn = self.waiting.turn.saturating_sub(1);
+    }
+
+    /// How many photos wait, and for what.
+    pub(crate) fn waiting(&self) -> Waiting {
+        self.waiting
     }
 
     /// The photo at `way` was taken.
@@ -211,19 +287,26 @@ impl Inbox {
     }
 }
 
-/// Adds the files in `folder/way` and in the folders below it. A folder moved in brings one event
-/// and none for its files, so its files are looked for and not waited for.
+/// Adds the files in `folder/way` and in the folders below it, and to `staying` what cannot be
+/// looked into. A folder moved in brings one event and none for its files, so its files are looked
+/// for and not waited for.
 fn collect(
     files: &Files,
     folder: &Path,
     way: &Path,
     depth: usize,
     found: &mut Vec<(PathBuf, Look)>,
+    staying: &mut BTreeMap<PathBuf, String>,
 ) -> Result<(), FileError> {
     let at = if depth == 0 { folder.to_owned() } else { folder.join(way) };
     let listed = match files.list(&at) {
-        // Gone again, or changed into a link, since it was seen.
-        Err(_) if depth > 0 => return Ok(()),
+        Err(error) if depth > 0 => {
+            // Else gone again, or changed into a link, since it was seen.
+            if error.kind() == ErrorKind::PermissionDenied {
+                staying.insert(way.to_owned(), error.of_photo());
+            }
+            return Ok(());
+        }
         listed => listed?,
     };
     for (name, kind) in listed {
@@ -233,7 +316,7 @@ fn collect(
         let way = way.join(&name);
         if kind == FileKind::Folder {
             if depth < DEPTH_MAX {
-                collect(files, folder, &way, depth + 1, found)?;
+                collect(files, folder, &way, depth + 1, found, staying)?;
             }
             continue;
         }
@@ -241,8 +324,9 @@ fn collect(
             Ok(look) if look.kind != FileKind::Folder => found.push((way, look)),
             Ok(_) => {}
             Err(error) if error.kind() == ErrorKind::NotFound => {}
-            // A file that cannot even be looked at holds nobody else up.
-            Err(error) => log::debug!("{}", full_message(&error)),
+            Err(error) => {
+                staying.insert(way, error.of_photo());
+            }
         }
     }
     Ok(())
@@ -315,11 +399,14 @@ mod tests {
             let now = Moment(s);
             let mut ready = inbox.look(&folders, now, patience).unwrap().photos;
             ready.retain(|way| {
-                inbox.may_be_taken(way, now, patience, || {
+                let taken = inbox.may_be_taken(way, now, patience, || {
                     looks.set(looks.get() + 1);
-                    let bytes = std::fs::read(folders.inbox().join(way)).unwrap();
-                    (!bytes.ends_with(b"two")).then(|| "its end".to_owned())
-                })
+                    let bytes = std::fs::read(folders.inbox().join(way))?;
+                    Ok::<_, std::io::Error>(
+                        (!bytes.ends_with(b"two")).then(|| "its end".to_owned()),
+                    )
+                });
+                taken.unwrap()
             });
             (ready.len(), inbox.left().len())
         };

@@ -31,15 +31,23 @@ impl Folders {
     /// [`FolderError::InUse`]; [`FolderError::Nested`] when one folder lies in another, through
     /// links or not; [`FolderError::Files`] when a folder cannot be made or is no folder.
     pub fn open(root: &Path) -> Result<Folders, FolderError> {
+        let lock = Folders::keep_out(root)?;
+        local(made(root)?, None, true, vec![lock])
+    }
+
+    /// Keeps every daemon, and whoever else calls this, off `root` for as long as the value lives.
+    ///
+    /// # Errors
+    /// [`FolderError::InUse`]; [`FolderError::Files`] when the folder cannot be made.
+    pub fn keep_out(root: &Path) -> Result<File, FolderError> {
         let root = made(root)?;
         let path = root.join(LOCK);
         let lock = opened(&path)?;
         match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
-            Ok(()) => {}
-            Err(Errno::WOULDBLOCK) => return Err(FolderError::InUse { path: root }),
-            Err(errno) => Err(FileError::at("lock", &path)(errno.into()))?,
+            Ok(()) => Ok(lock),
+            Err(Errno::WOULDBLOCK) => Err(FolderError::InUse { path: root }),
+            Err(errno) => Err(FileError::at("lock", &path)(errno.into()).into()),
         }
-        local(root, None, true, vec![lock])
     }
 
     /// The same for one box of several that share the folders, each under a name of its own.

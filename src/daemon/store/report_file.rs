@@ -139,20 +139,32 @@ impl Report {
             format!("{} captures", self.captures)
         };
         let certificate = self.certificate.map_or(String::new(), |c| {
-            format!(
-                ", residual {:.2} of {:.2} grey levels",
-                c.residual_grey_levels, c.floor_grey_levels
-            )
+            format!("; its photograph differs from the photo by {}", c.words())
         });
+        let Report { size, stored, .. } = self;
         let outcome = match self.outcome {
+            ResultKind::Restored if stored.area() > size.area() => {
+                &*format!("comes back smaller, {size} for {stored}; restored")
+            }
             ResultKind::Restored => "restored",
-            ResultKind::Untouched => "left as it was",
+            ResultKind::Untouched => {
+                let reason = &self.rung_reason;
+                return format!(
+                    "{}: left as it was: {reason} ({captures}, {:.1} s)",
+                    self.photo, self.seconds
+                );
+            }
         };
         format!(
-            "{}: {outcome} ({}, rung {}, {captures}, {:.1} s{certificate})",
-            self.photo, self.method, self.rung, self.seconds
+            "{}: {outcome} ({}, {captures}, {:.1} s{certificate})",
+            self.photo, self.method, self.seconds
         )
     }
+}
+
+/// A reason without its numbers, which stand in brackets at its end.
+pub(crate) fn plain(reason: &str) -> &str {
+    reason.strip_suffix(')').and_then(|r| r.rsplit_once(" (")).map_or(reason, |(words, _)| words)
 }
 
 /// A photo done and its result; names are bytes.
@@ -191,8 +203,8 @@ impl Failed {
     pub(crate) fn note(&self) -> String {
         let one_line = self.reason.replace(['\n', '\r'], " ");
         format!(
-            "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. To \
-             try again, put it back into the inbox.\n",
+            "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. Once \
+             that is mended, put it back into the inbox.\n",
             self.photo
         )
     }

@@ -99,7 +99,9 @@ impl Method for Hybrid {
         let mut course = Course::by(problem.stopwatch, optics);
         let mask = self.digital.mask(problem);
         let by_wavelets = Digital { blocks: None, ..self.digital };
-        let (picture, steps) = by_wavelets.solve_photo(problem, &mask, watch)?;
+        let axes = self.digital.axes(problem, model);
+        let prior = (&mask, axes.as_ref());
+        let (picture, steps) = by_wavelets.solve_photo(problem, model, prior, watch);
         course.extend(&steps, 0, 0.0);
         let mut certificate = Certificate::uncertified(problem);
         let seen = problem.seen(optics, Some(model), &picture)?;
@@ -140,7 +142,8 @@ impl Method for Hybrid {
             for &channel in channels {
                 known.plane_mut(channel).add_scaled(1.0, now.defect.plane(channel));
             }
-            let target = Target { problem, model, data: problem.photo, mask: &mask, norms };
+            let (mask, axes) = prior;
+            let target = Target { problem, model, data: problem.photo, mask, axes, norms };
             let corrected = self.corrected(target, &now.picture, &known, &mut course, watch);
             certificate.corrections += 1;
             if last {

@@ -21,18 +21,18 @@ pub(super) struct LightLoop {
     pub(super) shrinkage: Shrinkage,
 }
 
+/// Kᵀ of a signed frame, by a lens or by computing.
+pub(super) type AdjointBy<'a> =
+    dyn Fn(&mut dyn ForwardConvolution, &Frame<Work>) -> Result<Frame<Work>, MethodError> + 'a;
+
 impl LightLoop {
     /// `problem` solved, its steps taken down in `course`; `backward` is Kᵀ of a signed residual.
-    #[allow(clippy::type_complexity)] // a function of three named things
     pub(super) fn solve(
         &self,
         problem: &Problem<'_>,
         optics: &mut dyn ForwardConvolution,
         mut course: Course<'_>,
-        backward: &dyn Fn(
-            &mut dyn ForwardConvolution,
-            &Frame<Work>,
-        ) -> Result<Frame<Work>, MethodError>,
+        backward: &AdjointBy<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
         let channels = problem.channels.list();

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::record::{IterationRecord, Watch};
+use crate::deconvolution::colour_axis::ColourAxes;
 use crate::deconvolution::data_term::{
     MISSING, NOISE_MIN, residual, residual_in_place, rms_over_data,
 };
@@ -27,6 +28,8 @@ pub struct Problem<'a> {
     /// The colours of the canvas's pixels where the photo is a sensor's raw sites: its data are
     /// those, and `trust` says so.
     pub mosaic: Option<Mosaic>,
+    /// Whether a JPEG's coding, which keeps colours coarser than brightness, is seen in the photo.
+    pub coded: bool,
     /// Which channels are solved.
     pub channels: Channels,
     /// The measured lens, when there is one.
@@ -188,6 +191,8 @@ pub(super) struct Target<'a> {
     pub(super) data: &'a Frame<Work>,
     /// Where the photo is calm, and no detail is looked for.
     pub(super) mask: &'a DetailMask,
+    /// Along which axes its colours lie, where they are solved so.
+    pub(super) axes: Option<&'a ColourAxes>,
     /// What steps are allowed.
     pub(super) norms: &'a [LevelNorms; 3],
 }

@@ -9,7 +9,7 @@ use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
 use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 
 /// Noise-to-signal power of a rig file's `wiener` at one grey level of noise: the study's best.
 pub const NOISE_TO_SIGNAL: f32 = 0.01;
@@ -54,8 +54,22 @@ impl Method for Wiener {
 impl Wiener {
     /// One channel of the photo filtered.
     fn filtered(&self, problem: &Problem<'_>, model: &LensModel, channel: Channel) -> Plane {
+        let mut picture = self.undone(problem, model, channel, problem.photo.plane(channel));
+        picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+        picture
+    }
+
+    /// `blurred`, which may have either sign, filtered as a photo of the problem in `channel` is.
+    pub(super) fn undone(
+        &self,
+        problem: &Problem<'_>,
+        model: &LensModel,
+        channel: Channel,
+        blurred: &Plane,
+    ) -> Plane {
         let noise = problem.solving_noise(channel).max(NOISE_MIN);
-        filter_tiles(model.functions(), channel, problem, self.noise_to_signal * noise * noise)
+        let ratio = self.noise_to_signal * noise * noise;
+        filter_tiles(model.functions(), channel, blurred, problem.rect, ratio)
     }
 
     /// The photo filtered in the channels that are solved; black in others.
@@ -64,14 +78,14 @@ impl Wiener {
     }
 }
 
-/// One channel filtered tile by tile.
+/// One channel of a photo at `rect` filtered tile by tile.
 fn filter_tiles(
     functions: &LensFunctions,
     channel: Channel,
-    problem: &Problem<'_>,
+    photo: &Plane,
+    rect: Rect,
     ratio: f32,
 ) -> Plane {
-    let (photo, rect) = (problem.photo.plane(channel), problem.rect);
     let size = photo.size();
     let tile = Size::new(
         rect.size.width.div_ceil(functions.columns.max(1)),
@@ -152,7 +166,6 @@ fn filter_tiles(
             }
         }
     }
-    picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
     picture
 }
 

@@ -12,8 +12,8 @@
 
 mod banded;
 mod bands;
+pub mod displacement;
 mod fit;
-pub mod registration;
 mod squares;
 mod steps;
 
@@ -29,7 +29,7 @@ use fit::{Change, Grid};
 use squares::Squares;
 
 /// A lens as captures say it is, where it was measured to be: a panel that was knocked moves every
-/// capture, and no photo. See [`registration`]. Functions and not a model, which takes tens of MiB.
+/// capture, and no photo. See [`displacement`]. Functions and not a model, which takes tens of MiB.
 #[derive(Debug, Clone)]
 pub struct Learnt {
     /// Its functions.
@@ -151,8 +151,8 @@ impl Measured<'_> {
                 add(&mut changed, *c, change, bands);
             }
         }
-        let moved = registration::moved(registered.functions(), &changed, self.channels);
-        let back = registration::shifted(&changed, (-moved.0, -moved.1));
+        let moved = displacement::moved(registered.functions(), &changed, self.channels);
+        let back = displacement::shifted(&changed, (-moved.0, -moved.1));
         let level_norms = Channel::ALL.map(|c| {
             let norms = &self.level_norms[c.index()];
             let is_changed = changes.iter().any(|(of, change)| *of == c && change.is_some());

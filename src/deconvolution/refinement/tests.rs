@@ -166,7 +166,7 @@ fn what_one_picture_taught_is_held_against_the_next() {
 #[test]
 fn a_knocked_panel_is_no_other_lens() {
     let lens = functions(1.5, 2.5, 0.0);
-    let (then, now) = (model(&lens), model(&registration::shifted(&lens, (0.8, -0.5))));
+    let (then, now) = (model(&lens), model(&displacement::shifted(&lens, (0.8, -0.5))));
     let (learnt, refined) = refined(&then, &now).expect("a change that stands out");
     let registered = model(&learnt.functions);
     let (captures, photos) = (wrong(&refined, &now), wrong(&registered, &then));

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::detail_mask::DetailMask;
 use super::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Plane, Size};
+pub(super) use spinning::{EVERYWHERE, SHIFTS};
 use spinning::{Spinning, SpinningScratch, Thresholding};
 
 /// A regulariser: what a candidate is drawn towards after each step.

@@ -17,10 +17,10 @@ use crate::deconvolution::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Plane, STRETCH, Size};
 
 /// Levels spun over all their shifts. Coarser ones turn with the step.
-pub(super) const EVERYWHERE: usize = 2;
+pub(in crate::deconvolution) const EVERYWHERE: usize = 2;
 
 /// The four shifts of one level; any two neighbours make a quincunx or complete it.
-const SHIFTS: [(usize, usize); 4] = [(0, 0), (1, 1), (1, 0), (0, 1)];
+pub(in crate::deconvolution) const SHIFTS: [(usize, usize); 4] = [(0, 0), (1, 1), (1, 0), (0, 1)];
 
 /// The levels' transforms, each of one level, the plane's own first.
 #[derive(Debug, Clone)]

@@ -44,7 +44,7 @@ fn a_shift_is_turning_shrinking_and_turning_back() {
 #[test]
 fn spinning_everywhere_is_the_mean_over_all_shifts() {
     let x = golden("sym8_x.npy");
-    let plain = Shrinkage::new(x.size(), spinning::EVERYWHERE);
+    let plain = Shrinkage::new(x.size(), EVERYWHERE);
     for shrinkage in [plain.clone(), plain.in_clusters()] {
         let mut scratch = ShrinkageScratch::default();
         let mut spun = x.clone();

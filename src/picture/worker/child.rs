@@ -21,8 +21,8 @@ pub fn serve(ask: &str) -> io::Result<()> {
     let mut out = BufWriter::new(io::stdout().lock());
     let read = match ask.photo {
         None => whole(&ask.name, file, &ask.limits).map(|()| None),
-        Some((curve, size)) => Photo::of_file(&ask.name, file, curve, &ask.limits)
-            .and_then(|photo| photo.fit(size))
+        Some((curve, grid)) => Photo::of_file(&ask.name, file, curve, &ask.limits)
+            .and_then(|photo| photo.fit(grid))
             .map(Some),
     };
     match read {

@@ -22,7 +22,7 @@ use rustix::time::{
 
 use super::{Limits, Photo, PictureError};
 use crate::config::Curve;
-use crate::frame::Size;
+use crate::frame::{PhotoGrid, Size};
 use wire::{Answer, Ask};
 
 pub use child::serve;
@@ -68,7 +68,7 @@ impl Worker {
         }
     }
 
-    /// The photo in `file`, called `name`, on the grid `size`.
+    /// The photo in `file`, called `name`, on the grid `grid`.
     ///
     /// # Errors
     /// Why it is none; [`PictureError::Died`] when the worker died of it.
@@ -78,13 +78,14 @@ impl Worker {
         file: File,
         curve: Curve,
         limits: &Limits,
-        size: Size,
+        grid: impl Into<PhotoGrid>,
     ) -> Result<Photo, PictureError> {
-        let ask = self.ask(name, limits, Some((curve, size)));
-        photo_of_answer(name, &self.answer(&ask, file)?, size)
+        let grid = grid.into();
+        let ask = self.ask(name, limits, Some((curve, grid)));
+        photo_of_answer(name, &self.answer(&ask, file)?, grid.photo.size)
     }
 
-    fn ask(&self, name: &str, limits: &Limits, photo: Option<(Curve, Size)>) -> Ask {
+    fn ask(&self, name: &str, limits: &Limits, photo: Option<(Curve, PhotoGrid)>) -> Ask {
         let Worker { memory_bytes_max, processor_s_max, .. } = *self;
         Ask { name: name.to_owned(), limits: *limits, photo, memory_bytes_max, processor_s_max }
     }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::super::flaw::Growth;
 use super::super::{FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone};
 use crate::config::Curve;
-use crate::frame::{Channels, Frame, Plane, Size};
+use crate::frame::{Channels, Frame, PhotoGrid, Plane, RawSites, Size};
 
 /// A question to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -21,7 +21,7 @@ pub(super) struct Ask {
     pub(super) name: String,
     pub(super) limits: Limits,
     /// The photo is wanted, with this curve and on this grid; else only whether the file is whole.
-    pub(super) photo: Option<(Curve, Size)>,
+    pub(super) photo: Option<(Curve, PhotoGrid)>,
     pub(super) memory_bytes_max: u64,
     pub(super) processor_s_max: u64,
 }
@@ -53,6 +53,8 @@ pub(super) struct Header {
     icc: Option<Vec<u8>>,
     exif: Option<Vec<u8>>,
     alpha: bool,
+    raw: Option<RawSites>,
+    camera: Option<String>,
     stored: Size,
     file: FileFacts,
     notes: Vec<String>,
@@ -64,7 +66,7 @@ const HEADER_BYTES_MAX: u32 = 36 << 20;
 
 /// Most bytes an answer to `ask` may have.
 pub(super) fn bytes_max(ask: &Ask) -> u64 {
-    let planes = ask.photo.map_or(0, |(_, size)| 4 * 4 * size.area() as u64);
+    let planes = ask.photo.map_or(0, |(_, grid)| 4 * 4 * grid.photo.size.area() as u64);
     4 + u64::from(HEADER_BYTES_MAX) + planes
 }
 
@@ -80,7 +82,7 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
 
 /// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
-    let Photo { name, light, channels, manner, stored, file, notes } = photo;
+    let Photo { name, light, raw, camera, channels, manner, stored, file, notes } = photo;
     let Manner { format, layout, bits, tone, orientation, icc, exif, alpha } = manner;
     let header = Header {
         name: name.clone(),
@@ -94,6 +96,8 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         icc: icc.clone(),
         exif: exif.clone(),
         alpha: alpha.is_some(),
+        raw: *raw,
+        camera: camera.clone(),
         stored: *stored,
         file: *file,
         notes: notes.clone(),
@@ -136,6 +140,10 @@ pub(super) fn read_photo(
     if header.size != allowed || !header.tone.has_steps(steps) {
         return Err("a photo of another size");
     }
+    let sound = |raw: RawSites| raw.counts_per_level.is_finite() && raw.counts_per_level > 0.0;
+    if !header.raw.is_none_or(|raw| sound(raw) && header.channels == Channels::Colour) {
+        return Err("raw sites that mean nothing");
+    }
     let mut plane = || {
         let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
         *bytes = rest;
@@ -159,6 +167,8 @@ pub(super) fn read_photo(
     Ok(Photo {
         name: header.name,
         light,
+        raw: header.raw,
+        camera: header.camera,
         channels: header.channels,
         manner: Manner {
             format: header.format,

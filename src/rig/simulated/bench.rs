@@ -28,11 +28,13 @@ const ARRIVED: f64 = 1.0 - 1e-5;
 #[derive(Clone)]
 struct Picture {
     codes: Arc<Codes>,
-    /// The light and how far the panel was from its place for it; `None` for a panel that was
-    /// still on its way to the codes, whose light is kept as it was.
-    #[allow(clippy::type_complexity)] // the light, and the shift it was computed for
-    light: Option<(Arc<[Plane; 3]>, Option<[f64; 2]>)>,
+    /// Without a shift for a panel that was still on its way to the codes, whose light is kept as
+    /// it was.
+    light: Option<PanelLight>,
 }
+
+/// Light on the sensor, and the panel's shift (x, y) it was computed for.
+type PanelLight = (Arc<[Plane; 3]>, Option<[f64; 2]>);
 
 /// Everything that changes.
 pub(super) struct OpticalBench {
@@ -71,6 +73,8 @@ pub(super) struct OpticalBench {
     exposure_times: f64,
     sequence: u32,
     last: Option<Exposed>,
+    /// The light on the sensor of what stands before the lens in the panel's place.
+    pub(super) scene: Option<Arc<[Plane; 3]>>,
     /// When an unplugged camera can be opened again; `None` while it is there.
     away_until_s: Option<f64>,
 }
@@ -126,6 +130,7 @@ impl OpticalBench {
             exposure_times: 1.0,
             sequence: 0,
             last: None,
+            scene: None,
             away_until_s: None,
         }
     }
@@ -275,6 +280,9 @@ impl OpticalBench {
 
     /// Counts with the panel `share` of the way from the picture before to the one now.
     fn expose(&mut self, share: f64, number: u64) -> Counts {
+        if let Some(scene) = &self.scene {
+            return self.sensor.photograph(scene, self.seed, number);
+        }
         let light = if share >= ARRIVED {
             self.light_now()
         } else if share <= 1.0 - ARRIVED {

@@ -27,7 +27,7 @@ pub(super) struct Layer<'a> {
 pub(super) struct SceneLight<'a> {
     sensor: &'a SimulatedSensor,
     part: Rect,
-    light: [Plane; 3],
+    pub(super) light: [Plane; 3],
     seed: u64,
 }
 
@@ -71,7 +71,10 @@ impl<'a> SceneLight<'a> {
         seed: u64,
     ) -> SceneLight<'a> {
         let Layer { optics, share } = layer;
-        let Rect { x, y, size } = optics.photo;
+        // As much of the sensor as the scene fills.
+        let whole = Rect { x: 0, y: 0, size: optics.sensor };
+        let part = if scene.size() == whole.size { whole } else { optics.photo };
+        let Rect { x, y, size } = part;
         let on_grid = Rect { x: x + optics.pad, y: y + optics.pad, size };
         let falloff = optics.dark_corner(Light::Scene);
         let planes: Vec<Plane> = Channel::ALL
@@ -83,7 +86,7 @@ impl<'a> SceneLight<'a> {
                 }
                 let wide = surrounded(&there, optics.grid(), on_grid, surround);
                 let mut seen = optics.through_lens(Light::Scene, channel, &wide).crop(on_grid);
-                let falloff = falloff[channel.index()].crop(optics.photo);
+                let falloff = falloff[channel.index()].crop(part);
                 for (level, share) in seen.data_mut().iter_mut().zip(falloff.data()) {
                     *level *= share;
                 }
@@ -92,7 +95,7 @@ impl<'a> SceneLight<'a> {
             .collect();
         let mut planes = planes.into_iter();
         let light = std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(size)));
-        SceneLight { sensor, part: optics.photo, light, seed }
+        SceneLight { sensor, part, light, seed }
     }
 
     fn reading(&self) -> Readout {

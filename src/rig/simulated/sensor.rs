@@ -121,7 +121,6 @@ impl SimulatedSensor {
         seed: u64,
         number: u64,
     ) -> Counts {
-        let size = light[0].size();
         let fill = |channel: Channel, y: usize, levels: &mut [f32]| {
             let c = channel.index();
             let mix = self.config.cross_channel[c].map(|v| v as f32);
@@ -135,6 +134,25 @@ impl SimulatedSensor {
                     + ambient * dark[x];
             }
         };
+        self.read_out(light[0].size(), seed, number, fill)
+    }
+
+    /// Counts of one exposure of a scene; `light` is what its colours bring to each filter.
+    pub(super) fn photograph(&self, light: &[Plane; 3], seed: u64, number: u64) -> Counts {
+        let fill = |channel: Channel, y: usize, levels: &mut [f32]| {
+            levels.copy_from_slice(light[channel.index()].row(y));
+        };
+        self.read_out(light[0].size(), seed, number, fill)
+    }
+
+    /// Counts of the whole sensor of `size`; `fill` gives the light of a row.
+    fn read_out(
+        &self,
+        size: Size,
+        seed: u64,
+        number: u64,
+        fill: impl Fn(Channel, usize, &mut [f32]) + Sync + Copy,
+    ) -> Counts {
         let reading =
             Readout { part: Rect { x: 0, y: 0, size }, seed, stream: Stream::Capture, number };
         match self.config.mosaic {

@@ -74,6 +74,21 @@ impl Witness {
         SceneLight::new(&all, &sensor, scene, self.surround, seed).raw()
     }
 
+    /// Puts `scene` (sensor-sized linear light) before the lens in the panel's place, so that the
+    /// camera's next frames are photos of it; `None` brings the panel back.
+    ///
+    /// # Panics
+    /// When `scene` is not sensor-sized, which is a bug of the caller.
+    pub fn put_before_lens(&self, scene: Option<&Frame<Work>>) {
+        let light = scene.map(|scene| {
+            assert_eq!(scene.size(), self.optics.sensor, "the whole sensor sees the scene");
+            let sensor = self.shared.bench().sensor.clone();
+            let all = [Layer { optics: &self.optics, share: None }];
+            Arc::new(SceneLight::new(&all, &sensor, scene, self.surround, 0).light)
+        });
+        self.shared.bench().scene = light;
+    }
+
     /// [`Witness::photograph`] of a scene with parts at several distances. The lens is focused
     /// where it was; each part is as sharp as its distance lets it be.
     ///

@@ -1,0 +1,195 @@
+//! `relens shoot`: the photo itself, taken by the rig's own camera through its own lens.
+
+use std::path::PathBuf;
+
+use clap::builder::TypedValueParser;
+use clap::{Args, ValueHint, value_parser};
+use relens::calibration::store;
+use relens::chart::scenes::cut;
+use relens::config::{self, RigFile};
+use relens::frame::{Channel, Frame, Mosaic, Size, Work};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, encode};
+use relens::rig;
+use relens::rig::exposure::Devices;
+use relens::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, PhotoShot, meter, shoot, sites_of};
+use relens::rig::simulated;
+
+use super::error::CliError;
+use super::new_file::{format_of, must_be_new, write_new};
+use super::opening;
+use super::options::{FolderOption, RigOption};
+use super::output::say;
+
+/// Exposures, as multiples of the rig file's, that are tried when one is proposed.
+const PROPOSED: (f64, f64) = (1.0 / 32.0, 32.0);
+
+/// Take a photo with the rig's own camera
+///
+/// A sensor with colour filters gives a raw photo (.dng) of all its sites; any other a TIFF or PNG
+/// of 16 bits. Put it into the inbox. A simulated rig photographs the picture that --scene names.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  relens shoot --rig RIG.toml --folder DIR -o DIR/inbox/photo.dng
+  relens shoot --rig RIG.toml --folder DIR -o photo.dng --exposure auto --frames 4
+  relens shoot --rig truthful.toml --scene sharp.png -o photo.dng")]
+pub(super) struct ShootOptions {
+    #[command(flatten)]
+    rig: RigOption,
+    #[command(flatten)]
+    folder: FolderOption,
+    /// Photo, which must not exist yet; its ending tells the format
+    #[arg(short, long, value_name = "PHOTO", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+    /// Exposures that are averaged
+    #[arg(long, value_name = "N", default_value = "1", value_parser = frames())]
+    frames: u8,
+    /// Exposure as a multiple of the rig file's, or `auto` for one that clips next to nothing
+    #[arg(long, value_name = "TIMES", default_value = "1", value_parser = exposure)]
+    exposure: PhotoExposure,
+    /// Sharp picture that a simulated rig photographs
+    #[arg(long, value_name = "PICTURE", value_hint = ValueHint::FilePath)]
+    scene: Option<PathBuf>,
+}
+
+fn frames() -> impl TypedValueParser<Value = u8> {
+    value_parser!(u8).range(1..=64)
+}
+
+/// How long a photo is exposed.
+#[derive(Debug, Clone, Copy)]
+enum PhotoExposure {
+    Auto,
+    Times(f64),
+}
+
+fn exposure(word: &str) -> Result<PhotoExposure, String> {
+    match word.parse() {
+        _ if word == "auto" => Ok(PhotoExposure::Auto),
+        Ok(times) if (0.001..=1000.0).contains(&times) => Ok(PhotoExposure::Times(times)),
+        _ => Err(format!("found {word}, allowed auto, or 0.001 to 1000 times the rig file's")),
+    }
+}
+
+/// `relens shoot`.
+pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
+    let rig = config::load(&options.rig.rig)?;
+    let out = &options.out;
+    let raw = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng"));
+    let format = if raw { None } else { Some(format_of(out)?) };
+    let mosaic = rig.mosaic();
+    if raw && mosaic.is_none() {
+        return Err(CliError::NoFilters(rig.name));
+    }
+    must_be_new(out)?;
+    let (mut devices, black) = before_the_scene(&rig, options)?;
+    let range = CountRange { black, max: rig.camera.count_max() };
+    let times = set_exposure(&mut devices, mosaic, range, options.exposure)?;
+    let shot = shoot(&mut devices, mosaic, range, options.frames.into()).map_err(CliError::of)?;
+    let exposure_s = times * rig.camera.exposure_ms / 1000.0;
+    let bytes = match (format, mosaic) {
+        (Some(format), _) => developed(&rig, &shot, range, format)?,
+        (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, range, exposure_s),
+        (None, None) => return Err(CliError::NoFilters(rig.name)),
+    };
+    write_new(out, &bytes)?;
+    let frames = match options.frames {
+        1 => "an exposure".to_owned(),
+        more => format!("{more} exposures"),
+    };
+    say(&format!(
+        "{}: {} of {:.4} s, {:.2} % clipped",
+        out.display(),
+        frames,
+        exposure_s,
+        100.0 * shot.clipped_share
+    ));
+    if shot.clipped_share > CLIPPED_SHARE_MAX {
+        say("  full pixels are lost to the restoration: try --exposure auto");
+    }
+    let photo = rig.photo_grid();
+    say(&format!("  the rig restores {} of the sensor's {}", photo.photo.size, photo.sensor));
+    Ok(())
+}
+
+/// The devices, with what is to be photographed before the lens, and the camera's black.
+fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<(Devices, f64), CliError> {
+    match (file.simulation(), &options.scene) {
+        (Some(simulation), Some(scene)) => {
+            let curve = file.photo.curve;
+            let sharp = Photo::read(scene, curve, &Limits::default()).map_err(CliError::of)?;
+            let (devices, witness) = simulated::open(file).map_err(CliError::of)?;
+            witness.put_before_lens(Some(&cut(&sharp.in_colour(), file.photo_grid().sensor)));
+            Ok((devices, simulation.sensor.black_level_counts))
+        }
+        (Some(_), None) => Err(CliError::NoScene(file.name.clone())),
+        (None, Some(_)) => Err(CliError::NotSimulated(file.name.clone())),
+        (None, None) => {
+            // What the camera counts in the dark is measured with the panel, not guessed.
+            let kept = opening::calibration_folder(&options.folder.folder);
+            let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
+            let Size { width, height } = file.canvas_size();
+            let black = calibration.black[Channel::Green.index()]
+                .at(width as f64 / 2.0, height as f64 / 2.0);
+            Ok((rig::open_without_marks(file).map_err(CliError::of)?, black))
+        }
+    }
+}
+
+/// Sets the exposure; how many times as long it is as the rig file's.
+fn set_exposure(
+    devices: &mut Devices,
+    mosaic: Option<Mosaic>,
+    range: CountRange,
+    exposure: PhotoExposure,
+) -> Result<f64, CliError> {
+    match exposure {
+        PhotoExposure::Times(1.0) => Ok(1.0),
+        PhotoExposure::Times(times) => match devices.expose_times(times).map_err(CliError::of)? {
+            true => {
+                // The first frame after a change may still be exposed as before.
+                devices.expose().map_err(CliError::of)?;
+                Ok(times)
+            }
+            false => Err(CliError::FixedExposure),
+        },
+        PhotoExposure::Auto => meter(devices, mosaic, range, PROPOSED)
+            .map_err(CliError::of)?
+            .ok_or(CliError::FixedExposure),
+    }
+}
+
+/// The raw photo in a file.
+fn raw_file(
+    rig: &RigFile,
+    shot: &PhotoShot,
+    mosaic: Mosaic,
+    range: CountRange,
+    exposure_s: f64,
+) -> Vec<u8> {
+    Dng {
+        sites: &sites_of(shot.counts.planes(), mosaic),
+        mosaic,
+        black: range.black,
+        white: range.max,
+        camera: &rig.name,
+        exposure_s: Some(exposure_s),
+        crop: Some(rig.photo_on_sensor()),
+    }
+    .bytes()
+}
+
+/// Three planes of counts with the rig's curve, 16 bits.
+fn developed(
+    rig: &RigFile,
+    shot: &PhotoShot,
+    range: CountRange,
+    format: Format,
+) -> Result<Vec<u8>, CliError> {
+    let bits = if format == Format::Jpeg { 8 } else { 16 };
+    let manner = Manner::plain(format, bits, rig.photo.curve);
+    let per_level = (f64::from(range.max) - range.black) / 255.0;
+    let level = |count: u16| ((f64::from(count) - range.black) / per_level).max(0.0) as f32;
+    let light: Frame<Work> = Frame::from_fn(|c| shot.counts.plane(c).map(level));
+    encode("photo", &light, &manner, false).map_err(CliError::of)
+}

@@ -1,0 +1,293 @@
+//! A photo in the gallery: what became of it in a photographer's words, the pictures one over the
+//! other, and the numbers one click away.
+
+use std::fmt::Write;
+
+use super::html::{escape, moment, span};
+use crate::daemon::store::report_file::{Report, ResultKind, plain};
+use crate::pipeline::Confirmation;
+
+/// A photo with a result, as the pages show it.
+pub(super) struct GalleryPhoto<'a> {
+    pub(super) report: &'a Report,
+    /// Its number among all, the oldest 0: its address on its page.
+    pub(super) number: usize,
+    /// Address of the original from the outbox, if it is still there.
+    pub(super) original: Option<&'a str>,
+    /// Address of the scene itself from the outbox, if it is known.
+    pub(super) scene: Option<String>,
+}
+
+/// The one word of an outcome, by which photos are also told apart in style and search.
+pub(super) fn state(kind: ResultKind) -> &'static str {
+    match kind {
+        ResultKind::Restored => "restored",
+        ResultKind::Untouched => "left",
+    }
+}
+
+/// Width and height as a viewer sees the photo.
+fn seen(report: &Report) -> (usize, usize) {
+    let (width, height) = (report.size.width, report.size.height);
+    if report.turned.is_some_and(|tag| tag >= 5) { (height, width) } else { (width, height) }
+}
+
+/// The address of the stamp by which one finds a photo.
+pub(super) fn stamp_address(report: &Report) -> String {
+    report.after.replace("-after.", "-small.")
+}
+
+/// The stamp, a link to the card; `up` leads from the page to the outbox.
+pub(super) fn stamp(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
+    let (name, after) = (escape(&photo.report.photo), escape(&photo.report.after));
+    let _ = writeln!(
+        html,
+        "<a href=\"#photo-{}\" title=\"{name}\"><img src=\"{up}{}\" data-large=\"{up}{after}\" \
+         alt=\"{name}\" loading=\"lazy\" width=\"160\" height=\"120\"></a>",
+        photo.number,
+        escape(&stamp_address(photo.report)),
+    );
+}
+
+/// The card.
+pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
+    let &GalleryPhoto { report, number, original, ref scene } = photo;
+    let name = escape(&report.photo);
+    let (width, height) = seen(report);
+    let (before, after) = (escape(&report.before), escape(&report.after));
+    let state = state(report.outcome);
+    let result_words = match report.outcome {
+        ResultKind::Restored => "restored",
+        ResultKind::Untouched => "as it was",
+    };
+    let result = escape(&report.result_address);
+    let _ = write!(
+        html,
+        "<article id=\"photo-{number}\" data-number=\"{number}\" data-state=\"{state}\" \
+         aria-labelledby=\"name-{number}\">\n<div class=\"pair\" \
+         style=\"--w:{width};--h:{height}\">\
+         <figure class=\"before\"><img src=\"{up}{before}\" alt=\"{name}, the photo\" \
+         loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
+         <figcaption>photo</figcaption></figure>\
+         <figure class=\"after\"><img src=\"{up}{after}\" alt=\"{name}, {result_words}\" \
+         loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
+         <figcaption>{result_words}</figcaption></figure>{}<i></i>\
+         <input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-valuetext=\"50 % of the \
+         photo, 50 % of the result\" aria-label=\"Compare {name} with its result\"></div>\n\
+         <h2 id=\"name-{number}\">{name}</h2>\n",
+        scene.as_ref().map_or(String::new(), |scene| format!(
+            "<figure class=\"scene\"><img src=\"{up}{}\" alt=\"{name}, the scene itself\" \
+             loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
+             <figcaption>the scene itself</figcaption></figure>",
+            escape(scene)
+        )),
+    );
+    if is_smaller(report) {
+        let _ = writeln!(
+            html,
+            "<p class=\"smaller\">Smaller than the photo: {} instead of {} pixels.</p>",
+            report.size, report.stored,
+        );
+    }
+    let _ = writeln!(html, "<p class=\"state\">{}</p>", escape(&outcome_words(report)));
+    if let Some((class, words)) = confirmation_words(report) {
+        let _ = writeln!(html, "<p class=\"certificate {class}\">{words}</p>");
+    }
+    html.push_str("<p class=\"links\">");
+    if let Some(original) = original {
+        let _ = write!(
+            html,
+            "<a href=\"{up}{}\" download>Download original<span> of {name}</span></a>",
+            escape(original)
+        );
+    }
+    let _ = writeln!(
+        html,
+        "<a href=\"{up}{result}\" download>Download result<span> of {name}</span></a></p>\n\
+         <details><summary>Numbers<span> of {name}</span></summary>\n{}</details>\n</article>",
+        numbers(photo, up),
+    );
+}
+
+fn is_smaller(report: &Report) -> bool {
+    report.outcome == ResultKind::Restored && report.size.area() < report.stored.area()
+}
+
+/// What was done, or why nothing was.
+fn outcome_words(report: &Report) -> String {
+    let by = match (report.outcome, report.rung, &report.certificate) {
+        (ResultKind::Untouched, ..) => {
+            return format!("Left as it was, because {}.", plain(&report.rung_reason));
+        }
+        (_, 0..=2, _) => "with the lens model",
+        (_, _, Some(_)) => "with the lens model, and corrected by light",
+        (_, _, None) => "by light alone",
+    };
+    format!("Sharpened {by}.")
+}
+
+/// What the photograph of the result says, and the mark beside it.
+fn confirmation_words(report: &Report) -> Option<(&'static str, &'static str)> {
+    if report.outcome == ResultKind::Untouched {
+        return None;
+    }
+    let Some(certificate) = &report.certificate else {
+        return Some(("none", "Not confirmed: it was not photographed again."));
+    };
+    Some(match certificate.confirmation() {
+        Confirmation::Full => {
+            ("good", "Confirmed by light: photographed through the lens again, it is your photo.")
+        }
+        Confirmation::Noisy => (
+            "fair",
+            "Photographed through the lens again, it is your photo as far as its strong noise lets \
+             one see.",
+        ),
+        Confirmation::Nearly => (
+            "fair",
+            "Nearly confirmed by light: photographed through the lens again, it is nearly your \
+             photo.",
+        ),
+        Confirmation::Not => (
+            "poor",
+            "Not confirmed by light: photographed through the lens again, it still differs from \
+             your photo.",
+        ),
+    })
+}
+
+/// What is one click away.
+fn numbers(photo: &GalleryPhoto<'_>, up: &str) -> String {
+    let report = photo.report;
+    let (width, height) = seen(report);
+    let mut rows = vec![
+        ("finished", moment(report.finished_unix_s)),
+        ("took", span(report.seconds)),
+        ("size", format!("{width}×{height} pixels")),
+        ("method", escape(&report.method)),
+        ("photographs taken", report.captures.to_string()),
+        ("why so", escape(&report.rung_reason)),
+    ];
+    if let Some(certificate) = &report.certificate {
+        rows.push(("difference between its photograph and the photo", certificate.words()));
+    }
+    let mut html = String::from("<dl>");
+    for (what, value) in rows {
+        let _ = write!(html, "<dt>{what}</dt><dd>{value}</dd>");
+    }
+    html.push_str("</dl>\n");
+    for note in &report.notes {
+        let _ = writeln!(html, "<p>{}</p>", escape(note));
+    }
+    let again = match photo.original {
+        Some(original) => format!(
+            "To restore it again, move <a href=\"{up}{}\">its original</a> from the folder \
+             <code>done</code> into <code>inbox</code>.",
+            escape(original)
+        ),
+        None => "Its original is no longer in the folder <code>done</code>.".to_owned(),
+    };
+    let _ = writeln!(
+        html,
+        "<p>{again} The whole record: <a href=\"{up}{}.json\">report</a>.</p>",
+        escape(&report.result_address)
+    );
+    html
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::daemon::report::tests::report;
+    use crate::frame::Size;
+    use crate::pipeline::OpticalResidual;
+
+    fn card_of(report: &Report) -> String {
+        let mut html = String::new();
+        card(
+            &mut html,
+            &GalleryPhoto {
+                report,
+                number: 3,
+                original: Some("../done/a.jpg"),
+                scene: Some("../scenes/a.jpg".into()),
+            },
+            "../",
+        );
+        html
+    }
+
+    /// What is read without a click.
+    fn in_plain_sight(html: &str) -> &str {
+        html.split("<details>").next().unwrap()
+    }
+
+    #[test]
+    fn a_photographer_understands_what_became_of_a_photo() {
+        for (n, kind, certificate, wanted) in [
+            (
+                3,
+                ResultKind::Restored,
+                Some(1.13),
+                "Sharpened with the lens model, and corrected by",
+            ),
+            (2, ResultKind::Restored, Some(1.13), "Sharpened with the lens model.</p>"),
+            (2, ResultKind::Restored, None, "Not confirmed: it was not photographed again"),
+            (2, ResultKind::Restored, Some(1.6), "Nearly confirmed by light"),
+            (3, ResultKind::Restored, Some(4.0), "Not confirmed by light"),
+            (0, ResultKind::Untouched, None, "Left as it was, because it is sharp.</p>"),
+        ] {
+            let mut report = report(1);
+            (report.rung, report.outcome) = (n, kind);
+            report.rung_reason = "it is sharp (3.1 times its noise is left)".into();
+            report.notes = vec!["noise of the photo: 1.20 grey levels".into()];
+            report.certificate = certificate.map(|residual_grey_levels| OpticalResidual {
+                residual_grey_levels,
+                floor_grey_levels: 1.0,
+            });
+            let html = card_of(&report);
+            let seen = in_plain_sight(&html);
+            assert!(seen.contains(wanted), "{seen}");
+            for jargon in ["rung", "grey level", "residual", "3.1", "capture", "hybrid"] {
+                assert!(!seen.contains(jargon), "{jargon}: {seen}");
+            }
+            assert!(html.contains("3.1 times its noise") && html.contains("hybrid"), "{html}");
+        }
+    }
+
+    #[test]
+    fn agreement_within_strong_noise_is_no_confirmation() {
+        let mut report = report(1);
+        report.certificate =
+            Some(OpticalResidual { residual_grey_levels: 75.24, floor_grey_levels: 75.42 });
+        let html = card_of(&report);
+        assert!(!html.contains("certificate good") && html.contains("strong noise"), "{html}");
+        // Two numbers of which the larger is the good one would be read the wrong way round.
+        assert!(!html.contains("75."), "{html}");
+    }
+
+    #[test]
+    fn a_result_that_is_smaller_says_so_first() {
+        let mut report = report(1);
+        assert!(!card_of(&report).contains("Smaller"));
+        report.stored = Size::new(4000, 3000);
+        let html = card_of(&report);
+        assert!(html.contains("Smaller than the photo: 256×192 instead of 4000×3000 pixels"));
+        assert!(html.find("Smaller") < html.find("Sharpened"));
+    }
+
+    #[test]
+    fn original_and_result_are_a_click_away_and_the_slider_speaks() {
+        let html = card_of(&report(1));
+        for wanted in [
+            "<a href=\"../../done/a.jpg\" download>Download original",
+            "<a href=\"../photo%200001.jpg\" download>Download result",
+            "<figure class=\"scene\"><img src=\"../../scenes/a.jpg\"",
+            "move <a href=\"../../done/a.jpg\">its original</a>",
+            "aria-valuetext=\"50 %",
+            "<time datetime=\"2023-11-14T22:13:27Z\" data-unix=\"1700000007\">2023-11-14 22:13 UTC",
+        ] {
+            assert!(html.contains(wanted), "{wanted}: {html}");
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The shrinkage as it is written, a page to read beside the four steps: no rows kept, no levels
+//! apart.
+
+use crate::frame::{Plane, Size};
+
+/// Of a plane periodised, the mean about (x, y) with weights (1 2 1)/4 both ways.
+fn about(power: &Plane, x: usize, y: usize) -> f32 {
+    let Size { width, height } = power.size();
+    let mut sum = 0.0;
+    for (dy, v) in [(height - 1, 1.0), (0, 2.0), (1, 1.0)] {
+        for (dx, w) in [(width - 1, 1.0), (0, 2.0), (1, 1.0)] {
+            sum += v * w * power.at((x + dx) % width, (y + dy) % height) / 16.0;
+        }
+    }
+    sum
+}
+
+/// y = Σ αud / Σ αu² and r = d − y·u; y is drawn by t = weight / Σ αu² over the root of the mean
+/// power about it, r by κ·t over that of its own; d = y·u + r.
+pub(super) fn shrunk(
+    d: &[Plane; 3],
+    u: &[Plane; 3],
+    strictness: &Plane,
+    passed: [f32; 3],
+    weight: impl Fn(usize, usize) -> f32,
+) -> [Plane; 3] {
+    let size = d[0].size();
+    let known =
+        Plane::from_fn(size, |i, j| (0..3).map(|c| passed[c] * u[c].at(i, j).powi(2)).sum::<f32>());
+    let y = Plane::from_fn(size, |i, j| {
+        (0..3).map(|c| passed[c] * u[c].at(i, j) * d[c].at(i, j)).sum::<f32>() / known.at(i, j)
+    });
+    let r =
+        [0, 1, 2].map(|c| Plane::from_fn(size, |i, j| d[c].at(i, j) - y.at(i, j) * u[c].at(i, j)));
+    let along = y.map(|v: f32| v * v);
+    let off = Plane::from_fn(size, |i, j| r.iter().map(|r| r.at(i, j).powi(2)).sum::<f32>());
+    let kept = |power: &Plane, t: f32, i: usize, j: usize| {
+        (1.0 - t / about(power, i, j).max(f32::MIN_POSITIVE).sqrt()).max(0.0)
+    };
+    [0, 1, 2].map(|c| {
+        Plane::from_fn(size, |i, j| {
+            let t = weight(i, j) / known.at(i, j);
+            kept(&along, t, i, j) * y.at(i, j) * u[c].at(i, j)
+                + kept(&off, strictness.at(i, j) * t, i, j) * r[c].at(i, j)
+        })
+    })
+}

@@ -1,0 +1,287 @@
+//! Raw photos: a sensor's sites in a DNG (1.4, Adobe) or TIFF/EP (ISO 12234-2) file, 16 bits a
+//! site, in strips as they are. What else such files may be is refused, and what lies beside the
+//! sites, a preview above all, is never taken in their place.
+
+mod directory;
+mod write;
+
+use super::Flaw;
+use super::tiff::{
+    COMPRESSION, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH, NEW_SUBFILE_TYPE,
+    STRIP_BYTE_COUNTS, STRIP_OFFSETS, TILE_OFFSETS,
+};
+use crate::frame::{Mosaic, Plane, Size};
+
+use directory::Directory;
+pub use write::Dng;
+
+const BITS_PER_SAMPLE: u16 = 258;
+const PHOTOMETRIC: u16 = 262;
+const MAKE: u16 = 271;
+const MODEL: u16 = 272;
+const ORIENTATION: u16 = 274;
+const SAMPLES_PER_PIXEL: u16 = 277;
+const ROWS_PER_STRIP: u16 = 278;
+const SUB_DIRECTORIES: u16 = 330;
+const SAMPLE_FORMAT: u16 = 339;
+const CFA_REPEAT: u16 = 33421;
+const CFA_PATTERN: u16 = 33422;
+const DNG_VERSION: u16 = 50706;
+const CFA_PLANE_COLOUR: u16 = 50710;
+const CFA_LAYOUT: u16 = 50711;
+const LINEARIZATION: u16 = 50712;
+const BLACK_REPEAT: u16 = 50713;
+const BLACK_LEVEL: u16 = 50714;
+const BLACK_ALONG: u16 = 50715;
+const BLACK_DOWN: u16 = 50716;
+const WHITE_LEVEL: u16 = 50717;
+const ACTIVE_AREA: u16 = 50829;
+
+/// [`PHOTOMETRIC`]: sites behind colour filters.
+const SITES: usize = 32803;
+/// [`PHOTOMETRIC`]: what a program has made of them.
+const LINEAR_RAW: usize = 34892;
+
+/// [`MAKE`] of the raw photos that relens takes.
+pub(crate) const OUR_MAKE: &str = "relens";
+
+/// More directories than this are no photo of ours but a file made to keep us busy. Guess.
+const DIRECTORIES_MAX: usize = 32;
+
+/// Numbers that can only be one: the tag, what holds without it, what is read, and its name.
+const ONLY: [(u16, usize, usize, &str); 6] = [
+    (PHOTOMETRIC, 0, SITES, "photometric interpretation"),
+    (COMPRESSION, 1, 1, "compression"),
+    (BITS_PER_SAMPLE, 1, 16, "bits a sample"),
+    (SAMPLES_PER_PIXEL, 1, 1, "samples a pixel"),
+    (SAMPLE_FORMAT, 1, 1, "sample format"),
+    (CFA_LAYOUT, 1, 1, "layout of the colour filters"),
+];
+
+/// What is not read, by its tag.
+const NEVER: [(u16, &str); 4] = [
+    (TILE_OFFSETS, "tiles"),
+    (LINEARIZATION, "a table to make its counts linear"),
+    (BLACK_ALONG, "a black level for each column"),
+    (BLACK_DOWN, "a black level for each row"),
+];
+
+/// Maker and model that the photos of the rig `name` say.
+pub(crate) fn camera_of(name: &str) -> String {
+    format!("{OUR_MAKE} {}", write::plain(name))
+}
+
+/// A raw photo found in a file, its counts not yet read.
+#[derive(Debug)]
+pub(super) struct RawFile {
+    pub(super) size: Size,
+    pub(super) sites: Sites,
+    /// As EXIF numbers them.
+    pub(super) orientation: u8,
+    /// Whether the file holds an EXIF directory, which cannot be carried over.
+    pub(super) exif: bool,
+    /// Who made the camera, and its model.
+    pub(super) camera: Option<String>,
+    /// Offset and length of each strip; all of them hold exactly the counts.
+    strips: Vec<(usize, usize)>,
+}
+
+/// What counts mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sites {
+    pub(super) mosaic: Mosaic,
+    /// Counts without light, of the first two sites of the first two rows.
+    black: [[f32; 2]; 2],
+    /// The largest count there can be.
+    white: f32,
+}
+
+/// The raw photo in a TIFF's `bytes`; `None` of a TIFF that is no raw photo.
+///
+/// # Errors
+/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`], [`Flaw::Damaged`], or [`Flaw::Unsupported`] of a raw
+/// photo that is not read.
+pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
+    let file = File::new(bytes);
+    // Where a directory is, and whether the file is broken without it: what merely follows a plain
+    // TIFF's picture is no business of ours.
+    let mut waiting = vec![(file.u32(4)? as usize, true)];
+    let mut all: Vec<Directory> = Vec::new();
+    let mut declared = false;
+    while let Some((at, needed)) = waiting.pop() {
+        if all.len() == DIRECTORIES_MAX || all.iter().any(|known| known.at == at) {
+            continue;
+        }
+        let read = Directory::read(&file, at).and_then(|directory| {
+            let below = directory.numbers(SUB_DIRECTORIES)?.unwrap_or_default();
+            waiting.extend(below.into_iter().take(DIRECTORIES_MAX).map(|at| (at, true)));
+            Ok(directory)
+        });
+        match read {
+            Ok(directory) => {
+                declared |= directory.find(DNG_VERSION).is_some() || directory.is_raw();
+                waiting.extend((directory.next > 0).then_some((directory.next, false)));
+                all.push(directory);
+            }
+            Err(flaw) if needed || declared => return Err(flaw),
+            Err(_) => {}
+        }
+    }
+    if !declared {
+        return Ok(None);
+    }
+    let whole =
+        |d: &&Directory| d.is_raw() && matches!(d.number(NEW_SUBFILE_TYPE), Ok(None | Some(0)));
+    let Some(directory) = all.iter().find(whole) else {
+        return Err(unsupported("no picture of a sensor's sites".to_owned()));
+    };
+    let raw = directory.raw_file()?;
+    let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);
+    let exif = all.iter().any(|d| d.find(EXIF_DIRECTORY).is_some());
+    let orientation = turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1);
+    let camera = all[0].camera();
+    Ok(Some(RawFile { orientation, exif, camera, ..raw }))
+}
+
+impl RawFile {
+    /// Its counts, row by row; `bytes` are those it was found in.
+    pub(super) fn counts(&self, bytes: &[u8]) -> Vec<u16> {
+        let big_endian = File::new(bytes).big_endian;
+        let count = |b: &[u8]| {
+            let b = [b[0], b[1]];
+            if big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) }
+        };
+        let strips =
+            self.strips.iter().filter_map(|&(from, length)| bytes.get(from..from + length));
+        strips.flat_map(|strip| strip.chunks_exact(2).map(count)).collect()
+    }
+}
+
+impl Sites {
+    /// Counts that one grey level is.
+    pub(super) fn counts_per_level(&self) -> f32 {
+        let black = self.black.as_flattened().iter().sum::<f32>() / 4.0;
+        (self.white - black) / crate::frame::FULL_SCALE
+    }
+
+    /// The light (white at 255, with noise also below 0) of `counts`.
+    pub(super) fn light(&self, size: Size, counts: &[u16]) -> Plane {
+        let (per_level, width) = (self.counts_per_level(), size.width);
+        Plane::from_fn(size, |x, y| {
+            (f32::from(counts[y * width + x]) - self.black[y % 2][x % 2]) / per_level
+        })
+    }
+}
+
+impl Directory<'_> {
+    fn is_raw(&self) -> bool {
+        matches!(self.number(PHOTOMETRIC), Ok(Some(SITES | LINEAR_RAW)))
+    }
+
+    fn raw_file(&self) -> Result<RawFile, Flaw> {
+        for (tag, without, allowed, name) in ONLY {
+            let found = self.number(tag)?.unwrap_or(without);
+            if found != allowed {
+                return Err(unsupported(format!("{name} {found} in place of {allowed}")));
+            }
+        }
+        if let Some((_, what)) = NEVER.iter().find(|(tag, _)| self.find(*tag).is_some()) {
+            return Err(unsupported((*what).to_owned()));
+        }
+        let size = Size::new(
+            self.number(IMAGE_WIDTH)?.unwrap_or_default(),
+            self.number(IMAGE_LENGTH)?.unwrap_or_default(),
+        );
+        // A TIFF file ends below 4 GiB, and a site has two bytes.
+        let holds = |area: usize| area <= u32::MAX as usize / 2;
+        if size.width.min(size.height) < 2
+            || !size.width.checked_mul(size.height).is_some_and(holds)
+        {
+            let found = format!("a picture of {size}");
+            return Err(self.file.damaged(&found, "at least 2×2 and no more than 4 GiB hold"));
+        }
+        let all = [0, 0, size.height, size.width];
+        if self.numbers(ACTIVE_AREA)?.is_some_and(|area| area != all) {
+            return Err(unsupported("sites that see no light around the picture".to_owned()));
+        }
+        let sites = Sites { mosaic: self.mosaic()?, ..self.levels()? };
+        let strips = self.strips(size)?;
+        Ok(RawFile { size, sites, strips, orientation: 1, exif: false, camera: None })
+    }
+
+    /// Maker and model; a file need not say them.
+    fn camera(&self) -> Option<String> {
+        let words = [MAKE, MODEL].map(|tag| self.text(tag).ok().flatten().unwrap_or_default());
+        let camera = words.join(" ").trim().to_owned();
+        (!camera.is_empty()).then_some(camera)
+    }
+
+    fn mosaic(&self) -> Result<Mosaic, Flaw> {
+        let of = |tag| self.numbers(tag).map(Option::unwrap_or_default);
+        let (repeat, pattern) = (of(CFA_REPEAT)?, of(CFA_PATTERN)?);
+        let planes = self.numbers(CFA_PLANE_COLOUR)?.unwrap_or_else(|| vec![0, 1, 2]);
+        let is = |mosaic: &Mosaic| {
+            let place = |n: usize| mosaic.colour_at(n % 2, n / 2).index();
+            repeat == [2, 2] && planes == [0, 1, 2] && pattern == [0, 1, 2, 3].map(place)
+        };
+        Mosaic::ALL.into_iter().find(is).ok_or_else(|| {
+            unsupported(format!(
+                "colour filters {:?} repeating by {:?}",
+                &pattern[..pattern.len().min(4)],
+                &repeat[..repeat.len().min(2)]
+            ))
+        })
+    }
+
+    /// Black and white; the mosaic is any.
+    fn levels(&self) -> Result<Sites, Flaw> {
+        let repeat = self.numbers(BLACK_REPEAT)?.unwrap_or_else(|| vec![1, 1]);
+        let [rows @ 1..=2, columns @ 1..=2] = repeat[..] else {
+            let found = format!("black levels repeating by {:?}", &repeat[..repeat.len().min(2)]);
+            return Err(unsupported(found));
+        };
+        let black = self.reals(BLACK_LEVEL)?.unwrap_or_else(|| vec![0.0; rows * columns]);
+        if black.len() != rows * columns {
+            let found = format!("{} black levels for {rows}×{columns} sites", black.len());
+            return Err(self.file.damaged(&found, "one for each"));
+        }
+        let place = |y: usize, x: usize| black[(y % rows) * columns + x % columns];
+        let black = [0, 1].map(|y| [0, 1].map(|x| place(y, x)));
+        let white = self.number(WHITE_LEVEL)?.unwrap_or(65535);
+        let largest = black.as_flattened().iter().copied().fold(0.0, f32::max);
+        let sound = black.as_flattened().iter().all(|b| b.is_finite());
+        if !sound || white > 65535 || white as f32 - largest < 1.0 {
+            let found = format!("black at {largest} and white at {white} counts");
+            return Err(self.file.damaged(&found, "white above black, up to 65535"));
+        }
+        Ok(Sites { mosaic: Mosaic::Rggb, black, white: white as f32 })
+    }
+
+    /// The strips, which hold the sites of `size` exactly.
+    fn strips(&self, size: Size) -> Result<Vec<(usize, usize)>, Flaw> {
+        let of = |tag| self.numbers(tag).map(Option::unwrap_or_default);
+        let (offsets, counts) = (of(STRIP_OFFSETS)?, of(STRIP_BYTE_COUNTS)?);
+        let rows = self.number(ROWS_PER_STRIP)?.unwrap_or(size.height).min(size.height);
+        let needed = |n: usize| rows.min(size.height - n * rows) * size.width * 2;
+        let fits = rows > 0
+            && size.height.div_ceil(rows) == counts.len()
+            && offsets.len() == counts.len()
+            && counts.iter().enumerate().all(|(n, &count)| count == needed(n));
+        if !fits {
+            let found = format!("{} strips of {rows} rows for {size}", counts.len());
+            return Err(self.file.damaged(&found, "strips that hold each site once"));
+        }
+        self.file.strips(&offsets, &counts, true)?;
+        Ok(offsets.into_iter().zip(counts).collect())
+    }
+}
+
+fn unsupported(found: String) -> Flaw {
+    let allowed = "16-bit counts of a sensor's sites behind filters of three colours that repeat \
+                   by two, uncompressed, in strips; convert it so, or develop it and save it as \
+                   TIFF of 16 bits";
+    Flaw::Unsupported { kind: "raw photo", found, allowed }
+}
+
+#[cfg(test)]
+mod tests;

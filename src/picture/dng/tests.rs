@@ -1,0 +1,288 @@
+//! Raw photos read again as written, and refused where they are not what is read.
+
+use super::directory::LETTERS_MAX;
+use super::*;
+use crate::config::Curve;
+use crate::frame::{Channel, Frame, Work};
+use crate::picture::{Format, Growth, Limits, Photo, PictureError};
+
+const SIZE: Size = Size { width: 42, height: 30 };
+
+fn sites() -> Plane<u16> {
+    Plane::from_fn(SIZE, |x, y| (60 + (x * 37 + y * 101 + x * y * 7) % 960) as u16)
+}
+
+fn file(mosaic: Mosaic) -> Vec<u8> {
+    let (sites, camera) = (sites(), "a rig");
+    let exposure_s = Some(0.05);
+    Dng { sites: &sites, mosaic, black: 64.25, white: 1023, camera, exposure_s, crop: None }.bytes()
+}
+
+fn read(bytes: &[u8]) -> Result<Photo, PictureError> {
+    Photo::from_bytes("a.dng", bytes, Curve::Srgb, &Limits::default())
+}
+
+fn words(bytes: &[u8]) -> String {
+    read(bytes).unwrap_err().to_string()
+}
+
+/// Where the first directory is.
+fn first(bytes: &[u8]) -> usize {
+    File::new(bytes).u32(4).unwrap() as usize
+}
+
+/// Where the entry of `tag` is.
+fn entry(bytes: &[u8], tag: u16) -> usize {
+    Directory::read(&File::new(bytes), first(bytes)).unwrap().find(tag).unwrap()
+}
+
+/// The file with other bytes in the entry of `tag`, from its type on.
+fn with(tag: u16, kind: u16, count: u32, value: [u8; 4]) -> Vec<u8> {
+    let mut bytes = file(Mosaic::Rggb);
+    let at = entry(&bytes, tag);
+    bytes[at + 2..at + 4].copy_from_slice(&kind.to_le_bytes());
+    bytes[at + 4..at + 8].copy_from_slice(&count.to_le_bytes());
+    bytes[at + 8..at + 12].copy_from_slice(&value);
+    bytes
+}
+
+/// The file with the entry of `tag` turned into that of another tag.
+fn renamed(tag: u16, to: u16) -> Vec<u8> {
+    let mut bytes = file(Mosaic::Rggb);
+    let at = entry(&bytes, tag);
+    bytes[at..at + 2].copy_from_slice(&to.to_le_bytes());
+    bytes
+}
+
+/// `raw` as the sub-directory of a preview of 2×2 coloured pixels.
+fn behind_a_preview(raw: &[u8]) -> Vec<u8> {
+    let mut bytes = raw.to_vec();
+    let pixels = bytes.len() as u32;
+    bytes.extend([200; 12]);
+    let bits = bytes.len() as u32;
+    bytes.extend([8, 0, 8, 0, 8, 0]);
+    let directory = bytes.len() as u32;
+    let entries: [(u16, u16, u32, u32); 12] = [
+        (NEW_SUBFILE_TYPE, 4, 1, 1),
+        (IMAGE_WIDTH, 4, 1, 2),
+        (IMAGE_LENGTH, 4, 1, 2),
+        (BITS_PER_SAMPLE, 3, 3, bits),
+        (COMPRESSION, 3, 1, 1),
+        (PHOTOMETRIC, 3, 1, 2),
+        (STRIP_OFFSETS, 4, 1, pixels),
+        (ORIENTATION, 3, 1, 6),
+        (SAMPLES_PER_PIXEL, 3, 1, 3),
+        (STRIP_BYTE_COUNTS, 4, 1, 12),
+        (SUB_DIRECTORIES, 4, 1, first(raw) as u32),
+        (DNG_VERSION, 1, 4, 0x0401),
+    ];
+    bytes.extend((entries.len() as u16).to_le_bytes());
+    for (tag, kind, count, value) in entries {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(count.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
+    }
+    bytes.extend([0; 4]);
+    bytes[4..8].copy_from_slice(&directory.to_le_bytes());
+    bytes
+}
+
+/// The same file, the greater byte of each number first.
+fn big_endian(bytes: &[u8]) -> Vec<u8> {
+    let file = File::new(bytes);
+    let directory = Directory::read(&file, first(bytes)).unwrap();
+    let mut out = bytes.to_vec();
+    let mut turn = |at: usize, wide: usize, count: usize| {
+        out[at..at + wide * count].chunks_exact_mut(wide).for_each(<[u8]>::reverse);
+    };
+    turn(4, 4, 1);
+    turn(first(bytes), 2, 1);
+    for &(tag, entry) in &directory.entries {
+        let wide = match file.u16(entry + 2).unwrap() {
+            3 => 2,
+            4 | 5 | 10 => 4,
+            _ => 1,
+        };
+        let fraction = matches!(file.u16(entry + 2).unwrap(), 5 | 10);
+        let count = file.u32(entry + 4).unwrap() as usize * if fraction { 2 } else { 1 };
+        if count * wide <= 4 {
+            turn(entry + 8, wide, count);
+        } else {
+            turn(file.u32(entry + 8).unwrap() as usize, wide, count);
+            turn(entry + 8, 4, 1);
+        }
+        if tag == STRIP_OFFSETS {
+            turn(file.u32(entry + 8).unwrap() as usize, 2, SIZE.area());
+        }
+        turn(entry, 2, 2);
+        turn(entry + 4, 4, 1);
+    }
+    out[..4].copy_from_slice(b"MM\0*");
+    out
+}
+
+#[test]
+fn what_is_written_is_read_again_site_for_site() {
+    let counts = sites();
+    let light = counts.map(|count| (f32::from(count) - 64.25) / (1023.0 - 64.25) * 255.0);
+    for mosaic in Mosaic::ALL {
+        let photo = read(&file(mosaic)).unwrap();
+        let raw = photo.raw.unwrap();
+        assert_eq!(raw.mosaic, mosaic);
+        assert!((raw.counts_per_level * 255.0 - (1023.0 - 64.25)).abs() < 0.01);
+        let wanted: Frame<Work> = mosaic.interpolated(&light);
+        for c in Channel::ALL {
+            let pairs = photo.light.plane(c).data().iter().zip(wanted.plane(c).data());
+            assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3), "{mosaic:?} {c:?}");
+        }
+        assert_eq!((photo.manner.format, photo.manner.bits), (Format::Tiff, 16));
+        let back = photo.with_picture(&photo.light, Format::Tiff).unwrap();
+        let back = Photo::from_bytes("a.tif", &back, Curve::Srgb, &Limits::default()).unwrap();
+        assert!(back.raw.is_none() && back.light.size() == SIZE);
+    }
+    let turned = read(&big_endian(&file(Mosaic::Gbrg))).unwrap();
+    assert_eq!(turned.light, read(&file(Mosaic::Gbrg)).unwrap().light);
+}
+
+#[test]
+fn a_photo_says_whose_it_is_however_long_the_rig_s_name() {
+    for name in ["a rig".to_owned(), "läng ".repeat(30), "x".repeat(LETTERS_MAX + 1)] {
+        let (sites, mosaic) = (sites(), Mosaic::Rggb);
+        let file = Dng {
+            sites: &sites,
+            mosaic,
+            black: 64.0,
+            white: 1023,
+            camera: &name,
+            exposure_s: None,
+            crop: None,
+        };
+        assert_eq!(read(&file.bytes()).unwrap().camera, Some(camera_of(&name)));
+    }
+}
+
+#[test]
+fn a_raw_photo_cut_anywhere_or_never_filled_is_not_taken_for_whole() {
+    for whole in [file(Mosaic::Rggb), behind_a_preview(&file(Mosaic::Rggb))] {
+        assert!(read(&whole).is_ok());
+        for percent in 0..100 {
+            let error = read(&whole[..whole.len() * percent / 100]).unwrap_err();
+            assert_eq!(error.growth(), Growth::Likely, "cut to {percent} %: {error}");
+        }
+        let mut hole = whole.clone();
+        hole[whole.len() / 2..].fill(0);
+        assert!(words(&hole).contains("never filled"), "{}", words(&hole));
+    }
+}
+
+#[test]
+fn the_sites_are_taken_and_never_the_preview() {
+    let photo = read(&behind_a_preview(&file(Mosaic::Grbg))).unwrap();
+    assert_eq!(photo.light, read(&file(Mosaic::Grbg)).unwrap().light);
+    assert_eq!(photo.turned(), Some(6), "as the first directory says");
+    let packed = behind_a_preview(&with(COMPRESSION, 3, 1, [7, 0, 0, 0]));
+    assert!(words(&packed).contains("compression 7 in place of 1"), "{}", words(&packed));
+    let without = behind_a_preview(&with(PHOTOMETRIC, 3, 1, [1, 0, 0, 0]));
+    assert!(words(&without).contains("no picture of a sensor's sites"), "{}", words(&without));
+    // TIFF/EP says no version of DNG; its sites may not have come yet.
+    let mut lost = behind_a_preview(&file(Mosaic::Rggb));
+    let (version, below) = (entry(&lost, DNG_VERSION), entry(&lost, SUB_DIRECTORIES));
+    lost[version..version + 2].copy_from_slice(&60000u16.to_le_bytes());
+    assert!(read(&lost).unwrap().raw.is_some());
+    let end = lost.len() as u32;
+    lost[below + 8..below + 12].copy_from_slice(&end.to_le_bytes());
+    for (bytes, wanted) in [(&packed, "compression 7"), (&lost, "cut short")] {
+        let read = Photo::from_bytes("a.tif", bytes, Curve::Srgb, &Limits::default());
+        let words = read.unwrap_err().to_string();
+        assert!(words.contains(wanted), "by another name: {words}");
+    }
+}
+
+#[test]
+fn what_is_not_read_is_refused_with_what_it_is() {
+    let mosaic_of = |pattern| with(CFA_PATTERN, 1, 4, pattern);
+    let half_a_file = u32::MAX / 2;
+    for (bytes, wanted) in [
+        (with(COMPRESSION, 3, 1, [7, 0, 0, 0]), "compression 7"),
+        (with(BITS_PER_SAMPLE, 3, 1, [12, 0, 0, 0]), "bits a sample 12"),
+        (with(SAMPLES_PER_PIXEL, 3, 1, [3, 0, 0, 0]), "samples a pixel 3"),
+        (with(CFA_LAYOUT, 3, 1, [2, 0, 0, 0]), "layout of the colour filters 2"),
+        (with(PHOTOMETRIC, 3, 1, [0x4c, 0x88, 0, 0]), "interpretation 34892"),
+        (renamed(EXPOSURE, TILE_OFFSETS), "tiles"),
+        (renamed(EXPOSURE, LINEARIZATION), "a table"),
+        (renamed(EXPOSURE, BLACK_DOWN), "each row"),
+        (renamed(CFA_PATTERN, 40000), "colour filters []"),
+        (mosaic_of([1, 1, 0, 2]), "colour filters [1, 1, 0, 2]"),
+        (mosaic_of([0, 1, 1, 3]), "colour filters [0, 1, 1, 3]"),
+        (with(CFA_REPEAT, 3, 2, [6, 0, 6, 0]), "repeating by [6, 6]"),
+        (with(CFA_PLANE_COLOUR, 1, 3, [2, 1, 0, 0]), "colour filters"),
+        (with(WHITE_LEVEL, 4, 1, [64, 0, 0, 0]), "black at 64.25 and white at 64"),
+        (with(WHITE_LEVEL, 4, 1, [0, 0, 1, 0]), "white at 65536"),
+        (with(BLACK_LEVEL, 3, 2, [64, 0, 64, 0]), "2 black levels"),
+        (with(BLACK_LEVEL, 4, 1, [0, 0, 1, 0]), "black at 65536"),
+        (with(IMAGE_WIDTH, 4, 1, [0; 4]), "a picture of 0×30"),
+        (with(IMAGE_WIDTH, 4, 1, half_a_file.to_le_bytes()), "×30"),
+        (with(IMAGE_WIDTH, 4, 1, [43, 0, 0, 0]), "strips of 30 rows for 43×30"),
+        (with(ROWS_PER_STRIP, 4, 1, [0; 4]), "strips of 0 rows"),
+        (with(ROWS_PER_STRIP, 4, 1, [7, 0, 0, 0]), "strips of 7 rows"),
+        (with(STRIP_BYTE_COUNTS, 4, 1, [8, 0, 0, 0]), "1 strips"),
+        (with(STRIP_OFFSETS, 4, 1, [255; 4]), "picture data past the end"),
+        (with(STRIP_OFFSETS, 4, u32::MAX, [8, 0, 0, 0]), "4294967295 strips"),
+        (with(STRIP_OFFSETS, 12, 1, [8, 0, 0, 0]), "a field of type 12"),
+        (with(BLACK_LEVEL, 5, 1, [0, 0, 0, 1]), "past the end"),
+    ] {
+        let words = words(&bytes);
+        assert!(words.contains(wanted) && words.contains("allowed"), "{wanted}: {words}");
+    }
+    // A directory below itself.
+    assert!(read(&with(ORIENTATION, 3, 1, [1, 0, 0, 0])).is_ok());
+    let mut ring = renamed(ORIENTATION, SUB_DIRECTORIES);
+    let at = entry(&ring, SUB_DIRECTORIES);
+    ring[at + 2] = 4;
+    let itself = first(&ring) as u32;
+    ring[at + 8..at + 12].copy_from_slice(&itself.to_le_bytes());
+    assert!(read(&ring).is_ok());
+    let limits = Limits { pixels_max: 1000, ..Limits::default() };
+    let large = Photo::from_bytes("a.dng", &file(Mosaic::Rggb), Curve::Srgb, &limits).unwrap_err();
+    assert!(large.to_string().contains("42×30"), "{large}");
+    let other = read(&file(Mosaic::Rggb)).unwrap().fit(Size::new(21, 15)).unwrap_err().to_string();
+    assert!(other.contains("found 42×30 sites, allowed the rig's whole sensor"), "{other}");
+}
+
+/// A tag whose value lies elsewhere, to be renamed.
+const EXPOSURE: u16 = 33434;
+
+#[test]
+fn bytes_that_mean_harm_bring_a_sentence_or_a_photo() {
+    let raw = file(Mosaic::Bggr);
+    let whole = behind_a_preview(&raw);
+    let (mut photos, mut state) = (0, 1u64);
+    let mut below = |n: usize| {
+        // Numerical Recipes' linear congruential generator; any will do.
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % n
+    };
+    for _ in 0..4000 {
+        let mut bytes = whole.clone();
+        for _ in 0..=below(3) {
+            // The header or one of the two directories.
+            let at = match below(5) {
+                0 => below(8),
+                1 | 2 => first(&raw) + below(raw.len() - first(&raw)),
+                _ => whole.len() - 1 - below(160),
+            };
+            bytes[at] = [0, 1, 255, 128, below(256) as u8][below(5)];
+        }
+        match read(&bytes) {
+            Ok(photo) => {
+                photos += 1;
+                let finite = |plane: &Plane| plane.data().iter().all(|v| v.is_finite());
+                assert!(photo.raw.is_some() && photo.light.planes().iter().all(finite));
+            }
+            Err(error) => assert!(error.to_string().contains("allowed"), "{error}"),
+        }
+    }
+    assert!((400..3800).contains(&photos), "{photos}");
+}

@@ -1,0 +1,129 @@
+//! A sensor's sites to the bytes of a DNG file.
+
+use std::io::Cursor;
+
+use tiff::TiffResult;
+use tiff::encoder::{
+    DirectoryEncoder, Rational, SRational, TiffEncoder, TiffKindStandard, TiffValue,
+};
+use tiff::tags::Tag;
+
+use super::directory::LETTERS_MAX;
+use super::{
+    BITS_PER_SAMPLE, BLACK_LEVEL, CFA_LAYOUT, CFA_PATTERN, CFA_PLANE_COLOUR, CFA_REPEAT,
+    COMPRESSION, DNG_VERSION, IMAGE_LENGTH, IMAGE_WIDTH, MAKE, MODEL, NEW_SUBFILE_TYPE,
+    ORIENTATION, OUR_MAKE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLES_PER_PIXEL, SITES,
+    STRIP_BYTE_COUNTS, STRIP_OFFSETS, WHITE_LEVEL,
+};
+use crate::frame::{Mosaic, Plane, Rect};
+
+const SOFTWARE: u16 = 305;
+const EXPOSURE_TIME: u16 = 33434;
+const DNG_BACKWARD_VERSION: u16 = 50707;
+const UNIQUE_CAMERA_MODEL: u16 = 50708;
+const DEFAULT_CROP_ORIGIN: u16 = 50719;
+const DEFAULT_CROP_SIZE: u16 = 50720;
+const COLOUR_MATRIX: u16 = 50721;
+const AS_SHOT_NEUTRAL: u16 = 50728;
+const CALIBRATION_ILLUMINANT: u16 = 50778;
+
+/// [`CALIBRATION_ILLUMINANT`]: D65.
+const D65: u16 = 21;
+
+/// XYZ to the linear light of sRGB (IEC 61966-2-1), in ten-thousandths: what a camera is taken for
+/// whose colours nobody measured.
+const SRGB_OF_XYZ: [i32; 9] = [32406, -15372, -4986, -9689, 18758, 415, 557, -2040, 10570];
+
+/// A raw photo to be written.
+#[derive(Debug, Clone, Copy)]
+pub struct Dng<'a> {
+    /// Counts.
+    pub sites: &'a Plane<u16>,
+    /// Their colours.
+    pub mosaic: Mosaic,
+    /// Counts without light, 0..65535.
+    pub black: f64,
+    /// The largest count there can be, above `black`.
+    pub white: u16,
+    /// The camera: the rig's name.
+    pub camera: &'a str,
+    /// How long it was exposed, seconds, where that is known.
+    pub exposure_s: Option<f64>,
+    /// The part to be looked at, where it is not all: the rig's photo.
+    pub crop: Option<Rect>,
+}
+
+impl Dng<'_> {
+    /// The file's bytes: the sites in one strip, then the directory.
+    ///
+    /// # Panics
+    /// When the sites fill more than the 4 GiB of a TIFF file, which no sensor's frame does.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut file = Cursor::new(Vec::new());
+        self.write(&mut file).expect("memory takes every byte of a sensor's frame");
+        file.into_inner()
+    }
+
+    fn write(&self, file: &mut Cursor<Vec<u8>>) -> TiffResult<()> {
+        let size = self.sites.size();
+        let (width, height) = (size.width as u32, size.height as u32);
+        let mut encoder = TiffEncoder::new(file)?;
+        let mut directory = encoder.image_directory()?;
+        let at = directory.write_data(self.sites.data())? as u32;
+        let d = &mut directory;
+        put(d, NEW_SUBFILE_TYPE, 0u32)?;
+        put(d, IMAGE_WIDTH, width)?;
+        put(d, IMAGE_LENGTH, height)?;
+        put(d, BITS_PER_SAMPLE, 16u16)?;
+        put(d, COMPRESSION, 1u16)?;
+        put(d, PHOTOMETRIC, SITES as u16)?;
+        put(d, MAKE, OUR_MAKE)?;
+        put(d, MODEL, &*plain(self.camera))?;
+        put(d, STRIP_OFFSETS, at)?;
+        put(d, ORIENTATION, 1u16)?;
+        put(d, SAMPLES_PER_PIXEL, 1u16)?;
+        put(d, ROWS_PER_STRIP, height)?;
+        put(d, STRIP_BYTE_COUNTS, 2 * width * height)?;
+        put(d, SOFTWARE, concat!("relens ", env!("CARGO_PKG_VERSION")))?;
+        put(d, CFA_REPEAT, &[2u16, 2][..])?;
+        let colours = [0, 1, 2, 3].map(|n| self.mosaic.colour_at(n % 2, n / 2).index() as u8);
+        put(d, CFA_PATTERN, &colours[..])?;
+        if let Some(exposure) = self.exposure_s {
+            put(d, EXPOSURE_TIME, fraction(exposure, 1_000_000))?;
+        }
+        put(d, DNG_VERSION, &[1u8, 4, 0, 0][..])?;
+        put(d, DNG_BACKWARD_VERSION, &[1u8, 1, 0, 0][..])?;
+        put(d, UNIQUE_CAMERA_MODEL, &*super::camera_of(self.camera))?;
+        put(d, CFA_PLANE_COLOUR, &[0u8, 1, 2][..])?;
+        put(d, CFA_LAYOUT, 1u16)?;
+        put(d, BLACK_LEVEL, fraction(self.black, 10_000))?;
+        put(d, WHITE_LEVEL, u32::from(self.white))?;
+        if let Some(Rect { x, y, size }) = self.crop {
+            put(d, DEFAULT_CROP_ORIGIN, &[x as u32, y as u32][..])?;
+            put(d, DEFAULT_CROP_SIZE, &[size.width as u32, size.height as u32][..])?;
+        }
+        put(d, COLOUR_MATRIX, &SRGB_OF_XYZ.map(|n| SRational { n, d: 10_000 })[..])?;
+        put(d, AS_SHOT_NEUTRAL, &[1.0; 3].map(|v| fraction(v, 1))[..])?;
+        put(d, CALIBRATION_ILLUMINANT, D65)?;
+        directory.finish()
+    }
+}
+
+/// TIFF knows tags by their numbers.
+fn put<T: TiffValue>(directory: &mut DirectoryAt<'_>, tag: u16, value: T) -> TiffResult<()> {
+    directory.write_tag(Tag::from_u16_exhaustive(tag), value)
+}
+
+type DirectoryAt<'a> = DirectoryEncoder<'a, &'a mut Cursor<Vec<u8>>, TiffKindStandard>;
+
+/// TIFF's text is ASCII, and no more of it is read than [`super::directory::LETTERS_MAX`].
+pub(super) fn plain(words: &str) -> String {
+    let letter = |c: char| if c.is_ascii_graphic() || c == ' ' { c } else { '_' };
+    let plain: String = words.chars().take(LETTERS_MAX).map(letter).collect();
+    plain.trim().to_owned()
+}
+
+/// A fraction with the denominator `d`.
+fn fraction(value: f64, d: u32) -> Rational {
+    Rational { n: (value * f64::from(d)).round() as u32, d }
+}

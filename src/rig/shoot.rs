@@ -1,0 +1,213 @@
+//! A photo of whatever is before the lens: exposures with nothing shown, and how bright they may
+//! be.
+
+use super::exposure::Devices;
+use super::{Exposed, RigError};
+use crate::frame::{Channel, Counts, Mosaic, Plane};
+
+/// The share of sites that a proposed exposure clips at most.
+pub const CLIPPED_SHARE_MAX: f64 = 0.001;
+
+/// Where a proposed exposure puts the brightest sites but [`CLIPPED_SHARE_MAX`], as a share of what
+/// a count can be over black. Guess: a lamp's flicker and a cloud take less than the rest.
+const BRIGHTEST: f64 = 0.9;
+
+/// A scene so much darker or brighter than the rig file's exposure is made for is not metered in
+/// one step.
+const STEP_MAX: f64 = 8.0;
+
+/// Metering exposures at the most.
+const METERED_MAX: usize = 6;
+
+/// The mean of some exposures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PhotoShot {
+    /// Counts of the whole sensor.
+    pub counts: Counts,
+    /// Share of the data, 0..1, that is the largest count there can be in one exposure or more.
+    pub clipped_share: f64,
+}
+
+/// What a camera's counts can be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CountRange {
+    /// Without light.
+    pub black: f64,
+    /// The largest.
+    pub max: u16,
+}
+
+/// Takes `frames` exposures (at least one) of what is before the lens.
+///
+/// # Errors
+/// When an exposure brings no frame.
+pub fn shoot(
+    devices: &mut Devices,
+    mosaic: Option<Mosaic>,
+    range: CountRange,
+    frames: usize,
+) -> Result<PhotoShot, RigError> {
+    let frames = frames.max(1);
+    let first = devices.expose()?.counts;
+    let mut clipped = first.planes().each_ref().map(|plane| plane.map(|c| c >= range.max));
+    let mut sums = first.planes().each_ref().map(|plane| plane.map(u32::from));
+    devices.camera.give_back(first);
+    for _ in 1..frames {
+        let Exposed { counts, .. } = devices.expose()?;
+        for ((sum, clipped), plane) in sums.iter_mut().zip(&mut clipped).zip(counts.planes()) {
+            let each = sum.data_mut().iter_mut().zip(clipped.data_mut()).zip(plane.data());
+            each.for_each(|((sum, clipped), &count)| {
+                *sum += u32::from(count);
+                *clipped |= count >= range.max;
+            });
+        }
+        devices.camera.give_back(counts);
+    }
+    let n = frames as u32;
+    let clipped_share = share_of(&clipped, mosaic);
+    // A site that was full once is not known, however the others were.
+    let mean = |c: Channel| {
+        let (sum, clipped) = (&sums[c.index()], &clipped[c.index()]);
+        Plane::from_fn(sum.size(), |x, y| match clipped.at(x, y) {
+            true => range.max,
+            false => ((sum.at(x, y) + n / 2) / n) as u16,
+        })
+    };
+    Ok(PhotoShot { counts: Counts::from_fn(mean), clipped_share })
+}
+
+/// Finds the exposure, as a multiple of the rig file's, at which no more than
+/// [`CLIPPED_SHARE_MAX`] of a scene is clipped, and leaves the camera at it; `None` of a camera
+/// whose exposure cannot be set.
+///
+/// # Errors
+/// When an exposure brings no frame or the camera does not take its setting.
+pub fn meter(
+    devices: &mut Devices,
+    mosaic: Option<Mosaic>,
+    range: CountRange,
+    allowed: (f64, f64),
+) -> Result<Option<f64>, RigError> {
+    let mut times = 1.0f64.clamp(allowed.0, allowed.1);
+    for _ in 0..METERED_MAX {
+        if !devices.expose_times(times)? {
+            return Ok(None);
+        }
+        // The first frame after a change may still be exposed as before.
+        devices.expose()?;
+        let shot = shoot(devices, mosaic, range, 1)?;
+        let better = (times * proposal(&shot, mosaic, range)).clamp(allowed.0, allowed.1);
+        let there = (0.95..1.05).contains(&(better / times));
+        times = better;
+        if there {
+            break;
+        }
+    }
+    devices.expose_times(times)?;
+    devices.expose()?;
+    Ok(Some(times))
+}
+
+/// How many times as long the exposure of `shot` may be.
+fn proposal(shot: &PhotoShot, mosaic: Option<Mosaic>, range: CountRange) -> f64 {
+    if shot.clipped_share > CLIPPED_SHARE_MAX {
+        return if shot.clipped_share > 0.1 { 1.0 / STEP_MAX } else { 0.5 };
+    }
+    let mut histogram = vec![0u64; usize::from(u16::MAX) + 1];
+    data(shot.counts.planes(), mosaic, |count| histogram[usize::from(count)] += 1);
+    let all: u64 = histogram.iter().sum();
+    let mut above = (CLIPPED_SHARE_MAX * all as f64) as u64;
+    let brightest = histogram.iter().rposition(|&sites| match above.checked_sub(sites) {
+        Some(left) => {
+            above = left;
+            false
+        }
+        None => true,
+    });
+    let light = (brightest.unwrap_or(0) as f64 - range.black).max(1.0);
+    let wanted = BRIGHTEST * (f64::from(range.max) - range.black) / light;
+    wanted.clamp(1.0 / STEP_MAX, STEP_MAX)
+}
+
+/// Hands `each` what is data: the sites of a `mosaic`, or all of three planes.
+fn data<T: Copy + Default>(
+    planes: &[Plane<T>; 3],
+    mosaic: Option<Mosaic>,
+    mut each: impl FnMut(T),
+) {
+    match mosaic {
+        Some(mosaic) => sites_of(planes, mosaic).data().iter().for_each(|&v| each(v)),
+        None => planes.iter().flat_map(|plane| plane.data()).for_each(|&v| each(v)),
+    }
+}
+
+fn share_of(planes: &[Plane<bool>; 3], mosaic: Option<Mosaic>) -> f64 {
+    let (mut full, mut all) = (0u64, 0u64);
+    data(planes, mosaic, |clipped| (full, all) = (full + u64::from(clipped), all + 1));
+    full as f64 / all.max(1) as f64
+}
+
+/// What the sensor's sites gave, of the three planes that a camera fills between them.
+pub fn sites_of<T: Copy + Default>(planes: &[Plane<T>; 3], mosaic: Mosaic) -> Plane<T> {
+    Plane::from_fn(planes[0].size(), |x, y| planes[mosaic.colour_at(x, y).index()].at(x, y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use crate::frame::{Frame, Work};
+    use crate::rig::simulated;
+    use std::path::Path;
+
+    const RANGE: CountRange = CountRange { black: 64.0, max: 1023 };
+
+    /// The rig behind colour filters, before a grey wall of so much light.
+    fn before_a_wall(level: f32) -> Devices {
+        let rig = config::load(Path::new("truthful.toml")).unwrap();
+        let (devices, witness) = simulated::open(&rig).unwrap();
+        let wall: Frame<Work> = Frame::from_fn(|_| Plane::filled(rig.photo_grid().sensor, level));
+        witness.put_before_lens(Some(&wall));
+        devices
+    }
+
+    #[test]
+    fn more_exposures_are_less_noise() {
+        let mut devices = before_a_wall(128.0);
+        let mosaic = Some(Mosaic::Rggb);
+        let mut shots = |frames| shoot(&mut devices, mosaic, RANGE, frames).unwrap();
+        let noise = |a: &PhotoShot, b: &PhotoShot| {
+            let (a, b) = (sites_of(a.counts.planes(), Mosaic::Rggb), &b.counts);
+            let b = sites_of(b.planes(), Mosaic::Rggb);
+            let squares =
+                a.data().iter().zip(b.data()).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2));
+            (squares.sum::<f64>() / a.data().len() as f64).sqrt()
+        };
+        let (one, other) = (shots(1), shots(1));
+        let (four, more) = (shots(8), shots(8));
+        let ratio = noise(&four, &more) / noise(&one, &other);
+        // √8 less, but for what rounding adds.
+        assert!((0.33..0.42).contains(&ratio), "{ratio}");
+        assert!(one.clipped_share < 0.01, "{}", one.clipped_share);
+    }
+
+    #[test]
+    fn a_proposed_exposure_is_bright_and_clips_next_to_nothing() {
+        let mosaic = Some(Mosaic::Rggb);
+        for level in [20.0, 128.0, 255.0] {
+            let mut devices = before_a_wall(level);
+            let times = meter(&mut devices, mosaic, RANGE, (0.05, 20.0)).unwrap().unwrap();
+            let shot = shoot(&mut devices, mosaic, RANGE, 1).unwrap();
+            assert!(shot.clipped_share <= CLIPPED_SHARE_MAX, "{level}: {}", shot.clipped_share);
+            let more = proposal(&shot, mosaic, RANGE);
+            assert!((0.9..1.15).contains(&more), "{level}, {times:.2} times: {more}");
+        }
+        // What is far too bright is found from above.
+        let mut devices = before_a_wall(255.0);
+        let times = meter(&mut devices, mosaic, RANGE, (0.05, 20.0)).unwrap().unwrap();
+        devices.expose_times(16.0).unwrap();
+        let bright = shoot(&mut devices, mosaic, RANGE, 1).unwrap();
+        assert!(bright.clipped_share > 0.1 && proposal(&bright, mosaic, RANGE) < 0.2);
+        assert!(times < 2.0, "{times}");
+    }
+}

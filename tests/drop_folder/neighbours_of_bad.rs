@@ -1,0 +1,91 @@
+//! One bad file never stops another: however many the disk does not give, or does not let go, the
+//! good one after them is done at once.
+
+use std::io::{Error, ErrorKind};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant, UNIX_EPOCH};
+
+use relens::daemon::{Daemon, Folders, Summary};
+use relens::disk::Disk;
+use relens::picture::Format;
+
+use crate::bed::*;
+use crate::model_disk::{Contents, ModelDisk, Op, Verdict};
+use crate::power_checks::ROOT;
+
+/// What the disk does with files called `bad-…`.
+#[derive(Debug, Clone, Copy)]
+enum Fault {
+    /// Not even their sizes can be had.
+    Hidden,
+    /// They cannot be moved out of the inbox.
+    Held,
+    /// A sector does not come back.
+    Sector,
+}
+
+impl Fault {
+    fn of(self, op: &Op) -> Option<Error> {
+        let is_bad = |path: &Path| {
+            path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("bad-"))
+        };
+        match (self, op) {
+            (Fault::Hidden, Op::Read(path)) if is_bad(path) => Some(Error::from_raw_os_error(5)),
+            (Fault::Held, Op::Rename(path, _)) if is_bad(path) => {
+                Some(ErrorKind::PermissionDenied.into())
+            }
+            (Fault::Sector, Op::Sync(path)) if is_bad(path) => Some(Error::from_raw_os_error(5)),
+            _ => None,
+        }
+    }
+}
+
+/// A disk with `bad` bad files, the good one dropped last, and what a daemon makes of them, in
+/// `--once` or within `watch_s` of its clock.
+fn served(fault: Fault, bad: usize, watch_s: Option<f64>) -> (ModelDisk, Summary) {
+    let guard = move |op: &Op, _: &Contents| fault.of(op).map_or(Ok(Verdict::Done), Err);
+    let disk = ModelDisk::new(Contents::default(), Box::new(guard));
+    disk.make_folder(Path::new(ROOT)).unwrap();
+    let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
+    let photo = file(Format::Png, 8, RIG);
+    for n in 0..bad {
+        let path = folders.inbox().join(format!("bad-{n}.png"));
+        disk.drop_in(&path, &photo, 10_000 + n as u64);
+    }
+    disk.drop_in(&folders.inbox().join("good.png"), &photo, 20_000);
+    let (clock, mut restorer, mut watcher) = (TestClock::default(), Brightener::default(), ());
+    let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
+    let mut daemon =
+        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let summary = match watch_s {
+        None => daemon.once().unwrap(),
+        Some(seconds) => daemon.run(&|| clock.0.get() > seconds),
+    };
+    drop(daemon);
+    (disk, summary)
+}
+
+#[test]
+fn a_good_photo_after_bad_ones_is_done_within_ten_seconds() {
+    for fault in [Fault::Hidden, Fault::Held, Fault::Sector] {
+        for bad in [1, 4, 400] {
+            for watch_s in [None, Some(10.0)] {
+                let begun = Instant::now();
+                let (disk, summary) = served(fault, bad, watch_s);
+                let words = format!("{fault:?}, {bad} bad, {watch_s:?}");
+                println!("{words}: {:.1} s", begun.elapsed().as_secs_f64());
+                assert!(begun.elapsed() < Duration::from_secs(10), "{words}");
+                assert_eq!(summary.restored.len(), 1, "{words}");
+                assert_eq!((summary.left.len(), summary.failed.len()), (bad, 0), "{words}");
+                let now = disk.contents().now();
+                for left in &summary.left {
+                    let path = Path::new(ROOT).join("inbox").join(&left.photo);
+                    assert!(now.contains_key(&path), "{words}: {} stays", path.display());
+                    assert!(!left.reason.contains("working"), "{words}: {}", left.reason);
+                    assert!(left.reason.contains("copy"), "a next step: {}", left.reason);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Whether colours hold together: charts in black and white and in inks, and photographs, by the
+//! methods that start from the lens, scored as people see colour.
+
+use std::path::Path;
+
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use relens::chart::scenes::Scene;
+use relens::chart::table::Table;
+use relens::chart::test_rig::{PHOTO_SEED, TestRig, display_luminance};
+use relens::config::{MethodName, RigFile};
+use relens::deconvolution::quality::ssim;
+use relens::frame::resample::resize;
+use relens::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Size, Work};
+use relens::measurement::calibrate;
+use relens::patterns::chart;
+use relens::picture::{Lab, Tone};
+use relens::pipeline::method;
+use relens::rig::simulated::open;
+
+use crate::Failure;
+use crate::made::Made;
+
+/// Inks and papers of the charts, linear light; the last chart has one pair in each quarter.
+const INKS: [(&str, [[f32; 3]; 2]); 4] = [
+    ("chart, black and white", [[10.0; 3], [240.0; 3]]),
+    ("chart, blue and yellow", [[20.0, 30.0, 140.0], [235.0, 205.0, 40.0]]),
+    ("chart, red and green", [[190.0, 30.0, 30.0], [40.0, 170.0, 60.0]]),
+    ("chart, green without contrast", [[200.0, 110.0, 40.0], [50.0, 110.0, 210.0]]),
+];
+
+/// A picture as it is scored: what people see of it.
+struct Looks {
+    codes: [Plane; 3],
+    colours: Vec<Lab>,
+    luminance: Plane,
+}
+
+impl Looks {
+    fn of(tone: &Tone, light: &Frame<Work>) -> Looks {
+        let codes = Channel::ALL.map(|c| tone.display(c, light.plane(c)));
+        let [r, g, b] = codes.each_ref().map(|plane| plane.data());
+        let pixels = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Lab::of_srgb([r, g, b]));
+        Looks { colours: pixels.collect(), luminance: display_luminance(tone, light), codes }
+    }
+
+    /// SSIM of luminance, PSNR of the codes, mean and 99th percentile of C*ab, mean ΔE and that of
+    /// the tenth where the scene's luminance changes most.
+    fn scores(&self, scene: &Looks) -> [f64; 6] {
+        let squares = |(a, b): (&Plane, &Plane)| -> f64 {
+            a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2)).sum()
+        };
+        let total: f64 = self.codes.iter().zip(&scene.codes).map(squares).sum();
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+        let mut chroma: Vec<f64> = self.colours.iter().map(|colour| colour.chroma()).collect();
+        chroma.sort_by(f64::total_cmp);
+        let pairs = self.colours.iter().zip(&scene.colours);
+        let differences: Vec<f64> = pairs.map(|(a, b)| a.difference(*b)).collect();
+        let changes = changes(&scene.luminance);
+        let mut sorted = changes.clone();
+        sorted.sort_by(f32::total_cmp);
+        let steep = sorted[sorted.len() * 9 / 10];
+        let at_edges = differences.iter().zip(&changes).filter(|(_, change)| **change >= steep);
+        let at_edges: Vec<f64> = at_edges.map(|(difference, _)| *difference).collect();
+        let power = total / (3 * self.colours.len()) as f64;
+        [
+            ssim(&self.luminance, &scene.luminance),
+            10.0 * (f64::from(FULL_SCALE).powi(2) / power).log10(),
+            mean(&chroma),
+            chroma[chroma.len() * 99 / 100],
+            mean(&differences),
+            mean(&at_edges),
+        ]
+    }
+
+    fn png(&self) -> Result<Vec<u8>, Failure> {
+        let [r, g, b] = self.codes.each_ref().map(|plane| plane.data());
+        let bytes: Vec<u8> =
+            r.iter().zip(g).zip(b).flat_map(|((&r, &g), &b)| [r as u8, g as u8, b as u8]).collect();
+        let (mut file, size) = (Vec::new(), self.luminance.size());
+        let (width, height) = (size.width as u32, size.height as u32);
+        PngEncoder::new(&mut file).write_image(&bytes, width, height, ExtendedColorType::Rgb8)?;
+        Ok(file)
+    }
+}
+
+/// Length of the central differences of each pixel.
+fn changes(plane: &Plane) -> Vec<f32> {
+    let size = plane.size();
+    let of = |x: usize, y: usize| {
+        let (right, below) = ((x + 1).min(size.width - 1), (y + 1).min(size.height - 1));
+        let across = plane.at(right, y) - plane.at(x.saturating_sub(1), y);
+        across.hypot(plane.at(x, below) - plane.at(x, y.saturating_sub(1)))
+    };
+    Plane::from_fn(size, of).into_vec()
+}
+
+/// The scenes, as linear light: charts, the program's photographs, and those of `pictures`.
+fn scenes(
+    size: Size,
+    tone: &Tone,
+    pictures: Option<&Path>,
+) -> Result<Vec<(String, Frame<Work>)>, Failure> {
+    let chart = chart(size);
+    let inked = |[ink, paper]: [[f32; 3]; 2]| {
+        Frame::from_fn(|c: Channel| {
+            let (ink, paper) = (ink[c.index()], paper[c.index()]);
+            chart.map(|v: f32| ink + (paper - ink) * (v - 10.0) / 230.0)
+        })
+    };
+    let mut scenes: Vec<_> = INKS.map(|(name, inks)| (name.to_owned(), inked(inks))).into();
+    let mixed = INKS.map(|(_, inks)| inked(inks));
+    let quarter = |x: usize, y: usize| 2 * (2 * y / size.height) + 2 * x / size.width;
+    let mixed = Frame::from_fn(|c: Channel| {
+        Plane::from_fn(size, |x, y| mixed[quarter(x, y)].plane(c).at(x, y))
+    });
+    scenes.push(("chart, four pairs".to_owned(), mixed));
+    let photographs = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
+    scenes.extend(photographs.map(|scene| (scene.name().to_owned(), scene.light(size))));
+    let Some(folder) = pictures else { return Ok(scenes) };
+    let mut files: Vec<_> =
+        std::fs::read_dir(folder)?.map(|file| Ok(file?.path())).collect::<Result<_, Failure>>()?;
+    files.sort();
+    for file in files {
+        let picture = image::open(&file)?.into_rgb8();
+        let (width, height) = (picture.width() as usize, picture.height() as usize);
+        let wide = (height * size.width / size.height).min(width);
+        let part = Size::new(wide, wide * size.height / size.width);
+        let rect = Rect { x: (width - wide) / 2, y: (height - part.height) / 2, size: part };
+        let light = Frame::from_fn(|c| {
+            let codes = Plane::from_fn(Size::new(width, height), |x, y| {
+                picture.get_pixel(x as u32, y as u32).0[c.index()]
+            });
+            let part = tone.plane(c, &codes).crop(rect);
+            resize(&part, size).map(|v: f32| v.clamp(0.0, FULL_SCALE))
+        });
+        let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        scenes.push((name, light));
+    }
+    Ok(scenes)
+}
+
+/// Seconds of computing of all threads.
+fn processor_seconds() -> f64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
+}
+
+/// The table on the simulated rig of `rig`, and the pictures.
+pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result<Made, Failure> {
+    let (mut devices, witness) = open(rig)?;
+    let calibration = calibrate(&mut devices, rig, None, &mut |_| {})?;
+    let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, processor_seconds)?;
+    let tone = Tone::of_curve(rig.photo.curve, 8);
+    let head = [
+        "scene",
+        "method",
+        "SSIM",
+        "RGB dB",
+        "C*ab",
+        "99 %",
+        "ΔE",
+        "ΔE at edges",
+        "processor s",
+        "captures",
+    ];
+    let words = format!("{}, {}: colours; SSIM of luminance.", rig.name, rig.photo.size());
+    let (mut made, mut table) = (Made::default(), Table::new(words, &head));
+    let methods: &[MethodName] =
+        if quick { &[MethodName::Digital] } else { &[MethodName::Digital, MethodName::Hybrid] };
+    for (n, (name, light)) in scenes(rig.photo.size(), &tone, pictures)?.into_iter().enumerate() {
+        let codes = witness.photograph(&light, PHOTO_SEED + n as u64);
+        let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+        let scene = Looks::of(&tone, &witness.shaded(&light));
+        let mut told = |method: &str, light: &Frame<Work>, cost: [String; 2]| {
+            let looks = Looks::of(&tone, light);
+            let scores = looks.scores(&scene);
+            let digits = [4, 2, 2, 1, 2, 2];
+            let mut cells = vec![name.clone(), method.to_owned()];
+            cells.extend(scores.iter().zip(digits).map(|(v, digits)| format!("{v:.digits$}")));
+            cells.extend(cost);
+            log::info!("{}", cells.join(" | "));
+            table.row(cells);
+            made.files
+                .push((format!("{}-{method}.png", name.replace([' ', ','], "")), looks.png()?));
+            Ok::<(), Failure>(())
+        };
+        told("scene", &witness.shaded(&light), ["".into(), "".into()])?;
+        told("photo", &photo, ["".into(), "".into()])?;
+        for &which in methods {
+            let solver = method(rig, which);
+            let (solved, seconds) =
+                test_rig.solve(&photo, Channels::Colour, &*solver, &mut |_, _| {})?;
+            let cost = [format!("{seconds:.2}"), solved.captures.to_string()];
+            told(which.name(), &solved.picture, cost)?;
+        }
+    }
+    made.tables.push((format!("{}-colour", rig.name), table));
+    Ok(made)
+}

@@ -1,0 +1,67 @@
+//! The built program as a user of its own, among files of somebody else's.
+
+// The functions below stop the test as it does itself.
+#![allow(clippy::unwrap_used)]
+
+use std::fs::Permissions;
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+/// A user without any right of its own: `nobody`, where these tests run as root.
+const NOBODY: u32 = 65534;
+
+fn relens(program: &Path, words: &[&str], folder: &Path) -> std::process::Output {
+    let mut command = Command::new(program);
+    if rustix::process::geteuid().is_root() {
+        command.uid(NOBODY).gid(NOBODY);
+    }
+    command.args(words).current_dir(folder).output().unwrap()
+}
+
+#[test]
+fn files_of_somebody_else_keep_no_photo_waiting() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::set_permissions(folder, Permissions::from_mode(0o755)).unwrap();
+    let program = folder.join("relens");
+    std::fs::copy(env!("CARGO_BIN_EXE_relens"), &program).unwrap();
+    let home = folder.join("home");
+    std::fs::create_dir(&home).unwrap();
+    if rustix::process::geteuid().is_root() {
+        chown(&home, Some(NOBODY), Some(NOBODY)).unwrap();
+    }
+    let calibrated = relens(&program, &["calibrate", "--rig", "small.toml"], &home);
+    assert!(calibrated.status.success(), "{}", String::from_utf8_lossy(&calibrated.stderr));
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+    std::fs::copy(scene, home.join("scene.png")).unwrap();
+    let words = ["photograph", "--rig", "small.toml", "scene.png", "-o", "photo.png"];
+    assert!(relens(&program, &words, &home).status.success());
+    for bad in [1, 4, 400] {
+        let inbox = home.join("inbox");
+        let _ = std::fs::remove_dir_all(&inbox);
+        std::fs::create_dir(&inbox).unwrap();
+        for n in 0..bad {
+            let path = inbox.join(format!("theirs-{n}.png"));
+            std::fs::copy(home.join("photo.png"), &path).unwrap();
+            // Of root, or of oneself and closed all the same.
+            std::fs::set_permissions(&path, Permissions::from_mode(0o000)).unwrap();
+        }
+        let good = format!("good-{bad}.png");
+        std::fs::copy(home.join("photo.png"), inbox.join(&good)).unwrap();
+        if rustix::process::geteuid().is_root() {
+            chown(&inbox, Some(NOBODY), Some(NOBODY)).unwrap();
+        }
+        let begun = Instant::now();
+        let output = relens(&program, &["run", "--rig", "small.toml", "--once"], &home);
+        let seconds = begun.elapsed().as_secs_f64();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        println!("{bad}: {seconds:.1} s");
+        assert!(home.join("outbox").join(&good).is_file() && seconds < 10.0, "{bad}: {said}");
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        let told = said.lines().filter(|line| line.contains("/inbox/theirs-")).count();
+        assert_eq!((told, said.contains("chown")), (bad, true), "each once: {said}");
+    }
+}
