@@ -72,7 +72,7 @@ pub(super) fn statistics(alike: &[Plane; 3], functions: &LensFunctions) -> Stati
 
 /// The width of the equal blur, pixels: of each channel the standard deviation of the Gaussian that
 /// is as concentrated, Σ taps² = 1/(4πσ²), and their squares' sum.
-pub(super) fn width_px(functions: &LensFunctions) -> f32 {
+pub fn width_px(functions: &LensFunctions) -> f32 {
     let squares = functions.taps.each_ref().map(|taps| {
         let power: f64 = taps.iter().map(|&tap| f64::from(tap).powi(2)).sum();
         let count = (functions.rows * functions.columns).max(1) as f64;

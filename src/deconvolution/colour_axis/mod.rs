@@ -25,10 +25,10 @@ mod shrinkage;
 use rayon::prelude::*;
 
 use super::lens_model::LensModel;
-use super::level_norms::LevelNorms;
 use crate::frame::{Frame, Plane, Work};
 use axis::LocalAxis;
 use equal_blur::halved;
+pub use equal_blur::width_px;
 pub use shrinkage::{AlongAxes, Thresholds};
 
 /// The axes of a photo's colours, as the details of each wavelet level see them.
@@ -68,19 +68,18 @@ impl ColourAxes {
     }
 
     /// `picture` with its details drawn to the axes where colours are a line; `passed` says how
-    /// much of each level arrives through the lens, and so how much a channel knows.
+    /// much of each level arrives in each channel, finest first, and so how much the channel knows.
     ///
     /// # Panics
     /// When picture or `transforms` are not of the photo's size, which is a bug of the caller.
     pub fn project(
         &self,
         picture: &mut Frame<Work>,
-        passed: &[LevelNorms; 3],
+        passed: &[[f32; 3]],
         transforms: &mut AlongAxes,
     ) {
-        let knows = |level: usize| passed.each_ref().map(|norms| norms.at(level));
         transforms.at_shift(picture.planes_mut(), (0, 0), &|level, bands| {
-            shrinkage::project(bands, &self.levels[level], knows(level));
+            shrinkage::project(bands, &self.levels[level], passed[level]);
         });
     }
 }

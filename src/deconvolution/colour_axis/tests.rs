@@ -76,7 +76,7 @@ fn lens(sigmas: [f32; 3]) -> LensFunctions {
 
 #[test]
 fn the_equal_blur_is_as_wide_as_gaussians_in_a_row() {
-    let found = equal_blur::width_px(&lens([1.6, 1.0, 2.0]));
+    let found = width_px(&lens([1.6, 1.0, 2.0]));
     let want = (1.6f32 * 1.6 + 1.0 + 4.0).sqrt();
     assert!((found / want - 1.0).abs() < 0.02, "{found} {want}");
 }

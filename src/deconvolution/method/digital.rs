@@ -7,16 +7,15 @@
 //! * a step of its own for each wavelet level ([`LevelNorms`]): less than half the steps;
 //! * details judged in clusters ([`Shrinkage::in_clusters`]);
 //! * of a colour photo start and prior see details along its colours' axes ([`ColourAxes`]), which
-//!   saves a quarter of the steps; at a mosaic's sites, opponent colours ([`to_opponent`]);
+//!   saves a quarter of the steps;
 //! * cycle spinning (Coifman & Donoho 1995) in two gears. One shift a step, another at each, is
 //!   cheap but leaves a trace of the last shift; the mean over all shifts leaves none but costs
 //!   many transforms. So the first steps turn, and the last [`SETTLING_STEPS`] spin.
 
-use std::sync::{Mutex, PoisonError};
-
 use rayon::prelude::*;
 
 use super::blocks::{self, Blocks};
+use super::colour_prior::{ColourPrior, mean_noise};
 use super::problem::{Certificate, Target};
 use super::record::Course;
 use super::wiener::Wiener;
@@ -24,42 +23,23 @@ use super::{
     About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step,
     Strength, Watch,
 };
-use crate::deconvolution::colour_axis::{AlongAxes, ColourAxes, Thresholds};
+use crate::deconvolution::colour_axis::ColourAxes;
 use crate::deconvolution::data_term;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::level_norms::LevelNorms;
-use crate::deconvolution::opponent::{from_opponent, to_opponent};
-use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Work};
 
 /// Noise-to-signal power of the start at one grey level of noise. With less, night comes out noisy.
 const START_NOISE_TO_SIGNAL: f32 = 0.01;
 /// Last steps of a solve, at most half of them, in which the shrinkage is averaged over shifts.
 pub const SETTLING_STEPS: u32 = 3;
-/// By how much the threshold grows from one level to the next coarser one. Measured; nearly flat.
-const GROWTH_PER_LEVEL: f32 = 1.7;
-
-/// By how much more the two finest levels are shrunk of a photo known at a mosaic's sites, in each
-/// opponent colour: nothing but the prior speaks of details that fall between sites, and colours
-/// have few of their own. Set on astronaut and coffee.
-const SITES_MORE: [[f32; 2]; 3] = [[3.0, 2.0], [10.0, 4.0], [10.0, 4.0]];
-
-/// Starts along the axes of a colour photo, one after the other.
-const STARTS: usize = 2;
-/// Noise-to-signal power of these at one grey level of noise: what the photo has beyond the axes is
-/// mostly noise.
-const AGAIN_NOISE_TO_SIGNAL: f32 = 0.05;
-/// By how much more details are shrunk in these than in a step. Set on astronaut, coffee, rocket
-/// and charts in ink, as the last.
-const START_MORE: f32 = 3.0;
 
 /// How the channels of a photo are solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Colours {
-    /// Together: start and prior see details along the axes of the photo's colours. At a mosaic's
-    /// sites, and of a photo in which a JPEG's blocks are seen, as `Together`.
+    /// Together: start and prior see details along the axes of the photo's colours. Of a photo in
+    /// which a JPEG's blocks are seen, as `Together`.
     AlongAxes,
     /// Together: the prior sees opponent colours.
     Together,
@@ -128,9 +108,10 @@ impl Digital {
         if axes.is_none() {
             return self.solve_for(target, &start, watch);
         }
-        let mut prior = ColourPrior::new(self, target);
-        let start = (0..STARTS).fold(start, |picture, _| prior.start(target, picture));
-        let steps = (3 * self.steps).div_ceil(4);
+        let start = ColourPrior::new(self, target).start(target, start);
+        // Between a mosaic's sites steps are shorter, and as many are needed as without axes.
+        let steps =
+            if problem.mosaic.is_some() { self.steps } else { (3 * self.steps).div_ceil(4) };
         Digital { steps, ..*self }.solve_for(target, &start, watch)
     }
 
@@ -138,8 +119,7 @@ impl Digital {
     pub(super) fn axes(&self, problem: &Problem<'_>, model: &LensModel) -> Option<ColourAxes> {
         let colour = problem.channels.list().len() == Channel::ALL.len();
         // What coding did to colours is no colour of the scene, and no axis to follow.
-        let data = problem.mosaic.is_none() && !problem.coded;
-        let along = colour && data && self.colours == Colours::AlongAxes;
+        let along = colour && !problem.coded && self.colours == Colours::AlongAxes;
         along.then(|| ColourAxes::of(model, problem.photo, mean_noise(problem), self.levels))
     }
 
@@ -185,22 +165,15 @@ impl Digital {
     }
 }
 
-/// Root mean square of the channels' noise, grey levels.
-fn mean_noise(problem: &Problem<'_>) -> f32 {
-    let channels = problem.channels.list();
-    let power: f32 = channels.iter().map(|&c| problem.solving_noise(c).powi(2)).sum();
-    (power / channels.len() as f32).sqrt()
-}
-
 /// One channel on its way.
-struct ChannelSolve {
+pub(super) struct ChannelSolve {
     channel: Channel,
     /// Where the gradient is taken.
     looked_at: Plane,
     /// K̂ of it, then its residual.
     predicted: Plane,
     /// The picture after the step.
-    stepped: Plane,
+    pub(super) stepped: Plane,
     momentum: Momentum,
     /// RMS of the residual before the step.
     residual: f32,
@@ -248,172 +221,5 @@ impl ChannelSolve {
         stretches
             .for_each(|stretch| stretch.iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE)));
         self.momentum.next(&mut self.looked_at, &self.stepped);
-    }
-}
-
-/// The prior over all channels of a photo.
-struct ColourPrior<'a> {
-    shrinkage: Shrinkage,
-    /// Per solved channel, or per opponent colour: the threshold of each level.
-    thresholds: Vec<Vec<f32>>,
-    together: bool,
-    along: Option<Along<'a>>,
-    mask: &'a DetailMask,
-    /// For spinning.
-    scratch: ShrinkageScratch,
-    /// For single shifts; there come to be as many as threads ask at once.
-    free: Mutex<Vec<ShrinkageScratch>>,
-}
-
-/// The prior along a photo's axes.
-struct Along<'a> {
-    axes: &'a ColourAxes,
-    transforms: AlongAxes,
-    /// What is drawn by in a step, see [`Thresholds`].
-    weights: Vec<f32>,
-    passed: Vec<[f32; 3]>,
-}
-
-impl<'a> ColourPrior<'a> {
-    fn new(digital: &Digital, target: Target<'a>) -> Self {
-        let Target { problem, mask, norms, axes, .. } = target;
-        let channels = problem.channels.list();
-        let together = digital.colours != Colours::Apart && channels.len() == Channel::ALL.len();
-        let noise = |c: Channel| problem.solving_noise(c);
-        let along = axes.map(|axes| {
-            let base = digital.strength.threshold(mean_noise(problem));
-            let levels = 0..digital.levels;
-            Along {
-                axes,
-                transforms: AlongAxes::new(problem.size(), digital.levels),
-                weights: levels.clone().map(|l| base * GROWTH_PER_LEVEL.powi(l as i32)).collect(),
-                passed: levels.map(|l| norms.each_ref().map(|norms| norms.at(l))).collect(),
-            }
-        });
-        let norms = |c: Channel| &norms[c.index()];
-        let levels_of = |noise: f32, norms: &LevelNorms| -> Vec<f32> {
-            let base = digital.strength.threshold(noise);
-            (0..digital.levels)
-                .map(|l| base * GROWTH_PER_LEVEL.powi(l as i32) / norms.at(l))
-                .collect()
-        };
-        let thresholds = if together {
-            // In opponent colours the channels' steps mix. The threshold goes with the shortest of
-            // them.
-            let shortest = channels
-                .iter()
-                .skip(1)
-                .fold(norms(channels[0]).clone(), |a, &c| a.or_larger(norms(c)));
-            let of_light = levels_of(mean_noise(problem), &shortest);
-            let mut all = vec![of_light; channels.len()];
-            if problem.mosaic.is_some() {
-                for (thresholds, more) in all.iter_mut().zip(SITES_MORE) {
-                    thresholds.iter_mut().zip(more).for_each(|(t, more)| *t *= more);
-                }
-            }
-            all
-        } else {
-            channels.iter().map(|&c| levels_of(noise(c), norms(c))).collect()
-        };
-        let shrinkage =
-            super::shrinkage(problem.size(), digital.levels, digital.cycle_spun).in_clusters();
-        ColourPrior {
-            shrinkage,
-            thresholds,
-            together,
-            along,
-            mask,
-            scratch: ShrinkageScratch::default(),
-            free: Mutex::default(),
-        }
-    }
-
-    /// Lends memory to `work`.
-    fn lend(&self, work: impl FnOnce(&mut ShrinkageScratch)) {
-        // Whatever is in it will do, so a poisoned list is as good as any.
-        let free = || self.free.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut scratch = free().pop().unwrap_or_default();
-        work(&mut scratch);
-        free().push(scratch);
-    }
-
-    /// `picture` with its details along the axes, and with what Wiener's filter makes of what the
-    /// photo of `target` still has beyond that.
-    fn start(&mut self, target: Target<'_>, mut picture: Frame<Work>) -> Frame<Work> {
-        let Target { problem, model, data, mask, norms, .. } = target;
-        let Some(Along { axes, transforms, weights, passed }) = &mut self.along else {
-            return picture;
-        };
-        axes.project(&mut picture, norms, transforms);
-        let weights: Vec<f32> = weights.iter().map(|weight| START_MORE * weight).collect();
-        let thresholds = Thresholds { weights: &weights, passed, mask };
-        transforms.shrink(picture.planes_mut(), axes, thresholds, (0, 0));
-        let wiener = Wiener { noise_to_signal: AGAIN_NOISE_TO_SIGNAL };
-        let light = |v: &mut f32| *v = v.clamp(0.0, FULL_SCALE);
-        picture.planes_mut().par_iter_mut().zip(Channel::ALL).for_each(|(plane, c)| {
-            plane.data_mut().iter_mut().for_each(light);
-            let mut missed = Plane::zeros(problem.size());
-            model.forward(c, plane, &mut missed);
-            data_term::residual_in_place(&mut missed, data.plane(c), problem.trust.plane(c));
-            plane.add_scaled(-1.0, &wiener.undone(problem, model, c, &missed));
-            plane.data_mut().iter_mut().for_each(light);
-        });
-        picture
-    }
-
-    /// Draws the stepped pictures towards the prior, spun or at the shift of the step.
-    fn apply(&mut self, solves: &mut [ChannelSolve], step: usize, spun: bool) {
-        if let Some(along) = &mut self.along {
-            let (shift, mask) = (self.shrinkage.shift(step), self.mask);
-            in_colours(solves, |planes| {
-                let Along { axes, transforms, weights, passed } = along;
-                let thresholds = Thresholds { weights, passed, mask };
-                match spun {
-                    true => transforms.shrink_everywhere(planes, axes, thresholds, step),
-                    false => transforms.shrink(planes, axes, thresholds, shift),
-                }
-            });
-            return;
-        }
-        if self.together {
-            in_colours(solves, to_opponent);
-        }
-        if spun {
-            // One plane after the other: spinning needs much memory, and keeps all cores busy by
-            // itself.
-            for (solve, thresholds) in solves.iter_mut().zip(&self.thresholds) {
-                self.shrinkage.shrink_everywhere(
-                    &mut solve.stepped,
-                    thresholds,
-                    Some(self.mask),
-                    step,
-                    &mut self.scratch,
-                );
-            }
-        } else {
-            let shift = self.shrinkage.shift(step);
-            solves.par_iter_mut().zip(&self.thresholds).for_each(|(solve, thresholds)| {
-                self.lend(|scratch| {
-                    let (plane, mask) = (&mut solve.stepped, Some(self.mask));
-                    self.shrinkage.shrink_levels(plane, thresholds, mask, shift, scratch);
-                });
-            });
-        }
-        if self.together {
-            in_colours(solves, from_opponent);
-        }
-    }
-}
-
-/// Applies `change` to the stepped pictures of the three channels.
-fn in_colours(solves: &mut [ChannelSolve], change: impl FnOnce(&mut [Plane; 3])) {
-    if let [r, g, b] = solves {
-        let none = || Plane::zeros(Size::new(0, 0));
-        let taken = [r, g, b];
-        let mut planes = taken.map(|solve| std::mem::replace(&mut solve.stepped, none()));
-        change(&mut planes);
-        for (solve, plane) in solves.iter_mut().zip(planes) {
-            solve.stepped = plane;
-        }
     }
 }

@@ -34,6 +34,7 @@ pub mod unmatched;
 pub mod wiener;
 
 mod brake;
+mod colour_prior;
 mod light_loop;
 mod momentum;
 mod problem;
