@@ -60,7 +60,8 @@
 //! | 3 | [`calibration`], [`rig`] | fits and their store; the devices, real or simulated |
 //! | 3 | [`picture`] | photo files |
 //! | 4 | [`light_path`], [`measurement`] | forward convolution by a rig; show, see, fit, judge |
-//! | 4 | [`diagnosis`], [`kiosk`] | a rig's timing; button, lamps, screens |
+//! | 4 | [`alignment`], [`diagnosis`] | a rig's focus, aim and brightness; its timing |
+//! | 4 | [`kiosk`] | button, lamps, screens |
 //! | 5 | [`pipeline`], [`nights`] | one photo on a calibrated rig; hours, clock trust, drift |
 //! | 6 | [`restorer`] | what is kept beside a rig, photo after photo |
 //! | 7 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed, operating point |
@@ -73,6 +74,8 @@
 
 // What the program, the laboratory, the tests and the fuzzing reach, and nobody else should. Hidden
 // from the pages alone, so that the compiler still asks for the documentation of each item.
+#[cfg_attr(doc, doc(hidden))]
+pub mod alignment;
 #[cfg_attr(doc, doc(hidden))]
 pub mod calibration;
 #[cfg_attr(doc, doc(hidden))]

@@ -18,13 +18,14 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 12] = [
     "demo",
     "run",
     "calibrate",
     "restore",
     "photograph",
     "chart",
+    "align",
     "check",
     "status",
     "screens",

@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 
+use super::align::AlignOptions;
 use super::calibrate::CalibrateOptions;
 use super::chart::ChartOptions;
 use super::check::CheckOptions;
@@ -62,6 +63,7 @@ pub(super) enum Command {
     Shoot(ShootOptions),
     Photograph(PhotographOptions),
     Chart(ChartOptions),
+    Align(AlignOptions),
     Check(CheckOptions),
     Status(StatusOptions),
     Screens(ScreensOptions),

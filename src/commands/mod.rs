@@ -1,6 +1,7 @@
 //! One file a command; this one reads the words, starts the log and turns trouble into an exit
 //! code.
 
+mod align;
 mod arguments;
 mod calibrate;
 mod chart;
@@ -56,6 +57,7 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
         line.command,
         Command::Status(_)
             | Command::Check(_)
+            | Command::Align(_)
             | Command::Version
             | Command::Completions(_)
             | Command::Man(_)
@@ -111,6 +113,7 @@ fn dispatch(line: &CommandLine) -> Result<(), CliError> {
         Command::Photograph(options) => photograph::run(options),
         Command::Shoot(options) => shoot::run(options),
         Command::Chart(options) => chart::run(options),
+        Command::Align(options) => align::run(options),
         Command::Check(options) => check::run(options),
         Command::Status(options) => status::run(options),
         Command::Screens(options) => screens::run(options),

@@ -147,6 +147,11 @@ fn share_of(planes: &[Plane<bool>; 3], mosaic: Option<Mosaic>) -> f64 {
     full as f64 / all.max(1) as f64
 }
 
+/// Share of the data of `counts`, 0..1, that is `count_max` or more.
+pub fn clipped_share(counts: &Counts, mosaic: Option<Mosaic>, count_max: u16) -> f64 {
+    share_of(&counts.planes().each_ref().map(|plane| plane.map(|c| c >= count_max)), mosaic)
+}
+
 /// What the sensor's sites gave, of the three planes that a camera fills between them.
 pub fn sites_of<T: Copy + Default>(planes: &[Plane<T>; 3], mosaic: Mosaic) -> Plane<T> {
     Plane::from_fn(planes[0].size(), |x, y| planes[mosaic.colour_at(x, y).index()].at(x, y))
