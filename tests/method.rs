@@ -71,6 +71,7 @@ impl Case {
             rect: Rect { x: 0, y: 0, size },
             mosaic: None,
             coded: false,
+            stated: None,
             capture_mosaic: None,
             channels: Channels::Green,
             model,

@@ -7,6 +7,7 @@
 //! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
+//! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`] |
 
 pub mod backward_convolution;
 pub mod block_matching;
@@ -17,6 +18,7 @@ pub mod data_term;
 pub mod detail_mask;
 pub mod dot_test;
 pub mod forward_convolution;
+pub mod jpeg;
 pub mod ladder;
 pub mod lens_model;
 pub mod level_norms;

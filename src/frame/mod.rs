@@ -4,7 +4,9 @@
 //! [`SensorSpace`] (camera pixels, raw counts) and [`Work`] (the photo's own grid, linear light,
 //! 0..255 full scale as in the paper). Every plane is row-major, height × width.
 
+pub mod block_transform;
 mod channel;
+mod coding;
 pub mod instructions;
 mod mosaic;
 mod npy;
@@ -13,6 +15,7 @@ pub mod resample;
 mod space;
 
 pub use channel::{Channel, Channels};
+pub use coding::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding};
 pub use mosaic::{Mosaic, RawSites};
 pub use npy::{NpyError, npy_f32, read_npy_f32};
 pub use plane::{PhotoGrid, Plane, Rect, Size};

@@ -13,7 +13,7 @@ use image::codecs::{
 use image::{ColorType, ImageDecoder};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::Size;
+use crate::frame::{Coding, Size};
 
 use super::dng::{self, RawFile, Sites};
 use super::kind::{Content, Format, recognise};
@@ -93,6 +93,8 @@ pub(super) struct Raster {
     pub(super) camera: Option<String>,
     /// What the samples mean, where they are a sensor's counts.
     pub(super) sites: Option<Sites>,
+    /// What a JPEG states of them.
+    pub(super) coding: Option<Coding>,
 }
 
 /// Said of a photo with an artist, a description or other words in it.
@@ -185,6 +187,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             losses,
             camera: raw.camera,
             sites: Some(raw.sites),
+            coding: None,
         });
     }
     // Decoders may panic on hostile files, by their own notes.
@@ -192,7 +195,12 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
         let input = Cursor::new(bytes);
         match content {
             Content::Written(Format::Jpeg) => {
-                collect(JpegDecoder::new(input), content, limits, losses)
+                let mut raster = collect(JpegDecoder::new(input), content, limits, losses)?;
+                let step = raster.layout.samples();
+                let agrees = |coding: &Coding| jpeg::agrees(coding, &raster.samples, step);
+                raster.coding = jpeg::coefficients(bytes)
+                    .filter(|coding| coding.size == raster.size && agrees(coding));
+                Ok(raster)
             }
             Content::Written(Format::Png) => {
                 let decoder = PngDecoder::with_limits(input, decoder_limits(limits));
@@ -289,6 +297,7 @@ fn collect<D: ImageDecoder>(
         losses,
         camera: None,
         sites,
+        coding: None,
     })
 }
 

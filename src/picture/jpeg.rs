@@ -5,9 +5,18 @@
 //! least one scan to EOI; whatever cameras append after EOI (previews, depth maps) is not looked
 //! at.
 
+mod agreement;
+mod coefficients;
+mod huffman;
+mod scan;
+#[cfg(test)]
+mod tests;
+
 use crate::frame::Size;
 
 use super::Flaw;
+pub(super) use agreement::agrees;
+pub(super) use coefficients::coefficients;
 
 /// What the walk learns without decoding anything.
 pub(super) struct WalkedJpeg {
@@ -175,41 +184,4 @@ fn ended_early(bytes: &[u8], found: &str) -> Flaw {
 
 fn damaged(found: &str, allowed: &str) -> Flaw {
     Flaw::Damaged { kind: "JPEG", found: found.to_owned(), allowed: allowed.to_owned() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const ROCKET: &[u8] = include_bytes!("../../tests/scenes/rocket.jpg");
-
-    #[test]
-    fn a_whole_photo_passes_and_every_cut_of_it_does_not() {
-        let walked = walk(ROCKET).unwrap();
-        assert_eq!(walked.components, 3);
-        for percent in 0..100 {
-            let cut = &ROCKET[..(ROCKET.len() * percent / 100).max(2)];
-            assert!(matches!(walk(cut), Err(Flaw::Truncated { .. })), "cut to {percent} %");
-        }
-        assert!(walk(&ROCKET[..ROCKET.len() - 1]).is_err(), "one byte short");
-    }
-
-    #[test]
-    fn zeros_in_place_of_data_are_called_by_name() {
-        let half = ROCKET.len() / 2;
-        let mut tail = ROCKET.to_vec();
-        tail[half..].fill(0);
-        let Err(Flaw::ZeroFilled { from, to, .. }) = walk(&tail) else { panic!("tail") };
-        assert!(from.abs_diff(half) < 8 && to == tail.len());
-        let mut middle = ROCKET.to_vec();
-        middle[half..half + 4096].fill(0);
-        assert!(matches!(walk(&middle), Err(Flaw::ZeroFilled { .. })));
-    }
-
-    #[test]
-    fn what_follows_the_end_is_the_cameras_business() {
-        let mut more = ROCKET.to_vec();
-        more.extend_from_slice(&[0; 5000]);
-        assert!(walk(&more).is_ok());
-    }
 }

@@ -8,7 +8,9 @@ use rustix::fs::{Mode, OFlags};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::resample::resize;
-use crate::frame::{Channel, Channels, Frame, PhotoGrid, Plane, RawSites, Rect, Size, Work};
+use crate::frame::{
+    Channel, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Rect, Size, Work,
+};
 
 use super::decode::{Limits, Raster, decode, walk};
 use super::kind::{Format, misnamed};
@@ -71,6 +73,8 @@ pub struct Photo {
     pub light: Frame<Work>,
     /// Which of that light is data, of a raw photo; of any other all of it.
     pub raw: Option<RawSites>,
+    /// What a JPEG states of the light, where it has the rig's own size and was not cut.
+    pub coding: Option<Coding>,
     /// Maker and model of the camera, as far as a raw photo says them.
     pub camera: Option<String>,
     /// Whether all channels carry something of their own.
@@ -143,6 +147,7 @@ impl Photo {
                 name: name.to_owned(),
                 light: raw.mosaic.interpolated(&sites.light(raster.size, &raster.samples)),
                 raw: Some(raw),
+                coding: None,
                 camera: raster.camera,
                 channels: Channels::Colour,
                 manner: Manner { orientation: raster.orientation, ..plain },
@@ -199,6 +204,7 @@ impl Photo {
             name: name.to_owned(),
             light,
             raw: None,
+            coding: raster.coding,
             camera: None,
             channels: if grey { Channels::Green } else { Channels::Colour },
             manner: Manner { format, layout, bits, tone, orientation, icc, exif, alpha },
@@ -219,6 +225,8 @@ impl Photo {
         if found == allowed {
             return Ok(self);
         }
+        // Blocks are the whole picture's.
+        self.coding = None;
         if found == sensor {
             self.cut(photo);
             return Ok(self);

@@ -107,6 +107,11 @@ impl Tone {
         (if share >= 0.5 { above } else { below }) as u16
     }
 
+    /// Linear light 0..255 of each code of `channel`, from none to full.
+    pub fn lights(&self, channel: Channel) -> &[f32] {
+        &self.tables[channel.index()]
+    }
+
     /// The light of a plane of 8-bit codes.
     pub fn plane(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
         codes.map(|code| self.light(channel.index(), u16::from(code)))

@@ -18,8 +18,10 @@ use super::Pipeline;
 use super::stages::Prepared;
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
+use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::ladder::is_blank;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Work};
+use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Work};
+use crate::picture::Tone;
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
 /// the code below it is kept as data).
@@ -56,7 +58,45 @@ impl Pipeline {
         );
         let (noise, reference) = ([red, green, blue].map(|(all, _)| all), OnceLock::new());
         let coded = [red, green, blue].iter().any(|&(_, coding)| coding > 0.0);
-        Prepared { photo, channels, placed, trust, rect, mosaic: None, noise, coded, reference }
+        Prepared {
+            photo,
+            channels,
+            placed,
+            trust,
+            rect,
+            mosaic: None,
+            noise,
+            coded,
+            stated: None,
+            reference,
+        }
+    }
+
+    /// The same of a `photo` whose file is a JPEG that states it by `coding`, in codes of `tone`.
+    /// One that was coded before, in longer steps, has their errors, too, and is taken as any.
+    pub fn prepare_coded<'a>(
+        &self,
+        photo: &'a Frame<Work>,
+        channels: Channels,
+        (coding, tone): (&Coding, &Tone),
+    ) -> Prepared<'a> {
+        let mut prepared = self.prepare(photo, channels);
+        // Divided by its dark corner it is no longer what the file states.
+        if !self.black_surround {
+            let once = !coded_twice(coding);
+            let of_camera = |c| self.noise[Channel::index(c)].sigma(median(photo.plane(c)));
+            prepared.stated = JpegTerm::of(&Stated {
+                coding,
+                lights: Channel::ALL.map(|c| tone.lights(c)),
+                channels,
+                photo: &prepared.placed,
+                rect: prepared.rect,
+                noise_at: &|c, light| self.noise[c.index()].sigma(light.max(0.0)),
+                noise: if once { Channel::ALL.map(of_camera) } else { prepared.noise },
+                once,
+            });
+        }
+        prepared
     }
 
     /// The same of a `photo` that this rig's own sensor took and that is known at its `raw` sites

@@ -57,6 +57,7 @@ impl Pipeline {
             rect: photo.rect,
             mosaic: photo.mosaic,
             coded: photo.coded,
+            stated: photo.stated.as_ref(),
             channels: photo.channels,
             model: Some(lens),
             norm_squared,

@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::deconvolution::data_term::NOISE_MIN;
+use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{About, Solution};
 use crate::frame::{Channels, Frame, Mosaic, Rect, Work};
@@ -25,6 +26,8 @@ pub struct Prepared<'a> {
     pub noise: [f32; 3],
     /// Whether the blocks of a JPEG are seen in it.
     pub coded: bool,
+    /// What its file states of it, where it is a JPEG of this size.
+    pub stated: Option<JpegTerm>,
     /// The reference solution through the measured lens, made when it is first needed.
     pub(super) reference: OnceLock<Reference>,
 }

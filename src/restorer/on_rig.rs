@@ -179,7 +179,13 @@ impl Restorer for OnRig {
             progress(shown);
         };
         let prepared = match photo.raw {
-            None => self.pipeline.prepare(&photo.light, photo.channels),
+            None => match &photo.coding {
+                Some(coding) => {
+                    let stated = (coding, &photo.manner.tone);
+                    self.pipeline.prepare_coded(&photo.light, photo.channels, stated)
+                }
+                None => self.pipeline.prepare(&photo.light, photo.channels),
+            },
             Some(raw) => {
                 if let Some(flaw) = self.of_another_camera(photo.camera.as_deref(), raw) {
                     return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
@@ -198,6 +204,11 @@ impl Restorer for OnRig {
                 outcome.notes.push(told.to_owned());
             }
             outcome.notes.extend(self.learn(&prepared, solved));
+        }
+        if prepared.stated.as_ref().is_some_and(|stated| !stated.is_data()) {
+            let told = "this JPEG was made of another JPEG, in shorter steps: it is \
+                        taken as its decoder shows it, not as what its file states";
+            outcome.notes.push(told.to_owned());
         }
         if outcome.verdict != Verdict::Untouched {
             self.last = Some((photo.light.clone(), outcome.picture.clone()));

@@ -28,15 +28,18 @@ const INKS: [(&str, [[f32; 3]; 2]); 4] = [
     ("chart, green without contrast", [[200.0, 110.0, 40.0], [50.0, 110.0, 210.0]]),
 ];
 
+/// Charts among the scenes, which come first.
+pub(crate) const INKED: usize = INKS.len() + 1;
+
 /// A picture as it is scored: what people see of it.
-struct Looks {
+pub(crate) struct Looks {
     codes: [Plane; 3],
     colours: Vec<Lab>,
     luminance: Plane,
 }
 
 impl Looks {
-    fn of(tone: &Tone, light: &Frame<Work>) -> Looks {
+    pub(crate) fn of(tone: &Tone, light: &Frame<Work>) -> Looks {
         let codes = Channel::ALL.map(|c| tone.display(c, light.plane(c)));
         let [r, g, b] = codes.each_ref().map(|plane| plane.data());
         let pixels = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Lab::of_srgb([r, g, b]));
@@ -45,7 +48,7 @@ impl Looks {
 
     /// SSIM of luminance, PSNR of the codes, mean and 99th percentile of C*ab, mean ΔE and that of
     /// the tenth where the scene's luminance changes most.
-    fn scores(&self, scene: &Looks) -> [f64; 6] {
+    pub(crate) fn scores(&self, scene: &Looks) -> [f64; 6] {
         let squares = |(a, b): (&Plane, &Plane)| -> f64 {
             a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2)).sum()
         };
@@ -95,7 +98,7 @@ fn changes(plane: &Plane) -> Vec<f32> {
 }
 
 /// The scenes, as linear light: charts, the program's photographs, and those of `pictures`.
-fn scenes(
+pub(crate) fn scenes(
     size: Size,
     tone: &Tone,
     pictures: Option<&Path>,

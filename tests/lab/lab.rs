@@ -7,6 +7,8 @@ mod colour;
 mod conditions;
 mod figures;
 mod harness;
+mod jpeg;
+mod jpeg_coder;
 mod ladder;
 mod lines;
 mod made;
@@ -51,7 +53,7 @@ struct Words {
     /// Rows of other programs, for `peers`
     #[arg(long, required_if_eq("what", "peers"))]
     rows: Option<PathBuf>,
-    /// Folder of more photographs, for `colour`
+    /// Folder of more photographs, for `colour` and `jpeg`
     #[arg(long)]
     pictures: Option<PathBuf>,
 }
@@ -62,6 +64,8 @@ enum Experiment {
     Conditions,
     /// Whether colours hold together: charts in inks, and photographs
     Colour,
+    /// What coding photos as JPEGs costs, taken as decoded and as what the files state
+    Jpeg,
     /// Every method under every fault: where it harms, and whether the box notices
     Stability,
     /// Where captures gain over the measured lens alone; for linear photos
@@ -91,7 +95,7 @@ fn main() -> ExitCode {
 
 fn run(words: &Words) -> Result<(), Failure> {
     use Experiment::{
-        Captures, Colour, Conditions, Figures, Ladder, Peers, Regimes, Sizes, Stability,
+        Captures, Colour, Conditions, Figures, Jpeg, Ladder, Peers, Regimes, Sizes, Stability,
     };
     let Words { what, out, quick, rows, pictures, .. } = words;
     let rig = relens::config::load(&words.rig)?;
@@ -112,6 +116,7 @@ fn run(words: &Words) -> Result<(), Failure> {
     let made = match what {
         Conditions => conditions::run(&rig, *quick),
         Colour => colour::run(&rig, *quick, pictures.as_deref()),
+        Jpeg => jpeg::run(&rig, *quick, pictures.as_deref()),
         Stability => stability::run(&rig, *quick),
         Regimes => regimes::run(&rig),
         Sizes => sizes::run(&rig),

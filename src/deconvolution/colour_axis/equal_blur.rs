@@ -82,7 +82,7 @@ pub fn width_px(functions: &LensFunctions) -> f32 {
 }
 
 /// The mean of every four pixels; of a side's last one alone it is that.
-pub(super) fn halved(plane: &Plane) -> Plane {
+pub(in crate::deconvolution) fn halved(plane: &Plane) -> Plane {
     let size = Size::new(plane.width().div_ceil(2), plane.height().div_ceil(2));
     let (right, bottom) = (plane.width() - 1, plane.height() - 1);
     Plane::from_fn(size, |x, y| {
@@ -92,7 +92,7 @@ pub(super) fn halved(plane: &Plane) -> Plane {
 }
 
 /// `plane` under a Gaussian of `sigma` pixels, its edges repeated.
-fn blurred(plane: &Plane, sigma: f32) -> Plane {
+pub(in crate::deconvolution) fn blurred(plane: &Plane, sigma: f32) -> Plane {
     if sigma < 0.2 {
         return plane.clone();
     }

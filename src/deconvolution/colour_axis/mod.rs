@@ -27,8 +27,8 @@ use rayon::prelude::*;
 use super::lens_model::LensModel;
 use crate::frame::{Frame, Plane, Work};
 use axis::LocalAxis;
-use equal_blur::halved;
 pub use equal_blur::width_px;
+pub(super) use equal_blur::{blurred, halved};
 pub use shrinkage::{AlongAxes, Thresholds};
 
 /// The axes of a photo's colours, as the details of each wavelet level see them.

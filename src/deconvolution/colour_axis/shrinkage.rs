@@ -116,8 +116,19 @@ impl AlongAxes {
         });
     }
 
+    /// The mean over all shifts of the finest levels, and of the coarser ones those whose turn it
+    /// is at step `step_index`, with `doing` done to the details of `planes`.
+    pub(in crate::deconvolution) fn at_all_shifts(
+        &mut self,
+        planes: &mut [Plane; 3],
+        step_index: usize,
+        doing: OnDetails<'_>,
+    ) {
+        through(&mut self.levels, 0, planes, SpinShift::Everywhere(step_index), doing);
+    }
+
     /// `doing` done to the details of `planes`, turned by `shift`.
-    pub(super) fn at_shift(
+    pub(in crate::deconvolution) fn at_shift(
         &mut self,
         planes: &mut [Plane; 3],
         shift: (usize, usize),

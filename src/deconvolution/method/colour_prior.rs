@@ -12,6 +12,7 @@ use super::wiener::Wiener;
 use crate::deconvolution::colour_axis::{AlongAxes, ColourAxes, Thresholds, width_px};
 use crate::deconvolution::data_term;
 use crate::deconvolution::detail_mask::DetailMask;
+use crate::deconvolution::jpeg::AlongLuma;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
@@ -70,6 +71,7 @@ pub(super) struct ColourPrior<'a> {
     thresholds: Vec<Vec<f32>>,
     together: bool,
     along: Option<Along<'a>>,
+    luma: Option<AlongLuma>,
     mask: &'a DetailMask,
     /// For spinning.
     scratch: ShrinkageScratch,
@@ -117,7 +119,7 @@ impl<'a> ColourPrior<'a> {
         let Target { problem, mask, norms, axes, .. } = target;
         let channels = problem.channels.list();
         let together = digital.colours != Colours::Apart && channels.len() == Channel::ALL.len();
-        let noise = |c: Channel| problem.solving_noise(c);
+        let noise = |c: Channel| problem.noise_of_data(c);
         let along = axes.map(|axes| Along::of(axes, digital, target));
         let norms = |c: Channel| &norms[c.index()];
         let levels_of = |noise: f32, norms: &LevelNorms| -> Vec<f32> {
@@ -144,6 +146,8 @@ impl<'a> ColourPrior<'a> {
         } else {
             channels.iter().map(|&c| levels_of(noise(c), norms(c))).collect()
         };
+        let stated = problem.stated.filter(|_| together && axes.is_none());
+        let luma = stated.map(|stated| stated.along_luma(problem.size(), &thresholds[0]));
         let shrinkage =
             super::shrinkage(problem.size(), digital.levels, digital.cycle_spun).in_clusters();
         ColourPrior {
@@ -151,6 +155,7 @@ impl<'a> ColourPrior<'a> {
             thresholds,
             together,
             along,
+            luma,
             mask,
             scratch: ShrinkageScratch::default(),
             free: Mutex::default(),
@@ -212,6 +217,12 @@ impl<'a> ColourPrior<'a> {
             });
             return;
         }
+        if let Some(luma) = &mut self.luma {
+            let (shift, mask) = (self.shrinkage.shift(step), self.mask);
+            let shift = (!spun).then_some(shift);
+            in_colours(solves, |planes| luma.shrink(planes, mask, (shift, step)));
+            return;
+        }
         if self.together {
             in_colours(solves, to_opponent);
         }
@@ -258,7 +269,7 @@ fn in_colours(solves: &mut [ChannelSolve], change: impl FnOnce(&mut [Plane; 3]))
 /// Root mean square of the channels' noise, grey levels.
 pub(super) fn mean_noise(problem: &Problem<'_>) -> f32 {
     let channels = problem.channels.list();
-    let power: f32 = channels.iter().map(|&c| problem.solving_noise(c).powi(2)).sum();
+    let power: f32 = channels.iter().map(|&c| problem.noise_of_data(c).powi(2)).sum();
     (power / channels.len() as f32).sqrt()
 }
 

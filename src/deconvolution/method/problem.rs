@@ -10,6 +10,7 @@ use crate::deconvolution::data_term::{
 };
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
+use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::refinement::{CaptureFinding, Learnt};
@@ -30,6 +31,8 @@ pub struct Problem<'a> {
     pub mosaic: Option<Mosaic>,
     /// Whether a JPEG's coding, which keeps colours coarser than brightness, is seen in the photo.
     pub coded: bool,
+    /// What the photo's file states of it, where that is known: then the data, in place of `photo`.
+    pub stated: Option<&'a JpegTerm>,
     /// Which channels are solved.
     pub channels: Channels,
     /// The measured lens, when there is one.
@@ -74,6 +77,15 @@ impl<'a> Problem<'a> {
     /// Standard deviation of the noise of a photo that has data everywhere and says as much.
     pub fn solving_noise(&self, channel: Channel) -> f32 {
         self.photo_noise[channel.index()] * self.weight(channel).sqrt()
+    }
+
+    /// The same where the data are what the photo's file states: what coding added is no noise to
+    /// one who reads the file.
+    pub(super) fn noise_of_data(&self, channel: Channel) -> f32 {
+        match self.stated {
+            Some(stated) => stated.noise(channel),
+            None => self.solving_noise(channel),
+        }
     }
 
     /// Zero where the photo has no data.

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::super::flaw::Growth;
 use super::super::{FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone};
 use crate::config::Curve;
-use crate::frame::{Channels, Frame, PhotoGrid, Plane, RawSites, Size};
+use crate::frame::{BLOCK_AREA, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Size};
 
 /// A question to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -54,6 +54,8 @@ pub(super) struct Header {
     exif: Option<Vec<u8>>,
     alpha: bool,
     raw: Option<RawSites>,
+    /// Without its coefficients, which follow the planes.
+    coding: Option<Coding>,
     camera: Option<String>,
     stored: Size,
     file: FileFacts,
@@ -66,8 +68,13 @@ const HEADER_BYTES_MAX: u32 = 36 << 20;
 
 /// Most bytes an answer to `ask` may have.
 pub(super) fn bytes_max(ask: &Ask) -> u64 {
-    let planes = ask.photo.map_or(0, |(_, grid)| 4 * 4 * grid.photo.size.area() as u64);
-    4 + u64::from(HEADER_BYTES_MAX) + planes
+    let of = |(_, grid): (Curve, PhotoGrid)| {
+        let Size { width, height } = grid.photo.size;
+        // Three components of two bytes a sample, filled up to units of 16.
+        let coding = 3 * 2 * width.next_multiple_of(16) * height.next_multiple_of(16);
+        (4 * 4 * width * height + coding) as u64
+    };
+    4 + u64::from(HEADER_BYTES_MAX) + ask.photo.map_or(0, of)
 }
 
 /// Writes an answer without planes.
@@ -82,7 +89,7 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
 
 /// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
-    let Photo { name, light, raw, camera, channels, manner, stored, file, notes } = photo;
+    let Photo { name, light, raw, coding, camera, channels, manner, stored, file, notes } = photo;
     let Manner { format, layout, bits, tone, orientation, icc, exif, alpha } = manner;
     let header = Header {
         name: name.clone(),
@@ -97,6 +104,7 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         exif: exif.clone(),
         alpha: alpha.is_some(),
         raw: *raw,
+        coding: coding.clone(),
         camera: camera.clone(),
         stored: *stored,
         file: *file,
@@ -105,6 +113,11 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
     write(out, &Answer::Photo(Box::new(header)))?;
     for plane in channels.list().iter().map(|&channel| light.plane(channel)).chain(alpha) {
         let bytes: Vec<u8> = plane.data().iter().flat_map(|v| v.to_le_bytes()).collect();
+        out.write_all(&bytes)?;
+    }
+    for component in coding.iter().flat_map(|coding| &coding.components) {
+        let numbers = component.coefficients.iter();
+        let bytes: Vec<u8> = numbers.flat_map(|v| v.to_le_bytes()).collect();
         out.write_all(&bytes)?;
     }
     out.flush()
@@ -161,6 +174,10 @@ pub(super) fn read_photo(
         }
     };
     let alpha = if header.alpha { Some(plane()?) } else { None };
+    let coding = match header.coding {
+        Some(coding) => Some(read_coding(coding, bytes, allowed)?),
+        None => None,
+    };
     if !bytes.is_empty() {
         return Err("more than was asked for");
     }
@@ -168,6 +185,7 @@ pub(super) fn read_photo(
         name: header.name,
         light,
         raw: header.raw,
+        coding,
         camera: header.camera,
         channels: header.channels,
         manner: Manner {
@@ -185,4 +203,75 @@ pub(super) fn read_photo(
         file: header.file,
         notes: header.notes,
     })
+}
+
+/// `coding` with its coefficients, read from `bytes`.
+fn read_coding(
+    mut coding: Coding,
+    bytes: &mut &[u8],
+    allowed: Size,
+) -> Result<Coding, &'static str> {
+    let densest = coding.densest();
+    for component in &mut coding.components {
+        // Before anything is reckoned with what may be any number.
+        if component.blocks != Coding::blocks(allowed, densest, component.pixels) {
+            return Err("coefficients of another size");
+        }
+        let length = 2 * component.blocks.area() * BLOCK_AREA;
+        let (numbers, rest) = bytes.split_at_checked(length).ok_or("coefficients cut short")?;
+        *bytes = rest;
+        component.coefficients =
+            numbers.chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect();
+    }
+    let sound = coding.size == allowed && coding.is_whole();
+    if sound { Ok(coding) } else { Err("coefficients that mean nothing") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::photo_of_answer;
+    use super::*;
+
+    /// The photo in a JPEG of 75×50.
+    fn photo() -> Photo {
+        let bytes = include_bytes!("../../../tests/jpegs/progressive-420.jpg");
+        Photo::from_bytes("a.jpg", bytes, Curve::Srgb, &Limits::default()).unwrap()
+    }
+
+    #[test]
+    fn what_a_jpeg_states_comes_over_and_is_trusted_in_nothing() {
+        let (photo, size) = (photo(), Size::new(75, 50));
+        let answered = |photo: &Photo| {
+            let mut bytes = Vec::new();
+            write_photo(&mut bytes, photo).unwrap();
+            bytes
+        };
+        let bytes = answered(&photo);
+        assert_eq!(photo_of_answer("a.jpg", &bytes, size).unwrap().coding, photo.coding);
+        assert!(photo.coding.is_some());
+        assert!(photo_of_answer("a.jpg", &bytes[..bytes.len() - 1], size).is_err());
+        let ask = Ask {
+            name: String::new(),
+            limits: Limits::default(),
+            photo: Some((Curve::Srgb, size.into())),
+            memory_bytes_max: 0,
+            processor_s_max: 0,
+        };
+        assert!(bytes.len() as u64 <= bytes_max(&ask));
+        type Spoilt = fn(&mut Coding);
+        let spoilt: [Spoilt; 5] = [
+            |coding| coding.size.width += 1,
+            |coding| coding.components[1].pixels = (0, 9),
+            |coding| coding.components[0].steps[5] = 0,
+            |coding| coding.components[2].blocks.width = usize::MAX,
+            |coding| coding.components.truncate(2),
+        ];
+        for (n, spoil) in spoilt.into_iter().enumerate() {
+            let mut other = photo.clone();
+            other.coding.as_mut().map(spoil);
+            assert!(photo_of_answer("a.jpg", &answered(&other), size).is_err(), "{n}");
+        }
+        // On another grid blocks are no more the photo's.
+        assert!(photo.fit(Size::new(150, 100)).unwrap().coding.is_none());
+    }
 }

@@ -1,0 +1,324 @@
+//! The data term of a photo that is a JPEG: not its decoded light, but what it states.
+//!
+//! A JPEG states each coefficient to half a step. Taken for light with noise, its errors count as
+//! the scene's, even within a block and different in the next, and of colours, which have the long
+//! steps, hardly anything is right. So the photo is decoded again as the solve goes on: of all
+//! pictures that the file may stand for, the one to expect when the camera saw K L.
+//!
+//! ```text
+//! e  = codes to expect of K L              within 0..255
+//! m  = D (M e) Dᵀ                          block by block; M: R, G, B to Y', Cb, Cr; chroma
+//!                                          averaged over its pixels first
+//! δ  = E[n | |c q − m − n| ≤ q/2]          n: the camera's noise in that coefficient
+//! e′ = e + M⁻¹ (Dᵀ δ D)                    chroma repeated over its pixels
+//! B̃  = K L − (light of e − light of e′)
+//! ```
+//!
+//! (ITU-T T.81 and T.871 for D, q and M.) The gradient is Kᵀ(K L − B̃), B̃ kept between decodings.
+//! Where the camera's curve and chroma's pixels bend it, it is no gradient of one function; tests
+//! hold that it goes down.
+
+mod curve;
+mod history;
+mod interval;
+mod luma;
+#[cfg(test)]
+mod plain;
+#[cfg(test)]
+mod tests;
+
+use rayon::prelude::*;
+
+use crate::deconvolution::colour_axis::blurred;
+use crate::frame::block_transform::{cosines, transform, transposed};
+use crate::frame::{
+    BLOCK_AREA, BLOCK_PX, Channel, Channels, CodedComponent, Coding, Frame, Plane, Rect, Size, Work,
+};
+use curve::CodeCurve;
+pub use history::coded_twice;
+use interval::truncated_mean;
+pub(super) use luma::AlongLuma;
+
+/// R, G, B to Y', Cb, Cr (ITU-T T.871, clause 7).
+const TO_LUMA: [[f32; 3]; 3] =
+    [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
+/// Back, the first column being ones.
+const FROM_CHROMA: [[f32; 2]; 3] = [[0.0, 1.402], [-0.344_136, -0.714_136], [1.772, 0.0]];
+/// Width in pixels of the Gaussian under which the photo says how bright a place is.
+const ABOUT_PX: f32 = 1.0;
+/// Standard deviations that the camera's noise is given: what the solve has not yet explained of
+/// K L stands beside it. The independent study's.
+const WIDENED: f32 = 2.0;
+/// The same in chroma: of the independent study.
+const WIDENED_CHROMA: f32 = 0.5;
+/// Least spread of a coefficient, codes; keeps divisions whole.
+const SPREAD_MIN: f32 = 1e-2;
+/// Level of brightness's zero (ITU-T T.81, A.3.1).
+const MIDDLE: f32 = 128.0;
+/// Pixels of the largest unit: blocks of chroma at half the width and height.
+const UNIT_AREA: usize = 4 * BLOCK_AREA;
+
+/// What a photo's file states, and by how much the camera's noise moves it.
+#[derive(Debug, Clone)]
+pub struct JpegTerm {
+    coding: Coding,
+    /// Where the photo lies on the canvas.
+    rect: Rect,
+    curves: [CodeCurve; 3],
+    /// Of each component, s of each coefficient, codes.
+    spread: Vec<Vec<f32>>,
+    /// The camera's noise in each channel, grey levels; of a photo that was coded before, with what
+    /// coding added.
+    noise: [f32; 3],
+    /// Whether the file states what the camera saw: it was coded once.
+    once: bool,
+    /// n before it is brought to length: of every four pixels of the canvas, how much each channel
+    /// adds to the code's luma.
+    luma: [Plane; 3],
+    /// D and Dᵀ.
+    cosines: ([[f32; BLOCK_PX]; BLOCK_PX], [[f32; BLOCK_PX]; BLOCK_PX]),
+}
+
+/// What a term is made of.
+pub struct Stated<'a> {
+    /// The file's coefficients.
+    pub coding: &'a Coding,
+    /// Light 0..255 of each code, by channel.
+    pub lights: [&'a [f32]; 3],
+    /// Which channels the photo has.
+    pub channels: Channels,
+    /// The decoded photo on its canvas, linear light.
+    pub photo: &'a Frame<Work>,
+    /// Where it lies there.
+    pub rect: Rect,
+    /// The camera's noise in each channel, what coding adds left out, grey levels.
+    pub noise: [f32; 3],
+    /// The same at a light, both grey levels.
+    pub noise_at: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
+    /// Whether the photo was coded once. What was coded before has errors that its file does not
+    /// state; then `noise` is all of the photo's, and only the prior is of use.
+    pub once: bool,
+}
+
+impl JpegTerm {
+    /// The term of a photo; none when file and photo are not of one size, or the file has not its
+    /// channels.
+    pub fn of(stated: &Stated<'_>) -> Option<JpegTerm> {
+        let &Stated { coding, lights, channels, photo, rect, noise, noise_at, once } = stated;
+        if coding.size != rect.size || !coding.is_whole() {
+            return None;
+        }
+        let coding = match channels {
+            // A grey photo's chroma is nothing.
+            Channels::Green => coding.brightness(),
+            Channels::Colour if coding.components.len() == 3 => coding.clone(),
+            Channels::Colour => return None,
+        };
+        let of = |c: Channel| CodeCurve::new(lights[c.index()], &|light| noise_at(c, light));
+        let [red, green, blue] = Channel::ALL.map(of);
+        let curves = [red?, green?, blue?];
+        let about: Vec<Plane> =
+            photo.planes().par_iter().map(|plane| blurred(plane, ABOUT_PX)).collect();
+        let variances: Vec<Plane> = (curves.iter().zip(&about))
+            .map(|(curve, about)| about.map(|v: f32| (WIDENED * curve.deviation(v)).powi(2)))
+            .collect();
+        let grey = coding.components.len() == 1;
+        let spread = (coding.components.par_iter().enumerate())
+            .map(|(n, component)| spread(component, n, &variances, rect, grey))
+            .collect();
+        let luma = luma::directions(&curves, photo);
+        let cosines = (cosines(), transposed(&cosines()));
+        Some(JpegTerm { coding, rect, curves, spread, noise, once, luma, cosines })
+    }
+
+    /// Whether the data are what the file states.
+    pub fn is_data(&self) -> bool {
+        self.once
+    }
+
+    /// The noise in `channel`, grey levels, that steps are shrunk by.
+    pub fn noise(&self, channel: Channel) -> f32 {
+        self.noise[channel.index()]
+    }
+
+    /// The prior along the code's luma, for planes of the canvas's `size` in as many levels as
+    /// there are `thresholds`, grey levels, finest first.
+    pub(super) fn along_luma(&self, size: Size, thresholds: &[f32]) -> AlongLuma {
+        AlongLuma::new(size, &self.luma, thresholds.to_vec())
+    }
+
+    /// Which channels are decoded together: all, or green alone.
+    fn channels(&self) -> &'static [Channel] {
+        if self.coding.components.len() == 1 { &[Channel::Green] } else { &Channel::ALL }
+    }
+
+    /// `seen`, K L on the canvas, as the file may stand for it: B̃. Outside the photo it stays.
+    ///
+    /// # Panics
+    /// When `seen` is not of the canvas's size, which is a bug of the caller.
+    pub fn redecoded(&self, seen: &Frame<Work>) -> Frame<Work> {
+        let mut decoded = seen.clone();
+        let (_, down) = self.unit();
+        let rows = 0..self.rect.size.height.div_ceil(down);
+        let strips: Vec<_> = rows.into_par_iter().map(|row| self.strip(seen, row)).collect();
+        for (n, &c) in self.channels().iter().enumerate() {
+            let plane = decoded.plane_mut(c);
+            let of_photo = strips.iter().flat_map(|strip| strip[n].chunks(self.rect.size.width));
+            for (y, row) in of_photo.enumerate() {
+                plane.row_mut(self.rect.y + y)[self.rect.x..][..row.len()].copy_from_slice(row);
+            }
+        }
+        decoded
+    }
+
+    /// Pixels of a unit across and down.
+    fn unit(&self) -> (usize, usize) {
+        let (across, down) = self.coding.densest();
+        (BLOCK_PX * usize::from(across), BLOCK_PX * usize::from(down))
+    }
+
+    /// One row of units decoded again: the photo's pixels in it, of each of the channels.
+    fn strip(&self, seen: &Frame<Work>, row: usize) -> [Vec<f32>; 3] {
+        let (rect, (across, down)) = (self.rect, self.unit());
+        let Size { width, height } = rect.size;
+        let high = down.min(height - row * down);
+        let mut strip = [(); 3].map(|()| Vec::new());
+        let mut codes = [[0.0f32; UNIT_AREA]; 3];
+        for (n, _) in self.channels().iter().enumerate() {
+            strip[n] = vec![0.0; high * width];
+        }
+        for column in 0..width.div_ceil(across) {
+            for (codes, &c) in codes.iter_mut().zip(self.channels()) {
+                let curve = &self.curves[c.index()];
+                for (y, codes) in codes.chunks_exact_mut(across).take(down).enumerate() {
+                    // What fills up the last unit repeats the edge, as coders do.
+                    let from = seen.plane(c).row(rect.y + (row * down + y).min(height - 1));
+                    let from = &from[rect.x..][..width];
+                    for (x, code) in codes.iter_mut().enumerate() {
+                        *code = curve.encode(from[(column * across + x).min(width - 1)]);
+                    }
+                }
+            }
+            let change = self.change(&codes, (column, row));
+            let wide = across.min(width - column * across);
+            for (n, &c) in self.channels().iter().enumerate() {
+                let curve = &self.curves[c.index()];
+                for y in 0..high {
+                    let from = &seen.plane(c).row(rect.y + row * down + y)[rect.x..];
+                    let from = &from[column * across..][..wide];
+                    let to = &mut strip[n][y * width + column * across..][..wide];
+                    let codes = codes[n][y * across..].iter().zip(&change[n][y * across..]);
+                    for ((to, &seen), (&code, &change)) in to.iter_mut().zip(from).zip(codes) {
+                        let stated = (code + change).clamp(0.0, 255.0);
+                        *to = seen - (curve.decode(code) - curve.decode(stated));
+                    }
+                }
+            }
+        }
+        strip
+    }
+
+    /// By how much the `codes` of the unit in `column` and `row` are to change: M⁻¹ (Dᵀ δ D).
+    fn change(
+        &self,
+        codes: &[[f32; UNIT_AREA]; 3],
+        (column, row): (usize, usize),
+    ) -> [[f32; UNIT_AREA]; 3] {
+        let (across, down) = self.unit();
+        let mut change = [[0.0f32; UNIT_AREA]; 3];
+        let (there, back) = &self.cosines;
+        for (n, component) in self.coding.components.iter().enumerate() {
+            let pixels = (usize::from(component.pixels.0), usize::from(component.pixels.1));
+            let (wide, high) = (across / pixels.0, down / pixels.1);
+            let mut samples = [0.0f32; UNIT_AREA];
+            let share = 1.0 / (pixels.0 * pixels.1) as f32;
+            for at in 0..across * down {
+                let (x, y) = (at % across / pixels.0, at / across / pixels.1);
+                samples[y * wide + x] += share * self.component_of(n, codes, at);
+            }
+            for part in 0..wide * high / BLOCK_AREA {
+                let (u, v) = (part % (wide / BLOCK_PX), part / (wide / BLOCK_PX));
+                let place = (row * high / BLOCK_PX + v) * component.blocks.width
+                    + column * wide / BLOCK_PX
+                    + u;
+                let place = place * BLOCK_AREA..(place + 1) * BLOCK_AREA;
+                let first = v * BLOCK_PX * wide + u * BLOCK_PX;
+                let mut block: [f32; BLOCK_AREA] =
+                    std::array::from_fn(|k| samples[first + k / BLOCK_PX * wide + k % BLOCK_PX]);
+                transform(&mut block, there);
+                let stated = component.coefficients[place.clone()].iter().zip(&component.steps);
+                let spread = &self.spread[n][place];
+                for ((m, (&c, &q)), &s) in block.iter_mut().zip(stated).zip(spread) {
+                    let step = f32::from(q);
+                    *m = truncated_mean(f32::from(c) * step - *m, 0.5 * step, s);
+                }
+                transform(&mut block, back);
+                for (k, v) in block.iter().enumerate() {
+                    samples[first + k / BLOCK_PX * wide + k % BLOCK_PX] = *v;
+                }
+            }
+            let weights = match n {
+                0 => [1.0; 3],
+                n => FROM_CHROMA.map(|row| row[n - 1]),
+            };
+            for (change, weight) in change.iter_mut().zip(weights) {
+                for (at, change) in change[..across * down].iter_mut().enumerate() {
+                    let (x, y) = (at % across / pixels.0, at / across / pixels.1);
+                    *change += weight * samples[y * wide + x];
+                }
+            }
+        }
+        change
+    }
+
+    /// Component `n` of the pixel `at`; a grey photo's is its code.
+    #[inline(always)]
+    fn component_of(&self, n: usize, codes: &[[f32; UNIT_AREA]; 3], at: usize) -> f32 {
+        let middle = if n == 0 { MIDDLE } else { 0.0 };
+        match self.channels().len() {
+            1 => codes[0][at] - middle,
+            _ => {
+                let [r, g, b] = TO_LUMA[n];
+                r * codes[0][at] + g * codes[1][at] + b * codes[2][at] - middle
+            }
+        }
+    }
+}
+
+/// s of each coefficient of component `n`: (D∘D) V (D∘D)ᵀ of the codes' variances by channel.
+fn spread(
+    component: &CodedComponent,
+    n: usize,
+    variances: &[Plane],
+    rect: Rect,
+    grey: bool,
+) -> Vec<f32> {
+    let (across, down) = (usize::from(component.pixels.0), usize::from(component.pixels.1));
+    let count = (across * down) as f32;
+    let of_pixel = |x: usize, y: usize| {
+        let at = |channel: usize| {
+            let (x, y) = (x.min(rect.size.width - 1), y.min(rect.size.height - 1));
+            variances[channel].at(rect.x + x, rect.y + y)
+        };
+        match (grey, n) {
+            (true, _) => at(Channel::Green.index()),
+            (_, n) => (0..3).map(|c| TO_LUMA[n][c].powi(2) * at(c)).sum(),
+        }
+    };
+    let narrowed = if n == 0 { 1.0 } else { WIDENED_CHROMA * WIDENED_CHROMA };
+    let squares = cosines().map(|row| row.map(|v| v * v));
+    let blocks = 0..component.blocks.area();
+    let of_block = |place: usize| {
+        let (column, row) = (place % component.blocks.width, place / component.blocks.width);
+        let mut block: [f32; BLOCK_AREA] = std::array::from_fn(|k| {
+            let (x, y) = (column * BLOCK_PX + k % BLOCK_PX, row * BLOCK_PX + k / BLOCK_PX);
+            let pixels =
+                (0..across * down).map(|p| (x * across + p % across, y * down + p / across));
+            // The mean of so many pixels varies by so much less.
+            narrowed * pixels.map(|(x, y)| of_pixel(x, y)).sum::<f32>() / (count * count)
+        });
+        transform(&mut block, &squares);
+        block.map(|variance| variance.sqrt().max(SPREAD_MIN))
+    };
+    blocks.into_par_iter().flat_map_iter(of_block).collect()
+}

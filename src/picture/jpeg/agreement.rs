@@ -1,0 +1,40 @@
+//! Whether what a JPEG states is what its decoder shows.
+
+use crate::frame::block_transform::{cosines, transform, transposed};
+use crate::frame::{BLOCK_AREA, BLOCK_PX, Coding};
+
+/// Codes by which brightness may differ at every second pixel. Rounding to whole colours and back
+/// is half of one; a file that is understood wrongly differs by tens.
+const APART: f32 = 1.5;
+
+/// Whether the brightness in `coding` is that of the decoded `samples`, `step` of them a pixel.
+pub(in crate::picture) fn agrees(coding: &Coding, samples: &[u16], step: usize) -> bool {
+    let size = coding.size;
+    let Some(first) = coding.components.first() else { return false };
+    if samples.len() != size.area() * step {
+        return false;
+    }
+    let back = transposed(&cosines());
+    let mut apart: Vec<f32> = Vec::with_capacity(size.area());
+    for (n, block) in first.coefficients.chunks_exact(BLOCK_AREA).enumerate() {
+        let (x0, y0) = (n % first.blocks.width * BLOCK_PX, n / first.blocks.width * BLOCK_PX);
+        let mut light: [f32; BLOCK_AREA] =
+            std::array::from_fn(|k| f32::from(block[k]) * f32::from(first.steps[k]));
+        transform(&mut light, &back);
+        for (k, v) in light.iter().enumerate() {
+            let (x, y) = (x0 + k % BLOCK_PX, y0 + k / BLOCK_PX);
+            if x < size.width && y < size.height {
+                let pixel = &samples[(y * size.width + x) * step..][..step];
+                let code = |at: usize| f32::from(pixel[at]);
+                let shown = match step {
+                    1 => code(0),
+                    // ITU-T T.871, clause 7.
+                    _ => 0.299 * code(0) + 0.587 * code(1) + 0.114 * code(2),
+                };
+                apart.push((v + 128.0 - shown).abs());
+            }
+        }
+    }
+    let middle = apart.len() / 2;
+    !apart.is_empty() && *apart.select_nth_unstable_by(middle, f32::total_cmp).1 <= APART
+}

@@ -1,0 +1,147 @@
+//! The walk over a JPEG's markers, and what it states against what its decoder shows.
+
+use super::*;
+use crate::frame::block_transform::{cosines, transform, transposed};
+use crate::frame::{BLOCK_AREA, CodedComponent, Plane};
+
+const ROCKET: &[u8] = include_bytes!("../../../tests/scenes/rocket.jpg");
+
+#[test]
+fn a_whole_photo_passes_and_every_cut_of_it_does_not() {
+    let walked = walk(ROCKET).unwrap();
+    assert_eq!(walked.components, 3);
+    for percent in 0..100 {
+        let cut = &ROCKET[..(ROCKET.len() * percent / 100).max(2)];
+        assert!(matches!(walk(cut), Err(Flaw::Truncated { .. })), "cut to {percent} %");
+    }
+    assert!(walk(&ROCKET[..ROCKET.len() - 1]).is_err(), "one byte short");
+}
+
+#[test]
+fn zeros_in_place_of_data_are_called_by_name() {
+    let half = ROCKET.len() / 2;
+    let mut tail = ROCKET.to_vec();
+    tail[half..].fill(0);
+    let Err(Flaw::ZeroFilled { from, to, .. }) = walk(&tail) else { panic!("tail") };
+    assert!(from.abs_diff(half) < 8 && to == tail.len());
+    let mut middle = ROCKET.to_vec();
+    middle[half..half + 4096].fill(0);
+    assert!(matches!(walk(&middle), Err(Flaw::ZeroFilled { .. })));
+}
+
+#[test]
+fn what_follows_the_end_is_the_cameras_business() {
+    let mut more = ROCKET.to_vec();
+    more.extend_from_slice(&[0; 5000]);
+    assert!(walk(&more).is_ok());
+}
+
+/// What another coder wrote, and what this program's own writes.
+fn files() -> Vec<(&'static str, Vec<u8>)> {
+    use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
+    let whole = include_bytes!("../../../tests/jpegs/baseline-444.jpg");
+    let picture = image::load_from_memory(whole).unwrap().into_rgb8();
+    let mut own = Vec::new();
+    JpegEncoder::new_with_quality(&mut own, 80)
+        .write_image(&picture, 75, 50, ExtendedColorType::Rgb8)
+        .unwrap();
+    vec![
+        ("own", own),
+        ("baseline-444", whole.to_vec()),
+        ("baseline-422", include_bytes!("../../../tests/jpegs/baseline-422.jpg").to_vec()),
+        ("progressive-420", include_bytes!("../../../tests/jpegs/progressive-420.jpg").to_vec()),
+        ("progressive-444", include_bytes!("../../../tests/jpegs/progressive-444.jpg").to_vec()),
+        ("restart-420", include_bytes!("../../../tests/jpegs/restart-420.jpg").to_vec()),
+        ("grey", include_bytes!("../../../tests/jpegs/grey.jpg").to_vec()),
+    ]
+}
+
+/// The samples of one component, 128 levels too dark.
+fn samples(component: &CodedComponent) -> Plane {
+    let back = transposed(&cosines());
+    let blocks = component.blocks;
+    let mut plane = Plane::zeros(Size::new(8 * blocks.width, 8 * blocks.height));
+    for (n, block) in component.coefficients.chunks_exact(BLOCK_AREA).enumerate() {
+        let stated = |k: usize| f32::from(block[k]) * f32::from(component.steps[k]);
+        let mut light = std::array::from_fn(stated);
+        transform(&mut light, &back);
+        for (k, v) in light.into_iter().enumerate() {
+            plane.set(n % blocks.width * 8 + k % 8, n / blocks.width * 8 + k / 8, v);
+        }
+    }
+    plane
+}
+
+/// `plane` as large as `size`, between samples as the decoder does: three parts of the nearer one.
+fn enlarged(plane: &Plane, (across, down): (u8, u8), size: Size) -> Plane {
+    let own = Size::new(
+        size.width.div_ceil(usize::from(across)),
+        size.height.div_ceil(usize::from(down)),
+    );
+    let near = |at: usize, pixels: u8, end: usize| match (pixels, at % 2) {
+        (1, _) => (at, at),
+        (_, 0) => (at / 2, (at / 2).saturating_sub(1)),
+        _ => (at / 2, (at / 2 + 1).min(end - 1)),
+    };
+    Plane::from_fn(size, |x, y| {
+        let ((x0, x1), (y0, y1)) = (near(x, across, own.width), near(y, down, own.height));
+        let row = |y| 0.75 * plane.at(x0, y) + 0.25 * plane.at(x1, y);
+        0.75 * row(y0) + 0.25 * row(y1)
+    })
+}
+
+#[test]
+fn what_files_state_is_what_the_decoder_shows() {
+    for (name, bytes) in files() {
+        let coding = coefficients(&bytes).unwrap_or_else(|| panic!("{name}"));
+        assert_eq!(coding.size, Size::new(75, 50), "{name}");
+        let shown = image::load_from_memory(&bytes).unwrap().into_rgb8();
+        let planes: Vec<Plane> = (coding.components.iter())
+            .map(|component| enlarged(&samples(component), component.pixels, coding.size))
+            .collect();
+        let (mut worst, mut total) = (0.0f32, 0.0);
+        for (x, y) in (0..75 * 50).map(|n| (n % 75, n / 75)) {
+            let light = planes[0].at(x, y) + 128.0;
+            let [cb, cr] = [1, 2].map(|n| planes.get(n).map_or(0.0, |plane| plane.at(x, y)));
+            // ITU-T T.871, clause 7.
+            let stated =
+                [light + 1.402 * cr, light - 0.344_136 * cb - 0.714_136 * cr, light + 1.772 * cb];
+            for (stated, &shown) in stated.iter().zip(&shown.get_pixel(x as u32, y as u32).0) {
+                let apart = (stated - f32::from(shown)).abs();
+                (worst, total) = (worst.max(apart), total + apart);
+            }
+        }
+        // Half a code each for brightness, the colour, a sample of chroma and what lies between
+        // its samples either way; chroma counts up to 1.772 times.
+        let between = |component: &CodedComponent| {
+            f32::from(component.pixels.0 - 1) + f32::from(component.pixels.1 - 1)
+        };
+        let ways = coding.components.last().map_or(0.0, between);
+        assert!(worst < 0.5 + 0.5 + 1.772 * (0.5 + 0.5 * ways), "{name}: {worst}");
+        // Of so many roundings together, about half a code.
+        let mean = total / (3.0 * 75.0 * 50.0);
+        assert!(mean < 0.6, "{name}: {mean} in the mean");
+    }
+}
+
+#[test]
+fn damaged_files_state_nothing_or_something_whole() {
+    for (name, whole) in files() {
+        let mut state = 7u64;
+        for round in 0..400 {
+            let mut bytes = whole.clone();
+            for _ in 0..1 + round % 5 {
+                // Numerical Recipes' linear congruential generator; any will do.
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                let at = 2 + (state >> 33) as usize % (bytes.len() - 2);
+                bytes[at] = (state >> 20) as u8;
+            }
+            // What comes through the walk before, which bounds the size.
+            if walk(&bytes).is_ok_and(|walked| walked.size.area() < 1 << 20) {
+                assert!(coefficients(&bytes).is_none_or(|coding| coding.is_whole()), "{name}");
+            }
+        }
+    }
+}

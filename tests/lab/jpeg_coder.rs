@@ -1,0 +1,187 @@
+//! A JPEG coder for the laboratory: sequential, chroma at full or half size, and codes of one
+//! length (ITU-T T.81 allows any), so that what it writes is long and plain.
+
+use relens::frame::block_transform::{cosines, transform};
+use relens::frame::{Frame, Size, Work};
+
+/// How a photo is coded.
+#[derive(Clone, Copy)]
+pub(crate) struct Quality {
+    /// 1 to 100, as libjpeg counts.
+    pub(crate) quality: u32,
+    /// Pixels across and down of a sample of chroma.
+    pub(crate) pixels: (usize, usize),
+}
+
+impl Quality {
+    /// The word in tables.
+    pub(crate) fn name(self) -> String {
+        let chroma = match self.pixels {
+            (1, 1) => "4:4:4",
+            (2, 1) => "4:2:2",
+            _ => "4:2:0",
+        };
+        format!("{}, {chroma}", self.quality)
+    }
+}
+
+/// T.81's tables K.1 and K.2 at quality 50, row by row.
+#[rustfmt::skip]
+const STEPS: [[u32; 64]; 2] = [
+    [
+        16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55,
+        14, 13, 16, 24, 40, 57, 69, 56, 14, 17, 22, 29, 51, 87, 80, 62,
+        18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92,
+        49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
+    ],
+    [
+        17, 18, 24, 47, 99, 99, 99, 99, 18, 21, 26, 66, 99, 99, 99, 99,
+        24, 26, 56, 99, 99, 99, 99, 99, 47, 66, 99, 99, 99, 99, 99, 99,
+        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
+        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
+    ],
+];
+
+/// Row by row, in the order of a scan (T.81, figure A.6).
+fn zigzag() -> Vec<usize> {
+    let mut places: Vec<usize> = (0..64).collect();
+    let key = |&place: &usize| {
+        let (x, y) = (place % 8, place / 8);
+        (x + y, if (x + y) % 2 == 0 { x } else { y })
+    };
+    places.sort_by_key(key);
+    places
+}
+
+/// Bits on their way into bytes.
+#[derive(Default)]
+struct Writer {
+    bytes: Vec<u8>,
+    held: u32,
+    count: u32,
+}
+
+impl Writer {
+    fn put(&mut self, value: u32, count: u32) {
+        for bit in (0..count).rev() {
+            self.held = self.held << 1 | value >> bit & 1;
+            self.count += 1;
+            if self.count == 8 {
+                self.bytes.push(self.held as u8);
+                if self.held as u8 == 0xff {
+                    self.bytes.push(0);
+                }
+                (self.held, self.count) = (0, 0);
+            }
+        }
+    }
+
+    /// A number's size and its bits after the code of `zeros` and that size.
+    fn number(&mut self, zeros: u32, value: i32, length: u32) {
+        let size = 32 - value.unsigned_abs().leading_zeros();
+        self.put(zeros << 4 | size, length);
+        let bits = if value < 0 { value - 1 } else { value };
+        self.put(bits as u32 & ((1 << size) - 1), size);
+    }
+}
+
+/// The file of `codes`.
+pub(crate) fn coded(codes: &Frame<Work, u8>, quality: Quality) -> Vec<u8> {
+    let (size, (across, down)) = (codes.size(), quality.pixels);
+    let scale = match quality.quality {
+        q if q < 50 => 5000 / q.max(1),
+        q => 200 - 2 * q.min(100),
+    };
+    let steps = STEPS.map(|table| table.map(|step| ((step * scale + 50) / 100).clamp(1, 255)));
+    let zigzag = zigzag();
+    let mut file = vec![0xff, 0xd8];
+    let mut segment = |marker: u8, body: &[u8]| {
+        file.extend([0xff, marker]);
+        file.extend((body.len() as u16 + 2).to_be_bytes());
+        file.extend(body);
+    };
+    for (n, table) in steps.iter().enumerate() {
+        let body: Vec<u8> =
+            std::iter::once(n as u8).chain(zigzag.iter().map(|&k| table[k] as u8)).collect();
+        segment(0xdb, &body);
+    }
+    let [h, w] = [size.height, size.width].map(|side| (side as u16).to_be_bytes());
+    let first = (across << 4 | down) as u8;
+    segment(0xc0, &[8, h[0], h[1], w[0], w[1], 3, 1, first, 0, 2, 0x11, 1, 3, 0x11, 1]);
+    // Codes of 5 bits for the 16 sizes, and of 9 for the 256 pairs of zeros and size.
+    for (class, length, count) in [(0x00, 5, 16), (0x10, 9, 255)] {
+        let mut body = vec![class];
+        body.extend((1..=16).map(|bits| if bits == length { count } else { 0 }));
+        body.extend(0..count);
+        segment(0xc4, &body);
+    }
+    segment(0xda, &[3, 1, 0, 2, 0, 3, 0, 0, 63, 0]);
+    let mut bits = Writer::default();
+    let mut before = [0i32; 3];
+    let there = cosines();
+    let units = (size.width.div_ceil(8 * across), size.height.div_ceil(8 * down));
+    for unit in 0..units.0 * units.1 {
+        let (column, row) = (unit % units.0, unit / units.0);
+        for n in 0..3 {
+            let (own, parts) = match n {
+                0 => ((1, 1), (across, down)),
+                _ => ((across, down), (1, 1)),
+            };
+            for part in 0..parts.0 * parts.1 {
+                let x0 = (column * parts.0 + part % parts.0) * 8;
+                let y0 = (row * parts.1 + part / parts.0) * 8;
+                let mut block: [f32; 64] =
+                    std::array::from_fn(|k| sample(codes, n, (x0 + k % 8, y0 + k / 8), own, size));
+                transform(&mut block, &there);
+                let stated: Vec<i32> = zigzag
+                    .iter()
+                    .map(|&k| (block[k] / steps[n.min(1)][k] as f32).round() as i32)
+                    .collect();
+                bits.number(0, stated[0] - before[n], 5);
+                before[n] = stated[0];
+                let mut zeros = 0;
+                for &value in &stated[1..] {
+                    if value == 0 {
+                        zeros += 1;
+                        continue;
+                    }
+                    while zeros > 15 {
+                        bits.put(0xf0, 9);
+                        zeros -= 16;
+                    }
+                    bits.number(zeros, value, 9);
+                    zeros = 0;
+                }
+                if zeros > 0 {
+                    bits.put(0, 9);
+                }
+            }
+        }
+    }
+    bits.put(0x7f, 7);
+    file.extend(bits.bytes);
+    file.extend([0xff, 0xd9]);
+    file
+}
+
+/// A sample of component `n` at (x, y): the mean of its pixels, the picture's edges repeated.
+fn sample(
+    codes: &Frame<Work, u8>,
+    n: usize,
+    (x, y): (usize, usize),
+    (across, down): (usize, usize),
+    size: Size,
+) -> f32 {
+    // ITU-T T.871, clause 7, less what T.81, A.3.1 takes off.
+    let weights =
+        [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]][n];
+    let mut sum = if n == 0 { -128.0 } else { 0.0 };
+    for pixel in 0..across * down {
+        let x = (x * across + pixel % across).min(size.width - 1);
+        let y = (y * down + pixel / across).min(size.height - 1);
+        for (plane, weight) in codes.planes().iter().zip(weights) {
+            sum += weight * f32::from(plane.at(x, y)) / (across * down) as f32;
+        }
+    }
+    sum
+}
