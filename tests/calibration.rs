@@ -262,6 +262,70 @@ fn the_studys_rig_is_calibrated_without_a_checkerboard() {
     score_operator(&config, &mut rig, &witness, &calibration, 1.0);
 }
 
+#[test]
+fn the_response_of_each_site_is_found_and_bad_sites_with_it() {
+    let mut config = load("truthful.toml");
+    // Stripes beat with pixels as coarse as this rig's, and not all of that is told from sites.
+    score_pattern(&config, 0.0027);
+    if let config::Kind::Simulated(simulation) = &mut config.kind {
+        simulation.display.subpixels = config::Subpixels::Whole;
+    }
+    score_pattern(&config, 0.0);
+}
+
+/// Responses and bad sites against the truth; what is left may be `more` than the noise allowed.
+fn score_pattern(config: &config::RigFile, more: f64) {
+    let (_rig, witness, calibration) = calibrated(config);
+    let layout = Layout::of(config);
+    let correction = Correction::new(&calibration, layout).expect("sizes that fit");
+    let (sites, mosaic) = (correction.sites().expect("a pattern"), layout.canvas_mosaic());
+    let (mut missed, mut hot) = (0, 0);
+    for c in Channel::ALL {
+        let [gain, own] = witness.fixed_pattern(c);
+        let (mut squared, mut truth, mut count, mut bad) = (0.0, 0.0, 0.0, 0);
+        for y in 0..layout.canvas().height {
+            for x in 0..layout.canvas().width {
+                if mosaic.expect("filters").colour_at(x, y) != c {
+                    continue;
+                }
+                let at = |plane: &Plane| {
+                    f64::from(plane.at(
+                        x + layout.photo_x_px - layout.margin_px,
+                        y + layout.photo_y_px - layout.margin_px,
+                    ))
+                };
+                let is_hot = at(&own) > 2.0;
+                hot += usize::from(is_hot);
+                match sites.response(c, x, y) {
+                    Some(found) => {
+                        missed += usize::from(is_hot);
+                        squared += (f64::from(found) - at(&gain)).powi(2);
+                        truth += (at(&gain) - 1.0).powi(2);
+                        count += 1.0;
+                    }
+                    None => bad += usize::from(at(&own) == 0.0),
+                }
+            }
+        }
+        let (off, was) = (f64::sqrt(squared / count), f64::sqrt(truth / count));
+        // A tenth of the noise of one exposure where photos are bright, and a fifth of the sites'
+        // own differences, which surroundings hold.
+        let allowed = f64::hypot(0.1 * witness.noise_levels(230.0) / 230.0, was / 5.0).hypot(more);
+        println!(
+            "{}: responses differ by {:.3} %, found to {:.3} % ({:.3} allowed), {bad} of {count} \
+             taken for bad",
+            c.name(),
+            100.0 * was,
+            100.0 * off,
+            100.0 * allowed
+        );
+        assert!(off <= allowed, "{c:?}: {off}");
+        assert!(bad as f64 <= 1e-4 * count, "{bad} of {count} good sites are taken for bad");
+    }
+    println!("{missed} of {hot} sites with more than two grey levels of their own are not found");
+    assert!(hot > 5 && missed == 0);
+}
+
 /// What a rig that is wrong in one way is told.
 fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
     let config = load("small.toml");

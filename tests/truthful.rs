@@ -83,6 +83,15 @@ fn tried(rig: &config::RigFile, scenes: &[Scene]) -> Result<Vec<Tried>, String> 
     tried_after(rig, scenes, &|_| {})
 }
 
+/// The same, `since` having happened to the rig after it was calibrated.
+fn tried_after(
+    rig: &config::RigFile,
+    scenes: &[Scene],
+    since: &dyn Fn(&mut Witness),
+) -> Result<Vec<Tried>, String> {
+    tried_of(rig, scenes, raw_photos(), since)
+}
+
 /// Whether photos are the camera's raw sites where it has colour filters, and no picture that was
 /// interpolated before.
 fn raw_photos() -> bool {
@@ -98,10 +107,11 @@ fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame
     Some((raw.mosaic.interpolated(&sites), known))
 }
 
-/// The same, `since` having happened to the rig after it was calibrated.
-fn tried_after(
+/// The same of `raw` photos or not.
+fn tried_of(
     rig: &config::RigFile,
     scenes: &[Scene],
+    raw: bool,
     since: &dyn Fn(&mut Witness),
 ) -> Result<Vec<Tried>, String> {
     let (mut devices, mut witness) = simulated::open(rig).unwrap();
@@ -117,7 +127,7 @@ fn tried_after(
         let codes = scene.codes(rig.photo.size());
         let truth = light_of(&Frame::from_fn(|c| rounded(codes.plane(c))));
         let seed = 1 + scene as u64;
-        let raw = raw_photos().then(|| raw_photo(&witness, &truth, seed)).flatten();
+        let raw = raw.then(|| raw_photo(&witness, &truth, seed)).flatten();
         let photo = match &raw {
             Some((photo, _)) => photo.clone(),
             None => light_of(&witness.photograph(&truth, seed)),
@@ -206,6 +216,28 @@ fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
                 assert!(one.delivered[0] > one.photo[0], "{name} {px} {}", one.verdict);
             }
         }
+    }
+}
+
+#[test]
+fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
+    let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
+    let [mosaic, pattern] = [DEPARTURES[0].1, DEPARTURES[6].1];
+    let with_flats = |departures: &[Departure], flats: usize| {
+        let mut rig = departed(departures);
+        rig.calibration.response_flats = flats;
+        tried_of(&rig, &scenes, true, &|_| {}).unwrap()
+    };
+    let alike = with_flats(&[mosaic], 0);
+    let [smooth, measured] = [0, 100].map(|flats| with_flats(&[mosaic, pattern], flats));
+    let loss = |of: &[Tried], by: fn(&Tried) -> [f64; 2]| {
+        let each = alike.iter().zip(of).map(|(a, b)| by(a)[1] - by(b)[1]);
+        each.sum::<f64>() / scenes.len() as f64
+    };
+    for (name, by) in [("digital", (|t| t.digital) as fn(&Tried) -> _), ("hybrid", |t| t.hybrid)] {
+        let [smooth, measured] = [loss(&smooth, by), loss(&measured, by)];
+        println!("{name}: {smooth:.3} dB lost with smooth flats, {measured:.3} site by site");
+        assert!(measured <= 0.1 && smooth > 5.0 * measured, "{name}");
     }
 }
 

@@ -1,19 +1,19 @@
 //! A calibration put to work: a Work picture to panel codes, and sensor counts back to Work.
 //!
 //! Shown: warp to the panel per channel, response curve undone, diffused to 8 bits. Seen: black
-//! subtracted, mixing undone, dark corner divided out. Captures are cropped and never resampled,
-//! for Work *is* the camera's own pixel grid. Outside the canvas the panel goes on with the
-//! canvas's border pixels.
+//! subtracted, sites made alike, mixing undone, dark corner divided out. Captures are cropped and
+//! never resampled, for Work *is* the camera's own pixel grid. Outside the canvas the panel goes on
+//! with the canvas's border pixels.
 
 use rayon::prelude::*;
 
 use super::curve::Inverse;
 use super::dither::Diffusion;
 use super::surface::Domain;
-use super::{Calibration, Geometry};
+use super::{Calibration, Geometry, SiteGains};
 use crate::config;
 use crate::frame::resample::{Outside, warp};
-use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Size, Work};
+use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work};
 use crate::remedy::{Remediable, Remedy};
 
 /// Sizes of the devices and where the photo lies on the sensor; from the rig file.
@@ -129,6 +129,8 @@ pub struct Correction {
     black: [Plane; 3],
     /// Light per unmixed count, canvas-sized: 1 / (counts per level · dark corner).
     gain: [Plane; 3],
+    /// How the sensor's sites differ, where it was measured.
+    sites: Option<SiteGains>,
 }
 
 /// Rows of the panel made at a time: one band a task, errors diffused within it.
@@ -175,7 +177,13 @@ impl Correction {
             unmix,
             black: Channel::ALL.map(|c| on_canvas(&calibration.black[c.index()])),
             gain: Channel::ALL.map(gain),
+            sites: SiteGains::new(&calibration.pattern, canvas, layout.canvas_mosaic()),
         })
+    }
+
+    /// How the sensor's sites differ, on the canvas; `None` where it was not measured.
+    pub fn sites(&self) -> Option<&SiteGains> {
+        self.sites.as_ref()
     }
 
     /// The same, for which what lies between a channel's sites is as good as they are: where means
@@ -275,6 +283,7 @@ impl Correction {
         let mut light = Frame::<Work>::zeros(canvas);
         let mut good = Plane::<u8>::zeros(canvas);
         let width = canvas.width;
+        let even = self.sites.as_ref().and_then(|sites| self.evened(sites, counts));
         let [red, green, blue] = light.planes_mut();
         let mut rows: Vec<_> = red
             .data_mut()
@@ -285,22 +294,60 @@ impl Correction {
             .enumerate()
             .collect();
         rows.par_iter_mut().with_min_len(32).for_each(|(y, (((red, green), blue), good))| {
-            self.see_row(counts, *y, [&mut **red, &mut **green, &mut **blue], good);
+            let light = [&mut **red, &mut **green, &mut **blue];
+            self.see_row(counts, even.as_ref(), *y, light, good);
         });
         drop(rows);
-        let trusted = |c: Channel| match self.layout.canvas_mosaic() {
-            Some(mosaic) => {
-                let own = |x, y| u8::from(mosaic.colour_at(x, y) == c);
-                Plane::from_fn(canvas, |x, y| good.at(x, y) & own(x, y))
-            }
-            None => good.clone(),
+        let mosaic = self.layout.canvas_mosaic();
+        // Where means over several pixels are looked at, what a bad site was patched with is good.
+        let sites = self.sites.as_ref().filter(|sites| sites.mosaic() == mosaic);
+        let trusted = |c: Channel| match (mosaic, sites) {
+            (None, None) => good.clone(),
+            _ => Plane::from_fn(canvas, |x, y| {
+                let own = mosaic.is_none_or(|mosaic| mosaic.colour_at(x, y) == c);
+                let bad = own && sites.is_some_and(|sites| sites.is_bad(c, x, y));
+                good.at(x, y) & u8::from(own && !bad)
+            }),
         };
         Corrected { light, trusted: Frame::from_fn(trusted) }
     }
 
-    fn see_row(&self, counts: &Counts, y: usize, light: [&mut [f32]; 3], good: &mut [u8]) {
+    /// Canvas columns or rows that lie on a sensor of so many, the photo's first being number
+    /// `photo`: the first, and how many.
+    fn reach(&self, photo: usize, of_canvas: usize, of_sensor: usize) -> (usize, usize) {
+        let skip = self.layout.margin_px.saturating_sub(photo);
+        let start = (photo + skip).saturating_sub(self.layout.margin_px);
+        (skip, of_canvas.saturating_sub(skip).min(of_sensor.saturating_sub(start)))
+    }
+
+    /// Counts over black as alike sites would have given them, and the part of the canvas that they
+    /// are of; `None` where it is empty.
+    fn evened(&self, sites: &SiteGains, counts: &Counts) -> Option<(Rect, Frame<Work>)> {
+        let (layout, canvas) = (&self.layout, self.layout.canvas());
+        let (x, width) = self.reach(layout.photo_x_px, canvas.width, layout.sensor.width);
+        let (y, height) = self.reach(layout.photo_y_px, canvas.height, layout.sensor.height);
+        if width == 0 || height == 0 {
+            return None;
+        }
+        let place = Rect { x, y, size: Size::new(width, height) };
+        let (left, top) =
+            (layout.photo_x_px + x - layout.margin_px, layout.photo_y_px + y - layout.margin_px);
+        let over = |c: Channel, column: usize, row: usize| {
+            let count = counts.plane(c).at(left + column, top + row);
+            f32::from(count) - self.black[c.index()].at(x + column, y + row)
+        };
+        Some((place, sites.evened(place, over)))
+    }
+
+    fn see_row(
+        &self,
+        counts: &Counts,
+        even: Option<&(Rect, Frame<Work>)>,
+        y: usize,
+        light: [&mut [f32]; 3],
+        good: &mut [u8],
+    ) {
         let layout = &self.layout;
-        let width = layout.canvas().width;
         // The canvas's first pixel may lie outside the sensor.
         let Some(sensor_y) = (layout.photo_y_px + y)
             .checked_sub(layout.margin_px)
@@ -308,25 +355,37 @@ impl Correction {
         else {
             return;
         };
-        let skip = layout.margin_px.saturating_sub(layout.photo_x_px);
+        let (skip, reach) =
+            self.reach(layout.photo_x_px, layout.canvas().width, layout.sensor.width);
         let start = (layout.photo_x_px + skip).saturating_sub(layout.margin_px);
-        let reach = width.saturating_sub(skip).min(layout.sensor.width.saturating_sub(start));
-        let taken = |c: usize| &counts.planes()[c].row(sensor_y)[start..start + reach];
-        let black = |c: usize| &self.black[c].row(y)[skip..skip + reach];
-        let gain = |c: usize| &self.gain[c].row(y)[skip..skip + reach];
-        let (t, b, g) = (
-            [taken(0), taken(1), taken(2)],
-            [black(0), black(1), black(2)],
-            [gain(0), gain(1), gain(2)],
-        );
+        let t = [0, 1, 2].map(|c| &counts.planes()[c].row(sensor_y)[start..start + reach]);
         let good = &mut good[skip..skip + reach];
-        let [red, green, blue] = light.map(|row| &mut row[skip..skip + reach]);
+        for (x, good) in good.iter_mut().enumerate() {
+            *good = u8::from(t[0][x].max(t[1][x]).max(t[2][x]) < layout.saturated);
+        }
+        let light = light.map(|row| &mut row[skip..skip + reach]);
+        if let Some((place, even)) = even {
+            let e = [0, 1, 2].map(|c| &even.planes()[c].row(y - place.y)[..reach]);
+            self.unmixed(y, skip, light, |x| [e[0][x], e[1][x], e[2][x]]);
+            return;
+        }
+        let b = [0, 1, 2].map(|c| &self.black[c].row(y)[skip..skip + reach]);
+        let over = |c: usize, x: usize| f32::from(t[c][x]) - b[c][x];
+        self.unmixed(y, skip, light, |x| [over(0, x), over(1, x), over(2, x)]);
+    }
+
+    /// The light of row `y` of the canvas from its column `skip` on, of counts over black.
+    fn unmixed(
+        &self,
+        y: usize,
+        skip: usize,
+        [red, green, blue]: [&mut [f32]; 3],
+        over: impl Fn(usize) -> [f32; 3],
+    ) {
+        let reach = red.len();
+        let g = [0, 1, 2].map(|c| &self.gain[c].row(y)[skip..skip + reach]);
         for x in 0..reach {
-            let over = [
-                f32::from(t[0][x]) - b[0][x],
-                f32::from(t[1][x]) - b[1][x],
-                f32::from(t[2][x]) - b[2][x],
-            ];
+            let over = over(x);
             let own = |to: usize| {
                 over[0] * self.unmix[0][to]
                     + over[1] * self.unmix[1][to]
@@ -335,7 +394,6 @@ impl Correction {
             red[x] = own(0) * g[0][x];
             green[x] = own(1) * g[1][x];
             blue[x] = own(2) * g[2][x];
-            good[x] = u8::from(t[0][x].max(t[1][x]).max(t[2][x]) < layout.saturated);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::geometric::Map;
 use super::surface::{Domain, Surface};
-use super::{Calibration, CrossChannel, Geometry, Noise, ResponseCurve};
+use super::{Calibration, CrossChannel, Geometry, Noise, ResponseCurve, ResponsePattern};
 use crate::deconvolution::lens_model::{Halo, LensFunctions};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
@@ -39,6 +39,7 @@ pub(crate) fn calibration() -> Calibration {
         curves: [curve(), curve(), curve()],
         black: [64.0, 65.0, 66.0].map(|b| Surface::constant(canvas, b)),
         counts_per_level: [3.0, 3.2, 2.9],
+        pattern: ResponsePattern::default(),
         noise: [noise; 3],
         functions: LensFunctions {
             rows: 1,

@@ -7,6 +7,7 @@
 //! | dark corner | [`dark_corner`] |
 //! | cross-channel response, Eq. 13 | [`cross_channel`], [`curve`] |
 //! | (noise, lens functions: not in the paper) | [`noise`], [`lens_blur`] |
+//! | (how the sensor's sites differ: not in the paper) | [`response_pattern`], [`site_gains`] |
 //!
 //! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on
 //! flash, and the procedure on a rig is [`crate::measurement`] (layer 3).
@@ -23,6 +24,8 @@ pub mod noise;
 mod norms;
 pub mod photo_side;
 pub mod response;
+pub mod response_pattern;
+pub mod site_gains;
 pub mod store;
 pub mod surface;
 
@@ -37,6 +40,8 @@ pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;
 pub use noise::Noise;
+pub use response_pattern::ResponsePattern;
+pub use site_gains::SiteGains;
 use surface::Surface;
 
 /// Everything measured on one rig, at one time.
@@ -63,6 +68,8 @@ pub struct Calibration {
     pub black: [Surface; 3],
     /// Sensor counts per unit of light (0..255) where the dark corner is 1, per channel.
     pub counts_per_level: [f32; 3],
+    /// How the sensor's sites differ, on the canvas.
+    pub pattern: ResponsePattern,
     /// Noise of one capture in units of light, per channel, mixing undone.
     pub noise: [Noise; 3],
     /// The lens functions, each about sum 1: light to light, dark corner taken out.
@@ -129,6 +136,9 @@ impl Calibration {
                 self.level_norms
             ));
         }
+        let twice = self.margin_px.saturating_mul(2);
+        let side = |photo: usize| photo.saturating_add(twice);
+        self.pattern.check(Size::new(side(self.photo.width), side(self.photo.height)))?;
         self.broad.iter().try_for_each(|halos| check_halos(halos))?;
         self.functions.check().map_err(|e| e.to_string())
     }

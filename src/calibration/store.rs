@@ -15,12 +15,13 @@ use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
 /// The format of slots; goes up with every change of [`Calibration`]'s layout.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 const HEADER_BYTES: usize = 28;
 const CRC_BYTES: usize = 4;
 const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];
-/// Larger than any calibration: 192 functions of 101×101 taps in three channels are 24 MB.
-const SLOT_BYTES_MAX: u64 = 64 << 20;
+/// Larger than any calibration: 192 functions of 101×101 taps in three channels are 24 MB, the
+/// response of 24 million pixels in three channels 72 MB.
+const SLOT_BYTES_MAX: u64 = 128 << 20;
 
 /// Why one slot is not good.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

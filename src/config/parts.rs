@@ -2,6 +2,7 @@
 
 use super::keys::{table, words};
 use super::methods::MethodName;
+use super::simulation::is_default;
 use crate::frame::Size;
 
 table! {
@@ -118,6 +119,11 @@ table! {
         /// by more than a tenth is refused.
         @[serde(skip_serializing_if = "std::ops::Not::not")]
         linearity: bool, Truth, Means("false");
+        /// Flats by which each of the sensor's sites is compared with its surroundings, and hot and
+        /// dead ones are found; none: all are taken to be alike. With a hundred the comparison adds
+        /// less than a tenth of a photo's noise.
+        @[serde(skip_serializing_if = "is_default")]
+        response_flats: usize, Whole(0, 10_000), Means("0");
     }
 }
 

@@ -62,7 +62,7 @@ table! {
 
 /// Whether a value is what it is when its key is left out. Keys that came after calibrations were
 /// made are then not part of an identity.
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 

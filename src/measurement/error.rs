@@ -93,6 +93,17 @@ pub enum CalibrateError {
         /// What is allowed.
         allowed: String,
     },
+    /// The sensor has more bad sites than can be done without.
+    #[error(
+        "{found_percent:.1} % of the sensor's sites are hot or dead, {allowed_percent:.0} % are \
+         allowed; clean the sensor's window, cool the camera, or shorten the exposure"
+    )]
+    BadSites {
+        /// Share found.
+        found_percent: f64,
+        /// Largest share allowed.
+        allowed_percent: f64,
+    },
     /// A smooth surface does not fit.
     #[error("calibration step `{step}` cannot be fitted")]
     Fit {

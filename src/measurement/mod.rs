@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | trials | 2 black, 1 white | judgement of exposure and view; black level |
 //! | linearity | 11 (if `linearity`, exposure settable) | judgement of the camera's curve |
+//! | response pattern | 8 black, `response-flats` at 224 (each once) | how sites differ |
 //! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; judgement of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
 //! | cross-channel | 3 gradations a channel | C, response curves |
@@ -22,13 +23,16 @@ mod lens;
 mod linearity;
 mod photometric;
 mod session;
+mod sites;
 
 pub use error::CalibrateError;
 pub use session::CalibrationProgress;
 
 use crate::calibration::geometric::Geometry;
 use crate::calibration::surface::Surface;
-use crate::calibration::{Calibration, CrossChannel, Layout, Noise, ResponseCurve};
+use crate::calibration::{
+    Calibration, CrossChannel, Layout, Noise, ResponseCurve, ResponsePattern,
+};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
@@ -55,10 +59,14 @@ pub fn calibrate(
     if config.calibration.linearity {
         linearity::prove(&mut session)?;
     }
+    let flats = sites::expose(&mut session)?;
     let (geometry, board) = board::geometry(&mut session, &black)?;
     let mut calibration = blank(config, geometry);
     calibration.generation = previous.map_or(1, |p| p.generation.wrapping_add(1));
     photometric::black(&mut calibration, config, &black)?;
+    if let Some(flats) = &flats {
+        sites::pattern(&session, &mut calibration, flats)?;
+    }
     photometric::dark_corner(&mut session, &mut calibration, &black)?;
     photometric::cross_channel(&mut session, &mut calibration, &black)?;
     lens::measure(&mut session, &mut calibration, board.as_ref())?;
@@ -84,7 +92,11 @@ pub fn captures(config: &config::RigFile) -> u32 {
         + config.calibration.patterns
         + 5;
     let straight = if config.calibration.linearity { linearity::CAPTURES } else { 0 };
-    (3 + straight + averaged * config.calibration.captures_averaged.max(1)) as u32
+    let flats = match config.calibration.response_flats {
+        0 => 0,
+        flats => sites::DARKS + flats,
+    };
+    (3 + straight + flats + averaged * config.calibration.captures_averaged.max(1)) as u32
 }
 
 /// A calibration of which only the geometry is known.
@@ -102,6 +114,7 @@ fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
         curves: [ResponseCurve::linear(), ResponseCurve::linear(), ResponseCurve::linear()],
         black: [one(), one(), one()],
         counts_per_level: [1.0; 3],
+        pattern: ResponsePattern::default(),
         noise: [Noise { at_black: 0.0, per_level: 0.0 }; 3],
         functions: LensFunctions {
             rows: 1,

@@ -98,6 +98,31 @@ impl<'a> Session<'a> {
         Ok(sum)
     }
 
+    /// The mean of so many exposures of `codes`, at least one: shown once, and exposed again.
+    pub(super) fn mean(
+        &mut self,
+        codes: &Codes,
+        exposures: usize,
+    ) -> Result<Frame<SensorSpace>, CalibrateError> {
+        let first = self.raw(codes)?;
+        let mut sums: Frame<SensorSpace, u32> =
+            Frame::from_planes(first.into_planes().map(|p| p.map(u32::from)));
+        for _ in 1..exposures {
+            let step = self.step;
+            let more =
+                self.rig.expose().map_err(|source| CalibrateError::Rig { step, source })?.counts;
+            for (sum, more) in sums.planes_mut().iter_mut().zip(more.planes()) {
+                sum.data_mut().iter_mut().zip(more.data()).for_each(|(s, &c)| *s += u32::from(c));
+            }
+            self.rig.camera.give_back(more);
+            self.captures += 1;
+            self.report();
+        }
+        let share = 1.0 / exposures.max(1) as f32;
+        let mean = |sum: &Plane<u32>| sum.map(|v| v as f32 * share);
+        Ok(Frame::from_planes(sums.planes().each_ref().map(mean)))
+    }
+
     /// `picture` (canvas-sized light) shown and seen as often as the rig file asks to average,
     /// averaged; trusted where all captures are.
     pub(super) fn seen(

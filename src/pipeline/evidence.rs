@@ -87,8 +87,8 @@ impl Pipeline {
         let rough = |picture: &Frame<Work>| roughness(&lightness(picture, photo.channels));
         let before = match photo.mosaic {
             // The photo's own, not the canvas's.
-            Some(of) => rough(&in_cells(photo.photo, of.from_place(photo.rect.x, photo.rect.y))),
-            None => rough(photo.photo),
+            Some(of) => rough(&in_cells(&photo.photo, of.from_place(photo.rect.x, photo.rect.y))),
+            None => rough(&photo.photo),
         };
         let rougher = rough(&solved.picture) / before.max(NOISE_MIN);
         let reach = solved.lens.functions().support_px / 2;

@@ -80,7 +80,7 @@ impl Pipeline {
         let captures = solved.captures;
         if let Some(reason) = foreign(&reference.evidence) {
             let evidence = Some(reference.evidence.clone());
-            let untouched = Outcome::untouched(photo.photo.clone(), reason);
+            let untouched = Outcome::untouched(photo.photo.as_ref().clone(), reason);
             return Ok(Outcome { evidence, captures, ..untouched });
         }
         let Some(reason) = harmful(photo, solved, &evidence, &reference.solved) else {
@@ -140,7 +140,7 @@ fn harmful(
     evidence: &Evidence,
     reference: &Solved,
 ) -> Option<String> {
-    let found = distance(photo.photo, &solved.picture, &reference.picture, photo.channels);
+    let found = distance(&photo.photo, &solved.picture, &reference.picture, photo.channels);
     let allowed = distance_limit(solved);
     if found > allowed || found.is_nan() {
         return Some(format!(

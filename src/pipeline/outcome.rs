@@ -94,7 +94,7 @@ impl Pipeline {
     ) -> Result<Restoration, MethodError> {
         let begun = (self.stopwatch)();
         let (mut outcome, solved) = if photo.is_blank() {
-            (Outcome::untouched(photo.photo.clone(), Rung::LeaveIt.reason()), None)
+            (Outcome::untouched(photo.photo.as_ref().clone(), Rung::LeaveIt.reason()), None)
         } else {
             let solved = self.solve(rig, photo, method, watch)?;
             (self.judge(photo, &solved, watch)?, Some(solved))

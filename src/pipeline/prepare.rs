@@ -4,6 +4,7 @@
 //! | step | why |
 //! |---|---|
 //! | saturated pixels marked | a full pixel is only a lower bound |
+//! | raw sites divided by the sensor's pattern, bad ones marked | no lens made them differ |
 //! | placed on the canvas | light from outside the frame fell into it |
 //! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
 //!
@@ -12,15 +13,17 @@
 //! photo was taken of the panel. Only where the canvas has no margin, and photo and panel both end
 //! in the dark, is the photo divided, too: the flats then hold what the lens loses into it.
 
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use super::Pipeline;
 use super::stages::Prepared;
+use crate::calibration::SiteGains;
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::ladder::is_blank;
-use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Work};
+use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work};
 use crate::picture::Tone;
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
@@ -33,13 +36,30 @@ const NOISE_SAMPLE: usize = 31;
 
 impl Pipeline {
     /// `photo` (photo-sized, linear light 0..255) with its `channels`, made ready.
+    ///
+    /// What bad sites of the rig's sensor may have reached is no data. Nothing says that this
+    /// sensor took a developed photo, nor how it was filled between the sites: it is not divided by
+    /// their pattern, and of another camera's a few pixels are lost for nothing.
     pub fn prepare<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
+        let mut prepared = self.placed(photo, Cow::Borrowed(photo), channels);
+        self.doubt(&mut prepared, SiteGains::reaches);
+        prepared
+    }
+
+    /// `alike`, which is `photo` as sites that are all alike would have taken it, on its canvas.
+    fn placed<'a>(
+        &self,
+        photo: &Frame<Work>,
+        alike: Cow<'a, Frame<Work>>,
+        channels: Channels,
+    ) -> Prepared<'a> {
         let (canvas, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
-        let mut flat = photo.clone();
+        let mut flat = alike.as_ref().clone();
         if self.black_surround {
             self.photo_side.undo_dark_corner(&mut flat);
         }
         let trust = Frame::from_fn(|c| {
+            // What is full is full, whatever it was divided by.
             let full = SATURATION_SHARE * FULL_SCALE;
             let inner = photo.plane(c).map(|v: f32| if v >= full { SATURATED } else { TRUSTED });
             data_term::place(&inner, canvas, rect, MISSING)
@@ -48,10 +68,10 @@ impl Pipeline {
             if self.black_surround {
                 data_term::place(flat.plane(c), canvas, rect, 0.0)
             } else {
-                data_term::place_with_edges(photo.plane(c), canvas, rect)
+                data_term::place_with_edges(flat.plane(c), canvas, rect)
             }
         });
-        let of = |c: Channel| self.noise_and_coding_of(c, photo.plane(c));
+        let of = |c: Channel| self.noise_and_coding_of(c, alike.plane(c));
         let (red, (green, blue)) = rayon::join(
             || of(Channel::Red),
             || rayon::join(|| of(Channel::Green), || of(Channel::Blue)),
@@ -59,7 +79,7 @@ impl Pipeline {
         let (noise, reference) = ([red, green, blue].map(|(all, _)| all), OnceLock::new());
         let coded = [red, green, blue].iter().any(|&(_, coding)| coding > 0.0);
         Prepared {
-            photo,
+            photo: alike,
             channels,
             placed,
             trust,
@@ -99,12 +119,37 @@ impl Pipeline {
         prepared
     }
 
+    /// Takes for missing what the `bad` sites of the sensor's pattern say.
+    fn doubt(
+        &self,
+        prepared: &mut Prepared<'_>,
+        bad: impl Fn(&SiteGains, Channel, usize, usize) -> bool,
+    ) {
+        let Some(sites) = self.correction.sites() else { return };
+        let Rect { x: left, y: top, size } = prepared.rect;
+        for c in Channel::ALL {
+            let trust = prepared.trust.plane_mut(c);
+            for y in top..top + size.height {
+                for x in (left..left + size.width).filter(|&x| bad(sites, c, x, y)) {
+                    trust.set(x, y, MISSING);
+                }
+            }
+        }
+    }
+
     /// The same of a `photo` that this rig's own sensor took and that is known at its `raw` sites
     /// only; between them it holds something to begin with
-    /// ([`Mosaic::interpolated`](crate::frame::Mosaic::interpolated)). The noise is the sensor's.
+    /// ([`Mosaic::interpolated`](crate::frame::Mosaic::interpolated)). The sites are divided by the
+    /// sensor's pattern, and bad ones are missing. The noise is the sensor's.
     pub fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
-        let prepared = self.prepare(photo, Channels::Colour);
-        let Prepared { rect, mut trust, .. } = prepared;
+        let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+        let alike = match self.correction.sites() {
+            Some(sites) => Cow::Owned(sites.evened(rect, |c, x, y| photo.plane(c).at(x, y))),
+            None => Cow::Borrowed(photo),
+        };
+        let mut prepared = self.placed(photo, alike, Channels::Colour);
+        self.doubt(&mut prepared, SiteGains::is_bad);
+        let Prepared { photo, mut trust, .. } = prepared;
         // By two rows and columns a mosaic repeats.
         let mosaic = raw.mosaic.from_place(rect.x, rect.y);
         for channel in Channel::ALL {
@@ -120,7 +165,7 @@ impl Pipeline {
             let levels = self.counts_per_level[c.index()] / raw.counts_per_level;
             levels * self.site_noise[c.index()].sigma(median(photo.plane(c)) / levels)
         });
-        Prepared { trust, mosaic: Some(mosaic), noise, coded: false, ..prepared }
+        Prepared { photo, trust, mosaic: Some(mosaic), noise, coded: false, ..prepared }
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera

@@ -1,5 +1,6 @@
 //! What one step of a photo's way hands to the next: [`Prepared`], [`Solved`], [`Evidence`].
 
+use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use crate::deconvolution::data_term::NOISE_MIN;
@@ -10,8 +11,9 @@ use crate::frame::{Channels, Frame, Mosaic, Rect, Work};
 
 /// A photo as the solver takes it.
 pub struct Prepared<'a> {
-    /// The photo, photo-sized, linear light 0..255.
-    pub photo: &'a Frame<Work>,
+    /// The photo, photo-sized, linear light 0..255; as alike sites would have taken it, where it is
+    /// raw and the sensor's pattern is known.
+    pub photo: Cow<'a, Frame<Work>>,
     /// The channels it has.
     pub channels: Channels,
     /// B on its canvas.

@@ -16,7 +16,7 @@ pub fn interpolate(raw: &Plane<u16>, mosaic: Mosaic, counts: &mut Counts) {
         for y in 0..height {
             let inner_row = y > 0 && y + 1 < height;
             for start in 0..2usize {
-                let offsets = neighbours(mosaic, channel, start, y);
+                let offsets = mosaic.nearest(channel, start, y);
                 let row = plane.row_mut(y);
                 for x in (start..width).step_by(2) {
                     row[x] = if inner_row && x > 0 && x + 1 < width {
@@ -31,27 +31,6 @@ pub fn interpolate(raw: &Plane<u16>, mosaic: Mosaic, counts: &mut Counts) {
                 }
             }
         }
-    }
-}
-
-/// Places of `channel`'s nearest sites around a pixel of this column and row parity, as offsets
-/// 0..3 from the pixel's upper left neighbour.
-fn neighbours(mosaic: Mosaic, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
-    const SELF: [(usize, usize); 1] = [(1, 1)];
-    const SIDES: [(usize, usize); 2] = [(0, 1), (2, 1)];
-    const ENDS: [(usize, usize); 2] = [(1, 0), (1, 2)];
-    const CROSS: [(usize, usize); 4] = [(1, 0), (0, 1), (2, 1), (1, 2)];
-    const CORNERS: [(usize, usize); 4] = [(0, 0), (2, 0), (0, 2), (2, 2)];
-    if mosaic.colour_at(x, y) == channel {
-        &SELF
-    } else if channel == Channel::Green {
-        &CROSS
-    } else if mosaic.colour_at(x + 1, y) == channel {
-        &SIDES
-    } else if mosaic.colour_at(x, y + 1) == channel {
-        &ENDS
-    } else {
-        &CORNERS
     }
 }
 

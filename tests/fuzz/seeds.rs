@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use relens::calibration::geometric::Geometry;
+use relens::calibration::response_pattern::{EvenlyLit, ResponsePattern};
 use relens::calibration::surface::{Domain, Surface};
 use relens::calibration::{Calibration, CrossChannel, Noise, ResponseCurve, store};
 use relens::config;
@@ -113,6 +114,16 @@ fn rig_files(from: &Path, folder: &Path) {
 fn calibration(folder: &Path) {
     let canvas = Domain { left: -4.0, top: -4.0, right: 43.0, bottom: 33.0 };
     let geometry = Geometry::one_to_one(canvas, 5.0, 5.0);
+    let flat = |v: f32| Frame::from_fn(|_| Plane::filled(Size::new(48, 38), v));
+    let (ratio, dark): (Frame<Work>, Frame<Work>) = (flat(1.0), flat(0.0));
+    let seen = EvenlyLit {
+        panel: &dark,
+        ratio: &ratio,
+        share: &ratio,
+        dark: &dark,
+        mosaic: None,
+        rim_px: 0,
+    };
     let identity = [[1.0, 0.1, 0.0], [0.0, 1.0, 0.1], [0.1, 0.0, 1.0]];
     let calibration = Calibration {
         rig: 7,
@@ -125,6 +136,7 @@ fn calibration(folder: &Path) {
         curves: [ResponseCurve::linear(), ResponseCurve::linear(), ResponseCurve::linear()],
         black: [64.0, 65.0, 66.0].map(|b| Surface::constant(canvas, b)),
         counts_per_level: [3.0, 3.2, 2.9],
+        pattern: ResponsePattern::fit(&seen).unwrap(),
         noise: [Noise { at_black: 0.04, per_level: 0.008 }; 3],
         functions: LensFunctions {
             rows: 1,

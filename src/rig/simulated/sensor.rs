@@ -239,6 +239,17 @@ impl SimulatedSensor {
         counts
     }
 
+    /// Gains and own light of one channel's pixels of a sensor of `size`.
+    pub(super) fn fixed_pattern(&self, channel: Channel, size: Size) -> [Plane; 2] {
+        match &self.pattern {
+            Some(pattern) => {
+                let FixedPattern { gain, own_light } = &pattern[channel.index()];
+                [gain.clone(), own_light.clone()]
+            }
+            None => [Plane::filled(size, 1.0), Plane::zeros(size)],
+        }
+    }
+
     /// What the pixels of row `y` of `part` make of light, each in its own way.
     fn differ(&self, channel: Channel, part: Rect, y: usize, levels: &mut [f32]) {
         let Some(pattern) = &self.pattern else { return };

@@ -222,6 +222,12 @@ impl Witness {
         self.shared.bench().sensor.noise_levels(level)
     }
 
+    /// The response of each pixel of the sensor in a channel, about 1, and its own light in grey
+    /// levels.
+    pub fn fixed_pattern(&self, channel: Channel) -> [Plane; 2] {
+        self.shared.bench().sensor.fixed_pattern(channel, self.optics.sensor)
+    }
+
     /// From now on things go wrong with these probabilities.
     pub fn set_faults(&self, faults: Faults) {
         self.shared.bench().faults = faults;

@@ -1,0 +1,302 @@
+//! How the sensor's sites differ: each one's response against its surroundings, and those that are
+//! hot or dead.
+//!
+//! Flats pixel by pixel, divided by their smooth part. A flat of light L_f adds to a photo of light
+//! L the noise of N flats' mean: variance s·L_f / N of L_f, where s·L is the photo's. Of the
+//! photo's noise that is √(L / (L_f·N)): a tenth with N = 100 where photo and flat are equally
+//! bright, and less where the photo is darker or the sensor has read noise as well.
+//!
+//! A flat is not evenly lit where the lens passes the panel's own pixels: their grating beats with
+//! the sensor's. A wave in step with the panel's columns, along which the stripes of three colours
+//! lie, is therefore part of what is smooth.
+
+use std::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+
+use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
+
+/// The step in which a response is kept: 0.1 %, which rounds by 0.03 %, a twentieth of a usual
+/// sensor's noise in white.
+pub const STEP: f32 = 1.0 / 1024.0;
+/// Kept of a site that is not to be used.
+pub(super) const BAD: i8 = i8::MIN;
+/// A response further from its surroundings, 12 %, is no fit site's: industrial sensors differ by
+/// 1 % (EMVA 1288 data sheets).
+const STEPS_MAX: f32 = 127.0;
+/// A dark site that rises so many standard deviations above the others is hot: of a million sites
+/// none by chance.
+const HOT_SIGMAS: f32 = 6.0;
+/// Half the side of the square over which surroundings are taken: 156 sites of red for the three
+/// numbers that are fitted, so that a seventh of a site's own difference is in them. What the lens
+/// passes of the panel's pixels changes over a wider square.
+const AROUND_PX: usize = 12;
+/// Of a wave with less variance than this, where one of a beat has a half, nothing is told.
+const STILL: f64 = 1e-3;
+/// Of light below this share of the middle's nothing is told: guess.
+const LEAST_SHARE: f32 = 0.05;
+/// Largest share of sites that may be bad: guess, ten times what a worn sensor has.
+pub const BAD_SHARE_MAX: f64 = 0.02;
+
+/// The responses of a sensor's sites, on the canvas.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ResponsePattern {
+    /// Steps of [`STEP`] from 1, row by row: one plane of sites behind colour filters, three of a
+    /// sensor that sees every colour at each pixel, none where no pattern was measured.
+    planes: Vec<Vec<i8>>,
+}
+
+/// What was seen of something evenly lit and of darkness; canvas-sized, not a number beyond the
+/// sensor.
+pub struct EvenlyLit<'a> {
+    /// Mean counts over the dark's, over their smooth part; about 1.
+    pub ratio: &'a Frame<Work>,
+    /// Share of light that arrives, against the mean.
+    pub share: &'a Frame<Work>,
+    /// The panel's column, in panel pixels, that each channel sees; for the wave of its pixels.
+    pub panel: &'a Frame<Work>,
+    /// Mean counts of the dark over their smooth part.
+    pub dark: &'a Frame<Work>,
+    /// The canvas's colours; `None` where every pixel sees all.
+    pub mosaic: Option<Mosaic>,
+    /// So wide a border of the canvas tells nothing, for the panel ends with it.
+    pub rim_px: usize,
+}
+
+impl ResponsePattern {
+    /// The pattern that `seen` shows.
+    ///
+    /// # Errors
+    /// The share of bad sites, where it is above [`BAD_SHARE_MAX`].
+    pub fn fit(seen: &EvenlyLit<'_>) -> Result<ResponsePattern, f64> {
+        let size = seen.ratio.size();
+        let mut planes: Vec<Vec<i8>> = match seen.mosaic {
+            Some(_) => vec![vec![BAD; size.area()]],
+            None => vec![vec![BAD; size.area()]; 3],
+        };
+        let (mut bad, mut all) = (0usize, 0usize);
+        for c in Channel::ALL {
+            let own = |x: usize, y: usize| seen.mosaic.is_none_or(|m| m.colour_at(x, y) == c);
+            let to = if seen.mosaic.is_some() { 0 } else { c.index() };
+            for (n, steps) in of_channel(seen, c, &own).into_iter().enumerate() {
+                let Some(steps) = steps else { continue };
+                planes[to][n] = steps;
+                (bad, all) = (bad + usize::from(steps == BAD), all + 1);
+            }
+        }
+        let share = bad as f64 / all.max(1) as f64;
+        if share > BAD_SHARE_MAX {
+            return Err(share);
+        }
+        Ok(ResponsePattern { planes })
+    }
+
+    /// Whether none was measured.
+    pub fn is_none(&self) -> bool {
+        self.planes.is_empty()
+    }
+
+    /// Its planes: none, one, or three.
+    pub(super) fn planes(&self) -> &[Vec<i8>] {
+        &self.planes
+    }
+
+    /// Whether it is a pattern of a canvas of this size, in words when not.
+    pub(super) fn check(&self, canvas: Size) -> Result<(), String> {
+        let sites = canvas.width.checked_mul(canvas.height);
+        let fits = |plane: &Vec<i8>| Some(plane.len()) == sites;
+        if matches!(self.planes.len(), 0 | 1 | 3) && self.planes.iter().all(fits) {
+            return Ok(());
+        }
+        let found: Vec<usize> = self.planes.iter().map(Vec::len).collect();
+        Err(format!("a response pattern of {found:?} sites; one or three of {canvas} are allowed"))
+    }
+}
+
+/// Steps of one channel's sites, row by row; `None` of sites of others and beyond the sensor.
+fn of_channel(
+    seen: &EvenlyLit<'_>,
+    channel: Channel,
+    own: &dyn Fn(usize, usize) -> bool,
+) -> Vec<Option<i8>> {
+    let (ratio, dark) = (seen.ratio.plane(channel), seen.dark.plane(channel));
+    let share = seen.share.plane(channel);
+    let size = ratio.size();
+    let there = |x: usize, y: usize| own(x, y) && !ratio.at(x, y).is_nan();
+    let hot = hot_above(size, dark, &there);
+    let told = |x: usize, y: usize| {
+        let to_border = x.min(y).min(size.width - 1 - x).min(size.height - 1 - y);
+        to_border >= seen.rim_px && share.at(x, y) > LEAST_SHARE
+    };
+    let fit = |x: usize, y: usize| there(x, y) && told(x, y) && dark.at(x, y).abs() <= hot;
+    // Twice, so that what is dead is no part of its neighbours' surroundings.
+    let mut good = Plane::from_fn(size, fit);
+    let mut response = Plane::zeros(size);
+    for _ in 0..2 {
+        let around = surroundings(ratio, &good, seen.panel.plane(channel));
+        response = Plane::from_fn(size, |x, y| ratio.at(x, y) / around.at(x, y) - 1.0);
+        good =
+            Plane::from_fn(size, |x, y| fit(x, y) && (response.at(x, y) / STEP).abs() <= STEPS_MAX);
+    }
+    let steps = |x: usize, y: usize| match (there(x, y), good.at(x, y)) {
+        (false, _) => None,
+        (true, true) => Some((response.at(x, y) / STEP).round() as i8),
+        (true, false) if !told(x, y) && dark.at(x, y).abs() <= hot => Some(0),
+        (true, false) => Some(BAD),
+    };
+    (0..size.area()).map(|n| steps(n % size.width, n / size.width)).collect()
+}
+
+/// How far a dark site may be from the smooth dark, counts.
+fn hot_above(size: Size, dark: &Plane, there: &dyn Fn(usize, usize) -> bool) -> f32 {
+    let mut off: Vec<f32> = (0..size.area())
+        .filter(|n| there(n % size.width, n / size.width))
+        .map(|n| dark.data()[n].abs())
+        .collect();
+    if off.is_empty() {
+        return f32::INFINITY;
+    }
+    let middle = off.len() / 2;
+    // 0.6745 is the median of |N(0, 1)|; counts are whole, which adds a twelfth of one squared.
+    let sigma = *off.select_nth_unstable_by(middle, f32::total_cmp).1 / 0.674_5;
+    HOT_SIGMAS * sigma.hypot(12.0f32.sqrt().recip())
+}
+
+/// What is smooth in `plane` around each of its places, of what is `good`: a constant and a wave in
+/// step with `panel`, by least squares over a square.
+fn surroundings(plane: &Plane, good: &Plane<bool>, panel: &Plane) -> Plane {
+    let size = plane.size();
+    let add = |columns: &mut [Moments], y: usize, weight: f64| {
+        for (x, column) in columns.iter_mut().enumerate().filter(|&(x, _)| good.at(x, y)) {
+            column.add(f64::from(plane.at(x, y)), wave(panel.at(x, y)), weight);
+        }
+    };
+    // Sums over the square's rows, moved down row by row, and along the row from its beginning.
+    let mut columns = vec![Moments::default(); size.width];
+    let mut before = vec![Moments::default(); size.width + 1];
+    (0..AROUND_PX.min(size.height)).for_each(|y| add(&mut columns, y, 1.0));
+    let mut smooth = Plane::zeros(size);
+    for y in 0..size.height {
+        if y + AROUND_PX < size.height {
+            add(&mut columns, y + AROUND_PX, 1.0);
+        }
+        if y > AROUND_PX {
+            add(&mut columns, y - AROUND_PX - 1, -1.0);
+        }
+        for (x, column) in columns.iter().enumerate() {
+            before[x + 1] = before[x].plus(column, 1.0);
+        }
+        for (x, smooth) in smooth.row_mut(y).iter_mut().enumerate() {
+            let (first, past) = (x.saturating_sub(AROUND_PX), (x + AROUND_PX + 1).min(size.width));
+            let square = before[past].plus(&before[first], -1.0);
+            *smooth = square.at(wave(panel.at(x, y))) as f32;
+        }
+    }
+    smooth
+}
+
+/// Cosine and sine of the wave with one period a panel pixel.
+fn wave(panel_px: f32) -> [f64; 2] {
+    let (sine, cosine) = (TAU * f64::from(panel_px)).sin_cos();
+    [cosine, sine]
+}
+
+/// Sums of least squares of values by 1, a cosine and a sine.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moments([f64; 9]);
+
+impl Moments {
+    fn add(&mut self, value: f64, [c, s]: [f64; 2], weight: f64) {
+        let terms = [1.0, c, s, c * c, c * s, s * s, value, value * c, value * s];
+        self.0.iter_mut().zip(terms).for_each(|(sum, term)| *sum += weight * term);
+    }
+
+    fn plus(&self, other: &Moments, weight: f64) -> Moments {
+        Moments(std::array::from_fn(|n| self.0[n] + weight * other.0[n]))
+    }
+
+    /// What was fitted, where the wave has these values; 1 where nothing was.
+    fn at(&self, [c, s]: [f64; 2]) -> f64 {
+        let [n, c1, s1, cc, cs, ss, v, vc, vs] = self.0;
+        if n < 0.5 {
+            return 1.0;
+        }
+        // In means and about them; where the wave stands still, the mean is all there is.
+        let (c1, s1, v) = (c1 / n, s1 / n, v / n);
+        let (cc, ss) = (cc / n - c1 * c1 + STILL, ss / n - s1 * s1 + STILL);
+        let (cs, vc, vs) = (cs / n - c1 * s1, vc / n - v * c1, vs / n - v * s1);
+        let determinant = cc * ss - cs * cs;
+        let (a, b) = ((vc * ss - vs * cs) / determinant, (vs * cc - vc * cs) / determinant);
+        v + a * (c - c1) + b * (s - s1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    const SIZE: Size = Size::new(120, 90);
+
+    fn normal(seed: u64) -> Plane {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        Plane::from_fn(SIZE, |_, _| StandardNormal.sample(&mut random))
+    }
+
+    fn all(plane: &Plane) -> Frame<Work> {
+        Frame::from_fn(|_| plane.clone())
+    }
+
+    #[test]
+    fn responses_are_found_and_hot_and_dead_sites_with_them() {
+        let truth = normal(1).map(|v: f32| 1.0 + 0.01 * v);
+        let noise = normal(2);
+        let column = Plane::from_fn(SIZE, |x, y| 1.163 * x as f32 + 0.01 * y as f32);
+        let mut ratio = Plane::from_fn(SIZE, |x, y| {
+            let beat = 0.01 * wave(column.at(x, y) + 0.3)[0] as f32;
+            let uneven = 1.0 + 0.0002 * x as f32 + beat;
+            truth.at(x, y) * (1.0 + 0.0006 * noise.at(x, y)) * uneven
+        });
+        let mut dark = normal(3).map(|v: f32| 0.3 * v);
+        dark.set(40, 31, 12.0);
+        ratio.set(71, 50, 0.1);
+        ratio.set(3, 80, f32::NAN);
+        let share = all(&Plane::filled(SIZE, 1.0));
+        for mosaic in [None, Some(Mosaic::Grbg)] {
+            let (ratio, dark) = (all(&ratio), all(&dark));
+            let panel = &all(&column);
+            let seen =
+                EvenlyLit { ratio: &ratio, share: &share, panel, dark: &dark, mosaic, rim_px: 0 };
+            let found = ResponsePattern::fit(&seen).unwrap();
+            found.check(SIZE).unwrap();
+            let expected = [(40, 31), (71, 50), (3, 80)].map(|(x, y)| y * SIZE.width + x);
+            for steps in found.planes() {
+                let bad: Vec<usize> = (0..SIZE.area()).filter(|&n| steps[n] == BAD).collect();
+                let mut expected = expected;
+                expected.sort_unstable();
+                assert_eq!(bad, expected);
+                let off = |n: usize| f64::from(STEP * f32::from(steps[n]) + 1.0 - truth.data()[n]);
+                let good = (0..SIZE.area()).filter(|n| !expected.contains(n));
+                let rms = (good.map(|n| off(n).powi(2)).sum::<f64>() / SIZE.area() as f64).sqrt();
+                // The flat's noise, the step's rounding, and what is in the surroundings.
+                assert!(rms < 0.0016, "{rms}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sensor_full_of_bad_sites_is_refused_and_a_dark_border_is_let_be() {
+        let ratio = Plane::from_fn(SIZE, |x, y| if (x + 3 * y) % 25 == 0 { 0.2 } else { 1.0 });
+        let (ratio, dark) = (all(&ratio), all(&Plane::zeros(SIZE)));
+        let light = all(&Plane::filled(SIZE, 1.0));
+        let (ratio, dark, panel) = (&ratio, &dark, &dark);
+        let seen = EvenlyLit { ratio, share: &light, panel, dark, mosaic: None, rim_px: 0 };
+        let share = ResponsePattern::fit(&seen).unwrap_err();
+        assert!((share - 0.04).abs() < 0.001, "{share}");
+        let unlit = all(&Plane::filled(SIZE, 0.01));
+        let found = ResponsePattern::fit(&EvenlyLit { share: &unlit, ..seen }).unwrap();
+        assert!(found.planes().iter().flatten().all(|&steps| steps == 0));
+    }
+}

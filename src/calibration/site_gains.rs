@@ -1,0 +1,212 @@
+//! A response pattern put to work: what sites gave, as sites that are all alike would have given
+//! it.
+
+use rayon::prelude::*;
+
+use super::response_pattern::{BAD, ResponsePattern, STEP};
+use crate::frame::{Channel, Frame, Mosaic, Plane, Rect, Size, Work};
+
+/// How far good sites are looked for around a bad one; so many bad ones side by side stay what they
+/// are.
+const REACH_PX: usize = 6;
+
+/// The sites of the canvas.
+#[derive(Debug, Clone)]
+pub struct SiteGains {
+    mosaic: Option<Mosaic>,
+    planes: Vec<Plane<i8>>,
+    /// What a site's value is multiplied by, by the steps of its response as a byte.
+    gains: [f32; 256],
+}
+
+impl SiteGains {
+    /// `pattern` for a `canvas` of these colours; `None` where none was measured, or one of
+    /// another kind of sensor.
+    pub fn new(
+        pattern: &ResponsePattern,
+        canvas: Size,
+        mosaic: Option<Mosaic>,
+    ) -> Option<SiteGains> {
+        let wanted = if mosaic.is_some() { 1 } else { 3 };
+        let planes: Option<Vec<Plane<i8>>> =
+            pattern.planes().iter().map(|steps| Plane::from_vec(canvas, steps.clone())).collect();
+        let planes = planes.filter(|planes| planes.len() == wanted)?;
+        let gains = std::array::from_fn(|byte| match byte as u8 as i8 {
+            BAD => f32::NAN,
+            steps => 1.0 / (1.0 + STEP * f32::from(steps)),
+        });
+        Some(SiteGains { mosaic, planes, gains })
+    }
+
+    /// The canvas's colours.
+    pub fn mosaic(&self) -> Option<Mosaic> {
+        self.mosaic
+    }
+
+    /// Whether what `channel` has in column `x`, row `y` of the canvas is a bad site's.
+    pub fn is_bad(&self, channel: Channel, x: usize, y: usize) -> bool {
+        self.steps(channel).at(x, y) == BAD
+    }
+
+    /// Whether a picture that was developed from these sites holds a bad one's light in column `x`,
+    /// row `y` of the canvas: behind colour filters also where neighbours were filled from it.
+    pub fn reaches(&self, channel: Channel, x: usize, y: usize) -> bool {
+        if self.mosaic.is_none() {
+            return self.is_bad(channel, x, y);
+        }
+        let plane = &self.planes[0];
+        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        near(y, plane.height()).any(|v| plane.row(v)[near(x, plane.width())].contains(&BAD))
+    }
+
+    /// The response of `channel`'s site in a column and row of the canvas; `None` of a bad one.
+    pub fn response(&self, channel: Channel, x: usize, y: usize) -> Option<f32> {
+        let steps = self.steps(channel).at(x, y);
+        (steps != BAD).then(|| 1.0 + STEP * f32::from(steps))
+    }
+
+    fn steps(&self, channel: Channel) -> &Plane<i8> {
+        let n = if self.mosaic.is_some() { 0 } else { channel.index() };
+        &self.planes[n]
+    }
+
+    /// The light of the part `place` of the canvas, where `at` says what a channel's site in a
+    /// column and row of that part gave: divided by its response, bad sites patched with their
+    /// neighbours' mean, and between the sites of a mosaic filled anew.
+    pub fn evened(
+        &self,
+        place: Rect,
+        at: impl Fn(Channel, usize, usize) -> f32 + Sync,
+    ) -> Frame<Work> {
+        let Some(mosaic) = self.mosaic.map(|mosaic| mosaic.from_place(place.x, place.y)) else {
+            return Frame::from_fn(|c| self.alike(place, self.steps(c), 1, |x, y| at(c, x, y)));
+        };
+        // Two to the side are sites of the same colour.
+        let value = |x: usize, y: usize| at(mosaic.colour_at(x, y), x, y);
+        mosaic.interpolated(&self.alike(place, &self.planes[0], 2, value))
+    }
+
+    /// One plane of values, each divided by its site's response. Of bad ones, the mean of the
+    /// nearest good ones `apart` from each other.
+    fn alike(
+        &self,
+        place: Rect,
+        steps: &Plane<i8>,
+        apart: usize,
+        at: impl Fn(usize, usize) -> f32 + Sync,
+    ) -> Plane {
+        let mut plane = Plane::zeros(place.size);
+        let width = place.size.width.max(1);
+        let bad: Vec<(usize, usize)> = plane
+            .data_mut()
+            .par_chunks_mut(width)
+            .enumerate()
+            .flat_map_iter(|(y, row)| {
+                let steps = &steps.row(place.y + y)[place.x..][..row.len()];
+                let mut bad = Vec::new();
+                for (x, (value, &steps)) in row.iter_mut().zip(steps).enumerate() {
+                    *value = at(x, y) * self.gains[usize::from(steps as u8)];
+                    if steps == BAD {
+                        bad.push((x, y));
+                    }
+                }
+                bad
+            })
+            .collect();
+        let patches: Vec<f32> = bad.iter().map(|&(x, y)| patch(&plane, x, y, apart)).collect();
+        for ((x, y), patch) in bad.into_iter().zip(patches) {
+            plane.set(x, y, patch);
+        }
+        plane
+    }
+}
+
+/// The mean of the good values around a place, on the narrowest square that has one; 0 where none
+/// has.
+fn patch(plane: &Plane, x: usize, y: usize, apart: usize) -> f32 {
+    for reach in (apart..=REACH_PX).step_by(apart) {
+        let near = |at: usize, end: usize| {
+            (at.saturating_sub(reach)..(at + reach + 1).min(end))
+                .filter(move |&v| v.abs_diff(at).is_multiple_of(apart))
+        };
+        let around = near(y, plane.height())
+            .flat_map(|v| near(x, plane.width()).map(move |u| plane.at(u, v)));
+        let (mut sum, mut count) = (0.0f32, 0.0f32);
+        around.filter(|v| !v.is_nan()).for_each(|v| (sum, count) = (sum + v, count + 1.0));
+        if count > 0.0 {
+            return sum / count;
+        }
+    }
+    0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::response_pattern::EvenlyLit;
+
+    const CANVAS: Size = Size::new(40, 30);
+
+    /// A pattern of every mosaic's sites, or of all channels' pixels: one hot, and one dead at the
+    /// border.
+    fn gains(mosaic: Option<Mosaic>) -> SiteGains {
+        let ratio = Plane::from_fn(CANVAS, |x, y| match (x, y) {
+            (0, 7) => 0.0,
+            _ => 1.0 + 0.01 * ((x * 7 + y * 13) % 5) as f32 - 0.02,
+        });
+        let dark = Plane::from_fn(CANVAS, |x, y| if (x, y) == (21, 12) { 40.0 } else { 0.0 });
+        let all = |plane: &Plane| Frame::from_fn(|_| plane.clone());
+        let (ratio, dark, share) = (all(&ratio), all(&dark), all(&Plane::filled(CANVAS, 1.0)));
+        let seen = EvenlyLit {
+            panel: &dark,
+            ratio: &ratio,
+            share: &share,
+            dark: &dark,
+            mosaic,
+            rim_px: 0,
+        };
+        SiteGains::new(&ResponsePattern::fit(&seen).unwrap(), CANVAS, mosaic).unwrap()
+    }
+
+    #[test]
+    fn what_differs_by_its_sites_is_even_again_wherever_it_is_cut_out() {
+        for mosaic in [None, Some(Mosaic::Gbrg), Some(Mosaic::Rggb)] {
+            let gains = gains(mosaic);
+            for (x, y) in [(21, 12), (0, 7)] {
+                assert!(Channel::ALL.iter().all(|&c| gains.is_bad(c, x, y)));
+                assert_eq!(gains.reaches(Channel::Red, x + 1, y + 1), mosaic.is_some());
+            }
+            let places = [(0, 0, 40, 30), (3, 4, 20, 21), (21, 12, 2, 2)];
+            for (x, y, width, height) in places {
+                let place = Rect { x, y, size: Size::new(width, height) };
+                let even = gains.evened(place, |c, u, v| {
+                    gains.response(c, x + u, y + v).map_or(999.0, |response| 80.0 * response)
+                });
+                let off = |v: &f32| (v - 80.0).abs() > 1e-3;
+                // Two by two sites with a bad one have no other of its colour to patch it with.
+                if width > 2 || mosaic.is_none() {
+                    assert!(!even.planes().iter().any(|p| p.data().iter().any(off)), "{place:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_pattern_of_another_kind_of_sensor_or_canvas_is_none() {
+        assert!(SiteGains::new(&ResponsePattern::default(), CANVAS, None).is_none());
+        let ratio = Frame::filled(CANVAS, 1.0);
+        let dark = Frame::zeros(CANVAS);
+        let mosaic = Some(Mosaic::Rggb);
+        let seen = EvenlyLit {
+            panel: &dark,
+            ratio: &ratio,
+            share: &ratio,
+            dark: &dark,
+            mosaic,
+            rim_px: 0,
+        };
+        let pattern = ResponsePattern::fit(&seen).unwrap();
+        assert!(SiteGains::new(&pattern, CANVAS, None).is_none());
+        assert!(SiteGains::new(&pattern, Size::new(30, 30), mosaic).is_none());
+    }
+}

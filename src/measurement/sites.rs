@@ -1,0 +1,110 @@
+//! How the sensor's sites differ: flats and darks, many times.
+
+use super::CalibrateError;
+use super::session::{Session, difference, rim_px, smooth};
+use crate::calibration::response_pattern::{BAD_SHARE_MAX, EvenlyLit, ResponsePattern};
+use crate::calibration::surface::Surface;
+use crate::calibration::{Calibration, Layout, dark_corner};
+use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Work};
+use crate::patterns;
+
+/// Exposures of a black panel: a hot site stands out of one already, and their noise is not to be
+/// taken for heat.
+pub(super) const DARKS: usize = 8;
+/// The code of the flats, three quarters of white's light: as bright as photos are, and where a
+/// sensor that bends near its full well is still straight.
+const CODE: u8 = 224;
+
+/// Mean counts of a black panel and of a flat.
+pub(super) struct Flats {
+    dark: Frame<SensorSpace>,
+    light: Frame<SensorSpace>,
+}
+
+/// Takes the flats, where the rig file asks for some. Before anything that has to do with where
+/// the panel stands: it wanders meanwhile.
+///
+/// # Errors
+/// No captures.
+pub(super) fn expose(session: &mut Session<'_>) -> Result<Option<Flats>, CalibrateError> {
+    let flats = session.config.calibration.response_flats;
+    if flats == 0 {
+        return Ok(None);
+    }
+    session.step("response pattern");
+    let panel = session.layout.panel;
+    let dark = session.mean(&patterns::flat(panel, [0; 3]), DARKS)?;
+    let light = session.mean(&patterns::flat(panel, [CODE; 3]), flats)?;
+    Ok(Some(Flats { dark, light }))
+}
+
+/// The response pattern that `flats` show; geometry and black level are known.
+///
+/// # Errors
+/// Too many bad sites.
+pub(super) fn pattern(
+    session: &Session<'_>,
+    calibration: &mut Calibration,
+    Flats { dark, light }: &Flats,
+) -> Result<(), CalibrateError> {
+    let layout = session.layout;
+    let rim = rim_px(session.config);
+    let photo = Rect { x: 0, y: 0, size: calibration.photo };
+    let (mut ratios, mut shares, mut darks) = (Vec::new(), Vec::new(), Vec::new());
+    let mut columns = Vec::new();
+    for c in Channel::ALL {
+        let over = difference(light.plane(c), dark.plane(c));
+        let surface = smooth(&over, &layout, rim, "response pattern")?;
+        let (share, counts) = dark_corner::normalised(&surface, photo);
+        let (over, share) = (on_canvas(&over, &layout), everywhere(&share, &layout));
+        let ratio = Plane::from_fn(layout.canvas(), |x, y| {
+            over.at(x, y) / (share.at(x, y) * counts as f32)
+        });
+        ratios.push(ratio);
+        shares.push(share);
+        let smooth_dark = everywhere(&calibration.black[c.index()], &layout);
+        columns.push(everywhere(&calibration.geometry[c.index()].work_to_panel.x, &layout));
+        darks.push(difference(&on_canvas(dark.plane(c), &layout), &smooth_dark));
+    }
+    let seen = EvenlyLit {
+        ratio: &frame(ratios, &layout),
+        share: &frame(shares, &layout),
+        panel: &frame(columns, &layout),
+        dark: &frame(darks, &layout),
+        mosaic: layout.canvas_mosaic(),
+        rim_px: rim,
+    };
+    calibration.pattern =
+        ResponsePattern::fit(&seen).map_err(|share| CalibrateError::BadSites {
+            found_percent: 100.0 * share,
+            allowed_percent: 100.0 * BAD_SHARE_MAX,
+        })?;
+    Ok(())
+}
+
+/// The canvas's part of a sensor-sized plane; not a number beyond the sensor.
+fn on_canvas(plane: &Plane, layout: &Layout) -> Plane {
+    let at = |to: usize, first: usize, end: usize| {
+        (first + to).checked_sub(layout.margin_px).filter(|&v| v < end)
+    };
+    Plane::from_fn(layout.canvas(), |x, y| {
+        let place =
+            at(x, layout.photo_x_px, plane.width()).zip(at(y, layout.photo_y_px, plane.height()));
+        place.map_or(f32::NAN, |(x, y)| plane.at(x, y))
+    })
+}
+
+/// `surface` on the canvas.
+fn everywhere(surface: &Surface, layout: &Layout) -> Plane {
+    let margin = layout.margin_px as f64;
+    let mut plane = Plane::zeros(layout.canvas());
+    for y in 0..plane.height() {
+        surface.row(y as f64 - margin, -margin, 1.0, plane.row_mut(y));
+    }
+    plane
+}
+
+fn frame(planes: Vec<Plane>, layout: &Layout) -> Frame<Work> {
+    let mut planes = planes.into_iter();
+    Frame::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(layout.canvas())))
+}
