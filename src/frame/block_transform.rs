@@ -3,7 +3,7 @@
 
 use super::{BLOCK_AREA, BLOCK_PX};
 
-/// The transform's matrix D, row by row of frequencies: D[u][x] = cos((2x + 1)uπ/16)/2, the first
+/// The transform's matrix D, row by row of frequencies: `D[u][x]` = cos((2x + 1)uπ/16)/2, the first
 /// row over √2.
 pub fn cosines() -> [[f32; BLOCK_PX]; BLOCK_PX] {
     let mut matrix = [[0.0; BLOCK_PX]; BLOCK_PX];

@@ -4,8 +4,10 @@
 //! make it fast and good (measured, see `tests/tables/README.md`):
 //!
 //! * it starts from Wiener's filter, which costs as much as a few steps and saves eight;
-//! * a step of its own for each wavelet level ([`LevelNorms`]): less than half the steps;
-//! * details judged in clusters ([`Shrinkage::in_clusters`]);
+//! * a step of its own for each wavelet level
+//!   ([`LevelNorms`](crate::deconvolution::level_norms::LevelNorms)): less than half the steps;
+//! * details judged in clusters
+//!   ([`crate::deconvolution::wavelet_shrinkage::Shrinkage::in_clusters`]);
 //! * of a colour photo start and prior see details along its colours' axes ([`ColourAxes`]), which
 //!   saves a quarter of the steps;
 //! * cycle spinning (Coifman & Donoho 1995) in two gears. One shift a step, another at each, is
