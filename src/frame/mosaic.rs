@@ -146,10 +146,10 @@ impl Mosaic {
     /// that is not raw.
     pub fn of_format(code: &str) -> Option<Mosaic> {
         match code {
-            "BA81" | "BG10" | "BG12" | "BYR2" => Some(Mosaic::Bggr),
-            "GBRG" | "GB10" | "GB12" | "GB16" => Some(Mosaic::Gbrg),
-            "GRBG" | "BA10" | "BA12" | "GR16" => Some(Mosaic::Grbg),
-            "RGGB" | "RG10" | "RG12" | "RG16" => Some(Mosaic::Rggb),
+            "BA81" | "BG10" | "pBAA" | "BG12" | "pBCC" | "BYR2" => Some(Mosaic::Bggr),
+            "GBRG" | "GB10" | "pGAA" | "GB12" | "pGCC" | "GB16" => Some(Mosaic::Gbrg),
+            "GRBG" | "BA10" | "pgAA" | "BA12" | "pgCC" | "GR16" => Some(Mosaic::Grbg),
+            "RGGB" | "RG10" | "pRAA" | "RG12" | "pRCC" | "RG16" => Some(Mosaic::Rggb),
             _ => None,
         }
     }

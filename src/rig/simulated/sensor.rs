@@ -225,8 +225,8 @@ impl SimulatedSensor {
 
     /// Raw sites as a device would send them, read as a device's frame is.
     pub(super) fn as_a_device_s(&self, sites: &Plane<u16>, mosaic: Mosaic) -> Counts {
-        let format = PixelFormat::Bayer { mosaic, bits: self.bits };
-        let wide = format.pixel_bytes();
+        let format = PixelFormat::raw(mosaic, self.bits);
+        let wide = if self.bits > 8 { 2 } else { 1 };
         let mut bytes = Vec::with_capacity(sites.size().area() * wide);
         for count in sites.data() {
             bytes.extend_from_slice(&count.to_le_bytes()[..wide]);

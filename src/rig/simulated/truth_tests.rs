@@ -37,7 +37,7 @@ fn a_mosaic_gives_each_site_its_own_colour_and_the_others_by_interpolation() {
     for (word, mosaic) in ["bggr", "gbrg", "grbg", "rggb"].iter().zip(Mosaic::ALL) {
         let line = sensor_with(&format!("mosaic = \"{word}\""));
         let (config, mut rig, _) = quiet_with(&[("readout-ms = 30.0", &line)]);
-        assert_eq!(PixelFormat::of(&config), Some(PixelFormat::Bayer { mosaic, bits: 12 }));
+        assert_eq!(PixelFormat::of(&config), Some(PixelFormat::raw(mosaic, 12)));
         let seen = rig.capture(&codes).expect("no faults").counts;
         let Size { width, height } = seen.size();
         for y in 1..height - 1 {

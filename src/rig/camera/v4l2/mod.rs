@@ -56,9 +56,10 @@ impl CameraSettings {
     /// [`RigError::Refused`] for a pixel format relens does not take, or one whose depth is not
     /// `camera.bits`.
     pub fn of(rig: &config::RigFile, device: &V4l2Device) -> Result<Self, RigError> {
-        let fits = |format: &PixelFormat| format.bits() == rig.camera.bits;
-        let format = PixelFormat::from_code(&device.format).filter(fits).ok_or_else(|| {
-            let allowed = PixelFormat::ALL.iter().filter(|(_, format)| fits(format));
+        let bits = rig.camera.bits;
+        let format = PixelFormat::from_code_and_bits(&device.format, bits).ok_or_else(|| {
+            let fits = |code: &str| PixelFormat::from_code_and_bits(code, bits).is_some();
+            let allowed = PixelFormat::ALL.iter().filter(|(code, _)| fits(code));
             RigError::Refused {
                 device: "camera",
                 found: format!(
@@ -273,7 +274,7 @@ fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigE
     let settled =
         node.settle(width, height, fourcc).map_err(|source| busy_or(source, "take its format"))?;
     let same = (settled.width, settled.height, settled.fourcc) == (width, height, fourcc);
-    if same && !(settings.format == PixelFormat::Yuyv && settled.full_range) {
+    if same && !(settings.format.has_range() && settled.full_range) {
         return Ok(settled);
     }
     let formats: Vec<String> =

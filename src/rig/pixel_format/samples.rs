@@ -1,0 +1,91 @@
+//! How a camera writes one number a pixel.
+
+/// A sample in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Samples {
+    /// A byte.
+    Bytes,
+    /// A little-endian 16-bit word.
+    Words {
+        /// Bits that count, 10, 12 or 16.
+        bits: u8,
+        /// Bits below them, which do not.
+        shift: u8,
+    },
+    /// MIPI CSI-2's packing (V4L2's `…P` formats): the upper eight bits of four samples of 10 bits
+    /// or two of 12, a byte each, then a byte of their lower bits, the first sample's lowest.
+    Packed {
+        /// 10 or 12.
+        bits: u8,
+    },
+}
+
+impl Samples {
+    /// Bits of a count.
+    pub fn bits(self) -> u8 {
+        match self {
+            Samples::Bytes => 8,
+            Samples::Words { bits, .. } | Samples::Packed { bits } => bits,
+        }
+    }
+
+    /// The same with `bits` in the upper part of 16-bit words; itself where it is not such.
+    pub(super) fn in_upper(self, bits: u8) -> Samples {
+        match self {
+            Samples::Words { bits: 16, .. } if (9..16).contains(&bits) => {
+                Samples::Words { bits, shift: 16 - bits }
+            }
+            other => other,
+        }
+    }
+
+    /// The same with all bits of its words.
+    pub(super) fn whole(self) -> Samples {
+        match self {
+            Samples::Words { bits, shift } => Samples::Words { bits: bits + shift, shift: 0 },
+            other => other,
+        }
+    }
+
+    /// Samples of a group, and its bytes.
+    fn group(self) -> (usize, usize) {
+        match self {
+            Samples::Bytes => (1, 1),
+            Samples::Words { .. } => (1, 2),
+            Samples::Packed { bits: 10 } => (4, 5),
+            Samples::Packed { .. } => (2, 3),
+        }
+    }
+
+    /// Bytes of `width` samples; a group is whole.
+    pub(super) fn row_bytes(self, width: usize) -> usize {
+        let (samples, bytes) = self.group();
+        width.div_ceil(samples) * bytes
+    }
+
+    /// The counts of a `row`, bits above the format's own cut off.
+    pub(super) fn read(self, row: &[u8], counts: &mut [u16]) {
+        let (group, bytes) = self.group();
+        match self {
+            Samples::Bytes => {
+                counts.iter_mut().zip(row).for_each(|(count, &byte)| *count = byte.into());
+            }
+            Samples::Words { bits, shift } => {
+                let mask = ((1u32 << bits) - 1) as u16;
+                for (count, word) in counts.iter_mut().zip(row.chunks_exact(bytes)) {
+                    *count = (u16::from_le_bytes([word[0], word[1]]) >> shift) & mask;
+                }
+            }
+            Samples::Packed { bits } => {
+                let low_bits = usize::from(bits - 8);
+                let mask = (1u16 << low_bits) - 1;
+                for (counts, packed) in counts.chunks_mut(group).zip(row.chunks_exact(bytes)) {
+                    let low = u16::from(packed[group]);
+                    for (n, (count, &high)) in counts.iter_mut().zip(packed).enumerate() {
+                        *count = u16::from(high) << low_bits | (low >> (n * low_bits)) & mask;
+                    }
+                }
+            }
+        }
+    }
+}

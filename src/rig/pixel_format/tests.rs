@@ -1,0 +1,157 @@
+//! Bytes as the formats' pages lay them out, and the counts that they are.
+
+use super::*;
+use crate::frame::Channel;
+
+fn unpacked(code: &str, bytes: &[u8], size: Size, stride_bytes: usize) -> Counts {
+    let mut counts = Counts::zeros(size);
+    let format = PixelFormat::from_code(code).unwrap();
+    format.unpack(bytes, stride_bytes, &mut counts, &mut Plane::zeros(Size::new(0, 0))).unwrap();
+    counts
+}
+
+#[test]
+fn every_code_comes_back_from_its_format() {
+    for (code, format) in PixelFormat::ALL {
+        assert_eq!(format.code(), code);
+        assert_eq!(format.mosaic(), Mosaic::of_format(code));
+        assert_eq!(
+            PixelFormat::from_code(std::str::from_utf8(&format.fourcc()).unwrap()),
+            Some(format)
+        );
+    }
+    assert_eq!(PixelFormat::from_code("MJPG"), None);
+}
+
+#[test]
+fn grey_rows_skip_the_padding_at_their_end() {
+    let counts = unpacked("GREY", &[1, 2, 99, 3, 4], Size::new(2, 2), 3);
+    for channel in Channel::ALL {
+        assert_eq!(counts.plane(channel).data(), &[1, 2, 3, 4]);
+    }
+}
+
+#[test]
+fn wide_grey_is_little_endian_and_cut_to_its_bits() {
+    let bytes = [0x34, 0x12, 0xff, 0xff];
+    for (code, want) in
+        [("Y10", [0x234, 0x3ff]), ("Y12", [0x234, 0xfff]), ("Y16", [0x1234, 0xffff])]
+    {
+        assert_eq!(
+            unpacked(code, &bytes, Size::new(2, 1), 4).plane(Channel::Green).data(),
+            &want,
+            "{code}"
+        );
+    }
+}
+
+#[test]
+fn three_bytes_keep_their_order() {
+    let want = [vec![1, 4], vec![2, 5], vec![3, 6]];
+    for (code, bytes) in [("RGB3", [1, 2, 3, 4, 5, 6]), ("BGR3", [3, 2, 1, 6, 5, 4])] {
+        let counts = unpacked(code, &bytes, Size::new(2, 1), 6);
+        assert_eq!(counts.planes().each_ref().map(|p| p.data().to_vec()), want, "{code}");
+    }
+}
+
+#[test]
+fn y_cb_cr_gives_the_colour_bars_of_bt601() {
+    // 100 % bars, limited range: white, red and blue (BT.601-7 table values, rounded).
+    let bars = [
+        (235, 128, 128, [255, 255, 255]),
+        (81, 90, 240, [255, 0, 0]),
+        (41, 240, 110, [0, 0, 255]),
+        (16, 128, 128, [0; 3]),
+    ];
+    for (y, cb, cr, want) in bars {
+        let frames: [(&str, &[u8], Size, usize); 3] = [
+            ("YUYV", &[y, cb, y, cr], Size::new(2, 1), 4),
+            ("UYVY", &[cb, y, cr, y], Size::new(2, 1), 4),
+            // Rows of brightness, one of colour for both, all with a byte of padding.
+            ("NV12", &[y, y, 9, y, y, 9, cb, cr, 9], Size::new(2, 2), 3),
+        ];
+        for (code, bytes, size, stride_bytes) in frames {
+            let counts = unpacked(code, bytes, size, stride_bytes);
+            for place in 0..size.area() {
+                let got = counts.planes().each_ref().map(|p| i32::from(p.data()[place]));
+                assert!(
+                    got.iter().zip(want).all(|(a, b): (&i32, i32)| (a - b).abs() <= 1),
+                    "{code}: {got:?} for {want:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn every_mosaic_and_depth_puts_its_sites_into_their_channel() {
+    let size = Size::new(6, 4);
+    for (code, format) in PixelFormat::ALL {
+        let PixelFormat::Bayer { mosaic, samples } = format else { continue };
+        let bits = samples.bits();
+        let value = |x: usize, y: usize| (((y * 6 + x) * 7) as u16 + 1) << (bits - 8);
+        let packed = matches!(samples, Samples::Packed { .. });
+        let wide = if bits == 8 || packed { 1 } else { 2 };
+        let mut bytes = Vec::new();
+        for y in 0..4 {
+            match (packed, bits) {
+                // Values are multiples of four or sixteen: the bytes of lower bits are 0.
+                (true, 10) => (0..8).for_each(|x| {
+                    bytes.push((value(x.min(5), y) >> 2) as u8);
+                    bytes.extend((x % 4 == 3).then_some(0));
+                }),
+                (true, _) => (0..6).for_each(|x| {
+                    bytes.push((value(x, y) >> 4) as u8);
+                    bytes.extend((x % 2 == 1).then_some(0));
+                }),
+                _ => (0..6).for_each(|x| bytes.extend(&value(x, y).to_le_bytes()[..wide])),
+            }
+        }
+        let counts = unpacked(code, &bytes, size, bytes.len() / 4);
+        for y in 0..4 {
+            for x in 0..6 {
+                assert_eq!(
+                    counts.plane(mosaic.colour_at(x, y)).at(x, y),
+                    value(x, y),
+                    "{code} at {x},{y}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn packed_samples_have_their_lower_bits_in_the_groups_last_byte() {
+    // By the table of V4L2_PIX_FMT_SBGGR10P: the fourth sample's lower bits are 7 and 6 of the
+    // fifth byte, the third's 5 and 4, the second's 3 and 2, the first's 1 and 0.
+    let counts = unpacked("Y10P", &[0x80, 0x01, 0xff, 0x00, 0b11_10_01_00], Size::new(4, 1), 5);
+    assert_eq!(counts.plane(Channel::Green).data(), &[0x200, 0x005, 0x3fe, 0x003]);
+    // Of SBGGR12P: the second's are bits 7 to 4 of the third byte, the first's 3 to 0. Here the
+    // row ends within a group.
+    let counts = unpacked("Y12P", &[0x12, 0x34, 0xba, 0xff, 0x00, 0x0f], Size::new(3, 1), 6);
+    assert_eq!(counts.plane(Channel::Green).data(), &[0x12a, 0x34b, 0xfff]);
+}
+
+#[test]
+fn narrow_counts_in_wide_words_are_their_upper_bits() {
+    let ten = PixelFormat::from_code_and_bits("Y16", 10).unwrap();
+    assert_eq!((ten.bits(), ten.code()), (10, "Y16"));
+    let mut counts = Counts::zeros(Size::new(2, 1));
+    // Full, and half of full.
+    let bytes = [0xc0, 0xff, 0x00, 0x80];
+    ten.unpack(&bytes, 4, &mut counts, &mut Plane::zeros(Size::new(0, 0))).unwrap();
+    assert_eq!(counts.plane(Channel::Green).data(), &[0x3ff, 0x200]);
+    let raw = PixelFormat::from_code_and_bits("RG16", 12).unwrap();
+    assert_eq!((raw.bits(), raw.code(), raw.mosaic()), (12, "RG16", Some(Mosaic::Rggb)));
+    assert_eq!(PixelFormat::from_code_and_bits("RG10", 8), None);
+    assert_eq!(PixelFormat::from_code_and_bits("RGB3", 10), None);
+}
+
+#[test]
+fn a_short_frame_is_refused_with_the_bytes_it_lacks() {
+    let mut counts = Counts::zeros(Size::new(4, 2));
+    let error = PixelFormat::Grey(Samples::Bytes)
+        .unpack(&[0; 7], 4, &mut counts, &mut Plane::zeros(Size::new(0, 0)))
+        .unwrap_err();
+    assert_eq!((error.found, error.wanted), (7, 8));
+}
