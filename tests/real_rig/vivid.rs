@@ -3,7 +3,7 @@
 use relens::frame::Size;
 use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
-use relens::rig::pixel_format::PixelFormat;
+use relens::rig::pixel_format::{PixelFormat, Samples};
 use relens::rig::{Camera, Clock, Moment, RigError};
 
 use super::counted;
@@ -13,7 +13,7 @@ fn vivid() -> CameraSettings {
     CameraSettings {
         name: CameraName::Card(card),
         size: Size::new(640, 480),
-        format: PixelFormat::Grey,
+        format: PixelFormat::Grey(Samples::Bytes),
         buffers: 4,
         exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
         controls: Vec::new(),
