@@ -30,7 +30,7 @@ table! {
     /// A connector of a display driver. Its mode is `[panel]`'s size and refresh rate.
     pub struct PanelDevice {
         /// The DRM node.
-        node: Option<PathBuf>, Text, Says("the first one that drives a display");
+        node: Option<PathBuf>, Text, Says("the one that has the connector");
         /// The connector by the kernel's name, such as `HDMI-A-1` (a folder under /sys/class/drm
         /// after `card0-`).
         connector: String, Text, Never;

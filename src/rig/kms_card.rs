@@ -26,25 +26,33 @@ pub(super) fn failed(doing: &'static str) -> impl Fn(std::io::Error) -> RigError
 }
 
 impl Card {
-    /// Opens `node`, or when none is given the first `/dev/dri/card*` that has a connector: boards
-    /// have nodes for 3D alone, and their order changes from boot to boot.
+    /// Opens `node`, or when none is given the one of `/dev/dri/card*` that has the connector
+    /// called `connector` ("HDMI-A-1"): boards have nodes for 3D alone and for other panels, and
+    /// their order changes from boot to boot.
     ///
     /// # Errors
-    /// When the node cannot be opened or has no connector.
-    pub(super) fn open(node: Option<&Path>) -> Result<(Card, PathBuf), RigError> {
+    /// [`RigError::Gone`] when no node can be opened that drives a display, [`RigError::Refused`]
+    /// with the names there are when none has the connector, or two have.
+    pub(super) fn open(node: Option<&Path>, connector: &str) -> Result<Card, RigError> {
         let numbered = (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}")));
         let candidates: Vec<PathBuf> =
             node.map_or_else(|| numbered.collect(), |path| vec![path.to_owned()]);
+        let (mut cards, mut sockets) = (Vec::new(), Vec::new());
         let mut refusal = None;
         for path in candidates {
             match rustix::fs::open(&path, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty()) {
                 Ok(fd) => {
                     let card = Card(fd);
-                    let connectors = card.resource_handles().map(|all| all.connectors().len());
-                    if connectors.is_ok_and(|n| n > 0) {
-                        return Ok((card, path));
+                    match card.sockets() {
+                        Ok(found) if !found.is_empty() => {
+                            sockets.push(CardSockets { card: path, sockets: found });
+                            cards.push(card);
+                        }
+                        _ => {
+                            let idle = || format!("{} drives no display", path.display());
+                            refusal.get_or_insert_with(idle);
+                        }
                     }
-                    refusal.get_or_insert_with(|| format!("{} drives no display", path.display()));
                 }
                 Err(rustix::io::Errno::NOENT) if node.is_none() => {}
                 Err(cause) => {
@@ -52,8 +60,23 @@ impl Card {
                 }
             }
         }
-        let what = refusal.unwrap_or_else(|| "there is no /dev/dri/card* node".to_owned());
-        Err(RigError::Gone { device: "panel", what })
+        if cards.is_empty() {
+            let what = refusal.unwrap_or_else(|| "there is no /dev/dri/card* node".to_owned());
+            return Err(RigError::Gone { device: "panel", what });
+        }
+        let chosen = chosen(&sockets, connector)?;
+        Ok(cards.swap_remove(chosen))
+    }
+
+    /// The card's connectors, as they were last seen.
+    fn sockets(&self) -> Result<Vec<Socket>, std::io::Error> {
+        let all = self.resource_handles()?;
+        let socket = |&handle: &connector::Handle| {
+            let info = self.get_connector(handle, false)?;
+            let plugged_in = info.state() == connector::State::Connected;
+            Ok(Socket { name: info.to_string(), plugged_in })
+        };
+        all.connectors().iter().map(socket).collect()
     }
 
     /// The connector called `name` ("HDMI-A-1"), its state probed afresh when `probe`.
@@ -67,18 +90,10 @@ impl Card {
             if info.to_string() == name {
                 return Ok(info);
             }
-            let plugged = if info.state() == connector::State::Connected {
-                ""
-            } else {
-                " (nothing plugged in)"
-            };
-            names.push(format!("{info}{plugged}"));
+            let plugged_in = info.state() == connector::State::Connected;
+            names.push(Socket { name: info.to_string(), plugged_in }.to_string());
         }
-        Err(RigError::Refused {
-            device: "panel",
-            found: format!("connector {name:?}"),
-            allowed: names.join(", "),
-        })
+        Err(no_connector(name, &names))
     }
 
     /// All properties of `object` with their present values.
@@ -93,6 +108,68 @@ impl Card {
             all.push((self.get_property(handle).map_err(&ask)?, value));
         }
         Ok(Properties(all))
+    }
+}
+
+/// A connector by the kernel's name.
+struct Socket {
+    name: String,
+    plugged_in: bool,
+}
+
+impl std::fmt::Display for Socket {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.name)?;
+        if self.plugged_in { Ok(()) } else { f.write_str(" (nothing plugged in)") }
+    }
+}
+
+/// The connectors of one node.
+struct CardSockets {
+    card: PathBuf,
+    sockets: Vec<Socket>,
+}
+
+fn no_connector(name: &str, there: &[String]) -> RigError {
+    RigError::Refused {
+        device: "panel",
+        found: format!("connector {name:?}"),
+        allowed: there.join(", "),
+    }
+}
+
+/// Which of `cards` has the connector called `name`. Two cards may each have one, for names are
+/// counted card by card: then the one with a panel is meant.
+fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
+    let having = |plugged_alone: bool| -> Vec<usize> {
+        let fits = |socket: &Socket| socket.name == name && (socket.plugged_in || !plugged_alone);
+        let has = |n: &usize| cards[*n].sockets.iter().any(fits);
+        (0..cards.len()).filter(has).collect()
+    };
+    let (all, plugged_in) = (having(false), having(true));
+    match (&all[..], &plugged_in[..]) {
+        ([only], _) | (_, [only]) => Ok(*only),
+        ([], _) => {
+            let of_card = |one: &CardSockets| {
+                let names = one.sockets.iter().map(Socket::to_string).collect::<Vec<_>>();
+                match cards.len() {
+                    1 => names.join(", "),
+                    _ => format!("{} of {}", names.join(", "), one.card.display()),
+                }
+            };
+            Err(no_connector(name, &cards.iter().map(of_card).collect::<Vec<_>>()))
+        }
+        (several, _) => {
+            let nodes = several.iter().map(|&n| cards[n].card.display().to_string());
+            Err(RigError::Refused {
+                device: "panel",
+                found: format!("{} cards with a connector {name:?}", several.len()),
+                allowed: format!(
+                    "one of them: hardware.panel.node = one of {}",
+                    nodes.collect::<Vec<_>>().join(", ")
+                ),
+            })
+        }
     }
 }
 
@@ -132,5 +209,47 @@ pub(super) fn choice_value(info: &property::Info, choice: &str) -> Option<proper
                 .map(property::EnumValue::value)
         }
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn card(number: usize, sockets: &[(&str, bool)]) -> CardSockets {
+        let socket = |&(name, plugged_in): &(&str, bool)| Socket { name: name.into(), plugged_in };
+        let card = PathBuf::from(format!("/dev/dri/card{number}"));
+        CardSockets { card, sockets: sockets.iter().map(socket).collect() }
+    }
+
+    fn said(cards: &[CardSockets], name: &str) -> String {
+        chosen(cards, name).expect_err("no such connector").to_string()
+    }
+
+    #[test]
+    fn the_card_is_the_one_that_has_the_connector() {
+        let dsi_first = [card(0, &[("DSI-1", true)]), card(1, &[("HDMI-A-1", true)])];
+        assert_eq!(chosen(&dsi_first, "HDMI-A-1").unwrap(), 1);
+        assert_eq!(chosen(&dsi_first, "DSI-1").unwrap(), 0);
+        let said = said(&dsi_first, "HDMI-A-2");
+        assert!(said.contains("DSI-1 of /dev/dri/card0, HDMI-A-1 of /dev/dri/card1"), "{said}");
+    }
+
+    #[test]
+    fn of_two_cards_with_the_connector_it_is_the_one_with_a_panel() {
+        let two = [card(0, &[("HDMI-A-1", false)]), card(1, &[("HDMI-A-1", true)])];
+        assert_eq!(chosen(&two, "HDMI-A-1").unwrap(), 1);
+        for plugged_in in [false, true] {
+            let both = [0, 1].map(|n| card(n, &[("HDMI-A-1", plugged_in)]));
+            let said = said(&both, "HDMI-A-1");
+            assert!(said.contains("node") && said.contains("/dev/dri/card1"), "{said}");
+        }
+    }
+
+    #[test]
+    fn an_empty_socket_is_chosen_and_told_of_later() {
+        assert_eq!(chosen(&[card(0, &[("HDMI-A-1", false)])], "HDMI-A-1").unwrap(), 0);
+        let said = said(&[card(0, &[("HDMI-A-1", false)])], "DP-1");
+        assert!(said.ends_with("allowed HDMI-A-1 (nothing plugged in)"), "{said}");
     }
 }

@@ -40,7 +40,7 @@ const INTERVAL_ERROR_MAX: f64 = 0.005;
 /// Which display, and how it is to be driven.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KmsSettings {
-    /// DRM node; without one the first that drives a display.
+    /// DRM node; without one that which has the connector.
     pub node: Option<PathBuf>,
     /// Connector by the kernel's name, such as `HDMI-A-1`.
     pub connector: String,
@@ -102,7 +102,7 @@ impl KmsPanel {
     /// drives it, [`RigError::Refused`] when connector, mode, honest settings or measured interval
     /// are not the file's.
     pub fn open(settings: KmsSettings) -> Result<Self, RigError> {
-        let (card, _) = Card::open(settings.node.as_deref())?;
+        let card = Card::open(settings.node.as_deref(), &settings.connector)?;
         if card.acquire_master_lock().is_err() {
             return Err(commit_failed(Errno::ACCESS.into()));
         }
