@@ -9,6 +9,7 @@ use toml::Value;
 use super::error::ConfigError;
 use super::keys::{KindKeys, table, words};
 use super::places::Places;
+use super::simulation::is_default;
 
 table! {
     /// Everything a real rig is made of.
@@ -108,6 +109,11 @@ table! {
         card: Option<String>, Text, Says("then `device` is needed");
         /// Four-character code of the pixel format (`v4l2-ctl --list-formats`).
         format: String, Text, Never;
+        /// What the stamps of frames are of. One read wrongly lets a frame pass that was exposed
+        /// before its picture was up, or keeps all frames out.
+        // Not written when it is left to the driver: calibrations from before the key stay good.
+        @[serde(default, skip_serializing_if = "is_default")]
+        stamps: Stamps, Word(Stamps::WORDS), Means("\"driver\"");
         /// Buffers in the capture ring.
         buffers: usize, Whole(2, 8), Means("4");
         /// What sets the exposure time.
@@ -136,6 +142,22 @@ impl V4l2Device {
             (Some(_), Some(_)) => one_of("both device and card"),
             (None, None) => one_of("neither device nor card"),
         }
+    }
+}
+
+words! {
+    /// What the stamps of frames are of.
+    @[derive(Default)]
+    pub enum Stamps {
+        /// What the driver says; of `uvcvideo` the first packet, whatever it says.
+        @[default]
+        Driver = "driver",
+        /// The exposure's start.
+        ExposureStart = "exposure-start",
+        /// The first packet of the frame, which is read out after the exposure.
+        FirstPacket = "first-packet",
+        /// The frame's end.
+        FrameEnd = "frame-end",
     }
 }
 

@@ -25,7 +25,7 @@ pub use blur::BlurGrid;
 pub use error::ConfigError;
 pub use hardware::{
     ButtonDevice, CameraDevice, DisplayInterface, ExposureBy, FreeRunningKeys, GpioLine, Hardware,
-    LampDevices, Level, PanelDevice, PulseLine, TriggerDevice, V4l2Device,
+    LampDevices, Level, PanelDevice, PulseLine, Stamps, TriggerDevice, V4l2Device,
 };
 pub use methods::MethodName;
 pub use parts::{

@@ -37,6 +37,8 @@ pub mod pixel_format;
 pub mod pulse_trigger;
 pub mod shoot;
 pub mod simulated;
+#[cfg(any(test, feature = "hardware"))]
+mod stamps;
 
 pub use device::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 

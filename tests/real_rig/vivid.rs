@@ -1,5 +1,6 @@
 //! A camera that misbehaves on request: the kernel's vivid.
 
+use relens::config::Stamps;
 use relens::frame::Size;
 use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
@@ -16,6 +17,8 @@ fn vivid() -> CameraSettings {
         format: PixelFormat::Grey(Samples::Bytes),
         buffers: 4,
         exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
+        stamps: Stamps::Driver,
+        free_running: true,
         controls: Vec::new(),
     }
 }

@@ -34,6 +34,7 @@ impl AsFd for Node {
 #[derive(Debug, Clone)]
 pub(super) struct NodeIdentity {
     pub(super) card: String,
+    pub(super) driver: String,
     /// Takes pictures and hands them out through buffers.
     pub(super) streams_pictures: bool,
 }
@@ -71,7 +72,7 @@ pub(super) struct Filled {
     pub(super) sequence: u32,
     /// Seconds on the monotonic clock; `None` when the driver stamps by another clock.
     pub(super) at_s: Option<f64>,
-    /// Whether the stamp is of the exposure's start (else of the frame's end).
+    /// Whether the driver says that the stamp is of the exposure's start (else of the frame's end).
     pub(super) at_start: bool,
 }
 
@@ -93,7 +94,11 @@ impl Node {
             caps.capabilities
         };
         let needed = sys::V4L2_CAP_VIDEO_CAPTURE | sys::V4L2_CAP_STREAMING;
-        Ok(NodeIdentity { card: text(&caps.card), streams_pictures: own & needed == needed })
+        Ok(NodeIdentity {
+            card: text(&caps.card),
+            driver: text(&caps.driver),
+            streams_pictures: own & needed == needed,
+        })
     }
 
     /// Four-character codes the driver can deliver.

@@ -13,10 +13,11 @@ use controls::{expose, settle_controls};
 use kernel::{Node, Settled};
 use ring::Ring;
 
-use crate::config::{self, ExposureBy, V4l2Device};
+use crate::config::{self, ExposureBy, Stamps, TriggerDevice, V4l2Device};
 use crate::frame::{Counts, Plane, Size};
 use crate::rig::monotonic::Monotonic;
 use crate::rig::pixel_format::PixelFormat;
+use crate::rig::stamps::{StampedBy, begun};
 use crate::rig::{Camera, Clock, Exposed, Moment, RigError};
 
 /// Video nodes looked at when a camera is found by its card's name.
@@ -45,6 +46,10 @@ pub struct CameraSettings {
     pub buffers: usize,
     /// What sets the exposure time.
     pub exposure: Exposure,
+    /// What the stamps of its frames are of.
+    pub stamps: Stamps,
+    /// Whether it takes frames by itself.
+    pub free_running: bool,
     /// Controls by their `v4l2-ctl` names and the values they must hold.
     pub controls: Vec<(String, i32)>,
 }
@@ -75,6 +80,12 @@ impl CameraSettings {
             (None, card) => CameraName::Card(card.clone().unwrap_or_default()),
         };
         let exposure_ms = rig.camera.exposure_ms;
+        let free_running = match &rig.kind {
+            config::Kind::Hardware(hardware) => {
+                matches!(hardware.trigger, TriggerDevice::FreeRunning(_))
+            }
+            config::Kind::Simulated(_) => false,
+        };
         Ok(CameraSettings {
             name,
             size: rig.camera.size(),
@@ -84,6 +95,8 @@ impl CameraSettings {
                 ExposureBy::Control => Exposure::Control { exposure_ms },
                 ExposureBy::Pulse | ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
             },
+            stamps: device.stamps,
+            free_running,
             controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
         })
     }
@@ -94,13 +107,23 @@ pub struct V4l2Camera {
     settings: CameraSettings,
     /// `None` between a loss and the next successful [`Camera::reopen`].
     ring: Option<Ring>,
-    stride_bytes: usize,
+    opened: Opened,
+    /// How long exposures are against the settings'.
+    exposure_times: f64,
     /// A spare frame and the Bayer sites: room that captures reuse.
     spare: heapless::Vec<Counts, 4>,
     sites: Plane<u16>,
     /// Frames that came damaged or were jumped over in the sequence so far.
     lost: u64,
     last_sequence: Option<u32>,
+}
+
+/// What is known of a camera that was opened.
+struct Opened {
+    stride_bytes: usize,
+    driver: String,
+    /// From frame to frame where it runs free.
+    interval_s: Option<f64>,
 }
 
 fn gone(what: String) -> RigError {
@@ -114,12 +137,13 @@ impl V4l2Camera {
     /// [`RigError::Gone`] when there is no such camera, [`RigError::Held`] while another program
     /// uses it, [`RigError::Refused`] when format or a control cannot be what the rig file says.
     pub fn open(settings: CameraSettings) -> Result<Self, RigError> {
-        let (ring, stride_bytes) = start(&settings)?;
+        let (ring, opened) = start(&settings)?;
         let sites = Plane::zeros(settings.size);
         Ok(V4l2Camera {
             settings,
             ring: Some(ring),
-            stride_bytes,
+            opened,
+            exposure_times: 1.0,
             spare: heapless::Vec::new(),
             sites,
             lost: 0,
@@ -165,14 +189,21 @@ impl Camera for V4l2Camera {
                 && self
                     .settings
                     .format
-                    .unpack(ring.bytes(&filled), self.stride_bytes, &mut counts, &mut self.sites)
+                    .unpack(
+                        ring.bytes(&filled),
+                        self.opened.stride_bytes,
+                        &mut counts,
+                        &mut self.sites,
+                    )
                     .is_ok();
             let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
-            // A stamp of the frame's end is brought back to the exposure's start; read-out time
-            // stays in it.
-            let exposure_s =
-                if filled.at_start { 0.0 } else { self.settings.exposure.exposure_ms() / 1e3 };
-            let at = Moment(stamp - exposure_s);
+            let by = StampedBy {
+                driver: &self.opened.driver,
+                says_start: filled.at_start,
+                exposure_s: self.settings.exposure.exposure_ms() * self.exposure_times / 1e3,
+                interval_s: self.opened.interval_s,
+            };
+            let at = begun(self.settings.stamps, &by, stamp);
             let sequence = filled.sequence;
             if let Err(cause) = ring.give_back(filled) {
                 self.ring = None;
@@ -197,25 +228,43 @@ impl Camera for V4l2Camera {
         let Some(ring) = &self.ring else {
             return Err(gone("it was lost and is not open".to_owned()));
         };
-        expose(ring.node(), &ring.node().controls(), &self.settings.exposure, times)
+        let can = expose(ring.node(), &ring.node().controls(), &self.settings.exposure, times)?;
+        if can {
+            self.exposure_times = times;
+            self.opened.interval_s = interval(ring.node(), &self.settings, times);
+        }
+        Ok(can)
     }
 
     fn reopen(&mut self) -> Result<(), RigError> {
         self.ring = None;
         self.last_sequence = None;
-        let (ring, stride_bytes) = start(&self.settings)?;
-        (self.ring, self.stride_bytes) = (Some(ring), stride_bytes);
+        let (ring, opened) = start(&self.settings)?;
+        (self.ring, self.opened, self.exposure_times) = (Some(ring), opened, 1.0);
         Ok(())
     }
 }
 
-fn start(settings: &CameraSettings) -> Result<(Ring, usize), RigError> {
+/// From frame to frame of a camera that runs free and exposes `times` as long as the settings say;
+/// where its driver does not tell, it is taken to be no longer than the exposure.
+fn interval(node: &Node, settings: &CameraSettings, times: f64) -> Option<f64> {
+    let exposure_s = settings.exposure.exposure_ms() * times / 1e3;
+    let told = || node.frame_interval_s().ok().flatten().unwrap_or(0.0);
+    settings.free_running.then(|| told().max(exposure_s))
+}
+
+fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
     let node = find(&settings.name)?;
     let settled = settle_format(&node, settings)?;
     settle_controls(&node, &settings.exposure, &settings.controls)?;
+    let opened = Opened {
+        stride_bytes: settled.stride_bytes as usize,
+        driver: node.identity().map(|identity| identity.driver).unwrap_or_default(),
+        interval_s: interval(&node, settings, 1.0),
+    };
     let ring = Ring::start(node, settings.buffers)
         .map_err(|source| busy_or(source, "start the stream"))?;
-    Ok((ring, settled.stride_bytes as usize))
+    Ok((ring, opened))
 }
 
 /// EBUSY is the kernel's word for "another program streams from it".
