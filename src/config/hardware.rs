@@ -8,6 +8,7 @@ use toml::Value;
 
 use super::error::ConfigError;
 use super::keys::{KindKeys, table, words};
+use super::media::MediaGraph;
 use super::places::Places;
 use super::simulation::is_default;
 
@@ -100,13 +101,17 @@ impl Serialize for CameraDevice {
 }
 
 table! {
-    /// A V4L2 node, by `device` or by `card`.
+    /// A V4L2 node, by `device`, by `card` or by `media`.
     @[derive(Eq)]
     pub struct V4l2Device {
         /// A link that udev keeps, under /dev/v4l/by-id or by-path.
-        device: Option<PathBuf>, Text, Says("then `card` is needed");
+        device: Option<PathBuf>, Text, Says("then `card` or `media` is needed");
         /// The card's name as `v4l2-ctl --info` prints it.
-        card: Option<String>, Text, Says("then `device` is needed");
+        card: Option<String>, Text, Says("then `device` or `media` is needed");
+        /// The media graph of a board's camera.
+        @[serde(default, skip_serializing_if = "Option::is_none")]
+        media: Option<MediaGraph>, Table(&MediaGraph::TABLE),
+            Says("the camera's driver has set itself up");
         /// Four-character code of the pixel format (`v4l2-ctl --list-formats`).
         format: String, Text, Never;
         /// What the stamps of frames are of. One read wrongly lets a frame pass that was exposed
@@ -130,17 +135,19 @@ table! {
 impl V4l2Device {
     fn check(&self, places: &Places) -> Result<(), ConfigError> {
         let one_of = |found| Err(places.broken("hardware.camera", found, "one of them"));
-        match (&self.device, &self.card) {
-            (Some(path), None) => {
+        match (&self.device, &self.card, &self.media) {
+            (Some(path), None, None) => {
                 let numbered = path.to_str().and_then(|text| text.strip_prefix("/dev/video"));
                 let stable = numbered.is_none_or(|rest| rest.parse::<u32>().is_err());
                 let allowed =
                     "a link under /dev/v4l/by-id or by-path: numbers change with every plug";
                 places.hold(stable, "hardware.camera.device", path.display(), allowed)
             }
-            (None, Some(_)) => Ok(()),
-            (Some(_), Some(_)) => one_of("both device and card"),
-            (None, None) => one_of("neither device nor card"),
+            (None, Some(_), None) => Ok(()),
+            (None, None, Some(graph)) => graph.check(places),
+            (Some(_), Some(_), _) => one_of("both device and card"),
+            (_, _, Some(_)) => one_of("media beside device or card"),
+            (None, None, None) => one_of("neither device nor card nor media"),
         }
     }
 }

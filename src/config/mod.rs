@@ -10,6 +10,7 @@ mod blur;
 mod error;
 mod hardware;
 mod keys;
+mod media;
 pub mod methods;
 mod parts;
 mod places;
@@ -27,6 +28,7 @@ pub use hardware::{
     ButtonDevice, CameraDevice, DisplayInterface, ExposureBy, FreeRunningKeys, GpioLine, Hardware,
     LampDevices, Level, PanelDevice, PulseLine, Stamps, TriggerDevice, V4l2Device,
 };
+pub use media::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name, entity_and_pad};
 pub use methods::MethodName;
 pub use parts::{
     Alignment, CalibrationTable, CameraTable, CanvasTable, ColourChoice, Curve, Marks,

@@ -171,12 +171,21 @@ fn sections() -> Vec<Section> {
                 Allowed::Table(inner) | Allowed::Tables(inner) => {
                     collect(name, inner, left_out, all);
                 }
-                Allowed::ByKind(kinds) => all.extend(kinds.iter().map(|kind| Section {
-                    names: vec![name.clone()],
-                    known: kind.keys,
-                    left_out,
-                    kind: Some(kind),
-                })),
+                Allowed::ByKind(kinds) => {
+                    for kind in kinds {
+                        all.push(Section {
+                            names: vec![name.clone()],
+                            known: kind.keys,
+                            left_out,
+                            kind: Some(kind),
+                        });
+                        for key in kind.keys.keys {
+                            if let Allowed::Table(inner) | Allowed::Tables(inner) = key.allowed {
+                                collect(joined(&name, &key.name()), inner, key.left_out, all);
+                            }
+                        }
+                    }
+                }
                 _ => {}
             }
         }

@@ -4,11 +4,12 @@
 //!         --test real_rig -- --ignored rig_
 //!
 //! The virtual rig of `tests/vm` runs the same bodies, and those for a camera that misbehaves on
-//! request (the kernel's vivid, `RELENS_VIVID` its card name).
+//! request (the kernel's vivid, `RELENS_VIVID` its card name) and for a media graph (its vimc).
 #![cfg(feature = "hardware")]
 
 #[path = "../counted/mod.rs"]
 mod counted;
+mod vimc;
 mod vivid;
 
 use std::collections::HashSet;

@@ -100,7 +100,7 @@ fn uncontrolled(has: &[Control]) -> Vec<&'static str> {
 }
 
 /// Sets the steady values, the exposure and the file's own `wanted` controls, in this order, and
-/// reads each back.
+/// reads each back; what the camera has no control of.
 ///
 /// # Errors
 /// [`RigError::Refused`] for a control the camera has not got, or that does not hold its value.
@@ -108,25 +108,18 @@ pub(super) fn settle_controls(
     node: &Node,
     exposure: &Exposure,
     wanted: &[(String, i32)],
-) -> Result<(), RigError> {
+) -> Result<Vec<&'static str>, RigError> {
     let has = node.controls();
     for (name, held) in STEADY.iter().flat_map(|(_, names)| *names) {
         if let Ok(control) = named(&has, name) {
             hold(node, control, held.value(control))?;
         }
     }
-    let missing = uncontrolled(&has);
-    if !missing.is_empty() {
-        log::warn!(
-            "the camera has no control of {}; whatever it does there of itself stays",
-            missing.join(", ")
-        );
-    }
     expose(node, &has, exposure, 1.0)?;
     for (name, value) in wanted {
         hold(node, named(&has, name)?, *value)?;
     }
-    Ok(())
+    Ok(uncontrolled(&has))
 }
 
 /// Exposes `times` as long as `exposure` says; false where it is set elsewhere.

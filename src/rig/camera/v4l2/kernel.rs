@@ -76,7 +76,8 @@ pub(super) struct Filled {
     pub(super) at_start: bool,
 }
 
-fn text(bytes: &[u8]) -> String {
+/// Text up to its closing zero.
+pub(super) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes.split(|&b| b == 0).next().unwrap_or_default()).into_owned()
 }
 

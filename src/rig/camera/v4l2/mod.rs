@@ -2,14 +2,16 @@
 //! frame by frame.
 
 mod controls;
+mod finding;
 mod kernel;
+mod media;
 mod request;
 mod ring;
 
-use std::path::{Path, PathBuf};
-
 pub use controls::Exposure;
 use controls::{expose, settle_controls};
+pub use finding::CameraName;
+use finding::{busy_or, by_card, by_link, gone};
 use kernel::{Node, Settled};
 use ring::Ring;
 
@@ -19,19 +21,6 @@ use crate::rig::monotonic::Monotonic;
 use crate::rig::pixel_format::PixelFormat;
 use crate::rig::stamps::{StampedBy, begun};
 use crate::rig::{Camera, Clock, Exposed, Moment, RigError};
-
-/// Video nodes looked at when a camera is found by its card's name.
-const NODES_MAX: usize = 64;
-
-/// How a camera is found; never by its number, which changes with every plug.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum CameraName {
-    /// A link that udev keeps, such as `/dev/v4l/by-id/usb-…-video-index0`.
-    Link(PathBuf),
-    /// The card's name as the driver gives it (`v4l2-ctl --info`); must be the only one of that
-    /// name.
-    Card(String),
-}
 
 /// Which camera, and how it is to be set.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,10 +63,11 @@ impl CameraSettings {
                 allowed: allowed.map(|(code, _)| *code).collect::<Vec<_>>().join(", "),
             }
         })?;
-        // The rig file names exactly one of the two.
-        let name = match (&device.device, &device.card) {
-            (Some(link), _) => CameraName::Link(link.clone()),
-            (None, card) => CameraName::Card(card.clone().unwrap_or_default()),
+        // The rig file names exactly one of the three.
+        let name = match (&device.device, &device.card, &device.media) {
+            (Some(link), ..) => CameraName::Link(link.clone()),
+            (_, _, Some(graph)) => CameraName::Graph(graph.clone()),
+            (None, card, None) => CameraName::Card(card.clone().unwrap_or_default()),
         };
         let exposure_ms = rig.camera.exposure_ms;
         let free_running = match &rig.kind {
@@ -122,12 +112,10 @@ pub struct V4l2Camera {
 struct Opened {
     stride_bytes: usize,
     driver: String,
+    /// Where the sensor's controls are, where that is not the node pictures come from.
+    sensor: Option<Node>,
     /// From frame to frame where it runs free.
     interval_s: Option<f64>,
-}
-
-fn gone(what: String) -> RigError {
-    RigError::Gone { device: "camera", what }
 }
 
 impl V4l2Camera {
@@ -228,7 +216,8 @@ impl Camera for V4l2Camera {
         let Some(ring) = &self.ring else {
             return Err(gone("it was lost and is not open".to_owned()));
         };
-        let can = expose(ring.node(), &ring.node().controls(), &self.settings.exposure, times)?;
+        let node = self.opened.sensor.as_ref().unwrap_or(ring.node());
+        let can = expose(node, &node.controls(), &self.settings.exposure, times)?;
         if can {
             self.exposure_times = times;
             self.opened.interval_s = interval(ring.node(), &self.settings, times);
@@ -254,67 +243,50 @@ fn interval(node: &Node, settings: &CameraSettings, times: f64) -> Option<f64> {
 }
 
 fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
-    let node = find(&settings.name)?;
+    let (node, sensor) = match &settings.name {
+        CameraName::Graph(graph) => {
+            let media::SetUp { capture, sensor } = media::set_up(graph, settings.size)?;
+            (capture, sensor)
+        }
+        CameraName::Link(path) => (by_link(path)?, None),
+        CameraName::Card(card) => (by_card(card)?, None),
+    };
     let settled = settle_format(&node, settings)?;
-    settle_controls(&node, &settings.exposure, &settings.controls)?;
+    let controlled = sensor.as_ref().unwrap_or(&node);
+    let missing = settle_controls(controlled, &settings.exposure, &settings.controls)?;
+    // A board's sensor sends its counts as they are.
+    if sensor.is_none() && !missing.is_empty() {
+        log::warn!(
+            "the camera has no control of {}; whatever it does there of itself stays",
+            missing.join(", ")
+        );
+    }
     let opened = Opened {
         stride_bytes: settled.stride_bytes as usize,
         driver: node.identity().map(|identity| identity.driver).unwrap_or_default(),
+        sensor,
         interval_s: interval(&node, settings, 1.0),
     };
-    let ring = Ring::start(node, settings.buffers)
-        .map_err(|source| busy_or(source, "start the stream"))?;
+    let ring = Ring::start(node, settings.buffers).map_err(|source| {
+        let is_pipe = rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::PIPE);
+        match &settings.name {
+            // EPIPE is the kernel's word for pads of a link that differ, or no link at all.
+            CameraName::Graph(graph) if is_pipe => RigError::Refused {
+                device: "camera",
+                found: format!(
+                    "media graph: no way from the sensor to {:?} on which all pads agree",
+                    graph.capture
+                ),
+                allowed: format!(
+                    "links that are on all the way, and at every pad the format of {} of {}",
+                    settings.format.code(),
+                    settings.size
+                ),
+            },
+            _ => busy_or(source, "start the stream"),
+        }
+    })?;
     Ok((ring, opened))
-}
-
-/// EBUSY is the kernel's word for "another program streams from it".
-fn busy_or(source: std::io::Error, doing: &'static str) -> RigError {
-    if rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::BUSY) {
-        let what = "another program streams from it".to_owned();
-        return RigError::Held { device: "camera", what };
-    }
-    RigError::Failed { device: "camera", doing, source }
-}
-
-fn find(name: &CameraName) -> Result<Node, RigError> {
-    match name {
-        CameraName::Link(path) => {
-            let node =
-                Node::open(path).map_err(|cause| gone(format!("{}: {cause}", path.display())))?;
-            match node.identity() {
-                Ok(identity) if identity.streams_pictures => Ok(node),
-                _ => Err(RigError::Refused {
-                    device: "camera",
-                    found: format!("{} takes no pictures", path.display()),
-                    allowed: "a capture node (usually the one ending in video-index0)".to_owned(),
-                }),
-            }
-        }
-        CameraName::Card(wanted) => {
-            let mut others = Vec::new();
-            let mut found = None;
-            for number in 0..NODES_MAX {
-                let Ok(node) = Node::open(Path::new(&format!("/dev/video{number}"))) else {
-                    continue;
-                };
-                let Ok(identity) = node.identity() else { continue };
-                if !identity.streams_pictures {
-                    continue;
-                }
-                if identity.card != *wanted {
-                    others.push(format!("{:?}", identity.card));
-                } else if found.replace(node).is_some() {
-                    return Err(RigError::Refused {
-                        device: "camera",
-                        found: format!("two cameras called {wanted:?}"),
-                        allowed: "one, or its link under /dev/v4l/by-id or by-path".to_owned(),
-                    });
-                }
-            }
-            let there = if others.is_empty() { "none".to_owned() } else { others.join(", ") };
-            found.ok_or_else(|| gone(format!("no camera is called {wanted:?}; there: {there}")))
-        }
-    }
 }
 
 fn settle_format(node: &Node, settings: &CameraSettings) -> Result<Settled, RigError> {

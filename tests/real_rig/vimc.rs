@@ -1,0 +1,217 @@
+//! A board's camera behind a media graph: the kernel's vimc, set up, streamed from, set up again
+//! after another program had it, and told of where it cannot be.
+
+use std::process::Command;
+
+use relens::config::{MediaGraph, MediaLink, PadFormat, Stamps};
+use relens::frame::{Counts, Size};
+use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
+use relens::rig::monotonic::Monotonic;
+use relens::rig::pixel_format::PixelFormat;
+use relens::rig::{Camera, Clock, Moment, RigError};
+
+/// The kernel's colour bars, from left to right, as red, green and blue.
+const BARS: [[bool; 3]; 8] = [
+    [true, true, true],
+    [true, true, false],
+    [false, true, true],
+    [false, true, false],
+    [true, false, true],
+    [true, false, false],
+    [false, false, true],
+    [false, false, false],
+];
+
+fn pad_format((pad, code): (&str, &str)) -> PadFormat {
+    PadFormat { pad: pad.to_owned(), code: code.to_owned() }
+}
+
+fn link(from: &str, to: &str, on: bool) -> MediaLink {
+    MediaLink { from: from.to_owned(), to: to.to_owned(), on }
+}
+
+/// Raw sites straight from sensor `which`. All that the sensor's light goes to must agree, so the
+/// converter beside takes them too, and gives nothing on.
+fn raw_graph(which: &str, bus_code: &str) -> MediaGraph {
+    let (sensor, converter) = (format!("Sensor {which}"), format!("Debayer {which}"));
+    MediaGraph {
+        driver: "vimc".to_owned(),
+        capture: format!("Raw Capture {}", if which == "A" { 0 } else { 1 }),
+        link: vec![link(&format!("{converter}:1"), "Scaler:0", false)],
+        format: vec![
+            pad_format((&format!("{sensor}:0"), bus_code)),
+            pad_format((&format!("{converter}:0"), bus_code)),
+        ],
+        sensor: Some(sensor),
+    }
+}
+
+/// Colours from sensor `which` by way of its converter and the scaler, which the other one's link
+/// must be off for.
+fn scaled_graph(which: &str, other: &str) -> MediaGraph {
+    let [sensor, debayer, away] =
+        [format!("Sensor {which}"), format!("Debayer {which}:"), format!("Debayer {other}:1")];
+    let (before, after) = (format!("{debayer}0"), format!("{debayer}1"));
+    MediaGraph {
+        driver: "vimc".to_owned(),
+        capture: "RGB/YUV Capture".to_owned(),
+        link: vec![link(&away, "Scaler:0", false), link(&after, "Scaler:0", true)],
+        format: vec![
+            pad_format((&format!("{sensor}:0"), "SRGGB8_1X8")),
+            pad_format((&before, "SRGGB8_1X8")),
+            pad_format((&after, "RGB888_1X24")),
+            pad_format(("Scaler:0", "RGB888_1X24")),
+            pad_format(("Scaler:1", "RGB888_1X24")),
+        ],
+        sensor: Some(sensor),
+    }
+}
+
+fn settings(graph: MediaGraph, code: &str, size: Size) -> CameraSettings {
+    CameraSettings {
+        name: CameraName::Graph(graph),
+        size,
+        format: PixelFormat::from_code(code).expect("relens takes it"),
+        buffers: 4,
+        exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
+        stamps: Stamps::Driver,
+        free_running: true,
+        controls: vec![("test_pattern".to_owned(), 0)],
+    }
+}
+
+fn raw() -> CameraSettings {
+    settings(raw_graph("A", "SRGGB8_1X8"), "RGGB", Size::new(640, 480))
+}
+
+fn opened(settings: CameraSettings) -> V4l2Camera {
+    V4l2Camera::open(settings).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn said(settings: CameraSettings) -> String {
+    V4l2Camera::open(settings).err().expect("it is refused").to_string()
+}
+
+fn frame(camera: &mut V4l2Camera) -> Counts {
+    let deadline = Moment(Monotonic.now().0 + 20.0);
+    camera.frame(deadline).unwrap_or_else(|error| panic!("{error}")).counts
+}
+
+/// Mean counts of red, green and blue around column `x`, far below the driver's own writing.
+fn colours_at(counts: &Counts, x: usize) -> [f64; 3] {
+    counts.planes().each_ref().map(|plane| {
+        let rows = plane.height() * 7 / 8 - 8..plane.height() * 7 / 8 + 8;
+        let sites = rows.flat_map(|y| &plane.row(y)[x - 8..x + 8]);
+        sites.map(|&count| f64::from(count)).sum::<f64>() / 256.0
+    })
+}
+
+fn shows_the_bars(counts: &Counts) {
+    let width = counts.size().width / 8;
+    for (n, bar) in BARS.iter().enumerate() {
+        let found = colours_at(counts, n * width + width / 2);
+        for (level, lit) in found.iter().zip(bar) {
+            assert!((*level > 100.0) == *lit, "bar {n}: {found:.0?} for {bar:?}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs vimc"]
+fn vimc_raw_sites_come_in_their_colours_whatever_the_pattern() {
+    for (bus_code, code) in [("SRGGB8_1X8", "RGGB"), ("SBGGR8_1X8", "BA81"), ("SGRBG8_1X8", "GRBG")]
+    {
+        for size in [Size::new(640, 480), Size::new(320, 240)] {
+            let mut camera = opened(settings(raw_graph("A", bus_code), code, size));
+            let counts = frame(&mut camera);
+            assert_eq!(counts.size(), size);
+            shows_the_bars(&counts);
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs vimc"]
+fn vimc_links_are_put_on_and_off() {
+    // The kernel's patterns 5 and 6 are black and white.
+    for (which, other, pattern) in [("B", "A", 6), ("A", "B", 5), ("B", "A", 6)] {
+        // The raw node beside has to agree with its sensor, too.
+        drop(opened(settings(raw_graph(which, "SRGGB8_1X8"), "RGGB", Size::new(640, 480))));
+        let graph = scaled_graph(which, other);
+        let mut wanted = settings(graph, "RGB3", Size::new(640, 480));
+        wanted.controls = vec![("test_pattern".to_owned(), pattern)];
+        let found = colours_at(&frame(&mut opened(wanted)), 320);
+        let white = pattern == 6;
+        assert!(found.iter().all(|level| (*level > 128.0) == white), "{which}: {found:?}");
+    }
+}
+
+/// The other program of the test below, which is started by it.
+#[test]
+#[ignore = "needs vimc"]
+fn vimc_another_program() {
+    let mut camera = opened(settings(raw_graph("A", "SGBRG8_1X8"), "GBRG", Size::new(320, 240)));
+    frame(&mut camera);
+}
+
+#[test]
+#[ignore = "needs vimc"]
+fn vimc_what_another_program_changed_is_set_up_again() {
+    let other = || {
+        let itself = std::env::current_exe().expect("this program has a path");
+        let words = ["--ignored", "--exact", "vimc::vimc_another_program"];
+        Command::new(itself).args(words).output().expect("it starts")
+    };
+    let mut camera = opened(raw());
+    shows_the_bars(&frame(&mut camera));
+    let told = other();
+    let words = String::from_utf8_lossy(&told.stdout).into_owned();
+    assert!(!told.status.success() && words.contains("another program streams"), "{words}");
+    drop(camera);
+    let told = other();
+    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stdout));
+    let mut camera = opened(raw());
+    shows_the_bars(&frame(&mut camera));
+    camera.reopen().unwrap_or_else(|error| panic!("{error}"));
+    shows_the_bars(&frame(&mut camera));
+}
+
+#[test]
+#[ignore = "needs vimc"]
+fn vimc_what_is_wrong_is_told_in_a_sentence() {
+    let size = Size::new(640, 480);
+    let with = |change: &dyn Fn(&mut MediaGraph)| {
+        let mut graph = raw_graph("A", "SRGGB8_1X8");
+        change(&mut graph);
+        said(settings(graph, "RGGB", size))
+    };
+    let holds = |said: String, words: &[&str]| {
+        println!("told: {said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{said} lacks one of {words:?}");
+    };
+    let driver = with(&|graph| graph.driver = "rp1-cfe".to_owned());
+    holds(driver, &["no media device of driver \"rp1-cfe\"", "\"vimc\""]);
+    let sensor = with(&|graph| graph.sensor = Some("Sensor C".to_owned()));
+    holds(sensor, &["no entity \"Sensor C\"", "\"Sensor A\""]);
+    let capture = with(&|graph| graph.capture = "Debayer A".to_owned());
+    holds(capture, &["\"Debayer A\" takes no pictures"]);
+    let missing = with(&|graph| graph.link.push(link("Sensor A:0", "Raw Capture 1:0", true)));
+    holds(missing, &["no link from Sensor A:0 to Raw Capture 1:0", "Raw Capture 0:0"]);
+    let fixed = with(&|graph| graph.link.push(link("Sensor A:0", "Raw Capture 0:0", false)));
+    holds(fixed, &["put off", "immutable"]);
+    let pad = with(&|graph| graph.format.push(pad_format(("Sensor A:7", "SRGGB8_1X8"))));
+    holds(pad, &["Sensor A:7"]);
+    // The sensor knows no such samples, and says what it has made of them.
+    let format = with(&|graph| graph.format = vec![pad_format(("Sensor A:0", "Y12_1X12"))]);
+    holds(format, &["Y12_1X12 of 640×480 at Sensor A:0", "RGB888_1X24"]);
+    // What the node delivers is not what the sensor sends.
+    let differs = said(settings(raw_graph("A", "SRGGB8_1X8"), "BA81", size));
+    holds(differs, &["no way from the sensor to \"Raw Capture 0\"", "BA81"]);
+    let mut control = raw();
+    control.controls = vec![("analogue_gain".to_owned(), 1)];
+    holds(said(control), &["control analogue_gain", "test_pattern"]);
+    let held = opened(raw());
+    let second = V4l2Camera::open(raw()).err();
+    assert!(matches!(second, Some(RigError::Held { .. })), "{second:?}");
+    drop(held);
+}
