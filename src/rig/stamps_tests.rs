@@ -18,7 +18,7 @@ fn size() -> Size {
 }
 
 /// A panel that changes at once, before a camera whose frame n begins at `phase_s` + n intervals.
-struct Scene {
+struct StampedScene {
     now_s: f64,
     /// From when on which code was up.
     shown: Vec<(f64, u8)>,
@@ -30,10 +30,10 @@ struct Scene {
 }
 
 #[derive(Clone)]
-struct View(Arc<Mutex<Scene>>);
+struct View(Arc<Mutex<StampedScene>>);
 
 impl View {
-    fn with<T>(&self, act: impl FnOnce(&mut Scene) -> T) -> T {
+    fn with<T>(&self, act: impl FnOnce(&mut StampedScene) -> T) -> T {
         act(&mut self.0.lock().unwrap())
     }
 }
@@ -69,7 +69,7 @@ impl Trigger for View {
     }
 }
 
-impl Scene {
+impl StampedScene {
     /// Mean code that was up from `from_s` to `to_s`.
     fn mean_code(&self, from_s: f64, to_s: f64) -> f64 {
         let ends = self.shown.iter().skip(1).map(|&(at_s, _)| at_s).chain([f64::INFINITY]);
@@ -117,7 +117,8 @@ impl Camera for View {
 /// Of 200 captures with stamps read as `read_as`: how many were not of their picture alone, and
 /// seconds a capture.
 fn wrong_of_200(read_as: Stamps, phase_s: f64, held_back_s: f64) -> (usize, f64) {
-    let scene = Scene { now_s: 0.1, shown: vec![(0.0, 0)], next: 0, phase_s, held_back_s, read_as };
+    let scene =
+        StampedScene { now_s: 0.1, shown: vec![(0.0, 0)], next: 0, phase_s, held_back_s, read_as };
     let view = View(Arc::new(Mutex::new(scene)));
     let timing = Timing {
         settle_ms: 0.0,

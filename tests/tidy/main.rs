@@ -313,7 +313,8 @@ fn no_type_name_is_defined_twice() {
                 continue;
             };
             let word: String = rest.chars().take_while(|c| c.is_alphanumeric()).collect();
-            if !associated {
+            // A macro's `$name` is none.
+            if !associated && !word.is_empty() {
                 places.entry(word).or_default().push(name.clone());
             }
         }
