@@ -2,7 +2,9 @@
 
 use super::geometric::Map;
 use super::surface::{Domain, Surface};
-use super::{Calibration, CrossChannel, Geometry, Noise, ResponseCurve, ResponsePattern};
+use super::{
+    Calibration, CrossChannel, Geometry, Noise, ResponseCurve, ResponsePattern, SiteNorms,
+};
 use crate::deconvolution::lens_model::{Halo, LensFunctions};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
@@ -50,6 +52,10 @@ pub(crate) fn calibration() -> Calibration {
         broad: std::array::from_fn(|n| vec![Halo { radius_px: 9.0 + n as f32, share: 0.02 }]),
         norm_squared: [1.0; 3],
         level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
+        at_sites: Some(SiteNorms {
+            norm_squared: [1.0; 3],
+            level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
+        }),
         norm_squared_seen: 1.0,
         operator_error: [1.0; 3],
         captures: 30,

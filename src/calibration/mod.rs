@@ -40,6 +40,7 @@ pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;
 pub use noise::Noise;
+pub use norms::SiteNorms;
 pub use response_pattern::ResponsePattern;
 pub use site_gains::SiteGains;
 use surface::Surface;
@@ -82,6 +83,8 @@ pub struct Calibration {
     /// How much of each wavelet level the lens model lets through, per channel; for the rig file's
     /// levels.
     pub level_norms: [LevelNorms; 3],
+    /// The same norms at the sites of the camera's colour filters, if it has them.
+    pub at_sites: Option<SiteNorms>,
     /// ‖K‖², asked of the light: what the rig makes of the model's dominant picture; green.
     pub norm_squared_seen: f32,
     /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel;
@@ -138,6 +141,9 @@ impl Calibration {
         }
         let twice = self.margin_px.saturating_mul(2);
         let side = |photo: usize| photo.saturating_add(twice);
+        if let Some(norms) = self.at_sites.as_ref().filter(|norms| !norms.is_whole()) {
+            return Err(format!("norms at sites of {norms:?}; positive numbers are allowed"));
+        }
         self.pattern.check(Size::new(side(self.photo.width), side(self.photo.height)))?;
         self.broad.iter().try_for_each(|halos| check_halos(halos))?;
         self.functions.check().map_err(|e| e.to_string())

@@ -6,10 +6,13 @@ use super::board::{self, Board};
 use super::session::{Session, difference, rim_px};
 use super::{CalibrateError, judge};
 use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurError, Shot};
-use crate::calibration::{Calibration, Correction, dark_corner, noise};
+use crate::calibration::{Calibration, Corrected, Correction, dark_corner, noise};
 use crate::config;
+use crate::deconvolution::data_term::TRUSTED;
+use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::lens_model::LensFunctions;
-use crate::frame::{Channel, Frame, Plane, Size, Work};
+use crate::deconvolution::registration::Registration;
+use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::patterns;
 
 /// Rough measurements whose centroids are folded into the geometry. A border function stands for a
@@ -33,6 +36,9 @@ const CENTRING_ROUNDS: usize = 8;
 const ROUNDS: usize = 6;
 /// Squares for the broad light, in widths of a function: the last is held out. Guess.
 const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
+/// A capture farther from grey's brightness than this is left as it is. Guess: several times what a
+/// backlight flickers.
+const GAIN_MAX: f64 = 0.03;
 /// Patterns of them.
 pub(super) const BROAD_PATTERNS: usize = 4;
 
@@ -235,8 +241,11 @@ fn shoot(
         if first.is_none() {
             first = Some(seen.light.plane(Channel::Green).clone());
         }
+        let gain = brightness(session, &seen, &shown, &flat);
         for (c, shown) in Channel::ALL.iter().zip(shown.into_planes()) {
-            let seen = difference(seen.light.plane(*c), &flat[c.index()]);
+            let mut light = seen.light.plane(*c).clone();
+            light.scale(1.0 / gain);
+            let seen = difference(&light, &flat[c.index()]);
             shots[c.index()]
                 .push(Shot { shown: averaged(&shown, pixel_px), seen: averaged(&seen, pixel_px) });
         }
@@ -246,6 +255,34 @@ fn shoot(
         averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
     });
     Ok(Series { shots, trusted: whole, first })
+}
+
+/// How bright a capture of a pattern on grey is against the capture of that grey: a backlight
+/// flickers. A lens moves light and keeps its sum, so the sums tell. 1 where the panel ends with
+/// the canvas, for light is lost there, and where it is more than a backlight's unsteadiness.
+fn brightness(session: &Session<'_>, seen: &Corrected, shown: &Frame<Work>, flat: &[Plane]) -> f32 {
+    if rim_px(session.config) > 0 {
+        return 1.0;
+    }
+    let border = session.config.calibration.function_support_px / 2;
+    let size = session.layout.canvas();
+    let (mut light, mut expected) = (0.0f64, 0.0f64);
+    for (c, flat) in Channel::ALL.iter().zip(flat) {
+        let (seen, trusted, shown) =
+            (seen.light.plane(*c), seen.trusted.plane(*c), shown.plane(*c));
+        for y in border..size.height.saturating_sub(border) {
+            for x in border..size.width.saturating_sub(border) {
+                if trusted.at(x, y) > 0 {
+                    light += f64::from(seen.at(x, y));
+                    expected += f64::from(flat.at(x, y) + shown.at(x, y));
+                }
+            }
+        }
+    }
+    let gain = light / expected;
+    log::debug!("a pattern is {gain:.4} times as bright as grey");
+    // Written so that a number that is none fails too.
+    if (gain - 1.0).abs() <= GAIN_MAX { gain as f32 } else { 1.0 }
 }
 
 /// The lens functions that explain `series`, on pixels of `pixel_px`.
@@ -330,14 +367,32 @@ fn check(
     rest(session, calibration, correction, first, board)?;
     // The chart on its paper, held out of every fit.
     let chart = chart(session);
-    let seen = session.seen(correction, &chart)?;
-    let margin = calibration.margin_px;
+    let Corrected { light, trusted } = session.seen(correction, &chart)?;
+    let mut seen = Seen { light, trusted };
+    let mut predicted = Frame::zeros(model.canvas());
     for c in Channel::ALL {
-        let (shown, light, trusted) = (chart.plane(c), seen.light.plane(c), seen.trusted.plane(c));
-        calibration.operator_error[c.index()] =
-            lens_blur::misfit(&model, c, shown, light, trusted, margin);
+        model.forward(c, chart.plane(c), predicted.plane_mut(c));
     }
-    let picture = calibration.measure_norms(&model, session.config.restore.levels);
+    let margin = calibration.margin_px;
+    let (photo, support_px) = (calibration.photo, calibration.functions.support_px);
+    // As every later capture is, for the panel may have wandered and flickered.
+    let found = Registration::of(
+        &seen,
+        &predicted,
+        &Frame::filled(model.canvas(), TRUSTED),
+        Rect { x: margin, y: margin, size: photo },
+        &Channel::ALL,
+        support_px,
+    );
+    log::debug!("the chart's capture registered: {found:?}");
+    found.undo(&mut seen, &predicted, &Channel::ALL);
+    for c in Channel::ALL {
+        let (predicted, light) = (predicted.plane(c), seen.light.plane(c));
+        calibration.operator_error[c.index()] =
+            lens_blur::misfit(predicted, light, seen.trusted.plane(c), margin);
+    }
+    let filters = session.layout.mosaic.is_some();
+    let picture = calibration.measure_norms(&model, session.config.restore.levels, filters);
     // The dominant picture has one sign; shown as bright as it can be, its light comes back
     // stretched by ‖K‖.
     let brightest = picture.data().iter().fold(0.0f32, |a, &v| a.max(v)).max(f32::MIN_POSITIVE);

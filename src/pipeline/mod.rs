@@ -4,7 +4,6 @@
 //! method's own result beside what is delivered takes the same steps one by one:
 //! [`Pipeline::prepare`], [`Pipeline::solve`], [`Pipeline::judge`].
 
-mod at_sites;
 mod dot_test;
 mod evidence;
 mod judge;
@@ -28,7 +27,7 @@ use std::sync::{Arc, OnceLock};
 
 use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
-use crate::calibration::{Calibration, CrossChannel, Noise};
+use crate::calibration::{Calibration, CrossChannel, Noise, SiteNorms};
 use crate::config;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
@@ -38,7 +37,6 @@ use crate::frame::{Channel, FULL_SCALE};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::exposure::Devices;
-use at_sites::AtSites;
 use learning::Learning;
 
 /// Everything that a calibrated rig needs to restore photos, made once and used for many.
@@ -48,7 +46,7 @@ pub struct Pipeline {
     model: Arc<LensModel>,
     norm_squared: [f32; 3],
     level_norms: [LevelNorms; 3],
-    at_sites: OnceLock<AtSites>,
+    at_sites: OnceLock<SiteNorms>,
     capture_noise: [f32; 3],
     noise: [Noise; 3],
     site_noise: [Noise; 3],
@@ -85,7 +83,7 @@ impl Pipeline {
             photo_side: PhotoSide::new(calibration, &layout),
             norm_squared: norm_bound(calibration),
             level_norms: calibration.level_norms.clone(),
-            at_sites: OnceLock::new(),
+            at_sites: calibration.at_sites.clone().map_or_else(OnceLock::new, OnceLock::from),
             noise: calibration.noise,
             site_noise: site_noise(calibration),
             counts_per_level: calibration.counts_per_level,

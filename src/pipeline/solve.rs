@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::Pipeline;
-use super::at_sites::AtSites;
 use super::stages::{Prepared, Solved};
+use crate::calibration::SiteNorms;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{Method, MethodError, Problem, Watch};
@@ -44,9 +44,9 @@ impl Pipeline {
         watch: &mut Watch<'_>,
     ) -> Result<Solved, MethodError> {
         let (norm_squared, level_norms) = match photo.mosaic {
-            Some(mosaic) => {
+            Some(_) => {
                 let levels = self.level_norms[0].levels();
-                let of = self.at_sites.get_or_init(|| AtSites::of(&self.model, mosaic, levels));
+                let of = self.at_sites.get_or_init(|| SiteNorms::of(&self.model, levels));
                 (of.norm_squared, &of.level_norms)
             }
             None => (self.norm_squared, &self.level_norms),

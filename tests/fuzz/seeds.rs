@@ -147,6 +147,7 @@ fn calibration(folder: &Path) {
         broad: std::array::from_fn(|n| vec![Halo { radius_px: 5.0, share: 0.1 }; n]),
         norm_squared: [1.0; 3],
         level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
+        at_sites: None,
         norm_squared_seen: 1.0,
         operator_error: [1.0; 3],
         captures: 30,

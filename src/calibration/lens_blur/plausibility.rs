@@ -21,19 +21,10 @@ pub fn dominant(model: &LensModel, channel: Channel, rounds: usize) -> (f32, Pla
     (largest as f32, picture)
 }
 
-/// RMS of `seen` − K·`shown` over the trusted pixels of the photo.
-pub fn misfit(
-    model: &LensModel,
-    channel: Channel,
-    shown: &Plane,
-    seen: &Plane,
-    trusted: &Plane<u8>,
-    margin_px: usize,
-) -> f32 {
-    let mut predicted = Plane::zeros(model.canvas());
-    model.forward(channel, shown, &mut predicted);
+/// RMS of `seen` − `predicted` over the trusted pixels of the photo.
+pub fn misfit(predicted: &Plane, seen: &Plane, trusted: &Plane<u8>, margin_px: usize) -> f32 {
     let (mut squared, mut count) = (0.0f64, 0usize);
-    let canvas = model.canvas();
+    let canvas = predicted.size();
     for y in margin_px..canvas.height - margin_px {
         for x in margin_px..canvas.width - margin_px {
             if trusted.at(x, y) > 0 {
