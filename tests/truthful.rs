@@ -241,6 +241,27 @@ fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
     }
 }
 
+#[test]
+fn a_camera_s_curve_is_undone() {
+    let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
+    let rig = |departures: &[Departure]| {
+        let mut rig = departed(departures);
+        rig.calibration.linearity = true;
+        rig
+    };
+    let [mosaic, curve] = [DEPARTURES[0].1, DEPARTURES[7].1];
+    for (name, raw, before) in [("developed", false, vec![]), ("raw", true, vec![mosaic])] {
+        let straight = tried_of(&rig(&before), &scenes, raw, &|_| {}).unwrap();
+        let with_curve: Vec<Departure> = before.into_iter().chain([curve]).collect();
+        let undone = tried_of(&rig(&with_curve), &scenes, raw, &|_| {}).unwrap();
+        for (straight, undone) in straight.iter().zip(&undone) {
+            let (ought, is) = (straight.delivered, undone.delivered);
+            println!("{name}: {ought:.4?} of a straight camera, {is:.4?} of a bent one");
+            assert!(is[0] > ought[0] - 0.01, "{name}: {is:?} {ought:?}");
+        }
+    }
+}
+
 /// Side of the corners that are looked at, pixels.
 const CORNER_PX: usize = 24;
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::curve::Inverse;
 use super::dither::Diffusion;
 use super::surface::Domain;
-use super::{Calibration, Geometry, SiteGains};
+use super::{Calibration, CameraCurve, Geometry, SiteGains};
 use crate::config;
 use crate::frame::resample::{Outside, warp};
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work};
@@ -125,7 +125,9 @@ pub struct Correction {
     geometry: [Geometry; 3],
     inverse: [Inverse; 3],
     unmix: [[f32; 3]; 3],
-    /// Counts with a black panel, canvas-sized.
+    /// The straight count of each count, where the camera bends them.
+    straight: Option<Vec<f32>>,
+    /// Straight counts with a black panel, canvas-sized.
     black: [Plane; 3],
     /// Light per unmixed count, canvas-sized: 1 / (counts per level · dark corner).
     gain: [Plane; 3],
@@ -175,6 +177,7 @@ impl Correction {
             geometry: calibration.geometry.clone(),
             inverse: Channel::ALL.map(|c| Inverse::new(&calibration.curves[c.index()])),
             unmix,
+            straight: straight_counts(&calibration.camera_curve),
             black: Channel::ALL.map(|c| on_canvas(&calibration.black[c.index()])),
             gain: Channel::ALL.map(gain),
             sites: SiteGains::new(&calibration.pattern, canvas, layout.canvas_mosaic()),
@@ -334,7 +337,7 @@ impl Correction {
             (layout.photo_x_px + x - layout.margin_px, layout.photo_y_px + y - layout.margin_px);
         let over = |c: Channel, column: usize, row: usize| {
             let count = counts.plane(c).at(left + column, top + row);
-            f32::from(count) - self.black[c.index()].at(x + column, y + row)
+            self.count(count) - self.black[c.index()].at(x + column, y + row)
         };
         Some((place, sites.evened(place, over)))
     }
@@ -370,8 +373,16 @@ impl Correction {
             return;
         }
         let b = [0, 1, 2].map(|c| &self.black[c].row(y)[skip..skip + reach]);
-        let over = |c: usize, x: usize| f32::from(t[c][x]) - b[c][x];
+        let over = |c: usize, x: usize| self.count(t[c][x]) - b[c][x];
         self.unmixed(y, skip, light, |x| [over(0, x), over(1, x), over(2, x)]);
+    }
+
+    /// The straight count of `count`.
+    fn count(&self, count: u16) -> f32 {
+        match &self.straight {
+            Some(straight) => straight[usize::from(count)],
+            None => f32::from(count),
+        }
     }
 
     /// The light of row `y` of the canvas from its column `skip` on, of counts over black.
@@ -396,6 +407,12 @@ impl Correction {
             blue[x] = own(2) * g[2][x];
         }
     }
+}
+
+/// The straight count of every count that there can be; `None` where they are straight.
+fn straight_counts(curve: &CameraCurve) -> Option<Vec<f32>> {
+    let all = || (0..=u16::MAX).map(|count| curve.count(f32::from(count))).collect();
+    (!curve.is_straight()).then(all)
 }
 
 /// Least share of light a dark corner is divided by: below a fiftieth there is no picture to

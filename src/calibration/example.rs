@@ -3,7 +3,8 @@
 use super::geometric::Map;
 use super::surface::{Domain, Surface};
 use super::{
-    Calibration, CrossChannel, Geometry, Noise, ResponseCurve, ResponsePattern, SiteNorms,
+    Calibration, CameraCurve, CrossChannel, Geometry, Noise, ResponseCurve, ResponsePattern,
+    SiteNorms,
 };
 use crate::deconvolution::lens_model::{Halo, LensFunctions};
 use crate::deconvolution::level_norms::LevelNorms;
@@ -38,6 +39,7 @@ pub(crate) fn calibration() -> Calibration {
         geometry: [geometry.clone(), geometry.clone(), geometry],
         dark_corner: [1.0, 1.1, 0.9].map(|d| Surface::plane(canvas, d, -0.005, 0.0)),
         cross_channel: CrossChannel { c: [[1.0, 0.1, 0.02], [0.07, 1.0, 0.11], [0.01, 0.15, 1.0]] },
+        camera_curve: CameraCurve::straight(),
         curves: [curve(), curve(), curve()],
         black: [64.0, 65.0, 66.0].map(|b| Surface::constant(canvas, b)),
         counts_per_level: [3.0, 3.2, 2.9],

@@ -12,6 +12,7 @@
 //! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on
 //! flash, and the procedure on a rig is [`crate::measurement`] (layer 3).
 
+pub mod camera_curve;
 pub mod checkerboard;
 pub mod correction;
 pub mod cross_channel;
@@ -35,6 +36,7 @@ use crate::deconvolution::lens_model::broad::check_halos;
 use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
+pub use camera_curve::CameraCurve;
 pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
@@ -62,6 +64,8 @@ pub struct Calibration {
     pub dark_corner: [Surface; 3],
     /// The mixing of the channels, Eq. 13.
     pub cross_channel: CrossChannel,
+    /// How the camera's counts bend; all else here is of straight counts.
+    pub camera_curve: CameraCurve,
     /// Light 0..255 of each panel code, per channel, black subtracted.
     pub curves: [ResponseCurve; 3],
     /// Sensor counts with a black panel, over Work coordinates, per channel: pedestal, ambient
@@ -144,6 +148,7 @@ impl Calibration {
         if let Some(norms) = self.at_sites.as_ref().filter(|norms| !norms.is_whole()) {
             return Err(format!("norms at sites of {norms:?}; positive numbers are allowed"));
         }
+        self.camera_curve.check()?;
         self.pattern.check(Size::new(side(self.photo.width), side(self.photo.height)))?;
         self.broad.iter().try_for_each(|halos| check_halos(halos))?;
         self.functions.check().map_err(|e| e.to_string())

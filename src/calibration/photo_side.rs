@@ -1,12 +1,13 @@
-//! What a calibration says about the photo itself: its dark corner, and its colour fringes.
+//! What a calibration says about the photo itself: how the camera bent its light, its dark corner,
+//! and its colour fringes.
 
 use rayon::prelude::*;
 
-use super::Calibration;
 use super::correction::Layout;
 use super::surface::Surface;
+use super::{Calibration, CameraCurve};
 use crate::frame::resample::{Outside, warp};
-use crate::frame::{Channel, Frame, Plane, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 
 /// Share of light below which a corner is too dark to be worth dividing by; what is darker is left
 /// dark.
@@ -20,6 +21,9 @@ const BAND_ROWS: usize = 32;
 /// The photo's side of a calibration, made ready.
 #[derive(Debug, Clone)]
 pub struct PhotoSide {
+    curve: CameraCurve,
+    /// Counts over black that a developed photo's white stands for, as shown on the panel.
+    white: f32,
     /// Share of light that arrives, over the photo.
     dark_corner: [Surface; 3],
     /// Where red (first) and blue (second) have what green has at a canvas place.
@@ -29,10 +33,23 @@ pub struct PhotoSide {
 impl PhotoSide {
     /// The photo's side of `calibration` on a rig of `layout`.
     pub fn new(calibration: &Calibration, layout: &Layout) -> PhotoSide {
+        let curve = calibration.camera_curve.clone();
+        let white = FULL_SCALE * calibration.counts_per_level[Channel::Green.index()];
         PhotoSide {
+            white: curve.bent(white),
+            curve,
             dark_corner: calibration.dark_corner.clone(),
             fringes: [Channel::Red, Channel::Blue].map(|c| Fringe::new(calibration, layout, c)),
         }
+    }
+
+    /// Light of which a photo has `bent`; `None` where the camera is straight. Its white, which
+    /// stays white, is `white` counts over black, else what a camera's developing takes for it.
+    pub fn straightened(&self, white: Option<f32>) -> Option<impl Fn(f32) -> f32 + Sync + '_> {
+        let counts = white.unwrap_or(self.white);
+        let scale = FULL_SCALE / self.curve.over_black(counts);
+        let straight = move |bent: f32| scale * self.curve.over_black(bent * (counts / FULL_SCALE));
+        (!self.curve.is_straight()).then_some(straight)
     }
 
     /// Divides the dark corner of the flats out of `photo` (photo-sized), as the light path does

@@ -114,9 +114,9 @@ table! {
         /// Whether light that is scattered wider than the functions reach (veiling glare) is
         /// measured too. It is kept only where it is there.
         broad_term: bool, Truth, Means("true");
-        /// Whether the camera's counts are proven to be straight in light: one code at one, two
-        /// and three times the exposure, where the exposure can be set. A camera that bends them
-        /// by more than a tenth is refused.
+        /// Whether it is measured how the camera's counts bend: a gradation at one, two and three
+        /// times the exposure, where the exposure can be set. A bend is undone in captures and
+        /// photos; a camera that bends counts by more than a tenth is refused.
         @[serde(skip_serializing_if = "std::ops::Not::not")]
         linearity: bool, Truth, Means("false");
         /// Flats by which each of the sensor's sites is compared with its surroundings, and hot and

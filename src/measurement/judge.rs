@@ -184,6 +184,15 @@ pub(super) fn straight(
     Ok(())
 }
 
+/// What a camera is told whose counts no rising curve explains.
+pub(super) fn no_curve() -> CalibrateError {
+    CalibrateError::NotLinear {
+        channel: Channel::Green.name(),
+        found: "no rising curve explains what longer exposures bring".to_owned(),
+        allowed: "counts that rise with light".to_owned(),
+    }
+}
+
 /// Judges whether the whole canvas can be shown.
 ///
 /// # Errors

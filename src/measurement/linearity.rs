@@ -1,78 +1,160 @@
-//! Whether a camera's counts are straight in light: one code at one, two and three times the
-//! exposure, which bring one, two and three times the counts over black. A gamma passes every flat
-//! and bends what a lens blurs.
+//! How a camera's counts bend: a gradation from black to white at one, two and three times the
+//! exposure, which bring one, two and three times the light. A gamma or a knee passes every flat
+//! and bends what a lens blurs. One picture holds all levels, so that a backlight's flicker between
+//! captures is the same for all of them.
 
 use super::session::Session;
 use super::{CalibrateError, judge};
-use crate::frame::{Channel, Counts, Plane};
-use crate::patterns;
+use crate::calibration::CameraCurve;
+use crate::calibration::camera_curve::Exposures;
+use crate::frame::{Channel, Frame, Plane, SensorSpace, Size};
+use crate::patterns::{self, Gradation};
 
 /// Multiples of the exposure.
 const TIMES: [f64; 3] = [1.0, 2.0, 3.0];
-/// Share of full scale above black that the code is to bring at the longest exposure: white
-/// differs over the field, and must not be saturated anywhere.
-const BRIGHTEST: f64 = 0.75;
-/// A panel's usual exponent, to guess at a code.
-const GAMMA: f64 = 2.2;
-/// The code that is tried first.
-const FIRST_CODE: u8 = 128;
+/// Captures of the gradation at each: half the flicker's square.
+const CAPTURES_EACH: usize = 2;
+/// Blocks of the gradation across the panel: wide against any blur that can be worked with.
+const BLOCKS: usize = 12;
+/// Levels of it, as a panel's response takes them.
+const LEVELS: usize = 52;
+/// Sensor pixels across a cell whose mean is taken.
+const CELL_PX: usize = 8;
+/// A cell whose counts differ by more than this share of them lies on a border between blocks.
+/// Guess: noise stays below it but in the dark, where nothing is left out.
+const EVEN_SHARE: f32 = 0.2;
+const GRADATION_SEED: u64 = 77;
+/// Groups of cells of one channel, by brightness; each gives one light.
+const GROUPS: usize = 40;
+/// Share of full scale above which counts are clipped, or may be for a part of a cell.
+const CLIPPED_SHARE: f32 = 0.97;
+/// The camera is judged by the brightest light that brings at most this share of full scale at the
+/// longest exposure: where a sensor's knee does not yet bend.
+const JUDGED_SHARE: f64 = 0.75;
+/// A curve that is nowhere farther from straight, as a share of full scale, is taken as straight:
+/// one code of an 8-bit photo, and more than flicker of 0.3 % leaves of a fit.
+const STRAIGHT_MAX: f32 = 0.004;
 
-/// Captures it takes: the code found, two of black and one of the code at each exposure, and one
-/// once the exposure is again what it was. The first capture after a change may still be of the
-/// exposure before.
-pub(super) const CAPTURES: usize = 1 + 3 * TIMES.len() + 1;
+/// Captures it takes: three of black and two of the gradation at each exposure, and one once the
+/// exposure is again what it was. The first capture after a change may still be of the exposure
+/// before.
+pub(super) const CAPTURES: usize = TIMES.len() * (2 + CAPTURES_EACH) + 1;
 
-/// Proves the camera straight, where its exposure can be set.
+/// The camera's curve, where its exposure can be set; straight where it cannot. `black` is what a
+/// black panel brings.
 ///
 /// # Errors
-/// Not linear, or no captures.
-pub(super) fn prove(session: &mut Session<'_>) -> Result<(), CalibrateError> {
+/// Bent by more than a sensor is, or no captures.
+pub(super) fn measure(
+    session: &mut Session<'_>,
+    black: &Frame<SensorSpace>,
+) -> Result<CameraCurve, CalibrateError> {
     session.step("linearity");
     if !session.expose_times(1.0)? {
         log::debug!("the exposure cannot be set: counts are taken to be straight in light");
-        return Ok(());
+        return Ok(CameraCurve::straight());
     }
-    let readings = readings(session);
+    let cells = exposed(session);
     session.expose_times(1.0)?;
     session.raw(&patterns::flat(session.layout.panel, [0; 3]))?;
-    for (c, readings) in Channel::ALL.into_iter().zip(readings?) {
-        log::debug!("{}: {readings:.1?} counts over black", c.name());
-        judge::straight(c, TIMES, readings)?;
+    let black = black.planes().iter().map(Plane::mean).sum::<f64>() / 3.0;
+    let full = f64::from(session.layout.saturated) - black;
+    let mut lights = Vec::new();
+    for (c, cells) in Channel::ALL.into_iter().zip(cells?) {
+        let of_channel = grouped(cells);
+        let judged = of_channel
+            .iter()
+            .filter_map(|light| <[(f64, f64); 3]>::try_from(light.readings.as_slice()).ok())
+            .rfind(|readings| readings[2].1 <= JUDGED_SHARE * full);
+        let counts = judged.ok_or_else(judge::no_curve)?.map(|(_, count)| count);
+        log::debug!("{}: {counts:.1?} counts over black", c.name());
+        judge::straight(c, TIMES, counts)?;
+        lights.extend(of_channel);
     }
-    Ok(())
+    let curve = CameraCurve::fit(&lights, black, full).ok_or_else(judge::no_curve)?;
+    log::debug!("the camera's counts bend by {:.4} of full scale: {curve:?}", curve.bend());
+    if curve.bend() <= STRAIGHT_MAX {
+        return Ok(CameraCurve::straight());
+    }
+    Ok(curve)
 }
 
-/// Counts over black at each exposure, per channel.
-fn readings(session: &mut Session<'_>) -> Result<[[f64; 3]; 3], CalibrateError> {
+/// Mean counts over black of a cell at each exposure; none where they are clipped.
+type Cell = [Option<f64>; 3];
+
+/// The cells of each channel that are evenly lit at the first exposure.
+fn exposed(session: &mut Session<'_>) -> Result<[Vec<Cell>; 3], CalibrateError> {
     let panel = session.layout.panel;
     let black = patterns::flat(panel, [0; 3]);
-    let full = f64::from(session.layout.saturated);
-    let first = means(&session.raw(&patterns::flat(panel, [FIRST_CODE; 3]))?);
-    let share = first.into_iter().fold(0.0, f64::max) / full;
-    let factor = BRIGHTEST / TIMES[2] / share.max(1.0 / full);
-    let code = (f64::from(FIRST_CODE) * factor.powf(1.0 / GAMMA)).clamp(16.0, 255.0);
-    let flat = patterns::flat(panel, [code as u8; 3]);
-    let mut all = [[0.0; 3]; 3];
+    let wide = panel.width.div_ceil(BLOCKS);
+    let gradation = Gradation::new(panel, wide, &Gradation::levels(LEVELS), GRADATION_SEED).grey();
+    let mut all: [Vec<Cell>; 3] = Default::default();
     for (n, times) in TIMES.into_iter().enumerate() {
         session.expose_times(times)?;
         session.raw(&black)?;
-        let dark = means(&session.raw(&black)?);
-        let light = means(&session.raw(&flat)?);
-        for c in 0..3 {
-            all[c][n] = light[c] - dark[c];
+        let dark = session.raw(&black)?;
+        for of_channel in &mut all {
+            let count = cells(dark.size()).count();
+            of_channel.resize(count, [Some(0.0); 3]);
         }
+        for _ in 0..CAPTURES_EACH {
+            let light = session.raw(&gradation)?;
+            for (c, of_channel) in Channel::ALL.into_iter().zip(&mut all) {
+                let (light, dark) = (light.plane(c), dark.plane(c));
+                for (cell, place) in of_channel.iter_mut().zip(cells(light.size())) {
+                    let seen = over_black(light, dark, place, session.layout.saturated, n == 0);
+                    cell[n] =
+                        cell[n].zip(seen).map(|(sum, seen)| sum + seen / CAPTURES_EACH as f64);
+                }
+            }
+        }
+    }
+    for of_channel in &mut all {
+        of_channel.retain(|cell| cell[0].is_some_and(|count| count > 0.0));
     }
     Ok(all)
 }
 
-/// Mean counts of the middle quarter of the sensor, where the panel is seen for certain.
-fn means(counts: &Counts) -> [f64; 3] {
-    counts.planes().each_ref().map(|plane: &Plane<u16>| {
-        let (width, height) = (plane.width(), plane.height());
-        let columns = width / 4..width - width / 4;
-        let rows = height / 4..height - height / 4;
-        let count = (columns.len() * rows.len()).max(1) as f64;
-        let of_row = |y| plane.row(y)[columns.clone()].iter().map(|&c| f64::from(c)).sum::<f64>();
-        rows.map(of_row).sum::<f64>() / count
-    })
+/// The cells of a sensor of `size`, left and top.
+fn cells(size: Size) -> impl Iterator<Item = (usize, usize)> {
+    let (columns, rows) = (size.width / CELL_PX, size.height / CELL_PX);
+    (0..columns * rows).map(move |n| (n % columns * CELL_PX, n / columns * CELL_PX))
+}
+
+/// Mean counts of a cell over `dark`; `None` where some are clipped, or where they differ and must
+/// be `even`.
+fn over_black(
+    light: &Plane<u16>,
+    dark: &Plane<u16>,
+    (x, y): (usize, usize),
+    saturated: u16,
+    even: bool,
+) -> Option<f64> {
+    let (mut sum, mut least, mut most, mut top) = (0.0f64, f32::INFINITY, 0.0f32, 0u16);
+    for row in y..y + CELL_PX {
+        let counts = light.row(row)[x..x + CELL_PX].iter().zip(&dark.row(row)[x..x + CELL_PX]);
+        for (&count, &dark) in counts {
+            let over = f32::from(count) - f32::from(dark);
+            (least, most, top) = (least.min(over), most.max(over), top.max(count));
+            sum += f64::from(over);
+        }
+    }
+    let mean = sum / (CELL_PX * CELL_PX) as f64;
+    let clipped = f32::from(top) > CLIPPED_SHARE * f32::from(saturated);
+    let uneven = even
+        && f64::from(most - least) > f64::from(EVEN_SHARE) * (mean + f64::from(saturated) / 16.0);
+    (!clipped && !uneven).then_some(mean)
+}
+
+/// Lights of one channel, from dark to bright: means of cells that were about as bright.
+fn grouped(mut cells: Vec<Cell>) -> Vec<Exposures> {
+    cells.sort_by(|a, b| a[0].partial_cmp(&b[0]).unwrap_or(std::cmp::Ordering::Equal));
+    let of = |group: &[Cell]| {
+        let mean = |n: usize| {
+            let sum: Option<f64> = group.iter().map(|cell| cell[n]).sum();
+            sum.map(|sum| (TIMES[n], sum / group.len() as f64))
+        };
+        Exposures { readings: (0..TIMES.len()).filter_map(mean).collect() }
+    };
+    cells.chunks(cells.len().div_ceil(GROUPS).max(1)).map(of).collect()
 }

@@ -3,7 +3,7 @@
 //! | step | captures (times `captures-averaged`, but for the trials) | yields |
 //! |---|---|---|
 //! | trials | 2 black, 1 white | judgement of exposure and view; black level |
-//! | linearity | 11 (if `linearity`, exposure settable) | judgement of the camera's curve |
+//! | linearity | 13 (if `linearity`, exposure settable) | camera's curve, and judgement of it |
 //! | response pattern | 8 black, `response-flats` at 224 (each once) | how sites differ |
 //! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; judgement of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
@@ -31,7 +31,7 @@ pub use session::CalibrationProgress;
 use crate::calibration::geometric::Geometry;
 use crate::calibration::surface::Surface;
 use crate::calibration::{
-    Calibration, CrossChannel, Layout, Noise, ResponseCurve, ResponsePattern,
+    Calibration, CameraCurve, CrossChannel, Layout, Noise, ResponseCurve, ResponsePattern,
 };
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
@@ -55,13 +55,17 @@ pub fn calibrate(
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Calibration, CalibrateError> {
     let mut session = Session::new(rig, config, progress, captures(config));
-    let black = trials(&mut session)?;
+    let mut black = trials(&mut session)?;
     if config.calibration.linearity {
-        linearity::prove(&mut session)?;
+        session.curve = linearity::measure(&mut session, &black)?;
+        for plane in black.planes_mut() {
+            plane.data_mut().iter_mut().for_each(|count| *count = session.curve.count(*count));
+        }
     }
     let flats = sites::expose(&mut session)?;
     let (geometry, board) = board::geometry(&mut session, &black)?;
     let mut calibration = blank(config, geometry);
+    calibration.camera_curve = session.curve.clone();
     calibration.generation = previous.map_or(1, |p| p.generation.wrapping_add(1));
     photometric::black(&mut calibration, config, &black)?;
     if let Some(flats) = &flats {
@@ -111,6 +115,7 @@ fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
         geometry,
         dark_corner: [one(), one(), one()],
         cross_channel: CrossChannel::IDENTITY,
+        camera_curve: CameraCurve::straight(),
         curves: [ResponseCurve::linear(), ResponseCurve::linear(), ResponseCurve::linear()],
         black: [one(), one(), one()],
         counts_per_level: [1.0; 3],

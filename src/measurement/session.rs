@@ -2,7 +2,7 @@
 
 use super::CalibrateError;
 use crate::calibration::surface::Surface;
-use crate::calibration::{Corrected, Correction, Layout, dark_corner};
+use crate::calibration::{CameraCurve, Corrected, Correction, Layout, dark_corner};
 use crate::config;
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, SensorSpace, Work};
 use crate::rig::exposure::Devices;
@@ -23,6 +23,8 @@ pub(super) struct Session<'a> {
     pub(super) rig: &'a mut Devices,
     pub(super) config: &'a config::RigFile,
     pub(super) layout: Layout,
+    /// How the camera's counts bend, as far as it is known yet.
+    pub(super) curve: CameraCurve,
     progress: &'a mut dyn FnMut(CalibrationProgress),
     step: &'static str,
     captures: u32,
@@ -40,6 +42,7 @@ impl<'a> Session<'a> {
             rig,
             config,
             layout: Layout::of(config),
+            curve: CameraCurve::straight(),
             progress,
             step: "begin",
             captures: 0,
@@ -83,7 +86,8 @@ impl<'a> Session<'a> {
         self.rig.expose_times(times).map_err(|source| CalibrateError::Rig { step, source })
     }
 
-    /// As many captures of `codes` as the rig file asks to average, averaged.
+    /// As many captures of `codes` as the rig file asks to average, averaged and
+    /// straightened.
     pub(super) fn counts(&mut self, codes: &Codes) -> Result<Frame<SensorSpace>, CalibrateError> {
         let times = self.config.calibration.captures_averaged.max(1);
         let mut sum = Frame::<SensorSpace>::zeros(self.layout.sensor);
@@ -95,10 +99,14 @@ impl<'a> Session<'a> {
                 }
             }
         }
+        for plane in sum.planes_mut() {
+            plane.data_mut().iter_mut().for_each(|count| *count = self.curve.count(*count));
+        }
         Ok(sum)
     }
 
-    /// The mean of so many exposures of `codes`, at least one: shown once, and exposed again.
+    /// The mean of so many exposures of `codes`, at least one, straightened: shown once, and
+    /// exposed again.
     pub(super) fn mean(
         &mut self,
         codes: &Codes,
@@ -119,7 +127,7 @@ impl<'a> Session<'a> {
             self.report();
         }
         let share = 1.0 / exposures.max(1) as f32;
-        let mean = |sum: &Plane<u32>| sum.map(|v| v as f32 * share);
+        let mean = |sum: &Plane<u32>| sum.map(|v| self.curve.count(v as f32 * share));
         Ok(Frame::from_planes(sums.planes().each_ref().map(mean)))
     }
 

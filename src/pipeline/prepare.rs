@@ -3,6 +3,7 @@
 //!
 //! | step | why |
 //! |---|---|
+//! | light straightened, where the camera bends it | the operator is linear |
 //! | saturated pixels marked | a full pixel is only a lower bound |
 //! | raw sites divided by the sensor's pattern, bad ones marked | no lens made them differ |
 //! | placed on the canvas | light from outside the frame fell into it |
@@ -41,9 +42,18 @@ impl Pipeline {
     /// sensor took a developed photo, nor how it was filled between the sites: it is not divided by
     /// their pattern, and of another camera's a few pixels are lost for nothing.
     pub fn prepare<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
-        let mut prepared = self.placed(photo, Cow::Borrowed(photo), channels);
+        let mut prepared = self.placed(photo, self.straightened(photo, None), channels);
         self.doubt(&mut prepared, SiteGains::reaches);
         prepared
+    }
+
+    /// `photo` as a camera that is straight would have taken it, its white being `white` counts over
+    /// black, if they are known.
+    fn straightened<'a>(&self, photo: &'a Frame<Work>, white: Option<f32>) -> Cow<'a, Frame<Work>> {
+        match self.photo_side.straightened(white) {
+            Some(straight) => Cow::Owned(Frame::from_fn(|c| photo.plane(c).map(&straight))),
+            None => Cow::Borrowed(photo),
+        }
     }
 
     /// `alike`, which is `photo` as sites that are all alike would have taken it, on its canvas.
@@ -104,10 +114,14 @@ impl Pipeline {
         // Divided by its dark corner it is no longer what the file states.
         if !self.black_surround {
             let once = !coded_twice(coding);
+            let straight = self.photo_side.straightened(None);
+            let of_code = |&bent: &f32| straight.as_ref().map_or(bent, |straight| straight(bent));
+            let lights: [Vec<f32>; 3] =
+                Channel::ALL.map(|c| tone.lights(c).iter().map(of_code).collect());
             let of_camera = |c| self.noise[Channel::index(c)].sigma(median(photo.plane(c)));
             prepared.stated = JpegTerm::of(&Stated {
                 coding,
-                lights: Channel::ALL.map(|c| tone.lights(c)),
+                lights: lights.each_ref().map(Vec::as_slice),
                 channels,
                 photo: &prepared.placed,
                 rect: prepared.rect,
@@ -143,9 +157,10 @@ impl Pipeline {
     /// sensor's pattern, and bad ones are missing. The noise is the sensor's.
     pub fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
         let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
+        let straight = self.straightened(photo, Some(FULL_SCALE * raw.counts_per_level));
         let alike = match self.correction.sites() {
-            Some(sites) => Cow::Owned(sites.evened(rect, |c, x, y| photo.plane(c).at(x, y))),
-            None => Cow::Borrowed(photo),
+            Some(sites) => Cow::Owned(sites.evened(rect, |c, x, y| straight.plane(c).at(x, y))),
+            None => straight,
         };
         let mut prepared = self.placed(photo, alike, Channels::Colour);
         self.doubt(&mut prepared, SiteGains::is_bad);

@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use relens::calibration::geometric::Geometry;
 use relens::calibration::response_pattern::{EvenlyLit, ResponsePattern};
 use relens::calibration::surface::{Domain, Surface};
-use relens::calibration::{Calibration, CrossChannel, Noise, ResponseCurve, store};
+use relens::calibration::{Calibration, CameraCurve, CrossChannel, Noise, ResponseCurve, store};
 use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
 use relens::deconvolution::level_norms::LevelNorms;
@@ -133,6 +133,7 @@ fn calibration(folder: &Path) {
         geometry: [geometry.clone(), geometry.clone(), geometry],
         dark_corner: [1.0, 1.1, 0.9].map(|d| Surface::plane(canvas, d, -0.005, 0.0)),
         cross_channel: CrossChannel { c: identity },
+        camera_curve: CameraCurve::straight(),
         curves: [ResponseCurve::linear(), ResponseCurve::linear(), ResponseCurve::linear()],
         black: [64.0, 65.0, 66.0].map(|b| Surface::constant(canvas, b)),
         counts_per_level: [3.0, 3.2, 2.9],
