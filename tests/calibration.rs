@@ -232,7 +232,7 @@ fn the_small_rig_is_calibrated_within_the_bounds() {
 
 #[test]
 fn the_default_rig_is_calibrated_within_the_bounds() {
-    let config = load("simulated.toml");
+    let config = load("ideal.toml");
     let (mut rig, witness, calibration) = calibrated(&config);
     score(&config, &witness, &calibration);
     score_broad_light(&config, &calibration);
@@ -244,7 +244,7 @@ fn the_default_rig_is_calibrated_within_the_bounds() {
 #[ignore = "calibrates the default rig three times more"]
 fn the_default_rig_keeps_the_bounds_with_other_noise() {
     for seed in 2..=4 {
-        let mut config = load("simulated.toml");
+        let mut config = load("ideal.toml");
         if let config::Kind::Simulated(simulation) = &mut config.kind {
             simulation.seed = seed;
         }

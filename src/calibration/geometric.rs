@@ -68,7 +68,7 @@ pub struct Geometry {
 /// median. A corner in a reflection is off by much more, a good one never is (guess).
 const OUTLIER: f64 = 5.0;
 /// Knot intervals of the maps. A cheap lens's distortion is a cubic over the field; eight by six
-/// intervals follow it (0.05 to 0.12 px RMS in all on `simulated.toml`, November 2026).
+/// intervals follow it (0.05 to 0.12 px RMS in all on `ideal.toml`, November 2026).
 const INTERVALS: (usize, usize) = (8, 6);
 /// Penalty on bending of the maps; small, for corners are good to a few hundredths of a pixel
 /// (guess).

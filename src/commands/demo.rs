@@ -54,18 +54,26 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
         "1. photographing four scenes through the bad lens of {RIG} ({})",
         rig.photo.size()
     ));
-    let names = SCENES_TAKEN.map(Scene::file_name);
     let sharp = SCENES_TAKEN.map(|scene| scene.light(rig.photo.size()));
-    let taken = photograph::photos(&rig, &sharp)?;
+    let mut taken = photograph::photos(&rig, &sharp)?;
+    let names = SCENES_TAKEN.each_ref().map(|&scene| photo_name(scene, rig.mosaic().is_some()));
     let scenes = root.join(SCENES);
     std::fs::create_dir_all(&scenes).map_err(|e| CliError::writing(&scenes, e))?;
-    for (name, taken) in names.iter().zip(&taken) {
+    for (name, taken) in names.iter().zip(&mut taken) {
         let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
-        let photo = photograph::file_of(&rig, &taken.codes, format, name)?;
+        let raw = if name.ends_with(".dng") { taken.raw_file.take() } else { None };
+        let photo = match raw {
+            Some(raw) => raw,
+            None => photograph::file_of(&rig, &taken.codes, format, name)?,
+        };
         let manner = Manner::plain(format, 8, rig.photo.curve);
         let scene = encode(name, &taken.shaded, &manner, false).map_err(CliError::of)?;
-        for (folder, bytes) in [(&inbox, photo), (&scenes, scene)] {
-            let path = folder.join(name);
+        let scene_name = if name.ends_with(".dng") {
+            Path::new(name).with_extension("png")
+        } else {
+            PathBuf::from(name)
+        };
+        for (path, bytes) in [(inbox.join(name), photo), (scenes.join(scene_name), scene)] {
             std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, e))?;
         }
     }
@@ -76,7 +84,7 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     say("\n              SSIM            PSNR in dB      captures  seconds\n              photo  \
          restored photo  restored");
     for (name, taken) in names.iter().zip(&taken) {
-        let Some(report) = summary.restored.iter().find(|report| report.photo == **name) else {
+        let Some(report) = summary.restored.iter().find(|report| report.photo == *name) else {
             continue;
         };
         let of = |path: PathBuf| -> Result<[f64; 2], CliError> {
@@ -100,6 +108,16 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     match summary.failed.len() + summary.left.len() {
         0 => Ok(()),
         failed => Err(CliError::SomeFailed { failed, all: names.len() }),
+    }
+}
+
+/// The file that a scene's photo is dropped as: raw where the camera gives sites, but for one that
+/// the camera itself developed.
+fn photo_name(scene: Scene, raw: bool) -> String {
+    let developed = scene.file_name();
+    match developed.strip_suffix(".png") {
+        Some(stem) if raw => format!("{stem}.dng"),
+        _ => developed.to_owned(),
     }
 }
 

@@ -6,7 +6,7 @@ use clap::{Args, ValueHint};
 use relens::chart::scenes::cut;
 use relens::config::{self, RigFile};
 use relens::frame::{Frame, Work};
-use relens::picture::{Format, Limits, Manner, Photo, encode};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, encode};
 use relens::rig::simulated;
 
 use super::error::CliError;
@@ -46,8 +46,10 @@ pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
 
 /// A photo of a scene.
 pub(super) struct Taken {
-    /// What the camera's file holds.
+    /// What the camera's developed file holds.
     pub(super) codes: Frame<Work, u8>,
+    /// Its raw file, where the sensor has colour filters; white is the scene's.
+    pub(super) raw_file: Option<Vec<u8>>,
     /// The scene shaded as the photo is: what it can be restored to.
     pub(super) shaded: Frame<Work>,
 }
@@ -65,7 +67,18 @@ pub(super) fn photos(rig: &RigFile, scenes: &[Frame<Work>]) -> Result<Vec<Taken>
     let all = scenes.len() as u64;
     let each = |(done, (scene, seed))| {
         progress::show(done, all, "photographing");
-        Taken { codes: witness.photograph(scene, seed), shaded: witness.shaded(scene) }
+        Taken {
+            codes: witness.photograph(scene, seed),
+            raw_file: witness.photograph_raw(scene, seed).map(|raw| {
+                let black = witness.black_level_counts();
+                let (camera, sites) = (rig.name.as_str(), &raw.sites);
+                let white = witness.white_count().round() as u16;
+                let exposure_s = Some(rig.camera.exposure_ms / 1000.0);
+                Dng { sites, mosaic: raw.mosaic, black, white, camera, exposure_s, crop: None }
+                    .bytes()
+            }),
+            shaded: witness.shaded(scene),
+        }
     };
     let taken = (0..).zip(scenes.iter().zip(simulation.seed..)).map(each).collect();
     progress::clear();

@@ -238,7 +238,8 @@ fn a_default_said_and_a_default_left_out_are_the_same_rig() {
 #[test]
 fn calibrations_from_before_defaults_stay_good() {
     for (name, identity) in [
-        ("simulated.toml", 0x9e12_f317_cba6_7b36),
+        ("simulated.toml", 0x9fde_aa6a_b7bf_b9d7),
+        ("ideal.toml", 0x9e12_f317_cba6_7b36),
         ("study.toml", 0x8570_706e_d3db_35f6),
         ("small.toml", 0xd94c_2a41_c826_05bf),
         ("paper-synthetic.toml", 0x257d_d879_10d2_3cba),
@@ -251,7 +252,7 @@ fn calibrations_from_before_defaults_stay_good() {
 #[test]
 fn the_paper_s_patches_follow_from_the_rig() {
     let paper = |name: &str| load(Path::new(name)).expect(name).paper;
-    assert_eq!((paper("simulated.toml").patch_px, paper("simulated.toml").margin_px), (80, 20));
+    assert_eq!((paper("ideal.toml").patch_px, paper("ideal.toml").margin_px), (80, 20));
     assert_eq!((paper("small.toml").patch_px, paper("small.toml").margin_px), (20, 6));
     assert_eq!((paper("study.toml").patch_px, paper("study.toml").margin_px), (40, 10));
     assert_eq!(paper("paper-synthetic.toml").margin_px, 80);

@@ -172,8 +172,12 @@ impl Gallery {
         let shown: Vec<GalleryPhoto<'_>> = numbered
             .map(|(number, (report, original))| {
                 let original = original.as_deref();
-                let scene = OsStr::new(&report.photo);
-                let scene = scenes.contains(scene).then(|| format!("../scenes/{}", address(scene)));
+                // A raw photo's scene is no raw photo.
+                let picture = Path::new(&report.photo).with_extension("png").into_os_string();
+                let scene = [OsString::from(&report.photo), picture]
+                    .into_iter()
+                    .find(|name| scenes.contains(name))
+                    .map(|name| format!("../scenes/{}", address(&name)));
                 GalleryPhoto { report, number, original, scene }
             })
             .collect();

@@ -269,7 +269,7 @@ impl SimulatedSensor {
     }
 
     /// A level as the sensor's curve lets it appear.
-    fn bent(&self, level: f32) -> f32 {
+    pub(super) fn bent(&self, level: f32) -> f32 {
         let SensorCurve { gamma, knee_share, knee_slope } = self.config.curve;
         if self.config.curve == SensorCurve::default() {
             return level;
@@ -351,7 +351,7 @@ mod tests {
 
     #[test]
     fn noise_at_mid_grey_is_one_grey_level() {
-        for name in ["simulated.toml", "small.toml"] {
+        for name in ["ideal.toml", "small.toml"] {
             let sensor = sensor(name);
             let ones = flat(128.0).map(|p| p.map(|_| 1.0));
             let (mean, sigma) =
@@ -371,7 +371,7 @@ mod tests {
 
     #[test]
     fn mixing_black_level_and_saturation_are_there() {
-        let sensor = sensor("simulated.toml");
+        let sensor = sensor("ideal.toml");
         let zeros = flat(0.0);
         let (red, _) = mean_and_sigma(&sensor.expose(&flat(200.0), &zeros, 7, 0), Channel::Red);
         let gain = f64::from(sensor.counts_per_level());

@@ -337,7 +337,7 @@ fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
 
 #[test]
 fn at_a_real_sensor_s_pitch_the_lens_passes_nothing_of_the_stripes() {
-    for (name, most) in [("simulated.toml", 0.02), ("small.toml", 0.2)] {
+    for (name, most) in [("ideal.toml", 0.02), ("small.toml", 0.2)] {
         let config = config::load(std::path::Path::new(name)).expect("built in");
         let optics =
             Optics::new(&config, config.simulation().expect("simulated")).expect("a good lens");

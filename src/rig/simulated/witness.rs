@@ -10,7 +10,7 @@ use super::photograph::{Layer, RawPhoto, SceneLight, surrounded};
 use super::pose::PanelMap;
 use super::wear::Wear;
 use crate::config::{Curve, Faults, Kind, Lens, Pose, Prescription, RigFile, Surround, Unrest};
-use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 use crate::rig::RigError;
 
 /// What is true of a simulated rig, and handles to change it while it runs.
@@ -214,6 +214,13 @@ impl Witness {
     /// Counts that one grey level (of 255) of a primary's light adds in its own channel.
     pub fn counts_per_level(&self) -> f64 {
         f64::from(self.shared.bench().sensor.counts_per_level())
+    }
+
+    /// What the camera counts where a photo's scene is white: where its developing puts white.
+    pub fn white_count(&self) -> f64 {
+        let sensor = &self.shared.bench().sensor;
+        let bent = f64::from(sensor.bent(FULL_SCALE) * sensor.counts_per_level());
+        bent + sensor.config.black_level_counts
     }
 
     /// Standard deviation of a capture's noise at a light of `level`, in grey levels, before
