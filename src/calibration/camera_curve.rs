@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 /// Steps of the broken line. A knee within one of them is known to within a thousandth of full
 /// scale.
 const STEPS: usize = 32;
-/// Price of a change of slope by 1, against readings that are off by a share of themselves. Measured
-/// on drawn cameras with 0.2 % of flicker: less follows the flicker, more rounds off a knee.
+/// Price of a change of slope by 1, against readings that are off by a share of themselves.
+/// Measured on drawn cameras with 0.2 % of flicker: less follows it, more rounds off a knee.
 const PRICE: f64 = 1e-4;
 /// Changes of slope below this are priced by their square.
 const SLOPE_LEAST: f64 = 3e-3;
@@ -113,8 +113,8 @@ impl CameraCurve {
     }
 }
 
-/// Shares of full scale at each step, from 0 to 1, by least squares; a change of slope at each inner
-/// step is weighed by `prices`. `None` where `lights` do not say.
+/// Shares of full scale at each step, from 0 to 1, by least squares; a change of slope at each
+/// inner step is weighed by `prices`. `None` where `lights` do not say.
 fn broken_line(lights: &[Exposures], full: f64, prices: &[f64]) -> Option<Vec<f64>> {
     let unknowns = STEPS - 1 + lights.len();
     let (mut normal, mut side) =

@@ -80,15 +80,15 @@ pub(super) fn measure(
 }
 
 /// Mean counts over black of a cell at each exposure; none where they are clipped.
-type Cell = [Option<f64>; 3];
+type CellReading = [Option<f64>; 3];
 
 /// The cells of each channel that are evenly lit at the first exposure.
-fn exposed(session: &mut Session<'_>) -> Result<[Vec<Cell>; 3], CalibrateError> {
+fn exposed(session: &mut Session<'_>) -> Result<[Vec<CellReading>; 3], CalibrateError> {
     let panel = session.layout.panel;
     let black = patterns::flat(panel, [0; 3]);
     let wide = panel.width.div_ceil(BLOCKS);
     let gradation = Gradation::new(panel, wide, &Gradation::levels(LEVELS), GRADATION_SEED).grey();
-    let mut all: [Vec<Cell>; 3] = Default::default();
+    let mut all: [Vec<CellReading>; 3] = Default::default();
     for (n, times) in TIMES.into_iter().enumerate() {
         session.expose_times(times)?;
         session.raw(&black)?;
@@ -147,9 +147,9 @@ fn over_black(
 }
 
 /// Lights of one channel, from dark to bright: means of cells that were about as bright.
-fn grouped(mut cells: Vec<Cell>) -> Vec<Exposures> {
+fn grouped(mut cells: Vec<CellReading>) -> Vec<Exposures> {
     cells.sort_by(|a, b| a[0].partial_cmp(&b[0]).unwrap_or(std::cmp::Ordering::Equal));
-    let of = |group: &[Cell]| {
+    let of = |group: &[CellReading]| {
         let mean = |n: usize| {
             let sum: Option<f64> = group.iter().map(|cell| cell[n]).sum();
             sum.map(|sum| (TIMES[n], sum / group.len() as f64))

@@ -47,8 +47,8 @@ impl Pipeline {
         prepared
     }
 
-    /// `photo` as a camera that is straight would have taken it, its white being `white` counts over
-    /// black, if they are known.
+    /// `photo` as a camera that is straight would have taken it, its white being `white` counts
+    /// over black, if they are known.
     fn straightened<'a>(&self, photo: &'a Frame<Work>, white: Option<f32>) -> Cow<'a, Frame<Work>> {
         match self.photo_side.straightened(white) {
             Some(straight) => Cow::Owned(Frame::from_fn(|c| photo.plane(c).map(&straight))),

@@ -1,3 +1,5 @@
+//! Drawn cameras with a gamma and a knee, under a light that flickers.
+
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
