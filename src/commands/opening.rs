@@ -17,7 +17,8 @@ use relens::rig::monotonic::Monotonic;
 use super::error::CliError;
 use super::progress;
 
-/// What restores photos on `rig`, with the calibration in `folder/calibration`. A simulated rig
+/// What restores photos on `rig`, with the calibration in `folder/calibration`, on the devices that
+/// `open` opens: [`devices`], or [`devices_without_panel`]. A simulated rig
 /// that has none is calibrated first.
 ///
 /// # Errors
@@ -27,8 +28,9 @@ pub(super) fn restorer(
     folder: &Path,
     method: Option<MethodName>,
     interrupted: Option<Interruption>,
+    open: fn(&RigFile) -> Result<Devices, CliError>,
 ) -> Result<Box<dyn Restorer>, CliError> {
-    let mut devices = devices(rig)?;
+    let mut devices = open(rig)?;
     let kept = calibration_folder(folder);
     if let Err(error) = store::load(&kept, rig.identity) {
         if rig.simulation().is_none() {
@@ -52,6 +54,17 @@ pub(super) fn restorer(
 /// When one of them cannot be had.
 pub(super) fn devices(rig: &RigFile) -> Result<Devices, CliError> {
     relens::rig::open(rig).map_err(CliError::of)
+}
+
+/// The devices of `rig`, whose panel need not be before the lens; a simulated one is.
+///
+/// # Errors
+/// When one of them cannot be had.
+pub(super) fn devices_without_panel(rig: &RigFile) -> Result<Devices, CliError> {
+    match rig.simulation() {
+        Some(_) => devices(rig),
+        None => relens::rig::open_without_marks(rig).map_err(CliError::of),
+    }
 }
 
 /// Where the calibration of a rig that works on `folder` is kept.

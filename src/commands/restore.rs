@@ -101,10 +101,17 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     // A single photo is looked at before the rig.
     if let [errand] = &errands[..] {
         let photo = read(errand.photo, &rig)?;
-        let mut restorer = opening::restorer(&rig, &options.folder.folder, options.method, None)?;
+        let mut restorer = opening::restorer(
+            &rig,
+            &options.folder.folder,
+            options.method,
+            None,
+            opening::devices,
+        )?;
         return one(options, &rig.name, errand, &photo, &mut *restorer);
     }
-    let mut restorer = opening::restorer(&rig, &options.folder.folder, options.method, None)?;
+    let mut restorer =
+        opening::restorer(&rig, &options.folder.folder, options.method, None, opening::devices)?;
     let mut failed = 0;
     for errand in &errands {
         let done = read(errand.photo, &rig)

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use clap::Args;
-use relens::config::{self, ClockSource, RigFile};
+use relens::config::{self, ClockSource, Mode, RigFile};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
     Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Reader, Restorer, Schedule, State,
@@ -76,7 +76,8 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     if options.once {
         let front = FrontPanel::default();
         let asked = interruption(front, Arc::clone(&stopped));
-        let mut restorer = opening::restorer(&rig, &folders.home(), None, Some(asked))?;
+        let mut restorer =
+            opening::restorer(&rig, &folders.home(), None, Some(asked), opening::devices)?;
         let summary = empty_inbox(&rig, folders, &mut *restorer)?;
         return conclude(&summary, &gallery);
     }
@@ -109,7 +110,10 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     // As for the nights: a box with a battery clock need not wait for a network.
     let battery = rig.nights.as_ref().is_some_and(|nights| nights.clock == ClockSource::Battery);
     let believed = || battery || clock_is_set();
-    let schedule = Attended::new(front, rig.run.mode, &Monotonic, night);
+    let mut schedule = Attended::new(front, rig.run.mode, &Monotonic, night);
+    if rig.run.mode == Mode::Shoot {
+        schedule = schedule.shooting(&folders, rig.nights.as_ref(), &SystemTime::now);
+    }
     let mut watcher = Supervised::new(service_manager(), Box::new(PhotoProgress::default()));
     let daemon = Daemon::open(
         folders,
@@ -137,7 +141,11 @@ fn open_patiently(
     loop {
         let asked = interruption(front.clone(), Arc::clone(stopped));
         service_manager().status("opening the rig");
-        let trouble = match opening::restorer(rig, &folders.home(), None, Some(asked)) {
+        let open = match rig.run.mode {
+            Mode::Shoot => opening::devices_without_panel,
+            Mode::Folder | Mode::Button => opening::devices,
+        };
+        let trouble = match opening::restorer(rig, &folders.home(), None, Some(asked), open) {
             Ok(restorer) => return Ok(Some(restorer)),
             Err(trouble) => trouble,
         };

@@ -7,11 +7,13 @@ use clap::{Args, ValueHint, value_parser};
 use relens::calibration::store;
 use relens::chart::scenes::cut;
 use relens::config::{self, RigFile};
-use relens::frame::{Channel, Frame, Mosaic, Size, Work};
-use relens::picture::{Dng, Format, Limits, Manner, Photo, encode};
+use relens::frame::Mosaic;
+use relens::picture::{Limits, Photo};
+use relens::restorer::on_rig::black_of;
+use relens::restorer::photo_file::{PROPOSED, developed, raw_file};
 use relens::rig;
 use relens::rig::exposure::Devices;
-use relens::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, PhotoShot, meter, shoot, sites_of};
+use relens::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, meter, shoot};
 use relens::rig::simulated;
 
 use super::error::CliError;
@@ -19,9 +21,6 @@ use super::new_file::{format_of, must_be_new, write_new};
 use super::opening;
 use super::options::{FolderOption, RigOption};
 use super::output::say;
-
-/// Exposures, as multiples of the rig file's, that are tried when one is proposed.
-const PROPOSED: (f64, f64) = (1.0 / 32.0, 32.0);
 
 /// Take a photo with the rig's own camera
 ///
@@ -88,7 +87,7 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     let shot = shoot(&mut devices, mosaic, range, options.frames.into()).map_err(CliError::of)?;
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     let bytes = match (format, mosaic) {
-        (Some(format), _) => developed(&rig, &shot, range, format)?,
+        (Some(format), _) => developed(&rig, &shot, range, format).map_err(CliError::of)?,
         (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, range, exposure_s),
         (None, None) => return Err(CliError::NoFilters(rig.name)),
     };
@@ -128,9 +127,7 @@ fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<(Devices, 
             // What the camera counts in the dark is measured with the panel, not guessed.
             let kept = opening::calibration_folder(&options.folder.folder);
             let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
-            let Size { width, height } = file.canvas_size();
-            let black = calibration.black[Channel::Green.index()]
-                .at(width as f64 / 2.0, height as f64 / 2.0);
+            let black = black_of(file, &calibration);
             Ok((rig::open_without_marks(file).map_err(CliError::of)?, black))
         }
     }
@@ -157,39 +154,4 @@ fn set_exposure(
             .map_err(CliError::of)?
             .ok_or(CliError::FixedExposure),
     }
-}
-
-/// The raw photo in a file.
-fn raw_file(
-    rig: &RigFile,
-    shot: &PhotoShot,
-    mosaic: Mosaic,
-    range: CountRange,
-    exposure_s: f64,
-) -> Vec<u8> {
-    Dng {
-        sites: &sites_of(shot.counts.planes(), mosaic),
-        mosaic,
-        black: range.black,
-        white: range.max,
-        camera: &rig.name,
-        exposure_s: Some(exposure_s),
-        crop: Some(rig.photo_on_sensor()),
-    }
-    .bytes()
-}
-
-/// Three planes of counts with the rig's curve, 16 bits.
-fn developed(
-    rig: &RigFile,
-    shot: &PhotoShot,
-    range: CountRange,
-    format: Format,
-) -> Result<Vec<u8>, CliError> {
-    let bits = if format == Format::Jpeg { 8 } else { 16 };
-    let manner = Manner::plain(format, bits, rig.photo.curve);
-    let per_level = (f64::from(range.max) - range.black) / 255.0;
-    let level = |count: u16| ((f64::from(count) - range.black) / per_level).max(0.0) as f32;
-    let light: Frame<Work> = Frame::from_fn(|c| shot.counts.plane(c).map(level));
-    encode("photo", &light, &manner, false).map_err(CliError::of)
 }

@@ -7,7 +7,7 @@ table! {
     /// Who says when photos are restored.
     @[derive(Copy)]
     pub struct RunTable {
-        /// The folder or the button.
+        /// The folder, the button, or the button of a box that takes its photos itself.
         mode: Mode, Word(Mode::WORDS), Means("\"folder\"");
         /// How long the button is held to give a job up; in maintenance, to calibrate. Held at
         /// start: maintenance.
@@ -34,6 +34,8 @@ words! {
         Folder = "folder",
         /// The button; photos wait for it.
         Button = "button",
+        /// The button takes a photo; it and those in the inbox wait for the panel before the lens.
+        Shoot = "shoot",
     }
 }
 

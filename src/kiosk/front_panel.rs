@@ -18,8 +18,10 @@ pub enum BoxState {
     Waiting,
     /// The button was pressed, work is about to begin.
     Heard,
-    /// A photo is being restored, or the lens measured.
+    /// A photo is being taken or restored, or the lens measured.
     Working,
+    /// Photos wait for the panel to be put before the lens.
+    Asking,
     /// Photos wait for their time.
     Resting,
     /// Somebody is needed.
@@ -31,8 +33,10 @@ pub enum BoxState {
 /// What the button asked for and the daemon has not answered yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Requests {
-    /// Restore what is waiting.
+    /// Restore what is waiting, or take a photo.
     pub go: bool,
+    /// Do not wait for the panel.
+    pub put_off: bool,
     /// Leave maintenance, or enter it (held at start).
     pub maintenance: Option<bool>,
     /// Calibrate; asked for in maintenance only.
@@ -43,6 +47,8 @@ pub struct Requests {
 struct Inner {
     state: BoxState,
     requests: Requests,
+    /// The button went down while the panel was asked for: short or long tells what is meant.
+    asked_when_down: bool,
 }
 
 /// Both sides of the front panel.
@@ -87,10 +93,24 @@ impl FrontPanel {
     /// The side of the loop: what a press means in the state the box is in.
     pub fn press(&self, press: Press) {
         let mut inner = self.inner();
+        let was_asked = match press {
+            Press::Down => {
+                inner.asked_when_down = inner.state == BoxState::Asking;
+                inner.asked_when_down
+            }
+            Press::Short | Press::Long => std::mem::take(&mut inner.asked_when_down),
+            Press::HeldAtStart => false,
+        };
         match (press, inner.state) {
             (Press::HeldAtStart, _) => inner.requests.maintenance = Some(true),
             (Press::Short, BoxState::Maintenance) => inner.requests.maintenance = Some(false),
             (Press::Long, BoxState::Maintenance) => inner.requests.calibrate = true,
+            (Press::Down, _) if was_asked => inner.state = BoxState::Heard,
+            (Press::Short, _) if was_asked => {
+                inner.requests.go = true;
+                inner.state = BoxState::Heard;
+            }
+            (Press::Long, _) if was_asked => inner.requests.put_off = true,
             (Press::Down, BoxState::Ready | BoxState::Waiting | BoxState::Heard) => {
                 inner.requests.go = true;
                 inner.state = BoxState::Heard;
@@ -165,6 +185,27 @@ mod tests {
         assert!(panel.take_requests().go);
         panel.set(BoxState::Waiting);
         assert_eq!(panel.state(), BoxState::Waiting);
+    }
+
+    #[test]
+    fn while_the_panel_is_asked_for_short_takes_a_photo_and_long_puts_off() {
+        let panel = FrontPanel::default();
+        for (press, go, put_off) in [(Press::Short, true, false), (Press::Long, false, true)] {
+            panel.set(BoxState::Asking);
+            panel.press(Press::Down);
+            assert_eq!((panel.state(), panel.has_requests()), (BoxState::Heard, false));
+            // The daemon goes on asking meanwhile.
+            panel.set(BoxState::Asking);
+            panel.press(press);
+            assert_eq!(panel.take_requests(), Requests { go, put_off, ..Requests::default() });
+        }
+        // The release after a press that took a photo at once asks for nothing more.
+        panel.set(BoxState::Ready);
+        panel.press(Press::Down);
+        assert!(panel.take_requests().go);
+        panel.set(BoxState::Asking);
+        panel.press(Press::Short);
+        assert!(!panel.has_requests());
     }
 
     #[test]

@@ -31,6 +31,8 @@ fn rhythm(state: BoxState) -> Rhythm {
         BoxState::Waiting => &[(1.0, GREEN), (1.0, DARK)],
         BoxState::Heard => &[(0.25, WHITE), (0.25, DARK)],
         BoxState::Working => &[(3600.0, WHITE)],
+        // Twice, slowly: your turn, and not with the button.
+        BoxState::Asking => &[(0.3, GREEN), (0.3, DARK), (0.3, GREEN), (1.1, DARK)],
         // A wink in the dark: asleep, not dead.
         BoxState::Resting => &[(0.2, GREEN), (3.8, DARK)],
         BoxState::Trouble => &[(0.2, RED), (0.2, DARK), (0.2, RED), (0.9, DARK)],
@@ -64,6 +66,7 @@ mod tests {
             BoxState::Waiting,
             BoxState::Heard,
             BoxState::Working,
+            BoxState::Asking,
             BoxState::Resting,
             BoxState::Trouble,
             BoxState::Maintenance,

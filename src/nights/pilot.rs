@@ -69,6 +69,18 @@ pub struct DriftLimits {
     pub noise_max_ratio: f64,
 }
 
+impl Default for DriftLimits {
+    /// Those of a `[nights]` that says none.
+    fn default() -> DriftLimits {
+        DriftLimits {
+            shift_max_px: 0.25,
+            gain_max_percent: 3.0,
+            offset_max_levels: 1.0,
+            noise_max_ratio: 1.5,
+        }
+    }
+}
+
 impl DriftLimits {
     /// The limits of a rig file.
     pub fn of(nights: &Nights) -> DriftLimits {
@@ -277,6 +289,16 @@ mod tests {
         let darker = Drift { gain_percent: -4.2, ..fine };
         assert_eq!(darker.complaint(&limits).unwrap(), "brightness changed by -4.2 %, allowed 3");
         assert!(Drift { shift_px: f64::NAN, ..fine }.complaint(&limits).is_some());
+    }
+
+    #[test]
+    fn a_box_without_nights_has_the_limits_of_nights_that_say_none() {
+        let small = include_str!("../../rig-config/small.toml");
+        let nights = "[nights]\nwindow = \"always\"\ntime-zone = \"UTC\"\nclock = \
+                      \"network\"\nrecalibrate = true\n";
+        let text = format!("{small}\n{nights}");
+        let rig = crate::config::parse(&text, "small.toml", std::path::Path::new("")).unwrap();
+        assert_eq!(DriftLimits::of(&rig.nights.unwrap()), DriftLimits::default());
     }
 
     #[test]

@@ -4,11 +4,13 @@
 //! |---|---|
 //! | [`on_rig`] | a rig, its [`Pipeline`](crate::pipeline::Pipeline) and what is kept beside it |
 //! | [`operating_point`] | the method and numbers chosen for the rig, on flash |
+//! | [`photo_file`] | a photo that the rig takes, as a file |
 //! | `baseline` | the pilot's reading that drift is counted from, on flash |
 
 mod baseline;
 pub mod on_rig;
 pub mod operating_point;
+pub mod photo_file;
 
 use std::io::Read;
 use std::path::Path;
@@ -19,6 +21,8 @@ use crate::nights::pilot::Drift;
 use crate::picture::Photo;
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remedy};
+
+use photo_file::TakenPhoto;
 
 /// Restores photos with one rig.
 pub trait Restorer {
@@ -43,6 +47,22 @@ pub trait Restorer {
         let _ = screen;
     }
 
+    /// Takes a photo of what is before the lens; `None` when it takes none.
+    ///
+    /// # Errors
+    /// When an exposure brings no frame.
+    fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
+        Ok(None)
+    }
+
+    /// Whether the panel is before the lens, so that captures can be made of it.
+    ///
+    /// # Errors
+    /// When a capture brings no frame.
+    fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
+        Ok(PanelView::There)
+    }
+
     /// Shows the pilot picture and tells how far the rig has drifted since it was calibrated;
     /// `None` when it has no way to tell.
     ///
@@ -51,6 +71,17 @@ pub trait Restorer {
     fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
         Ok(None)
     }
+}
+
+/// What the camera sees of the panel.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PanelView {
+    /// Nothing.
+    Absent,
+    /// Its light, but not so that captures can be told apart: why.
+    Askew(String),
+    /// All that captures need.
+    There,
 }
 
 /// How far a restoration is.

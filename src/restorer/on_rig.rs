@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Progress, Restorer, baseline, operating_point};
+use super::photo_file::{self, TakenPhoto};
+use super::{PanelView, Progress, Restorer, baseline, operating_point};
 use crate::calibration::{Calibration, store};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::method::{Method, Step};
-use crate::frame::{Channel, Frame, RawSites, Work};
+use crate::frame::{Channel, Frame, RawSites, Size, Work};
 use crate::kiosk::screen::{Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
@@ -17,6 +18,9 @@ use crate::pipeline::{
 };
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::rig::exposure::Devices;
+use crate::rig::frame_mark::MarkPlace;
+use crate::rig::shoot::CountRange;
+use crate::rig::{RigError, presence};
 
 /// A rig, its calibration on flash, and how its photos are restored.
 pub struct OnRig {
@@ -28,6 +32,8 @@ pub struct OnRig {
     calibrating: fn(CalibrationProgress),
     /// The pilot's reading right after the calibration.
     baseline: Option<Reading>,
+    /// What the camera counts in the dark.
+    black: f64,
     /// The photo restored last and its result, for the panel.
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
@@ -52,6 +58,12 @@ pub fn measure(
     let reading = read_pilot(config, devices, &pipeline)?;
     baseline::save(slots, measured.generation, &reading);
     Ok(measured)
+}
+
+/// What the camera counts without light in the middle of the photo, by its calibration.
+pub fn black_of(config: &config::RigFile, calibration: &Calibration) -> f64 {
+    let Size { width, height } = config.canvas_size();
+    calibration.black[Channel::Green.index()].at(width as f64 / 2.0, height as f64 / 2.0)
 }
 
 /// One pilot, as it is.
@@ -90,6 +102,7 @@ impl OnRig {
             pipeline,
             calibrating,
             baseline: baseline::load(&slots, calibration.generation),
+            black: black_of(config, &calibration),
             slots,
             last: None,
         })
@@ -133,6 +146,10 @@ impl OnRig {
         }
         let allowed = self.config.photo_mosaic();
         (allowed != Some(raw.mosaic)).then_some(Flaw::OtherSensor { found: raw.mosaic, allowed })
+    }
+
+    fn count_range(&self) -> CountRange {
+        CountRange { black: self.black, max: self.config.camera.count_max() }
     }
 
     fn adopt(&mut self, functions: LensFunctions) -> Result<Calibration, AnyFailure> {
@@ -220,10 +237,17 @@ impl Restorer for OnRig {
 
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         if remedy == Remedy::Recalibrate {
+            // A box that takes photos is opened without its panel in view.
+            if let Some(place) = MarkPlace::of(&self.config)
+                && !self.devices.has_marks()
+            {
+                self.devices.find_marks(place).map_err(boxed)?;
+            }
             let calibration =
                 measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
             self.pipeline = self.pipeline.calibrated(&self.config, &calibration).map_err(boxed)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
+            self.black = black_of(&self.config, &calibration);
         } else {
             self.devices.reopen().map_err(boxed)?;
         }
@@ -235,6 +259,24 @@ impl Restorer for OnRig {
         let codes = draw(screen, self.devices.panel.size(), pictures);
         if let Err(error) = self.devices.panel.show(&codes) {
             log::debug!("the panel does not show the screen: {error}");
+        }
+    }
+
+    fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
+        let range = self.count_range();
+        photo_file::take(&mut self.devices, &self.config, range).map(Some)
+    }
+
+    fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
+        let (mosaic, range) = (self.config.mosaic(), self.count_range());
+        if !presence::is_panel_there(&mut self.devices, mosaic, range).map_err(boxed)? {
+            return Ok(PanelView::Absent);
+        }
+        let Some(place) = MarkPlace::of(&self.config) else { return Ok(PanelView::There) };
+        match self.devices.find_marks(place) {
+            Ok(()) => Ok(PanelView::There),
+            Err(RigError::NoMarks { what }) => Ok(PanelView::Askew(what)),
+            Err(grave) => Err(boxed(grave)),
         }
     }
 

@@ -180,6 +180,17 @@ impl Devices {
         result
     }
 
+    /// [`Devices::capture`] of a panel that may not be in view: no mark is painted or asked for.
+    ///
+    /// # Errors
+    /// As [`Devices::capture`].
+    pub fn capture_unproven(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
+        let marks = self.marks.take();
+        let outcome = self.capture(codes);
+        self.marks = marks;
+        outcome
+    }
+
     /// Exposes what is before the lens, nothing shown: the photo itself. Frames from before the
     /// trigger are passed over; a frame that does not come is shot again, up to
     /// [`Timing::exposures_max`] exposures in all.

@@ -33,6 +33,7 @@ pub mod mark_search;
 mod modeset;
 pub mod monotonic;
 pub mod pixel_format;
+pub mod presence;
 #[cfg(feature = "hardware")]
 pub mod pulse_trigger;
 pub mod shoot;

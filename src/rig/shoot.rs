@@ -141,6 +141,13 @@ fn data<T: Copy + Default>(
     }
 }
 
+/// The mean of the data of `counts`.
+pub fn mean(counts: &Counts, mosaic: Option<Mosaic>) -> f64 {
+    let (mut sum, mut all) = (0u64, 0u64);
+    data(counts.planes(), mosaic, |count| (sum, all) = (sum + u64::from(count), all + 1));
+    sum as f64 / all.max(1) as f64
+}
+
 fn share_of(planes: &[Plane<bool>; 3], mosaic: Option<Mosaic>) -> f64 {
     let (mut full, mut all) = (0u64, 0u64);
     data(planes, mosaic, |clipped| (full, all) = (full + u64::from(clipped), all + 1));

@@ -38,7 +38,7 @@ impl Clock for TestClock {
 
 #[derive(Debug, thiserror::Error)]
 #[error("the lamp is out")]
-pub struct LampOut(Remedy);
+pub struct LampOut(pub Remedy);
 
 impl Remediable for LampOut {
     fn remedy(&self) -> Remedy {

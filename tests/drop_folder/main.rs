@@ -19,6 +19,8 @@ mod power;
 mod power_checks;
 mod readiness;
 mod remedies;
+mod shooting;
+mod shooting_rig;
 mod slots;
 mod soak;
 mod stops;

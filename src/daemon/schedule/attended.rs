@@ -5,10 +5,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::SystemTime;
 
+use super::before_box::BeforeBox;
+use super::shooting::{ShootTurn, Shooting};
 use super::{Event, Notice, Question, Schedule, Turn};
-use crate::config::Mode;
+use crate::config::{Mode, Nights};
 use crate::daemon::job::JobEnd;
+use crate::daemon::store::folders::Folders;
 use crate::daemon::store::report_file::{Delivered, Report, ResultKind, plain};
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
 use crate::kiosk::screen::Screen;
@@ -20,12 +24,15 @@ use crate::rig::{Clock, Moment};
 /// How long a result stays on the panel when nothing else happens. Guess: time to walk up and look.
 const RESULT_S: f64 = 120.0;
 
-/// A screen is shown again after this long: a panel that was switched off and on has forgotten it.
-const SHOW_AGAIN_S: f64 = 60.0;
-
 /// A front panel whose loop has not come round for this long hangs, or has ended: it comes round
 /// many times a second. Guess.
 const STILL_S: f64 = 30.0;
+
+/// What to do after a result, where photos are dropped …
+const RESULT_HINT: &str = "The result is in the outbox.";
+
+/// … and where they are taken.
+const AIM: &str = "Aim at what you want to keep, then press the button.";
 
 /// What is said of it.
 const STILL: &str = "the button and the lamps do not answer";
@@ -41,15 +48,15 @@ struct Shown {
 
 /// Button, lamps and panel around another schedule.
 pub struct Attended<'a> {
-    front_panel: FrontPanel,
+    before: BeforeBox<'a>,
     mode: Mode,
-    clock: &'a dyn Clock,
+    /// Of a box that takes photos.
+    shooting: Option<Shooting<'a>>,
     inner: Box<dyn Schedule + 'a>,
     /// Photos the last press has asked for.
     asked_for: usize,
     maintenance: Option<String>,
     result: Option<Shown>,
-    screen: Option<(Screen, Moment)>,
     /// The rounds of the front panel's loop when they were last seen to change.
     rounds: Option<(u64, Moment)>,
 }
@@ -63,39 +70,45 @@ impl<'a> Attended<'a> {
         inner: Box<dyn Schedule + 'a>,
     ) -> Self {
         Attended {
-            front_panel,
+            before: BeforeBox::new(front_panel, clock),
             mode,
-            clock,
+            shooting: None,
             inner,
             asked_for: 0,
             maintenance: None,
             result: None,
-            screen: None,
             rounds: None,
         }
     }
 
+    /// The same schedule of a box that takes photos into the inbox of `folders`, dated by
+    /// `calendar`. What a rig may drift by, and whether it may be measured anew, is said by
+    /// `nights` if the box has any.
+    #[must_use]
+    pub fn shooting(
+        mut self,
+        folders: &Folders,
+        nights: Option<&Nights>,
+        calendar: &'a dyn Fn() -> SystemTime,
+    ) -> Self {
+        self.shooting = Some(Shooting::new(folders.clone(), nights, calendar));
+        self
+    }
+
     fn show(&mut self, screen: Screen, state: BoxState, rig: &mut dyn Restorer) {
-        self.front_panel.set(state);
-        let now = self.clock.now();
-        let stays =
-            |(shown, at): &(Screen, Moment)| *shown == screen && now.0 - at.0 < SHOW_AGAIN_S;
-        if !self.screen.as_ref().is_some_and(stays) {
-            rig.show(&screen);
-            self.screen = Some((screen, now));
-        }
+        self.before.show(screen, state, rig);
     }
 
     /// Sees whether the front panel's loop still comes round.
     fn watch_front_panel(&mut self) {
-        let rounds = self.front_panel.rounds();
+        let rounds = self.before.front_panel.rounds();
         if rounds != self.rounds.map(|(seen, _)| seen) {
-            self.rounds = rounds.map(|rounds| (rounds, self.clock.now()));
+            self.rounds = rounds.map(|rounds| (rounds, self.before.clock.now()));
         }
     }
 
     fn is_still(&self) -> bool {
-        self.rounds.is_some_and(|(_, since)| self.clock.now().0 - since.0 > STILL_S)
+        self.rounds.is_some_and(|(_, since)| self.before.clock.now().0 - since.0 > STILL_S)
     }
 
     /// The screen of a box that waits to be told: that nobody will hear it, if so.
@@ -106,12 +119,15 @@ impl<'a> Attended<'a> {
 
     /// What the button asked for. The turn of a box in maintenance.
     fn answer(&mut self, waiting: usize, rig: &mut dyn Restorer) -> Option<Turn> {
-        if self.front_panel.take_cancelled() {
+        let requests = self.before.front_panel.take_requests();
+        let cancelled = self.before.front_panel.take_cancelled();
+        if cancelled {
             self.asked_for = 0;
         }
-        let requests = self.front_panel.take_requests();
-        if requests.go {
-            self.asked_for = waiting;
+        match &mut self.shooting {
+            Some(shooting) => shooting.heard(requests.go, requests.put_off || cancelled),
+            None if requests.go => self.asked_for = waiting,
+            None => {}
         }
         match requests.maintenance {
             Some(true) => {
@@ -130,7 +146,7 @@ impl<'a> Attended<'a> {
             };
             log::info!("maintenance: {outcome}");
             self.maintenance = Some(outcome);
-            self.screen = None;
+            self.before.forget_screen();
         }
         let words = self.maintenance.clone()?;
         self.show(Screen::Maintenance { words }, BoxState::Maintenance, rig);
@@ -140,7 +156,7 @@ impl<'a> Attended<'a> {
 
     /// The last result while it is fresh, else `other`.
     fn fresh_result(&mut self, hint: &str, other: Screen) -> Screen {
-        let now = self.clock.now();
+        let now = self.before.clock.now();
         self.result.take_if(|result| now.0 - result.at.0 > RESULT_S);
         let Some(Shown { photo, untouched, words, .. }) = &self.result else { return other };
         let (photo, words, hint) = (photo.clone(), words.clone(), hint.to_owned());
@@ -172,14 +188,21 @@ impl<'a> Attended<'a> {
         Turn::Hold { reason: "photos wait for the button".to_owned(), until: None }
     }
 
-    fn be_ready(&mut self, rig: &mut dyn Restorer) {
-        let hint = match self.mode {
-            Mode::Button => "Put photos into the inbox, then press the button.",
-            Mode::Folder => "Put photos into the inbox.",
+    /// Nothing is under way; `put_off` photos wait for the panel.
+    fn be_ready(&mut self, put_off: usize, rig: &mut dyn Restorer) {
+        let (hint, after) = match self.mode {
+            Mode::Button => ("Put photos into the inbox, then press the button.", RESULT_HINT),
+            Mode::Folder => ("Put photos into the inbox.", RESULT_HINT),
+            Mode::Shoot => (AIM, AIM),
         };
-        let ready = Screen::Ready { hint: hint.to_owned() };
-        let screen = self.fresh_result("The result is in the outbox.", ready);
-        self.show(self.or_still(screen), BoxState::Ready, rig);
+        let hint = match put_off {
+            0 => hint.to_owned(),
+            1 => format!("{hint} 1 photo waits for the panel."),
+            n => format!("{hint} {n} photos wait for the panel."),
+        };
+        let screen = self.fresh_result(after, Screen::Ready { hint });
+        let state = if put_off > 0 { BoxState::Waiting } else { BoxState::Ready };
+        self.show(self.or_still(screen), state, rig);
     }
 
     fn remember(&mut self, report: &Report) {
@@ -189,7 +212,7 @@ impl<'a> Attended<'a> {
             Some(meaning) => meaning.clone(),
             None => "Restored; not photographed again.".to_owned(),
         };
-        let (photo, at) = (report.photo.clone(), self.clock.now());
+        let (photo, at) = (report.photo.clone(), self.before.clock.now());
         self.result = Some(Shown { photo, untouched, words, at });
     }
 }
@@ -201,6 +224,17 @@ impl Schedule for Attended<'_> {
         if let Some(turn) = self.answer(waiting, rig) {
             return turn;
         }
+        if let Some(shooting) = &mut self.shooting {
+            match shooting.turn(asked, &mut self.before, rig) {
+                ShootTurn::Photos => {}
+                ShootTurn::Aim => {
+                    self.be_ready(waiting, rig);
+                    let reason = "photos wait for the panel before the lens".to_owned();
+                    return Turn::Hold { reason, until: None };
+                }
+                ShootTurn::Other(turn) => return turn,
+            }
+        }
         if !is_ready {
             self.asked_for = 0;
         } else if self.mode == Mode::Button && self.asked_for == 0 {
@@ -210,7 +244,7 @@ impl Schedule for Attended<'_> {
         match &turn {
             Turn::Hold { reason, .. } => self.rest(reason, waiting, rig),
             Turn::Go if is_ready => self.asked_for = self.asked_for.saturating_sub(1),
-            Turn::Go => self.be_ready(rig),
+            Turn::Go => self.be_ready(0, rig),
             Turn::Help(_) | Turn::Again(_) | Turn::Stop => {}
         }
         turn
@@ -219,19 +253,22 @@ impl Schedule for Attended<'_> {
     fn told(&mut self, event: Event<'_>, rig: &mut dyn Restorer) {
         match event {
             Event::Begun { photo, number, of } => {
-                self.screen = None;
+                self.before.forget_screen();
                 let screen = Screen::Working { photo: photo.to_owned(), number, of };
                 self.show(screen, BoxState::Working, rig);
             }
             Event::Ended(end) => {
                 // The job's last capture is on the panel.
-                self.screen = None;
+                self.before.forget_screen();
                 if let JobEnd::Done { report, .. } = end {
                     self.remember(report);
                 }
             }
             Event::Held(error) => {
                 self.watch_front_panel();
+                if let Some(shooting) = &mut self.shooting {
+                    shooting.held();
+                }
                 let (what, to_do) = (full_message(error), error.what_to_do().to_owned());
                 self.show(Screen::Trouble { what, to_do }, BoxState::Trouble, rig);
             }
@@ -251,7 +288,7 @@ impl Schedule for Attended<'_> {
     }
 
     fn impatient(&self) -> bool {
-        self.front_panel.has_requests() || self.inner.impatient()
+        self.before.front_panel.has_requests() || self.inner.impatient()
     }
 }
 

@@ -4,6 +4,8 @@ pub(super) mod attended;
 pub(super) mod nightly;
 
 mod alarm;
+mod before_box;
+mod shooting;
 
 use super::error::DaemonError;
 use super::job::JobEnd;

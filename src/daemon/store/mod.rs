@@ -26,4 +26,5 @@ pub(super) mod open;
 pub(super) mod pilots;
 pub(super) mod recover;
 pub(super) mod report_file;
+pub(super) mod taken;
 pub(super) mod withdraw;

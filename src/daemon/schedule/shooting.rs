@@ -1,0 +1,304 @@
+//! The journey of a box that takes its photos itself.
+//!
+//! ```text
+//! aim ─ press ─► take, keep in the inbox ─► ask for the panel ─► seen ─► pilot good ─► photos
+//!  ▲                  ▲                        │  │  ▲                     │ past a limit:
+//!  │ put off, or      └────── short press ─────┘  │  └─ not measured ◄─────┴ measure anew
+//!  └ nobody came ◄────────────────────────────────┘
+//! ```
+//!
+//! What was taken is in the inbox before anything else is asked for: from there on it is a photo
+//! like any other, also after a power cut.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use super::before_box::BeforeBox;
+use super::{Question, Turn};
+use crate::config::Nights;
+use crate::daemon::error::DaemonError;
+use crate::daemon::store::folders::Folders;
+use crate::daemon::store::taken;
+use crate::kiosk::front_panel::BoxState;
+use crate::kiosk::screen::Screen;
+use crate::nights::pilot::DriftLimits;
+use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
+use crate::restorer::photo_file::TakenPhoto;
+use crate::restorer::{PanelView, Restorer};
+use crate::rig::Moment;
+use crate::rig::shoot::CLIPPED_SHARE_MAX;
+
+/// Who is asked for the panel and does not bring it in this time is not coming. Guess.
+const ASK_S: f64 = 900.0;
+
+/// Between two looks for the panel: they show test pictures in place of what it says. Guess.
+const LOOK_S: f64 = 5.0;
+
+/// The same where the lens could not be measured, which takes a minute each time. Guess.
+const MEASURE_AGAIN_S: f64 = 30.0;
+
+/// Calibrations in a row after which the panel does not hold still. Guess.
+const CALIBRATIONS_MAX: u32 = 2;
+
+/// Times a photo is begun again when the camera stumbles. Guess.
+const TRIES_MAX: u32 = 3;
+
+/// What is asked for at first.
+const ASK: &str = "The photo is kept. Put this panel before the lens, or the camera into its dock.";
+
+/// Where the journey is.
+#[derive(Debug, PartialEq)]
+enum Stage {
+    /// Photos that wait were put off.
+    Aim,
+    /// Since when, when to look next, and what to say.
+    Ask { since: Moment, look_at: Moment, words: String },
+    /// The panel is before the lens, as it was when the lens was measured.
+    There,
+}
+
+/// What may happen next.
+pub(super) enum ShootTurn {
+    /// Photos may be taken from the inbox, as far as this is asked.
+    Photos,
+    /// Those that wait do so for a later press.
+    Aim,
+    /// Something else.
+    Other(Turn),
+}
+
+/// The journey.
+pub(super) struct Shooting<'a> {
+    folders: Folders,
+    calendar: &'a dyn Fn() -> SystemTime,
+    limits: DriftLimits,
+    recalibrate: bool,
+    stage: Stage,
+    /// The button asked for a photo, or for no waiting, since the last turn.
+    go: bool,
+    put_off: bool,
+    /// Taken, and not yet on the disk.
+    unkept: Option<TakenPhoto>,
+    /// How many of the photos that wait were put off.
+    waiting_put_off: usize,
+}
+
+impl<'a> Shooting<'a> {
+    pub(super) fn new(
+        folders: Folders,
+        nights: Option<&Nights>,
+        calendar: &'a dyn Fn() -> SystemTime,
+    ) -> Shooting<'a> {
+        Shooting {
+            folders,
+            calendar,
+            limits: nights.map_or_else(DriftLimits::default, DriftLimits::of),
+            recalibrate: nights.is_none_or(|nights| nights.recalibrate),
+            stage: Stage::Aim,
+            go: false,
+            put_off: false,
+            unkept: None,
+            waiting_put_off: 0,
+        }
+    }
+
+    /// What the button asked for.
+    pub(super) fn heard(&mut self, go: bool, put_off: bool) {
+        self.go |= go;
+        self.put_off |= put_off;
+    }
+
+    /// Somebody was needed: the panel may be elsewhere by now.
+    pub(super) fn held(&mut self) {
+        if self.stage == Stage::There {
+            self.stage = Stage::Aim;
+        }
+    }
+
+    /// What is next, with so many photos in the inbox.
+    pub(super) fn turn(
+        &mut self,
+        asked: Question,
+        before: &mut BeforeBox<'_>,
+        rig: &mut dyn Restorer,
+    ) -> ShootTurn {
+        let kept = if self.unkept.is_some() { self.keep() } else { Ok(false) };
+        let kept = match kept {
+            Ok(false) if std::mem::take(&mut self.go) => {
+                before.show(Screen::Taking, BoxState::Working, rig);
+                before.forget_screen();
+                self.take(rig).and_then(|()| self.keep())
+            }
+            kept => kept,
+        };
+        let now = before.clock.now();
+        match kept {
+            Err(error) => return ShootTurn::Other(Turn::Help(error)),
+            Ok(true) => {
+                self.ask(now, ASK);
+                // It is seen at the next look at the inbox.
+                return self.wait(asked.waiting + 1, now, before, rig);
+            }
+            Ok(false) => {}
+        }
+        self.waiting_put_off = self.waiting_put_off.min(asked.waiting);
+        if std::mem::take(&mut self.put_off) {
+            self.give_way(asked.waiting);
+        }
+        if asked.waiting == 0 {
+            self.stage = Stage::Aim;
+            return ShootTurn::Photos;
+        }
+        match &self.stage {
+            Stage::Aim if asked.waiting > self.waiting_put_off => self.ask(now, ASK),
+            Stage::Ask { since, .. } if now.0 - since.0 > ASK_S => {
+                log::info!("nobody put the panel before the lens within {ASK_S} s");
+                self.give_way(asked.waiting);
+            }
+            // What is left rests; until then the panel may go.
+            Stage::There if !asked.is_ready => self.ask(now, ASK),
+            _ => {}
+        }
+        match &self.stage {
+            Stage::Aim => ShootTurn::Aim,
+            Stage::There => ShootTurn::Photos,
+            Stage::Ask { look_at, .. } => {
+                if asked.is_ready && now.0 >= look_at.0 {
+                    match self.look(before, rig) {
+                        Err(error) => return ShootTurn::Other(Turn::Help(error)),
+                        Ok(true) => return ShootTurn::Photos,
+                        Ok(false) => {}
+                    }
+                }
+                self.wait(asked.waiting, now, before, rig)
+            }
+        }
+    }
+
+    /// The photos that wait are not asked for again.
+    fn give_way(&mut self, waiting: usize) {
+        (self.stage, self.waiting_put_off) = (Stage::Aim, waiting);
+    }
+
+    fn ask(&mut self, now: Moment, words: &str) {
+        self.stage = Stage::Ask { since: now, look_at: now, words: words.to_owned() };
+    }
+
+    /// Takes a photo; where that fails there is none.
+    fn take(&mut self, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
+        let failed = |failure: AnyFailure| DaemonError::Rig {
+            about: "no photo was taken: ".to_owned(),
+            failure,
+        };
+        let mut tries = 1;
+        loop {
+            let failure = match rig.take() {
+                Ok(taken) => {
+                    self.unkept = taken;
+                    return Ok(());
+                }
+                Err(failure) => failure,
+            };
+            let remedy = failure.remedy();
+            if tries == TRIES_MAX || !matches!(remedy, Remedy::ShootAgain | Remedy::ReopenRig) {
+                return Err(failed(failure));
+            }
+            if remedy == Remedy::ReopenRig {
+                rig.mend(remedy).map_err(failed)?;
+            }
+            tries += 1;
+        }
+    }
+
+    /// Puts what was taken into the inbox; false when there is nothing. It is kept in mind until
+    /// that is done.
+    fn keep(&mut self) -> Result<bool, DaemonError> {
+        let Some(photo) = &self.unkept else { return Ok(false) };
+        let unix_s =
+            (self.calendar)().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        let name = taken::keep(&self.folders, photo, unix_s)?;
+        if photo.clipped_share > CLIPPED_SHARE_MAX {
+            log::warn!("{name}: {:.2} % of it is full", 100.0 * photo.clipped_share);
+        }
+        log::info!("{name}: taken");
+        self.unkept = None;
+        Ok(true)
+    }
+
+    /// Looks for the panel, and whether it stands as it did; true when photos may go on.
+    fn look(
+        &mut self,
+        before: &mut BeforeBox<'_>,
+        rig: &mut dyn Restorer,
+    ) -> Result<bool, DaemonError> {
+        let failed = |failure| DaemonError::Rig { about: String::new(), failure };
+        // Test pictures are on the panel from here on.
+        before.forget_screen();
+        let seen = match rig.look_for_panel() {
+            Err(failure) if failure.remedy() == Remedy::ReopenRig => {
+                rig.mend(Remedy::ReopenRig).map_err(failed)?;
+                rig.look_for_panel()
+            }
+            seen => seen,
+        };
+        let (again_s, said) = match seen.map_err(failed)? {
+            PanelView::Absent => (LOOK_S, ASK.to_owned()),
+            PanelView::Askew(what) => (LOOK_S, format!("The panel is seen, but not well: {what}.")),
+            PanelView::There => match self.prove(before, rig) {
+                Ok(()) => {
+                    self.stage = Stage::There;
+                    return Ok(true);
+                }
+                Err(error) => {
+                    log::warn!("{}", full_message(&error));
+                    let said = format!("{}. {}", full_message(&error), error.what_to_do());
+                    (MEASURE_AGAIN_S, said)
+                }
+            },
+        };
+        let now = before.clock.now();
+        if let Stage::Ask { look_at, words, .. } = &mut self.stage {
+            (*look_at, *words) = (Moment(now.0 + again_s), said);
+        }
+        Ok(false)
+    }
+
+    /// The pilot, and what follows from it.
+    fn prove(
+        &mut self,
+        before: &mut BeforeBox<'_>,
+        rig: &mut dyn Restorer,
+    ) -> Result<(), DaemonError> {
+        let mut calibrations = 0;
+        loop {
+            let failed = |failure| DaemonError::Rig { about: String::new(), failure };
+            let Some(drift) = rig.pilot().map_err(failed)? else { return Ok(()) };
+            let Some(complaint) = drift.complaint(&self.limits) else { return Ok(()) };
+            if !self.recalibrate || calibrations == CALIBRATIONS_MAX {
+                return Err(DaemonError::Drifted { complaint, calibrations });
+            }
+            calibrations += 1;
+            log::info!("the panel stands otherwise than it did: {complaint}; the lens is measured");
+            before.show(Screen::Measuring { why: complaint.clone() }, BoxState::Working, rig);
+            before.forget_screen();
+            rig.mend(Remedy::Recalibrate).map_err(|failure| {
+                let why = format!("the panel stands otherwise than it did ({complaint}) and ");
+                DaemonError::Calibration { why, failure }
+            })?;
+        }
+    }
+
+    /// Asks for the panel.
+    fn wait(
+        &self,
+        photos: usize,
+        now: Moment,
+        before: &mut BeforeBox<'_>,
+        rig: &mut dyn Restorer,
+    ) -> ShootTurn {
+        let Stage::Ask { look_at, words, .. } = &self.stage else { return ShootTurn::Aim };
+        let screen = Screen::Asking { photos, words: words.clone() };
+        before.show(screen, BoxState::Asking, rig);
+        let reason = format!("photos wait for the panel: {words}");
+        ShootTurn::Other(Turn::Hold { reason, until: (look_at.0 > now.0).then_some(*look_at) })
+    }
+}

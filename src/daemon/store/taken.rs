@@ -1,0 +1,43 @@
+//! Photos that the box takes itself, into its own inbox.
+
+use std::ffi::OsStr;
+
+use super::folders::Folders;
+use crate::disk::FileError;
+use crate::disk::files::numbered;
+use crate::restorer::photo_file::TakenPhoto;
+
+/// Puts `photo` into the inbox under a name with the date `unix_s`, whole or not at all, and for
+/// good; the name.
+pub(crate) fn keep(
+    folders: &Folders,
+    photo: &TakenPhoto,
+    unix_s: u64,
+) -> Result<String, FileError> {
+    let (files, inbox) = (folders.files(), folders.inbox());
+    let taken = files.taken_names(inbox)?;
+    let name = format!("photo-{}.{}", date(unix_s), photo.ending);
+    let mut free = numbered(OsStr::new(&name)).filter(|name| !taken.holds(name));
+    loop {
+        let name = free.next().unwrap_or_default();
+        match files.write_new(inbox, &name, &mut &*photo.bytes) {
+            // Given to another since the look.
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Ok(()) => return Ok(name.to_string_lossy().into_owned()),
+            Err(error) => {
+                // Named, and not safe: the next attempt would put a second one beside it.
+                let (path, length) = (inbox.join(&name), photo.bytes.len() as u64);
+                if files.read(&path, length + 1)?.is_some_and(|found| found == photo.bytes) {
+                    files.remove(&path)?;
+                }
+                return Err(error);
+            }
+        }
+    }
+}
+
+/// By the board's calendar, believed or not: names that are taken get a number.
+fn date(unix_s: u64) -> String {
+    let second = i64::try_from(unix_s).ok().and_then(|s| jiff::Timestamp::from_second(s).ok());
+    second.unwrap_or_default().strftime("%Y%m%d-%H%M%S").to_string()
+}

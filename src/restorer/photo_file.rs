@@ -1,0 +1,101 @@
+//! A photo that the rig has taken, as a file: the sites behind colour filters as they are, or three
+//! planes with the rig's curve.
+
+use crate::config::RigFile;
+use crate::frame::{Frame, Mosaic, Work};
+use crate::picture::{Dng, Format, Manner, PictureError, encode};
+use crate::remedy::AnyFailure;
+use crate::rig::exposure::Devices;
+use crate::rig::shoot::{CountRange, PhotoShot, meter, shoot, sites_of};
+
+/// Exposures, as multiples of the rig file's, that are tried when one is proposed.
+pub const PROPOSED: (f64, f64) = (1.0 / 32.0, 32.0);
+
+/// A photo, not yet on a disk.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TakenPhoto {
+    /// The whole file.
+    pub bytes: Vec<u8>,
+    /// The ending of its name.
+    pub ending: &'static str,
+    /// Share of the data, 0..1, that is full.
+    pub clipped_share: f64,
+}
+
+/// Takes one photo of what is before the lens, exposed so that next to nothing is full where the
+/// camera's exposure can be set.
+///
+/// # Errors
+/// When an exposure brings no frame, or the camera does not take its setting.
+pub fn take(
+    devices: &mut Devices,
+    rig: &RigFile,
+    range: CountRange,
+) -> Result<TakenPhoto, AnyFailure> {
+    let mosaic = rig.mosaic();
+    let mut taken = || {
+        let times = meter(devices, mosaic, range, PROPOSED)?.unwrap_or(1.0);
+        Ok((times, shoot(devices, mosaic, range, 1)?))
+    };
+    let taken = taken();
+    // The panel is exposed as the rig file says, whatever became of the photo; the first frame
+    // after a change may still be exposed as before.
+    let back = devices.expose_times(1.0).and_then(|_| devices.expose());
+    let (times, shot) = taken.map_err(boxed)?;
+    back.map_err(boxed)?;
+    let clipped_share = shot.clipped_share;
+    let exposure_s = times * rig.camera.exposure_ms / 1000.0;
+    Ok(match mosaic {
+        Some(mosaic) => {
+            let bytes = raw_file(rig, &shot, mosaic, range, exposure_s);
+            TakenPhoto { bytes, ending: "dng", clipped_share }
+        }
+        None => {
+            let failed = |error| Box::new(error) as AnyFailure;
+            let bytes = developed(rig, &shot, range, Format::Tiff).map_err(failed)?;
+            TakenPhoto { bytes, ending: "tif", clipped_share }
+        }
+    })
+}
+
+fn boxed(error: crate::rig::RigError) -> AnyFailure {
+    Box::new(error)
+}
+
+/// The raw photo as a file.
+pub fn raw_file(
+    rig: &RigFile,
+    shot: &PhotoShot,
+    mosaic: Mosaic,
+    range: CountRange,
+    exposure_s: f64,
+) -> Vec<u8> {
+    Dng {
+        sites: &sites_of(shot.counts.planes(), mosaic),
+        mosaic,
+        black: range.black,
+        white: range.max,
+        camera: &rig.name,
+        exposure_s: Some(exposure_s),
+        crop: Some(rig.photo_on_sensor()),
+    }
+    .bytes()
+}
+
+/// Three planes of counts with the rig's curve, 16 bits but for JPEG.
+///
+/// # Errors
+/// When the format cannot hold it.
+pub fn developed(
+    rig: &RigFile,
+    shot: &PhotoShot,
+    range: CountRange,
+    format: Format,
+) -> Result<Vec<u8>, PictureError> {
+    let bits = if format == Format::Jpeg { 8 } else { 16 };
+    let manner = Manner::plain(format, bits, rig.photo.curve);
+    let per_level = (f64::from(range.max) - range.black) / 255.0;
+    let level = |count: u16| ((f64::from(count) - range.black) / per_level).max(0.0) as f32;
+    let light: Frame<Work> = Frame::from_fn(|c| shot.counts.plane(c).map(level));
+    encode("photo", &light, &manner, false)
+}

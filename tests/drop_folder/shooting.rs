@@ -1,0 +1,416 @@
+//! A box that takes its photos itself: press, photo, panel, restoration; and what comes between.
+
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use relens::config::{Curve, Mode};
+use relens::daemon::{Attended, Daemon, DaemonSetting, Folders, Progress, Restorer, Summary};
+use relens::kiosk::front_panel::{BoxState, FrontPanel};
+use relens::kiosk::press::Press;
+use relens::kiosk::screen::Screen;
+use relens::nights::pilot::Drift;
+use relens::picture::{Format, Manner, Photo, encode};
+use relens::pipeline::Outcome;
+use relens::remedy::{AnyFailure, Remedy};
+use relens::restorer::PanelView;
+use relens::restorer::photo_file::TakenPhoto;
+
+use crate::bed::*;
+use crate::model_disk::{Contents, ModelDisk, Op, Survivors, Verdict};
+use crate::power::{TINY, canonical, filled};
+use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
+
+/// What a test's box has before it and in it.
+#[derive(Default)]
+pub struct Scene {
+    pub panel: Option<PanelView>,
+    /// How far the panel is from where it was, px; calibrating takes that away `if steady`.
+    pub moved_px: f64,
+    pub unsteady: bool,
+    /// Failures of the next photos, the next one last.
+    pub failures: Vec<Remedy>,
+}
+
+/// A camera of a few pixels before that scene.
+struct Camera {
+    inner: Brightener,
+    scene: Rc<RefCell<Scene>>,
+    taken: usize,
+}
+
+/// The `n`-th photo that a test's camera takes.
+fn photo(n: usize) -> Vec<u8> {
+    let light = scene(TINY);
+    let light = relens::frame::Frame::from_fn(|c| light.plane(c).map(|v: f32| v + n as f32));
+    encode("photo", &light, &Manner::plain(Format::Png, 8, Curve::Srgb), false).unwrap()
+}
+
+impl Restorer for Camera {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure> {
+        assert_eq!(self.scene.borrow().panel, Some(PanelView::There), "nothing to capture");
+        self.inner.restore(photo, progress)
+    }
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
+        let mut scene = self.scene.borrow_mut();
+        if remedy == Remedy::Recalibrate && !scene.unsteady {
+            scene.moved_px = 0.0;
+        }
+        self.inner.mend(remedy)
+    }
+    fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
+        if let Some(remedy) = self.scene.borrow_mut().failures.pop() {
+            return Err(Box::new(LampOut(remedy)));
+        }
+        self.taken += 1;
+        let bytes = photo(self.taken - 1);
+        Ok(Some(TakenPhoto { bytes, ending: "png", clipped_share: 0.0 }))
+    }
+    fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
+        Ok(self.scene.borrow().panel.clone().unwrap_or(PanelView::Absent))
+    }
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        let shift_px = self.scene.borrow().moved_px;
+        Ok(Some(Drift { shift_px, noise_ratio: 1.0, ..Drift::default() }))
+    }
+}
+
+/// Passes on, and remembers screens and photos.
+pub struct Watched<'a> {
+    pub inner: &'a mut dyn Restorer,
+    pub screens: Rc<RefCell<Vec<Screen>>>,
+    pub taken: Rc<RefCell<Vec<Vec<u8>>>>,
+    /// Whether somebody was told that the photo is kept.
+    pub asked: Arc<AtomicBool>,
+}
+
+impl Restorer for Watched<'_> {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure> {
+        self.inner.restore(photo, progress)
+    }
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
+        self.inner.mend(remedy)
+    }
+    fn show(&mut self, screen: &Screen) {
+        if matches!(screen, Screen::Asking { .. }) {
+            self.asked.store(true, Ordering::Release);
+        }
+        self.inner.show(screen);
+        self.screens.borrow_mut().push(screen.clone());
+    }
+    fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
+        let taken = self.inner.take()?;
+        self.taken.borrow_mut().extend(taken.iter().map(|photo| photo.bytes.clone()));
+        Ok(taken)
+    }
+    fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
+        self.inner.look_for_panel()
+    }
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        self.inner.pilot()
+    }
+}
+
+/// What became of a run.
+pub struct Ran {
+    pub summary: Summary,
+    pub screens: Vec<Screen>,
+    pub taken: Vec<Vec<u8>>,
+}
+
+/// Runs a box that takes photos over `folders` until `until_s`, doing what `act` says.
+pub fn run(
+    folders: Folders,
+    setting: DaemonSetting,
+    rig: &mut dyn Restorer,
+    asked: Arc<AtomicBool>,
+    front: &FrontPanel,
+    until_s: f64,
+    act: impl FnMut(f64, &FrontPanel),
+) -> Ran {
+    let calendar = || -> SystemTime { UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S) };
+    let (screens, taken, clock) = (Rc::default(), Rc::default(), TestClock::default());
+    let mut watched =
+        Watched { inner: rig, screens: Rc::clone(&screens), taken: Rc::clone(&taken), asked };
+    let schedule = Attended::new(front.clone(), Mode::Shoot, &clock, Box::new(()))
+        .shooting(&folders, None, &calendar);
+    let mut watcher = ();
+    let daemon =
+        Daemon::open(folders, setting, &mut watched, &clock, &calendar, &mut watcher).unwrap();
+    let act = RefCell::new(act);
+    let summary = daemon.scheduled(Box::new(schedule)).run(&|| {
+        act.borrow_mut()(clock.0.get(), front);
+        clock.0.get() > until_s
+    });
+    let (screens, taken) = (screens.borrow().clone(), taken.borrow().clone());
+    Ran { summary, screens, taken }
+}
+
+/// The same with the small camera: what is done when, each once.
+fn journey(root: &Path, scene: Scene, until_s: f64, acts: &[(f64, Act)]) -> (Ran, Vec<Remedy>) {
+    let scene = Rc::new(RefCell::new(scene));
+    let mut camera = Camera { inner: Brightener::default(), scene: Rc::clone(&scene), taken: 0 };
+    let front = FrontPanel::default();
+    let mut acts = acts.iter().peekable();
+    let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
+    let folders = Folders::open(root).unwrap();
+    let asked = Arc::default();
+    let ran = run(folders, setting, &mut camera, asked, &front, until_s, |now, front| {
+        while let Some((_, act)) = acts.next_if(|(at, _)| now >= *at) {
+            match act {
+                Act::Press => {
+                    front.press(Press::Down);
+                    front.press(Press::Short);
+                }
+                Hold => {
+                    front.press(Press::Down);
+                    front.press(Press::Long);
+                }
+                Panel(view) => scene.borrow_mut().panel = Some(view.clone()),
+                Is(state) => assert_eq!(front.state(), *state, "at {now} s"),
+            }
+        }
+    });
+    (ran, camera.inner.mended)
+}
+
+#[derive(Clone)]
+enum Act {
+    Press,
+    Hold,
+    Panel(PanelView),
+    Is(BoxState),
+}
+
+use Act::{Hold, Is, Panel};
+
+fn asks(ran: &Ran, words: &str) -> bool {
+    let said = |screen: &Screen| match screen {
+        Screen::Asking { words: found, .. } => found.contains(words),
+        _ => false,
+    };
+    ran.screens.iter().any(said)
+}
+
+#[test]
+fn a_press_takes_a_photo_that_is_restored_when_the_panel_is_there() {
+    let root = fresh_root();
+    let acts = [
+        (10.0, Is(BoxState::Ready)),
+        (10.0, Act::Press),
+        (20.0, Is(BoxState::Asking)),
+        (60.0, Is(BoxState::Asking)),
+        (60.0, Panel(PanelView::Askew("it is upside down".to_owned()))),
+        (80.0, Is(BoxState::Asking)),
+        (80.0, Panel(PanelView::There)),
+        (119.0, Is(BoxState::Ready)),
+    ];
+    let (ran, mended) = journey(root.path(), Scene::default(), 120.0, &acts);
+    assert_eq!((ran.taken.len(), ran.summary.restored.len(), mended), (1, 1, vec![]));
+    assert_eq!(names(&root.path().join("done")), set(&["photo-20961002-070640.png"]));
+    assert!(ran.screens.contains(&Screen::Taking));
+    assert!(asks(&ran, "before the lens") && asks(&ran, "upside down"), "{:?}", ran.screens);
+    let aims = |hint: &str| hint.contains("Aim");
+    let last = ran.screens.last();
+    assert!(matches!(last, Some(Screen::Result { hint, .. }) if aims(hint)), "{last:?}");
+}
+
+#[test]
+fn whoever_puts_it_off_or_does_not_come_finds_the_photo_with_the_next_one() {
+    for (how, put_off) in [(Some((30.0, Hold)), 45.0), (None, 960.0)] {
+        let root = fresh_root();
+        let mut acts = vec![(10.0, Act::Press)];
+        acts.extend(how);
+        acts.extend([
+            (put_off, Is(BoxState::Waiting)),
+            // It does not begin of itself what was put off.
+            (put_off, Panel(PanelView::There)),
+            (put_off + 60.0, Is(BoxState::Waiting)),
+            (put_off + 61.0, Act::Press),
+        ]);
+        let (ran, _) = journey(root.path(), Scene::default(), put_off + 120.0, &acts);
+        assert_eq!((ran.taken.len(), ran.summary.restored.len()), (2, 2));
+    }
+}
+
+#[test]
+fn a_short_press_takes_another_photo_before_the_panel_comes() {
+    let root = fresh_root();
+    let acts = [(10.0, Act::Press), (30.0, Act::Press), (50.0, Panel(PanelView::There))];
+    let (ran, _) = journey(root.path(), Scene::default(), 120.0, &acts);
+    assert_eq!((ran.taken.len(), ran.summary.restored.len()), (2, 2));
+}
+
+#[test]
+fn a_panel_that_stands_otherwise_is_measured_and_one_that_does_not_hold_still_is_said() {
+    let root = fresh_root();
+    let there = || Scene { panel: Some(PanelView::There), moved_px: 2.0, ..Scene::default() };
+    let acts = [(10.0, Act::Press)];
+    let (ran, mended) = journey(root.path(), there(), 60.0, &acts);
+    assert_eq!((ran.summary.restored.len(), mended), (1, vec![Remedy::Recalibrate]));
+    assert!(ran.screens.iter().any(|s| matches!(s, Screen::Measuring { .. })));
+
+    let root = fresh_root();
+    let unsteady = Scene { unsteady: true, ..there() };
+    let (ran, mended) = journey(root.path(), unsteady, 30.0, &acts);
+    assert_eq!((ran.summary.restored.len(), mended.len()), (0, 2));
+    assert!(asks(&ran, "displaced by 2.00 px") && asks(&ran, "moved"), "{:?}", ran.screens);
+    assert_eq!(names(&root.path().join("inbox")).len(), 1, "the photo waits");
+}
+
+#[test]
+fn a_camera_that_stumbles_is_asked_again_and_one_that_is_gone_is_said() {
+    let root = fresh_root();
+    let failures = vec![Remedy::ReopenRig, Remedy::ShootAgain];
+    let scene = Scene { panel: Some(PanelView::There), failures, ..Scene::default() };
+    let (ran, mended) = journey(root.path(), scene, 60.0, &[(10.0, Act::Press)]);
+    assert_eq!((ran.summary.restored.len(), mended), (1, vec![Remedy::ReopenRig]));
+
+    let root = fresh_root();
+    let failures = vec![Remedy::CallOperator];
+    let scene = Scene { panel: Some(PanelView::There), failures, ..Scene::default() };
+    let acts = [
+        (10.0, Act::Press),
+        (20.0, Is(BoxState::Trouble)),
+        (90.0, Is(BoxState::Ready)),
+        (90.0, Act::Press),
+    ];
+    let (ran, _) = journey(root.path(), scene, 150.0, &acts);
+    assert_eq!((ran.taken.len(), ran.summary.restored.len()), (1, 1));
+    let told = |s: &Screen| matches!(s, Screen::Trouble { what, .. } if what.contains("no photo"));
+    assert!(ran.screens.iter().any(told), "{:?}", ran.screens);
+}
+
+#[test]
+fn a_photo_in_the_inbox_at_the_start_is_asked_for() {
+    let root = fresh_root();
+    drop_in(root.path(), "before.png", &photo(0));
+    let acts = [(20.0, Is(BoxState::Asking)), (20.0, Panel(PanelView::There))];
+    let (ran, _) = journey(root.path(), Scene::default(), 60.0, &acts);
+    assert_eq!(ran.summary.restored.len(), 1);
+}
+
+/// One life on `disk`: a press at the beginning if `press`, the panel there.
+fn live(disk: &ModelDisk, press: bool, asked: Arc<AtomicBool>) -> Ran {
+    let scene = Scene { panel: Some(PanelView::There), ..Scene::default() };
+    let scene = Rc::new(RefCell::new(scene));
+    let mut camera = Camera { inner: Brightener::default(), scene, taken: 0 };
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
+    let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
+    let mut press = press.then_some(Press::Down);
+    run(folders, setting, &mut camera, asked, &FrontPanel::default(), 40.0, |now, front| {
+        if now > 6.0
+            && let Some(press) = press.take()
+        {
+            front.press(press);
+        }
+    })
+}
+
+#[test]
+fn a_power_cut_at_any_instant_leaves_the_photo_whole_or_absent_and_never_absent_once_told() {
+    let asked: Arc<AtomicBool> = Arc::default();
+    let instants: Arc<Mutex<Vec<(Contents, bool)>>> = Arc::default();
+    let disk = ModelDisk::new(filled(&[], None), Box::new(|_, _| Ok(Verdict::Done)));
+    let (watched, told) = (Arc::clone(&instants), Arc::clone(&asked));
+    disk.guarded_by(Box::new(move |op, contents| {
+        if !matches!(op, Op::Read(_)) {
+            watched.lock().unwrap().push((contents.clone(), told.load(Ordering::Acquire)));
+        }
+        Ok(Verdict::Done)
+    }));
+    let ran = live(&disk, true, asked);
+    assert_eq!(ran.summary.restored.len(), 1);
+    disk.guarded_by(Box::new(|_, _| Ok(Verdict::Done)));
+    let end = disk.contents();
+    let result = end
+        .now()
+        .iter()
+        .find(|(path, _)| {
+            path.starts_with("/box/outbox") && path.extension().is_some_and(|e| e == "png")
+        })
+        .map(|(_, (_, holds))| holds.to_vec());
+    assert!(result.is_some());
+    let dropped = [Dropped {
+        name: "photo-20961002-070640.png",
+        bytes: photo(0),
+        result,
+        past_limits: false,
+    }];
+    let mut instants = std::mem::take(&mut *instants.lock().unwrap());
+    instants.push((end, true));
+    let (mut known, mut absent, mut cuts) = (BTreeSet::<Survivors>::new(), 0, 0);
+    for (contents, told) in instants {
+        for cut in contents.cuts(&|_| false) {
+            cuts += 1;
+            // What has a temporary name is swept away at the next start.
+            let seen = |path: &Path| !path.to_string_lossy().ends_with(".tmp");
+            let of_photo = |(path, (_, holds)): &(&std::path::PathBuf, &(u64, Arc<[u8]>))| {
+                seen(path) && holds[..] == dropped[0].bytes[..]
+            };
+            let is_there = cut.iter().any(|file| of_photo(&file));
+            if !is_there {
+                assert!(!told, "told that it is kept, and lost: {:?}", cut.keys());
+                let half = cut.keys().find(|path| path.starts_with("/box/inbox") && seen(path));
+                assert_eq!(half, None, "half a photo");
+                absent += 1;
+                continue;
+            }
+            at_every_instant(&cut, &dropped).unwrap();
+            if known.insert(canonical(cut.clone())) {
+                let next = ModelDisk::new(
+                    Contents::after(&cut, contents.folders()),
+                    Box::new(|_, _| Ok(Verdict::Done)),
+                );
+                live(&next, false, Arc::default());
+                in_the_end(&next.contents().now(), &dropped).unwrap();
+            }
+        }
+    }
+    println!("{cuts} cuts, {absent} before the photo was there, {} states lived on", known.len());
+    assert!(absent > 0 && known.len() > 5);
+}
+
+#[test]
+fn a_full_disk_keeps_the_photo_in_mind_until_there_is_room() {
+    let disk = ModelDisk::new(filled(&[], None), Box::new(|_, _| Ok(Verdict::Done)));
+    let mut refusals = 2;
+    disk.guarded_by(Box::new(move |op, _| match op {
+        Op::Write(path) if path.starts_with("/box/inbox") && refusals > 0 => {
+            refusals -= 1;
+            Err(ErrorKind::StorageFull.into())
+        }
+        _ => Ok(Verdict::Done),
+    }));
+    let scene = Scene { panel: Some(PanelView::There), ..Scene::default() };
+    let scene = Rc::new(RefCell::new(scene));
+    let mut camera = Camera { inner: Brightener::default(), scene, taken: 0 };
+    let setting =
+        DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
+    let folders = Folders::on(Arc::new(disk), Path::new(ROOT)).unwrap();
+    let (front, mut press, mut trouble) = (FrontPanel::default(), Some(Press::Down), false);
+    let ran = run(folders, setting, &mut camera, Arc::default(), &front, 200.0, |now, front| {
+        if now > 6.0
+            && let Some(press) = press.take()
+        {
+            front.press(press);
+        }
+        trouble |= front.state() == BoxState::Trouble;
+    });
+    assert_eq!((ran.taken.len(), ran.summary.restored.len()), (1, 1));
+    assert!(trouble);
+}
