@@ -10,7 +10,7 @@ use relens::chart::scenes::cut;
 use relens::config::{self, Curve};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Frame, Work};
-use relens::picture::{Format, Limits, Photo};
+use relens::picture::{Format, Limits, Photo, PhotoCamera, RigSetting};
 use relens::rig::simulated;
 use relens::{Rig, Verdict};
 
@@ -100,9 +100,22 @@ fn a_raw_photo_is_restored_at_its_sites_and_by_its_own_rig_alone() {
     let clipped = whole.light.planes().iter().flat_map(|p| p.data()).filter(|&&v| v > full);
     assert!(clipped.count() <= grid.sensor.area() / 300, "auto clips next to nothing");
 
-    let strange = Photo { camera: Some("relens someone's".to_owned()), ..photo.clone() };
-    let told = restorer.restore(&strange).unwrap_err().to_string();
+    let camera = photo.camera.clone().unwrap();
+    let by = |camera| Photo { camera: Some(camera), ..photo.clone() };
+    let strange = PhotoCamera { name: "relens someone's".to_owned(), ..camera.clone() };
+    let told = restorer.restore(&by(strange)).unwrap_err().to_string();
     assert!(told.contains("taken by another rig") && told.contains("relens truthful"), "{told}");
+    let ours = camera.setting.clone().unwrap();
+    assert_eq!((ours.identity, &ours.focus), (file.identity, &None));
+    let focus = Some("nearer".to_owned());
+    let setting = Some(RigSetting { focus, ..ours.clone() });
+    let nearer = PhotoCamera { setting, ..camera.clone() };
+    let told = restorer.restore(&by(nearer)).unwrap_err().to_string();
+    assert!(told.contains("found \"nearer\", allowed none said"), "{told}");
+    let setting = Some(RigSetting { identity: !ours.identity, ..ours });
+    let before = PhotoCamera { setting, ..camera };
+    let notes = restorer.restore(&by(before)).unwrap().notes;
+    assert!(notes.iter().any(|note| note.contains("rig file said otherwise")), "{notes:?}");
     let mut other = raw;
     other.mosaic = raw.mosaic.from_place(1, 0);
     let refused = restorer.restore(&Photo { raw: Some(other), ..photo.clone() }).unwrap_err();

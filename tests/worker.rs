@@ -17,7 +17,9 @@ use relens::daemon::{
 };
 use relens::frame::{Frame, Mosaic, Plane, Size, Work};
 use relens::picture::worker::Worker;
-use relens::picture::{Dng, Format, Limits, Manner, Photo, PictureError, PixelLayout, encode};
+use relens::picture::{
+    Dng, Format, Limits, Manner, Photo, PictureError, PixelLayout, RawTags, encode,
+};
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remedy};
 use relens::rig::{Clock, Moment};
@@ -139,6 +141,7 @@ fn a_file_may_kill_its_worker_and_no_more() {
         camera,
         exposure_s: None,
         crop: None,
+        tags: RawTags::default(),
     }
     .bytes();
     let path = kept(folder, "a.dng", &raw);

@@ -6,7 +6,7 @@ use clap::{Args, ValueHint};
 use relens::chart::scenes::cut;
 use relens::config::{self, RigFile};
 use relens::frame::{Frame, Work};
-use relens::picture::{Dng, Format, Limits, Manner, Photo, encode};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, RawTags, RigSetting, encode};
 use relens::rig::simulated;
 
 use super::error::CliError;
@@ -74,8 +74,11 @@ pub(super) fn photos(rig: &RigFile, scenes: &[Frame<Work>]) -> Result<Vec<Taken>
                 let (camera, sites) = (rig.name.as_str(), &raw.sites);
                 let white = witness.white_count().round() as u16;
                 let exposure_s = Some(rig.camera.exposure_ms / 1000.0);
-                Dng { sites, mosaic: raw.mosaic, black, white, camera, exposure_s, crop: None }
-                    .bytes()
+                let setting =
+                    RigSetting { identity: rig.identity, focus: rig.camera.focus.clone() };
+                let tags = RawTags { setting: Some(&setting), ..RawTags::default() };
+                let mosaic = raw.mosaic;
+                Dng { sites, mosaic, black, white, camera, exposure_s, crop: None, tags }.bytes()
             }),
             shaded: witness.shaded(scene),
         }

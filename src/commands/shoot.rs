@@ -9,7 +9,7 @@ use relens::chart::scenes::cut;
 use relens::config::{self, RigFile};
 use relens::frame::Mosaic;
 use relens::picture::{Limits, Photo};
-use relens::restorer::on_rig::black_of;
+use relens::restorer::on_rig::{black_of, neutral_of};
 use relens::restorer::photo_file::{PROPOSED, developed, raw_file};
 use relens::rig;
 use relens::rig::exposure::Devices;
@@ -81,14 +81,14 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
         return Err(CliError::NoFilters(rig.name));
     }
     must_be_new(out)?;
-    let (mut devices, black) = before_the_scene(&rig, options)?;
+    let (mut devices, black, neutral) = before_the_scene(&rig, options)?;
     let range = CountRange { black, max: rig.camera.count_max() };
     let times = set_exposure(&mut devices, mosaic, range, options.exposure)?;
     let shot = shoot(&mut devices, mosaic, range, options.frames.into()).map_err(CliError::of)?;
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     let bytes = match (format, mosaic) {
         (Some(format), _) => developed(&rig, &shot, range, format).map_err(CliError::of)?,
-        (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, range, exposure_s),
+        (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, range, exposure_s, neutral),
         (None, None) => return Err(CliError::NoFilters(rig.name)),
     };
     write_new(out, &bytes)?;
@@ -111,15 +111,19 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The devices, with what is to be photographed before the lens, and the camera's black.
-fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<(Devices, f64), CliError> {
+/// The devices, with what is to be photographed before the lens, the camera's black, and what white
+/// gives in each channel where that was measured.
+fn before_the_scene(
+    file: &RigFile,
+    options: &ShootOptions,
+) -> Result<(Devices, f64, Option<[f64; 3]>), CliError> {
     match (file.simulation(), &options.scene) {
         (Some(simulation), Some(scene)) => {
             let curve = file.photo.curve;
             let sharp = Photo::read(scene, curve, &Limits::default()).map_err(CliError::of)?;
             let (devices, witness) = simulated::open(file).map_err(CliError::of)?;
             witness.put_before_lens(Some(&cut(&sharp.in_colour(), file.photo_grid().sensor)));
-            Ok((devices, simulation.sensor.black_level_counts))
+            Ok((devices, simulation.sensor.black_level_counts, None))
         }
         (Some(_), None) => Err(CliError::NoScene(file.name.clone())),
         (None, Some(_)) => Err(CliError::NotSimulated(file.name.clone())),
@@ -127,8 +131,8 @@ fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<(Devices, 
             // What the camera counts in the dark is measured with the panel, not guessed.
             let kept = opening::calibration_folder(&options.folder.folder);
             let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
-            let black = black_of(file, &calibration);
-            Ok((rig::open_without_marks(file).map_err(CliError::of)?, black))
+            let devices = rig::open_without_marks(file).map_err(CliError::of)?;
+            Ok((devices, black_of(file, &calibration), Some(neutral_of(&calibration))))
         }
     }
 }

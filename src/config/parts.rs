@@ -70,6 +70,17 @@ table! {
         /// How often one picture is shot at the most before the rig gives up. The default is a
         /// guess.
         exposures_max: u32, Whole(1, 100), Means("3");
+        /// Focus ring and aperture in your words, such as `2.5 m, f/4`: goes into the photos that
+        /// the rig takes, and one with other words is refused. Other words are another rig, which
+        /// must be measured.
+        @[serde(default, skip_serializing_if = "Option::is_none")]
+        focus: Option<String>, Such("a text in quotes of 1 to 80 ASCII letters", |value| {
+            value.as_str().is_some_and(|words| {
+                (1..=80).contains(&words.len())
+                    && words.bytes().all(|b| (b' '..=b'~').contains(&b))
+                    && words.trim() == words
+            })
+        }), Says("photos say nothing of it");
     }
 }
 

@@ -101,6 +101,15 @@ impl RigFile {
         }
     }
 
+    /// The serial number that the link to the camera ends in (`/dev/v4l/by-id/…_SERIAL-video-…`).
+    pub fn camera_serial(&self) -> Option<&str> {
+        let Kind::Hardware(hardware) = &self.kind else { return None };
+        let CameraDevice::V4l2(device) = &hardware.camera;
+        let name = device.device.as_ref()?.file_name()?.to_str()?;
+        let (name, _) = name.rsplit_once("-video-index")?;
+        name.rsplit_once('_').map(|(_, serial)| serial)
+    }
+
     /// The colours of the camera's sites, if it has colour filters and sends them raw.
     pub fn mosaic(&self) -> Option<Mosaic> {
         match &self.kind {

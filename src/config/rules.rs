@@ -36,6 +36,10 @@ pub(super) fn check(
         camera.exposure_ms,
         (&canvas, &calibration, &marks),
     ));
+    // Rig files that say nothing of it keep their identity.
+    if let Some(focus) = &camera.focus {
+        identity.take(focus);
+    }
     let kind = match written.rig.kind {
         KindWord::Hardware => {
             let hardware = needed(places, "[hardware]", written.hardware)?;

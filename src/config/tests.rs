@@ -329,6 +329,19 @@ fn rules_across_fields_say_found_and_allowed() {
 }
 
 #[test]
+fn another_focus_is_another_rig_and_its_words_can_be_written_into_a_photo() {
+    let focus = |words: &str| changed("bits = 10", &format!("bits = 10\nfocus = \"{words}\""));
+    let same = load(Path::new("small.toml")).expect("built in");
+    let said = focus("2.5 m, f/4").expect("a text");
+    assert_eq!((same.camera.focus, said.camera.focus), (None, Some("2.5 m, f/4".to_owned())));
+    assert_ne!(said.identity, same.identity);
+    for wrong in ["", " near", "nä", &"x".repeat(81)] {
+        let told = message(focus(wrong));
+        assert!(told.contains("camera.focus") && told.contains("80 ASCII"), "{told}");
+    }
+}
+
+#[test]
 fn glare_radius_has_its_contract_name_too() {
     let rig = changed("glare-radius-px", "glare-radius").expect("an alias of the same key");
     assert!((rig.simulation().expect("simulated").lens.glare().radius_px - 15.0).abs() < 1e-6);

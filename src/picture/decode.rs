@@ -89,8 +89,8 @@ pub(super) struct Raster {
     pub(super) exif: Option<Vec<u8>>,
     /// What cannot be carried over into the result.
     pub(super) losses: Vec<String>,
-    /// Maker and model of a raw photo's camera.
-    pub(super) camera: Option<String>,
+    /// Who took a raw photo.
+    pub(super) camera: Option<super::PhotoCamera>,
     /// What the samples mean, where they are a sensor's counts.
     pub(super) sites: Option<Sites>,
     /// What a JPEG states of them.

@@ -2,6 +2,7 @@
 //! site, in strips as they are. What else such files may be is refused, and what lies beside the
 //! sites, a preview above all, is never taken in their place.
 
+mod camera;
 mod directory;
 mod write;
 
@@ -12,11 +13,13 @@ use super::tiff::{
 };
 use crate::frame::{Mosaic, Plane, Size};
 
+pub use camera::{PhotoCamera, RawTags, RigSetting};
 use directory::Directory;
 pub use write::Dng;
 
 const BITS_PER_SAMPLE: u16 = 258;
 const PHOTOMETRIC: u16 = 262;
+const DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
 const MODEL: u16 = 272;
 const ORIENTATION: u16 = 274;
@@ -35,6 +38,7 @@ const BLACK_LEVEL: u16 = 50714;
 const BLACK_ALONG: u16 = 50715;
 const BLACK_DOWN: u16 = 50716;
 const WHITE_LEVEL: u16 = 50717;
+const SERIAL: u16 = 50735;
 const ACTIVE_AREA: u16 = 50829;
 
 /// [`PHOTOMETRIC`]: sites behind colour filters.
@@ -80,8 +84,8 @@ pub(super) struct RawFile {
     pub(super) orientation: u8,
     /// Whether the file holds an EXIF directory, which cannot be carried over.
     pub(super) exif: bool,
-    /// Who made the camera, and its model.
-    pub(super) camera: Option<String>,
+    /// Who took it, as far as the file says.
+    pub(super) camera: Option<PhotoCamera>,
     /// Offset and length of each strip; all of them hold exactly the counts.
     strips: Vec<(usize, usize)>,
 }
@@ -209,11 +213,13 @@ impl Directory<'_> {
         Ok(RawFile { size, sites, strips, orientation: 1, exif: false, camera: None })
     }
 
-    /// Maker and model; a file need not say them.
-    fn camera(&self) -> Option<String> {
-        let words = [MAKE, MODEL].map(|tag| self.text(tag).ok().flatten().unwrap_or_default());
-        let camera = words.join(" ").trim().to_owned();
-        (!camera.is_empty()).then_some(camera)
+    /// Who took the photo; a file need not say.
+    fn camera(&self) -> Option<PhotoCamera> {
+        let text = |tag| self.text(tag).ok().flatten().filter(|text| !text.is_empty());
+        let words = [MAKE, MODEL].map(|tag| text(tag).unwrap_or_default());
+        let name = words.join(" ").trim().to_owned();
+        let setting = text(DESCRIPTION).and_then(|words| RigSetting::of_words(&words));
+        (!name.is_empty()).then(|| PhotoCamera { name, serial: text(SERIAL), setting })
     }
 
     fn mosaic(&self) -> Result<Mosaic, Flaw> {

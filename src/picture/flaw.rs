@@ -170,6 +170,19 @@ pub enum Flaw {
         /// This rig's.
         allowed: String,
     },
+    /// A raw photo that this rig took at another focus or aperture, or with another camera.
+    #[error(
+        "this raw photo was taken otherwise than the lens was measured: {what} found {found}, \
+         allowed {allowed}; see camera.focus in the rig file"
+    )]
+    OtherSetting {
+        /// What differs.
+        what: &'static str,
+        /// The photo's.
+        found: String,
+        /// The rig's.
+        allowed: String,
+    },
     /// A raw photo of a sensor that is not the rig's.
     #[error(
         "this raw photo is of another sensor: found colour filters {}, allowed {}", .found.name(),

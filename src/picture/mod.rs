@@ -40,7 +40,7 @@ pub mod worker;
 
 pub use colour_difference::Lab;
 pub use decode::{Limits, PixelLayout};
-pub use dng::Dng;
+pub use dng::{Dng, PhotoCamera, RawTags, RigSetting};
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
 pub use kind::Format;

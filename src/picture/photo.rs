@@ -14,7 +14,7 @@ use crate::frame::{
 
 use super::decode::{Limits, Raster, decode, walk};
 use super::kind::{Format, misnamed};
-use super::{Flaw, Growth, Orientation, PictureError, PixelLayout, Tone, shape, turn};
+use super::{Flaw, Growth, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape, turn};
 use crate::config::Curve;
 
 /// How a picture is written: format, depth, curve, and what the photo carried.
@@ -75,8 +75,8 @@ pub struct Photo {
     pub raw: Option<RawSites>,
     /// What a JPEG states of the light, where it has the rig's own size and was not cut.
     pub coding: Option<Coding>,
-    /// Maker and model of the camera, as far as a raw photo says them.
-    pub camera: Option<String>,
+    /// The camera, as far as a raw photo says.
+    pub camera: Option<PhotoCamera>,
     /// Whether all channels carry something of their own.
     pub channels: Channels,
     /// How its result is written.

@@ -12,7 +12,7 @@ use crate::frame::{Channel, Frame, RawSites, Size, Work};
 use crate::kiosk::screen::{Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
-use crate::picture::{Flaw, Photo, PictureError, dng};
+use crate::picture::{Flaw, Photo, PhotoCamera, PictureError, RigSetting, dng};
 use crate::pipeline::{
     Interruption, Outcome, Pipeline, Prepared, Restoration, Solved, Stopwatch, Verdict,
 };
@@ -32,8 +32,9 @@ pub struct OnRig {
     calibrating: fn(CalibrationProgress),
     /// The pilot's reading right after the calibration.
     baseline: Option<Reading>,
-    /// What the camera counts in the dark.
+    /// What the camera counts in the dark, and what the panel's white gives in each channel.
     black: f64,
+    neutral: [f64; 3],
     /// The photo restored last and its result, for the panel.
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
@@ -64,6 +65,17 @@ pub fn measure(
 pub fn black_of(config: &config::RigFile, calibration: &Calibration) -> f64 {
     let Size { width, height } = config.canvas_size();
     calibration.black[Channel::Green.index()].at(width as f64 / 2.0, height as f64 / 2.0)
+}
+
+/// What the panel's white, which is near to daylight, gives in each channel; the largest is 1.
+pub fn neutral_of(calibration: &Calibration) -> [f64; 3] {
+    let mixing = calibration.cross_channel.c;
+    let white = [0, 1, 2].map(|to| {
+        let share: f32 = mixing.iter().map(|from| from[to]).sum();
+        f64::from(calibration.counts_per_level[to] * share)
+    });
+    let largest = white.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    white.map(|v| (v / largest).clamp(0.01, 1.0))
 }
 
 /// One pilot, as it is.
@@ -103,6 +115,7 @@ impl OnRig {
             calibrating,
             baseline: baseline::load(&slots, calibration.generation),
             black: black_of(config, &calibration),
+            neutral: neutral_of(&calibration),
             slots,
             last: None,
         })
@@ -138,11 +151,27 @@ impl OnRig {
 
     /// Why a raw photo of a `camera` that says its name, or none, cannot be this rig's. Of other
     /// makers' files only the sites tell: whoever writes a camera's raw files names it his own way.
-    fn of_another_camera(&self, camera: Option<&str>, raw: RawSites) -> Option<Flaw> {
-        let ours = dng::camera_of(&self.config.name);
-        let by_relens = camera.filter(|camera| camera.starts_with(dng::OUR_MAKE));
-        if let Some(found) = by_relens.filter(|found| *found != ours) {
-            return Some(Flaw::OtherRig { found: found.to_owned(), allowed: ours });
+    fn of_another_camera(&self, camera: Option<&PhotoCamera>, raw: RawSites) -> Option<Flaw> {
+        if let Some(by_relens) = camera.filter(|camera| camera.name.starts_with(dng::OUR_MAKE)) {
+            let (found, allowed) = (by_relens.name.clone(), dng::camera_of(&self.config.name));
+            if found != allowed {
+                return Some(Flaw::OtherRig { found, allowed });
+            }
+            if let (Some(found), Some(allowed)) = (&by_relens.serial, self.config.camera_serial())
+                && found != allowed
+            {
+                let (found, allowed) = (found.clone(), allowed.to_owned());
+                return Some(Flaw::OtherSetting { what: "the camera's number", found, allowed });
+            }
+            if let Some(RigSetting { focus, .. }) = &by_relens.setting
+                && *focus != self.config.camera.focus
+            {
+                let words = |focus: &Option<String>| {
+                    focus.as_ref().map_or("none said".to_owned(), |focus| format!("{focus:?}"))
+                };
+                let (found, allowed) = (words(focus), words(&self.config.camera.focus));
+                return Some(Flaw::OtherSetting { what: "the focus", found, allowed });
+            }
         }
         let allowed = self.config.photo_mosaic();
         (allowed != Some(raw.mosaic)).then_some(Flaw::OtherSensor { found: raw.mosaic, allowed })
@@ -204,7 +233,7 @@ impl Restorer for OnRig {
                 None => self.pipeline.prepare(&photo.light, photo.channels),
             },
             Some(raw) => {
-                if let Some(flaw) = self.of_another_camera(photo.camera.as_deref(), raw) {
+                if let Some(flaw) = self.of_another_camera(photo.camera.as_ref(), raw) {
                     return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
                 }
                 self.pipeline.prepare_raw(&photo.light, raw)
@@ -221,6 +250,12 @@ impl Restorer for OnRig {
                 outcome.notes.push(told.to_owned());
             }
             outcome.notes.extend(self.learn(&prepared, solved));
+        }
+        let setting = photo.camera.as_ref().and_then(|camera| camera.setting.as_ref());
+        if setting.is_some_and(|setting| setting.identity != self.config.identity) {
+            let told = "this photo was taken when the rig file said otherwise of the rig: it is \
+                        restored as this rig's";
+            outcome.notes.push(told.to_owned());
         }
         if prepared.stated.as_ref().is_some_and(|stated| !stated.is_data()) {
             let told = "this JPEG was made of another JPEG, in shorter steps: it is \
@@ -248,6 +283,7 @@ impl Restorer for OnRig {
             self.pipeline = self.pipeline.calibrated(&self.config, &calibration).map_err(boxed)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
             self.black = black_of(&self.config, &calibration);
+            self.neutral = neutral_of(&calibration);
         } else {
             self.devices.reopen().map_err(boxed)?;
         }
@@ -264,7 +300,7 @@ impl Restorer for OnRig {
 
     fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
         let range = self.count_range();
-        photo_file::take(&mut self.devices, &self.config, range).map(Some)
+        photo_file::take(&mut self.devices, &self.config, range, self.neutral).map(Some)
     }
 
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {

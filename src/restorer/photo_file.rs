@@ -3,7 +3,7 @@
 
 use crate::config::RigFile;
 use crate::frame::{Frame, Mosaic, Work};
-use crate::picture::{Dng, Format, Manner, PictureError, encode};
+use crate::picture::{Dng, Format, Manner, PictureError, RawTags, RigSetting, encode};
 use crate::remedy::AnyFailure;
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::{CountRange, PhotoShot, meter, shoot, sites_of};
@@ -31,6 +31,7 @@ pub fn take(
     devices: &mut Devices,
     rig: &RigFile,
     range: CountRange,
+    neutral: [f64; 3],
 ) -> Result<TakenPhoto, AnyFailure> {
     let mosaic = rig.mosaic();
     let mut taken = || {
@@ -47,7 +48,7 @@ pub fn take(
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     Ok(match mosaic {
         Some(mosaic) => {
-            let bytes = raw_file(rig, &shot, mosaic, range, exposure_s);
+            let bytes = raw_file(rig, &shot, mosaic, range, exposure_s, Some(neutral));
             TakenPhoto { bytes, ending: "dng", clipped_share }
         }
         None => {
@@ -62,14 +63,16 @@ fn boxed(error: crate::rig::RigError) -> AnyFailure {
     Box::new(error)
 }
 
-/// The raw photo as a file.
+/// The raw photo as a file; `neutral` is what white gives in each channel.
 pub fn raw_file(
     rig: &RigFile,
     shot: &PhotoShot,
     mosaic: Mosaic,
     range: CountRange,
     exposure_s: f64,
+    neutral: Option<[f64; 3]>,
 ) -> Vec<u8> {
+    let setting = RigSetting { identity: rig.identity, focus: rig.camera.focus.clone() };
     Dng {
         sites: &sites_of(shot.counts.planes(), mosaic),
         mosaic,
@@ -78,6 +81,7 @@ pub fn raw_file(
         camera: &rig.name,
         exposure_s: Some(exposure_s),
         crop: Some(rig.photo_on_sensor()),
+        tags: RawTags { serial: rig.camera_serial(), setting: Some(&setting), neutral },
     }
     .bytes()
 }

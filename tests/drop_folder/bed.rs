@@ -12,7 +12,7 @@ use relens::daemon::{
 };
 use relens::deconvolution::ladder::Rung;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
-use relens::picture::{Dng, Format, Limits, Manner, Photo, encode};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, RawTags, encode};
 use relens::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 use relens::rig::{Clock, Moment};
@@ -124,9 +124,9 @@ pub fn file(format: Format, bits: u8, size: Size) -> Vec<u8> {
 /// A raw photo of the scene's green.
 pub fn raw_file(size: Size) -> Vec<u8> {
     let sites = scene(size).plane(Channel::Green).map(|v: f32| 64 + 3 * v as u16);
-    let (mosaic, camera) = (Mosaic::Gbrg, "rig");
-    Dng { sites: &sites, mosaic, black: 64.0, white: 1023, camera, exposure_s: None, crop: None }
-        .bytes()
+    let (mosaic, camera, tags) = (Mosaic::Gbrg, "rig", RawTags::default());
+    let (black, white, exposure_s, crop) = (64.0, 1023, None, None);
+    Dng { sites: &sites, mosaic, black, white, camera, exposure_s, crop, tags }.bytes()
 }
 
 pub fn drop_in(root: &Path, name: &str, bytes: &[u8]) {

@@ -10,12 +10,13 @@ use std::sync::{Arc, Mutex};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use relens::chart::scenes::{Scene, cut};
-use relens::config::{self, Faults, Kind};
+use relens::config::{self, Curve, Faults, Kind};
 use relens::daemon::{DaemonSetting, Folders};
 use relens::frame::{Frame, Mosaic, Work};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
 use relens::kiosk::press::Press;
 use relens::kiosk::screen::Screen;
+use relens::picture::{Limits, Photo};
 use relens::restorer::on_rig::{OnRig, measure};
 use relens::rig::simulated::{self, Witness};
 
@@ -87,6 +88,8 @@ fn a_photo_of_the_rig_s_own_is_restored_when_its_panel_is_back_and_a_knock_is_me
     );
     assert!(waited, "the panel was away");
     assert_eq!((ran.taken.len(), ran.summary.restored.len()), (2, 2), "{:?}", ran.summary);
+    let read = Photo::from_bytes("x.dng", &ran.taken[0], Curve::Srgb, &Limits::default()).unwrap();
+    assert_eq!(read.camera.unwrap().setting.unwrap().identity, rig.identity);
     let measured = ran.screens.iter().filter(|s| matches!(s, Screen::Measuring { .. })).count();
     assert_eq!(measured, 1, "only after the knock");
 }

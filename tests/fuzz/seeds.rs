@@ -15,7 +15,7 @@ use relens::config;
 use relens::deconvolution::lens_model::{Halo, LensFunctions};
 use relens::deconvolution::level_norms::LevelNorms;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
-use relens::picture::{Dng, Format, Limits, Manner, Photo, PixelLayout, encode, worker};
+use relens::picture::{Dng, Format, Limits, Manner, Photo, PixelLayout, RawTags, encode, worker};
 
 /// A few files of each format, depth and layout, with and without a profile; a photo of a scene.
 fn photos(folder: &Path) {
@@ -52,6 +52,7 @@ fn photos(folder: &Path) {
         camera,
         exposure_s: None,
         crop: None,
+        tags: RawTags::default(),
     };
     fs::write(folder.join("raw.dng"), raw.bytes()).unwrap();
 }

@@ -4,7 +4,7 @@ use super::super::Flaw;
 use super::super::tiff::File;
 
 /// Letters of a text that are read. Guess: enough of a name.
-pub(super) const LETTERS_MAX: usize = 64;
+pub(super) const LETTERS_MAX: usize = 128;
 
 /// A directory's entries.
 pub(super) struct Directory<'a> {

@@ -15,7 +15,17 @@ fn sites() -> Plane<u16> {
 fn file(mosaic: Mosaic) -> Vec<u8> {
     let (sites, camera) = (sites(), "a rig");
     let exposure_s = Some(0.05);
-    Dng { sites: &sites, mosaic, black: 64.25, white: 1023, camera, exposure_s, crop: None }.bytes()
+    Dng {
+        sites: &sites,
+        mosaic,
+        black: 64.25,
+        white: 1023,
+        camera,
+        exposure_s,
+        crop: None,
+        tags: RawTags::default(),
+    }
+    .bytes()
 }
 
 fn read(bytes: &[u8]) -> Result<Photo, PictureError> {
@@ -157,9 +167,37 @@ fn a_photo_says_whose_it_is_however_long_the_rig_s_name() {
             camera: &name,
             exposure_s: None,
             crop: None,
+            tags: RawTags::default(),
         };
-        assert_eq!(read(&file.bytes()).unwrap().camera, Some(camera_of(&name)));
+        assert_eq!(read(&file.bytes()).unwrap().camera.unwrap().name, camera_of(&name));
     }
+}
+
+#[test]
+fn a_photo_says_which_camera_took_it_at_which_setting() {
+    let focus = Some("2.5 m, f/4; tape at the second mark".to_owned());
+    for setting in
+        [RigSetting { identity: 0x18f, focus }, RigSetting { identity: u64::MAX, focus: None }]
+    {
+        let (sites, mosaic) = (sites(), Mosaic::Rggb);
+        let neutral = Some([0.5, 1.0, 0.75]);
+        let tags = RawTags { serial: Some("4711"), setting: Some(&setting), neutral };
+        let (black, white, exposure_s, crop) = (64.0, 1023, None, None);
+        let camera = "a rig";
+        let raw = Dng { sites: &sites, mosaic, black, white, camera, exposure_s, crop, tags };
+        let bytes = raw.bytes();
+        let neutral = Directory::read(&File::new(&bytes), first(&bytes)).unwrap().reals(50728);
+        assert_eq!(neutral.unwrap().unwrap(), [0.5, 1.0, 0.75]);
+        let said = PhotoCamera {
+            name: "relens a rig".to_owned(),
+            serial: Some("4711".to_owned()),
+            setting: Some(setting.clone()),
+        };
+        assert_eq!(read(&bytes).unwrap().camera, Some(said));
+    }
+    let silent = read(&file(Mosaic::Rggb)).unwrap().camera.unwrap();
+    assert_eq!((silent.serial, silent.setting), (None, None));
+    assert_eq!(RigSetting::of_words("a sunny day; focus on the cat"), None);
 }
 
 #[test]

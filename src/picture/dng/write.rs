@@ -8,12 +8,13 @@ use tiff::encoder::{
 };
 use tiff::tags::Tag;
 
+use super::camera::RawTags;
 use super::directory::LETTERS_MAX;
 use super::{
     BITS_PER_SAMPLE, BLACK_LEVEL, CFA_LAYOUT, CFA_PATTERN, CFA_PLANE_COLOUR, CFA_REPEAT,
-    COMPRESSION, DNG_VERSION, IMAGE_LENGTH, IMAGE_WIDTH, MAKE, MODEL, NEW_SUBFILE_TYPE,
-    ORIENTATION, OUR_MAKE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLES_PER_PIXEL, SITES,
-    STRIP_BYTE_COUNTS, STRIP_OFFSETS, WHITE_LEVEL,
+    COMPRESSION, DESCRIPTION, DNG_VERSION, IMAGE_LENGTH, IMAGE_WIDTH, MAKE, MODEL,
+    NEW_SUBFILE_TYPE, ORIENTATION, OUR_MAKE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLES_PER_PIXEL,
+    SERIAL, SITES, STRIP_BYTE_COUNTS, STRIP_OFFSETS, WHITE_LEVEL,
 };
 use crate::frame::{Mosaic, Plane, Rect};
 
@@ -51,6 +52,8 @@ pub struct Dng<'a> {
     pub exposure_s: Option<f64>,
     /// The part to be looked at, where it is not all: the rig's photo.
     pub crop: Option<Rect>,
+    /// What else is known.
+    pub tags: RawTags<'a>,
 }
 
 impl Dng<'_> {
@@ -77,6 +80,9 @@ impl Dng<'_> {
         put(d, BITS_PER_SAMPLE, 16u16)?;
         put(d, COMPRESSION, 1u16)?;
         put(d, PHOTOMETRIC, SITES as u16)?;
+        if let Some(setting) = self.tags.setting {
+            put(d, DESCRIPTION, &*plain(&setting.words()))?;
+        }
         put(d, MAKE, OUR_MAKE)?;
         put(d, MODEL, &*plain(self.camera))?;
         put(d, STRIP_OFFSETS, at)?;
@@ -103,7 +109,11 @@ impl Dng<'_> {
             put(d, DEFAULT_CROP_SIZE, &[size.width as u32, size.height as u32][..])?;
         }
         put(d, COLOUR_MATRIX, &SRGB_OF_XYZ.map(|n| SRational { n, d: 10_000 })[..])?;
-        put(d, AS_SHOT_NEUTRAL, &[1.0; 3].map(|v| fraction(v, 1))[..])?;
+        let neutral = self.tags.neutral.unwrap_or([1.0; 3]);
+        put(d, AS_SHOT_NEUTRAL, &neutral.map(|v| fraction(v, 10_000))[..])?;
+        if let Some(serial) = self.tags.serial {
+            put(d, SERIAL, &*plain(serial))?;
+        }
         put(d, CALIBRATION_ILLUMINANT, D65)?;
         directory.finish()
     }

@@ -56,7 +56,7 @@ pub(super) struct Header {
     raw: Option<RawSites>,
     /// Without its coefficients, which follow the planes.
     coding: Option<Coding>,
-    camera: Option<String>,
+    camera: Option<crate::picture::PhotoCamera>,
     stored: Size,
     file: FileFacts,
     notes: Vec<String>,
