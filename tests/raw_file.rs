@@ -108,7 +108,7 @@ fn a_raw_photo_is_restored_at_its_sites_and_by_its_own_rig_alone() {
     let ours = camera.setting.clone().unwrap();
     assert_eq!((ours.identity, &ours.focus), (file.identity, &None));
     let focus = Some("nearer".to_owned());
-    let setting = Some(RigSetting { focus, ..ours.clone() });
+    let setting = Some(RigSetting { identity: ours.identity, focus });
     let nearer = PhotoCamera { setting, ..camera.clone() };
     let told = restorer.restore(&by(nearer)).unwrap_err().to_string();
     assert!(told.contains("found \"nearer\", allowed none said"), "{told}");
