@@ -34,6 +34,31 @@ fn the_board_s_rig_file_is_taken() {
 }
 
 #[test]
+fn the_cheap_rig_s_file_is_taken_and_its_parts_cost_less_than_400() {
+    let cheap = include_str!("../rig-config/raspberry-pi-5-gs.toml");
+    let rig = parse(cheap).unwrap_or_else(|error| panic!("{error}"));
+    assert!(rig.mosaic().is_some() && rig.marks.is_some() && rig.doubts().is_empty());
+    let config::Kind::Hardware(parts) = &rig.kind else { panic!("it is made of parts") };
+    let config::CameraDevice::V4l2(camera) = &parts.camera;
+    let graph = camera.media.as_ref().expect("a media graph");
+    assert!(graph.entities().any(|entity| entity == "imx296") && graph.link.len() == 2);
+    // The panel is finer than the sensor at 0.85 sensor pixels a panel pixel, on both sides.
+    let (panel, sensor) = (rig.panel.size(), rig.photo_grid().sensor);
+    let needed = |pixels: usize| pixels as f64 / 0.85;
+    assert!(
+        needed(sensor.width) < panel.width as f64 && needed(sensor.height) < panel.height as f64
+    );
+
+    let page = include_str!("../hardware.md");
+    let table = page.split("### Under 400 €").nth(1).expect("its section");
+    let table = table.split("\n\n").find(|part| part.starts_with("| part")).expect("its table");
+    let price = |row: &str| row.split('|').nth(2)?.trim().strip_suffix(" €")?.parse::<f64>().ok();
+    let prices: Vec<f64> = table.lines().filter_map(price).collect();
+    assert_eq!(prices.len() + 2, table.lines().count(), "a price in each row");
+    assert!(prices.iter().sum::<f64>() < 400.0, "{prices:?}");
+}
+
+#[test]
 fn every_block_of_the_page_is_taken() {
     let page = include_str!("../hardware.md");
     let blocks: Vec<&str> =

@@ -43,12 +43,13 @@ pub use simulation::{
 use std::path::Path;
 
 /// The rig files that are part of the program, by name.
-const BUILT_IN: [(&str, &str); 7] = [
+const BUILT_IN: [(&str, &str); 8] = [
     ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
     ("study.toml", include_str!("../../rig-config/study.toml")),
     ("small.toml", include_str!("../../rig-config/small.toml")),
     ("paper-synthetic.toml", include_str!("../../rig-config/paper-synthetic.toml")),
     ("raspberry-pi-5.toml", include_str!("../../rig-config/raspberry-pi-5.toml")),
+    ("raspberry-pi-5-gs.toml", include_str!("../../rig-config/raspberry-pi-5-gs.toml")),
     ("truthful.toml", include_str!("../../rig-config/truthful.toml")),
     ("ideal.toml", include_str!("../../rig-config/ideal.toml")),
 ];
