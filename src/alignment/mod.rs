@@ -2,6 +2,7 @@
 //! it lies on the sensor, and how bright it is: `relens align`.
 
 mod advice;
+pub mod plan;
 #[cfg(test)]
 mod tests;
 

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use console::Term;
+use relens::alignment::plan::Plan;
 use relens::alignment::{RigView, Sharpness};
 use relens::config::{self, RigFile};
 
@@ -21,18 +22,35 @@ const FOCUS_LOOKS: u64 = 8;
 #[command(after_help = "\
 Examples:
   relens align --rig RIG.toml
-  relens align --rig RIG.toml --looks 1")]
+  relens align --rig RIG.toml --looks 1
+  relens align --rig RIG.toml --plan 25 27 3.45")]
 pub(super) struct AlignOptions {
     #[command(flatten)]
     rig: RigOption,
     /// Looks before it ends; without it, until Ctrl-C
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     looks: Option<u64>,
+    /// How far panel and sensor go from such a lens, and nothing else: its focal length, the
+    /// panel's diagonal and the side of a sensor pixel; the rig file says how many pixels there are
+    #[arg(long, num_args = 3, value_names = ["LENS_MM", "PANEL_INCHES", "PIXEL_UM"],
+          value_parser = length)]
+    plan: Option<Vec<f64>>,
+}
+
+fn length(word: &str) -> Result<f64, String> {
+    let inside = |length: &f64| (0.1..=10_000.0).contains(length);
+    word.parse().ok().filter(inside).ok_or(format!("found {word}, allowed 0.1 to 10000"))
 }
 
 /// `relens align`.
 pub(super) fn run(options: &AlignOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?;
+    if let Some([lens_mm, panel_inches, pixel_um]) = options.plan.as_deref() {
+        let (panel, sensor) = (rig.panel.size(), rig.photo_grid().sensor);
+        let (lens_mm, panel_inches, pixel_um) = (*lens_mm, *panel_inches, *pixel_um);
+        say(&Plan { lens_mm, panel_inches, panel, pixel_um, sensor }.to_string());
+        return Ok(());
+    }
     let mut devices = relens::rig::open_without_marks(&rig).map_err(CliError::of)?;
     let mut alignment = RigView::new(&mut devices, &rig).map_err(CliError::of)?;
     let terminal = Term::stdout();

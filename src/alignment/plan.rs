@@ -1,0 +1,117 @@
+//! Where panel and camera go for a lens, before anything is bolted down: the thin lens's formula.
+
+use crate::frame::Size;
+
+/// Millimetres of an inch.
+const INCH_MM: f64 = 25.4;
+
+/// What a rig is to be built of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plan {
+    /// The lens's focal length.
+    pub lens_mm: f64,
+    /// The panel's diagonal.
+    pub panel_inches: f64,
+    /// Its pixels, which are square.
+    pub panel: Size,
+    /// Side of a sensor pixel.
+    pub pixel_um: f64,
+    /// Pixels of the sensor.
+    pub sensor: Size,
+}
+
+/// How far apart things are for one magnification.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distances {
+    /// From the lens's middle to the panel.
+    pub panel_mm: f64,
+    /// From the lens's middle to the sensor.
+    pub sensor_mm: f64,
+    /// Panel pixels that the sensor sees, across and down.
+    pub seen_px: [f64; 2],
+    /// Whether the panel has as many.
+    pub covers: bool,
+}
+
+impl Plan {
+    /// The distances at which a panel pixel is `magnification` sensor pixels.
+    pub fn at(&self, magnification: f64) -> Distances {
+        let Size { width, height } = self.panel;
+        let diagonal_px = (width as f64).hypot(height as f64);
+        let pitch_mm = self.panel_inches * INCH_MM / diagonal_px;
+        let scale = magnification * self.pixel_um / 1000.0 / pitch_mm;
+        let seen = |pixels: usize| pixels as f64 / magnification;
+        let seen_px = [seen(self.sensor.width), seen(self.sensor.height)];
+        Distances {
+            panel_mm: self.lens_mm * (1.0 + 1.0 / scale),
+            sensor_mm: self.lens_mm * (1.0 + scale),
+            seen_px,
+            covers: seen_px[0] <= width as f64 && seen_px[1] <= height as f64,
+        }
+    }
+}
+
+impl std::fmt::Display for Plan {
+    /// A row for each magnification that suits.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "sensor px a panel px   lens to panel   lens to sensor   panel seen")?;
+        for magnification in [0.8, 0.85, 0.9] {
+            let Distances { panel_mm, sensor_mm, seen_px: [across, down], covers } =
+                self.at(magnification);
+            let remark = if covers { "" } else { "  more than there is" };
+            let far = format!("{panel_mm:10.0} mm   {sensor_mm:11.2} mm");
+            writeln!(f, "{magnification:20.2}   {far}   {across:.0}×{down:.0} px{remark}")?;
+        }
+        write!(f, "Distances are from the lens's middle, and a thin lens's: a few per cent off.")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SENSORS: [(&str, f64, Size); 2] =
+        [("IMX174", 5.86, Size::new(1920, 1200)), ("IMX296", 3.45, Size::new(1456, 1088))];
+
+    #[test]
+    fn a_lens_at_twice_its_focal_length_shows_things_as_large_as_they_are() {
+        let panel = Size::new(3000, 4000);
+        let plan = Plan {
+            lens_mm: 50.0,
+            // 5000 pixels of 10 µm.
+            panel_inches: 50.0 / INCH_MM,
+            panel,
+            pixel_um: 10.0,
+            sensor: Size::new(3000, 4001),
+        };
+        let there = plan.at(1.0);
+        assert!((there.panel_mm - 100.0).abs() < 1e-9 && (there.sensor_mm - 100.0).abs() < 1e-9);
+        assert!(!there.covers && plan.at(1.01).covers);
+        assert_eq!(plan.to_string().lines().count(), 5);
+    }
+
+    #[test]
+    fn the_page_s_distances_are_the_program_s() {
+        let page = include_str!("../../hardware.md");
+        let table = page.split("| sensor | panel | 16 mm").nth(1).expect("the table of distances");
+        let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
+        let mut checked = 0;
+        for row in rows {
+            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+            let (_, pixel_um, sensor) =
+                SENSORS.into_iter().find(|(name, ..)| cells[1].contains(name)).expect("a sensor");
+            let (inches, pixels) = cells[2].split_once(" inch, ").expect("a panel");
+            let (width, height) = pixels.split_once('×').expect("its pixels");
+            let panel = Size::new(width.parse().unwrap(), height.parse().unwrap());
+            for (lens_mm, cell) in [16.0, 25.0, 35.0, 50.0, 75.0].into_iter().zip(&cells[3..]) {
+                let panel_inches = inches.parse().unwrap();
+                let plan = Plan { lens_mm, panel_inches, panel, pixel_um, sensor };
+                let wanted = plan.at(0.85);
+                assert_eq!(*cell, format!("{:.2} m", wanted.panel_mm / 1000.0), "{row}");
+                assert!(wanted.covers, "{row}");
+                checked += 1;
+            }
+        }
+        assert_eq!(checked, 20);
+    }
+}
