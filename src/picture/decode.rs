@@ -123,6 +123,8 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     let size = match content {
         Content::Written(Format::Jpeg) => {
             let walked = jpeg::walk(bytes)?;
+            losses.extend(walked.words.then(|| WORDS_LOST.to_owned()));
+            losses.extend(walked.density.then(|| DENSITY_LOST.to_owned()));
             if walked.components == 4 {
                 return Err(Flaw::Unsupported {
                     kind: "JPEG",

@@ -23,6 +23,10 @@ pub(super) struct WalkedJpeg {
     pub(super) size: Size,
     /// Number of colour components.
     pub(super) components: u8,
+    /// It holds a comment.
+    pub(super) words: bool,
+    /// It states dots per inch or centimetre, and not in EXIF, which is carried over.
+    pub(super) density: bool,
 }
 
 /// A run of zero bytes this long inside the coded data is a hole, unless the picture is nearly
@@ -42,6 +46,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
     let mut frame: Option<WalkedJpeg> = None;
     let mut coded_bytes = 0;
     let mut hole: Option<(usize, usize)> = None;
+    let (mut words, mut density, mut exif) = (false, false, false);
     loop {
         let marker = next_marker(bytes, &mut at)?;
         match marker {
@@ -56,6 +61,12 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
             0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
                 frame = Some(frame_header(segment)?);
             }
+            // JFIF, ITU-T T.871: two bytes of version, then the unit, 0 for a mere ratio.
+            0xe0 if segment.starts_with(b"JFIF\0") => {
+                density |= segment.get(7).is_some_and(|&unit| unit != 0);
+            }
+            0xe1 if segment.starts_with(b"Exif\0") => exif = true,
+            0xfe => words |= !segment.is_empty(),
             0xda => {
                 let end = end_of_scan(bytes, at);
                 let zeros = longest_zero_run(&bytes[at..end]);
@@ -82,7 +93,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
         Some((from, to)) if to - from >= HOLE_BYTES && !blank => {
             Err(Flaw::ZeroFilled { from, to, length: bytes.len() })
         }
-        _ => Ok(walked),
+        _ => Ok(WalkedJpeg { words, density: density && !exif, ..walked }),
     }
 }
 
@@ -133,7 +144,7 @@ fn frame_header(segment: &[u8]) -> Result<WalkedJpeg, Flaw> {
     if size.area() == 0 {
         return Err(damaged(&format!("a frame of {size}"), "at least 1×1"));
     }
-    Ok(WalkedJpeg { size, components })
+    Ok(WalkedJpeg { size, components, words: false, density: false })
 }
 
 /// Where the entropy-coded data from `at` on ends: at the next marker that is no restart, or at the

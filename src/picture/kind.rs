@@ -83,6 +83,17 @@ impl Content {
     }
 }
 
+/// The ending of a sensor's sites in a TIFF.
+const RAW_ENDING: &str = "dng";
+
+/// Whether a file name's ending (without the dot, any case) is that of a photo that is read.
+pub(crate) fn is_photo_ending(extension: &str) -> bool {
+    let is_promised = |content: Content| content.is_promised_by(extension);
+    Format::of_extension(extension).is_some()
+        || [Content::Bmp, Content::Gif, Content::Webp].into_iter().any(is_promised)
+        || extension.eq_ignore_ascii_case(RAW_ENDING)
+}
+
 /// What people are to do with a photo that their camera's maker alone understands.
 const DEVELOP: &str = "develop it with the camera maker's program, without sharpening and lens \
                        corrections, and save it as TIFF of 16 bits; no preview in it is restored";
@@ -181,7 +192,8 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
 /// ending promises nothing. `raw` of a sensor's sites, in a TIFF.
 pub(super) fn misnamed(name: &str, content: Content, raw: bool) -> Option<String> {
     let extension = std::path::Path::new(name).extension()?.to_string_lossy().into_owned();
-    let fits = content.is_promised_by(&extension) || raw && extension.eq_ignore_ascii_case("dng");
+    let fits =
+        content.is_promised_by(&extension) || raw && extension.eq_ignore_ascii_case(RAW_ENDING);
     let found = if raw { "DNG" } else { content.name() };
     (!fits).then(|| format!("the file is named .{extension} and holds a {found}, which was read"))
 }
@@ -223,6 +235,12 @@ mod tests {
         assert!(misnamed("holiday.dng", Content::Written(Format::Tiff), false).is_some());
         let words = misnamed("holiday.jpg", png, false).unwrap();
         assert!(words.contains("named .jpg and holds a PNG"), "{words}");
+    }
+
+    #[test]
+    fn endings_of_photos_are_told_from_other_last_words() {
+        assert!(["JPEG", "tif", "dng", "WebP", "bmp", "GIF"].into_iter().all(is_photo_ending));
+        assert!(!["2024", "heic", "txt", ""].into_iter().any(is_photo_ending));
     }
 
     #[test]

@@ -44,6 +44,7 @@ pub use dng::{Dng, PhotoCamera, RawTags, RigSetting};
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
 pub use kind::Format;
+pub(crate) use kind::is_photo_ending;
 pub use photo::{FileFacts, Manner, Photo, embedded, whole};
 pub use tone::Tone;
 pub use turn::Orientation;

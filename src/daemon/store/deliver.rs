@@ -12,7 +12,7 @@ use super::report_file::{Circumstances, Report, report_name};
 use crate::disk::FileError;
 use crate::disk::files::{json_in_lines, numbered};
 use crate::frame::Channels;
-use crate::picture::{Format, Photo, PictureError, encode, preview};
+use crate::picture::{Format, Photo, PictureError, encode, is_photo_ending, preview};
 use crate::pipeline::{Outcome, Verdict};
 
 /// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
@@ -156,13 +156,8 @@ impl Delivery<'_> {
             }
         };
         if !fits {
-            let others = ["dng", "webp", "bmp", "gif"];
-            let is_picture = |ending: &String| {
-                let lower = ending.to_lowercase();
-                Format::of_extension(&lower).is_some() || others.contains(&&*lower)
-            };
             // `12.5.2024` has no ending: nothing of it is taken away.
-            match has.filter(is_picture) {
+            match has.filter(|ending| is_photo_ending(ending)) {
                 Some(_) => wanted = Path::new(name).with_extension(format.extension()).into(),
                 None => wanted.push(format!(".{}", format.extension())),
             }
