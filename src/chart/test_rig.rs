@@ -8,10 +8,10 @@ use crate::calibration::Calibration;
 use crate::config::{self, Curve};
 use crate::deconvolution::method::{Method, MethodError, Watch};
 use crate::deconvolution::quality::{psnr, ssim};
-use crate::frame::{Channel, Channels, Frame, Plane, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Work};
 use crate::measurement::{CalibrateError, calibrate};
 use crate::picture::Tone;
-use crate::pipeline::{Pipeline, PipelineError, Solved};
+use crate::pipeline::{Pipeline, PipelineError, Prepared, Solved};
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
@@ -36,6 +36,47 @@ enum Photos {
     Witnessed(Arc<Witness>),
     /// The panel shows the scene, and the camera of the rig photographs it.
     Shown,
+}
+
+/// A photo with a truth.
+#[derive(Debug, Clone)]
+pub struct TestPhoto {
+    /// Linear light; filled between the sites of a raw one.
+    pub light: Frame<Work>,
+    /// What is known of its sites, where it is raw.
+    pub raw: Option<RawSites>,
+}
+
+impl TestPhoto {
+    /// A photo that its camera developed, as linear light.
+    pub fn developed(light: Frame<Work>) -> TestPhoto {
+        TestPhoto { light, raw: None }
+    }
+
+    /// The photo that the camera of `witness`, which writes `curve`, takes of `scene`: raw where
+    /// its sensor has colour filters, for that is what such a rig wants.
+    pub fn taken(witness: &Witness, curve: Curve, scene: &Frame<Work>, seed: u64) -> TestPhoto {
+        let Some(raw) = witness.photograph_raw(scene, seed) else {
+            let tone = Tone::of_curve(curve, 8);
+            let codes = witness.photograph(scene, seed);
+            return TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))));
+        };
+        let black = witness.black_level_counts();
+        let per_level = (witness.white_count() - black) / f64::from(FULL_SCALE);
+        let sites = raw.sites.map(|count| ((f64::from(count) - black) / per_level) as f32);
+        TestPhoto {
+            light: raw.mosaic.interpolated(&sites),
+            raw: Some(RawSites { mosaic: raw.mosaic, counts_per_level: per_level as f32 }),
+        }
+    }
+
+    /// Made ready for the methods of `pipeline`.
+    pub fn prepared(&self, pipeline: &Pipeline, channels: Channels) -> Prepared<'_> {
+        match self.raw {
+            Some(raw) => pipeline.prepare_raw(&self.light, raw),
+            None => pipeline.prepare(&self.light, channels),
+        }
+    }
 }
 
 /// One method on one scene, scored against the scene.
@@ -139,22 +180,20 @@ impl TestRig {
         }
     }
 
-    /// The photo the rig's camera takes of `scene`, as linear light.
+    /// The photo the rig's camera takes of `scene`.
     ///
     /// # Errors
     /// When the scene is shown and its capture fails.
-    pub fn photograph(&mut self, scene: Scene) -> Result<Frame<Work>, TestRigError> {
-        let tone = Tone::of_curve(self.config.photo.curve, 8);
+    pub fn photograph(&mut self, scene: Scene) -> Result<TestPhoto, TestRigError> {
+        let curve = self.config.photo.curve;
         let light = self.light(scene);
-        let codes = match &self.photos {
-            Photos::Witnessed(witness) => witness.photograph(&light, PHOTO_SEED + scene as u64),
-            Photos::Shown => {
-                let taken =
-                    self.pipeline.photograph(&mut self.rig, &light).map_err(TestRigError::Shown)?;
-                Frame::from_fn(|c| tone.display(c, taken.plane(c)).map(|v: f32| v.round() as u8))
-            }
-        };
-        Ok(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+        if let Photos::Witnessed(witness) = &self.photos {
+            return Ok(TestPhoto::taken(witness, curve, &light, PHOTO_SEED + scene as u64));
+        }
+        let taken = self.pipeline.photograph(&mut self.rig, &light).map_err(TestRigError::Shown)?;
+        let tone = Tone::of_curve(curve, 8);
+        let rounded = |c| tone.display(c, taken.plane(c)).map(|v: f32| v.round() as u8);
+        Ok(TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, &rounded(c)))))
     }
 
     /// `method` on `scene`, scored as [`seen`].
@@ -168,7 +207,7 @@ impl TestRig {
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
         let (photo, truth) = (self.photograph(scene)?, self.truth(scene));
-        self.score_photo(scene, [&photo, &truth], name, method)
+        self.score_photo(scene, (&photo, &truth), name, method)
     }
 
     /// [`TestRig::score`] on a photo of the scene that was taken elsewhere, and what it is to
@@ -179,7 +218,7 @@ impl TestRig {
     pub fn score_photo(
         &mut self,
         scene: Scene,
-        [photo, truth]: [&Frame<Work>; 2],
+        (photo, truth): (&TestPhoto, &Frame<Work>),
         name: &str,
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
@@ -187,7 +226,7 @@ impl TestRig {
         let (restored, computing_seconds) = self.solve(photo, channels, method, &mut |_, _| {})?;
         let curve = self.config.photo.curve;
         let [truth, before, after] =
-            [truth, photo, &restored.picture].map(|frame| seen(curve, channels, frame));
+            [truth, &photo.light, &restored.picture].map(|frame| seen(curve, channels, frame));
         Ok(Score {
             scene,
             method: name.to_owned(),
@@ -207,13 +246,13 @@ impl TestRig {
     /// When the method fails.
     pub fn solve(
         &mut self,
-        photo: &Frame<Work>,
+        photo: &TestPhoto,
         channels: Channels,
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<(Solved, f64), TestRigError> {
         let begun = (self.stopwatch)();
-        let prepared = self.pipeline.prepare(photo, channels);
+        let prepared = photo.prepared(&self.pipeline, channels);
         let solved = self.pipeline.solve(&mut self.rig, &prepared, method, watch)?;
         let computing = (self.stopwatch)() - begun - solved.waited_seconds;
         Ok((solved, computing))

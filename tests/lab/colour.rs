@@ -6,7 +6,7 @@ use std::path::Path;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::chart::test_rig::{PHOTO_SEED, TestRig, display_luminance};
+use relens::chart::test_rig::{PHOTO_SEED, TestPhoto, TestRig, display_luminance};
 use relens::config::{MethodName, RigFile};
 use relens::deconvolution::quality::ssim;
 use relens::frame::resample::resize;
@@ -171,8 +171,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
     let methods: &[MethodName] =
         if quick { &[MethodName::Digital] } else { &[MethodName::Digital, MethodName::Hybrid] };
     for (n, (name, light)) in scenes(rig.photo.size(), &tone, pictures)?.into_iter().enumerate() {
-        let codes = witness.photograph(&light, PHOTO_SEED + n as u64);
-        let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+        let photo = TestPhoto::taken(&witness, rig.photo.curve, &light, PHOTO_SEED + n as u64);
         let scene = Looks::of(&tone, &witness.shaded(&light));
         let mut told = |method: &str, light: &Frame<Work>, cost: [String; 2]| {
             let looks = Looks::of(&tone, light);
@@ -188,7 +187,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
             Ok::<(), Failure>(())
         };
         told("scene", &witness.shaded(&light), ["".into(), "".into()])?;
-        told("photo", &photo, ["".into(), "".into()])?;
+        told("photo", &photo.light, ["".into(), "".into()])?;
         for &which in methods {
             let solver = method(rig, which);
             let (solved, seconds) =

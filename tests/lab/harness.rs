@@ -5,7 +5,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
-use relens::chart::test_rig::{PHOTO_SEED, Score, TestRig, seen};
+use relens::chart::test_rig::{PHOTO_SEED, Score, TestPhoto, TestRig, seen};
 use relens::config::RigFile;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
@@ -96,11 +96,7 @@ impl Harness {
     }
 
     /// The photo of `light`, photo-sized; `seed` is that of its noise.
-    pub(crate) fn photograph(
-        &self,
-        light: &Frame<Work>,
-        seed: u64,
-    ) -> Result<Frame<Work>, Failure> {
+    pub(crate) fn photograph(&self, light: &Frame<Work>, seed: u64) -> Result<TestPhoto, Failure> {
         let Taking { brighter, noise_levels, jpeg } = self.taking;
         let tone = Tone::of_curve(self.config().photo.curve, 8);
         let camera = self.camera.as_ref().unwrap_or(&self.witness);
@@ -110,14 +106,17 @@ impl Harness {
         if noise_levels > 0.0 {
             camera.set_read_noise_levels(quiet.hypot(noise_levels));
         }
-        let mut codes = camera.photograph(&light, seed);
+        let photo = match jpeg {
+            Some(quality) => {
+                let codes = through_jpeg(&camera.photograph(&light, seed), quality)?;
+                TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+            }
+            None => TestPhoto::taken(camera, self.config().photo.curve, &light, seed),
+        };
         if noise_levels > 0.0 {
             camera.set_read_noise_levels(quiet);
         }
-        if let Some(quality) = jpeg {
-            codes = through_jpeg(&codes, quality)?;
-        }
-        Ok(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+        Ok(photo)
     }
 
     /// What a photo of `light` is to become: as bright as the photo holds it, shaded as it is.
@@ -137,14 +136,14 @@ impl Harness {
     pub(crate) fn score(&mut self, scene: Scene, method: &dyn Method) -> Result<Score, Failure> {
         let light = self.test_rig.light(scene);
         let photo = self.photograph(&light, PHOTO_SEED + scene as u64)?;
-        let both = [&photo, &self.truth(&light)];
-        Ok(self.test_rig.score_photo(scene, both, method.name(), method)?)
+        let truth = self.truth(&light);
+        Ok(self.test_rig.score_photo(scene, (&photo, &truth), method.name(), method)?)
     }
 
     /// `photo` made ready for methods.
-    pub(crate) fn prepare<'a>(&mut self, photo: &'a Frame<Work>) -> Prepared<'a> {
+    pub(crate) fn prepare<'a>(&mut self, photo: &'a TestPhoto) -> Prepared<'a> {
         let channels = self.test_rig.channels();
-        self.test_rig.parts().0.prepare(photo, channels)
+        photo.prepared(self.test_rig.parts().0, channels)
     }
 
     /// What `method` makes of `photo`, and what the box delivers of it.

@@ -16,7 +16,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use relens::chart::table::Table;
-use relens::chart::test_rig::seen;
+use relens::chart::test_rig::{TestPhoto, seen};
 use relens::config::{MethodName, RigFile};
 use relens::deconvolution::quality::ssim;
 use relens::frame::{FULL_SCALE, Frame, Plane, Work};
@@ -78,11 +78,11 @@ fn climb(harness: &mut Harness, one_function: &Pipeline, scene: &Varied) -> Resu
     let truth = if scene.through_lens { harness.truth(&scene.light) } else { scene.light.clone() };
     let truth = seen(curve, scene.channels, &truth);
     let score = |light: &Frame<Work>| ssim(&seen(curve, scene.channels, light), &truth);
-    let mut scores = [score(&photo), 0.0, 0.0, 0.0];
+    let mut scores = [score(&photo.light), 0.0, 0.0, 0.0];
     let rungs =
         [(true, MethodName::Digital), (false, MethodName::Digital), (false, MethodName::Hybrid)];
     let (pipeline, rig) = harness.test_rig.parts();
-    let prepared = pipeline.prepare(&photo, scene.channels);
+    let prepared = photo.prepared(pipeline, scene.channels);
     for (found, (one, which)) in scores[1..].iter_mut().zip(rungs) {
         let solver = method(&config, which);
         let pipeline = if one { one_function } else { pipeline };
@@ -105,7 +105,7 @@ fn climb(harness: &mut Harness, one_function: &Pipeline, scene: &Varied) -> Resu
 }
 
 /// The photo of a scene through the lens, or of the scene itself with noise.
-fn photo(harness: &Harness, scene: &Varied) -> Result<Frame<Work>, Failure> {
+fn photo(harness: &Harness, scene: &Varied) -> Result<TestPhoto, Failure> {
     if scene.through_lens {
         return harness.photograph(&scene.light, SEED);
     }
@@ -115,11 +115,11 @@ fn photo(harness: &Harness, scene: &Varied) -> Result<Frame<Work>, Failure> {
         let noise: f32 = StandardNormal.sample(&mut random);
         (v + NOISE_LEVELS * noise).clamp(0.0, FULL_SCALE)
     };
-    Ok(Frame::from_fn(|c| {
+    Ok(TestPhoto::developed(Frame::from_fn(|c| {
         let light = scene.light.plane(c);
         let plane: Plane = Plane::from_fn(light.size(), |x, y| noisy(light.at(x, y)));
         tone.plane(c, &tone.display(c, &plane).map(|v: f32| v.round() as u8))
-    }))
+    })))
 }
 
 fn table(rig: &str, rows: &[Row]) -> Table {

@@ -59,7 +59,7 @@ pub(crate) fn captures(rig: &RigFile) -> Result<Made, Failure> {
     let array = |plane: &Plane| npy_f32(&[plane.height(), plane.width()], plane.data());
     let mut files = Vec::new();
     for scene in Scene::STUDY_PHOTOGRAPHS {
-        let (truth, photo) = (test_rig.truth(scene), test_rig.photograph(scene)?);
+        let (truth, photo) = (test_rig.truth(scene), test_rig.photograph(scene)?.light);
         for (what, light) in [("truth", truth), ("photo", photo)] {
             let name = format!("{}-{what}.npy", scene.name());
             files.push((name, array(light.plane(Channel::Green))));
@@ -77,7 +77,7 @@ pub(crate) fn trade(rig: &RigFile, quick: bool, rows: &str) -> Result<Made, Fail
     let mut test_rig = TestRig::open(rig.clone(), seconds)?;
     let mut photos = Vec::new();
     for scene in Scene::STUDY_PHOTOGRAPHS {
-        photos.push((scene, test_rig.photograph(scene)?.plane(Channel::Green).clone()));
+        photos.push((scene, test_rig.photograph(scene)?.light.plane(Channel::Green).clone()));
     }
     let outside = read(rows, &photos)?;
     let mut trade = chart::trade(rig, quick, seconds, &mut told)?;

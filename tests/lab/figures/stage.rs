@@ -1,7 +1,7 @@
 //! What the figures are measured on: a calibrated simulated rig with its true lens beside it.
 
 use relens::chart::scenes::Scene;
-use relens::chart::test_rig::PHOTO_SEED;
+use relens::chart::test_rig::{PHOTO_SEED, TestPhoto};
 use relens::config::RigFile;
 use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
 use relens::deconvolution::data_term;
@@ -11,7 +11,7 @@ use relens::deconvolution::method::paper::{Backward, Paper};
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use relens::deconvolution::patches::{PatchGrid, PatchShape};
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::frame::{Channel, Channels, Frame, Plane, Rect, Work};
+use relens::frame::{Channel, Channels, Frame, Plane, Rect};
 use relens::pipeline::paper;
 use relens::rig::simulated::{Light, Witness};
 
@@ -34,13 +34,13 @@ pub(super) struct Stage {
 /// A scene and the photo taken of it, green, photo-sized.
 pub(super) struct Taken {
     pub(super) truth: Plane,
-    pub(super) photo: Frame<Work>,
+    pub(super) photo: TestPhoto,
 }
 
 impl Taken {
     /// The photo as it is shown.
     pub(super) fn blurred(&self) -> Plane {
-        shown(self.photo.plane(Channel::Green))
+        shown(self.photo.light.plane(Channel::Green))
     }
 
     /// SSIM and PSNR (dB) of the untouched photo.

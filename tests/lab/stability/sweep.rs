@@ -1,6 +1,7 @@
 //! Runs methods under changes on a simulated rig that was calibrated healthy, and takes down what
 //! became of them.
 
+use relens::chart::test_rig::TestPhoto;
 use relens::config::{MethodName, RigFile};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::ssim;
@@ -87,7 +88,7 @@ pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>) -> Result<Vec<Run>, Failure>
             let mut harness = Harness::changed(&healthy, &calibration, &swept.change, strength)?;
             // The photos were taken before anything happened to the rig.
             let photos = plan.views.iter().map(|&view| photograph(&harness, view, plan.seed));
-            let photos: Vec<(Frame<Work>, Plane)> = photos.collect::<Result<_, _>>()?;
+            let photos: Vec<(TestPhoto, Plane)> = photos.collect::<Result<_, _>>()?;
             harness.change_captures();
             for (&view, (photo, truth)) in plan.views.iter().zip(photos) {
                 let prepared = harness.prepare(&photo);
@@ -105,7 +106,7 @@ pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>) -> Result<Vec<Run>, Failure>
                         method: name,
                         view,
                         ssim: score(&solved.picture),
-                        photo_ssim: score(&photo),
+                        photo_ssim: score(&photo.light),
                         delivered_ssim: score(&outcome.picture),
                         verdict: outcome.verdict,
                     };
@@ -153,7 +154,7 @@ fn concerned(method: &dyn Method, swept: &Swept) -> bool {
 }
 
 /// The photo of `view`, and how the scene would be displayed.
-fn photograph(harness: &Harness, view: View, seed: u64) -> Result<(Frame<Work>, Plane), Failure> {
+fn photograph(harness: &Harness, view: View, seed: u64) -> Result<(TestPhoto, Plane), Failure> {
     let tone = Tone::of_curve(harness.config().photo.curve, 8);
     let codes = view.codes(harness.config().photo.size());
     let scene = Frame::from_fn(|c| {
