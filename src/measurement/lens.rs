@@ -231,7 +231,7 @@ fn shoot(
         flat.push(plane);
     }
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
-    let mut first = None;
+    let (mut first, mut gains) = (None, (1.0f32, 1.0f32));
     for n in 0..count {
         let shown = nth(session, n);
         let seen = session.seen(correction, &on_grey(&shown))?;
@@ -242,6 +242,7 @@ fn shoot(
             first = Some(seen.light.plane(Channel::Green).clone());
         }
         let gain = brightness(session, &seen, &shown, &flat);
+        gains = (gain.min(gains.0), gain.max(gains.1));
         for (c, shown) in Channel::ALL.iter().zip(shown.into_planes()) {
             let mut light = seen.light.plane(*c).clone();
             light.scale(1.0 / gain);
@@ -250,6 +251,7 @@ fn shoot(
                 .push(Shot { shown: averaged(&shown, pixel_px), seen: averaged(&seen, pixel_px) });
         }
     }
+    log::debug!("patterns are {:.4} to {:.4} times as bright as grey", gains.0, gains.1);
     let first = first.unwrap_or_else(|| Plane::filled(size, GREY));
     let whole = trusted.planes().each_ref().map(|plane| {
         averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
@@ -280,7 +282,6 @@ fn brightness(session: &Session<'_>, seen: &Corrected, shown: &Frame<Work>, flat
         }
     }
     let gain = light / expected;
-    log::debug!("a pattern is {gain:.4} times as bright as grey");
     // Written so that a number that is none fails too.
     if (gain - 1.0).abs() <= GAIN_MAX { gain as f32 } else { 1.0 }
 }
