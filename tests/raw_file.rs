@@ -12,18 +12,20 @@ use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Frame, Work};
 use relens::picture::{Format, Limits, Photo, PhotoCamera, RigSetting};
 use relens::rig::simulated;
-use relens::{Rig, Verdict};
+use relens::{Outcome, Rig, Verdict};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
 
-/// The rig file truthful.toml with this `mosaic` in place of its own.
-fn rig_file(folder: &Path, name: &str, mosaic: &str) -> PathBuf {
+/// The rig file truthful.toml with these lines in place of its own.
+fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
     let truthful = Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config/truthful.toml");
-    let text = std::fs::read_to_string(truthful).unwrap();
-    let own = "mosaic = \"rggb\"";
-    assert!(text.contains(own));
+    let mut text = std::fs::read_to_string(truthful).unwrap();
+    for (own, other) in changes {
+        assert!(text.contains(own));
+        text = text.replace(own, other);
+    }
     let path = folder.join(name);
-    std::fs::write(&path, text.replace(own, mosaic)).unwrap();
+    std::fs::write(&path, text).unwrap();
     path
 }
 
@@ -40,50 +42,109 @@ fn shoot(folder: &Path, rig: &Path, out: &str, options: &[&str]) -> (Option<i32>
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// SSIM and dB of linear light, means over the channels.
+/// SSIM and dB of linear light, means over the channels, with the one gain over all that fits best:
+/// where a bent camera's white lies is a matter of exposure.
 fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
     let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
-    [each.map(|(a, b)| ssim(a, b)), each.map(|(a, b)| psnr(a, b))]
+    let (along, square) = each
+        .iter()
+        .fold((0.0, 0.0), |(along, square), (a, b)| (along + a.dot(b), square + a.dot(a)));
+    let fitted = each.map(|(a, b)| (a.map(|v: f32| v * (along / square) as f32), b));
+    [fitted.each_ref().map(|(a, b)| ssim(a, b)), fitted.each_ref().map(|(a, b)| psnr(a, b))]
         .map(|scores| scores.iter().sum::<f64>() / 3.0)
 }
 
-#[test]
-fn a_raw_photo_is_restored_at_its_sites_and_by_its_own_rig_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let filtered = rig_file(folder, "rggb.toml", "mosaic = \"rggb\"");
-    assert_eq!(shoot(folder, &filtered, "x.dng", &[]), (Some(0), String::new()));
-    let plain = rig_file(folder, "plain.toml", "");
-    let (code, told) = shoot(folder, &plain, "y.dng", &[]);
-    assert!(code == Some(2) && told.contains("has no colour filters"), "{told}");
+/// A rig of this test, the photo that it took, and what is made of it.
+struct Taken {
+    rig: PathBuf,
+    slots: PathBuf,
+    photo: Photo,
+    /// What the lens saw without any blur, at the photo's white.
+    truth: Frame<Work>,
+    restored: Outcome,
+    /// Of the same photo, interpolated before.
+    filled: Outcome,
+}
 
-    let mut rig = Rig::open(&filtered).unwrap();
-    let slots = folder.join("slots");
-    rig.calibrate(&slots).unwrap();
-    let photo = rig.read(folder.join("x.dng")).unwrap();
-    let raw = photo.raw.unwrap();
-    // The file's white is the largest count, the scene's lies below it.
-    let file = config::load(&filtered).unwrap();
+impl Taken {
+    /// By the rig whose chance is `seed`.
+    fn by_rig(folder: &Path, seed: u64) -> Taken {
+        let seeded = [("seed = 1\n", &*format!("seed = {seed}\n"))];
+        let path = rig_file(folder, &format!("{seed}.toml"), &seeded);
+        let taken = format!("{seed}.dng");
+        assert_eq!(shoot(folder, &path, &taken, &[]), (Some(0), String::new()));
+        let mut rig = Rig::open(&path).unwrap();
+        let slots = folder.join(format!("slots-{seed}"));
+        rig.calibrate(&slots).unwrap();
+        let photo = rig.read(folder.join(taken)).unwrap();
+        let truth = truth_of(&path, &photo);
+        let mut restorer = rig.restorer(&slots).unwrap();
+        let restored = restorer.restore(&photo).unwrap();
+        let filled = restorer.restore(&Photo { raw: None, ..photo.clone() }).unwrap();
+        Taken { rig: path, slots, photo, truth, restored, filled }
+    }
+
+    /// Scores of the photo, of what is made of it interpolated, and at its sites.
+    fn scores(&self) -> [[f64; 2]; 3] {
+        [&self.photo.light, &self.filled.picture, &self.restored.picture]
+            .map(|picture| score(picture, &self.truth))
+    }
+}
+
+/// The scene as the lens and the rig shade it, at the white of the raw `photo`.
+fn truth_of(rig: &Path, photo: &Photo) -> Frame<Work> {
+    let file = config::load(rig).unwrap();
     let (_, witness) = simulated::open(&file).unwrap();
-    let levels = (witness.counts_per_level() / f64::from(raw.counts_per_level)) as f32;
+    // The file's white is the largest count, the scene's lies below it.
+    let counts = f64::from(photo.raw.unwrap().counts_per_level);
+    let levels = (witness.counts_per_level() / counts) as f32;
     let sharp = Photo::read(Path::new(SCENE), Curve::Srgb, &Limits::default()).unwrap();
     let grid = file.photo_grid();
     let scene = cut(&sharp.in_colour(), grid.sensor);
     let mut truth = witness.shaded(&Frame::from_fn(|c| scene.plane(c).crop(grid.photo)));
     for plane in truth.planes_mut() {
-        plane.data_mut().iter_mut().for_each(|v| *v *= levels);
+        plane.scale(levels);
     }
+    truth
+}
 
+#[test]
+fn sites_as_they_are_give_more_than_interpolated_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    // Wander and flicker differ from chance to chance, and what they do to a result does. The
+    // second panel moves too far while it is measured, and is refused.
+    let seeds = [1, 3, 4, 5];
+    let (mut means, share) = ([[0.0; 2]; 3], 1.0 / seeds.len() as f64);
+    for seed in seeds {
+        let taken = Taken::by_rig(folder.path(), seed);
+        let scores = taken.scores();
+        println!("seed {seed}: photo, interpolated before, at its sites: {scores:.4?}");
+        assert_eq!(taken.restored.verdict, Verdict::Sound);
+        for (mean, score) in means.iter_mut().flatten().zip(scores.as_flattened()) {
+            *mean += share * score;
+        }
+    }
+    let [photo, filled, sites] = means;
+    assert!(sites[0] > filled[0] + 0.01 && sites[1] > filled[1] + 1.0, "{means:?}");
+    assert!(sites[0] > photo[0] + 0.02 && sites[1] > photo[1] + 1.0, "{means:?}");
+}
+
+#[test]
+fn a_raw_photo_is_restored_by_its_own_rig_alone_and_loses_nothing_as_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let Taken { rig: filtered, slots, photo, truth, restored: outcome, .. } =
+        Taken::by_rig(folder, 1);
+    let plain = rig_file(folder, "plain.toml", &[("mosaic = \"rggb\"", "")]);
+    let (code, told) = shoot(folder, &plain, "y.dng", &[]);
+    assert!(code == Some(2) && told.contains("has no colour filters"), "{told}");
+
+    let raw = photo.raw.unwrap();
+    let file = config::load(&filtered).unwrap();
+    let grid = file.photo_grid();
+    let sites = score(&outcome.picture, &truth);
+    let mut rig = Rig::open(&filtered).unwrap();
     let mut restorer = rig.restorer(&slots).unwrap();
-    let outcome = restorer.restore(&photo).unwrap();
-    let interpolated = Photo { raw: None, ..photo.clone() };
-    let before = restorer.restore(&interpolated).unwrap();
-    let all = [&photo.light, &before.picture, &outcome.picture].map(|p| score(p, &truth));
-    println!("photo, interpolated before, at its sites: {all:.4?}; {}", outcome.reason);
-    let [taken, filled, sites] = all;
-    assert_eq!(outcome.verdict, Verdict::Sound);
-    assert!(sites[0] > filled[0] + 0.01 && sites[1] > filled[1] + 1.0, "{all:?}");
-    assert!(sites[0] > taken[0] + 0.02 && sites[1] > taken[1] + 1.0, "{all:?}");
 
     // As a file: 16 bits with the rig's curve, fine enough to lose nothing that was won.
     let bytes = photo.with_picture(&outcome.picture, Format::Tiff).unwrap();
