@@ -143,7 +143,7 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_loses_nothing_as_a_file() {
     let file = config::load(&filtered).unwrap();
     let grid = file.photo_grid();
     let sites = score(&outcome.picture, &truth);
-    let mut rig = Rig::open(&filtered).unwrap();
+    let rig = Rig::open(&filtered).unwrap();
     let mut restorer = rig.restorer(&slots).unwrap();
 
     // As a file: 16 bits with the rig's curve, fine enough to lose nothing that was won.
