@@ -58,6 +58,7 @@ pub(crate) fn calibration() -> Calibration {
             norm_squared: [1.0; 3],
             level_norms: std::array::from_fn(|_| LevelNorms::uniform(4, 1.0)),
         }),
+        focuses: Vec::new(),
         norm_squared_seen: 1.0,
         operator_error: [1.0; 3],
         captures: 30,

@@ -7,6 +7,7 @@
 //! | dark corner | [`dark_corner`] |
 //! | cross-channel response, Eq. 13 | [`cross_channel`], [`curve`] |
 //! | (noise, lens functions: not in the paper) | [`noise`], [`lens_blur`] |
+//! | (the lens out of focus: not in the paper) | [`OtherFocus`] |
 //! | (how the sensor's sites differ: not in the paper) | [`response_pattern`], [`site_gains`] |
 //!
 //! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on
@@ -23,10 +24,12 @@ pub mod geometric;
 pub mod lens_blur;
 pub mod noise;
 mod norms;
+mod other_focus;
 pub mod photo_side;
 pub mod response;
 pub mod response_pattern;
 pub mod site_gains;
+mod site_norms;
 pub mod store;
 pub mod surface;
 
@@ -42,9 +45,10 @@ pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;
 pub use noise::Noise;
-pub use norms::SiteNorms;
+pub use other_focus::{FOCUSES_MAX, FocusError, OtherFocus, check_offset};
 pub use response_pattern::ResponsePattern;
 pub use site_gains::SiteGains;
+pub use site_norms::SiteNorms;
 use surface::Surface;
 
 /// Everything measured on one rig, at one time.
@@ -89,6 +93,8 @@ pub struct Calibration {
     pub level_norms: [LevelNorms; 3],
     /// The same norms at the sites of the camera's colour filters, if it has them.
     pub at_sites: Option<SiteNorms>,
+    /// The lens at other focus offsets, rising.
+    pub focuses: Vec<OtherFocus>,
     /// ‖K‖², asked of the light: what the rig makes of the model's dominant picture; green.
     pub norm_squared_seen: f32,
     /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel;
@@ -151,7 +157,8 @@ impl Calibration {
         self.camera_curve.check()?;
         self.pattern.check(Size::new(side(self.photo.width), side(self.photo.height)))?;
         self.broad.iter().try_for_each(|halos| check_halos(halos))?;
-        self.functions.check().map_err(|e| e.to_string())
+        self.functions.check().map_err(|e| e.to_string())?;
+        self.check_focuses()
     }
 }
 

@@ -2,47 +2,17 @@
 //! place.
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
+use super::site_norms::{LEVEL_ROUNDS, SiteNorms};
 use super::{Calibration, lens_blur};
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::{Channel, Mosaic, Plane};
+use crate::frame::{Channel, Plane};
 
 /// Rounds of the power method from grey, which nearly is the dominant picture.
 const POWER_ROUNDS: usize = 12;
-/// Rounds of the power method for each wavelet level, and the seed of the picture they begin with.
-const LEVEL_ROUNDS: usize = 8;
+/// The seed of the picture that the power method for each wavelet level begins with.
 const LEVEL_SEED: u64 = 17;
-
-/// The norms of √weight · K at the sites of colour filters, as
-/// [`crate::deconvolution::method::Problem`] wants them for a raw photo.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SiteNorms {
-    /// Largest squared singular value, per channel.
-    pub norm_squared: [f32; 3],
-    /// What each wavelet level lets through, per channel.
-    pub level_norms: [LevelNorms; 3],
-}
-
-impl SiteNorms {
-    /// Measured of `model` for so many wavelet `levels`. Which colour the first site has does not
-    /// matter: all mosaics have the same norms.
-    pub fn of(model: &LensModel, levels: usize) -> SiteNorms {
-        let at_sites =
-            |&c: &Channel| LevelNorms::at_sites(model, c, Mosaic::Rggb, levels, LEVEL_ROUNDS);
-        let measured: Vec<(LevelNorms, f32)> = Channel::ALL.par_iter().map(at_sites).collect();
-        SiteNorms {
-            norm_squared: Channel::ALL.map(|c| measured[c.index()].1),
-            level_norms: Channel::ALL.map(|c| measured[c.index()].0.clone()),
-        }
-    }
-
-    pub(super) fn is_whole(&self) -> bool {
-        let positive = |norm: &f32| norm.is_finite() && *norm > 0.0;
-        self.norm_squared.iter().all(positive) && self.level_norms.iter().all(LevelNorms::is_whole)
-    }
-}
 
 impl Calibration {
     /// Measures the norms of `model`, which is this calibration's, for so many wavelet `levels`,

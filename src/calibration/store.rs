@@ -15,12 +15,13 @@ use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
 /// The format of slots; goes up with every change of [`Calibration`]'s layout.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 const HEADER_BYTES: usize = 28;
 const CRC_BYTES: usize = 4;
 const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];
 /// Larger than any calibration: 192 functions of 101×101 taps in three channels are 24 MB, the
-/// response of 24 million pixels in three channels 72 MB.
+/// response of 24 million pixels in three channels 72 MB, twelve focuses of the default rig's 48
+/// functions 18 MB.
 const SLOT_BYTES_MAX: u64 = 128 << 20;
 
 /// Why one slot is not good.
@@ -212,8 +213,12 @@ pub fn save_to(
 fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
     let payload = postcard::to_allocvec(calibration)
         .map_err(|e| StoreError::Encode { found: e.to_string() })?;
-    let length = u32::try_from(payload.len())
-        .map_err(|_| StoreError::Encode { found: format!("{} bytes", payload.len()) })?;
+    let bytes = HEADER_BYTES + payload.len() + CRC_BYTES;
+    if bytes as u64 > SLOT_BYTES_MAX {
+        let found = format!("{bytes} bytes long; {SLOT_BYTES_MAX} are allowed");
+        return Err(StoreError::Encode { found });
+    }
+    let length = payload.len() as u32;
     let mut bytes = Vec::with_capacity(HEADER_BYTES + payload.len() + CRC_BYTES);
     bytes.extend(MAGIC);
     bytes.extend(VERSION.to_le_bytes());

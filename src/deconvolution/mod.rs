@@ -8,6 +8,7 @@
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
 //! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`] |
+//! | (a scene out of focus: not in the paper) | [`focus`] |
 
 pub mod backward_convolution;
 pub mod block_matching;
@@ -17,6 +18,7 @@ pub mod computed_optics;
 pub mod data_term;
 pub mod detail_mask;
 pub mod dot_test;
+pub mod focus;
 pub mod forward_convolution;
 pub mod jpeg;
 pub mod ladder;

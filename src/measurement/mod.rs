@@ -131,6 +131,7 @@ fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
         norm_squared: [1.0; 3],
         level_norms: std::array::from_fn(|_| LevelNorms::uniform(config.restore.levels, 1.0)),
         at_sites: None,
+        focuses: Vec::new(),
         norm_squared_seen: 1.0,
         operator_error: [0.0; 3],
         captures: 0,

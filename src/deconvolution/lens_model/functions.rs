@@ -37,6 +37,21 @@ impl LensFunctions {
         LensFunctions { rows: 1, columns: 1, support_px: self.support_px, taps }
     }
 
+    /// The functions that are `share` of the way from these to `other`, which is on the same grid.
+    ///
+    /// # Panics
+    /// When the grids differ, which is a bug of the caller.
+    #[must_use]
+    pub fn between(&self, other: &LensFunctions, share: f32) -> LensFunctions {
+        let grid = |of: &LensFunctions| (of.rows, of.columns, of.support_px);
+        assert_eq!(grid(self), grid(other), "functions between two are on the grid of both");
+        let mix = |channel: Channel| {
+            let both = self.taps[channel.index()].iter().zip(&other.taps[channel.index()]);
+            both.map(|(a, b)| a + share * (b - a)).collect()
+        };
+        LensFunctions { taps: Channel::ALL.map(mix), ..*self }
+    }
+
     /// The functions of an array of shape `[rows, columns, 3, k, k]`, as `blur = "grid.npy"` files
     /// hold them.
     ///

@@ -1,0 +1,223 @@
+//! The lens at other focus offsets than the panel's, measured and kept beside it.
+
+use serde::{Deserialize, Serialize};
+
+use super::Calibration;
+use super::site_norms::SiteNorms;
+use crate::deconvolution::focus::FocusSeries;
+use crate::deconvolution::lens_model::LensFunctions;
+use crate::deconvolution::level_norms::LevelNorms;
+use crate::remedy::{Remediable, Remedy};
+
+/// Focuses that a calibration keeps beside the panel's: some five on each side, and room for two.
+pub const FOCUSES_MAX: usize = 12;
+/// The largest offset, dioptres: a scene at a hand's width before a lens focused far away.
+const OFFSET_MAX: f32 = 10.0;
+/// Offsets that differ by less are the same, dioptres: a thousandth turns no ring.
+const SAME_OFFSET: f32 = 0.001;
+
+/// The lens at one focus offset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OtherFocus {
+    /// 1/distance − 1/(the panel's distance), dioptres; positive is nearer.
+    pub offset: f32,
+    /// Its functions, on the grid of the panel's.
+    pub functions: LensFunctions,
+    /// As [`Calibration::norm_squared`].
+    pub norm_squared: [f32; 3],
+    /// As [`Calibration::level_norms`].
+    pub level_norms: [LevelNorms; 3],
+    /// As [`Calibration::at_sites`].
+    pub at_sites: Option<SiteNorms>,
+}
+
+/// Why a focus is not kept.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FocusError {
+    /// The offset is none.
+    #[error(
+        "a focus offset of {found} dioptres; {SAME_OFFSET} to {OFFSET_MAX}, nearer or farther \
+         (negative), is allowed"
+    )]
+    Offset {
+        /// The offset.
+        found: f32,
+    },
+    /// There are too many.
+    #[error(
+        "{FOCUSES_MAX} other focuses are kept already; `relens calibrate --forget-focuses` \
+         forgets them"
+    )]
+    TooMany,
+    /// The functions were measured on another grid.
+    #[error(
+        "the lens was measured as {found} functions of {found_px} px; {allowed} of {allowed_px} \
+         px, as in the panel's focus, are allowed"
+    )]
+    Grid {
+        /// Functions found.
+        found: usize,
+        /// Their width.
+        found_px: usize,
+        /// Functions of the panel's focus.
+        allowed: usize,
+        /// Their width.
+        allowed_px: usize,
+    },
+}
+
+impl Remediable for FocusError {
+    fn remedy(&self) -> Remedy {
+        Remedy::CallOperator
+    }
+}
+
+impl Calibration {
+    /// The same calibration, one generation on, with the lens that `measured` at `offset` dioptres
+    /// from the panel's focus found; in place of what was kept for that offset, if anything was.
+    ///
+    /// # Errors
+    /// When the offset is none, the grid another, or too many are kept.
+    pub fn with_focus(
+        &self,
+        offset: f32,
+        measured: &Calibration,
+    ) -> Result<Calibration, FocusError> {
+        check_offset(offset)?;
+        let (found, allowed) = (&measured.functions, &self.functions);
+        let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
+        if grid(found) != grid(allowed) {
+            return Err(FocusError::Grid {
+                found: found.rows * found.columns,
+                found_px: found.support_px,
+                allowed: allowed.rows * allowed.columns,
+                allowed_px: allowed.support_px,
+            });
+        }
+        let mut after = self.clone();
+        after.focuses.retain(|focus| (focus.offset - offset).abs() >= SAME_OFFSET);
+        if after.focuses.len() >= FOCUSES_MAX {
+            return Err(FocusError::TooMany);
+        }
+        after.focuses.push(OtherFocus {
+            offset,
+            functions: found.clone(),
+            norm_squared: measured.norm_squared,
+            level_norms: measured.level_norms.clone(),
+            at_sites: measured.at_sites.clone(),
+        });
+        after.focuses.sort_by(|a, b| a.offset.total_cmp(&b.offset));
+        after.generation = self.generation.wrapping_add(1);
+        Ok(after)
+    }
+
+    /// The same calibration with the other focuses of `before`, whose panel stood as this one's
+    /// does; without those that do not fit this one's grid.
+    #[must_use]
+    pub fn with_focuses_of(mut self, before: &Calibration) -> Calibration {
+        let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
+        let own = (grid(&self.functions), self.at_sites.is_some());
+        let fits = |of: &&OtherFocus| {
+            (grid(&of.functions), of.at_sites.is_some()) == own
+                && of.level_norms[0].levels() == self.level_norms[0].levels()
+        };
+        self.focuses = before.focuses.iter().filter(fits).cloned().collect();
+        self
+    }
+
+    /// The lens at all focuses; `None` where it was measured at the panel's alone.
+    pub fn focus_series(&self) -> Option<FocusSeries<'_>> {
+        let others = self.focuses.iter().map(|focus| (focus.offset, &focus.functions));
+        FocusSeries::new(others.chain([(0.0, &self.functions)]).collect())
+    }
+
+    /// Whether the other focuses are whole and fit, in words when not.
+    pub(super) fn check_focuses(&self) -> Result<(), String> {
+        if self.focuses.len() > FOCUSES_MAX {
+            return Err(format!("{} focuses; {FOCUSES_MAX} are allowed", self.focuses.len()));
+        }
+        for focus in &self.focuses {
+            let OtherFocus { offset, functions, norm_squared, level_norms, at_sites } = focus;
+            functions.check().map_err(|e| e.to_string())?;
+            let positive = |norm: &f32| norm.is_finite() && *norm > 0.0;
+            let whole = check_offset(*offset).is_ok()
+                && norm_squared.iter().all(positive)
+                && level_norms.iter().all(LevelNorms::is_whole)
+                && at_sites.as_ref().is_none_or(SiteNorms::is_whole);
+            if !whole {
+                return Err(format!(
+                    "a focus of {offset} dioptres with norms of {norm_squared:?}, \
+                     {level_norms:?}; positive numbers are allowed"
+                ));
+            }
+        }
+        let fits = self.focuses.is_empty() || self.focus_series().is_some();
+        fits.then_some(()).ok_or_else(|| "focuses of other grids, or one twice".to_owned())
+    }
+}
+
+/// Whether `offset`, dioptres, can be another focus than the panel's.
+///
+/// # Errors
+/// [`FocusError::Offset`] when not.
+pub fn check_offset(offset: f32) -> Result<(), FocusError> {
+    let fits = (SAME_OFFSET..=OFFSET_MAX).contains(&offset.abs());
+    fits.then_some(()).ok_or(FocusError::Offset { found: offset })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::example;
+
+    #[test]
+    fn a_focus_is_kept_beside_the_panel_s_and_takes_the_place_of_the_same() {
+        let calibration = example::calibration();
+        let mut sharper = example::calibration();
+        sharper.functions.taps[1][0] = 0.9;
+        let first = calibration.with_focus(-0.05, &calibration).unwrap();
+        let both = first.with_focus(0.02, &calibration).unwrap();
+        let again = both.with_focus(-0.0502, &sharper).unwrap();
+        let offsets: Vec<f32> = again.focuses.iter().map(|focus| focus.offset).collect();
+        assert_eq!(offsets, [-0.0502, 0.02]);
+        assert_eq!(again.focuses[0].functions, sharper.functions);
+        assert_eq!(again.generation, calibration.generation + 3);
+        assert_eq!(again.check(), Ok(()));
+        assert_eq!(again.focus_series().unwrap().offsets(), [-0.0502, 0.0, 0.02]);
+        assert!(calibration.focus_series().is_none());
+    }
+
+    #[test]
+    fn what_is_no_focus_is_refused_in_a_sentence() {
+        let calibration = example::calibration();
+        for offset in [0.0, 0.0005, 11.0, -10.5, f32::NAN, f32::INFINITY] {
+            let told = calibration.with_focus(offset, &calibration).unwrap_err().to_string();
+            assert!(told.contains("dioptres") && told.contains("allowed"), "{told}");
+        }
+        let mut wide = calibration.clone();
+        wide.functions.columns += 1;
+        let told = calibration.with_focus(0.1, &wide).unwrap_err().to_string();
+        assert!(told.contains("2 functions of 1 px; 1 of 1 px"), "{told}");
+        let full = (1..=FOCUSES_MAX as u32)
+            .fold(calibration.clone(), |c, n| c.with_focus(0.01 * n as f32, &calibration).unwrap());
+        let told = full.with_focus(-0.1, &calibration).unwrap_err().to_string();
+        assert!(told.contains("--forget-focuses"), "{told}");
+        assert!(full.with_focus(0.01, &calibration).is_ok());
+    }
+
+    #[test]
+    fn focuses_of_another_grid_are_not_taken_over_and_are_no_calibration() {
+        let with = example::calibration().with_focus(0.1, &example::calibration()).unwrap();
+        assert_eq!(example::calibration().with_focuses_of(&with).focuses, with.focuses);
+        let mut wide = example::calibration();
+        wide.functions.columns += 1;
+        assert!(wide.clone().with_focuses_of(&with).focuses.is_empty());
+        let mut wrong = with.clone();
+        wrong.focuses[0].functions = LensFunctions { columns: 2, ..wide.functions };
+        wrong.focuses[0].functions.taps.iter_mut().for_each(|taps| taps.resize(2, 0.5));
+        assert!(wrong.check().unwrap_err().contains("other grids"));
+        let mut twice = with.clone();
+        twice.focuses.push(with.focuses[0].clone());
+        assert!(twice.check().is_err());
+    }
+}

@@ -1,0 +1,189 @@
+//! How far out of focus a photo's scene was, told by the photo itself before any capture.
+//!
+//! The panel stands at one distance, scenes at any. The lens was measured at a few *focus offsets*
+//! δ = 1/z − 1/z₀, in dioptres (1/m): z₀ the distance of the panel, z the one at which what was
+//! measured stood sharp or unsharp; positive is nearer. Between them functions are interpolated,
+//! tap by tap ([`LensFunctions::between`]). A photo shows at which δ it was taken: its spectrum is
+//! a scene's, which falls as a power of frequency (Field 1987, JOSA A 4:2379), times what the lens
+//! lets through at δ, plus noise. δ is where that is likeliest, by the likelihood of the spectra of
+//! tiles all over the photo ([`likelihood`]), all channels together: a lens with longitudinal
+//! colour shows by its colours on which side of the focus a scene lies.
+
+mod likelihood;
+mod optics;
+mod spectra;
+
+pub(crate) use optics::OpticsAtFocus;
+pub use spectra::FocusData;
+
+use rayon::prelude::*;
+
+use super::lens_model::LensFunctions;
+use crate::frame::Channel;
+use likelihood::{PowerLaw, likeliest};
+use spectra::{TileSpectrum, Tiles, Transfers};
+
+/// Steps between two measured offsets that are tried around the likeliest.
+const STEPS: usize = 4;
+/// Another focus than the panel's is believed when the tiles are for it by so many standard errors
+/// of their mean. Photos on small.toml at the panel's focus have 0.7 to 2.1, those from 3.2 to
+/// 8 m 2.7 to 17 (`tests/tables/focus.md`).
+const STANDARD_ERRORS: f64 = 2.5;
+/// Tiles that are asked at least; fewer know no standard error.
+const TILES_MIN: usize = 8;
+
+/// A lens as measured at a few focus offsets.
+#[derive(Debug, Clone)]
+pub struct FocusSeries<'a> {
+    /// By offset, rising.
+    members: Vec<(f32, &'a LensFunctions)>,
+}
+
+/// A photo's focus between two of a series' members.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FoundFocus {
+    /// The offset, dioptres.
+    pub offset: f32,
+    /// Numbers of the members before and behind it; the same where it is one of them.
+    pub between: (usize, usize),
+    /// How far it is from the first to the second, 0..1.
+    pub share: f32,
+    /// Whether it is the last offset of the series on its side: the photo may lie beyond.
+    pub at_end: bool,
+}
+
+impl<'a> FocusSeries<'a> {
+    /// The series of these `members`, functions on one grid, each with its offset. One offset is 0:
+    /// the panel's. `None` when there is no other, or when they do not fit together.
+    pub fn new(mut members: Vec<(f32, &'a LensFunctions)>) -> Option<FocusSeries<'a>> {
+        members.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
+        let first = grid(members.first()?.1);
+        let fits = members.len() > 1
+            && members.iter().any(|member| member.0 == 0.0)
+            && members.iter().all(|(offset, f)| offset.is_finite() && grid(f) == first)
+            && members.windows(2).all(|two| two[0].0 < two[1].0);
+        fits.then_some(FocusSeries { members })
+    }
+
+    /// The offsets, rising.
+    pub fn offsets(&self) -> Vec<f32> {
+        self.members.iter().map(|member| member.0).collect()
+    }
+
+    /// The focus at which `photo` was taken; `None` where it is the panel's, or nothing says that
+    /// it is another.
+    pub fn find(&self, photo: &FocusData<'_>) -> Option<FoundFocus> {
+        let functions = self.members[0].1;
+        let tiles = Tiles::of(photo.rect.size, functions)?;
+        let panel = self.members.iter().position(|member| member.0 == 0.0)?;
+        // Every tile by itself: the transfer functions of its place are made once.
+        let costs: Vec<TileCosts> = tiles
+            .places()
+            .par_iter()
+            .filter_map(|place| {
+                let transfers = Transfers::of(&tiles, place, self.members.iter().map(|m| m.1));
+                let of = |&c: &Channel| Some((c, tiles.spectrum(photo, place, c)?));
+                let spectra: Vec<(Channel, TileSpectrum)> =
+                    photo.channels.list().iter().filter_map(of).collect();
+                (!spectra.is_empty()).then(|| TileCosts::of(&tiles, &spectra, &transfers))
+            })
+            .collect();
+        if costs.len() < TILES_MIN {
+            return None;
+        }
+        let all = self.candidates();
+        let sums: Vec<f64> =
+            (0..all.len()).map(|n| costs.iter().map(|tile| tile.0[n]).sum()).collect();
+        let best = (0..all.len()).min_by(|&a, &b| sums[a].total_cmp(&sums[b]))?;
+        let at_panel = all.iter().position(|of| of.before == panel && of.step == 0)?;
+        let gains: Vec<f64> = costs.iter().map(|tile| tile.0[at_panel] - tile.0[best]).collect();
+        let errors = standard_errors(&gains);
+        log::debug!(
+            "focus: {:.3} dioptres likeliest, by {errors:.1} standard errors of {} tiles",
+            self.offset(all[best]),
+            gains.len()
+        );
+        (best != at_panel && errors > STANDARD_ERRORS).then(|| self.found(&sums, &all, best))
+    }
+
+    /// What is tried: all members, and steps between neighbours.
+    fn candidates(&self) -> Vec<TriedFocus> {
+        let last = self.members.len() - 1;
+        let between = (0..last).flat_map(|before| (0..STEPS).map(move |step| (before, step)));
+        between.chain([(last, 0)]).map(|(before, step)| TriedFocus { before, step }).collect()
+    }
+
+    fn offset(&self, of: TriedFocus) -> f32 {
+        let from = self.members[of.before].0;
+        let to = self.members.get(of.before + 1).map_or(from, |next| next.0);
+        from + of.share() * (to - from)
+    }
+
+    /// The least of a parabola through the best candidate and its neighbours.
+    fn found(&self, sums: &[f64], all: &[TriedFocus], best: usize) -> FoundFocus {
+        let at_end = best == 0 || best + 1 == all.len();
+        let mut offset = self.offset(all[best]);
+        if !at_end {
+            let x = [best - 1, best, best + 1].map(|n| f64::from(self.offset(all[n])));
+            let [y0, y1, y2] = [best - 1, best, best + 1].map(|n| sums[n]);
+            let (left, right) = ((x[1] - x[0]) * (y1 - y2), (x[1] - x[2]) * (y1 - y0));
+            let least =
+                x[1] - 0.5 * ((x[1] - x[0]) * left - (x[1] - x[2]) * right) / (left - right);
+            if least.is_finite() {
+                offset = least.clamp(x[0], x[2]) as f32;
+            }
+        }
+        let before = self.members.iter().rposition(|m| m.0 <= offset).unwrap_or(0);
+        let after = (before + 1).min(self.members.len() - 1);
+        let (from, to) = (self.members[before].0, self.members[after].0);
+        let share = if after > before { (offset - from) / (to - from) } else { 0.0 };
+        FoundFocus { offset, between: (before, after), share, at_end }
+    }
+}
+
+/// A focus that is tried: so many steps behind a member.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct TriedFocus {
+    before: usize,
+    step: usize,
+}
+
+impl TriedFocus {
+    fn share(self) -> f32 {
+        self.step as f32 / STEPS as f32
+    }
+}
+
+/// −ln likelihood of one tile, all channels together, for each candidate.
+struct TileCosts(Vec<f64>);
+
+impl TileCosts {
+    fn of(tiles: &Tiles, spectra: &[(Channel, TileSpectrum)], transfers: &Transfers) -> TileCosts {
+        let members = transfers.members();
+        let mut costs = vec![0.0; (members - 1) * STEPS + 1];
+        let mut power = Vec::new();
+        for (channel, spectrum) in spectra {
+            // From one focus to the next the likeliest scene changes little.
+            let mut scene = PowerLaw::of(spectrum);
+            for (n, cost) in costs.iter_mut().enumerate() {
+                let of = TriedFocus { before: n / STEPS, step: n % STEPS };
+                transfers.power(*channel, of.before, of.share(), &mut power);
+                *cost +=
+                    likeliest(tiles.frequencies(spectrum.folding), spectrum, &power, &mut scene);
+            }
+        }
+        TileCosts(costs)
+    }
+}
+
+/// The mean of `values` in units of its standard error.
+fn standard_errors(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    mean / (variance / n).sqrt().max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests;
