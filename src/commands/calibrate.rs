@@ -8,7 +8,7 @@ use relens::chart::operating_point::{choose, restorations};
 use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint, RigFile};
 use relens::daemon::Folders;
-use relens::restorer::{on_rig, operating_point};
+use relens::restorer::{focus, on_rig, operating_point};
 use relens::rig::exposure::Devices;
 use relens::rig::monotonic::Monotonic;
 
@@ -23,6 +23,11 @@ use super::{opening, progress};
 /// Shows patterns, sees them, fits what the rig is, judges whether that is good, and keeps it in
 /// DIR/calibration. A calibration that is no good is not kept; the old one stays.
 ///
+/// With --focus-offset D it measures the lens for scenes D dioptres (1/m) nearer than the panel,
+/// farther when negative, and keeps that beside the calibration: stand the panel there, or turn the
+/// focus ring until the panel is as unsharp as such a scene, measure, and bring everything back. A
+/// photo then tells by itself at which of the measured focuses it was taken.
+///
 /// With operating-point = "fast", "balanced" or "best" in [restore] of the rig file it then shows
 /// known scenes, restores them with several settings, and keeps the chosen one in
 /// DIR/calibration/operating-point.toml: the best; or, of those that take no longer than the rig
@@ -31,12 +36,19 @@ use super::{opening, progress};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  relens calibrate --rig RIG.toml --folder DIR")]
+  relens calibrate --rig RIG.toml --folder DIR
+  relens calibrate --rig RIG.toml --folder DIR --focus-offset -0.05")]
 pub(super) struct CalibrateOptions {
     #[command(flatten)]
     rig: RigOption,
     #[command(flatten)]
     folder: FolderOption,
+    /// Measure the lens for scenes D dioptres (1/m) nearer than the panel, farther when negative
+    #[arg(long, value_name = "D", allow_hyphen_values = true)]
+    focus_offset: Option<f32>,
+    /// Forget what was measured for other focuses, and measure nothing
+    #[arg(long, conflicts_with = "focus_offset")]
+    forget_focuses: bool,
 }
 
 /// `relens calibrate`.
@@ -47,8 +59,16 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
     rig.doubts().iter().for_each(|doubt| log::warn!("{doubt}"));
     let _alone = Folders::keep_out(&options.folder.folder)?;
-    let mut devices = opening::devices(rig)?;
     let kept = opening::calibration_folder(&options.folder.folder);
+    if options.forget_focuses {
+        let forgotten = focus::forget(rig, &kept)?;
+        say(&format!("{} forgotten in {}", counted(forgotten), kept.display()));
+        return Ok(());
+    }
+    if let Some(offset) = options.focus_offset {
+        return measure_focus(rig, &kept, offset);
+    }
+    let mut devices = opening::devices(rig)?;
     let calibration = on_rig::measure(rig, &mut devices, &kept, progress::calibrating)?;
     progress::clear();
     let [red, green, blue] = calibration.operator_error;
@@ -70,6 +90,29 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
         Some(wanted) => choose_setting(rig, devices, calibration, &kept, wanted),
         None => Ok(()),
     }
+}
+
+/// Measures the lens at a focus `offset` from the panel's, and keeps it in `kept`.
+fn measure_focus(rig: &RigFile, kept: &Path, offset: f32) -> Result<(), CliError> {
+    // Before the devices are opened: an offset that is none, and no calibration to keep it beside.
+    focus::check(rig, kept, offset)?;
+    let mut devices = opening::devices(&rig.refocused(offset))?;
+    let calibration = focus::measure(rig, &mut devices, kept, offset, progress::calibrating);
+    progress::clear();
+    let calibration = calibration?;
+    let offsets: Vec<String> =
+        calibration.focuses.iter().map(|focus| format!("{:+.3}", focus.offset)).collect();
+    say(&format!(
+        "kept in {}, generation {}: the lens at the panel's focus and {} dioptres from it",
+        kept.display(),
+        calibration.generation,
+        offsets.join(", "),
+    ));
+    Ok(())
+}
+
+fn counted(focuses: usize) -> String {
+    format!("{focuses} {}", if focuses == 1 { "focus" } else { "focuses" })
 }
 
 /// Chooses the operating point `wanted` by scenes shown on the rig, and keeps it beside the

@@ -6,7 +6,7 @@ use super::methods::Numbers;
 use super::parts::{
     CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
 };
-use super::simulation::Simulation;
+use super::simulation::{Lens, Simulation};
 use crate::deconvolution::method::hybrid;
 use crate::frame::{Mosaic, PhotoGrid, Rect, Size};
 
@@ -59,6 +59,22 @@ pub enum Kind {
 }
 
 impl RigFile {
+    /// The same rig with its focus ring turned until the panel is seen as a scene `offset` dioptres
+    /// nearer would be; the rig itself where a hand turns the ring, or the blur was measured.
+    #[must_use]
+    pub fn refocused(&self, offset: f32) -> RigFile {
+        let mut turned = self.clone();
+        if let Kind::Simulated(simulation) = &mut turned.kind
+            && let Lens::Prescription(lens, _) = &mut simulation.lens
+        {
+            let before = lens.focus_distance_mm.unwrap_or(lens.object_distance_mm);
+            // In front of infinity it ends.
+            let dioptres = (1000.0 / before - f64::from(offset)).max(1e-4);
+            lens.focus_distance_mm = Some(1000.0 / dioptres);
+        }
+        turned
+    }
+
     /// The photo's part of the sensor.
     pub fn photo_on_sensor(&self) -> Rect {
         Rect { x: self.camera.photo_x_px, y: self.camera.photo_y_px, size: self.photo.size() }

@@ -68,7 +68,7 @@ impl Pipeline {
         if !is_suspect(solved, &evidence) {
             return Ok(Outcome::of(solved, evidence));
         }
-        let as_measured = Arc::ptr_eq(&solved.lens, &self.model);
+        let as_measured = Arc::ptr_eq(&solved.lens, self.lens_of(photo));
         let made;
         let reference = match photo.reference.get() {
             Some(before) if as_measured => before,

@@ -6,6 +6,7 @@
 
 mod dot_test;
 mod evidence;
+mod focus;
 mod judge;
 mod learning;
 mod methods;
@@ -21,7 +22,7 @@ pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use outcome::{Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict};
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
-pub use stages::{Evidence, Prepared, Residuals, Solved};
+pub use stages::{Evidence, PhotoFocus, Prepared, Residuals, Solved};
 
 use std::sync::{Arc, OnceLock};
 
@@ -37,6 +38,7 @@ use crate::frame::{Channel, FULL_SCALE};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::exposure::Devices;
+use focus::Focuses;
 use learning::Learning;
 
 /// Everything that a calibrated rig needs to restore photos, made once and used for many.
@@ -47,6 +49,7 @@ pub struct Pipeline {
     norm_squared: [f32; 3],
     level_norms: [LevelNorms; 3],
     at_sites: OnceLock<SiteNorms>,
+    focuses: Focuses,
     capture_noise: [f32; 3],
     noise: [Noise; 3],
     site_noise: [Noise; 3],
@@ -84,6 +87,7 @@ impl Pipeline {
             norm_squared: norm_bound(calibration),
             level_norms: calibration.level_norms.clone(),
             at_sites: calibration.at_sites.clone().map_or_else(OnceLock::new, OnceLock::from),
+            focuses: Focuses::of(calibration),
             noise: calibration.noise,
             site_noise: site_noise(calibration),
             counts_per_level: calibration.counts_per_level,
@@ -133,6 +137,10 @@ impl Pipeline {
     /// Takes down what was learnt of the lens from `photo`, which was `solved`; the lens's
     /// functions once enough other photos have proved them better than the measured ones.
     pub fn learn(&mut self, photo: &Prepared<'_>, solved: &Solved) -> Option<LensFunctions> {
+        // What is learnt is the lens in the panel's focus.
+        if photo.focus.is_some() {
+            return None;
+        }
         let proved = self.learning.learn(photo.photo.plane(Channel::Green), &solved.solution.look);
         proved.map(|lens| lens.functions.clone())
     }

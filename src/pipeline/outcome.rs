@@ -96,11 +96,35 @@ impl Pipeline {
         let (mut outcome, solved) = if photo.is_blank() {
             (Outcome::untouched(photo.photo.as_ref().clone(), Rung::LeaveIt.reason()), None)
         } else {
-            let solved = self.solve(rig, photo, method, watch)?;
-            (self.judge(photo, &solved, watch)?, Some(solved))
+            let (outcome, solved) = self.restore_at_focus(rig, photo, method, watch)?;
+            (outcome, Some(solved))
         };
         outcome.seconds = (self.stopwatch)() - begun;
         Ok(Restoration { outcome, solved })
+    }
+
+    /// A `photo` that is not blank, restored at its own focus; at the panel's where it turns out
+    /// that no scene gives it at its own: its spectrum was none that scenes have.
+    fn restore_at_focus(
+        &self,
+        rig: &mut Devices,
+        photo: &Prepared<'_>,
+        method: &dyn Method,
+        watch: &mut Watch<'_>,
+    ) -> Result<(Outcome, Solved), MethodError> {
+        let solved = self.solve(rig, photo, method, watch)?;
+        let mut outcome = self.judge(photo, &solved, watch)?;
+        let Some(focus) = &photo.focus else { return Ok((outcome, solved)) };
+        if outcome.verdict != Verdict::Untouched {
+            outcome.notes.push(focus.told());
+            return Ok((outcome, solved));
+        }
+        let at_panel = photo.at_panel();
+        let mut again = self.solve(rig, &at_panel, method, watch)?;
+        again.captures += solved.captures;
+        again.capture_seconds += solved.capture_seconds;
+        let outcome = self.judge(&at_panel, &again, watch)?;
+        Ok((outcome, again))
     }
 }
 

@@ -8,6 +8,7 @@
 //! | raw sites divided by the sensor's pattern, bad ones marked | no lens made them differ |
 //! | placed on the canvas | light from outside the frame fell into it |
 //! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
+//! | focus found, where the lens was measured at several | the scene may be nearer or farther |
 //!
 //! The photo's own shading V stays: B = V·K(L) is K(V·L) as far as V is smooth, so V·L is what is
 //! solved, shown and delivered. The flats of the captures hold the panel's shading, too, and no
@@ -44,6 +45,10 @@ impl Pipeline {
     pub fn prepare<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
         let mut prepared = self.placed(photo, self.straightened(photo, None), channels);
         self.doubt(&mut prepared, SiteGains::reaches);
+        let noise = prepared.noise;
+        prepared.focus = self.focus_of(&prepared, &|c, light| {
+            noise[c.index()].max(self.noise[c.index()].sigma(light))
+        });
         prepared
     }
 
@@ -98,6 +103,7 @@ impl Pipeline {
             noise,
             coded,
             stated: None,
+            focus: None,
             reference,
         }
     }
@@ -175,12 +181,16 @@ impl Pipeline {
                     .for_each(|(_, trust)| *trust = MISSING);
             }
         }
-        let noise = Channel::ALL.map(|c| {
+        let noise_at = |c: Channel, light: f32| {
             // The sensor is the same, and the photo's white is not the calibration's.
             let levels = self.counts_per_level[c.index()] / raw.counts_per_level;
-            levels * self.site_noise[c.index()].sigma(median(photo.plane(c)) / levels)
-        });
-        Prepared { photo, trust, mosaic: Some(mosaic), noise, coded: false, ..prepared }
+            levels * self.site_noise[c.index()].sigma(light / levels)
+        };
+        let noise = Channel::ALL.map(|c| noise_at(c, median(photo.plane(c))));
+        let mosaic = Some(mosaic);
+        let mut prepared = Prepared { photo, trust, mosaic, noise, coded: false, ..prepared };
+        prepared.focus = self.focus_of(&prepared, &noise_at);
+        prepared
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use super::Pipeline;
-use super::stages::{Prepared, Solved};
+use super::stages::{PhotoFocus, Prepared, Solved};
 use crate::calibration::SiteNorms;
+use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{Method, MethodError, Problem, Watch};
@@ -25,7 +26,15 @@ impl Pipeline {
     ) -> Result<Solved, MethodError> {
         let mut path = self.light_path(rig).interruptible(self.interruption.as_deref());
         let (captures, seconds) = (path.captures(), path.seconds());
-        let solved = self.solve_by(&mut path, &self.model, photo, method, watch)?;
+        let solved = match &photo.focus {
+            None => self.solve_by(&mut path, &self.model, photo, method, watch)?,
+            Some(PhotoFocus { model, .. }) => {
+                let (inner, panel, photo_s) =
+                    (&mut path, Arc::clone(&self.model), Arc::clone(model));
+                let mut optics = OpticsAtFocus { inner, panel, photo: photo_s };
+                self.solve_by(&mut optics, model, photo, method, watch)?
+            }
+        };
         Ok(Solved {
             captures: path.captures() - captures,
             capture_seconds: path.seconds() - seconds,
@@ -43,13 +52,18 @@ impl Pipeline {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<Solved, MethodError> {
-        let (norm_squared, level_norms) = match photo.mosaic {
-            Some(_) => {
+        let (norm_squared, level_norms) = match (photo.mosaic, &photo.focus) {
+            (Some(_), focus) => {
+                let (model, at_sites) = match focus {
+                    Some(focus) => (&focus.model, &focus.at_sites),
+                    None => (&self.model, &self.at_sites),
+                };
                 let levels = self.level_norms[0].levels();
-                let of = self.at_sites.get_or_init(|| SiteNorms::of(&self.model, levels));
+                let of = at_sites.get_or_init(|| SiteNorms::of(model, levels));
                 (of.norm_squared, &of.level_norms)
             }
-            None => (self.norm_squared, &self.level_norms),
+            (None, Some(focus)) => (focus.norm_squared, &focus.level_norms),
+            (None, None) => (self.norm_squared, &self.level_norms),
         };
         let problem = Problem {
             photo: &photo.placed,
@@ -62,7 +76,7 @@ impl Pipeline {
             model: Some(lens),
             norm_squared,
             level_norms,
-            learnt: self.learning.lens(),
+            learnt: if photo.focus.is_none() { self.learning.lens() } else { None },
             photo_noise: photo.noise,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,

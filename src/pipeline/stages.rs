@@ -3,13 +3,16 @@
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
+use crate::calibration::SiteNorms;
 use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::{About, Solution};
 use crate::frame::{Channels, Frame, Mosaic, Rect, Work};
 
 /// A photo as the solver takes it.
+#[derive(Clone)]
 pub struct Prepared<'a> {
     /// The photo, photo-sized, linear light 0..255; as alike sites would have taken it, where it is
     /// raw and the sensor's pattern is known.
@@ -30,8 +33,48 @@ pub struct Prepared<'a> {
     pub coded: bool,
     /// What its file states of it, where it is a JPEG of this size.
     pub stated: Option<JpegTerm>,
+    /// The focus at which it was taken, where that is another than the panel's.
+    pub focus: Option<PhotoFocus>,
     /// The reference solution through the measured lens, made when it is first needed.
     pub(super) reference: OnceLock<Reference>,
+}
+
+/// The focus at which a photo was taken, where that is another than the panel's.
+#[derive(Clone)]
+pub struct PhotoFocus {
+    /// 1/distance of the scene − 1/distance of the panel, dioptres; positive is nearer.
+    pub offset: f32,
+    /// Whether it is as near or far as the lens was measured: the photo may lie beyond.
+    pub at_end: bool,
+    /// The lens there.
+    pub(super) model: Arc<LensModel>,
+    pub(super) norm_squared: [f32; 3],
+    pub(super) level_norms: [LevelNorms; 3],
+    pub(super) at_sites: OnceLock<SiteNorms>,
+}
+
+impl PhotoFocus {
+    /// What it means for the picture, for one who drops photos and picks results up.
+    pub fn told(&self) -> String {
+        let side = if self.offset > 0.0 { "nearer" } else { "farther" };
+        let beyond = match self.at_end {
+            true => ", the most that the lens was measured for; it may be more",
+            false => "",
+        };
+        format!(
+            "the scene was {side} than the panel, by {:.2} dioptres (1/m){beyond}: it was restored \
+             with the lens as measured for that focus, and its photograph was brought there by \
+             computing",
+            self.offset.abs()
+        )
+    }
+}
+
+impl Prepared<'_> {
+    /// The same photo as if it had been taken at the panel's focus.
+    pub(super) fn at_panel(&self) -> Self {
+        Prepared { focus: None, reference: OnceLock::new(), ..self.clone() }
+    }
 }
 
 /// What a method makes of a photo, not yet judged.
@@ -94,6 +137,7 @@ impl Evidence {
 }
 
 /// What a result is judged by.
+#[derive(Clone)]
 pub(super) struct Reference {
     pub(super) solved: Solved,
     pub(super) evidence: Evidence,

@@ -8,6 +8,7 @@
 //! | `baseline` | the pilot's reading that drift is counted from, on flash |
 
 mod baseline;
+pub mod focus;
 pub mod on_rig;
 pub mod operating_point;
 pub mod photo_file;

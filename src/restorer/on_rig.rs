@@ -52,8 +52,11 @@ pub fn measure(
 ) -> Result<Calibration, AnyFailure> {
     store::make_folder(slots).map_err(boxed)?;
     let previous = store::load(slots, config.identity).ok();
-    let measured =
+    let mut measured =
         calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;
+    if let Some(previous) = &previous {
+        measured = measured.with_focuses_of(previous);
+    }
     store::save(slots, &measured).map_err(boxed)?;
     let pipeline = Pipeline::new(config, &measured).map_err(boxed)?;
     let reading = read_pilot(config, devices, &pipeline)?;

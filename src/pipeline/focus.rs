@@ -1,0 +1,94 @@
+//! The focus at which a photo was taken, and the lens as it is there.
+
+use std::sync::{Arc, OnceLock};
+
+use super::stages::{PhotoFocus, Prepared};
+use super::{Pipeline, norm_bound};
+use crate::calibration::{Calibration, OtherFocus, SiteNorms};
+use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
+use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::level_norms::LevelNorms;
+use crate::frame::Channel;
+
+/// The lens as measured at several focus offsets, the panel's among them; nothing where it was
+/// measured at the panel's alone.
+pub(super) struct Focuses(Vec<OtherFocus>);
+
+impl Focuses {
+    pub(super) fn of(calibration: &Calibration) -> Focuses {
+        if calibration.focuses.is_empty() {
+            return Focuses(Vec::new());
+        }
+        let panel = OtherFocus {
+            offset: 0.0,
+            functions: calibration.functions.clone(),
+            norm_squared: calibration.norm_squared,
+            level_norms: calibration.level_norms.clone(),
+            at_sites: calibration.at_sites.clone(),
+        };
+        let mut all = calibration.focuses.clone();
+        all.push(panel);
+        all.sort_by(|a, b| a.offset.total_cmp(&b.offset));
+        // What the light says of ‖K‖² beyond the model it says of the lens in any focus.
+        let measured = calibration.norm_squared;
+        let bound = norm_bound(calibration);
+        for focus in &mut all {
+            for c in Channel::ALL.map(Channel::index) {
+                focus.norm_squared[c] *= bound[c] / measured[c].max(f32::MIN_POSITIVE);
+            }
+        }
+        Focuses(all)
+    }
+
+    fn series(&self) -> Option<FocusSeries<'_>> {
+        FocusSeries::new(self.0.iter().map(|focus| (focus.offset, &focus.functions)).collect())
+    }
+}
+
+impl Pipeline {
+    /// The measured lens in the focus of `photo`.
+    pub(super) fn lens_of<'a>(&'a self, photo: &'a Prepared<'_>) -> &'a Arc<LensModel> {
+        photo.focus.as_ref().map_or(&self.model, |focus| &focus.model)
+    }
+
+    /// The focus at which `photo` was taken, whose noise at a light is `noise`; `None` where it is
+    /// the panel's, or nothing says that it is another.
+    pub(super) fn focus_of(
+        &self,
+        photo: &Prepared<'_>,
+        noise: &(dyn Fn(Channel, f32) -> f32 + Sync),
+    ) -> Option<PhotoFocus> {
+        let series = self.focuses.series()?;
+        let found = series.find(&FocusData {
+            photo: &photo.placed,
+            trust: &photo.trust,
+            rect: photo.rect,
+            mosaic: photo.mosaic,
+            channels: photo.channels,
+            noise,
+        })?;
+        let FoundFocus { offset, between: (before, after), share, at_end } = found;
+        let (before, after) = (&self.focuses.0[before], &self.focuses.0[after]);
+        let functions = before.functions.between(&after.functions, share);
+        let rect = photo.rect;
+        let model = self.model.with_functions(rect.size, rect.x, &functions).ok()?;
+        // A norm is convex: between two lenses it is no more than the larger one's.
+        let larger = |a: &[f32; 3], b: &[f32; 3]| [0, 1, 2].map(|c| a[c].max(b[c]));
+        let larger_levels = |a: &[LevelNorms; 3], b: &[LevelNorms; 3]| {
+            Channel::ALL.map(|c| a[c.index()].or_larger(&b[c.index()]))
+        };
+        let at_sites =
+            before.at_sites.as_ref().zip(after.at_sites.as_ref()).map(|(a, b)| SiteNorms {
+                norm_squared: larger(&a.norm_squared, &b.norm_squared),
+                level_norms: larger_levels(&a.level_norms, &b.level_norms),
+            });
+        Some(PhotoFocus {
+            offset,
+            at_end,
+            model: Arc::new(model),
+            norm_squared: larger(&before.norm_squared, &after.norm_squared),
+            level_norms: larger_levels(&before.level_norms, &after.level_norms),
+            at_sites: at_sites.map_or_else(OnceLock::new, OnceLock::from),
+        })
+    }
+}
