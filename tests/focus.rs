@@ -216,7 +216,8 @@ fn a_photo_in_the_panel_s_focus_is_left_there() {
         let found = taken.photo.prepared(&pipeline, Channels::Colour).focus;
         let offset = found.map_or(0.0, |focus| focus.offset);
         println!("{}: {offset:+.4}", scene.name());
-        assert!(offset.abs() < 0.01, "{}: {offset}", scene.name());
+        // Half of what costs a photo anything: at 3.6 m, 0.028 dioptres, it is 0.006 SSIM.
+        assert!(offset.abs() < 0.014, "{}: {offset}", scene.name());
     }
 }
 
