@@ -45,7 +45,7 @@ pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;
 pub use noise::Noise;
-pub use other_focus::{FOCUSES_MAX, FocusError, OtherFocus, check_offset};
+pub use other_focus::{FocusError, OtherFocus};
 pub use response_pattern::ResponsePattern;
 pub use site_gains::SiteGains;
 pub use site_norms::SiteNorms;

@@ -10,7 +10,7 @@ use crate::deconvolution::level_norms::LevelNorms;
 use crate::remedy::{Remediable, Remedy};
 
 /// Focuses that a calibration keeps beside the panel's: some five on each side, and room for two.
-pub const FOCUSES_MAX: usize = 12;
+const FOCUSES_MAX: usize = 12;
 /// The largest offset, dioptres: a scene at a hand's width before a lens focused far away.
 const OFFSET_MAX: f32 = 10.0;
 /// Offsets that differ by less are the same, dioptres: a thousandth turns no ring.
@@ -83,7 +83,7 @@ impl Calibration {
         offset: f32,
         measured: &Calibration,
     ) -> Result<Calibration, FocusError> {
-        check_offset(offset)?;
+        self.check_offset(offset)?;
         let (found, allowed) = (&measured.functions, &self.functions);
         let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
         if grid(found) != grid(allowed) {
@@ -96,9 +96,6 @@ impl Calibration {
         }
         let mut after = self.clone();
         after.focuses.retain(|focus| (focus.offset - offset).abs() >= SAME_OFFSET);
-        if after.focuses.len() >= FOCUSES_MAX {
-            return Err(FocusError::TooMany);
-        }
         after.focuses.push(OtherFocus {
             offset,
             functions: found.clone(),
@@ -125,8 +122,21 @@ impl Calibration {
         self
     }
 
+    /// Whether another focus can be kept at `offset` dioptres from the panel's.
+    ///
+    /// # Errors
+    /// When the offset is none, or too many others are kept.
+    pub fn check_offset(&self, offset: f32) -> Result<(), FocusError> {
+        if !is_offset(offset) {
+            return Err(FocusError::Offset { found: offset });
+        }
+        let is_other = |focus: &&OtherFocus| (focus.offset - offset).abs() >= SAME_OFFSET;
+        let others = self.focuses.iter().filter(is_other).count();
+        (others < FOCUSES_MAX).then_some(()).ok_or(FocusError::TooMany)
+    }
+
     /// The lens at all focuses; `None` where it was measured at the panel's alone.
-    pub fn focus_series(&self) -> Option<FocusSeries<'_>> {
+    fn focus_series(&self) -> Option<FocusSeries<'_>> {
         let others = self.focuses.iter().map(|focus| (focus.offset, &focus.functions));
         FocusSeries::new(others.chain([(0.0, &self.functions)]).collect())
     }
@@ -140,7 +150,7 @@ impl Calibration {
             let OtherFocus { offset, functions, norm_squared, level_norms, at_sites } = focus;
             functions.check().map_err(|e| e.to_string())?;
             let positive = |norm: &f32| norm.is_finite() && *norm > 0.0;
-            let whole = check_offset(*offset).is_ok()
+            let whole = is_offset(*offset)
                 && norm_squared.iter().all(positive)
                 && level_norms.iter().all(LevelNorms::is_whole)
                 && at_sites.as_ref().is_none_or(SiteNorms::is_whole);
@@ -157,12 +167,8 @@ impl Calibration {
 }
 
 /// Whether `offset`, dioptres, can be another focus than the panel's.
-///
-/// # Errors
-/// [`FocusError::Offset`] when not.
-pub fn check_offset(offset: f32) -> Result<(), FocusError> {
-    let fits = (SAME_OFFSET..=OFFSET_MAX).contains(&offset.abs());
-    fits.then_some(()).ok_or(FocusError::Offset { found: offset })
+fn is_offset(offset: f32) -> bool {
+    (SAME_OFFSET..=OFFSET_MAX).contains(&offset.abs())
 }
 
 #[cfg(test)]

@@ -96,7 +96,8 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
 fn measure_focus(rig: &RigFile, kept: &Path, offset: f32) -> Result<(), CliError> {
     // Before the devices are opened: an offset that is none, and no calibration to keep it beside.
     focus::check(rig, kept, offset)?;
-    let mut devices = opening::devices(&rig.refocused(offset))?;
+    let turned = rig.refocused(offset).ok_or(CliError::PastInfinity(offset))?;
+    let mut devices = opening::devices(&turned)?;
     let calibration = focus::measure(rig, &mut devices, kept, offset, progress::calibrating);
     progress::clear();
     let calibration = calibration?;

@@ -29,6 +29,12 @@ pub(super) enum CliError {
     /// An exposure is asked of a camera that has one only.
     #[error("this camera's exposure cannot be set by program, allowed --exposure 1")]
     FixedExposure,
+    /// A simulated focus ring is to be turned past its end.
+    #[error(
+        "found a focus offset of {0} dioptres, allowed one that the rig's focus ring reaches: it \
+         ends at infinity"
+    )]
+    PastInfinity(f32),
     /// A file that is to be written is there already.
     #[error("{0} exists already, allowed a new name")]
     Taken(PathBuf),
@@ -89,6 +95,7 @@ impl CliError {
             | CliError::NoFilters(_)
             | CliError::NoScene(_)
             | CliError::FixedExposure
+            | CliError::PastInfinity(_)
             | CliError::Taken(_)
             | CliError::NoFolder(_)
             | CliError::Format(_)

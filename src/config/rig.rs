@@ -61,18 +61,20 @@ pub enum Kind {
 impl RigFile {
     /// The same rig with its focus ring turned until the panel is seen as a scene `offset` dioptres
     /// nearer would be; the rig itself where a hand turns the ring, or the blur was measured.
-    #[must_use]
-    pub fn refocused(&self, offset: f32) -> RigFile {
+    /// `None` where the ring ends: a simulated one at infinity.
+    pub fn refocused(&self, offset: f32) -> Option<RigFile> {
         let mut turned = self.clone();
         if let Kind::Simulated(simulation) = &mut turned.kind
             && let Lens::Prescription(lens, _) = &mut simulation.lens
         {
             let before = lens.focus_distance_mm.unwrap_or(lens.object_distance_mm);
-            // In front of infinity it ends.
-            let dioptres = (1000.0 / before - f64::from(offset)).max(1e-4);
+            let dioptres = 1000.0 / before - f64::from(offset);
+            if dioptres <= 0.0 {
+                return None;
+            }
             lens.focus_distance_mm = Some(1000.0 / dioptres);
         }
-        turned
+        Some(turned)
     }
 
     /// The photo's part of the sensor.

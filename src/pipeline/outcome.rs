@@ -123,6 +123,7 @@ impl Pipeline {
         let mut again = self.solve(rig, &at_panel, method, watch)?;
         again.captures += solved.captures;
         again.capture_seconds += solved.capture_seconds;
+        again.waited_seconds += solved.waited_seconds;
         let outcome = self.judge(&at_panel, &again, watch)?;
         Ok((outcome, again))
     }

@@ -29,9 +29,11 @@ impl Pipeline {
         let solved = match &photo.focus {
             None => self.solve_by(&mut path, &self.model, photo, method, watch)?,
             Some(PhotoFocus { model, .. }) => {
-                let (inner, panel, photo_s) =
-                    (&mut path, Arc::clone(&self.model), Arc::clone(model));
-                let mut optics = OpticsAtFocus { inner, panel, photo: photo_s };
+                let mut optics = OpticsAtFocus {
+                    inner: &mut path,
+                    panel: Arc::clone(&self.model),
+                    photo: Arc::clone(model),
+                };
                 self.solve_by(&mut optics, model, photo, method, watch)?
             }
         };

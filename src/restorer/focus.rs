@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::baseline;
-use crate::calibration::{Calibration, check_offset, store};
+use crate::calibration::{Calibration, store};
 use crate::config;
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::remedy::{AnyFailure, Remediable};
@@ -13,10 +13,9 @@ use crate::rig::exposure::Devices;
 /// in `slots`.
 ///
 /// # Errors
-/// When the offset is none, or nothing is there to keep it beside.
+/// When the offset is none, too many others are kept, or nothing is there to keep it beside.
 pub fn check(config: &config::RigFile, slots: &Path, offset: f32) -> Result<(), AnyFailure> {
-    check_offset(offset).map_err(boxed)?;
-    store::load(slots, config.identity).map(drop).map_err(boxed)
+    store::load(slots, config.identity).map_err(boxed)?.check_offset(offset).map_err(boxed)
 }
 
 /// Measures the lens of `devices`, which see the panel as a scene `offset` dioptres nearer would be
@@ -32,8 +31,8 @@ pub fn measure(
     offset: f32,
     calibrating: fn(CalibrationProgress),
 ) -> Result<Calibration, AnyFailure> {
-    check_offset(offset).map_err(boxed)?;
     let before = store::load(slots, config.identity).map_err(boxed)?;
+    before.check_offset(offset).map_err(boxed)?;
     let measured = calibrate(devices, config, None, &mut { calibrating }).map_err(boxed)?;
     let after = before.with_focus(offset, &measured).map_err(boxed)?;
     keep(slots, &before, &after)?;

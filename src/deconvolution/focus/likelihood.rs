@@ -11,8 +11,8 @@
 
 use super::spectra::{Frequencies, TileSpectrum};
 
-/// ν. Guess: with 0.7 offsets found on small.toml differ by 0.01 dioptres at the most, with
-/// infinity, Whittle's own, by 0.06.
+/// ν. Guess: with 0.7 offsets found on small.toml differ by 0.01 dioptres, and one of 24 is no
+/// longer believed; with infinity, Whittle's own, they differ by 0.06.
 const NU: f32 = 1.5;
 /// Rounds of Fisher's scoring at most.
 const ROUNDS: usize = 8;

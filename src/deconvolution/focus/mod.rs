@@ -26,8 +26,8 @@ use spectra::{TileSpectrum, Tiles, Transfers};
 /// Steps between two measured offsets that are tried around the likeliest.
 const STEPS: usize = 4;
 /// Another focus than the panel's is believed when the tiles are for it by so many standard errors
-/// of their mean. Photos on small.toml at the panel's focus have 0.7 to 2.1, those from 3.2 to
-/// 8 m 2.7 to 17 (`tests/tables/focus.md`).
+/// of their mean. On small.toml photographs at the panel's focus have 0.7 to 2.1, and all
+/// photos from 3.2 to 8 m 2.7 to 17.
 const STANDARD_ERRORS: f64 = 2.5;
 /// Tiles that are asked at least; fewer know no standard error.
 const TILES_MIN: usize = 8;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::deconvolution::computed_optics::ComputedOptics;
-use crate::deconvolution::data_term::TRUSTED;
+use crate::deconvolution::data_term::{SATURATED, TRUSTED};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channels, Frame, Mosaic, Plane, Rect, Size, Work};
@@ -73,12 +73,20 @@ fn members() -> Vec<(f32, LensFunctions)> {
     (-4i8..=4).map(|n| 0.02 * f32::from(n)).map(|offset| (offset, bells(offset))).collect()
 }
 
-fn found(photo: &Frame<Work>, mosaic: Option<Mosaic>, channels: Channels) -> Option<FoundFocus> {
-    let trust: Frame<Work, u8> = Frame::filled(SIZE, TRUSTED);
-    let members = members();
+/// The focus of a photo by a series of `members`.
+fn found_by(
+    members: &[(f32, LensFunctions)],
+    photo: &Frame<Work>,
+    trust: &Frame<Work, u8>,
+    mosaic: Option<Mosaic>,
+) -> Option<FoundFocus> {
     let series = FocusSeries::new(members.iter().map(|(o, f)| (*o, f)).collect()).unwrap();
-    let rect = Rect { x: 0, y: 0, size: SIZE };
-    series.find(&FocusData { photo, trust: &trust, rect, mosaic, channels, noise: &|_, _| NOISE })
+    let (rect, channels) = (Rect { x: 0, y: 0, size: SIZE }, Channels::Colour);
+    series.find(&FocusData { photo, trust, rect, mosaic, channels, noise: &|_, _| NOISE })
+}
+
+fn found(photo: &Frame<Work>) -> Option<FoundFocus> {
+    found_by(&members(), photo, &Frame::filled(SIZE, TRUSTED), None)
 }
 
 #[test]
@@ -86,12 +94,12 @@ fn a_photo_tells_its_focus_and_the_side_by_its_colours() {
     let scene = scene(3);
     for offset in [-0.07, -0.04, 0.03, 0.06] {
         let photo = photo(&scene, offset, 5);
-        let found = found(&photo, None, Channels::Colour).expect("far out of focus");
+        let found = found(&photo).expect("far out of focus");
         assert!((found.offset - offset).abs() < 0.012, "{offset}: {found:?}");
         let (before, after) = found.between;
         assert!(after == before + 1 && (0.0..=1.0).contains(&found.share) && !found.at_end);
     }
-    let sharp = found(&photo(&scene, 0.0, 5), None, Channels::Colour);
+    let sharp = found(&photo(&scene, 0.0, 5));
     assert!(sharp.is_none_or(|found| found.offset.abs() < 0.012), "{sharp:?}");
 }
 
@@ -111,16 +119,7 @@ fn raw_sites_tell_it_too_and_between_them_nothing_is_looked_at() {
         // Only the mean of a tile may know of them, and it is taken of known sites.
         let trust: Frame<Work, u8> =
             Frame::from_fn(|c| Plane::from_fn(SIZE, |x, y| u8::from(mosaic.colour_at(x, y) == c)));
-        let members = members();
-        let series = FocusSeries::new(members.iter().map(|(o, f)| (*o, f)).collect()).unwrap();
-        let found = series.find(&FocusData {
-            photo: &photo,
-            trust: &trust,
-            rect: Rect { x: 0, y: 0, size: SIZE },
-            mosaic: Some(mosaic),
-            channels: Channels::Colour,
-            noise: &|_, _| NOISE,
-        });
+        let found = found_by(&members(), &photo, &trust, Some(mosaic));
         let found = found.expect("far out of focus");
         assert!((found.offset - offset).abs() < 0.015, "{offset}: {found:?}");
     }
@@ -129,25 +128,15 @@ fn raw_sites_tell_it_too_and_between_them_nothing_is_looked_at() {
 #[test]
 fn noise_and_a_photo_that_is_full_say_nothing() {
     let noise = photo(&Frame::filled(SIZE, 100.0), 0.0, 7);
-    assert_eq!(found(&noise, None, Channels::Colour), None);
+    assert_eq!(found(&noise), None);
     let photo = photo(&scene(5), 0.07, 8);
-    let trust: Frame<Work, u8> = Frame::filled(SIZE, crate::deconvolution::data_term::SATURATED);
-    let members = [0.0, 0.08].map(|offset| (offset, bells(offset)));
-    let series = FocusSeries::new(members.iter().map(|(o, f)| (*o, f)).collect()).unwrap();
-    let full = series.find(&FocusData {
-        photo: &photo,
-        trust: &trust,
-        rect: Rect { x: 0, y: 0, size: SIZE },
-        mosaic: None,
-        channels: Channels::Colour,
-        noise: &|_, _| NOISE,
-    });
-    assert_eq!(full, None);
+    let trust: Frame<Work, u8> = Frame::filled(SIZE, SATURATED);
+    assert_eq!(found_by(&members(), &photo, &trust, None), None);
 }
 
 #[test]
 fn beyond_the_last_focus_it_is_the_last_and_says_so() {
-    let found = found(&photo(&scene(9), 0.1, 9), None, Channels::Colour).expect("far out");
+    let found = found(&photo(&scene(9), 0.1, 9)).expect("far out");
     assert!(found.at_end && (found.offset - 0.08).abs() < 1e-6, "{found:?}");
     assert_eq!((found.between, found.share), ((8, 8), 0.0));
 }
