@@ -234,6 +234,29 @@ fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
 }
 
 #[test]
+fn a_panel_that_moves_and_flickers_is_no_noise() {
+    let calm = departed(&[]);
+    let unrest: Departure = |to, from| to.unrest = from.unrest;
+    let noise = |rig: &config::RigFile| {
+        let mut devices = simulated::open(rig).unwrap().0;
+        calibrate(&mut devices, rig, None, &mut |_| {}).unwrap().noise
+    };
+    for departures in [&[unrest][..], &[DEPARTURES[0].1, unrest]] {
+        for (calm, found) in noise(&calm).into_iter().zip(noise(&departed(departures))) {
+            let levels = [20.0, 128.0, 230.0];
+            println!(
+                "{:.3?}, calm {:.3?}",
+                levels.map(|v| found.sigma(v)),
+                levels.map(|v| calm.sigma(v))
+            );
+            for light in levels {
+                assert!((found.sigma(light) / calm.sigma(light) - 1.0).abs() < 0.15, "{light}");
+            }
+        }
+    }
+}
+
+#[test]
 fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
     let [mosaic, pattern] = [DEPARTURES[0].1, DEPARTURES[6].1];

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::frame::Plane;
+use crate::frame::{Plane, Rect};
 
 /// Variance = `at_black` + `per_level` · light: read noise and shot noise of one channel of one
 /// capture, in light (0..255), as an average over the field.
@@ -22,19 +22,36 @@ impl Noise {
 }
 
 /// The noise of two captures of the same picture (`first`, `second`: light, mixing undone), from
-/// pixels with `trusted` = 1, by a line through the variance in 32 bins of light. `None` without
-/// enough pixels.
-pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>) -> Option<Noise> {
+/// pixels with `trusted` = 1 in places where the picture is `flat`, by a line through the variance
+/// in 32 bins of light. `None` without enough pixels.
+///
+/// A panel that wanders changes what is seen of an edge, and one that flickers all of a place
+/// alike: neither is noise. So only flat places are looked at, and what changes a place as a whole
+/// is taken out.
+pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>, flat: &[Rect]) -> Option<Noise> {
     const BINS: usize = 32;
     let mut bins = [(0.0f64, 0.0f64, 0.0f64); BINS];
-    for ((&a, &b), &good) in first.data().iter().zip(second.data()).zip(trusted.data()) {
-        let light = f64::from(a + b) / 2.0;
-        if good == 0 || !(-32.0..288.0).contains(&light) {
+    for place in flat {
+        let mut pairs = Vec::with_capacity(place.size.area());
+        for y in (place.y..place.y + place.size.height).filter(|&y| y < first.height()) {
+            for x in (place.x..place.x + place.size.width).filter(|&x| x < first.width()) {
+                let (a, b) = (f64::from(first.at(x, y)), f64::from(second.at(x, y)));
+                if trusted.at(x, y) != 0 && (-32.0..288.0).contains(&((a + b) / 2.0)) {
+                    pairs.push(((a + b) / 2.0, a - b));
+                }
+            }
+        }
+        if pairs.len() < 2 {
             continue;
         }
-        let bin = &mut bins[((light + 32.0) / 320.0 * BINS as f64) as usize % BINS];
-        let difference = f64::from(a - b);
-        *bin = (bin.0 + 1.0, bin.1 + light, bin.2 + difference * difference / 2.0);
+        let count = pairs.len() as f64;
+        let light = pairs.iter().map(|(light, _)| light).sum::<f64>();
+        let mean = pairs.iter().map(|(_, difference)| difference).sum::<f64>() / count;
+        let squares = pairs.iter().map(|(_, difference)| (difference - mean).powi(2)).sum::<f64>();
+        let bin = &mut bins[((light / count + 32.0) / 320.0 * BINS as f64) as usize % BINS];
+        // Of so many squares one went with the mean.
+        let variance = squares / (2.0 * (count - 1.0));
+        *bin = (bin.0 + count, bin.1 + light, bin.2 + count * variance);
     }
     // Weighted line: the variance of a variance from n pixels is 2·variance²/n.
     let (mut n, mut sx, mut sy, mut sxx, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -68,20 +85,33 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
-    #[test]
-    fn read_and_shot_noise_are_told_apart() {
+    /// Two captures of columns of light, the second brighter by a share and moved by half a pixel,
+    /// with known noise; and the places between the steps from column to column.
+    fn captures(brighter: f32, moved: bool) -> ([Plane; 2], Vec<Rect>) {
         let size = Size::new(256, 256);
         let mut random = Xoshiro256PlusPlus::seed_from_u64(11);
-        let mut capture = || {
+        let mut capture = |times: f32, moved: bool| {
             Plane::from_fn(size, |x, _| {
                 let bell: f32 = StandardNormal.sample(&mut random);
-                x as f32 + (0.3 + 0.006 * x as f32).sqrt() * bell
+                let step = |x: usize| (x / 16 * 16) as f32;
+                let to = if moved { 0.5 * (step(x) + step(x + 1)) } else { step(x) };
+                times * to + (0.3 + 0.006 * to).sqrt() * bell
             })
         };
-        let (first, second) = (capture(), capture());
-        let noise = fit(&first, &second, &Plane::filled(size, 1)).unwrap();
-        assert!((noise.at_black - 0.3).abs() < 0.03, "{noise:?}");
-        assert!((noise.per_level - 0.006).abs() < 0.0004, "{noise:?}");
-        assert!(fit(&first, &second, &Plane::filled(size, 0)).is_none());
+        let pair = [capture(1.0, false), capture(1.0 + brighter, moved)];
+        let places = (0..16).flat_map(|column| (0..16).map(move |row| (16 * column, 16 * row)));
+        let place = |(x, y)| Rect { x: x + 2, y, size: Size::new(12, 16) };
+        (pair, places.map(place).collect())
+    }
+
+    #[test]
+    fn read_and_shot_noise_are_told_apart() {
+        for (brighter, moved) in [(0.0, false), (0.006, true)] {
+            let ([first, second], flat) = captures(brighter, moved);
+            let noise = fit(&first, &second, &Plane::filled(first.size(), 1), &flat).unwrap();
+            assert!((noise.at_black - 0.3).abs() < 0.03, "{noise:?}");
+            assert!((noise.per_level - 0.006).abs() < 0.0004, "{noise:?}");
+            assert!(fit(&first, &second, &Plane::filled(first.size(), 0), &flat).is_none());
+        }
     }
 }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::board::{self, Board};
 use super::session::{Session, difference, rim_px};
-use super::{CalibrateError, judge};
+use super::{CalibrateError, judge, photometric};
 use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurError, Shot};
 use crate::calibration::{Calibration, Corrected, Correction, dark_corner, noise};
 use crate::config;
@@ -354,11 +354,13 @@ fn check(
     let model =
         calibration.lens_model().map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
     // Noise, of one capture: the same gradation twice.
-    let codes = super::photometric::gradation(session, calibration, 99).grey();
+    let gradation = photometric::wide_gradation(session, calibration);
+    let codes = gradation.grey();
     let pair = [correction.see(&session.raw(&codes)?), correction.see(&session.raw(&codes)?)];
     for c in Channel::ALL {
-        let found =
-            noise::fit(pair[0].light.plane(c), pair[1].light.plane(c), pair[0].trusted.plane(c));
+        let flat = photometric::flat_places(session, calibration, c, &gradation);
+        let [first, second] = pair.each_ref().map(|seen| seen.light.plane(c));
+        let found = noise::fit(first, second, pair[0].trusted.plane(c), &flat);
         let refuse = || CalibrateError::Response {
             channel: c.name(),
             found: "no noise can be told".to_owned(),

@@ -5,8 +5,8 @@ use super::session::{Session, difference, rim_px, smooth};
 use crate::calibration::cross_channel::{self, BlockReading};
 use crate::calibration::{Calibration, CrossChannel, Layout, dark_corner as surfaces, response};
 use crate::config;
-use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace};
-use crate::patterns::{self, Gradation};
+use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Size};
+use crate::patterns::{self, Gradation, GradationBlock};
 
 /// Gradations shown in each channel, each shuffled anew (guess; measured, see
 /// tests/tables/README.md).
@@ -79,12 +79,34 @@ pub(super) fn cross_channel(
     Ok(())
 }
 
-/// A gradation whose blocks are half again as wide as a lens function, seen on the sensor.
-pub(super) fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {
+/// Width of a gradation's blocks, in widths of a lens function seen on the sensor, and how far
+/// about their centres they are read: no light of other blocks but glare falls there.
+const SUPPORTS_WIDE: f64 = 1.5;
+const SUPPORTS_READ: f64 = 0.25;
+/// The same for noise, where a panel that moves by a little must not be seen either.
+const SUPPORTS_APART: f64 = 3.0;
+const SUPPORTS_FLAT: f64 = 0.5;
+
+/// A gradation to be read.
+fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {
+    gradation_of(session, calibration, SUPPORTS_WIDE, seed)
+}
+
+/// A gradation to measure noise by; see [`flat_places`].
+pub(super) fn wide_gradation(session: &Session<'_>, calibration: &Calibration) -> Gradation {
+    gradation_of(session, calibration, SUPPORTS_APART, 99)
+}
+
+fn gradation_of(
+    session: &Session<'_>,
+    calibration: &Calibration,
+    supports: f64,
+    seed: u64,
+) -> Gradation {
     let map = &calibration.geometry[1].work_to_panel;
     let (a, b) = (map.at(0.0, 0.0), map.at(1.0, 0.0));
     let panel_px_per_work_px = (b.0 - a.0).hypot(b.1 - a.1);
-    let wide = 1.5 * session.config.calibration.function_support_px as f64 * panel_px_per_work_px;
+    let wide = supports * support_px(session) * panel_px_per_work_px;
     Gradation::new(
         session.layout.panel,
         wide.ceil() as usize,
@@ -102,32 +124,60 @@ fn read(
     over: &Frame<SensorSpace>,
 ) -> Vec<BlockReading> {
     let layout = &session.layout;
-    let domain = layout.domain();
-    let map = &calibration.geometry[channel.index()].panel_to_work;
     let dark = &calibration.dark_corner[channel.index()];
-    let reach = (session.config.calibration.function_support_px as f64 / 4.0).floor();
-    gradation
-        .blocks()
-        .filter_map(|block| {
-            let (x, y) = map.at(block.centre.0, block.centre.1);
-            let inside = x - reach >= domain.left
-                && x + reach <= domain.right
-                && y - reach >= domain.top
-                && y + reach <= domain.bottom;
-            let sensor = (x + layout.photo_x_px as f64, y + layout.photo_y_px as f64);
-            let share = dark.at(x, y);
-            let (u, v) = (
-                2.0 * x / layout.photo.width as f64 - 1.0,
-                2.0 * y / layout.photo.height as f64 - 1.0,
-            );
-            inside.then(|| BlockReading {
-                code: block.code,
-                around: block.around.clone(),
-                field: (u * u + v * v) / 2.0,
-                counts: [0, 1, 2].map(|k| mean(&over.planes()[k], sensor, reach) / share),
-            })
-        })
-        .collect()
+    let reach = (SUPPORTS_READ * support_px(session)).floor();
+    let of = |(block, (x, y)): (GradationBlock, (f64, f64))| {
+        let sensor = (x + layout.photo_x_px as f64, y + layout.photo_y_px as f64);
+        let share = dark.at(x, y);
+        let (u, v) =
+            (2.0 * x / layout.photo.width as f64 - 1.0, 2.0 * y / layout.photo.height as f64 - 1.0);
+        BlockReading {
+            code: block.code,
+            around: block.around,
+            field: (u * u + v * v) / 2.0,
+            counts: [0, 1, 2].map(|k| mean(&over.planes()[k], sensor, reach) / share),
+        }
+    };
+    middles(session, calibration, channel, gradation, reach).map(of).collect()
+}
+
+/// Blocks whose middles lie on the canvas, and the places of their centres, photo pixels.
+fn middles<'a>(
+    session: &Session<'_>,
+    calibration: &'a Calibration,
+    channel: Channel,
+    gradation: &'a Gradation,
+    reach: f64,
+) -> impl Iterator<Item = (GradationBlock, (f64, f64))> + use<'a> {
+    let domain = session.layout.domain();
+    let map = &calibration.geometry[channel.index()].panel_to_work;
+    gradation.blocks().filter_map(move |block| {
+        let (x, y) = map.at(block.centre.0, block.centre.1);
+        let inside = x - reach >= domain.left
+            && x + reach <= domain.right
+            && y - reach >= domain.top
+            && y + reach <= domain.bottom;
+        inside.then_some((block, (x, y)))
+    })
+}
+
+/// Where `channel` of the canvas sees the middles of a wide gradation's blocks.
+pub(super) fn flat_places(
+    session: &Session<'_>,
+    calibration: &Calibration,
+    channel: Channel,
+    gradation: &Gradation,
+) -> Vec<Rect> {
+    let reach = (SUPPORTS_FLAT * support_px(session)).floor().max(1.0);
+    let margin = session.layout.margin_px as f64;
+    let first = |at: f64| (at + margin - reach).round().max(0.0) as usize;
+    let side = 2 * reach as usize + 1;
+    let of = |(_, (x, y))| Rect { x: first(x), y: first(y), size: Size::new(side, side) };
+    middles(session, calibration, channel, gradation, reach).map(of).collect()
+}
+
+fn support_px(session: &Session<'_>) -> f64 {
+    session.config.calibration.function_support_px as f64
 }
 
 /// Mean of `plane` within `reach` of a place.
