@@ -19,6 +19,7 @@ mod press;
 mod progress;
 mod restore;
 mod run;
+mod scene;
 mod screens;
 mod service;
 mod shoot;

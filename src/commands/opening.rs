@@ -28,7 +28,7 @@ pub(super) fn restorer(
     folder: &Path,
     method: Option<MethodName>,
     interrupted: Option<Interruption>,
-    open: fn(&RigFile) -> Result<Devices, CliError>,
+    open: impl FnOnce(&RigFile) -> Result<Devices, CliError>,
 ) -> Result<Box<dyn Restorer>, CliError> {
     let mut devices = open(rig)?;
     let kept = calibration_folder(folder);

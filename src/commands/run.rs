@@ -1,20 +1,22 @@
 //! `relens run`: the daemon over a drop folder.
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-use clap::Args;
+use clap::{Args, ValueHint};
 use relens::config::{self, ClockSource, Mode, RigFile};
 use relens::daemon::service::Supervised;
 use relens::daemon::{
     Attended, Daemon, DaemonSetting, Doing, Folders, Nightly, Reader, Restorer, Schedule, State,
     Summary, Times, interruption, write_report,
 };
+use relens::frame::{Frame, Work};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
 use relens::picture::worker::Worker;
+use relens::pipeline::Interruption;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment};
 
@@ -24,7 +26,7 @@ use super::options::{FolderOption, RigOption};
 use super::output::say;
 use super::progress::PhotoProgress;
 use super::service::service_manager;
-use super::{opening, signals};
+use super::{opening, scene, signals};
 
 /// Seconds between two attempts to open a rig that cannot be opened.
 const OPEN_AGAIN_S: f64 = 30.0;
@@ -46,7 +48,8 @@ const OPEN_AGAIN_S: f64 = 30.0;
 Examples:
   relens run --rig RIG.toml --folder DIR           until it is stopped
   relens run --rig RIG.toml --folder DIR --once
-  relens run --rig RIG.toml --folder /mnt/photos --box left")]
+  relens run --rig RIG.toml --folder /mnt/photos --box left
+  relens run --rig truthful.toml --folder DIR --scene sharp.png")]
 pub(super) struct RunOptions {
     #[command(flatten)]
     rig: RigOption,
@@ -61,11 +64,23 @@ pub(super) struct RunOptions {
     /// are in DIR/box-NAME; give that folder to `calibrate`, `check` and `status`.
     #[arg(long = "box", value_name = "NAME")]
     share_as: Option<OsString>,
+    /// Take photos of PICTURE with a simulated rig, at each `relens press`
+    ///
+    /// As a rig of devices does with `[run] mode = "shoot"`. The scene is before the lens for the
+    /// photo; the panel comes in its place some seconds after the box has asked for it.
+    #[arg(
+        long,
+        value_name = "PICTURE",
+        value_hint = ValueHint::FilePath,
+        conflicts_with = "once"
+    )]
+    scene: Option<PathBuf>,
 }
 
 /// Watches the inbox, or empties it once; alone, or as one box of several.
 pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
-    let rig = config::load(&options.rig.rig)?;
+    let mut rig = config::load(&options.rig.rig)?;
+    let scene = scene_of(&mut rig, options)?;
     let folder = &options.folder.folder;
     let folders = match &options.share_as {
         None => Folders::open(folder)?,
@@ -93,7 +108,18 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
         temperature_c: &temperature_c,
     };
     let mut night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
-    let Some(mut restorer) = open_patiently(&rig, &folders, &front, &stopped, night.as_mut())?
+    let mut open = |asked| match &scene {
+        Some(scene) => scene::restorer_before(scene, &rig, &folders.home(), asked),
+        None => {
+            let devices = match rig.run.mode {
+                Mode::Shoot => opening::devices_without_panel,
+                Mode::Folder | Mode::Button => opening::devices,
+            };
+            opening::restorer(&rig, &folders.home(), None, Some(asked), devices)
+        }
+    };
+    let Some(mut restorer) =
+        open_patiently(&rig, &folders, &front, &stopped, night.as_mut(), &mut open)?
     else {
         service_manager().stopping();
         return Ok(());
@@ -127,7 +153,22 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The restorer of `rig`, tried until it can be had; `None` when it was stopped before. What is
+/// What a simulated `rig` photographs, which makes it one that takes photos.
+fn scene_of(rig: &mut RigFile, options: &RunOptions) -> Result<Option<Frame<Work>>, CliError> {
+    match (&options.scene, rig.simulation()) {
+        (Some(_), None) => Err(CliError::NotSimulated(rig.name.clone())),
+        (Some(path), Some(_)) => {
+            rig.run.mode = Mode::Shoot;
+            scene::read(rig, path).map(Some)
+        }
+        (None, Some(_)) if rig.run.mode == Mode::Shoot && !options.once => {
+            Err(CliError::NoScene(rig.name.clone()))
+        }
+        (None, _) => Ok(None),
+    }
+}
+
+/// The restorer of `rig`, tried until `open` has it; `None` when it was stopped before. What is
 /// wrong is said by lamps, log, state file and service manager, and by the panel if at least that
 /// can be had.
 fn open_patiently(
@@ -136,16 +177,13 @@ fn open_patiently(
     front: &FrontPanel,
     stopped: &Arc<AtomicBool>,
     mut night: Option<&mut Nightly<'_>>,
+    open: &mut dyn FnMut(Interruption) -> Result<Box<dyn Restorer>, CliError>,
 ) -> Result<Option<Box<dyn Restorer>>, CliError> {
     let mut told = (String::new(), Vec::new());
     loop {
         let asked = interruption(front.clone(), Arc::clone(stopped));
         service_manager().status("opening the rig");
-        let open = match rig.run.mode {
-            Mode::Shoot => opening::devices_without_panel,
-            Mode::Folder | Mode::Button => opening::devices,
-        };
-        let trouble = match opening::restorer(rig, &folders.home(), None, Some(asked), open) {
+        let trouble = match open(asked) {
             Ok(restorer) => return Ok(Some(restorer)),
             Err(trouble) => trouble,
         };

@@ -5,10 +5,8 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint, value_parser};
 use relens::calibration::store;
-use relens::chart::scenes::cut;
 use relens::config::{self, RigFile};
 use relens::frame::Mosaic;
-use relens::picture::{Limits, Photo};
 use relens::restorer::on_rig::{black_of, neutral_of};
 use relens::restorer::photo_file::{PROPOSED, developed, raw_file};
 use relens::rig;
@@ -18,9 +16,9 @@ use relens::rig::simulated;
 
 use super::error::CliError;
 use super::new_file::{format_of, must_be_new, write_new};
-use super::opening;
 use super::options::{FolderOption, RigOption};
 use super::output::say;
+use super::{opening, scene};
 
 /// Take a photo with the rig's own camera
 ///
@@ -119,10 +117,9 @@ fn before_the_scene(
 ) -> Result<(Devices, f64, Option<[f64; 3]>), CliError> {
     match (file.simulation(), &options.scene) {
         (Some(simulation), Some(scene)) => {
-            let curve = file.photo.curve;
-            let sharp = Photo::read(scene, curve, &Limits::default()).map_err(CliError::of)?;
+            let scene = scene::read(file, scene)?;
             let (devices, witness) = simulated::open(file).map_err(CliError::of)?;
-            witness.put_before_lens(Some(&cut(&sharp.in_colour(), file.photo_grid().sensor)));
+            witness.put_before_lens(Some(&scene));
             Ok((devices, simulation.sensor.black_level_counts, None))
         }
         (Some(_), None) => Err(CliError::NoScene(file.name.clone())),

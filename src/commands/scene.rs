@@ -1,0 +1,119 @@
+//! What a simulated rig has before its lens: a scene for its photos, and its panel when it asks for
+//! that.
+
+use std::path::Path;
+
+use relens::chart::scenes::cut;
+use relens::config::RigFile;
+use relens::daemon::{Progress, Restorer};
+use relens::frame::{Frame, Work};
+use relens::kiosk::screen::Screen;
+use relens::nights::pilot::Drift;
+use relens::picture::{Limits, Photo};
+use relens::pipeline::{Interruption, Outcome};
+use relens::remedy::{AnyFailure, Remedy};
+use relens::restorer::PanelView;
+use relens::restorer::photo_file::TakenPhoto;
+use relens::rig::frame_mark::MarkPlace;
+use relens::rig::simulated::{self, Witness};
+
+use super::error::CliError;
+use super::opening;
+
+/// The picture at `path` as the sensor of `rig` would see it through a perfect lens.
+///
+/// # Errors
+/// When it cannot be read.
+pub(super) fn read(rig: &RigFile, path: &Path) -> Result<Frame<Work>, CliError> {
+    let sharp = Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
+    Ok(cut(&sharp.in_colour(), rig.photo_grid().sensor))
+}
+
+/// The restorer of the simulated `rig`, as [`opening::restorer`] makes it, whose photos are of
+/// `scene`.
+///
+/// # Errors
+/// As [`opening::restorer`].
+pub(super) fn restorer_before(
+    scene: &Frame<Work>,
+    rig: &RigFile,
+    folder: &Path,
+    interrupted: Interruption,
+) -> Result<Box<dyn Restorer>, CliError> {
+    let mut seen_through = None;
+    let open = |rig: &RigFile| {
+        let (mut devices, witness) = simulated::open(rig).map_err(CliError::of)?;
+        if let Some(place) = MarkPlace::of(rig) {
+            devices.find_marks(place).map_err(CliError::of)?;
+        }
+        seen_through = Some(witness);
+        Ok(devices)
+    };
+    let inner = opening::restorer(rig, folder, None, Some(interrupted), open)?;
+    let scene = scene.clone();
+    Ok(match seen_through {
+        Some(witness) => Box::new(SceneThenPanel { inner, witness, scene, looked: false }),
+        None => inner,
+    })
+}
+
+/// A rig whose owner takes the panel away for a photo, and brings it when it was looked for in
+/// vain.
+struct SceneThenPanel {
+    inner: Box<dyn Restorer>,
+    witness: Witness,
+    scene: Frame<Work>,
+    /// The panel was looked for since the last photo.
+    looked: bool,
+}
+
+impl SceneThenPanel {
+    fn bring_panel(&self) {
+        self.witness.put_before_lens(None);
+    }
+
+    fn aim(&self) {
+        self.witness.put_before_lens(Some(&self.scene));
+    }
+}
+
+impl Restorer for SceneThenPanel {
+    fn restore(
+        &mut self,
+        photo: &Photo,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, AnyFailure> {
+        self.inner.restore(photo, progress)
+    }
+
+    fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
+        if remedy == Remedy::Recalibrate {
+            self.bring_panel();
+        }
+        self.inner.mend(remedy)
+    }
+
+    fn show(&mut self, screen: &Screen) {
+        self.inner.show(screen);
+    }
+
+    fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
+        self.aim();
+        self.looked = false;
+        self.inner.take()
+    }
+
+    fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
+        if std::mem::replace(&mut self.looked, true) {
+            log::info!("the simulated panel is put before the lens");
+            self.bring_panel();
+        } else {
+            self.aim();
+        }
+        self.inner.look_for_panel()
+    }
+
+    fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
+        self.inner.pilot()
+    }
+}

@@ -1,0 +1,83 @@
+//! The built program on a simulated rig that takes its own photos: the journey of a box for those
+//! who have none.
+
+// The functions below stop the test as it does itself.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+
+fn relens(words: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
+    command.args(words).current_dir(folder).stderr(Stdio::piped());
+    command
+}
+
+/// Waits until `is` it; what is waited for.
+fn wait_for(what: &str, is: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !is() {
+        assert!(begun.elapsed() < Duration::from_secs(90), "{what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+/// Asks `child` to end; what it said.
+fn stopped(child: Child) -> String {
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    let Output { status, stderr, .. } = child.wait_with_output().unwrap();
+    assert!(status.success());
+    String::from_utf8_lossy(&stderr).into_owned()
+}
+
+/// The names in `folder` that end with `ending`.
+fn names(folder: &Path, ending: &str) -> Vec<String> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = files.map(|file| file.file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.ends_with(ending)).collect()
+}
+
+#[test]
+fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_come() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rig = include_str!("../rig-config/small.toml");
+    let filtered = rig.replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n");
+    std::fs::write(folder.join("filtered.toml"), filtered).unwrap();
+    let run = ["run", "--rig", "filtered.toml", "--scene", SCENE];
+    let child = relens(&run, folder).spawn().unwrap();
+    wait_for("it starts", || folder.join("outbox/index.html").exists());
+    assert!(relens(&["press"], folder).status().unwrap().success());
+    wait_for("a photo is taken", || !names(&folder.join("inbox"), ".dng").is_empty());
+    wait_for("it is restored", || !names(&folder.join("done"), ".dng").is_empty());
+    let said = stopped(child);
+    let place = |words| said.find(words).unwrap_or_else(|| panic!("no `{words}` in {said}"));
+    let asked = place("photos wait for the panel: The photo is kept");
+    assert!(place("taken") < asked && asked < place("is put before the lens"), "{said}");
+    assert!(place("restored (") > asked, "{said}");
+}
+
+#[test]
+fn a_scene_is_for_simulated_rigs_and_such_a_rig_needs_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let shooting = concat!(include_str!("../rig-config/small.toml"), "\n[run]\nmode = \"shoot\"\n");
+    std::fs::write(folder.join("shooting.toml"), shooting).unwrap();
+    let devices = concat!(env!("CARGO_MANIFEST_DIR"), "/rig-config/raspberry-pi-5.toml");
+    for (words, wanted) in [
+        (&["--rig", devices, "--scene", SCENE][..], "devices"),
+        (&["--rig", "shooting.toml"], "allowed --scene PICTURE"),
+        (&["--rig", "small.toml", "--scene", "no-such.png"], "no-such.png"),
+        (&["--rig", "small.toml", "--scene", SCENE, "--once"], "--once"),
+    ] {
+        let output = relens(&[&["run"], words].concat(), folder).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(wanted), "{words:?}: {said}");
+    }
+    assert!(!folder.join("inbox").exists(), "nothing was begun");
+}
