@@ -138,7 +138,8 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     let believed = || battery || clock_is_set();
     let mut schedule = Attended::new(front, rig.run.mode, &Monotonic, night);
     if rig.run.mode == Mode::Shoot {
-        schedule = schedule.shooting(&folders, rig.nights.as_ref(), &SystemTime::now);
+        let (nights, countdown_s) = (rig.nights.as_ref(), rig.run.countdown_s);
+        schedule = schedule.shooting(&folders, nights, countdown_s, &SystemTime::now);
     }
     let mut watcher = Supervised::new(service_manager(), Box::new(PhotoProgress::default()));
     let daemon = Daemon::open(

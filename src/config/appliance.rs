@@ -12,6 +12,9 @@ table! {
         /// How long the button is held to give a job up; in maintenance, to calibrate. Held at
         /// start: maintenance.
         long_press_ms: f64, Number(300.0, 10_000.0), Means("1500.0");
+        /// From the press to the shutter, where the box takes the photo: what the finger shook
+        /// comes to rest, and a second press takes it back. The default is a guess.
+        countdown_s: f64, Number(0.0, 60.0), Means("2.0");
         /// What becomes of a photo with more pixels than `[photo]` has.
         larger_photos: LargerPhotos, Word(LargerPhotos::WORDS), Means("\"shrink\"");
     }

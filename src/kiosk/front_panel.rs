@@ -18,6 +18,8 @@ pub enum BoxState {
     Waiting,
     /// The button was pressed, work is about to begin.
     Heard,
+    /// It counts down to the photo.
+    Counting,
     /// A photo is being taken or restored, or the lens measured.
     Working,
     /// Photos wait for the panel to be put before the lens.
@@ -35,7 +37,7 @@ pub enum BoxState {
 pub struct Requests {
     /// Restore what is waiting, or take a photo.
     pub go: bool,
-    /// Do not wait for the panel.
+    /// Do not wait for the panel, or do not take the photo that is counted down to.
     pub put_off: bool,
     /// Leave maintenance, or enter it (held at start).
     pub maintenance: Option<bool>,
@@ -113,6 +115,10 @@ impl FrontPanel {
             (Press::Long, _) if was_asked => inner.requests.put_off = true,
             (Press::Down, BoxState::Ready | BoxState::Waiting | BoxState::Heard) => {
                 inner.requests.go = true;
+                inner.state = BoxState::Heard;
+            }
+            (Press::Down | Press::Long, BoxState::Counting) => {
+                inner.requests.put_off = true;
                 inner.state = BoxState::Heard;
             }
             (Press::Long, BoxState::Working) => {
@@ -206,6 +212,24 @@ mod tests {
         panel.set(BoxState::Asking);
         panel.press(Press::Short);
         assert!(!panel.has_requests());
+    }
+
+    #[test]
+    fn a_second_press_or_a_long_one_takes_the_photo_back_that_is_counted_down_to() {
+        let panel = FrontPanel::default();
+        for second in [Press::Down, Press::Long] {
+            panel.set(BoxState::Ready);
+            panel.press(Press::Down);
+            assert!(panel.take_requests().go);
+            panel.set(BoxState::Counting);
+            panel.press(second);
+            assert_eq!(panel.state(), BoxState::Heard);
+            let back = Requests { put_off: true, ..Requests::default() };
+            assert_eq!(panel.take_requests(), back);
+            panel.set(BoxState::Ready);
+            panel.press(Press::Short);
+            assert!(!panel.has_requests(), "its release asks for nothing more");
+        }
     }
 
     #[test]

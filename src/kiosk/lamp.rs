@@ -30,6 +30,8 @@ fn rhythm(state: BoxState) -> Rhythm {
         // Slow flashing: your turn.
         BoxState::Waiting => &[(1.0, GREEN), (1.0, DARK)],
         BoxState::Heard => &[(0.25, WHITE), (0.25, DARK)],
+        // Once a second, as it counts.
+        BoxState::Counting => &[(0.1, WHITE), (0.9, DARK)],
         BoxState::Working => &[(3600.0, WHITE)],
         // Twice, slowly: your turn, and not with the button.
         BoxState::Asking => &[(0.3, GREEN), (0.3, DARK), (0.3, GREEN), (1.1, DARK)],
@@ -65,6 +67,7 @@ mod tests {
             BoxState::Ready,
             BoxState::Waiting,
             BoxState::Heard,
+            BoxState::Counting,
             BoxState::Working,
             BoxState::Asking,
             BoxState::Resting,

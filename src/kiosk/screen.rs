@@ -22,6 +22,11 @@ pub enum Screen {
         /// How many.
         photos: usize,
     },
+    /// A photo is about to be taken.
+    Counting {
+        /// In so many seconds.
+        seconds: u32,
+    },
     /// A photo is being taken.
     Taking,
     /// Photos wait for the panel to be put before the lens.
@@ -154,6 +159,14 @@ fn said(screen: &Screen) -> Said {
             (Symbol::Disc, GREEN),
             "Press the button",
             vec![(format!("{} to restore", photos(*count)), PAPER)],
+        ),
+        Screen::Counting { seconds } => plain(
+            (Symbol::Ring, SKY),
+            &format!("Photo in {seconds} s"),
+            vec![
+                ("Keep still.".to_owned(), PAPER),
+                ("Press again to take no photo.".to_owned(), SOFT),
+            ],
         ),
         Screen::Taking => {
             let words = "Keep still until the white lamp goes out.".to_owned();
@@ -361,6 +374,7 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
             Screen::Ready { hint: text("Put photos into the inbox, then press the button.") },
         ),
         ("waiting", Screen::Waiting { photos: 12 }),
+        ("counting", Screen::Counting { seconds: 2 }),
         ("taking", Screen::Taking),
         (
             "asking",

@@ -35,6 +35,8 @@ pub struct Scene {
     pub unsteady: bool,
     /// Failures of the next photos, the next one last.
     pub failures: Vec<Remedy>,
+    /// From the press to the photo.
+    pub countdown_s: f64,
 }
 
 /// A camera of a few pixels before that scene.
@@ -131,22 +133,27 @@ pub struct Ran {
     pub taken: Vec<Vec<u8>>,
 }
 
-/// Runs a box that takes photos over `folders` until `until_s`, doing what `act` says.
+/// Runs a box that takes photos so long after a press over `folders`, until `until_s`, doing what
+/// `act` says.
 pub fn run(
     folders: Folders,
     setting: DaemonSetting,
     rig: &mut dyn Restorer,
     asked: Arc<AtomicBool>,
     front: &FrontPanel,
-    until_s: f64,
+    (countdown_s, until_s): (f64, f64),
     act: impl FnMut(f64, &FrontPanel),
 ) -> Ran {
     let calendar = || -> SystemTime { UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S) };
     let (screens, taken, clock) = (Rc::default(), Rc::default(), TestClock::default());
     let mut watched =
         Watched { inner: rig, screens: Rc::clone(&screens), taken: Rc::clone(&taken), asked };
-    let schedule = Attended::new(front.clone(), Mode::Shoot, &clock, Box::new(()))
-        .shooting(&folders, None, &calendar);
+    let schedule = Attended::new(front.clone(), Mode::Shoot, &clock, Box::new(())).shooting(
+        &folders,
+        None,
+        countdown_s,
+        &calendar,
+    );
     let mut watcher = ();
     let daemon =
         Daemon::open(folders, setting, &mut watched, &clock, &calendar, &mut watcher).unwrap();
@@ -161,6 +168,7 @@ pub fn run(
 
 /// The same with the small camera: what is done when, each once.
 fn journey(root: &Path, scene: Scene, until_s: f64, acts: &[(f64, Act)]) -> (Ran, Vec<Remedy>) {
+    let times = (scene.countdown_s, until_s);
     let scene = Rc::new(RefCell::new(scene));
     let mut camera = Camera { inner: Brightener::default(), scene: Rc::clone(&scene), taken: 0 };
     let front = FrontPanel::default();
@@ -168,7 +176,7 @@ fn journey(root: &Path, scene: Scene, until_s: f64, acts: &[(f64, Act)]) -> (Ran
     let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
     let folders = Folders::open(root).unwrap();
     let asked = Arc::default();
-    let ran = run(folders, setting, &mut camera, asked, &front, until_s, |now, front| {
+    let ran = run(folders, setting, &mut camera, asked, &front, times, |now, front| {
         while let Some((_, act)) = acts.next_if(|(at, _)| now >= *at) {
             match act {
                 Act::Press => {
@@ -226,6 +234,39 @@ fn a_press_takes_a_photo_that_is_restored_when_the_panel_is_there() {
     let aims = |hint: &str| hint.contains("Aim");
     let last = ran.screens.last();
     assert!(matches!(last, Some(Screen::Result { hint, .. }) if aims(hint)), "{last:?}");
+}
+
+#[test]
+fn the_box_counts_down_to_the_photo_and_a_second_press_takes_it_back() {
+    let root = fresh_root();
+    let counting =
+        |from: f64| [(from + 1.0, Is(BoxState::Counting)), (from + 2.6, Is(BoxState::Counting))];
+    let mut acts = vec![(10.0, Act::Press)];
+    acts.extend(counting(10.0));
+    acts.extend([(14.0, Is(BoxState::Asking)), (30.0, Act::Press)]);
+    acts.extend(counting(30.0));
+    // What was asked for before goes on.
+    acts.extend([(32.7, Act::Press), (40.0, Is(BoxState::Asking))]);
+    let scene = Scene { countdown_s: 3.0, ..Scene::default() };
+    let (ran, _) = journey(root.path(), scene, 50.0, &acts);
+    assert_eq!(ran.taken.len(), 1);
+    let counted = |screen: &Screen| match screen {
+        Screen::Counting { seconds } => Some(Some(*seconds)),
+        Screen::Taking => Some(None),
+        _ => None,
+    };
+    let counted: Vec<_> = ran.screens.iter().filter_map(counted).collect();
+    let [three, two, one] = [3, 2, 1].map(Some);
+    assert_eq!(counted, [three, two, one, None, three, two, one]);
+
+    // Before any photo was taken, and by holding the button.
+    for take_back in [Act::Press, Hold] {
+        let root = fresh_root();
+        let acts = [(10.0, Act::Press), (11.0, take_back), (20.0, Is(BoxState::Ready))];
+        let scene = Scene { countdown_s: 3.0, ..Scene::default() };
+        let (ran, _) = journey(root.path(), scene, 30.0, &acts);
+        assert!(ran.taken.is_empty() && names(&root.path().join("inbox")).is_empty());
+    }
 }
 
 #[test]
@@ -312,7 +353,7 @@ fn live(disk: &ModelDisk, press: bool, asked: Arc<AtomicBool>) -> Ran {
         DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
     let mut press = press.then_some(Press::Down);
-    run(folders, setting, &mut camera, asked, &FrontPanel::default(), 40.0, |now, front| {
+    run(folders, setting, &mut camera, asked, &FrontPanel::default(), (0.0, 40.0), |now, front| {
         if now > 6.0
             && let Some(press) = press.take()
         {
@@ -403,14 +444,15 @@ fn a_full_disk_keeps_the_photo_in_mind_until_there_is_room() {
         DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let folders = Folders::on(Arc::new(disk), Path::new(ROOT)).unwrap();
     let (front, mut press, mut trouble) = (FrontPanel::default(), Some(Press::Down), false);
-    let ran = run(folders, setting, &mut camera, Arc::default(), &front, 200.0, |now, front| {
-        if now > 6.0
-            && let Some(press) = press.take()
-        {
-            front.press(press);
-        }
-        trouble |= front.state() == BoxState::Trouble;
-    });
+    let ran =
+        run(folders, setting, &mut camera, Arc::default(), &front, (0.0, 200.0), |now, front| {
+            if now > 6.0
+                && let Some(press) = press.take()
+            {
+                front.press(press);
+            }
+            trouble |= front.state() == BoxState::Trouble;
+        });
     assert_eq!((ran.taken.len(), ran.summary.restored.len()), (1, 1));
     assert!(trouble);
 }

@@ -67,7 +67,7 @@ fn a_photo_of_the_rig_s_own_is_restored_when_its_panel_is_back_and_a_knock_is_me
         &mut restorer,
         Arc::default(),
         &front,
-        130.0,
+        (0.0, 130.0),
         |now, front| {
             let Some((n, _)) = acts.next_if(|(_, at)| now >= *at) else { return };
             let mut witness = witness.borrow_mut();
@@ -142,7 +142,7 @@ fn photos_with_faults_are_whole_or_absent() {
         &mut restorer,
         Arc::default(),
         &front,
-        until_s,
+        (0.0, until_s),
         |_, front| {
             let state = front.state();
             refused += usize::from(state == BoxState::Trouble && was != BoxState::Trouble);

@@ -81,17 +81,18 @@ impl<'a> Attended<'a> {
         }
     }
 
-    /// The same schedule of a box that takes photos into the inbox of `folders`, dated by
-    /// `calendar`. What a rig may drift by, and whether it may be measured anew, is said by
-    /// `nights` if the box has any.
+    /// The same schedule of a box that takes photos into the inbox of `folders`, each so many
+    /// seconds after a press, dated by `calendar`. What a rig may drift by, and whether it may be
+    /// measured anew, is said by `nights` if the box has any.
     #[must_use]
     pub fn shooting(
         mut self,
         folders: &Folders,
         nights: Option<&Nights>,
+        countdown_s: f64,
         calendar: &'a dyn Fn() -> SystemTime,
     ) -> Self {
-        self.shooting = Some(Shooting::new(folders.clone(), nights, calendar));
+        self.shooting = Some(Shooting::new(folders.clone(), nights, countdown_s, calendar));
         self
     }
 
@@ -288,7 +289,9 @@ impl Schedule for Attended<'_> {
     }
 
     fn impatient(&self) -> bool {
-        self.before.front_panel.has_requests() || self.inner.impatient()
+        let now = self.before.clock.now();
+        let counts = self.shooting.as_ref().is_some_and(|shooting| shooting.is_due(now));
+        counts || self.before.front_panel.has_requests() || self.inner.impatient()
     }
 }
 

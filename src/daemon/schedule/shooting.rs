@@ -7,6 +7,7 @@
 //!  └ nobody came ◄────────────────────────────────┘
 //! ```
 //!
+//! Before each photo the box counts down; a press meanwhile, or trouble, and it is not taken.
 //! What was taken is in the inbox before anything else is asked for: from there on it is a photo
 //! like any other, also after a power cut.
 
@@ -56,6 +57,21 @@ enum Stage {
     There,
 }
 
+/// A photo is about to be taken.
+struct Countdown {
+    shutter: Moment,
+    /// The seconds that are on the panel.
+    shown: u32,
+}
+
+impl Countdown {
+    /// Whole seconds left, begun ones too.
+    fn left(&self, now: Moment) -> u32 {
+        // What rounding adds is not a second.
+        (self.shutter.0 - now.0 - 1e-6).max(0.0).ceil() as u32
+    }
+}
+
 /// What may happen next.
 pub(super) enum ShootTurn {
     /// Photos may be taken from the inbox, as far as this is asked.
@@ -73,6 +89,8 @@ pub(super) struct Shooting<'a> {
     limits: DriftLimits,
     recalibrate: bool,
     stage: Stage,
+    countdown_s: f64,
+    countdown: Option<Countdown>,
     /// The button asked for a photo, or for no waiting, since the last turn.
     go: bool,
     put_off: bool,
@@ -86,6 +104,7 @@ impl<'a> Shooting<'a> {
     pub(super) fn new(
         folders: Folders,
         nights: Option<&Nights>,
+        countdown_s: f64,
         calendar: &'a dyn Fn() -> SystemTime,
     ) -> Shooting<'a> {
         Shooting {
@@ -94,6 +113,8 @@ impl<'a> Shooting<'a> {
             limits: nights.map_or_else(DriftLimits::default, DriftLimits::of),
             recalibrate: nights.is_none_or(|nights| nights.recalibrate),
             stage: Stage::Aim,
+            countdown_s,
+            countdown: None,
             go: false,
             put_off: false,
             unkept: None,
@@ -107,8 +128,14 @@ impl<'a> Shooting<'a> {
         self.put_off |= put_off;
     }
 
-    /// Somebody was needed: the panel may be elsewhere by now.
+    /// Whether what is counted down differs from what was said of it.
+    pub(super) fn is_due(&self, now: Moment) -> bool {
+        self.countdown.as_ref().is_some_and(|countdown| countdown.left(now) != countdown.shown)
+    }
+
+    /// Somebody was needed: the panel may be elsewhere by now, and whoever pressed is not aiming.
     pub(super) fn held(&mut self) {
+        self.countdown = None;
         if self.stage == Stage::There {
             self.stage = Stage::Aim;
         }
@@ -121,9 +148,21 @@ impl<'a> Shooting<'a> {
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
     ) -> ShootTurn {
+        self.waiting_put_off = self.waiting_put_off.min(asked.waiting);
+        if std::mem::take(&mut self.put_off) {
+            match self.countdown.take() {
+                Some(_) => log::info!("the photo was taken back before it was taken"),
+                None => self.give_way(asked.waiting),
+            }
+        }
         let kept = if self.unkept.is_some() { self.keep() } else { Ok(false) };
+        let is_time = matches!(kept, Ok(false)) && self.count_down(before, rig);
+        if let Some(Countdown { shutter, .. }) = self.countdown {
+            let reason = "a photo is about to be taken".to_owned();
+            return ShootTurn::Other(Turn::Hold { reason, until: Some(shutter) });
+        }
         let kept = match kept {
-            Ok(false) if std::mem::take(&mut self.go) => {
+            Ok(false) if is_time => {
                 before.show(Screen::Taking, BoxState::Working, rig);
                 before.forget_screen();
                 self.take(rig).and_then(|()| self.keep())
@@ -139,10 +178,6 @@ impl<'a> Shooting<'a> {
                 return self.wait(asked.waiting + 1, now, before, rig);
             }
             Ok(false) => {}
-        }
-        self.waiting_put_off = self.waiting_put_off.min(asked.waiting);
-        if std::mem::take(&mut self.put_off) {
-            self.give_way(asked.waiting);
         }
         if asked.waiting == 0 {
             self.stage = Stage::Aim;
@@ -172,6 +207,24 @@ impl<'a> Shooting<'a> {
                 self.wait(asked.waiting, now, before, rig)
             }
         }
+    }
+
+    /// Counts down from a press; true when the photo is to be taken.
+    fn count_down(&mut self, before: &mut BeforeBox<'_>, rig: &mut dyn Restorer) -> bool {
+        let now = before.clock.now();
+        if std::mem::take(&mut self.go) && self.countdown.is_none() {
+            let shutter = Moment(now.0 + self.countdown_s);
+            self.countdown = Some(Countdown { shutter, shown: 0 });
+        }
+        let Some(countdown) = &mut self.countdown else { return false };
+        countdown.shown = countdown.left(now);
+        if countdown.shown == 0 {
+            self.countdown = None;
+            return true;
+        }
+        let screen = Screen::Counting { seconds: countdown.shown };
+        before.show(screen, BoxState::Counting, rig);
+        false
     }
 
     /// The photos that wait are not asked for again.
