@@ -142,7 +142,8 @@ impl Rig {
     /// # }
     /// ```
     pub fn calibrate(&mut self, folder: impl AsRef<Path>) -> Result<Calibrated, Error> {
-        let measured = on_rig::measure(&self.file, &mut self.devices, folder.as_ref(), |_| {})?;
+        let measured =
+            on_rig::measure(&self.file, &mut self.devices, folder.as_ref(), |_| {}, None)?;
         Ok(Calibrated {
             generation: measured.generation,
             captures: measured.captures,

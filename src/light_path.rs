@@ -29,6 +29,10 @@ impl Remediable for Interrupted {
     fn remedy(&self) -> Remedy {
         Remedy::RetryLater
     }
+
+    fn was_asked_for(&self) -> bool {
+        true
+    }
 }
 
 impl<'a> LightPath<'a> {

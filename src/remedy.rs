@@ -49,6 +49,11 @@ pub trait Remediable: Error {
     fn what_to_do(&self) -> &'static str {
         self.remedy().what_to_do()
     }
+
+    /// Whether this is no failure, but the end that somebody asked for.
+    fn was_asked_for(&self) -> bool {
+        false
+    }
 }
 
 /// Any error with its remedy, for seams where the kinds of failure are open (the optics behind a

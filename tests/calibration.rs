@@ -2,6 +2,7 @@
 // What was measured is printed beside what is asserted; `--nocapture` shows it.
 #![allow(clippy::print_stdout)]
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use relens::calibration::{Calibration, Correction, Layout};
@@ -9,7 +10,7 @@ use relens::chart::scenes::Scene;
 use relens::config;
 use relens::deconvolution::quality::psnr;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
-use relens::measurement::{CalibrateError, calibrate, captures};
+use relens::measurement::{CalibrateError, calibrate, captures, to_the_end};
 use relens::patterns;
 use relens::pipeline::{Pipeline, method};
 use relens::remedy::full_message;
@@ -23,7 +24,7 @@ fn load(name: &str) -> config::RigFile {
 fn calibrated(config: &config::RigFile) -> (Devices, Witness, Calibration) {
     let (mut rig, witness) = simulated::open(config).expect("a simulated rig");
     let begin = std::time::Instant::now();
-    let found = calibrate(&mut rig, config, None, &mut |_| {});
+    let found = calibrate(&mut rig, config, None, &mut to_the_end);
     let calibration = found.unwrap_or_else(|e| panic!("{}", full_message(&e)));
     println!(
         "{}: {} captures, {:.1} s",
@@ -331,7 +332,7 @@ fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
     let config = load("small.toml");
     let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
     change(&mut witness);
-    let error = calibrate(&mut rig, &config, None, &mut |_| {})
+    let error = calibrate(&mut rig, &config, None, &mut to_the_end)
         .expect_err("a rig that cannot be calibrated");
     println!("{}", full_message(&error));
     error
@@ -396,7 +397,7 @@ fn a_rig_out_of_focus_is_told_so() {
         let config = with_measured_blur(folder.path(), sigma_px);
         let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
         let error =
-            calibrate(&mut rig, &config, None, &mut |_| {}).expect_err("a rig out of focus");
+            calibrate(&mut rig, &config, None, &mut to_the_end).expect_err("a rig out of focus");
         println!("{sigma_px} px: {}", full_message(&error));
         assert!(matches!(error, CalibrateError::WrongFocus { .. }), "{error}");
     }
@@ -434,6 +435,7 @@ fn a_rig_that_moves_is_told_so_whenever_it_moves() {
                 witness.knock_panel(0.6, -0.4);
                 knocked = true;
             }
+            ControlFlow::Continue(())
         })
         .expect_err("a rig that moved");
         println!("after {when} captures: {}", full_message(&error));
@@ -442,11 +444,33 @@ fn a_rig_that_moves_is_told_so_whenever_it_moves() {
 }
 
 #[test]
+fn a_calibration_is_given_up_after_the_capture_at_which_it_is_asked_to_be() {
+    let config = load("small.toml");
+    let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
+    // In the trials, while exposures are longer than the rig file's, and among the patterns.
+    for when in [1, 14, captures(&config) - 8] {
+        let (before, mut asked) = (rig.captures(), 0);
+        let end = calibrate(&mut rig, &config, None, &mut |p| {
+            asked += 1;
+            if p.captures >= when { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let error = end.expect_err("it was given up");
+        assert!(matches!(error, CalibrateError::GivenUp), "{error}");
+        // One more shows the exposure set back.
+        let taken = rig.captures() - before;
+        assert!((when as usize..=when as usize + 1).contains(&taken), "{taken} of {when}");
+        assert!(asked > when);
+    }
+    calibrate(&mut rig, &config, None, &mut to_the_end).expect("exposed as before");
+}
+
+#[test]
 fn the_same_rig_gives_the_same_calibration_and_counts_generations() {
     let config = load("small.toml");
     let (_, _, first) = calibrated(&config);
     let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
-    let second = calibrate(&mut rig, &config, Some(&first), &mut |_| {}).expect("a calibration");
+    let second =
+        calibrate(&mut rig, &config, Some(&first), &mut to_the_end).expect("a calibration");
     assert_eq!(second.generation, first.generation + 1);
     assert_eq!(Calibration { generation: first.generation, ..second }, first);
 }
@@ -462,7 +486,7 @@ fn a_camera_that_bends_its_counts_is_refused_and_a_sensor_s_knee_is_undone() {
             (curve.gamma, curve.knee_share, curve.knee_slope) = (gamma, knee_share, 0.7);
         }
         let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
-        calibrate(&mut rig, &config, None, &mut |_| {})
+        calibrate(&mut rig, &config, None, &mut to_the_end)
     };
     let knee = bent(0.98, 0.85).expect("a truthful rig's camera");
     assert_eq!(knee.captures, captures(&config));

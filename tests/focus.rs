@@ -13,7 +13,7 @@ use relens::chart::test_rig::TestPhoto;
 use relens::config::{self, Curve, Kind, Lens, RigFile};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, hybrid};
 use relens::rig::simulated::{self, Witness};
@@ -43,7 +43,7 @@ fn at(rig: &RigFile, panel_mm: f64, scene_mm: f64) -> RigFile {
 
 fn calibrated(rig: &RigFile) -> Calibration {
     let (mut devices, _) = simulated::open(rig).unwrap();
-    calibrate(&mut devices, rig, None, &mut |_| {}).unwrap()
+    calibrate(&mut devices, rig, None, &mut to_the_end).unwrap()
 }
 
 /// The rig calibrated at the panel's focus, and at others.

@@ -16,7 +16,7 @@ use relens::chart::scenes::Scene;
 use relens::config::{self, Glare, Kind, Lens};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{Outcome, Pipeline, digital};
 use relens::restorer::Restorer;
@@ -76,7 +76,7 @@ fn restored(
     let folder = tempfile::tempdir().unwrap();
     let slots = folder.path().to_owned();
     let calibration =
-        calibrate(&mut simulated::open(then).unwrap().0, then, None, &mut |_| {}).unwrap();
+        calibrate(&mut simulated::open(then).unwrap().0, then, None, &mut to_the_end).unwrap();
     store::save(&slots, &calibration).unwrap();
     let (devices, witness) = simulated::open(now).unwrap();
     let clock = Arc::new(no_clock);
@@ -98,7 +98,7 @@ fn progress_is_even_and_never_goes_back() {
     let rig = config::load(Path::new("small.toml")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let calibration =
-        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut |_| {}).unwrap();
+        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut to_the_end).unwrap();
     store::save(folder.path(), &calibration).unwrap();
     let (devices, witness) = simulated::open(&rig).unwrap();
     let photo = photo(&rig, &witness, View::whole(Scene::Astronaut));

@@ -10,7 +10,7 @@ use relens::chart::operating_point::{choose, restorations};
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::pipeline::Setting;
 use relens::rig::simulated;
 
@@ -24,7 +24,7 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     let rig = config::load(Path::new("small.toml")).unwrap();
     // A rig of which nothing is known but what its camera sees.
     let (mut devices, _) = simulated::open(&rig).unwrap();
-    let calibration = calibrate(&mut devices, &rig, None, &mut |_| {}).unwrap();
+    let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end).unwrap();
     let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, no_clock).unwrap();
     let mut tried = 0;
     let best = choose(&mut test_rig, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();

@@ -11,7 +11,7 @@ use relens::config::{self, Kind};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, RawSites, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::pipeline::{Pipeline, Prepared, digital, hybrid};
 use relens::rig::simulated::{self, Witness};
 
@@ -86,7 +86,7 @@ fn what_raw_sites_are_worth() {
     let name = std::env::var("RIG").unwrap_or_else(|_| "small.toml".to_owned());
     let plain = rig(&name, None);
     let (mut devices, _) = simulated::open(&plain).unwrap();
-    let calibration = calibrate(&mut devices, &plain, None, &mut |_| {}).unwrap();
+    let calibration = calibrate(&mut devices, &plain, None, &mut to_the_end).unwrap();
     let pipeline = Pipeline::new(&plain, &calibration).unwrap();
     let cameras = Cameras::of(&name);
     println!("| scene | full colour, noisier | sites | interpolated first | verdict on sites |");
@@ -134,7 +134,7 @@ fn what_raw_sites_are_worth() {
 fn captures_behind_filters_are_known_at_their_sites() {
     let filtered = rig("small.toml", Some(Mosaic::Rggb));
     let (mut devices, witness) = simulated::open(&filtered).unwrap();
-    let calibration = calibrate(&mut devices, &filtered, None, &mut |_| {}).unwrap();
+    let calibration = calibrate(&mut devices, &filtered, None, &mut to_the_end).unwrap();
     let gain = witness.counts_per_level();
     let unmixing = calibration.cross_channel.inverse().unwrap();
     for c in Channel::ALL {

@@ -62,6 +62,30 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
     assert!(!said.contains("<6>"), "no priorities in a pipe: {said}");
 }
 
+#[test]
+fn asked_to_stop_while_it_measures_the_lens_it_ends_soon() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut child = relens(&["run", "--rig", "simulated.toml"], folder);
+    let begun = Instant::now();
+    while !folder.join("calibration").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "it does not begin");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(child.try_wait().unwrap().is_none(), "it measures the lens");
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    let asked = Instant::now();
+    // Ten times as long on a busy machine; all of it takes half a minute.
+    assert!(ended_within(&mut child, 5));
+    println!("ended {:.2} s after it was asked to", asked.elapsed().as_secs_f64());
+    assert!(child.wait().unwrap().success(), "in good order");
+    assert!(!folder.join("outbox/index.html").exists(), "before it was done");
+    let kept = std::fs::read_dir(folder.join("calibration")).into_iter().flatten().flatten();
+    let slots = kept.filter(|file| file.file_name().to_string_lossy().ends_with(".slot"));
+    assert_eq!(slots.count(), 0, "none that is half");
+}
+
 fn empty_inbox(folder: &Path) -> Child {
     relens(&["run", "--rig", "small.toml", "--once"], folder)
 }

@@ -11,7 +11,7 @@ use relens::config::{self, Kind, Lens, Simulation};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, RawSites, Rect, Size, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, digital, hybrid};
 use relens::rig::simulated::{self, Witness};
@@ -116,7 +116,7 @@ fn tried_of(
 ) -> Result<Vec<Tried>, String> {
     let (mut devices, mut witness) = simulated::open(rig).unwrap();
     let calibration =
-        calibrate(&mut devices, rig, None, &mut |_| {}).map_err(|error| error.to_string())?;
+        calibrate(&mut devices, rig, None, &mut to_the_end).map_err(|error| error.to_string())?;
     let pipeline = Pipeline::new(rig, &calibration).map_err(|error| error.to_string())?;
     since(&mut witness);
     let tone = Tone::of_curve(rig.photo.curve, 8);
@@ -320,7 +320,7 @@ fn an_uneven_panel_leaves_the_photo_s_own_shading() {
     let uneven = |to: &mut Simulation, from: &Simulation| to.display.uneven = from.display.uneven;
     let rig = departed(&[uneven]);
     let (mut devices, witness) = simulated::open(&rig).unwrap();
-    let calibration = calibrate(&mut devices, &rig, None, &mut |_| {}).unwrap();
+    let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end).unwrap();
     let pipeline = Pipeline::new(&rig, &calibration).unwrap();
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let light = |x: usize, y: usize| match (x / 12 + y / 8) % 3 {

@@ -9,7 +9,7 @@ use crate::config::{self, Curve};
 use crate::deconvolution::method::{Method, MethodError, Watch};
 use crate::deconvolution::quality::{psnr, ssim};
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Work};
-use crate::measurement::{CalibrateError, calibrate};
+use crate::measurement::{CalibrateError, calibrate, to_the_end};
 use crate::picture::Tone;
 use crate::pipeline::{Pipeline, PipelineError, Prepared, Solved};
 use crate::remedy::{Remediable, Remedy};
@@ -107,7 +107,7 @@ impl TestRig {
     /// When the rig cannot be opened or calibrated.
     pub fn open(config: config::RigFile, stopwatch: fn() -> f64) -> Result<TestRig, TestRigError> {
         let (mut rig, witness) = open(&config)?;
-        let calibration = calibrate(&mut rig, &config, None, &mut |_| {})?;
+        let calibration = calibrate(&mut rig, &config, None, &mut to_the_end)?;
         let test_rig = TestRig::on(config, rig, &calibration, stopwatch)?;
         Ok(test_rig.witnessed(Arc::new(witness)))
     }

@@ -69,7 +69,7 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
         return measure_focus(rig, &kept, offset);
     }
     let mut devices = opening::devices(rig)?;
-    let calibration = on_rig::measure(rig, &mut devices, &kept, progress::calibrating)?;
+    let calibration = on_rig::measure(rig, &mut devices, &kept, progress::calibrating, None)?;
     progress::clear();
     let [red, green, blue] = calibration.operator_error;
     say(&format!(

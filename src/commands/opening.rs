@@ -37,8 +37,10 @@ pub(super) fn restorer(
             return Err(CliError::of(error));
         }
         log::info!("calibrating the simulated rig {} ({error})", rig.name);
-        on_rig::measure(rig, &mut devices, &kept, progress::calibrating)?;
+        let asked = interrupted.as_ref();
+        let measured = on_rig::measure(rig, &mut devices, &kept, progress::calibrating, asked);
         progress::clear();
+        measured?;
     }
     let stopwatch = Arc::new(Monotonic::seconds);
     let restorer = OnRig::new(rig, devices, kept, method, stopwatch, progress::calibrating)?;

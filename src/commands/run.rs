@@ -188,6 +188,10 @@ fn open_patiently(
             Ok(restorer) => return Ok(Some(restorer)),
             Err(trouble) => trouble,
         };
+        if stopped.load(Ordering::Acquire) {
+            say_ended(rig, folders);
+            return Ok(None);
+        }
         let reason = relens::remedy::full_message(&trouble);
         front.set(BoxState::Trouble);
         let attention = night.as_deref_mut().map_or(Vec::new(), |night| {
@@ -217,7 +221,7 @@ fn open_patiently(
         let until = Monotonic.now().0 + OPEN_AGAIN_S;
         while Monotonic.now().0 < until {
             if stopped.load(Ordering::Acquire) {
-                let _ = State::new(&rig.name, Doing::Ended, unix_s()).write(folders);
+                say_ended(rig, folders);
                 return Ok(None);
             }
             Monotonic.wait_until(Moment(Monotonic.now().0 + 0.2));
@@ -225,6 +229,11 @@ fn open_patiently(
         // An attempt was finished; one that hangs in a device feeds no watchdog.
         service_manager().worked();
     }
+}
+
+/// Writes down that the daemon has ended; a disk that is full has been told of.
+fn say_ended(rig: &RigFile, folders: &Folders) {
+    let _ = State::new(&rig.name, Doing::Ended, unix_s()).write(folders);
 }
 
 fn unix_s() -> u64 {

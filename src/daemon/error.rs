@@ -54,6 +54,10 @@ impl Remediable for DaemonError {
         }
     }
 
+    fn was_asked_for(&self) -> bool {
+        matches!(self, DaemonError::Calibration { failure, .. } if failure.was_asked_for())
+    }
+
     fn what_to_do(&self) -> &'static str {
         match self {
             DaemonError::Store(error) => error.what_to_do(),

@@ -92,6 +92,7 @@ impl Remediable for JobError {
             | JobError::WrongSize { .. }
             | JobError::Panicked { .. } => Remedy::SkipPhoto,
             JobError::Rig { failure, .. } => failure.remedy(),
+            JobError::Mending { failure, .. } if failure.was_asked_for() => Remedy::RetryLater,
             JobError::Mending { .. } => Remedy::CallOperator,
             JobError::Files(error) => error.remedy(),
         }

@@ -22,7 +22,7 @@ use super::watcher::Watcher;
 use crate::config::Keep;
 use crate::disk::FileError;
 use crate::picture::{Growth, PictureError};
-use crate::remedy::full_message;
+use crate::remedy::{Remediable, full_message};
 use crate::restorer::{Progress, Restorer};
 use crate::rig::{Clock, Moment};
 
@@ -172,6 +172,9 @@ impl<'a> Daemon<'a> {
         self.try_to_show_gallery();
         while !stop() {
             let passed = self.pass(patience, self.setting.retry_s, stop);
+            if stop() && passed.as_ref().is_err_and(|error| error.was_asked_for()) {
+                break;
+            }
             if let Err(error) = &passed {
                 self.schedule.told(Event::Held(error), &mut *self.restorer);
             }

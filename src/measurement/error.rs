@@ -9,6 +9,12 @@ use crate::rig::RigError;
 /// Why a calibration was given up. The calibration kept before stays.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrateError {
+    /// Somebody asked that it be given up.
+    #[error("given up when asked to")]
+    GivenUp,
+    /// The system gives no thread.
+    #[error("the system has no thread left to compute with")]
+    NoThread(#[source] std::io::Error),
     /// The rig brought no capture.
     #[error("calibration step `{step}` got no capture")]
     Rig {
@@ -126,8 +132,14 @@ impl Remediable for CalibrateError {
         match self {
             CalibrateError::Rig { source, .. } => source.remedy(),
             // Someone may have knocked at the table: it is worth another try by itself.
-            CalibrateError::Moving { .. } => Remedy::RetryLater,
+            CalibrateError::Moving { .. }
+            | CalibrateError::GivenUp
+            | CalibrateError::NoThread(_) => Remedy::RetryLater,
             _ => Remedy::CallOperator,
         }
+    }
+
+    fn was_asked_for(&self) -> bool {
+        matches!(self, CalibrateError::GivenUp)
     }
 }

@@ -67,7 +67,7 @@ pub(super) fn measure(
                 &random(100 + round as u64, pixel_px),
                 pixel_px,
             )?;
-            let functions = functions(session, &series, CENTRING_ROUNDS, pixel_px, support_px)?;
+            let functions = functions(session, series, CENTRING_ROUNDS, pixel_px, support_px)?;
             // Far out of focus centroids are noise, and whatever is fitted to them would be blamed
             // instead.
             let (pixel, support) =
@@ -81,7 +81,8 @@ pub(super) fn measure(
     let series =
         shoot(session, &correction, session.config.calibration.patterns, &random(200, 1), 1)?;
     let support_px = session.config.calibration.function_support_px;
-    let mut functions = functions(session, &series, ROUNDS, 1, support_px)?;
+    let first = series.first.clone();
+    let mut functions = functions(session, series, ROUNDS, 1, support_px)?;
     let sums = lens_blur::normalise(&mut functions);
     log::debug!("lens functions sum to {sums:?} before they are scaled to 1");
     judge::focus(sharpest_px(&functions), support_px as f64, support_px)?;
@@ -91,7 +92,7 @@ pub(super) fn measure(
         broad_light(session, calibration, &correction)?;
     }
     session.step("checks");
-    check(session, calibration, &correction, &series.first, board)
+    check(session, calibration, &correction, &first, board)
 }
 
 /// What the lens scatters wider than its functions reach.
@@ -288,8 +289,8 @@ fn brightness(session: &Session<'_>, seen: &Corrected, shown: &Frame<Work>, flat
 
 /// The lens functions that explain `series`, on pixels of `pixel_px`.
 fn functions(
-    session: &Session<'_>,
-    series: &Series,
+    session: &mut Session<'_>,
+    series: Series,
     rounds: usize,
     pixel_px: usize,
     support_px: usize,
@@ -305,17 +306,12 @@ fn functions(
         rows: asked.function_rows,
         support_px,
     };
-    let found: Result<Vec<Vec<f32>>, LensBlurError> = Channel::ALL
-        .par_iter()
-        .map(|&c| {
-            FunctionFit::new(grid, &series.trusted[c.index()])?.taps(
-                c,
-                &series.shots[c.index()],
-                rounds,
-            )
-        })
-        .collect();
-    let mut taps = found.map_err(CalibrateError::Lens)?.into_iter();
+    let Series { shots, trusted, .. } = series;
+    let fit = move |&c: &Channel| {
+        FunctionFit::new(grid, &trusted[c.index()])?.taps(c, &shots[c.index()], rounds)
+    };
+    let fits = move || Channel::ALL.par_iter().map(fit).collect::<Result<Vec<_>, LensBlurError>>();
+    let mut taps = session.computed(fits)?.map_err(CalibrateError::Lens)?.into_iter();
     Ok(LensFunctions {
         rows: grid.rows,
         columns: grid.columns,
@@ -395,7 +391,13 @@ fn check(
             lens_blur::misfit(predicted, light, seen.trusted.plane(c), margin);
     }
     let filters = session.layout.mosaic.is_some();
-    let picture = calibration.measure_norms(&model, session.config.restore.levels, filters);
+    let (mut measured, levels) = (calibration.clone(), session.config.restore.levels);
+    let norms = move || {
+        let picture = measured.measure_norms(&model, levels, filters);
+        (measured, picture)
+    };
+    let (measured, picture) = session.computed(norms)?;
+    *calibration = measured;
     // The dominant picture has one sign; shown as bright as it can be, its light comes back
     // stretched by ‖K‖.
     let brightest = picture.data().iter().fold(0.0f32, |a, &v| a.max(v)).max(f32::MIN_POSITIVE);

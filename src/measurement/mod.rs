@@ -26,7 +26,9 @@ mod session;
 mod sites;
 
 pub use error::CalibrateError;
-pub use session::CalibrationProgress;
+pub use session::{CalibrationProgress, to_the_end};
+
+use std::ops::ControlFlow;
 
 use crate::calibration::geometric::Geometry;
 use crate::calibration::surface::Surface;
@@ -43,18 +45,18 @@ use crate::rig::frame_mark::MarkPlace;
 use session::{Session, numbers};
 
 /// Calibrates `rig`, which is described by `config`; the result's generation follows that of
-/// `previous`.
+/// `previous`. It is given up once `watch`, which is asked after each capture, breaks.
 ///
 /// # Errors
-/// Which of panel not in view, over-exposed, too dark, moving, wrong focus it is, or that the rig
-/// brought no captures.
+/// Which of panel not in view, over-exposed, too dark, moving, wrong focus it is, that the rig
+/// brought no captures, or that it was given up.
 pub fn calibrate(
     rig: &mut Devices,
     config: &config::RigFile,
     previous: Option<&Calibration>,
-    progress: &mut dyn FnMut(CalibrationProgress),
+    watch: &mut dyn FnMut(CalibrationProgress) -> ControlFlow<()>,
 ) -> Result<Calibration, CalibrateError> {
-    let mut session = Session::new(rig, config, progress, captures(config));
+    let mut session = Session::new(rig, config, watch, captures(config));
     let mut black = trials(&mut session)?;
     if config.calibration.linearity {
         session.curve = linearity::measure(&mut session, &black)?;

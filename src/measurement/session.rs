@@ -1,11 +1,19 @@
 //! Captures of a calibration under way, counted and averaged.
 
+use std::ops::ControlFlow;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread::Builder;
+use std::time::Duration;
+
 use super::CalibrateError;
 use crate::calibration::surface::Surface;
 use crate::calibration::{CameraCurve, Corrected, Correction, Layout, dark_corner};
 use crate::config;
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, SensorSpace, Work};
 use crate::rig::exposure::Devices;
+
+/// While the calibration computes, it is asked this often whether it is to go on.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// How far a calibration is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,6 +26,11 @@ pub struct CalibrationProgress {
     pub total: u32,
 }
 
+/// Watches a calibration that nothing is to interrupt.
+pub fn to_the_end(_: CalibrationProgress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
 /// A rig being calibrated.
 pub(super) struct Session<'a> {
     pub(super) rig: &'a mut Devices,
@@ -25,7 +38,8 @@ pub(super) struct Session<'a> {
     pub(super) layout: Layout,
     /// How the camera's counts bend, as far as it is known yet.
     pub(super) curve: CameraCurve,
-    progress: &'a mut dyn FnMut(CalibrationProgress),
+    watch: &'a mut dyn FnMut(CalibrationProgress) -> ControlFlow<()>,
+    given_up: bool,
     step: &'static str,
     captures: u32,
     total: u32,
@@ -35,7 +49,7 @@ impl<'a> Session<'a> {
     pub(super) fn new(
         rig: &'a mut Devices,
         config: &'a config::RigFile,
-        progress: &'a mut dyn FnMut(CalibrationProgress),
+        watch: &'a mut dyn FnMut(CalibrationProgress) -> ControlFlow<()>,
         total: u32,
     ) -> Self {
         Session {
@@ -43,7 +57,8 @@ impl<'a> Session<'a> {
             config,
             layout: Layout::of(config),
             curve: CameraCurve::straight(),
-            progress,
+            watch,
+            given_up: false,
             step: "begin",
             captures: 0,
             total,
@@ -57,11 +72,33 @@ impl<'a> Session<'a> {
     }
 
     fn report(&mut self) {
-        (self.progress)(CalibrationProgress {
-            step: self.step,
-            captures: self.captures,
-            total: self.total,
+        let Session { step, captures, total, .. } = *self;
+        self.given_up |= (self.watch)(CalibrationProgress { step, captures, total }).is_break();
+    }
+
+    /// Whether the calibration is to go on, which is asked again.
+    pub(super) fn go_on(&mut self) -> Result<(), CalibrateError> {
+        self.report();
+        if self.given_up { Err(CalibrateError::GivenUp) } else { Ok(()) }
+    }
+
+    /// What `work` makes on a thread of its own, for which nobody waits any longer once the
+    /// calibration is given up. Whether work that never ends is a hang, the watchdog says: it hears
+    /// of no progress meanwhile.
+    pub(super) fn computed<T: Send + 'static>(
+        &mut self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, CalibrateError> {
+        let (running, ended) = channel::<()>();
+        let thread = Builder::new().name("calibration".to_owned()).spawn(move || {
+            let _running = running;
+            work()
         });
+        let thread = thread.map_err(CalibrateError::NoThread)?;
+        while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+            self.go_on()?;
+        }
+        thread.join().map_err(|panic| std::panic::resume_unwind(panic))
     }
 
     /// Captures so far.
@@ -75,7 +112,7 @@ impl<'a> Session<'a> {
         let exposed =
             self.rig.capture(codes).map_err(|source| CalibrateError::Rig { step, source })?;
         self.captures += 1;
-        self.report();
+        self.go_on()?;
         Ok(exposed.counts)
     }
 
@@ -124,7 +161,7 @@ impl<'a> Session<'a> {
             }
             self.rig.camera.give_back(more);
             self.captures += 1;
-            self.report();
+            self.go_on()?;
         }
         let share = 1.0 / exposures.max(1) as f32;
         let mean = |sum: &Plane<u32>| sum.map(|v| self.curve.count(v as f32 * share));
@@ -193,4 +230,30 @@ pub(super) fn smooth(
 ) -> Result<Surface, CalibrateError> {
     dark_corner::smooth(plane, (layout.photo_x_px, layout.photo_y_px), layout.domain(), rim_px)
         .map_err(|source| CalibrateError::Fit { step, source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::simulated;
+    use std::cell::Cell;
+    use std::path::Path;
+
+    #[test]
+    fn nobody_waits_for_what_is_computed_once_the_calibration_is_given_up() {
+        let config = config::load(Path::new("small.toml")).unwrap();
+        let (mut rig, _) = simulated::open(&config).unwrap();
+        let asked = Cell::new(false);
+        let mut watch = |_: CalibrationProgress| match asked.get() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let mut session = Session::new(&mut rig, &config, &mut watch, 1);
+        assert_eq!(session.computed(|| 7).unwrap(), 7);
+        asked.set(true);
+        // Ends when this test lets go of the other end.
+        let (_held, end) = channel::<()>();
+        let given_up = session.computed(move || end.recv().is_err());
+        assert!(matches!(given_up, Err(CalibrateError::GivenUp)), "{given_up:?}");
+    }
 }

@@ -10,6 +10,7 @@ use crate::deconvolution::method::{
     About, Certificate, IterationRecord, Method, MethodError, Problem, Solution, Watch,
 };
 use crate::frame::{Channels, Frame, Plane, Work};
+use crate::measurement::{calibrate, to_the_end};
 use crate::rig::simulated::{Witness, open};
 
 /// The small rig, calibrated.
@@ -24,8 +25,7 @@ impl Bed {
     fn new() -> Bed {
         let config = config::load(Path::new("small.toml")).unwrap();
         let (mut rig, witness) = open(&config).unwrap();
-        let calibration =
-            crate::measurement::calibrate(&mut rig, &config, None, &mut |_| {}).unwrap();
+        let calibration = calibrate(&mut rig, &config, None, &mut to_the_end).unwrap();
         let pipeline = Pipeline::new(&config, &calibration).unwrap();
         Bed { config, rig, witness, pipeline }
     }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::baseline;
+use super::on_rig::watch;
 use crate::calibration::{Calibration, store};
 use crate::config;
 use crate::measurement::{CalibrationProgress, calibrate};
@@ -33,7 +34,8 @@ pub fn measure(
 ) -> Result<Calibration, AnyFailure> {
     let before = store::load(slots, config.identity).map_err(boxed)?;
     before.check_offset(offset).map_err(boxed)?;
-    let measured = calibrate(devices, config, None, &mut { calibrating }).map_err(boxed)?;
+    let measured =
+        calibrate(devices, config, None, &mut watch(calibrating, None)).map_err(boxed)?;
     let after = before.with_focus(offset, &measured).map_err(boxed)?;
     keep(slots, &before, &after)?;
     Ok(after)

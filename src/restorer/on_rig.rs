@@ -1,6 +1,8 @@
 //! The restorer that stands on a calibrated rig.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::photo_file::{self, TakenPhoto};
 use super::{PanelView, Progress, Restorer, baseline, operating_point};
@@ -30,6 +32,7 @@ pub struct OnRig {
     method: Box<dyn Method + Send + Sync>,
     pipeline: Pipeline,
     calibrating: fn(CalibrationProgress),
+    interruption: Option<Interruption>,
     /// The pilot's reading right after the calibration.
     baseline: Option<Reading>,
     /// What the camera counts in the dark, and what the panel's white gives in each channel.
@@ -40,20 +43,22 @@ pub struct OnRig {
 }
 
 /// Calibrates `devices` and keeps the result in `slots`, which is made if need be; what was kept
-/// before stays if this fails.
+/// before stays if this fails, or is given up because `interrupted` says so.
 ///
 /// # Errors
-/// When the rig is not fit to be calibrated or the result cannot be kept.
+/// When the rig is not fit to be calibrated, the result cannot be kept, or it was given up.
 pub fn measure(
     config: &config::RigFile,
     devices: &mut Devices,
     slots: &Path,
     calibrating: fn(CalibrationProgress),
+    interrupted: Option<&Interruption>,
 ) -> Result<Calibration, AnyFailure> {
     store::make_folder(slots).map_err(boxed)?;
     let previous = store::load(slots, config.identity).ok();
     let mut measured =
-        calibrate(devices, config, previous.as_ref(), &mut { calibrating }).map_err(boxed)?;
+        calibrate(devices, config, previous.as_ref(), &mut watch(calibrating, interrupted))
+            .map_err(boxed)?;
     if let Some(previous) = &previous {
         measured = measured.with_focuses_of(previous);
     }
@@ -62,6 +67,24 @@ pub fn measure(
     let reading = read_pilot(config, devices, &pipeline)?;
     baseline::save(slots, measured.generation, &reading);
     Ok(measured)
+}
+
+/// Tells `calibrating` how a calibration goes on, and gives it up once `interrupted` says so.
+pub(super) fn watch(
+    calibrating: fn(CalibrationProgress),
+    interrupted: Option<&Interruption>,
+) -> impl FnMut(CalibrationProgress) -> ControlFlow<()> {
+    let mut told = None;
+    move |progress| {
+        // What does not go on is no sign of life.
+        if told.replace(progress) != Some(progress) {
+            calibrating(progress);
+        }
+        match interrupted {
+            Some(asked) if asked() => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    }
 }
 
 /// What the camera counts without light in the middle of the photo, by its calibration.
@@ -116,6 +139,7 @@ impl OnRig {
             method: operating_point::setting(&slots, config, method).method(config),
             pipeline,
             calibrating,
+            interruption: None,
             baseline: baseline::load(&slots, calibration.generation),
             black: black_of(config, &calibration),
             neutral: neutral_of(&calibration),
@@ -124,11 +148,12 @@ impl OnRig {
         })
     }
 
-    /// The same restorer, which gives a photo up before its next capture once `interruption` says
-    /// so.
+    /// The same restorer, which gives a photo, or a calibration, up before its next capture once
+    /// `interruption` says so.
     #[must_use]
     pub fn interruptible(self, interruption: Interruption) -> Self {
-        OnRig { pipeline: self.pipeline.interruptible(interruption), ..self }
+        let pipeline = self.pipeline.interruptible(Arc::clone(&interruption));
+        OnRig { pipeline, interruption: Some(interruption), ..self }
     }
 
     /// Takes down what the photo taught of the lens. What enough photos have proved takes the
@@ -281,8 +306,13 @@ impl Restorer for OnRig {
             {
                 self.devices.find_marks(place).map_err(boxed)?;
             }
-            let calibration =
-                measure(&self.config, &mut self.devices, &self.slots, self.calibrating)?;
+            let calibration = measure(
+                &self.config,
+                &mut self.devices,
+                &self.slots,
+                self.calibrating,
+                self.interruption.as_ref(),
+            )?;
             self.pipeline = self.pipeline.calibrated(&self.config, &calibration).map_err(boxed)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
             self.black = black_of(&self.config, &calibration);

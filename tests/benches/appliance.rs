@@ -22,7 +22,7 @@ use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
 use relens::config::{self, Glare, Kind, Lens};
 use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, method};
 use relens::rig::exposure::{Devices, Timing};
@@ -67,7 +67,7 @@ fn whole(is_touched: bool) {
     let rig = rig();
     let folder = tempfile::tempdir().unwrap();
     let calibration =
-        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut |_| {}).unwrap();
+        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut to_the_end).unwrap();
     let now = if is_touched { touched(rig.clone()) } else { rig.clone() };
     let (mut devices, witness) = simulated::open(&now).unwrap();
     std::fs::write(folder.path().join("calibration"), postcard::to_allocvec(&calibration).unwrap())

@@ -150,6 +150,21 @@ fn held_at_the_start_is_maintenance_until_a_short_press() {
 }
 
 #[test]
+fn measuring_the_lens_in_maintenance_can_be_given_up() {
+    let (root, front) = (fresh_root(), FrontPanel::default());
+    front.press(Press::HeldAtStart);
+    let inner = Brightener { gives_up: true, ..Brightener::default() };
+    let press = press_at(20.0, Press::Long);
+    let (_, screens, mended) = attended(root.path(), Mode::Folder, inner, 40.0, &front, press);
+    assert_eq!(mended, [Remedy::Recalibrate]);
+    let said = |screen: &Screen| match screen {
+        Screen::Maintenance { words } => words.contains("given up") && !words.contains("could not"),
+        _ => false,
+    };
+    assert!(screens.last().is_some_and(said), "{screens:?}");
+}
+
+#[test]
 fn a_photo_returned_untouched_is_not_said_to_be_restored() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);

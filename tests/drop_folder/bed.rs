@@ -12,6 +12,7 @@ use relens::daemon::{
 };
 use relens::deconvolution::ladder::Rung;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
+use relens::light_path::Interrupted;
 use relens::picture::{Dng, Format, Limits, Manner, Photo, RawTags, encode};
 use relens::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
 use relens::remedy::{AnyFailure, Remediable, Remedy};
@@ -53,6 +54,8 @@ pub struct Brightener {
     pub failures: Vec<Remedy>,
     pub mended: Vec<Remedy>,
     pub cannot_mend: bool,
+    /// Somebody does not let it mend.
+    pub gives_up: bool,
     pub untouched: bool,
     pub panics: bool,
     pub restored: usize,
@@ -90,6 +93,9 @@ impl Restorer for Brightener {
 
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         self.mended.push(remedy);
+        if self.gives_up {
+            return Err(Box::new(Interrupted));
+        }
         if self.cannot_mend { Err(Box::new(LampOut(Remedy::CallOperator))) } else { Ok(()) }
     }
 }

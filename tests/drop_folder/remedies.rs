@@ -51,6 +51,17 @@ fn the_remedy_alone_decides() {
 }
 
 #[test]
+fn a_photo_whose_calibration_is_given_up_waits_and_nobody_is_called() {
+    let root = fresh_root();
+    drop_in(root.path(), "a.png", &file(Format::Png, 8, RIG));
+    let mut restorer =
+        Brightener { failures: vec![Remedy::Recalibrate], gives_up: true, ..Brightener::default() };
+    let summary = once_with(root.path(), &mut restorer, &mut ()).unwrap();
+    assert_eq!((summary.left.len(), restorer.mended.len()), (1, 1));
+    assert!(root.path().join("inbox/a.png").is_file());
+}
+
+#[test]
 fn a_panic_in_the_restoration_costs_one_photo_and_not_the_night() {
     let root = fresh_root();
     let root = root.path();

@@ -33,6 +33,8 @@ pub struct Scene {
     /// How far the panel is from where it was, px; calibrating takes that away `if steady`.
     pub moved_px: f64,
     pub unsteady: bool,
+    /// Whoever is there does not let the lens be measured.
+    pub gives_up: bool,
     /// Failures of the next photos, the next one last.
     pub failures: Vec<Remedy>,
     /// From the press to the photo.
@@ -64,6 +66,7 @@ impl Restorer for Camera {
     }
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         let mut scene = self.scene.borrow_mut();
+        self.inner.gives_up = scene.gives_up;
         if remedy == Remedy::Recalibrate && !scene.unsteady {
             scene.moved_px = 0.0;
         }
@@ -309,6 +312,23 @@ fn a_panel_that_stands_otherwise_is_measured_and_one_that_does_not_hold_still_is
     let (ran, mended) = journey(root.path(), unsteady, 30.0, &acts);
     assert_eq!((ran.summary.restored.len(), mended.len()), (0, 2));
     assert!(asks(&ran, "displaced by 2.00 px") && asks(&ran, "moved"), "{:?}", ran.screens);
+    assert_eq!(names(&root.path().join("inbox")).len(), 1, "the photo waits");
+}
+
+#[test]
+fn whoever_gives_the_measuring_up_is_not_asked_for_the_panel_again() {
+    let root = fresh_root();
+    let scene = Scene {
+        panel: Some(PanelView::There),
+        moved_px: 2.0,
+        unsteady: true,
+        gives_up: true,
+        ..Scene::default()
+    };
+    let acts = [(10.0, Act::Press), (20.0, Is(BoxState::Waiting))];
+    let (ran, mended) = journey(root.path(), scene, 120.0, &acts);
+    assert_eq!((ran.summary.restored.len(), mended), (0, vec![Remedy::Recalibrate]));
+    assert!(!ran.screens.iter().any(|s| matches!(s, Screen::Trouble { .. })), "{:?}", ran.screens);
     assert_eq!(names(&root.path().join("inbox")).len(), 1, "the photo waits");
 }
 

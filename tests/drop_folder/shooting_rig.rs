@@ -33,7 +33,7 @@ fn rig(slots: &Path) -> (config::RigFile, OnRig, Witness) {
         simulation.sensor.mosaic = Some(Mosaic::Rggb);
     }
     let (mut devices, witness) = simulated::open(&rig).unwrap();
-    measure(&rig, &mut devices, slots, |_| {}).unwrap();
+    measure(&rig, &mut devices, slots, |_| {}, None).unwrap();
     let stopwatch = Arc::new(|| 0.0);
     let restorer = OnRig::new(&rig, devices, slots.into(), None, stopwatch, |_| {}).unwrap();
     (rig, restorer, witness)

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use relens::calibration::{Calibration, store};
 use relens::config;
 use relens::disk::Disk;
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::rig::simulated;
 
 use crate::model_disk::{Contents, ModelDisk, Op, Survivors, Verdict};
@@ -96,7 +96,7 @@ fn search(first: &Calibration, skip: Option<usize>) -> Result<(usize, usize), St
 fn whenever_the_power_fails_a_whole_calibration_is_there() {
     let config = config::load(Path::new("small.toml")).unwrap();
     let (mut rig, _) = simulated::open(&config).unwrap();
-    let measured = calibrate(&mut rig, &config, None, &mut |_| {}).unwrap();
+    let measured = calibrate(&mut rig, &config, None, &mut to_the_end).unwrap();
     let (cuts, ops) = search(&measured, None).unwrap();
     println!("{cuts} disks after cuts, {ops} operations a keeping");
     for skip in 0..ops {

@@ -11,7 +11,7 @@ use relens::config::{MethodName, RigFile};
 use relens::deconvolution::quality::ssim;
 use relens::frame::resample::resize;
 use relens::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Size, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::patterns::chart;
 use relens::picture::{Lab, Tone};
 use relens::pipeline::method;
@@ -151,7 +151,7 @@ fn processor_seconds() -> f64 {
 /// The table on the simulated rig of `rig`, and the pictures.
 pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result<Made, Failure> {
     let (mut devices, witness) = open(rig)?;
-    let calibration = calibrate(&mut devices, rig, None, &mut |_| {})?;
+    let calibration = calibrate(&mut devices, rig, None, &mut to_the_end)?;
     let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, processor_seconds)?;
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let head = [

@@ -11,7 +11,7 @@ use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use relens::frame::{Frame, Plane, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Outcome, Prepared, Solved};
 use relens::rig::simulated::{Witness, open};
@@ -32,14 +32,14 @@ pub(crate) struct Harness {
 
 /// What is measured of the simulated rig of `rig`.
 pub(crate) fn calibration(rig: &RigFile) -> Result<Calibration, Failure> {
-    Ok(calibrate(&mut open(rig)?.0, rig, None, &mut |_| {})?)
+    Ok(calibrate(&mut open(rig)?.0, rig, None, &mut to_the_end)?)
 }
 
 impl Harness {
     /// The simulated rig of `rig`, calibrated from its own captures, which were taken by it.
     pub(crate) fn open(rig: RigFile) -> Result<(Harness, Calibration), Failure> {
         let (mut devices, witness) = open(&rig)?;
-        let calibration = calibrate(&mut devices, &rig, None, &mut |_| {})?;
+        let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end)?;
         let harness = Harness {
             test_rig: TestRig::on(rig, devices, &calibration, seconds)?,
             witness,

@@ -7,7 +7,7 @@ use relens::chart::table::Table;
 use relens::chart::test_rig::PHOTO_SEED;
 use relens::config::{Curve, MethodName, RigFile};
 use relens::frame::{Channels, Frame, Work};
-use relens::measurement::calibrate;
+use relens::measurement::{calibrate, to_the_end};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{Pipeline, Prepared, method};
 use relens::rig::exposure::Devices;
@@ -37,7 +37,7 @@ fn scores(picture: &Looks, scene: &Looks) -> Scores {
 /// The table on the simulated rig of `rig`.
 pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result<Made, Failure> {
     let (mut devices, witness) = open(rig)?;
-    let calibration = calibrate(&mut devices, rig, None, &mut |_| {})?;
+    let calibration = calibrate(&mut devices, rig, None, &mut to_the_end)?;
     let pipeline = Pipeline::new(rig, &calibration)?;
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let words = format!("{}, {}: what coding costs.", rig.name, rig.photo.size());

@@ -11,8 +11,10 @@ mod shut_out;
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use relens::calibration::store;
 use relens::config::{self, ClockSource, Nights};
 use relens::daemon::{
     Daemon, DaemonSetting, Doing, Folders, Nightly, Progress, Reader, Restorer, State, Summary,
@@ -51,7 +53,7 @@ impl Clock for TestClock {
 fn rig(slots: &Path) -> (config::RigFile, OnRig, Witness) {
     let config = config::load(Path::new("small.toml")).unwrap();
     let (mut devices, witness) = simulated::open(&config).unwrap();
-    on_rig::measure(&config, &mut devices, slots, |_| {}).unwrap_or_else(|e| panic!("{e}"));
+    on_rig::measure(&config, &mut devices, slots, |_| {}, None).unwrap_or_else(|e| panic!("{e}"));
     let method = Some(config::MethodName::Digital);
     let restorer = OnRig::new(&config, devices, slots.to_owned(), method, Arc::new(|| 0.0), |_| {});
     let restorer = restorer.unwrap_or_else(|e| panic!("{e}"));
@@ -104,6 +106,27 @@ fn the_pilot_reads_what_was_done_to_the_rig() {
     ] {
         assert!(drift.complaint(&LIMITS).unwrap().contains(words));
     }
+}
+
+#[test]
+fn measuring_the_lens_can_be_given_up_and_leaves_what_was_measured_before() {
+    let slots = tempfile::tempdir().unwrap();
+    let (config, restorer, _) = rig(slots.path());
+    let asked = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&asked);
+    let mut restorer = restorer.interruptible(Arc::new(move || flag.load(Ordering::Acquire)));
+    let generation = || store::load(slots.path(), config.identity).unwrap().generation;
+    let before = generation();
+    asked.store(true, Ordering::Release);
+    let end = restorer.mend(Remedy::Recalibrate).unwrap_err();
+    assert!(end.was_asked_for() && generation() == before, "{end}");
+    asked.store(false, Ordering::Release);
+    assert_eq!(
+        restorer.pilot().unwrap_or_else(|e| panic!("{e}")).unwrap().complaint(&LIMITS),
+        None
+    );
+    restorer.mend(Remedy::Recalibrate).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(generation(), before + 1);
 }
 
 /// A restorer that brightens, with pilots that a script tells.

@@ -143,6 +143,9 @@ impl<'a> Attended<'a> {
             self.show(Screen::Maintenance { words }, BoxState::Working, rig);
             let outcome = match rig.mend(Remedy::Recalibrate) {
                 Ok(()) => "The lens has been measured anew.".to_owned(),
+                Err(end) if end.was_asked_for() => {
+                    "Measuring the lens was given up: it is taken as it was before.".to_owned()
+                }
                 Err(error) => format!("The lens could not be measured: {}", full_message(&*error)),
             };
             log::info!("maintenance: {outcome}");

@@ -199,6 +199,12 @@ impl<'a> Shooting<'a> {
             Stage::Ask { look_at, .. } => {
                 if asked.is_ready && now.0 >= look_at.0 {
                     match self.look(before, rig) {
+                        // Whoever gave the measuring up does not want the photos now.
+                        Err(error) if error.was_asked_for() => {
+                            log::info!("measuring the lens was given up");
+                            self.give_way(asked.waiting);
+                            return ShootTurn::Aim;
+                        }
                         Err(error) => return ShootTurn::Other(Turn::Help(error)),
                         Ok(true) => return ShootTurn::Photos,
                         Ok(false) => {}
@@ -301,6 +307,7 @@ impl<'a> Shooting<'a> {
                     self.stage = Stage::There;
                     return Ok(true);
                 }
+                Err(error) if error.was_asked_for() => return Err(error),
                 Err(error) => {
                     log::warn!("{}", full_message(&error));
                     let said = format!("{}. {}", full_message(&error), error.what_to_do());
