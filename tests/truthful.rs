@@ -239,7 +239,7 @@ fn a_panel_that_moves_and_flickers_is_no_noise() {
     let unrest: Departure = |to, from| to.unrest = from.unrest;
     let noise = |rig: &config::RigFile| {
         let mut devices = simulated::open(rig).unwrap().0;
-        calibrate(&mut devices, rig, None, &mut |_| {}).unwrap().noise
+        calibrate(&mut devices, rig, None, &mut to_the_end).unwrap().noise
     };
     for departures in [&[unrest][..], &[DEPARTURES[0].1, unrest]] {
         for (calm, found) in noise(&calm).into_iter().zip(noise(&departed(departures))) {

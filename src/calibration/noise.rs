@@ -100,7 +100,7 @@ mod tests {
         };
         let pair = [capture(1.0, false), capture(1.0 + brighter, moved)];
         let places = (0..16).flat_map(|column| (0..16).map(move |row| (16 * column, 16 * row)));
-        let place = |(x, y)| Rect { x: x + 2, y, size: Size::new(12, 16) };
+        let place = |(x, y): (usize, usize)| Rect { x: x + 2, y, size: Size::new(12, 16) };
         (pair, places.map(place).collect())
     }
 
