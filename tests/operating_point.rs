@@ -41,7 +41,7 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     let mut test_rig = TestRig::open(rig.clone(), no_clock).unwrap();
     let filed = Setting::as_filed(&rig, rig.restore.method);
     let mut mean = |setting: &Setting| {
-        let of = |scene| test_rig.score(scene, "", &*setting.method(&rig)).unwrap().ssim;
+        let of = |scene| test_rig.score(scene, 0, "", &*setting.method(&rig)).unwrap().ssim;
         Scene::STUDY_PHOTOGRAPHS.map(of).iter().sum::<f64>() / 2.0
     };
     let (of_best, of_fast, of_filed) = (mean(&best.setting), mean(&fast.setting), mean(&filed));

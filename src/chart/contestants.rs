@@ -23,6 +23,9 @@ pub const OUTSIDE: &str = "scikit-image";
 pub struct Contestant {
     /// The method's family: its colour in the chart.
     pub family: &'static str,
+    /// Which line of the chart it lies on in its family: settings that differ in one number alone.
+    /// Empty where it lies on none.
+    pub line: String,
     /// What sets it apart in its family.
     pub setting: String,
     /// The method.
@@ -47,15 +50,27 @@ impl Contestant {
         setting: &str,
         method: Box<dyn Method + Send + Sync>,
     ) -> Self {
-        Contestant { family, setting: setting.to_owned(), method, printed: false }
+        let (line, setting) = (String::new(), setting.to_owned());
+        Contestant { family, line, setting, method, printed: false }
+    }
+
+    /// The same on a line of its family.
+    #[must_use]
+    pub fn on(self, line: impl Into<String>) -> Self {
+        Contestant { line: line.into(), ..self }
     }
 
     /// The words of its rows.
     pub fn name(&self) -> String {
-        match self.setting.as_str() {
-            "" => self.family.to_owned(),
-            setting => format!("{}, {setting}", self.family),
-        }
+        name(self.family, &self.setting)
+    }
+}
+
+/// A contestant's name by its family and setting.
+pub(super) fn name(family: &str, setting: &str) -> String {
+    match setting {
+        "" => family.to_owned(),
+        setting => format!("{family}, {setting}"),
     }
 }
 
@@ -86,7 +101,7 @@ fn papers(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
         let solver = Paper { iterations, ..printed };
         all.push(Contestant {
             printed: iterations == printed.iterations,
-            ..Contestant::new("paper", &setting, solver)
+            ..Contestant::new("paper", &setting, solver).on("iterations")
         });
     }
     if !quick {
@@ -110,11 +125,13 @@ fn captures_only(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
     for iterations in either(quick, &[5], &[1, 2, 3, 5, 8]) {
         let strength = Strength { at_one_grey_level: 3.0 * strength.at_one_grey_level };
         let residual = Residual { iterations, strength, patches, levels, cycle_spun };
-        all.push(Contestant::new("residual", &counted(iterations as usize, "iteration"), residual));
+        let setting = counted(iterations as usize, "iteration");
+        all.push(Contestant::new("residual", &setting, residual).on("iterations"));
     }
     for iterations in either(quick, &[11], &[3, 6, 11, 20]) {
         let unmatched = Unmatched { iterations, strength, levels, cycle_spun };
-        all.push(Contestant::new("unmatched", &format!("{iterations} captures"), unmatched));
+        let setting = format!("{iterations} captures");
+        all.push(Contestant::new("unmatched", &setting, unmatched).on("captures"));
     }
     all
 }
@@ -122,8 +139,10 @@ fn captures_only(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
 /// The measured lens alone.
 fn lens_alone(rig: &config::RigFile) -> Vec<Contestant> {
     let filed = digital(rig);
-    let of =
-        |steps| Contestant::new("digital", &format!("{steps} steps"), Digital { steps, ..filed });
+    let of = |steps| {
+        Contestant::new("digital", &format!("{steps} steps"), Digital { steps, ..filed })
+            .on("steps")
+    };
     let mut all: Vec<Contestant> = [2, 4, 8, 16, 32, 64].map(of).into();
     let still = Digital { cycle_spun: false, ..filed };
     all.push(Contestant::new("digital", "not spun", still));
@@ -137,22 +156,28 @@ fn lens_alone(rig: &config::RigFile) -> Vec<Contestant> {
 /// The measured lens, corrected by captures, without block matching and with it.
 fn lens_and_captures(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
     let of = |set: Setting| Contestant::boxed(set.method.name(), &set.numbers(), set.method(rig));
+    // Steps change along a line, or rounds; captures do from line to line.
+    let by_captures = |set: Setting| of(set).on(counted(set.captures_max as usize, "capture"));
     let mut all = Vec::new();
     let filed = Setting::as_filed(rig, config::MethodName::Hybrid);
-    for (captures_max, steps, correction_steps) in
-        [(1, 4, 4), (2, 8, 6), (1, 16, 10), (2, 16, 10), (4, 16, 10), (2, 32, 20), (4, 64, 30)]
-    {
-        all.push(of(Setting { captures_max, steps, correction_steps, ..filed }));
+    let steps = [(4, 4), (8, 6), (16, 10), (32, 20)];
+    for captures_max in [1, 2] {
+        for (steps, correction_steps) in steps {
+            all.push(by_captures(Setting { captures_max, steps, correction_steps, ..filed }));
+        }
     }
+    let most = Setting { captures_max: 4, steps: 64, correction_steps: 30, ..filed };
+    all.extend([of(Setting { captures_max: 4, ..filed }), of(most)]);
     let averaged = Averaged { method: Box::new(hybrid(rig)), times: 4 };
     all.push(Contestant::new("hybrid", "each capture 4 times", averaged));
     let filed = Setting::as_filed(rig, config::MethodName::BlockMatching);
     for rounds in either(quick, &[1, 8], &[1, 2, 4, 8, 12, 16]) {
-        all.push(of(Setting { rounds, captures_max: 0, ..filed }));
+        all.push(by_captures(Setting { rounds, captures_max: 0, ..filed }));
     }
-    for (rounds, captures_max) in [(1, 1), (1, 2), (2, 1), (2, 2), (4, 2), (8, 1), (8, 2), (12, 2)]
-    {
-        all.push(of(Setting { rounds, captures_max, ..filed }));
+    for captures_max in [1, 2] {
+        for rounds in either(quick, &[1, 8], &[1, 2, 4, 8, 12]) {
+            all.push(by_captures(Setting { rounds, captures_max, ..filed }));
+        }
     }
     for (steps, correction_steps) in [(4, 2), (8, 4)] {
         all.push(of(Setting { steps, correction_steps, rounds: 1, captures_max: 1, ..filed }));
@@ -169,14 +194,18 @@ fn usual(quick: bool) -> Vec<Contestant> {
     }
     for steps in either(quick, &[20], &[5, 10, 20, 40]) {
         let setting = format!("{steps} steps");
-        all.push(Contestant::new("richardson-lucy", &setting, RichardsonLucy { steps }));
+        all.push(
+            Contestant::new("richardson-lucy", &setting, RichardsonLucy { steps }).on("steps"),
+        );
     }
     for (steps, at_one_grey_level) in
         either(quick, &[(40, 0.3)], &[(20, 0.3), (40, 0.3), (40, 0.15), (40, 0.6), (80, 0.3)])
     {
         let setting = format!("{steps} steps, strength {at_one_grey_level}");
         let strength = Strength { at_one_grey_level };
-        all.push(Contestant::new("total-variation", &setting, TotalVariation { steps, strength }));
+        let line = format!("strength {at_one_grey_level}");
+        let solver = TotalVariation { steps, strength };
+        all.push(Contestant::new("total-variation", &setting, solver).on(line));
     }
     all
 }

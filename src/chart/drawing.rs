@@ -10,6 +10,8 @@ pub struct Colour(pub u8, pub u8, pub u8);
 pub const INK: Colour = Colour(0x33, 0x33, 0x33);
 /// Grid lines.
 pub const FAINT: Colour = Colour(0xee, 0xee, 0xee);
+/// The sheet itself.
+const SHEET: Colour = Colour(0xff, 0xff, 0xff);
 /// Harm: whatever lies below the untouched photo.
 pub const HARM: Colour = Colour(0xaa, 0x33, 0x33);
 
@@ -54,21 +56,34 @@ pub struct Drawing {
     width: f64,
     height: f64,
     elements: String,
+    dark_too: bool,
 }
+
+/// What a dark page makes of sheet, words, axes and grid; colours stay.
+const ON_DARK: &str = "<style>text{fill:#222}@media(prefers-color-scheme:dark){\
+    .sheet{fill:#14161a}text{fill:#ddd}[stroke=\"#333333\"]{stroke:#ccc}\
+    [stroke=\"#eeeeee\"]{stroke:#2c2f36}[stroke=\"#000000\"]{stroke:#fff}\
+    [fill=\"#000000\"]{fill:#fff}[fill=\"#ffffff\"]{fill:#14161a}}</style>";
 
 impl Drawing {
     /// An empty sheet.
     pub fn new(width: f64, height: f64) -> Self {
-        Drawing { width, height, elements: String::new() }
+        Drawing { width, height, elements: String::new(), dark_too: false }
+    }
+
+    /// An empty sheet that is dark where the page about it is.
+    pub fn light_and_dark(width: f64, height: f64) -> Self {
+        Drawing { dark_too: true, ..Drawing::new(width, height) }
     }
 
     /// The drawing as an SVG document.
     pub fn svg(&self) -> String {
-        let Drawing { width, height, elements } = self;
+        let Drawing { width, height, elements, dark_too } = self;
+        let style = if *dark_too { ON_DARK } else { "" };
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
-             font-family=\"sans-serif\"><rect width=\"{width}\" height=\"{height}\" \
-             fill=\"white\"/>\n{elements}</svg>\n"
+             font-family=\"sans-serif\">{style}<rect class=\"sheet\" width=\"{width}\" \
+             height=\"{height}\" fill=\"white\"/>\n{elements}</svg>\n"
         )
     }
 
@@ -88,6 +103,23 @@ impl Drawing {
             "path",
             tip,
         );
+    }
+
+    /// A closed outline, filled with a colour or with the sheet's, with words shown when it is
+    /// pointed at.
+    pub fn outline(
+        &mut self,
+        corners: &[[f64; 2]],
+        fill: Option<Colour>,
+        Stroke { colour, width, .. }: Stroke,
+        tip: &str,
+    ) {
+        let fill = fill.unwrap_or(SHEET);
+        let opening = format!(
+            "<path d=\"{}Z\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"{width}\"",
+            Path(corners)
+        );
+        self.element(&opening, "path", tip);
     }
 
     /// The filled rectangle from corner to corner.

@@ -4,7 +4,7 @@
 use super::contestants::{Contestant, FILED};
 use super::scenes::Scene;
 use super::test_rig::{Score, TestRig, TestRigError};
-use super::trade::{Trade, Within};
+use super::trade::{BALANCED, BEST, FAST, Trade};
 use crate::config::{MethodName, OperatingPoint, RigFile};
 use crate::pipeline::{Chosen, Setting};
 
@@ -69,18 +69,19 @@ pub fn choose(
     for (n, setting) in settings.iter().enumerate() {
         let contestant = Contestant {
             family: if n == 0 { FILED } else { setting.method.name() },
+            line: String::new(),
             setting: setting.to_string(),
             method: setting.method(&rig),
             printed: false,
         };
-        trade.run(test_rig, &SCENES, &contestant, each)?;
+        trade.run(test_rig, (&SCENES, 1), &contestant, each)?;
     }
-    let within = match wanted {
-        OperatingPoint::Fast => Within::FAST,
-        OperatingPoint::Balanced => Within::BALANCED,
-        OperatingPoint::Best => Within::NOTHING,
+    let keeps = match wanted {
+        OperatingPoint::Fast => FAST,
+        OperatingPoint::Balanced => BALANCED,
+        OperatingPoint::Best => BEST,
     };
-    let (best, chosen) = (trade.operating_point(Within::NOTHING), trade.operating_point(within));
+    let (best, chosen) = (trade.operating_point(BEST), trade.operating_point(keeps));
     Ok(best.zip(chosen).map(|(best, n)| Chosen {
         operating_point: wanted,
         setting: settings[n],

@@ -1,43 +1,59 @@
-//! The chart of seconds against SSIM.
+//! The chart of seconds against quality: a panel for each measure, settings of a method joined,
+//! labels beside their points.
 
-use super::contestants::{FILED, OUTSIDE};
 use super::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
-use super::trade::{Point, Trade, Within};
+use super::marks::{MARKS, Mark, Outline, PAPER};
+use super::trade::{BALANCED, BEST, FAST, Measure, Point, Trade};
 
 const WIDTH: f64 = 1000.0;
-const HEIGHT: f64 = 640.0;
-/// Left, right, top and bottom of the field that is drawn into.
-const FIELD: [f64; 4] = [80.0, 790.0, 56.0, 570.0];
-const PAPER: Colour = Colour(0xd5, 0x5e, 0x00);
-/// One colour for each family, told apart by the colour-blind too (Okabe & Ito 2008).
-const COLOURS: [(&str, Colour); 11] = [
-    ("paper", PAPER),
-    ("residual", Colour(0xe6, 0x9f, 0x00)),
-    ("unmatched", Colour(0xcc, 0x79, 0xa7)),
-    ("digital", Colour(0x56, 0xb4, 0xe9)),
-    ("hybrid", Colour(0x00, 0x72, 0xb2)),
-    ("block-matching", Colour(0xf0, 0xe4, 0x42)),
-    ("wiener", Colour(0x99, 0x99, 0x99)),
-    ("richardson-lucy", Colour(0x00, 0x9e, 0x73)),
-    ("total-variation", Colour(0x8c, 0x6d, 0x1f)),
-    (OUTSIDE, Colour(0x7a, 0x33, 0x99)),
-    (FILED, Colour(0x00, 0x00, 0x00)),
-];
+/// Left and right end of what is drawn into; labels stand to the right of it.
+const FIELD: [f64; 2] = [74.0, 744.0];
+/// Where the first panel begins, how high each is, and the room to the next.
+const TOP: f64 = 62.0;
+const PANEL: f64 = 270.0;
+const BETWEEN: f64 = 26.0;
+const RADIUS: f64 = 5.0;
+/// Between the base lines of two labels.
+const LINE: f64 = 14.5;
+/// Below what the photo has, panels go on for this share of what can be gained: what does more harm
+/// is an arrow at the edge.
+const HARM_SHOWN: f64 = 0.25;
 
-/// Where things go.
-struct Axes {
-    seconds: [f64; 2],
-    ssim: [f64; 2],
+/// What is said about a chart.
+#[derive(Debug, Clone, Default)]
+pub struct Words {
+    /// Its heading.
+    pub title: String,
+    /// What it stands for: the photos, the machine, the command; a line each.
+    pub below: Vec<String>,
 }
 
-impl Axes {
-    fn of(trade: &Trade) -> Axes {
+/// One panel.
+struct MeasurePanel {
+    measure: Measure,
+    /// What the untouched photos have.
+    photo: f64,
+    range: [f64; 2],
+    seconds: [f64; 2],
+    /// Upper and lower end.
+    field: [f64; 2],
+}
+
+impl MeasurePanel {
+    fn of(trade: &Trade, measure: Measure, nth: usize) -> Option<MeasurePanel> {
+        let photo = trade.photo_by(measure)?;
         let times = trade.points.iter().map(|p| p.seconds().max(1e-3));
         let (least, most) = times.fold((f64::INFINITY, 1e-2f64), |(a, b), t| (a.min(t), b.max(t)));
-        let best = trade.points.iter().map(|p| p.ssim).fold(trade.photo_ssim, f64::max);
-        // Methods that do harm are clipped to the lower edge, so that the rest can be told apart.
-        let below = trade.photo_ssim - 0.35 * (best - trade.photo_ssim).max(0.01);
-        Axes { seconds: [least * 0.7, most * 1.4], ssim: [below, best + 0.08 * (best - below)] }
+        let best = trade.points.iter().filter_map(|p| p.by(measure)).fold(photo, f64::max);
+        let gain = (best - photo).max(1e-3);
+        let top = TOP + nth as f64 * (PANEL + BETWEEN);
+        Some(MeasurePanel {
+            measure,
+            photo,
+            range: [photo - HARM_SHOWN * gain, best + 0.12 * gain],
+            seconds: [least * 0.7, most * 1.4],
+            field: [top, top + PANEL],
+        })
     }
 
     fn x(&self, seconds: f64) -> f64 {
@@ -46,79 +62,94 @@ impl Axes {
         FIELD[0] + share.clamp(0.0, 1.0) * (FIELD[1] - FIELD[0])
     }
 
-    fn y(&self, ssim: f64) -> f64 {
-        let share = (ssim - self.ssim[0]) / (self.ssim[1] - self.ssim[0]);
-        FIELD[3] - share.clamp(0.0, 1.0) * (FIELD[3] - FIELD[2])
+    fn y(&self, worth: f64) -> f64 {
+        let share = (worth - self.range[0]) / (self.range[1] - self.range[0]);
+        self.field[1] - share.clamp(0.0, 1.0) * (self.field[1] - self.field[0])
     }
 
-    fn place(&self, point: &Point) -> [f64; 2] {
-        [self.x(point.seconds()), self.y(point.ssim)]
+    fn place(&self, point: &Point) -> Option<[f64; 2]> {
+        Some([self.x(point.seconds()), self.y(point.by(self.measure)?)])
     }
 }
 
-/// The chart of `trade`, headed `title`.
-pub fn draw(trade: &Trade, title: &str) -> Drawing {
-    let axes = Axes::of(trade);
-    let mut sheet = Drawing::new(WIDTH, HEIGHT);
-    sheet.words(title, [FIELD[0], 28.0], Anchor::Start, 18.0);
-    frame(&mut sheet, trade, &axes);
-    front(&mut sheet, trade, &axes);
-    for &(family, colour) in &COLOURS {
-        for point in trade.points.iter().filter(|p| p.family == family) {
-            marker(&mut sheet, &axes, point, colour);
+/// The chart of `trade`.
+pub fn draw(trade: &Trade, words: &Words) -> Drawing {
+    let panels: Vec<MeasurePanel> = (Measure::ALL.into_iter().enumerate())
+        .filter_map(|(nth, measure)| MeasurePanel::of(trade, measure, nth))
+        .collect();
+    let bottom = panels.last().map_or(TOP, |panel| panel.field[1]);
+    let height = bottom + 66.0 + 15.0 * words.below.len() as f64;
+    let mut sheet = Drawing::light_and_dark(WIDTH, height);
+    sheet.words(&words.title, [FIELD[0], 26.0], Anchor::Start, 18.0);
+    let key = "hollow: no capture, so no certificate; black line: nothing beats these; bands and \
+               bars: how far single photos stray";
+    sheet.words(key, [FIELD[0], 46.0], Anchor::Start, 12.0);
+    for panel in &panels {
+        frame(&mut sheet, panel);
+        bands(&mut sheet, trade, panel);
+        front(&mut sheet, trade, panel);
+        for mark in &MARKS {
+            family(&mut sheet, trade, panel, mark);
         }
+        labels(&mut sheet, trade, panel);
     }
-    notes(&mut sheet, trade, &axes);
-    legend(&mut sheet, trade);
+    let middle = (FIELD[0] + FIELD[1]) / 2.0;
+    let axis = "seconds a photo: captures and computing (logarithmic)";
+    sheet.words(axis, [middle, bottom + 38.0], Anchor::Middle, 14.0);
+    for (n, line) in words.below.iter().enumerate() {
+        sheet.words(line, [FIELD[0], bottom + 62.0 + 15.0 * n as f64], Anchor::Start, 11.0);
+    }
     sheet
 }
 
 /// Axes, their labels, and the floor.
-fn frame(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
-    let [left, right, top, bottom] = FIELD;
+fn frame(sheet: &mut Drawing, panel: &MeasurePanel) {
+    let ([left, right], [top, bottom]) = (FIELD, panel.field);
     for decade in -3..5 {
         for step in [1.0, 2.0, 5.0] {
             let seconds = step * 10f64.powi(decade);
-            if (axes.seconds[0]..=axes.seconds[1]).contains(&seconds) {
-                let x = axes.x(seconds);
+            if (panel.seconds[0]..=panel.seconds[1]).contains(&seconds) {
+                let x = panel.x(seconds);
                 sheet.line(&[[x, top], [x, bottom]], Stroke::new(FAINT, 1.0));
-                let decimals = (-decade).max(0) as usize;
-                sheet.words(
-                    &format!("{seconds:.decimals$}"),
-                    [x, bottom + 18.0],
-                    Anchor::Middle,
-                    12.0,
-                );
+                let words = format!("{seconds:.*}", (-decade).max(0) as usize);
+                sheet.words(&words, [x, bottom + 16.0], Anchor::Middle, 12.0);
             }
         }
     }
-    let span = axes.ssim[1] - axes.ssim[0];
-    let step =
-        [0.005, 0.01, 0.02, 0.05, 0.1].into_iter().find(|step| span / step < 10.0).unwrap_or(0.2);
-    let mut tick = (axes.ssim[0] / step).ceil() * step;
-    while tick <= axes.ssim[1] {
-        let y = axes.y(tick);
+    let span = panel.range[1] - panel.range[0];
+    let steps = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
+    let step = steps.into_iter().find(|step| span / step < 8.0).unwrap_or(10.0);
+    let mut tick = (panel.range[0] / step).ceil() * step;
+    while tick <= panel.range[1] {
+        let y = panel.y(tick);
         sheet.line(&[[left, y], [right, y]], Stroke::new(FAINT, 1.0));
-        sheet.words(&format!("{tick:.3}"), [left - 8.0, y + 4.0], Anchor::End, 12.0);
+        let words = match panel.measure {
+            Measure::Ssim => format!("{tick:.3}"),
+            Measure::Psnr => format!("{tick:.1}"),
+            Measure::EdgeDifference => format!("{:.1}", -tick),
+        };
+        sheet.words(&words, [left - 7.0, y + 4.0], Anchor::End, 12.0);
         tick += step;
     }
     sheet.line(&[[left, top], [left, bottom], [right, bottom]], Stroke::new(INK, 1.0));
-    let seconds = "seconds a photo: captures and computing (logarithmic)";
-    sheet.words(seconds, [(left + right) / 2.0, bottom + 42.0], Anchor::Middle, 14.0);
-    let middle = [22.0, (top + bottom) / 2.0];
-    sheet.words_upwards("SSIM, mean of the scenes", middle, 14.0);
-    let floor = axes.y(trade.photo_ssim);
+    let words = match panel.measure {
+        Measure::Ssim => "SSIM",
+        Measure::Psnr => "PSNR, dB",
+        Measure::EdgeDifference => "ΔE at edges (down: worse)",
+    };
+    sheet.words_upwards(words, [20.0, (top + bottom) / 2.0], 14.0);
+    let floor = panel.y(panel.photo);
     sheet.rectangle([left, floor], [right, bottom], PAPER, 0.08);
     sheet.line(&[[left, floor], [right, floor]], Stroke::new(HARM, 1.0).dashed());
-    let words = format!("the blurred photo, {:.3}: below, a method does harm", trade.photo_ssim);
-    sheet.words(&words, [right - 6.0, floor + 16.0], Anchor::End, 12.0);
+    let words = "the photo as it is: below, a method does harm";
+    sheet.words(words, [right - 6.0, floor + 15.0], Anchor::End, 12.0);
 }
 
 /// The line through what nothing beats.
-fn front(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
+fn front(sheet: &mut Drawing, trade: &Trade, panel: &MeasurePanel) {
     let mut steps: Vec<[f64; 2]> = Vec::new();
-    for n in trade.front() {
-        let [x, y] = axes.place(&trade.points[n]);
+    for n in trade.front(panel.measure) {
+        let Some([x, y]) = panel.place(&trade.points[n]) else { continue };
         if let Some(&[_, height]) = steps.last() {
             steps.push([x, height]);
         }
@@ -130,67 +161,148 @@ fn front(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
     sheet.line(&steps, Stroke::new(INK, 1.5));
 }
 
-fn marker(sheet: &mut Drawing, axes: &Axes, point: &Point, colour: Colour) {
-    let [x, y] = axes.place(point);
-    let words = format!(
-        "{}, {}: {:.2} s ({:.1} captures), SSIM {:.4}, {:.2} dB",
-        point.family,
-        point.setting,
-        point.seconds(),
-        point.captures,
-        point.ssim,
-        point.psnr_db
-    );
-    if point.ssim < axes.ssim[0] {
-        // Off the chart: an arrow at the edge.
-        let corners = [[x - 5.0, y - 9.0], [x + 5.0, y - 9.0], [x, y]];
-        sheet.area(&corners, colour, 1.0, &words);
-    } else {
-        sheet.disc([x, y], 5.0, colour, &words);
-    }
-}
-
-/// Width of a letter of 13 units, about.
-const LETTER: f64 = 7.5;
-
-/// The operating point and the paper's own setting.
-fn notes(sheet: &mut Drawing, trade: &Trade, axes: &Axes) {
-    if let Some(point) = trade.points.iter().find(|p| p.printed) {
-        let [x, y] = axes.place(point);
-        let below = if point.ssim < axes.ssim[0] {
-            format!(", SSIM {:.2}", point.ssim)
-        } else {
-            String::new()
-        };
-        sheet.ring([x, y - 4.0], 10.0, Stroke::new(PAPER, 1.0));
-        let words = format!("the paper, 11 iterations{below}");
-        sheet.words(&words, [x.min(FIELD[1] - 100.0), y - 20.0], Anchor::Middle, 12.0);
-    }
-    if let Some(n) = trade.operating_point(Within::BALANCED) {
-        let point = &trade.points[n];
-        let [x, y] = axes.place(point);
-        sheet.ring([x, y], 11.0, Stroke::new(Colour(0, 0, 0), 2.0));
-        let words = format!("operating point: {}, {}", point.family, point.setting);
-        // Above the field, where no point is.
-        let half = 0.5 * LETTER * words.len() as f64;
-        let middle = x.clamp(FIELD[0] + half, (FIELD[1] - half).max(FIELD[0] + half));
-        sheet.words(&words, [middle, FIELD[2] - 8.0], Anchor::Middle, 13.0);
-        sheet.line(&[[x, FIELD[2] - 4.0], [x, y - 11.0]], Stroke::new(INK, 1.0));
-    }
-}
-
-fn legend(sheet: &mut Drawing, trade: &Trade) {
-    let mut y = FIELD[2] + 10.0;
-    for &(family, colour) in &COLOURS {
-        if trade.points.iter().any(|p| p.family == family) {
-            sheet.disc([812.0, y - 4.0], 5.0, colour, "");
-            sheet.words(family, [824.0, y], Anchor::Start, 13.0);
-            y += 22.0;
+/// The lines of a family, each fastest first.
+fn lines<'a>(trade: &'a Trade, family: &str) -> Vec<Vec<&'a Point>> {
+    let mut lines: Vec<Vec<&Point>> = Vec::new();
+    for point in trade.points.iter().filter(|p| p.family == family) {
+        match lines.iter_mut().find(|line| !point.line.is_empty() && line[0].line == point.line) {
+            Some(line) => line.push(point),
+            None => lines.push(vec![point]),
         }
     }
-    sheet.line(&[[806.0, y - 4.0], [818.0, y - 4.0]], Stroke::new(INK, 1.5));
-    sheet.words("nothing beats these", [824.0, y], Anchor::Start, 13.0);
-    sheet.words("triangles: below the chart", [806.0, y + 24.0], Anchor::Start, 11.0);
+    for line in &mut lines {
+        line.sort_by(|a, b| a.seconds().total_cmp(&b.seconds()));
+    }
+    lines
+}
+
+/// How far single photos stray from what a setting gains over the rig file's.
+fn bands(sheet: &mut Drawing, trade: &Trade, panel: &MeasurePanel) {
+    for mark in &MARKS {
+        for line in lines(trade, mark.family) {
+            let ends: Option<Vec<[[f64; 2]; 2]>> = (line.iter())
+                .map(|point| {
+                    let (spread, worth) =
+                        trade.spread(point, panel.measure).zip(point.by(panel.measure))?;
+                    let x = panel.x(point.seconds());
+                    Some([1.0, -1.0].map(|side| [x, panel.y(worth + side * spread)]))
+                })
+                .collect();
+            let Some(ends) = ends else { continue };
+            if let [[above, below]] = ends[..] {
+                sheet.line(&[above, below], Stroke::new(mark.colour, 0.7));
+                continue;
+            }
+            let mut corners: Vec<[f64; 2]> = ends.iter().map(|[above, _]| *above).collect();
+            corners.extend(ends.iter().rev().map(|[_, below]| *below));
+            sheet.area(&corners, mark.colour, 0.1, "");
+        }
+    }
+}
+
+/// A family's points, joined where they differ in one number.
+fn family(sheet: &mut Drawing, trade: &Trade, panel: &MeasurePanel, mark: &Mark) {
+    for line in lines(trade, mark.family) {
+        let places: Vec<[f64; 2]> = line.iter().filter_map(|point| panel.place(point)).collect();
+        sheet.line(&places, Stroke::new(mark.colour, 1.0));
+        for point in line {
+            let Some([x, y]) = panel.place(point) else { continue };
+            let below = point.by(panel.measure).is_some_and(|worth| worth < panel.range[0]);
+            let edges = point.edge_difference.map_or(String::new(), |d| format!(", ΔE {d:.2}"));
+            let words = format!(
+                "{}, {}: {:.2} s ({:.1} captures), SSIM {:.4}, {:.2} dB{edges}",
+                point.family,
+                point.setting,
+                point.seconds(),
+                point.captures,
+                point.ssim,
+                point.psnr_db
+            );
+            let fill = (point.captures > 0.0).then_some(mark.colour);
+            // Off the chart: an arrow at the edge.
+            let outline = match below {
+                true => vec![[x - 5.0, y - 10.0], [x + 5.0, y - 10.0], [x, y - 1.0]],
+                false => mark.outline.about([x, y], RADIUS),
+            };
+            sheet.outline(&outline, fill, Stroke::new(mark.colour, 1.4), &words);
+        }
+    }
+}
+
+/// Words at the right end of a panel, and the point that they are of.
+struct Label {
+    words: String,
+    place: [f64; 2],
+    colour: Colour,
+    outline: Option<Outline>,
+}
+
+/// Names of the families beside their best points, and of what was chosen.
+fn labels(sheet: &mut Drawing, trade: &Trade, panel: &MeasurePanel) {
+    let worth = |point: &&Point| point.by(panel.measure).unwrap_or(f64::NEG_INFINITY);
+    let mut all: Vec<Label> = Vec::new();
+    for mark in &MARKS {
+        let own = trade.points.iter().filter(|point| point.family == mark.family);
+        let best = own.max_by(|a, b| worth(a).total_cmp(&worth(b)));
+        let Some((point, place)) = best.and_then(|p| Some((p, panel.place(p)?))) else { continue };
+        let words = match mark.family {
+            super::contestants::FILED => format!("as the rig file has it: {}", point.setting),
+            family => family.to_owned(),
+        };
+        all.push(Label { words, place, colour: mark.colour, outline: Some(mark.outline) });
+    }
+    if let Some(point) = trade.points.iter().find(|p| p.printed) {
+        let words = format!("the paper's own, {}", point.setting);
+        let place = panel.place(point);
+        all.extend(place.map(|place| Label { words, place, colour: PAPER, outline: None }));
+    }
+    let mut chosen: Vec<(usize, String)> = Vec::new();
+    for (name, keeps) in [("fast", FAST), ("balanced", BALANCED), ("best", BEST)] {
+        let Some(n) = trade.operating_point(keeps) else { continue };
+        match chosen.iter_mut().find(|(other, _)| *other == n) {
+            Some((_, names)) => *names = format!("{names} and {name}"),
+            None => chosen.push((n, name.to_owned())),
+        }
+    }
+    for (n, names) in chosen {
+        let point = &trade.points[n];
+        let Some(place) = panel.place(point) else { continue };
+        let words = format!("{names}: {}", point.family);
+        all.push(Label { words, place, colour: Colour(0, 0, 0), outline: None });
+    }
+    all.sort_by(|a, b| a.place[1].total_cmp(&b.place[1]));
+    for (y, label) in spread_out(&all, panel.field).into_iter().zip(&all) {
+        let [x0, y0] = label.place;
+        let pale = Stroke::new(label.colour, 0.5);
+        if label.outline.is_none() {
+            sheet.ring([x0, y0], RADIUS + 4.0, Stroke::new(label.colour, 1.5));
+        }
+        sheet.line(&[[x0 + RADIUS + 1.0, y0], [FIELD[1] + 4.0, y], [FIELD[1] + 9.0, y]], pale);
+        if let Some(of) = label.outline {
+            let outline = of.about([FIELD[1] + 17.0, y], RADIUS);
+            let stroke = Stroke::new(label.colour, 1.0);
+            sheet.outline(&outline, Some(label.colour), stroke, "");
+        } else {
+            sheet.ring([FIELD[1] + 17.0, y], RADIUS, Stroke::new(label.colour, 1.5));
+        }
+        sheet.words(&label.words, [FIELD[1] + 27.0, y + 4.0], Anchor::Start, 12.0);
+    }
+}
+
+/// Heights of `labels`, sorted by their points', as near to these as leaves each a line of its own.
+fn spread_out(labels: &[Label], [top, bottom]: [f64; 2]) -> Vec<f64> {
+    let mut heights: Vec<f64> = labels.iter().map(|label| label.place[1]).collect();
+    let mut least = top;
+    for y in &mut heights {
+        *y = y.max(least);
+        least = *y + LINE;
+    }
+    let mut most = bottom;
+    for y in heights.iter_mut().rev() {
+        *y = y.min(most);
+        most = *y - LINE;
+    }
+    heights
 }
 
 #[cfg(test)]
@@ -198,17 +310,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_method_that_is_tried_has_a_colour_of_its_own() {
-        let rig = crate::config::load(std::path::Path::new("study.toml"))
-            .expect("it comes with the program");
-        for contestant in crate::chart::contestants::contestants(&rig, false) {
-            assert!(
-                COLOURS.iter().any(|(family, _)| *family == contestant.family),
-                "{}",
-                contestant.family
-            );
-        }
-        let unlike = |n: usize| COLOURS[..n].iter().all(|(_, colour)| *colour != COLOURS[n].1);
-        assert!((0..COLOURS.len()).all(unlike));
+    fn labels_keep_their_order_and_a_line_each() {
+        let label = |y| Label { words: String::new(), place: [0.0, y], colour: INK, outline: None };
+        let labels: Vec<Label> = [10.0, 11.0, 12.0, 90.0, 99.0].map(label).into();
+        let heights = spread_out(&labels, [0.0, 100.0]);
+        assert!(heights.windows(2).all(|pair| pair[1] - pair[0] >= LINE - 1e-9), "{heights:?}");
+        assert!(heights[0] >= 0.0 && heights[4] <= 100.0 && heights[3] > 60.0, "{heights:?}");
     }
 }

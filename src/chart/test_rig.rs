@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::looks::{Looks, display_luminance};
 use super::scenes::Scene;
 use crate::calibration::Calibration;
 use crate::config::{self, Curve};
@@ -19,6 +20,8 @@ use crate::rig::simulated::{Witness, open};
 
 /// Seed of the photographs' noise; a scene's own number is added.
 pub const PHOTO_SEED: u64 = 20_261_121;
+/// Between the seeds of two photos of a scene.
+const SEEDS_APART: u64 = 1000;
 
 /// A calibrated rig.
 pub struct TestRig {
@@ -96,6 +99,10 @@ pub struct Score {
     pub blurred_ssim: f64,
     /// PSNR of the untouched photo, dB.
     pub blurred_psnr_db: f64,
+    /// ΔE at the edges of result and untouched photo ([`Looks::scores`]); of photos in colour.
+    pub edge_differences: Option<[f64; 2]>,
+    /// Which photo of the scene it is.
+    pub take: u64,
     /// The photo restored.
     pub restored: Solved,
 }
@@ -180,15 +187,16 @@ impl TestRig {
         }
     }
 
-    /// The photo the rig's camera takes of `scene`.
+    /// The photo the rig's camera takes of `scene`; on a simulated rig the noise is that of `take`.
     ///
     /// # Errors
     /// When the scene is shown and its capture fails.
-    pub fn photograph(&mut self, scene: Scene) -> Result<TestPhoto, TestRigError> {
+    pub fn photograph(&mut self, scene: Scene, take: u64) -> Result<TestPhoto, TestRigError> {
         let curve = self.config.photo.curve;
         let light = self.light(scene);
         if let Photos::Witnessed(witness) = &self.photos {
-            return Ok(TestPhoto::taken(witness, curve, &light, PHOTO_SEED + scene as u64));
+            let seed = PHOTO_SEED + scene as u64 + SEEDS_APART * take;
+            return Ok(TestPhoto::taken(witness, curve, &light, seed));
         }
         let taken = self.pipeline.photograph(&mut self.rig, &light).map_err(TestRigError::Shown)?;
         let tone = Tone::of_curve(curve, 8);
@@ -196,18 +204,19 @@ impl TestRig {
         Ok(TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, &rounded(c)))))
     }
 
-    /// `method` on `scene`, scored as [`seen`].
+    /// `method` on a photo of `scene`, the `take`-th, scored as [`seen`].
     ///
     /// # Errors
     /// When a scene cannot be shown, or the method fails.
     pub fn score(
         &mut self,
         scene: Scene,
+        take: u64,
         name: &str,
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
-        let (photo, truth) = (self.photograph(scene)?, self.truth(scene));
-        self.score_photo(scene, (&photo, &truth), name, method)
+        let (photo, truth) = (self.photograph(scene, take)?, self.truth(scene));
+        Ok(Score { take, ..self.score_photo(scene, (&photo, &truth), name, method)? })
     }
 
     /// [`TestRig::score`] on a photo of the scene that was taken elsewhere, and what it is to
@@ -225,9 +234,16 @@ impl TestRig {
         let channels = self.channels();
         let (restored, computing_seconds) = self.solve(photo, channels, method, &mut |_, _| {})?;
         let curve = self.config.photo.curve;
-        let [truth, before, after] =
-            [truth, &photo.light, &restored.picture].map(|frame| seen(curve, channels, frame));
+        let frames = [truth, &photo.light, &restored.picture];
+        let edge_differences = (channels == Channels::Colour).then(|| {
+            let tone = Tone::of_curve(curve, 8);
+            let [truth, before, after] = frames.map(|frame| Looks::of(&tone, frame));
+            [after, before].map(|looks| looks.scores(&truth).edge_difference)
+        });
+        let [truth, before, after] = frames.map(|frame| seen(curve, channels, frame));
         Ok(Score {
+            edge_differences,
+            take: 0,
             scene,
             method: name.to_owned(),
             computing_seconds,
@@ -272,16 +288,6 @@ pub fn seen(curve: Curve, channels: Channels, picture: &Frame<Work>) -> Plane {
             picture.plane(Channel::Green).map(|v: f32| v.clamp(0.0, 255.0))
         }
     }
-}
-
-/// Luminance of display values 0..255: the codes' sum by the weights of Rec. 709, as screens show
-/// it.
-pub fn display_luminance(tone: &Tone, light: &Frame<Work>) -> Plane {
-    let mut sum = Plane::zeros(light.size());
-    for (c, weight) in Channel::ALL.into_iter().zip([0.2126, 0.7152, 0.0722]) {
-        sum.add_scaled(weight, &tone.display(c, light.plane(c)));
-    }
-    sum
 }
 
 /// Why a test rig gave no score.

@@ -1,16 +1,44 @@
 //! Speed against accuracy: every method with several settings on the same scenes, and which of them
 //! to choose.
 
-use super::contestants::{Contestant, FILED, OUTSIDE};
+use super::contestants::{self, Contestant, FILED, OUTSIDE};
 use super::scenes::Scene;
 use super::table::Table;
 use super::test_rig::{Score, TestRig, TestRigError};
+use crate::frame::{Frame, Size};
 
-/// A contestant's means over the scenes.
+/// By what results are measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// SSIM of what is scored.
+    Ssim,
+    /// Its PSNR, dB.
+    Psnr,
+    /// ΔE (CIEDE2000) at edges; less is better.
+    EdgeDifference,
+}
+
+impl Measure {
+    /// All of them.
+    pub const ALL: [Measure; 3] = [Measure::Ssim, Measure::Psnr, Measure::EdgeDifference];
+
+    /// Of a result and of its photo, the larger the better; `None` where it is not measured.
+    pub fn of(self, score: &Score) -> Option<[f64; 2]> {
+        match self {
+            Measure::Ssim => Some([score.ssim, score.blurred_ssim]),
+            Measure::Psnr => Some([score.psnr_db, score.blurred_psnr_db]),
+            Measure::EdgeDifference => score.edge_differences.map(|both| both.map(|d| -d)),
+        }
+    }
+}
+
+/// A contestant's means over the photos.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// The method's family.
     pub family: &'static str,
+    /// Which of the family's lines it lies on; none where it is empty.
+    pub line: String,
     /// What sets it apart in its family.
     pub setting: String,
     /// Whether it is the paper's own setting.
@@ -25,12 +53,28 @@ pub struct Point {
     pub ssim: f64,
     /// Mean PSNR, dB.
     pub psnr_db: f64,
+    /// Mean ΔE at edges, of photos in colour.
+    pub edge_difference: Option<f64>,
 }
 
 impl Point {
     /// What a photo costs, seconds.
     pub fn seconds(&self) -> f64 {
         self.capture_seconds + self.computing_seconds
+    }
+
+    /// What it has of `measure`, the larger the better.
+    pub fn by(&self, measure: Measure) -> Option<f64> {
+        match measure {
+            Measure::Ssim => Some(self.ssim),
+            Measure::Psnr => Some(self.psnr_db),
+            Measure::EdgeDifference => self.edge_difference.map(|difference| -difference),
+        }
+    }
+
+    /// Its method's name in the scores.
+    fn name(&self) -> String {
+        contestants::name(self.family, &self.setting)
     }
 }
 
@@ -43,33 +87,45 @@ pub struct Trade {
     pub photo_ssim: f64,
     /// Mean PSNR of the untouched photos, dB.
     pub photo_psnr_db: f64,
-    /// Everything, scene by scene.
+    /// Mean ΔE at their edges, of photos in colour.
+    pub photo_edge_difference: Option<f64>,
+    /// Everything, photo by photo; without the pictures.
     pub scores: Vec<Score>,
 }
 
 impl Trade {
-    /// `contestant` on `scenes` on `test_rig`; `each` is told of every score.
+    /// `contestant` on `takes` photos of each of `scenes` on `test_rig`; `each` is told of every
+    /// score.
     ///
     /// # Errors
     /// When a scene cannot be shown, or the method fails.
     pub fn run(
         &mut self,
         test_rig: &mut TestRig,
-        scenes: &[Scene],
+        (scenes, takes): (&[Scene], u64),
         contestant: &Contestant,
         each: &mut dyn FnMut(&Score),
     ) -> Result<(), TestRigError> {
         let name = contestant.name();
         let mut scores = Vec::new();
         for &scene in scenes {
-            let score = test_rig.score(scene, &name, &*contestant.method)?;
-            each(&score);
-            scores.push(score);
+            for take in 0..takes.max(1) {
+                let mut score = test_rig.score(scene, take, &name, &*contestant.method)?;
+                each(&score);
+                // Hundreds of pictures would fill the memory.
+                score.restored.picture = Frame::zeros(Size::new(0, 0));
+                score.restored.solution.picture = Frame::zeros(Size::new(0, 0));
+                scores.push(score);
+            }
         }
         let mean =
             |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
+        let coloured = scores.iter().all(|s| s.edge_differences.is_some());
+        let edges =
+            |n: usize| coloured.then(|| mean(&|s| s.edge_differences.map_or(0.0, |d| d[n])));
         self.points.push(Point {
             family: contestant.family,
+            line: contestant.line.clone(),
             setting: contestant.setting.clone(),
             printed: contestant.printed,
             captures: mean(&|s| s.restored.captures as f64),
@@ -77,50 +133,89 @@ impl Trade {
             computing_seconds: mean(&|s| s.computing_seconds),
             ssim: mean(&|s| s.ssim),
             psnr_db: mean(&|s| s.psnr_db),
+            edge_difference: edges(0),
         });
         (self.photo_ssim, self.photo_psnr_db) =
             (mean(&|s| s.blurred_ssim), mean(&|s| s.blurred_psnr_db));
+        self.photo_edge_difference = edges(1);
         self.scores.extend(scores);
         Ok(())
     }
 
-    /// Which points no other beats in both seconds and SSIM, fastest first.
-    pub fn front(&self) -> Vec<usize> {
-        self.front_of(&|_| true)
+    /// What the untouched photos have of `measure`, the larger the better.
+    pub fn photo_by(&self, measure: Measure) -> Option<f64> {
+        match measure {
+            Measure::Ssim => Some(self.photo_ssim),
+            Measure::Psnr => Some(self.photo_psnr_db),
+            Measure::EdgeDifference => self.photo_edge_difference.map(|difference| -difference),
+        }
     }
 
-    /// Which of the points that `are` no other of these beats, fastest first.
-    fn front_of(&self, are: &dyn Fn(&Point) -> bool) -> Vec<usize> {
+    /// How far single photos stray from what `point` gains on average over what the rig file has,
+    /// by `measure`: one standard deviation. `None` of fewer than six photos.
+    pub fn spread(&self, point: &Point, measure: Measure) -> Option<f64> {
+        let filed = self.points.iter().find(|point| point.family == FILED)?;
+        let of = |point: &Point| -> Vec<f64> {
+            let name = point.name();
+            let own = self.scores.iter().filter(|score| score.method == name);
+            own.filter_map(|score| Some(measure.of(score)?[0])).collect()
+        };
+        let (own, filed) = (of(point), of(filed));
+        if own.len() != filed.len() || own.len() < 6 {
+            return None;
+        }
+        let gains: Vec<f64> = own.iter().zip(filed).map(|(a, b)| a - b).collect();
+        let mean = gains.iter().sum::<f64>() / gains.len() as f64;
+        let squares: f64 = gains.iter().map(|gain| (gain - mean).powi(2)).sum();
+        Some((squares / (gains.len() - 1) as f64).sqrt())
+    }
+
+    /// Which points no other beats in both seconds and `measure`, fastest first.
+    pub fn front(&self, measure: Measure) -> Vec<usize> {
+        self.front_of(&|_| true, &|point| point.by(measure).unwrap_or(f64::NEG_INFINITY))
+    }
+
+    /// Which of the points that `are` no other of these beats by their `worth`, fastest first.
+    fn front_of(&self, are: &dyn Fn(&Point) -> bool, worth: &dyn Fn(&Point) -> f64) -> Vec<usize> {
         let mut order: Vec<usize> =
             (0..self.points.len()).filter(|&n| are(&self.points[n])).collect();
         order.sort_by(|&a, &b| {
             let (a, b) = (&self.points[a], &self.points[b]);
-            a.seconds().total_cmp(&b.seconds()).then(b.ssim.total_cmp(&a.ssim))
+            a.seconds().total_cmp(&b.seconds()).then(worth(b).total_cmp(&worth(a)))
         });
         let mut best = f64::NEG_INFINITY;
         order.retain(|&n| {
-            let better = self.points[n].ssim > best;
-            best = best.max(self.points[n].ssim);
+            let better = worth(&self.points[n]) > best;
+            best = best.max(worth(&self.points[n]));
             better
         });
         order
     }
 
-    /// The point to choose: the one of best SSIM; or, when it may be `within` of the best, the
-    /// cheapest such of all that neither cost more nor have less PSNR than what the rig file has. A
-    /// peer from outside is no choice.
-    pub fn operating_point(&self, within: Within) -> Option<usize> {
-        let filed = self.points.iter().find(|point| point.family == FILED);
-        let filed = filed.filter(|_| within != Within::NOTHING);
-        let is_no_worse = |point: &Point| {
-            filed.is_none_or(|filed| {
-                point.seconds() <= filed.seconds()
-                    && point.psnr_db >= filed.psnr_db - within.psnr_db
-            })
-        };
-        let front = self.front_of(&|point| point.family != OUTSIDE && is_no_worse(point));
-        let best = self.points[*front.last()?].ssim;
-        front.into_iter().find(|&n| self.points[n].ssim >= best - within.ssim)
+    /// What `point` gains over the photos, as a share of the most that any gains: the mean of the
+    /// measures there are.
+    pub fn share(&self, point: &Point) -> f64 {
+        let (mut sum, mut count) = (0.0, 0);
+        for measure in Measure::ALL {
+            let Some((own, photo)) = point.by(measure).zip(self.photo_by(measure)) else {
+                continue;
+            };
+            let all = self.points.iter().filter(|point| point.family != OUTSIDE);
+            let best = all.filter_map(|point| point.by(measure)).fold(photo, f64::max);
+            if best > photo {
+                (sum, count) = (sum + (own - photo) / (best - photo), count + 1);
+            }
+        }
+        sum / f64::from(count.max(1))
+    }
+
+    /// The point to choose: the cheapest that keeps this share of the most that any gains, by SSIM,
+    /// PSNR and ΔE together. A peer from outside is no choice.
+    pub fn operating_point(&self, keeps: f64) -> Option<usize> {
+        let worth = |point: &Point| self.share(point);
+        let front = self.front_of(&|point| point.family != OUTSIDE, &worth);
+        let best = worth(&self.points[*front.last()?]);
+        front.into_iter().find(|&n| worth(&self.points[n]) >= keeps * best)
     }
 
     /// The points as a table.
@@ -134,12 +229,19 @@ impl Trade {
             "seconds",
             "SSIM",
             "PSNR dB",
+            "ΔE at edges",
             "gain SSIM",
             "gain dB",
+            "gain ΔE",
+            "share",
             "front",
         ];
         let mut table = Table::new(caption, &head);
-        let front = self.front();
+        let signs = ["SSIM", "dB", "ΔE"];
+        let fronts = Measure::ALL.map(|measure| match self.photo_by(measure) {
+            Some(_) => self.front(measure),
+            None => Vec::new(),
+        });
         for (n, point) in self.points.iter().enumerate() {
             let harm = if point.ssim < self.photo_ssim { " (below the photo)" } else { "" };
             table.row(vec![
@@ -151,9 +253,18 @@ impl Trade {
                 format!("{:.2}", point.seconds()),
                 format!("{:.4}", point.ssim),
                 format!("{:.2}", point.psnr_db),
+                point.edge_difference.map_or("–".to_owned(), |d| format!("{d:.2}")),
                 format!("{:+.4}{harm}", point.ssim - self.photo_ssim),
                 format!("{:+.2}", point.psnr_db - self.photo_psnr_db),
-                if front.contains(&n) { "yes" } else { "" }.to_owned(),
+                point
+                    .edge_difference
+                    .zip(self.photo_edge_difference)
+                    .map_or("–".to_owned(), |(own, photo)| format!("{:+.2}", own - photo)),
+                format!("{:.3}", self.share(point)),
+                (signs.iter().zip(&fronts).filter(|(_, front)| front.contains(&n)))
+                    .map(|(sign, _)| *sign)
+                    .collect::<Vec<_>>()
+                    .join(", "),
             ]);
         }
         table
@@ -196,24 +307,13 @@ pub fn scores_table(caption: String, scores: &[Score]) -> Table {
     table
 }
 
-/// How much worse an operating point may be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Within {
-    /// SSIM below the best.
-    pub ssim: f64,
-    /// PSNR below what the rig file's own setting has, dB.
-    pub psnr_db: f64,
-}
-
-impl Within {
-    /// It must be the best, whatever it costs.
-    pub const NOTHING: Within = Within { ssim: 0.0, psnr_db: 0.0 };
-    /// For `balanced`. Less SSIM means nothing, says the study; by SSIM alone captures would be
-    /// dropped that bring in half a decibel.
-    pub const BALANCED: Within = Within { ssim: 0.002, psnr_db: 0.0 };
-    /// For `fast`. Guess: a difference seen only side by side.
-    pub const FAST: Within = Within { ssim: 0.01, psnr_db: 1.0 };
-}
+/// What the operating points keep of the most that any setting gains. Guesses: of a gain of 0.1
+/// SSIM, 0.01 is a difference seen only side by side, and 0.002 none.
+pub const FAST: f64 = 0.9;
+/// For `balanced`.
+pub const BALANCED: f64 = 0.98;
+/// For `best`.
+pub const BEST: f64 = 1.0;
 
 #[cfg(test)]
 mod tests {
@@ -222,13 +322,15 @@ mod tests {
     fn point(seconds: f64, ssim: f64) -> Point {
         Point {
             family: "x",
+            line: String::new(),
             setting: String::new(),
             printed: false,
             captures: 0.0,
             capture_seconds: 0.5 * seconds,
             computing_seconds: 0.5 * seconds,
             ssim,
-            psnr_db: 0.0,
+            psnr_db: 100.0 * (ssim - 0.8),
+            edge_difference: None,
         }
     }
 
@@ -237,24 +339,30 @@ mod tests {
     {
         let points =
             vec![point(3.0, 0.940), point(1.0, 0.900), point(2.0, 0.890), point(2.5, 0.9385)];
-        let trade = Trade { points, ..Trade::default() };
-        assert_eq!(trade.front(), vec![1, 3, 0]);
-        let within = |ssim| Within { ssim, psnr_db: 0.5 };
-        assert_eq!(trade.operating_point(Within::NOTHING), Some(0));
-        assert_eq!(trade.operating_point(within(0.002)), Some(3));
-        assert_eq!(trade.operating_point(within(0.05)), Some(1));
-        assert_eq!(Trade::default().operating_point(within(0.1)), None);
-        let mut slow = Trade { points: trade.points.clone(), ..Trade::default() };
-        slow.points.extend([point(30.0, 0.96), Point { family: FILED, ..point(3.0, 0.939) }]);
-        let chosen = [Within::NOTHING, within(0.002)].map(|within| slow.operating_point(within));
-        assert_eq!(chosen, [Some(4), Some(3)]);
-        // What is as good by SSIM and worse by a decibel than what the rig file has is no choice,
-        // unless it may be.
-        slow.points[3].psnr_db = -1.0;
-        assert_eq!(slow.operating_point(within(0.002)), Some(0));
-        assert_eq!(slow.operating_point(Within { ssim: 0.002, psnr_db: 1.0 }), Some(3));
+        let trade = Trade { points, photo_ssim: 0.8, ..Trade::default() };
+        assert_eq!(trade.front(Measure::Ssim), vec![1, 3, 0]);
+        let chosen = [BEST, BALANCED, FAST, 0.7].map(|keeps| trade.operating_point(keeps));
+        assert_eq!(chosen, [Some(0), Some(3), Some(3), Some(1)]);
+        assert_eq!(Trade::default().operating_point(FAST), None);
         let mut outside = trade;
         outside.points.push(Point { family: OUTSIDE, ..point(0.5, 0.95) });
-        assert_eq!((outside.front(), outside.operating_point(Within::NOTHING)), (vec![4], Some(0)));
+        assert_eq!(outside.front(Measure::Ssim), vec![4]);
+        assert_eq!(outside.operating_point(BEST), Some(0));
+    }
+
+    #[test]
+    fn a_setting_is_chosen_by_all_that_is_measured() {
+        // As good by SSIM, and worse by half of what there is to gain in dB and in ΔE.
+        let coloured = |ssim, psnr_db, difference| Point {
+            psnr_db,
+            edge_difference: Some(difference),
+            ..point(2.0, ssim)
+        };
+        let points = vec![coloured(0.9, 30.0, 4.0), coloured(0.9, 25.0, 7.0)];
+        let photo = Trade { photo_ssim: 0.8, photo_psnr_db: 20.0, ..Trade::default() };
+        let trade = Trade { points, photo_edge_difference: Some(10.0), ..photo };
+        let shares: Vec<f64> = trade.points.iter().map(|point| trade.share(point)).collect();
+        assert!((shares[0] - 1.0).abs() < 1e-9 && (shares[1] - 2.0 / 3.0).abs() < 1e-9);
+        assert_eq!(trade.operating_point(FAST), Some(0));
     }
 }

@@ -63,7 +63,8 @@ pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
         (trade, " The scenes were shown on the rig's own panel.")
     };
     progress::clear();
-    let made = chart::chart(&rig, &trade.map_err(CliError::of)?, remark);
+    let trade = trade.map_err(CliError::of)?;
+    let made = chart::chart(&rig, &trade, remark, &made_by(options));
     let write = |name: String, text: String| {
         let path = out.join(name);
         std::fs::write(&path, text).map_err(|e| CliError::writing(&path, e))
@@ -78,4 +79,21 @@ pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
     }
     say(&format!("written to {}", out.display()));
     Ok(())
+}
+
+/// By what a chart was made: the machine, the day, the command.
+fn made_by(ChartOptions { rig, quick, .. }: &ChartOptions) -> String {
+    let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    // A board says what it is in its last line, any other what its processor is.
+    let named = |key: &str| {
+        let line = told.lines().find(|line| line.split(':').next().map(str::trim) == Some(key));
+        line.and_then(|line| Some(line.split_once(':')?.1.trim().to_owned()))
+    };
+    let machine = named("Model").or_else(|| named("model name"));
+    let machine = machine.unwrap_or_else(|| "an unknown processor".to_owned());
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let day = jiff::Timestamp::now().strftime("%Y-%m-%d");
+    let quick = if *quick { " --quick" } else { "" };
+    let rig = rig.rig.file_name().unwrap_or_default().display();
+    format!("{machine}, {cores} cores, {day}: relens chart --rig {rig}{quick}")
 }

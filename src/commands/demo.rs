@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
+use relens::chart::looks::display_luminance;
 use relens::chart::scenes::Scene;
-use relens::chart::test_rig::display_luminance;
 use relens::config;
 use relens::daemon::{Folders, SCENES};
 use relens::deconvolution::quality::{psnr, ssim};

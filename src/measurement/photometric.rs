@@ -85,7 +85,7 @@ const SUPPORTS_WIDE: f64 = 1.5;
 const SUPPORTS_READ: f64 = 0.25;
 /// The same for noise, where a panel that moves by a little must not be seen either.
 const SUPPORTS_APART: f64 = 3.0;
-const SUPPORTS_FLAT: f64 = 0.5;
+const SUPPORTS_FLAT: f64 = 0.75;
 
 /// A gradation to be read.
 fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {

@@ -4,16 +4,16 @@
 use std::path::Path;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use relens::chart::looks::Looks;
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::chart::test_rig::{PHOTO_SEED, TestPhoto, TestRig, display_luminance};
+use relens::chart::test_rig::{PHOTO_SEED, TestPhoto, TestRig};
 use relens::config::{MethodName, RigFile};
-use relens::deconvolution::quality::ssim;
 use relens::frame::resample::resize;
 use relens::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::patterns::chart;
-use relens::picture::{Lab, Tone};
+use relens::picture::Tone;
 use relens::pipeline::method;
 use relens::rig::simulated::open;
 
@@ -31,70 +31,13 @@ const INKS: [(&str, [[f32; 3]; 2]); 4] = [
 /// Charts among the scenes, which come first.
 pub(crate) const INKED: usize = INKS.len() + 1;
 
-/// A picture as it is scored: what people see of it.
-pub(crate) struct Looks {
-    codes: [Plane; 3],
-    colours: Vec<Lab>,
-    luminance: Plane,
-}
-
-impl Looks {
-    pub(crate) fn of(tone: &Tone, light: &Frame<Work>) -> Looks {
-        let codes = Channel::ALL.map(|c| tone.display(c, light.plane(c)));
-        let [r, g, b] = codes.each_ref().map(|plane| plane.data());
-        let pixels = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Lab::of_srgb([r, g, b]));
-        Looks { colours: pixels.collect(), luminance: display_luminance(tone, light), codes }
-    }
-
-    /// SSIM of luminance, PSNR of the codes, mean and 99th percentile of C*ab, mean ΔE and that of
-    /// the tenth where the scene's luminance changes most.
-    pub(crate) fn scores(&self, scene: &Looks) -> [f64; 6] {
-        let squares = |(a, b): (&Plane, &Plane)| -> f64 {
-            a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2)).sum()
-        };
-        let total: f64 = self.codes.iter().zip(&scene.codes).map(squares).sum();
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
-        let mut chroma: Vec<f64> = self.colours.iter().map(|colour| colour.chroma()).collect();
-        chroma.sort_by(f64::total_cmp);
-        let pairs = self.colours.iter().zip(&scene.colours);
-        let differences: Vec<f64> = pairs.map(|(a, b)| a.difference(*b)).collect();
-        let changes = changes(&scene.luminance);
-        let mut sorted = changes.clone();
-        sorted.sort_by(f32::total_cmp);
-        let steep = sorted[sorted.len() * 9 / 10];
-        let at_edges = differences.iter().zip(&changes).filter(|(_, change)| **change >= steep);
-        let at_edges: Vec<f64> = at_edges.map(|(difference, _)| *difference).collect();
-        let power = total / (3 * self.colours.len()) as f64;
-        [
-            ssim(&self.luminance, &scene.luminance),
-            10.0 * (f64::from(FULL_SCALE).powi(2) / power).log10(),
-            mean(&chroma),
-            chroma[chroma.len() * 99 / 100],
-            mean(&differences),
-            mean(&at_edges),
-        ]
-    }
-
-    fn png(&self) -> Result<Vec<u8>, Failure> {
-        let [r, g, b] = self.codes.each_ref().map(|plane| plane.data());
-        let bytes: Vec<u8> =
-            r.iter().zip(g).zip(b).flat_map(|((&r, &g), &b)| [r as u8, g as u8, b as u8]).collect();
-        let (mut file, size) = (Vec::new(), self.luminance.size());
-        let (width, height) = (size.width as u32, size.height as u32);
-        PngEncoder::new(&mut file).write_image(&bytes, width, height, ExtendedColorType::Rgb8)?;
-        Ok(file)
-    }
-}
-
-/// Length of the central differences of each pixel.
-fn changes(plane: &Plane) -> Vec<f32> {
-    let size = plane.size();
-    let of = |x: usize, y: usize| {
-        let (right, below) = ((x + 1).min(size.width - 1), (y + 1).min(size.height - 1));
-        let across = plane.at(right, y) - plane.at(x.saturating_sub(1), y);
-        across.hypot(plane.at(x, below) - plane.at(x, y.saturating_sub(1)))
-    };
-    Plane::from_fn(size, of).into_vec()
+/// `looks` as a PNG.
+fn png(looks: &Looks) -> Result<Vec<u8>, Failure> {
+    let (mut file, size) = (Vec::new(), looks.size());
+    let (width, height) = (size.width as u32, size.height as u32);
+    let encoder = PngEncoder::new(&mut file);
+    encoder.write_image(&looks.bytes(), width, height, ExtendedColorType::Rgb8)?;
+    Ok(file)
 }
 
 /// The scenes, as linear light: charts, the program's photographs, and those of `pictures`.
@@ -175,7 +118,15 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
         let scene = Looks::of(&tone, &witness.shaded(&light));
         let mut told = |method: &str, light: &Frame<Work>, cost: [String; 2]| {
             let looks = Looks::of(&tone, light);
-            let scores = looks.scores(&scene);
+            let found = looks.scores(&scene);
+            let scores = [
+                found.ssim,
+                found.rgb_db,
+                found.chroma,
+                found.chroma_99th,
+                found.difference,
+                found.edge_difference,
+            ];
             let digits = [4, 2, 2, 1, 2, 2];
             let mut cells = vec![name.clone(), method.to_owned()];
             cells.extend(scores.iter().zip(digits).map(|(v, digits)| format!("{v:.digits$}")));
@@ -183,7 +134,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
             log::info!("{}", cells.join(" | "));
             table.row(cells);
             made.files
-                .push((format!("{}-{method}.png", name.replace([' ', ','], "")), looks.png()?));
+                .push((format!("{}-{method}.png", name.replace([' ', ','], "")), png(&looks)?));
             Ok::<(), Failure>(())
         };
         told("scene", &witness.shaded(&light), ["".into(), "".into()])?;

@@ -88,7 +88,7 @@ fn compare(
     let mut scores = Vec::new();
     for &scene in scenes {
         for contestant in &contestants {
-            scores.push(test_rig.score(scene, &contestant.name(), &*contestant.method)?);
+            scores.push(test_rig.score(scene, 0, &contestant.name(), &*contestant.method)?);
             scores.last().into_iter().for_each(told);
         }
     }

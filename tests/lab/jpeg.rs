@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use relens::chart::looks::Looks;
 use relens::chart::table::Table;
 use relens::chart::test_rig::PHOTO_SEED;
 use relens::config::{Curve, MethodName, RigFile};
@@ -14,7 +15,7 @@ use relens::rig::exposure::Devices;
 use relens::rig::simulated::open;
 
 use crate::Failure;
-use crate::colour::{INKED, Looks, scenes};
+use crate::colour::{INKED, scenes};
 use crate::jpeg_coder::{Quality, coded};
 use crate::made::Made;
 
@@ -30,8 +31,8 @@ const QUALITIES: [Quality; 4] = [
 type Scores = [f64; 3];
 
 fn scores(picture: &Looks, scene: &Looks) -> Scores {
-    let [ssim, db, _, _, apart, _] = picture.scores(scene);
-    [ssim, db, apart]
+    let found = picture.scores(scene);
+    [found.ssim, found.rgb_db, found.difference]
 }
 
 /// The table on the simulated rig of `rig`.

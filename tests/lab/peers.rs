@@ -59,7 +59,7 @@ pub(crate) fn captures(rig: &RigFile) -> Result<Made, Failure> {
     let array = |plane: &Plane| npy_f32(&[plane.height(), plane.width()], plane.data());
     let mut files = Vec::new();
     for scene in Scene::STUDY_PHOTOGRAPHS {
-        let (truth, photo) = (test_rig.truth(scene), test_rig.photograph(scene)?.light);
+        let (truth, photo) = (test_rig.truth(scene), test_rig.photograph(scene, 0)?.light);
         for (what, light) in [("truth", truth), ("photo", photo)] {
             let name = format!("{}-{what}.npy", scene.name());
             files.push((name, array(light.plane(Channel::Green))));
@@ -77,13 +77,13 @@ pub(crate) fn trade(rig: &RigFile, quick: bool, rows: &str) -> Result<Made, Fail
     let mut test_rig = TestRig::open(rig.clone(), seconds)?;
     let mut photos = Vec::new();
     for scene in Scene::STUDY_PHOTOGRAPHS {
-        photos.push((scene, test_rig.photograph(scene)?.light.plane(Channel::Green).clone()));
+        photos.push((scene, test_rig.photograph(scene, 0)?.light.plane(Channel::Green).clone()));
     }
     let outside = read(rows, &photos)?;
     let mut trade = chart::trade(rig, quick, seconds, &mut told)?;
     trade.points.extend(outside);
     let remark = " The peers' seconds are from a run of their own on the same machine.";
-    let chart::Chart { tables, drawings } = chart::chart(rig, &trade, remark);
+    let chart::Chart { tables, drawings } = chart::chart(rig, &trade, remark, "lab peers");
     Ok(Made { tables, drawings, ..Made::default() })
 }
 
@@ -147,6 +147,7 @@ fn point(setting: &str, rows: &[[f64; 3]]) -> Point {
     let mean = |n: usize| rows.iter().map(|r| r[n]).sum::<f64>() / rows.len() as f64;
     Point {
         family: OUTSIDE,
+        line: String::new(),
         setting: setting.to_owned(),
         printed: false,
         captures: 0.0,
@@ -154,6 +155,7 @@ fn point(setting: &str, rows: &[[f64; 3]]) -> Point {
         computing_seconds: mean(0),
         ssim: mean(1),
         psnr_db: mean(2),
+        edge_difference: None,
     }
 }
 

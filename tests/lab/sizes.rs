@@ -38,7 +38,7 @@ pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     for size in &sizes {
         let mut trade = Trade::default();
         let mut test_rig = TestRig::open(size.rig.clone(), seconds)?;
-        trade.run(&mut test_rig, &Scene::STUDY_PHOTOGRAPHS, &size.contestant, &mut told)?;
+        trade.run(&mut test_rig, (&Scene::STUDY_PHOTOGRAPHS, 1), &size.contestant, &mut told)?;
         points.append(&mut trade.points);
     }
     let caption = format!(
@@ -136,6 +136,8 @@ mod tests {
     #[test]
     fn each_size_is_compared_with_the_filed_one_of_the_same_thing() {
         let point = |ssim| Point {
+            edge_difference: None,
+            line: String::new(),
             family: "x",
             setting: String::new(),
             printed: false,

@@ -26,7 +26,7 @@ fn test_rig(change: &Change, strength: f64) -> TestRig {
 }
 
 fn scores(test_rig: &mut TestRig, scenes: &[Scene], method: &dyn Method) -> Vec<Score> {
-    let scored = |&scene: &Scene| test_rig.score(scene, method.name(), method).unwrap();
+    let scored = |&scene: &Scene| test_rig.score(scene, 0, method.name(), method).unwrap();
     let scores: Vec<Score> = scenes.iter().map(scored).collect();
     scores.iter().for_each(told);
     scores
