@@ -15,6 +15,7 @@ pub mod trade;
 
 use crate::config::{Curve, RigFile};
 use crate::pipeline::{counted, digital, hybrid};
+use crate::remedy::full_message;
 use contestants::{Contestant, contestants};
 use drawing::Drawing;
 use scatter::Words;
@@ -54,7 +55,14 @@ pub fn trade(
         let mut changed = rig.clone();
         changed.calibration.function_columns = columns;
         changed.calibration.function_rows = rows;
-        let mut test_rig = TestRig::open(changed, stopwatch)?;
+        let mut test_rig = match TestRig::open(changed, stopwatch) {
+            Ok(test_rig) => test_rig,
+            // Too few to be centred by, or a panel that moved: the rest of the chart stands.
+            Err(reason) => {
+                log::warn!("left out, {columns}×{rows} functions: {}", full_message(&reason));
+                continue;
+            }
+        };
         let setting = counted(columns * rows, "function");
         for contestant in [
             Contestant::new("digital", &setting, digital(rig)),

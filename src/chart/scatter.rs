@@ -28,6 +28,17 @@ pub struct Words {
     pub below: Vec<String>,
 }
 
+/// What one panel shows.
+#[derive(Debug, Clone)]
+pub struct PanelOf<'a> {
+    /// What was measured.
+    pub trade: &'a Trade,
+    /// By which measure.
+    pub measure: Measure,
+    /// Words over the panel; empty where the heading says all.
+    pub words: String,
+}
+
 /// One panel.
 struct MeasurePanel {
     measure: Measure,
@@ -40,10 +51,9 @@ struct MeasurePanel {
 }
 
 impl MeasurePanel {
-    fn of(trade: &Trade, measure: Measure, nth: usize) -> Option<MeasurePanel> {
+    fn of(shown: &PanelOf<'_>, seconds: [f64; 2], nth: usize) -> Option<MeasurePanel> {
+        let &PanelOf { trade, measure, .. } = shown;
         let photo = trade.photo_by(measure)?;
-        let times = trade.points.iter().map(|p| p.seconds().max(1e-3));
-        let (least, most) = times.fold((f64::INFINITY, 1e-2f64), |(a, b), t| (a.min(t), b.max(t)));
         let best = trade.points.iter().filter_map(|p| p.by(measure)).fold(photo, f64::max);
         let gain = (best - photo).max(1e-3);
         let top = TOP + nth as f64 * (PANEL + BETWEEN);
@@ -51,7 +61,7 @@ impl MeasurePanel {
             measure,
             photo,
             range: [photo - HARM_SHOWN * gain, best + 0.12 * gain],
-            seconds: [least * 0.7, most * 1.4],
+            seconds,
             field: [top, top + PANEL],
         })
     }
@@ -72,20 +82,30 @@ impl MeasurePanel {
     }
 }
 
-/// The chart of `trade`.
+/// The chart of `trade`, a panel for each measure.
 pub fn draw(trade: &Trade, words: &Words) -> Drawing {
-    let panels: Vec<MeasurePanel> = (Measure::ALL.into_iter().enumerate())
-        .filter_map(|(nth, measure)| MeasurePanel::of(trade, measure, nth))
+    let measured = Measure::ALL.into_iter().filter(|&measure| trade.photo_by(measure).is_some());
+    let shown = measured.map(|measure| PanelOf { trade, measure, words: String::new() });
+    draw_panels(&shown.collect::<Vec<_>>(), words)
+}
+
+/// A chart of panels, one above the other, over the same seconds.
+pub fn draw_panels(shown: &[PanelOf<'_>], words: &Words) -> Drawing {
+    let times = shown.iter().flat_map(|s| s.trade.points.iter().map(|p| p.seconds().max(1e-3)));
+    let (least, most) = times.fold((f64::INFINITY, 1e-2f64), |(a, b), t| (a.min(t), b.max(t)));
+    let panels: Vec<(&PanelOf<'_>, MeasurePanel)> = (shown.iter().enumerate())
+        .filter_map(|(nth, s)| Some((s, MeasurePanel::of(s, [least * 0.7, most * 1.4], nth)?)))
         .collect();
-    let bottom = panels.last().map_or(TOP, |panel| panel.field[1]);
+    let bottom = panels.last().map_or(TOP, |(_, panel)| panel.field[1]);
     let height = bottom + 66.0 + 15.0 * words.below.len() as f64;
     let mut sheet = Drawing::light_and_dark(WIDTH, height);
     sheet.words(&words.title, [FIELD[0], 26.0], Anchor::Start, 18.0);
     let key = "hollow: no capture, so no certificate; black line: nothing beats these; bands and \
                bars: how far single photos stray";
     sheet.words(key, [FIELD[0], 46.0], Anchor::Start, 12.0);
-    for panel in &panels {
+    for (PanelOf { trade, words, .. }, panel) in &panels {
         frame(&mut sheet, panel);
+        sheet.words(words, [FIELD[0] + 8.0, panel.field[0] + 16.0], Anchor::Start, 13.0);
         bands(&mut sheet, trade, panel);
         front(&mut sheet, trade, panel);
         for mark in &MARKS {

@@ -9,7 +9,7 @@ use crate::calibration::Calibration;
 use crate::config::{self, Curve};
 use crate::deconvolution::method::{Method, MethodError, Watch};
 use crate::deconvolution::quality::{psnr, ssim};
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Size, Work};
 use crate::measurement::{CalibrateError, calibrate, to_the_end};
 use crate::picture::Tone;
 use crate::pipeline::{Pipeline, PipelineError, Prepared, Solved};
@@ -105,6 +105,16 @@ pub struct Score {
     pub take: u64,
     /// The photo restored.
     pub restored: Solved,
+}
+
+impl Score {
+    /// The numbers alone: hundreds of pictures would fill the memory.
+    #[must_use]
+    pub fn without_pictures(mut self) -> Score {
+        self.restored.picture = Frame::zeros(Size::new(0, 0));
+        self.restored.solution.picture = Frame::zeros(Size::new(0, 0));
+        self
+    }
 }
 
 impl TestRig {

@@ -5,7 +5,6 @@ use super::contestants::{self, Contestant, FILED, OUTSIDE};
 use super::scenes::Scene;
 use super::table::Table;
 use super::test_rig::{Score, TestRig, TestRigError};
-use crate::frame::{Frame, Size};
 
 /// By what results are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,14 +109,18 @@ impl Trade {
         let mut scores = Vec::new();
         for &scene in scenes {
             for take in 0..takes.max(1) {
-                let mut score = test_rig.score(scene, take, &name, &*contestant.method)?;
+                let score = test_rig.score(scene, take, &name, &*contestant.method)?;
                 each(&score);
-                // Hundreds of pictures would fill the memory.
-                score.restored.picture = Frame::zeros(Size::new(0, 0));
-                score.restored.solution.picture = Frame::zeros(Size::new(0, 0));
-                scores.push(score);
+                scores.push(score.without_pictures());
             }
         }
+        self.add(contestant, scores);
+        Ok(())
+    }
+
+    /// Takes the `scores` of `contestant`, one a photo, under its name; of the same photos as those
+    /// of all others.
+    pub fn add(&mut self, contestant: &Contestant, scores: Vec<Score>) {
         let mean =
             |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
         let coloured = scores.iter().all(|s| s.edge_differences.is_some());
@@ -139,7 +142,6 @@ impl Trade {
             (mean(&|s| s.blurred_ssim), mean(&|s| s.blurred_psnr_db));
         self.photo_edge_difference = edges(1);
         self.scores.extend(scores);
-        Ok(())
     }
 
     /// What the untouched photos have of `measure`, the larger the better.

@@ -131,7 +131,24 @@ pub(crate) const VEIL: Change = Change {
     to: To::File(|rig, percent| veil(rig, percent, VEIL_PX)),
 };
 
-/// The same, and the model has a broad term.
+/// The same on a rig whose model would have one.
+pub(crate) const VEIL_MISSED: Change = Change {
+    name: "veiling glare that nobody measured",
+    unit: "%",
+    to: To::File(|rig, percent| {
+        veil(rig, percent, VEIL_PX);
+        rig.calibration.broad_term = false;
+    }),
+};
+
+/// A scene elsewhere than the panel: photos alone see it.
+pub(crate) const SCENE_AT: Change = Change {
+    name: "scene at another distance",
+    unit: "m",
+    to: To::File(|rig, metres| lens(rig, |lens| lens.scene_distance_mm = Some(1000.0 * metres))),
+};
+
+/// Light scattered so, and the model has a broad term.
 pub(crate) const VEIL_MEASURED: Change = Change {
     name: "veiling glare and a broad term in the model",
     unit: "%",

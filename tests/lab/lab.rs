@@ -18,6 +18,7 @@ mod sizes;
 mod stability;
 mod varied;
 mod view;
+mod wrong_models;
 
 #[cfg(test)]
 mod stability_tests;
@@ -70,6 +71,8 @@ enum Experiment {
     Stability,
     /// Where captures gain over the measured lens alone; for linear photos
     Regimes,
+    /// Speed against accuracy where the measured lens is wrong
+    WrongModels,
     /// What other sizes of the rig's models would gain
     Sizes,
     /// The rungs that a varied set of scenes takes
@@ -96,6 +99,7 @@ fn main() -> ExitCode {
 fn run(words: &Words) -> Result<(), Failure> {
     use Experiment::{
         Captures, Colour, Conditions, Figures, Jpeg, Ladder, Peers, Regimes, Sizes, Stability,
+        WrongModels,
     };
     let Words { what, out, quick, rows, pictures, .. } = words;
     let rig = relens::config::load(&words.rig)?;
@@ -119,6 +123,7 @@ fn run(words: &Words) -> Result<(), Failure> {
         Jpeg => jpeg::run(&rig, *quick, pictures.as_deref()),
         Stability => stability::run(&rig, *quick),
         Regimes => regimes::run(&rig),
+        WrongModels => wrong_models::run(&rig, *quick),
         Sizes => sizes::run(&rig),
         Ladder => ladder::run(&rig),
         Figures => figures::run(&rig, out),
