@@ -112,7 +112,7 @@ mod tests {
     fn a_coloured_rim_is_seen_at_the_edge_and_nothing_is_seen_of_the_scene_itself() {
         let tone = Tone::of_curve(Curve::Srgb, 8);
         let stripes = |shift: usize| {
-            let light = |x: usize| if (x + shift) / 10 % 2 == 0 { 20.0 } else { 180.0 };
+            let light = |x: usize| if ((x + shift) / 10).is_multiple_of(2) { 20.0 } else { 180.0 };
             Plane::from_fn(Size::new(40, 30), |x, _| light(x))
         };
         let scene: Frame<Work> = Frame::from_fn(|_| stripes(0));
