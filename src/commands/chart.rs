@@ -95,5 +95,5 @@ fn made_by(ChartOptions { rig, quick, .. }: &ChartOptions) -> String {
     let day = jiff::Timestamp::now().strftime("%Y-%m-%d");
     let quick = if *quick { " --quick" } else { "" };
     let rig = rig.rig.file_name().unwrap_or_default().display();
-    format!("{machine}, {cores} cores, {day}: relens chart --rig {rig}{quick}")
+    format!("`relens chart --rig {rig}{quick} --out DIR`, {machine}, {cores} cores, {day}")
 }
