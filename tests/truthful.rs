@@ -250,7 +250,7 @@ fn a_panel_that_moves_and_flickers_is_no_noise() {
                 levels.map(|v| calm.sigma(v))
             );
             for light in levels {
-                assert!((found.sigma(light) / calm.sigma(light) - 1.0).abs() < 0.15, "{light}");
+                assert!((found.sigma(light) / calm.sigma(light) - 1.0).abs() < 0.1, "{light}");
             }
         }
     }

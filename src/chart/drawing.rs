@@ -222,5 +222,7 @@ mod tests {
         );
         assert!(svg.contains("fill=\"#ff0010\"><title>&lt;/svg&gt;</title></circle>"), "{svg}");
         assert_eq!(svg.matches("</svg>").count(), 1);
+        assert!(!svg.contains("prefers-color-scheme"));
+        assert!(Drawing::light_and_dark(1.0, 1.0).svg().contains("prefers-color-scheme:dark"));
     }
 }

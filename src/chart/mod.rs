@@ -119,9 +119,12 @@ pub fn chart(rig: &RigFile, trade: &Trade, remark: &str, made: &str) -> Chart {
             format!(" {name}: {}, {} ({seconds:.2} s, {ssim:.4}/{db:.2} dB).", p.family, p.setting)
         })
     };
-    let mut scenes: Vec<&str> = trade.scores.iter().map(|score| score.scene.name()).collect();
-    scenes.dedup();
-    scenes.truncate(photos_for(rig, true).0.len());
+    let mut scenes: Vec<&str> = Vec::new();
+    for name in trade.scores.iter().map(|score| score.scene.name()) {
+        if !scenes.contains(&name) {
+            scenes.push(name);
+        }
+    }
     let takes = trade.scores.iter().map(|score| score.take + 1).max().unwrap_or(1);
     let scenes = format!(
         "{} photo{} each of {}",

@@ -83,7 +83,8 @@ pub(crate) fn trade(rig: &RigFile, quick: bool, rows: &str) -> Result<Made, Fail
     let mut trade = chart::trade(rig, quick, seconds, &mut told)?;
     trade.points.extend(outside);
     let remark = " The peers' seconds are from a run of their own on the same machine.";
-    let chart::Chart { tables, drawings } = chart::chart(rig, &trade, remark, "lab peers");
+    let command = format!("`cargo run --release --example lab -- peers --rig {}.toml`", rig.name);
+    let chart::Chart { tables, drawings } = chart::chart(rig, &trade, remark, &command);
     Ok(Made { tables, drawings, ..Made::default() })
 }
 
