@@ -49,7 +49,7 @@
 //! the finer panel.
 //!
 //! Layers; a module imports only from layers below its own, and siblings do not import each other
-//! (`tests/tidy.rs` holds this):
+//! (`tests/tidy` holds this):
 //!
 //! | layer | modules | what |
 //! |---|---|---|

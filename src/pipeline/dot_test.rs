@@ -80,16 +80,15 @@ mod tests {
 
     use super::*;
     use crate::config;
-    use crate::measurement::{calibrate, to_the_end};
+    use crate::pipeline::tests::small;
     use crate::rig::simulated;
 
     /// The small rig with patches of so many pixels.
     fn check(patch_px: usize) -> BackwardCheck {
         let mut config = config::load(Path::new("small.toml")).unwrap();
         let (mut rig, _) = simulated::open(&config).unwrap();
-        let calibration = calibrate(&mut rig, &config, None, &mut to_the_end).unwrap();
         config.paper.patch_px = patch_px;
-        Pipeline::new(&config, &calibration).unwrap().check_backward(&mut rig).unwrap()
+        Pipeline::new(&config, small()).unwrap().check_backward(&mut rig).unwrap()
     }
 
     #[test]

@@ -13,6 +13,15 @@ use crate::frame::{Channels, Frame, Plane, Work};
 use crate::measurement::{calibrate, to_the_end};
 use crate::rig::simulated::{Witness, open};
 
+/// What the small rig is measured to be; once for all tests.
+pub(super) fn small() -> &'static Calibration {
+    static MEASURED: OnceLock<Calibration> = OnceLock::new();
+    MEASURED.get_or_init(|| {
+        let config = config::load(Path::new("small.toml")).unwrap();
+        calibrate(&mut open(&config).unwrap().0, &config, None, &mut to_the_end).unwrap()
+    })
+}
+
 /// The small rig, calibrated.
 struct Bed {
     config: config::RigFile,
@@ -24,9 +33,8 @@ struct Bed {
 impl Bed {
     fn new() -> Bed {
         let config = config::load(Path::new("small.toml")).unwrap();
-        let (mut rig, witness) = open(&config).unwrap();
-        let calibration = calibrate(&mut rig, &config, None, &mut to_the_end).unwrap();
-        let pipeline = Pipeline::new(&config, &calibration).unwrap();
+        let (rig, witness) = open(&config).unwrap();
+        let pipeline = Pipeline::new(&config, small()).unwrap();
         Bed { config, rig, witness, pipeline }
     }
 

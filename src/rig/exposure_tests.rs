@@ -72,17 +72,20 @@ fn is_of(exposed: &Exposed, reference: &[f64; 3]) -> bool {
     levels(exposed).iter().zip(reference).all(|(found, want)| (found - want).abs() < 0.03 * want)
 }
 
+/// `RELENS_CAPTURES=10000` makes so many.
 #[test]
-fn ten_thousand_captures_with_faults_bring_no_wrong_frame() {
+fn thousands_of_captures_with_faults_bring_no_wrong_frame() {
+    let asked = std::env::var("RELENS_CAPTURES").ok().and_then(|count| count.parse().ok());
+    let half = asked.unwrap_or(2_000usize) / 2;
     let references = references();
     let mut rig = with_marks(five_percent_of_each);
     // The search itself ran under the faults. One after the other, then overlapped.
-    for n in 0..5_000 {
+    for n in 0..half {
         let exposed = rig.capture(&grey(n)).unwrap_or_else(|e| panic!("capture {n}: {e}"));
         assert!(is_of(&exposed, &references[n % 5]), "capture {n} is of another picture");
     }
     let greys: Vec<Codes> = (0..5).map(grey).collect();
-    for _ in 0..50 {
+    for _ in 0..half / 100 {
         let pictures: Vec<&Codes> = (0..100).map(|n| &greys[n % 5]).collect();
         let mut seen = vec![0; pictures.len()];
         rig.capture_all(&pictures, &mut |n, exposed| {
@@ -96,14 +99,15 @@ fn ten_thousand_captures_with_faults_bring_no_wrong_frame() {
         assert!(seen.iter().all(|&times| times == 1), "every picture once");
     }
     let rejected = rig.rejected();
-    // Each kind of fault came about 500 times; that each was met proves that the faults were on.
+    // Each kind of fault came about once in twenty captures; that each was met proves that the
+    // faults were on.
     for (kind, times) in [
         ("missing", rejected.missing),
         ("repeated", rejected.repeated),
         ("of another picture", rejected.another),
         ("mixed", rejected.mixed),
     ] {
-        assert!(times > 100, "only {times} {kind}: {rejected:?}");
+        assert!(times > half as u64 / 50, "only {times} {kind}: {rejected:?}");
     }
 }
 

@@ -9,6 +9,7 @@
 
 #[path = "../counted/mod.rs"]
 mod counted;
+mod page;
 mod vimc;
 mod vivid;
 

@@ -11,7 +11,7 @@
 //! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
 //!
 //! Where the paper leaves a choice, and what is done here (each held by a test in
-//! `tests/method.rs`):
+//! `tests/rigs/method.rs`):
 //!
 //! * **Factor 2 of Eq. 7** is kept in `paper`: the step on Kᵀ(KL − B) is 2τ, stable for τ < 1/‖K‖².
 //! * **Threshold λτ/2** of Eq. 6 is kept as printed, although the proximal step of Eq. 4 would be

@@ -5,9 +5,6 @@
 //! picture for the panel, the disk, the worker that reads a photo. Beside it there is the desk's
 //! thread (button and lamps), and the threads that compute, for which it waits.
 
-// The functions that the tests share stop a test as the tests themselves do.
-#![allow(clippy::unwrap_used)]
-
 use std::io::{self, Read};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixDatagram;

@@ -1,8 +1,5 @@
 //! Every method, led astray as far as a rig can lead it: nothing runs away.
 
-// A failed unwrap is a failed test, also in the functions the tests share.
-#![allow(clippy::unwrap_used)]
-
 use std::path::Path;
 
 use rand::SeedableRng;

@@ -1,6 +1,4 @@
 //! Calibration from captures alone, scored against the simulator's truth with stated bounds.
-// What was measured is printed beside what is asserted; `--nocapture` shows it.
-#![allow(clippy::print_stdout)]
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -17,21 +15,12 @@ use relens::remedy::full_message;
 use relens::rig::exposure::Devices;
 use relens::rig::simulated::{self, Light, Witness};
 
-fn load(name: &str) -> config::RigFile {
-    config::load(Path::new(name)).expect("a rig file of the program")
-}
+use crate::{load, measured};
 
 fn calibrated(config: &config::RigFile) -> (Devices, Witness, Calibration) {
-    let (mut rig, witness) = simulated::open(config).expect("a simulated rig");
-    let begin = std::time::Instant::now();
-    let found = calibrate(&mut rig, config, None, &mut to_the_end);
-    let calibration = found.unwrap_or_else(|e| panic!("{}", full_message(&e)));
-    println!(
-        "{}: {} captures, {:.1} s",
-        config.name,
-        calibration.captures,
-        begin.elapsed().as_secs_f64()
-    );
+    let (rig, witness) = simulated::open(config).expect("a simulated rig");
+    let calibration = measured(config).unwrap_or_else(|error| panic!("{error}"));
+    println!("{}: {} captures", config.name, calibration.captures);
     assert_eq!(calibration.captures, captures(config), "the captures announced are those made");
     (rig, witness, calibration)
 }
@@ -377,7 +366,7 @@ fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::RigFile {
     file.extend(header.as_bytes());
     file.extend(taps.iter().flat_map(|tap| tap.to_le_bytes()));
     std::fs::write(folder.join("grid.npy"), file).expect("a file in the test's folder");
-    let text = include_str!("../rig-config/small.toml");
+    let text = include_str!("../../rig-config/small.toml");
     let (before, rest) = text.split_once("[lens]").expect("a lens");
     let (_, after) = rest.split_once("[pose]").expect("a pose");
     let after = after

@@ -1,23 +1,19 @@
 //! Raw sites behind colour filters as the data: what they are worth against a sensor that sees all
 //! three colours at each pixel, with as much noise as the missing sites cost.
 
-// A failed unwrap is a failed test, also in the functions the tests share.
-#![allow(clippy::unwrap_used)]
-
-use std::path::Path;
-
 use relens::chart::scenes::Scene;
 use relens::config::{self, Kind};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, RawSites, Work};
-use relens::measurement::{calibrate, to_the_end};
 use relens::pipeline::{Pipeline, Prepared, digital, hybrid};
 use relens::rig::simulated::{self, Witness};
 
+use crate::{load, measured};
+
 /// The rig `name` behind the colour filters `mosaic`, or without.
 fn rig(name: &str, mosaic: Option<Mosaic>) -> config::RigFile {
-    let mut rig = config::load(Path::new(name)).unwrap();
+    let mut rig = load(name);
     if let Kind::Simulated(simulation) = &mut rig.kind {
         simulation.sensor.mosaic = mosaic;
     }
@@ -86,7 +82,7 @@ fn what_raw_sites_are_worth() {
     let name = std::env::var("RIG").unwrap_or_else(|_| "small.toml".to_owned());
     let plain = rig(&name, None);
     let (mut devices, _) = simulated::open(&plain).unwrap();
-    let calibration = calibrate(&mut devices, &plain, None, &mut to_the_end).unwrap();
+    let calibration = measured(&plain).unwrap();
     let pipeline = Pipeline::new(&plain, &calibration).unwrap();
     let cameras = Cameras::of(&name);
     println!("| scene | full colour, noisier | sites | interpolated first | verdict on sites |");
@@ -134,7 +130,7 @@ fn what_raw_sites_are_worth() {
 fn captures_behind_filters_are_known_at_their_sites() {
     let filtered = rig("small.toml", Some(Mosaic::Rggb));
     let (mut devices, witness) = simulated::open(&filtered).unwrap();
-    let calibration = calibrate(&mut devices, &filtered, None, &mut to_the_end).unwrap();
+    let calibration = measured(&filtered).unwrap();
     let gain = witness.counts_per_level();
     let unmixing = calibration.cross_channel.inverse().unwrap();
     for c in Channel::ALL {

@@ -1,16 +1,13 @@
 //! The built program on a simulated rig that takes its own photos: the journey of a box for those
 //! who have none.
 
-// The functions below stop the test as it does itself.
-#![allow(clippy::unwrap_used)]
-
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
+use crate::SCENE;
 
 fn relens(words: &[&str], folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
@@ -46,7 +43,7 @@ fn names(folder: &Path, ending: &str) -> Vec<String> {
 fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_come() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let rig = include_str!("../rig-config/small.toml");
+    let rig = include_str!("../../rig-config/small.toml");
     let filtered = rig.replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n");
     std::fs::write(folder.join("filtered.toml"), filtered).unwrap();
     let run = ["run", "--rig", "filtered.toml", "--scene", SCENE];
@@ -66,7 +63,8 @@ fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_co
 fn a_scene_is_for_simulated_rigs_and_such_a_rig_needs_one() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let shooting = concat!(include_str!("../rig-config/small.toml"), "\n[run]\nmode = \"shoot\"\n");
+    let shooting =
+        concat!(include_str!("../../rig-config/small.toml"), "\n[run]\nmode = \"shoot\"\n");
     std::fs::write(folder.join("shooting.toml"), shooting).unwrap();
     let devices = concat!(env!("CARGO_MANIFEST_DIR"), "/rig-config/raspberry-pi-5.toml");
     for (words, wanted) in [

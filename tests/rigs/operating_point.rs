@@ -1,18 +1,16 @@
 //! The operating point of a rig, chosen by scenes that are shown on it, holds for photos taken with
 //! it.
 
-// A failed unwrap is a failed test, also in the functions the tests share.
-#![allow(clippy::unwrap_used)]
-
-use std::path::Path;
+use std::sync::Arc;
 
 use relens::chart::operating_point::{choose, restorations};
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestRig;
-use relens::config::{self, OperatingPoint};
-use relens::measurement::{calibrate, to_the_end};
+use relens::config::OperatingPoint;
 use relens::pipeline::Setting;
 use relens::rig::simulated;
+
+use crate::{load, measured};
 
 /// No clock: every setting costs its captures alone.
 fn no_clock() -> f64 {
@@ -21,11 +19,14 @@ fn no_clock() -> f64 {
 
 #[test]
 fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
-    let rig = config::load(Path::new("small.toml")).unwrap();
+    let rig = load("small.toml");
     // A rig of which nothing is known but what its camera sees.
-    let (mut devices, _) = simulated::open(&rig).unwrap();
-    let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end).unwrap();
-    let mut test_rig = TestRig::on(rig.clone(), devices, &calibration, no_clock).unwrap();
+    let on_small = || {
+        let (devices, witness) = simulated::open(&rig).unwrap();
+        let calibration = measured(&rig).unwrap();
+        (TestRig::on(rig.clone(), devices, &calibration, no_clock).unwrap(), witness)
+    };
+    let (mut test_rig, _) = on_small();
     let mut tried = 0;
     let best = choose(&mut test_rig, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();
     assert_eq!(tried, restorations(&rig, OperatingPoint::Best));
@@ -38,7 +39,8 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     );
     assert!(fast.seconds <= best.seconds, "{fast}; {best}");
 
-    let mut test_rig = TestRig::open(rig.clone(), no_clock).unwrap();
+    let (test_rig, witness) = on_small();
+    let mut test_rig = test_rig.witnessed(Arc::new(witness));
     let filed = Setting::as_filed(&rig, rig.restore.method);
     let mut mean = |setting: &Setting| {
         let of = |scene| test_rig.score(scene, 0, "", &*setting.method(&rig)).unwrap().ssim;

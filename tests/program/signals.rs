@@ -1,15 +1,14 @@
 //! The built program, killed and asked to stop while it works: every photo in one place, each done
 //! once.
 
-// The functions below stop the test as it does itself.
-#![allow(clippy::unwrap_used)]
-
 use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+
+use crate::{SCENE, calibrated};
 
 const PHOTOS: [&str; 4] = ["a.png", "b.png", "c.png", "d.png"];
 
@@ -28,7 +27,7 @@ fn relens(words: &[&str], folder: &Path) -> Child {
 fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    assert!(relens(&["calibrate", "--rig", "small.toml"], folder).wait().unwrap().success());
+    calibrated(folder);
     let press = |long: &[&str]| relens(&[&["press"], long].concat(), folder).wait().unwrap();
     assert_eq!(press(&[]).code(), Some(2), "there is nobody to press for");
     assert!(!folder.join(".relens-button-is-down").exists());
@@ -122,13 +121,12 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("inbox")).unwrap();
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
-    let photo = ["photograph", "--rig", "small.toml", scene, "-o", "inbox/a.png"];
+    let photo = ["photograph", "--rig", "small.toml", SCENE, "-o", "inbox/a.png"];
     assert!(relens(&photo, folder).wait().unwrap().success());
     for other in &PHOTOS[1..] {
         std::fs::copy(folder.join("inbox/a.png"), folder.join("inbox").join(other)).unwrap();
     }
-    assert!(relens(&["calibrate", "--rig", "small.toml"], folder).wait().unwrap().success());
+    calibrated(folder);
 
     // Killed at whatever it does by then.
     for n in 0..5 {

@@ -1,9 +1,6 @@
 //! The paper's mathematics against arrays of an independent program, and the choices the paper
 //! leaves open.
 
-// A failed unwrap is a failed test, also in the functions the tests share.
-#![allow(clippy::unwrap_used)]
-
 use std::path::Path;
 
 use relens::deconvolution::backward_convolution::{Sign, backward_convolution};

@@ -1,14 +1,10 @@
 //! A lens that was changed after it was measured: the box learns of it by the photos it restores,
 //! and keeps what it learnt.
 
-// A failed unwrap is a failed test, also in the functions the tests share.
-#![allow(clippy::unwrap_used)]
-
-#[path = "lab/view.rs"]
+#[path = "../lab/view.rs"]
 mod view;
 
 use std::io::Cursor;
-use std::path::Path;
 use std::sync::Arc;
 
 use relens::calibration::{Calibration, store};
@@ -16,13 +12,14 @@ use relens::chart::scenes::Scene;
 use relens::config::{self, Glare, Kind, Lens};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
-use relens::measurement::{calibrate, to_the_end};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{Outcome, Pipeline, digital};
 use relens::restorer::Restorer;
 use relens::restorer::on_rig::OnRig;
 use relens::rig::simulated::{self, Witness};
 use view::View;
+
+use crate::{load, measured};
 
 /// No clock: nothing here is timed.
 fn no_clock() -> f64 {
@@ -75,8 +72,7 @@ fn restored(
 ) -> (Vec<Outcome>, [Calibration; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let slots = folder.path().to_owned();
-    let calibration =
-        calibrate(&mut simulated::open(then).unwrap().0, then, None, &mut to_the_end).unwrap();
+    let calibration = measured(then).unwrap();
     store::save(&slots, &calibration).unwrap();
     let (devices, witness) = simulated::open(now).unwrap();
     let clock = Arc::new(no_clock);
@@ -95,11 +91,9 @@ fn says(restored: &Outcome, words: &str) -> bool {
 
 #[test]
 fn progress_is_even_and_never_goes_back() {
-    let rig = config::load(Path::new("small.toml")).unwrap();
+    let rig = load("small.toml");
     let folder = tempfile::tempdir().unwrap();
-    let calibration =
-        calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut to_the_end).unwrap();
-    store::save(folder.path(), &calibration).unwrap();
+    store::save(folder.path(), &measured(&rig).unwrap()).unwrap();
     let (devices, witness) = simulated::open(&rig).unwrap();
     let photo = photo(&rig, &witness, View::whole(Scene::Astronaut));
     let slots = folder.path().to_owned();
@@ -114,7 +108,7 @@ fn progress_is_even_and_never_goes_back() {
 
 #[test]
 fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
-    let mut then = config::load(Path::new("small.toml")).unwrap();
+    let mut then = load("small.toml");
     then.restore.refine_lens = true;
     let now = touched(&then, 0.3);
     let (all, [before, after]) = restored(&then, &now, 5);
@@ -155,7 +149,7 @@ fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
 
 #[test]
 fn a_lens_that_is_as_it_was_measured_stays_as_measured() {
-    let mut rig = config::load(Path::new("small.toml")).unwrap();
+    let mut rig = load("small.toml");
     rig.restore.refine_lens = true;
     let (all, [before, after]) = restored(&rig, &rig, 5);
     assert!(all.iter().all(|restored| !says(restored, "refined")), "{:?}", all[0].notes);

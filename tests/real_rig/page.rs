@@ -1,11 +1,10 @@
 //! The rig files for real boards and the blocks of hardware.md are rig files that would be taken.
-#![cfg(feature = "hardware")]
 
 use std::path::Path;
 
 use relens::config;
 
-const BOARD: &str = include_str!("../rig-config/raspberry-pi-5.toml");
+const BOARD: &str = include_str!("../../rig-config/raspberry-pi-5.toml");
 
 fn parse(text: &str) -> Result<config::RigFile, config::ConfigError> {
     config::parse(text, "raspberry-pi-5.toml", Path::new(""))
@@ -35,7 +34,7 @@ fn the_board_s_rig_file_is_taken() {
 
 #[test]
 fn the_cheap_rig_s_file_is_taken_and_its_parts_cost_less_than_400() {
-    let cheap = include_str!("../rig-config/raspberry-pi-5-gs.toml");
+    let cheap = include_str!("../../rig-config/raspberry-pi-5-gs.toml");
     let rig = parse(cheap).unwrap_or_else(|error| panic!("{error}"));
     assert!(rig.mosaic().is_some() && rig.marks.is_some() && rig.doubts().is_empty());
     let config::Kind::Hardware(parts) = &rig.kind else { panic!("it is made of parts") };
@@ -49,7 +48,7 @@ fn the_cheap_rig_s_file_is_taken_and_its_parts_cost_less_than_400() {
         needed(sensor.width) < panel.width as f64 && needed(sensor.height) < panel.height as f64
     );
 
-    let page = include_str!("../hardware.md");
+    let page = include_str!("../../hardware.md");
     let table = page.split("### Under 400 €").nth(1).expect("its section");
     let table = table.split("\n\n").find(|part| part.starts_with("| part")).expect("its table");
     let price = |row: &str| row.split('|').nth(2)?.trim().strip_suffix(" €")?.parse::<f64>().ok();
@@ -60,7 +59,7 @@ fn the_cheap_rig_s_file_is_taken_and_its_parts_cost_less_than_400() {
 
 #[test]
 fn every_block_of_the_page_is_taken() {
-    let page = include_str!("../hardware.md");
+    let page = include_str!("../../hardware.md");
     let blocks: Vec<&str> =
         page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
     assert_eq!(blocks.len(), 3);

@@ -1,29 +1,27 @@
 //! A scene nearer or farther than the panel: its photo is restored with the lens as measured at a
 //! few focus offsets, the photo telling at which; the table of `tests/tables/focus.md`.
 
-// A failed unwrap is a failed test, also in the functions the tests share; tables are printed.
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
-
 use std::path::Path;
 use std::process::Command;
 
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestPhoto;
-use relens::config::{self, Curve, Kind, Lens, RigFile};
+use relens::config::{Curve, Kind, Lens, RigFile};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Work};
-use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, hybrid};
 use relens::rig::simulated::{self, Witness};
+
+use crate::{load, measured};
 
 /// Offsets at which the lens is measured, dioptres: about as many pixels of blur between any two.
 const OFFSETS: [f32; 7] = [-0.14, -0.09, -0.04, -0.015, 0.015, 0.04, 0.07];
 
 /// small.toml with functions wide enough for a scene far out of focus.
 fn rig() -> RigFile {
-    let mut rig = config::load(Path::new("small.toml")).unwrap();
+    let mut rig = load("small.toml");
     rig.calibration.function_support_px = 17;
     rig
 }
@@ -41,17 +39,13 @@ fn at(rig: &RigFile, panel_mm: f64, scene_mm: f64) -> RigFile {
     moved
 }
 
-fn calibrated(rig: &RigFile) -> Calibration {
-    let (mut devices, _) = simulated::open(rig).unwrap();
-    calibrate(&mut devices, rig, None, &mut to_the_end).unwrap()
-}
-
 /// The rig calibrated at the panel's focus, and at others.
 fn calibrations(rig: &RigFile, offsets: &[f32]) -> [Calibration; 2] {
-    let alone = calibrated(rig);
+    let alone = measured(rig).unwrap();
     let mut series = alone.clone();
     for &offset in offsets {
-        series = series.with_focus(offset, &calibrated(&rig.refocused(offset).unwrap())).unwrap();
+        series =
+            series.with_focus(offset, &measured(&rig.refocused(offset).unwrap()).unwrap()).unwrap();
     }
     [alone, series]
 }
@@ -133,7 +127,7 @@ fn gains(
     raw: bool,
 ) -> Gains {
     let own_rig = at(rig, mm, mm);
-    let own = calibrated(&own_rig);
+    let own = measured(&own_rig).unwrap();
     let panel_rig = at(rig, 4000.0, mm);
     let (_, witness) = simulated::open(&panel_rig).unwrap();
     let mut gains = Gains { worst: f64::INFINITY, ..Gains::default() };
@@ -173,7 +167,7 @@ fn what_a_photo_s_own_focus_is_worth() {
     let [raw, filters] = ["RAW", "FILTERS"].map(|name| std::env::var_os(name).is_some());
     let mut rig = rig();
     if let (true, Kind::Simulated(simulation)) = (raw || filters, &mut rig.kind) {
-        let truthful = config::load(Path::new("truthful.toml")).unwrap();
+        let truthful = load("truthful.toml");
         simulation.sensor.mosaic = truthful.simulation().unwrap().sensor.mosaic;
     }
     let both = calibrations(&rig, &OFFSETS);

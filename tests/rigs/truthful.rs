@@ -1,20 +1,16 @@
 //! What a real rig does on top of an ideal one, and what each of it costs the methods as they are:
 //! the table of `tests/tables`, and what holds of it.
 
-// A failed unwrap is a failed test, also in the functions the tests share.
-#![allow(clippy::unwrap_used)]
-
-use std::path::Path;
-
 use relens::chart::scenes::Scene;
 use relens::config::{self, Kind, Lens, Simulation};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, RawSites, Rect, Size, Work};
-use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, digital, hybrid};
 use relens::rig::simulated::{self, Witness};
+
+use crate::{load, measured};
 
 /// A departure from the ideal rig: takes what it is from a truthful one.
 type Departure = fn(&mut Simulation, &Simulation);
@@ -50,10 +46,6 @@ const STRONGER: [(&str, Departure); 4] = [
     ("a webcam's gamma of 0.6", |to, _| to.sensor.curve.gamma = 0.6),
 ];
 
-fn load(name: &str) -> config::RigFile {
-    config::load(Path::new(name)).unwrap()
-}
-
 /// The small rig with these departures.
 fn departed(departures: &[Departure]) -> config::RigFile {
     let (mut rig, truthful) = (load("small.toml"), load("truthful.toml"));
@@ -70,32 +62,31 @@ fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
         .map(|scores| scores.iter().sum::<f64>() / 3.0)
 }
 
-/// Of one scene: the photo as it was, what `digital` and `hybrid` make of it, what is delivered.
+/// Of one scene: the photo as it was, what `digital`, where it was asked for, and `hybrid` make of
+/// it, what is delivered.
 struct Tried {
     photo: [f64; 2],
-    digital: [f64; 2],
+    digital: Option<[f64; 2]>,
     hybrid: [f64; 2],
     delivered: [f64; 2],
     verdict: String,
 }
 
-fn tried(rig: &config::RigFile, scenes: &[Scene]) -> Result<Vec<Tried>, String> {
-    tried_after(rig, scenes, &|_| {})
+/// What is tried on photos.
+#[derive(Clone, Copy)]
+struct Asked {
+    /// Whether they are the camera's raw sites where it has colour filters, and no picture that was
+    /// interpolated before.
+    raw: bool,
+    /// Whether `digital` is tried, too.
+    digital: bool,
 }
 
-/// The same, `since` having happened to the rig after it was calibrated.
-fn tried_after(
-    rig: &config::RigFile,
-    scenes: &[Scene],
-    since: &dyn Fn(&mut Witness),
-) -> Result<Vec<Tried>, String> {
-    tried_of(rig, scenes, raw_photos(), since)
-}
-
-/// Whether photos are the camera's raw sites where it has colour filters, and no picture that was
-/// interpolated before.
-fn raw_photos() -> bool {
-    std::env::var_os("RAW").is_some()
+impl Asked {
+    /// What is delivered alone.
+    fn delivered(raw: bool) -> Asked {
+        Asked { raw, digital: false }
+    }
 }
 
 /// What the camera's raw sites hold in light, filled between them.
@@ -107,16 +98,15 @@ fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame
     Some((raw.mosaic.interpolated(&sites), known))
 }
 
-/// The same of `raw` photos or not.
-fn tried_of(
+/// `since` happened to the rig after it was calibrated.
+fn tried(
     rig: &config::RigFile,
     scenes: &[Scene],
-    raw: bool,
+    Asked { raw, digital: with_digital }: Asked,
     since: &dyn Fn(&mut Witness),
 ) -> Result<Vec<Tried>, String> {
     let (mut devices, mut witness) = simulated::open(rig).unwrap();
-    let calibration =
-        calibrate(&mut devices, rig, None, &mut to_the_end).map_err(|error| error.to_string())?;
+    let calibration = measured(rig)?;
     let pipeline = Pipeline::new(rig, &calibration).map_err(|error| error.to_string())?;
     since(&mut witness);
     let tone = Tone::of_curve(rig.photo.curve, 8);
@@ -140,13 +130,13 @@ fn tried_of(
         let mut by = |method: &dyn Method| {
             pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap()
         };
-        let (plain, light) = (by(&digital(rig)), by(&hybrid(rig)));
+        let (plain, light) = (with_digital.then(|| by(&digital(rig))), by(&hybrid(rig)));
         let own = |solved: &relens::pipeline::Restoration| {
             solved.solved.as_ref().map_or([0.0; 2], |solved| score(&solved.picture, &truth))
         };
         all.push(Tried {
             photo: score(&photo, &truth),
-            digital: own(&plain),
+            digital: plain.as_ref().map(own),
             hybrid: own(&light),
             delivered: score(&light.outcome.picture, &truth),
             verdict: format!("{:?}", light.outcome.verdict),
@@ -184,7 +174,8 @@ fn what_each_truth_costs() {
     // ROW=mosaic makes the rows whose names have that in them.
     let wanted = std::env::var("ROW").unwrap_or_default();
     for (name, rig) in rows.filter(|(name, _)| name.contains(&wanted)) {
-        match tried(&rig, &scenes) {
+        let raw = std::env::var_os("RAW").is_some();
+        match tried(&rig, &scenes, Asked { raw, digital: true }, &|_| {}) {
             Err(refused) => println!("| {name} | | not calibrated: {refused} | | | | |"),
             Ok(tried) => {
                 for (scene, tried) in scenes.iter().zip(tried) {
@@ -193,7 +184,7 @@ fn what_each_truth_costs() {
                         "| {name} | {} | {} | {} | {} | {} | {} |",
                         scene.name(),
                         cell(tried.photo),
-                        cell(tried.digital),
+                        tried.digital.map_or(String::new(), cell),
                         cell(tried.hybrid),
                         cell(tried.delivered),
                         tried.verdict
@@ -217,9 +208,10 @@ fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
     let scenes = [Scene::Astronaut, Scene::Coffee];
     let unrest = |to: &mut Simulation, from: &Simulation| to.unrest = from.unrest;
     for (name, rig) in [("steady", load("small.toml")), ("unrest", departed(&[unrest]))] {
-        let still = gain(&tried(&rig, &scenes).unwrap());
+        let asked = Asked::delivered(false);
+        let still = gain(&tried(&rig, &scenes, asked, &|_| {}).unwrap());
         for px in [0.1, 0.25, 0.5] {
-            let knocked = tried_after(&rig, &scenes, &|witness| {
+            let knocked = tried(&rig, &scenes, asked, &|witness| {
                 witness.knock_panel(0.8 * px, -0.6 * px);
             });
             let knocked = knocked.unwrap();
@@ -237,10 +229,7 @@ fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
 fn a_panel_that_moves_and_flickers_is_no_noise() {
     let calm = departed(&[]);
     let unrest: Departure = |to, from| to.unrest = from.unrest;
-    let noise = |rig: &config::RigFile| {
-        let mut devices = simulated::open(rig).unwrap().0;
-        calibrate(&mut devices, rig, None, &mut to_the_end).unwrap().noise
-    };
+    let noise = |rig: &config::RigFile| measured(rig).unwrap().noise;
     for departures in [&[unrest][..], &[DEPARTURES[0].1, unrest]] {
         for (calm, found) in noise(&calm).into_iter().zip(noise(&departed(departures))) {
             let levels = [20.0, 128.0, 230.0];
@@ -263,7 +252,7 @@ fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
     let with_flats = |departures: &[Departure], flats: usize| {
         let mut rig = departed(departures);
         rig.calibration.response_flats = flats;
-        tried_of(&rig, &scenes, true, &|_| {}).unwrap()
+        tried(&rig, &scenes, Asked { raw: true, digital: true }, &|_| {}).unwrap()
     };
     let alike = with_flats(&[mosaic], 0);
     let [smooth, measured] = [0, 100].map(|flats| with_flats(&[mosaic, pattern], flats));
@@ -271,7 +260,9 @@ fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
         let each = alike.iter().zip(of).map(|(a, b)| by(a)[1] - by(b)[1]);
         each.sum::<f64>() / scenes.len() as f64
     };
-    for (name, by) in [("digital", (|t| t.digital) as fn(&Tried) -> _), ("hybrid", |t| t.hybrid)] {
+    for (name, by) in
+        [("digital", (|t| t.digital.unwrap()) as fn(&Tried) -> _), ("hybrid", |t| t.hybrid)]
+    {
         let [smooth, measured] = [loss(&smooth, by), loss(&measured, by)];
         println!("{name}: {smooth:.3} dB lost with smooth flats, {measured:.3} site by site");
         assert!(measured <= 0.1 && smooth > 5.0 * measured, "{name}");
@@ -288,9 +279,9 @@ fn a_camera_s_curve_is_undone() {
     };
     let [mosaic, curve] = [DEPARTURES[0].1, DEPARTURES[7].1];
     for (name, raw, before) in [("developed", false, vec![]), ("raw", true, vec![mosaic])] {
-        let straight = tried_of(&rig(&before), &scenes, raw, &|_| {}).unwrap();
+        let straight = tried(&rig(&before), &scenes, Asked::delivered(raw), &|_| {}).unwrap();
         let with_curve: Vec<Departure> = before.into_iter().chain([curve]).collect();
-        let undone = tried_of(&rig(&with_curve), &scenes, raw, &|_| {}).unwrap();
+        let undone = tried(&rig(&with_curve), &scenes, Asked::delivered(raw), &|_| {}).unwrap();
         for (straight, undone) in straight.iter().zip(&undone) {
             let (ought, is) = (straight.delivered, undone.delivered);
             println!("{name}: {ought:.4?} of a straight camera, {is:.4?} of a bent one");
@@ -320,7 +311,7 @@ fn an_uneven_panel_leaves_the_photo_s_own_shading() {
     let uneven = |to: &mut Simulation, from: &Simulation| to.display.uneven = from.display.uneven;
     let rig = departed(&[uneven]);
     let (mut devices, witness) = simulated::open(&rig).unwrap();
-    let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end).unwrap();
+    let calibration = measured(&rig).unwrap();
     let pipeline = Pipeline::new(&rig, &calibration).unwrap();
     let tone = Tone::of_curve(rig.photo.curve, 8);
     let light = |x: usize, y: usize| match (x / 12 + y / 8) % 3 {

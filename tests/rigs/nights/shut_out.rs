@@ -82,7 +82,7 @@ fn the_program_that_waits_for_its_rig_says_that_nights_were_missed() {
      \"battery\"\n\
         pilot-every-photos = 50\nwarm-up-max-min = 60.0\nrecalibrate = true\nshift-max-px = 0.25\n\
         gain-max-percent = 3.0\noffset-max-levels = 1.0\nnoise-max-ratio = 1.5\n";
-    std::fs::write(&rig, format!("{}\n{tables}", include_str!("../../rig-config/small.toml")))
+    std::fs::write(&rig, format!("{}\n{tables}", include_str!("../../../rig-config/small.toml")))
         .unwrap();
     // As a life before left it: photos wait for three days.
     let now_unix_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();

@@ -1,8 +1,5 @@
 //! A raw photo as a file, all the way: taken by the program, read, restored at its sites, written.
 
-// A failed unwrap is a failed test, also in the functions the tests share.
-#![allow(clippy::unwrap_used)]
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -1,8 +1,5 @@
 //! The built program on a terminal: its line of progress, and what it leaves behind.
 
-// The functions below stop the test as it does itself.
-#![allow(clippy::unwrap_used)]
-
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::fd::{AsFd, OwnedFd};
@@ -14,6 +11,8 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
+
+use crate::{SCENE, calibrated};
 
 /// Rows of the terminals.
 const ROWS: u16 = 40;
@@ -87,9 +86,8 @@ fn on_terminal(
 fn folder_with_photo() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("inbox")).unwrap();
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
     let photo = "inbox/a-photo-with-a-name-that-is-long.png";
-    let words = ["photograph", "--rig", "small.toml", scene, "-o", photo];
+    let words = ["photograph", "--rig", "small.toml", SCENE, "-o", photo];
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
     let output = command.args(words).current_dir(folder.path()).output().unwrap();
     assert!(output.status.success() && output.stderr.is_empty(), "nothing is drawn into a pipe");
@@ -118,11 +116,13 @@ fn progress_fits_fifty_columns_and_leaves_nothing_behind() {
 #[test]
 fn columns_that_are_told_are_believed() {
     let folder = folder_with_photo();
+    calibrated(folder.path());
     let words = ["run", "--rig", "small.toml", "--once"];
     let seen = on_terminal(&words, folder.path(), ("xterm", 80), false);
     let longest = |seen: &Seen| seen.bars.iter().map(|bar| bar.trim_end().chars().count()).max();
     assert!(longest(&seen) > Some(46), "{:#?}", seen.bars);
     let folder = folder_with_photo();
+    calibrated(folder.path());
     let words = ["COLUMNS=40", "run", "--rig", "small.toml", "--once"];
     let seen = on_terminal(&words, folder.path(), ("xterm", 80), false);
     assert!(seen.status.success() && longest(&seen) <= Some(36), "{:#?}", seen.bars);
@@ -140,8 +140,7 @@ fn interrupted_it_leaves_a_clean_line_and_says_so_to_the_shell() {
 #[test]
 fn a_terminal_without_a_cursor_gets_plain_lines() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
-    let words = ["photograph", "--rig", "small.toml", scene, "-o", "a.png", "-v"];
+    let words = ["photograph", "--rig", "small.toml", SCENE, "-o", "a.png", "-v"];
     let seen = on_terminal(&words, folder.path(), ("dumb", 50), false);
     assert!(seen.status.success() && seen.bars.is_empty());
     let text = String::from_utf8(seen.bytes).unwrap();

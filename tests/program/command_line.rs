@@ -1,10 +1,9 @@
 //! The built program: help, wrong use, exit codes.
 
-// The functions below stop the test as it does itself.
-#![allow(clippy::unwrap_used)]
-
 use std::path::Path;
 use std::process::{Command, Output};
+
+use crate::{SCENE, calibrated};
 
 fn relens(words: &[&str], folder: &Path) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
@@ -126,6 +125,7 @@ fn wrong_use_ends_with_2_and_one_sentence() {
 fn what_became_of_photos_is_said_once_and_told_to_programs() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
+    calibrated(folder);
     std::fs::create_dir(folder.join("inbox")).unwrap();
     std::fs::write(folder.join("inbox/letter.jpg"), b"Dear Sir or Madam").unwrap();
     let output = relens(&["run", "--rig", "small.toml", "--once"], folder);
@@ -158,8 +158,7 @@ fn a_photo_that_cannot_be_restored_ends_with_1() {
 #[test]
 fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
-    let words = ["photograph", "--rig", "small.toml", scene, "-o", "photo.png"];
+    let words = ["photograph", "--rig", "small.toml", SCENE, "-o", "photo.png"];
     let output = relens(&words, folder.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let photo = std::fs::read(folder.path().join("photo.png")).unwrap();
@@ -176,11 +175,11 @@ fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
     assert!(text(&again.stderr).contains("photo.png exists already"));
 }
 
-/// A folder with the photo `photo.png`, taken by the small rig.
+/// The folder of a calibrated small rig with the photo `photo.png`, taken by it.
 fn folder_with_photo() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
-    let words = ["photograph", "--rig", "small.toml", scene, "-o", "photo.png"];
+    calibrated(folder.path());
+    let words = ["photograph", "--rig", "small.toml", SCENE, "-o", "photo.png"];
     assert!(relens(&words, folder.path()).status.success());
     folder
 }

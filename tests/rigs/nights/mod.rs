@@ -1,10 +1,5 @@
 //! Nights on the small simulated rig: what drifts is noticed by captures alone, and put right.
 
-// The functions that the tests share stop a test as the tests themselves do.
-#![allow(clippy::unwrap_used)]
-// What was measured is printed beside what is asserted; `--nocapture` shows it.
-#![allow(clippy::print_stdout)]
-
 mod missed;
 mod shut_out;
 

@@ -1,0 +1,50 @@
+//! Simulated rigs, scored against the simulator's truth: what captures say of a rig, what becomes
+//! of photos taken with it, and how it is kept over nights.
+
+// A failed unwrap is a failed test, also in the functions the tests share. What was measured is
+// printed beside what is asserted; `--nocapture` shows it.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+mod calibration;
+mod divergence;
+mod focus;
+mod learning;
+mod method;
+mod nights;
+mod operating_point;
+mod raw_file;
+mod raw_sites;
+mod truthful;
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex, OnceLock};
+
+use relens::calibration::Calibration;
+use relens::config::{self, RigFile};
+use relens::measurement::{CalibrateError, calibrate, to_the_end};
+use relens::rig::simulated;
+
+/// The rig file that comes with the program under this name.
+fn load(name: &str) -> RigFile {
+    config::load(Path::new(name)).unwrap()
+}
+
+type Found = Arc<OnceLock<Result<Calibration, CalibrateError>>>;
+
+/// What the simulated rig of `rig`, just opened, is measured to be: once, for all the tests that
+/// ask of the same rig.
+fn measured(rig: &RigFile) -> Result<Calibration, String> {
+    static FOUND: OnceLock<Mutex<HashMap<String, Found>>> = OnceLock::new();
+    // A calibration knows nothing of methods.
+    let asked = RigFile { restore: load("small.toml").restore, ..rig.clone() };
+    let found = Arc::clone(
+        FOUND.get_or_init(Mutex::default).lock().unwrap().entry(format!("{asked:?}")).or_default(),
+    );
+    let measure = || calibrate(&mut simulated::open(rig).unwrap().0, rig, None, &mut to_the_end);
+    found
+        .get_or_init(measure)
+        .as_ref()
+        .cloned()
+        .map_err(|error| relens::remedy::full_message(error))
+}
