@@ -2,7 +2,8 @@
 //! was on scan-out when the trigger rose (`window.rs`), and answers with what the sensor counts
 //! after the simulator's lens.
 //!
-//! `physics TRUTH.toml SOCKET` serves one run of the virtual machine. It runs outside of it,
+//! `physics TRUTH.toml SOCKET SCENE` serves one run of the virtual machine. Before the lens is the
+//! panel, or the picture SCENE where it is told that the panel is away. It runs outside of it,
 //! because an emulated processor takes twenty times as long, and knows nothing of the daemon.
 // A bench program: it says what failed and stops.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
@@ -12,12 +13,18 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use relens::chart::scenes::cut;
 use relens::config;
-use relens::frame::{Codes, Counts, Plane};
+use relens::frame::{Codes, Counts, Mosaic, Plane};
+use relens::picture::{Limits, Photo};
 use relens::rig::exposure::Devices;
+use relens::rig::shoot::sites_of;
 use relens::rig::simulated;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// First byte of what was on scan-out when the panel is not before the lens.
+const AWAY: u8 = 1;
 
 /// How long the virtual machine may take to open its end.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -33,9 +40,14 @@ fn connected(socket: &str) -> Outcome<UnixStream> {
     }
 }
 
-/// Red, green, blue bytes of 8-bit counts.
-fn pack(counts: &Counts, bytes: &mut Vec<u8>) {
+/// Red, green, blue bytes of 8-bit counts, or a byte a site behind filters.
+fn pack(counts: &Counts, mosaic: Option<Mosaic>, bytes: &mut Vec<u8>) {
     bytes.clear();
+    if let Some(mosaic) = mosaic {
+        let sites = sites_of(counts.planes(), mosaic);
+        bytes.extend(sites.data().iter().map(|&count| count.min(255) as u8));
+        return;
+    }
     let [red, green, blue] = counts.planes().each_ref().map(|p| p.data());
     for ((r, g), b) in red.iter().zip(green).zip(blue) {
         bytes.extend([r, g, b].map(|&count| count.min(255) as u8));
@@ -44,14 +56,16 @@ fn pack(counts: &Counts, bytes: &mut Vec<u8>) {
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [truth, socket] = words.as_slice() else {
-        return Err("usage: physics TRUTH.toml SOCKET".into());
+    let [truth, socket, scene] = words.as_slice() else {
+        return Err("usage: physics TRUTH.toml SOCKET SCENE".into());
     };
     let truth = config::load(Path::new(truth))?;
-    let (mut bench, _): (Devices, _) = simulated::open(&truth)?;
+    let (mut bench, witness): (Devices, _) = simulated::open(&truth)?;
+    let scene = Photo::read(Path::new(scene), truth.photo.curve, &Limits::default())?;
+    let scene = cut(&scene.in_colour(), truth.camera.size());
     let mut stream = connected(socket)?;
     let size = truth.panel.size();
-    let mut panel = vec![0; size.area() * 3];
+    let mut panel = vec![0; 1 + size.area() * 3];
     let mut frame = Vec::new();
     let (mut frames, mut seconds) = (0, 0.0);
     loop {
@@ -62,10 +76,12 @@ fn main() -> Outcome<()> {
         }
         let begun = Instant::now();
         let planes = [0, 1, 2].map(|channel| {
-            let data = &panel[channel * size.area()..];
+            let data = &panel[1 + channel * size.area()..];
             Plane::from_fn(size, |x, y| data[y * size.width + x])
         });
-        pack(&bench.capture(&Codes::from_planes(planes))?.counts, &mut frame);
+        witness.put_before_lens((panel[0] == AWAY).then_some(&scene));
+        let counts = bench.capture(&Codes::from_planes(planes))?.counts;
+        pack(&counts, truth.mosaic(), &mut frame);
         seconds += begun.elapsed().as_secs_f64();
         frames += 1;
         stream.write_all(&frame)?;

@@ -2,8 +2,9 @@
 //! goes out of the virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in
 //! by the camera's node.
 //!
-//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER` runs until it is killed.
-//! As long as there is a file SHUTTER, the camera gives no frames. It knows nothing of the daemon:
+//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER AWAY` runs until it is
+//! killed. As long as there is a file SHUTTER, the camera gives no frames; as long as there is a
+//! file AWAY, not the panel but a scene is before the lens. It knows nothing of the daemon:
 //! the trigger comes from the kernel's trace of GPIO values, the picture from the display driver.
 //! Two threads, so that light is caught at the moment of the trigger however long the lens takes to
 //! compute. Every flip, exposure and frame is a line of standard output, with its moment on
@@ -35,7 +36,8 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 fn camera(video: &str, truth: &config::RigFile) -> Outcome<v4l::Device> {
     let node = v4l::Device::with_path(video)?;
     let size = truth.camera.size();
-    let wanted = v4l::Format::new(size.width as u32, size.height as u32, v4l::FourCC::new(b"RGB3"));
+    let code = if truth.mosaic().is_some() { b"RGGB" } else { b"RGB3" };
+    let wanted = v4l::Format::new(size.width as u32, size.height as u32, v4l::FourCC::new(code));
     let got = Output::set_format(&node, &wanted)?;
     if (got.width, got.height, got.fourcc) != (wanted.width, wanted.height, wanted.fourcc) {
         return Err(format!("the camera's node takes {got}").into());
@@ -62,7 +64,8 @@ fn deliver(
     println!("the window is open");
     let frame_s =
         (truth.camera.exposure_ms + truth.simulation().map_or(0.0, |s| s.sensor.readout_ms)) / 1e3;
-    let mut bytes = vec![0; truth.camera.size().area() * 3];
+    let samples = if truth.mosaic().is_some() { 1 } else { 3 };
+    let mut bytes = vec![0; truth.camera.size().area() * samples];
     for rise_s in rises_s {
         port.read_exact(&mut bytes)?;
         Monotonic.wait_until(Moment(rise_s + frame_s));
@@ -90,7 +93,7 @@ fn look(
     card: &str,
     line: &str,
     mut port: File,
-    shutter: &Path,
+    [shutter, away]: [&Path; 2],
     rises: &mpsc::Sender<f64>,
 ) -> Outcome<()> {
     let card = Card::open(Path::new(card))?;
@@ -128,6 +131,7 @@ fn look(
                     continue;
                 }
                 rises.send(at_s)?;
+                port.write_all(&[u8::from(away.exists())])?;
                 for plane in codes.planes() {
                     port.write_all(plane.data())?;
                 }
@@ -138,8 +142,8 @@ fn look(
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [truth, card, video, line, port, shutter] = words.as_slice() else {
-        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT SHUTTER".into());
+    let [truth, card, video, line, port, shutter, away] = words.as_slice() else {
+        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT SHUTTER AWAY".into());
     };
     let truth = config::load(Path::new(truth))?;
     let port = OpenOptions::new().read(true).write(true).open(port)?;
@@ -154,6 +158,6 @@ fn main() -> Outcome<()> {
                 std::process::exit(1);
             }
         });
-        look(truth, card, line, port, Path::new(shutter), &rises)
+        look(truth, card, line, port, [shutter, away].map(Path::new), &rises)
     })
 }

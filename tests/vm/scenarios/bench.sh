@@ -8,10 +8,13 @@ PORT=/dev/$(for port in /sys/class/virtio-ports/*; do [ "$(cat "$port/name")" = 
 # process on its way would stay on the line, and every later frame would be the one before.
 SHUTTER=/tmp/shutter-closed
 
+# While this file is there, the panel is not before the lens, but a scene is.
+AWAY=/tmp/panel-away
+
 open_window() {
   # An earlier scenario's is as good.
   WINDOW=$(cat /tmp/window.pid 2>/dev/null) && kill -0 "$WINDOW" 2>/dev/null && return
-  window /rigs/truth.toml /dev/dri/card0 /dev/video0 "$LINES_BASE" "$PORT" $SHUTTER > /tmp/window.log 2>&1 &
+  window "${TRUTH:-/rigs/truth.toml}" /dev/dri/card0 /dev/video0 "$LINES_BASE" "$PORT" $SHUTTER $AWAY > /tmp/window.log 2>&1 &
   WINDOW=$!; echo $WINDOW > /tmp/window.pid
   for _ in $(seq 300); do grep -q "window is open" /tmp/window.log && return; sleep 0.2; done
   cat /tmp/window.log; fail "no light"
