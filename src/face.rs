@@ -252,7 +252,8 @@ impl PhotoRestorer {
 }
 
 fn read(rig: &config::RigFile, path: &Path) -> Result<Photo, Error> {
-    Ok(Photo::read(path, rig.photo.curve, &Limits::default())?.fit(rig.photo_grid())?)
+    let photo = Photo::read(path, rig.photo.curve, &Limits::default())?.fit(rig.photo_grid())?;
+    Ok(photo.with_raw_results(rig.photo.raw_results))
 }
 
 /// Whatever stood in the way, with what to do about it.

@@ -29,6 +29,11 @@ pub(super) enum CliError {
     /// An exposure is asked of a camera that has one only.
     #[error("this camera's exposure cannot be set by program, allowed --exposure 1")]
     FixedExposure,
+    /// A dark frame that is not dark.
+    #[error(
+        "found {0:.0} % of full light for the dark frame, allowed next to none: cover the lens"
+    )]
+    NotDark(f64),
     /// A simulated focus ring is to be turned past its end.
     #[error(
         "found a focus offset of {0} dioptres, allowed one that the rig's focus ring reaches: it \
@@ -95,6 +100,7 @@ impl CliError {
             | CliError::NoFilters(_)
             | CliError::NoScene(_)
             | CliError::FixedExposure
+            | CliError::NotDark(_)
             | CliError::PastInfinity(_)
             | CliError::Taken(_)
             | CliError::NoFolder(_)

@@ -161,7 +161,7 @@ fn read(path: &Path, rig: &RigFile) -> Result<Photo, CliError> {
         LargerPhotos::Shrink => Ok(photo),
         LargerPhotos::Refuse => photo.no_larger(),
     });
-    photo.map_err(CliError::of)
+    photo.map(|photo| photo.with_raw_results(rig.photo.raw_results)).map_err(CliError::of)
 }
 
 /// One photo restored, its result written, and what was done said.

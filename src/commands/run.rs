@@ -274,6 +274,7 @@ fn setting(rig: &RigFile) -> DaemonSetting {
         floor_bytes,
         lease_s,
         larger_photos: rig.run.larger_photos,
+        raw_results: rig.photo.raw_results,
         ..DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)
     }
 }

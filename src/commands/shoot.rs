@@ -1,18 +1,19 @@
 //! `relens shoot`: the photo itself, taken by the rig's own camera through its own lens.
 
+use std::io::BufRead;
 use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint, value_parser};
 use relens::calibration::store;
 use relens::config::{self, RigFile};
-use relens::frame::Mosaic;
-use relens::restorer::on_rig::{black_of, neutral_of};
+use relens::frame::{Frame, Mosaic, Plane};
+use relens::restorer::on_rig::{black_of, gains_of};
 use relens::restorer::photo_file::{PROPOSED, developed, raw_file};
 use relens::rig;
 use relens::rig::exposure::Devices;
-use relens::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, meter, shoot};
-use relens::rig::simulated;
+use relens::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, PhotoShot, meter, shoot};
+use relens::rig::simulated::{self, Witness};
 
 use super::error::CliError;
 use super::new_file::{format_of, must_be_new, write_new};
@@ -28,7 +29,7 @@ use super::{opening, scene};
 #[command(after_help = "\
 Examples:
   relens shoot --rig RIG.toml --folder DIR -o DIR/inbox/photo.dng
-  relens shoot --rig RIG.toml --folder DIR -o photo.dng --exposure auto --frames 4
+  relens shoot --rig RIG.toml --folder DIR -o photo.dng --exposure auto --frames 4 --dark 4
   relens shoot --rig truthful.toml --scene sharp.png -o photo.dng")]
 pub(super) struct ShootOptions {
     #[command(flatten)]
@@ -41,6 +42,9 @@ pub(super) struct ShootOptions {
     /// Exposures that are averaged
     #[arg(long, value_name = "N", default_value = "1", value_parser = frames())]
     frames: u8,
+    /// Exposures with the lens covered, whose mean is taken off: for long ones, and warm sensors
+    #[arg(long, value_name = "N", value_parser = frames())]
+    dark: Option<u8>,
     /// Exposure as a multiple of the rig file's, or `auto` for one that clips next to nothing
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = exposure)]
     exposure: PhotoExposure,
@@ -79,14 +83,19 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
         return Err(CliError::NoFilters(rig.name));
     }
     must_be_new(out)?;
-    let (mut devices, black, neutral) = before_the_scene(&rig, options)?;
-    let range = CountRange { black, max: rig.camera.count_max() };
-    let times = set_exposure(&mut devices, mosaic, range, options.exposure)?;
-    let shot = shoot(&mut devices, mosaic, range, options.frames.into()).map_err(CliError::of)?;
+    let mut rigged = before_the_scene(&rig, options)?;
+    let range = CountRange { black: rigged.black, max: rig.camera.count_max() };
+    let times = set_exposure(&mut rigged.devices, mosaic, range, options.exposure)?;
+    let mut shot =
+        shoot(&mut rigged.devices, mosaic, range, options.frames).map_err(CliError::of)?;
+    if let Some(frames) = options.dark {
+        let dark = in_the_dark(&rig, &mut rigged, range, frames)?;
+        shot = shot.without_dark(&dark, range);
+    }
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     let bytes = match (format, mosaic) {
         (Some(format), _) => developed(&rig, &shot, range, format).map_err(CliError::of)?,
-        (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, range, exposure_s, neutral),
+        (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, range, exposure_s, rigged.gains),
         (None, None) => return Err(CliError::NoFilters(rig.name)),
     };
     write_new(out, &bytes)?;
@@ -109,18 +118,25 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The devices, with what is to be photographed before the lens, the camera's black, and what white
-/// gives in each channel where that was measured.
-fn before_the_scene(
-    file: &RigFile,
-    options: &ShootOptions,
-) -> Result<(Devices, f64, Option<[f64; 3]>), CliError> {
+/// The devices, with what is to be photographed before the lens.
+struct Rigged {
+    devices: Devices,
+    /// What puts scenes before the lens of a simulated rig.
+    witness: Option<Witness>,
+    /// What the camera counts without light.
+    black: f64,
+    /// What light of red, green and blue gives in its channels, where that was measured.
+    gains: Option<[[f64; 3]; 3]>,
+}
+
+fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, CliError> {
     match (file.simulation(), &options.scene) {
         (Some(simulation), Some(scene)) => {
             let scene = scene::read(file, scene)?;
             let (devices, witness) = simulated::open(file).map_err(CliError::of)?;
             witness.put_before_lens(Some(&scene));
-            Ok((devices, simulation.sensor.black_level_counts, None))
+            let black = simulation.sensor.black_level_counts;
+            Ok(Rigged { devices, witness: Some(witness), black, gains: None })
         }
         (Some(_), None) => Err(CliError::NoScene(file.name.clone())),
         (None, Some(_)) => Err(CliError::NotSimulated(file.name.clone())),
@@ -129,8 +145,35 @@ fn before_the_scene(
             let kept = opening::calibration_folder(&options.folder.folder);
             let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
             let devices = rig::open_without_marks(file).map_err(CliError::of)?;
-            Ok((devices, black_of(file, &calibration), Some(neutral_of(&calibration))))
+            let (black, gains) = (black_of(file, &calibration), gains_of(file, &calibration));
+            Ok(Rigged { devices, witness: None, black, gains })
         }
+    }
+}
+
+/// Exposures behind a covered lens, for which one waits.
+fn in_the_dark(
+    file: &RigFile,
+    rigged: &mut Rigged,
+    range: CountRange,
+    frames: u8,
+) -> Result<PhotoShot, CliError> {
+    match &rigged.witness {
+        Some(witness) => {
+            let nothing = Frame::from_fn(|_| Plane::zeros(file.photo_grid().sensor));
+            witness.put_before_lens(Some(&nothing));
+        }
+        None => {
+            say("cover the lens and press Enter");
+            // Without anybody there to press it, what is seen tells.
+            let _ = std::io::stdin().lock().read_line(&mut String::new());
+        }
+    }
+    let mosaic = file.mosaic();
+    let dark = shoot(&mut rigged.devices, mosaic, range, frames).map_err(CliError::of)?;
+    match dark.is_dark(mosaic, range) {
+        true => Ok(dark),
+        false => Err(CliError::NotDark(100.0 * dark.brightness(mosaic, range))),
     }
 }
 

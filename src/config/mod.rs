@@ -32,7 +32,7 @@ pub use media::{MediaGraph, MediaLink, PadFormat, bus_format, bus_format_name, e
 pub use methods::MethodName;
 pub use parts::{
     Alignment, CalibrationTable, CameraTable, CanvasTable, ColourChoice, Curve, Marks,
-    OperatingPoint, PanelTable, PaperTable, PhotoTable, Restore,
+    OperatingPoint, PanelTable, PaperTable, PhotoTable, RawResults, Restore,
 };
 pub use rig::{Kind, RigFile};
 pub use simulation::{

@@ -15,6 +15,18 @@ table! {
         height_px: usize, Whole(16, 16384), Never;
         /// How the photo's codes stand for light when the file says nothing else.
         curve: Curve, Word(Curve::WORDS), Never;
+        /// What is made of raw photos.
+        raw_results: RawResults, Word(RawResults::WORDS), Means("\"tiff\"");
+    }
+}
+
+words! {
+    /// The format of a raw photo's result.
+    pub enum RawResults {
+        /// 16 bits with the photo's curve; a linear one has a profile that says so.
+        Tiff = "tiff",
+        /// 8 bits.
+        Jpeg = "jpeg",
     }
 }
 

@@ -45,7 +45,8 @@ impl Reader {
             Reader::Worker(worker) => {
                 worker.photo(name, file, setting.curve, &setting.limits, setting.grid)
             }
-        }?;
+        }?
+        .with_raw_results(setting.raw_results);
         match setting.larger_photos {
             LargerPhotos::Shrink => Ok(photo),
             LargerPhotos::Refuse => photo.no_larger(),

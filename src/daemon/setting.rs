@@ -1,6 +1,6 @@
 //! What the daemon is told once.
 
-use crate::config::{Curve, LargerPhotos};
+use crate::config::{Curve, LargerPhotos, RawResults};
 use crate::frame::PhotoGrid;
 use crate::picture::Limits;
 
@@ -17,6 +17,8 @@ pub struct DaemonSetting {
     pub curve: Curve,
     /// What becomes of photos with more pixels than that.
     pub larger_photos: LargerPhotos,
+    /// What is made of raw photos.
+    pub raw_results: RawResults,
     /// What one photo may ask of the box.
     pub limits: Limits,
     /// A photo is taken when it has not changed for this long.
@@ -51,6 +53,7 @@ impl DaemonSetting {
             grid: grid.into(),
             curve,
             larger_photos: LargerPhotos::Shrink,
+            raw_results: RawResults::Tiff,
             limits: Limits::default(),
             reader: Reader::Here,
             unfinished_s: 900.0,

@@ -93,6 +93,8 @@ pub(super) struct Raster {
     pub(super) camera: Option<super::PhotoCamera>,
     /// What the samples mean, where they are a sensor's counts.
     pub(super) sites: Option<Sites>,
+    /// How a sensor's counts become sRGB.
+    pub(super) colours: Option<super::CameraColours>,
     /// What a JPEG states of them.
     pub(super) coding: Option<Coding>,
 }
@@ -189,6 +191,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             losses,
             camera: raw.camera,
             sites: Some(raw.sites),
+            colours: raw.colours,
             coding: None,
         });
     }
@@ -299,6 +302,7 @@ fn collect<D: ImageDecoder>(
         losses,
         camera: None,
         sites,
+        colours: None,
         coding: None,
     })
 }

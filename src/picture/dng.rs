@@ -3,6 +3,7 @@
 //! sites, a preview above all, is never taken in their place.
 
 mod camera;
+mod colours;
 mod directory;
 mod write;
 
@@ -14,6 +15,7 @@ use super::tiff::{
 use crate::frame::{Mosaic, Plane, Size};
 
 pub use camera::{PhotoCamera, RawTags, RigSetting};
+pub use colours::CameraColours;
 use directory::Directory;
 pub use write::Dng;
 
@@ -38,13 +40,19 @@ const BLACK_LEVEL: u16 = 50714;
 const BLACK_ALONG: u16 = 50715;
 const BLACK_DOWN: u16 = 50716;
 const WHITE_LEVEL: u16 = 50717;
+const COLOUR_MATRICES: [u16; 2] = [50721, 50722];
+const AS_SHOT_NEUTRAL: u16 = 50728;
 const SERIAL: u16 = 50735;
+const CALIBRATION_ILLUMINANTS: [u16; 2] = [50778, 50779];
 const ACTIVE_AREA: u16 = 50829;
 
 /// [`PHOTOMETRIC`]: sites behind colour filters.
 const SITES: usize = 32803;
 /// [`PHOTOMETRIC`]: what a program has made of them.
 const LINEAR_RAW: usize = 34892;
+
+/// [`CALIBRATION_ILLUMINANTS`]: D65.
+const D65: u16 = 21;
 
 /// [`MAKE`] of the raw photos that relens takes.
 pub(crate) const OUR_MAKE: &str = "relens";
@@ -86,6 +94,8 @@ pub(super) struct RawFile {
     pub(super) exif: bool,
     /// Who took it, as far as the file says.
     pub(super) camera: Option<PhotoCamera>,
+    /// What its colours are, where they are not sRGB's.
+    pub(super) colours: Option<CameraColours>,
     /// Offset and length of each strip; all of them hold exactly the counts.
     strips: Vec<(usize, usize)>,
 }
@@ -143,8 +153,8 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);
     let exif = all.iter().any(|d| d.find(EXIF_DIRECTORY).is_some());
     let orientation = turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1);
-    let camera = all[0].camera();
-    Ok(Some(RawFile { orientation, exif, camera, ..raw }))
+    let (camera, colours) = (all[0].camera(), all[0].colours().or_else(|| directory.colours()));
+    Ok(Some(RawFile { orientation, exif, camera, colours, ..raw }))
 }
 
 impl RawFile {
@@ -210,7 +220,8 @@ impl Directory<'_> {
         }
         let sites = Sites { mosaic: self.mosaic()?, ..self.levels()? };
         let strips = self.strips(size)?;
-        Ok(RawFile { size, sites, strips, orientation: 1, exif: false, camera: None })
+        let (camera, colours) = (None, None);
+        Ok(RawFile { size, sites, strips, orientation: 1, exif: false, camera, colours })
     }
 
     /// Who took the photo; a file need not say.
@@ -220,6 +231,21 @@ impl Directory<'_> {
         let name = words.join(" ").trim().to_owned();
         let setting = text(DESCRIPTION).and_then(|words| RigSetting::of_words(&words));
         (!name.is_empty()).then(|| PhotoCamera { name, serial: text(SERIAL), setting })
+    }
+
+    /// What the file says of its camera's colours; of two matrices the one for daylight. A file
+    /// need not say anything, nor anything that can be used.
+    fn colours(&self) -> Option<CameraColours> {
+        let daylight = |&n: &usize| {
+            self.number(CALIBRATION_ILLUMINANTS[n]).is_ok_and(|v| v == Some(D65.into()))
+        };
+        let [first, second] = COLOUR_MATRICES.map(|tag| self.reals(tag).ok().flatten());
+        let chosen = (0..2).find(daylight).unwrap_or(0);
+        let of_xyz = if chosen == 1 { second.or(first) } else { first }?;
+        let neutral = self.reals(AS_SHOT_NEUTRAL).ok().flatten()?;
+        let [red, green, blue] = neutral[..] else { return None };
+        let of_xyz: Vec<f64> = of_xyz.into_iter().map(f64::from).collect();
+        CameraColours::of_file(&of_xyz, [red, green, blue].map(f64::from))
     }
 
     fn mosaic(&self) -> Result<Mosaic, Flaw> {
@@ -289,5 +315,7 @@ fn unsupported(found: String) -> Flaw {
     Flaw::Unsupported { kind: "raw photo", found, allowed }
 }
 
+#[cfg(test)]
+mod foreign_tests;
 #[cfg(test)]
 mod tests;

@@ -82,6 +82,8 @@ fn encoded(
     grey: bool,
     quality: u8,
 ) -> image::ImageResult<Vec<u8>> {
+    let developed = manner.colours.as_ref().map(|colours| colours.developed(picture));
+    let picture = developed.as_ref().unwrap_or(picture);
     // TIFF writers know no grey with alpha, and JPEG none at all.
     let layout = match (manner.format, manner.layout) {
         (Format::Tiff, PixelLayout::GreyAlpha) => PixelLayout::RgbAlpha,

@@ -14,8 +14,9 @@
 //! **Alpha** is no light: it is set aside, resampled with the photo if need be, and put back.
 //!
 //! **Raw photos**, a sensor's sites in a DNG, are linear as they are. Between the sites they are
-//! filled with something to look at; data are the sites. Their results are TIFFs of 16 bits with
-//! the rig's curve.
+//! filled with something to look at; data are the sites. The lens blurred what the filters let
+//! through, so that is what is restored; on the way out colours follow by the file's own numbers.
+//! Results are TIFFs of 16 bits with the rig's curve, or JPEGs, as the rig file says.
 //!
 //! **Curve.** An embedded ICC profile's tone curves, else the rig's curve (sRGB or linear). A
 //! profile's primaries are left as they are: the lens blurs each stored channel, and the result
@@ -40,7 +41,7 @@ pub mod worker;
 
 pub use colour_difference::Lab;
 pub use decode::{Limits, PixelLayout};
-pub use dng::{Dng, PhotoCamera, RawTags, RigSetting};
+pub use dng::{CameraColours, Dng, PhotoCamera, RawTags, RigSetting};
 pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
 pub use kind::Format;

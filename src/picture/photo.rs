@@ -14,8 +14,11 @@ use crate::frame::{
 
 use super::decode::{Limits, Raster, decode, walk};
 use super::kind::{Format, misnamed};
-use super::{Flaw, Growth, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape, turn};
-use crate::config::Curve;
+use super::{
+    CameraColours, Flaw, Growth, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape,
+    tone, turn,
+};
+use crate::config::{Curve, RawResults};
 
 /// How a picture is written: format, depth, curve, and what the photo carried.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +39,8 @@ pub struct Manner {
     pub exif: Option<Vec<u8>>,
     /// The alpha plane as stored, 0..1, in stored orientation.
     pub alpha: Option<Plane>,
+    /// How the light of a raw photo becomes sRGB, where its channels are not.
+    pub colours: Option<CameraColours>,
 }
 
 impl Manner {
@@ -50,6 +55,7 @@ impl Manner {
             icc: None,
             exif: None,
             alpha: None,
+            colours: None,
         }
     }
 }
@@ -143,6 +149,9 @@ impl Photo {
         if let Some(sites) = raster.sites {
             let raw = RawSites { mosaic: sites.mosaic, counts_per_level: sites.counts_per_level() };
             let plain = Manner::plain(raster.content.written(), raster.bits, curve);
+            // Viewers take what says nothing for sRGB.
+            let icc = (curve == Curve::Linear).then(tone::linear_profile).flatten();
+            let colours = raster.colours;
             return Photo {
                 name: name.to_owned(),
                 light: raw.mosaic.interpolated(&sites.light(raster.size, &raster.samples)),
@@ -150,7 +159,7 @@ impl Photo {
                 coding: None,
                 camera: raster.camera,
                 channels: Channels::Colour,
-                manner: Manner { orientation: raster.orientation, ..plain },
+                manner: Manner { orientation: raster.orientation, icc, colours, ..plain },
                 stored: raster.size,
                 file,
                 notes: raster.losses,
@@ -207,7 +216,17 @@ impl Photo {
             coding: raster.coding,
             camera: None,
             channels: if grey { Channels::Green } else { Channels::Colour },
-            manner: Manner { format, layout, bits, tone, orientation, icc, exif, alpha },
+            manner: Manner {
+                format,
+                layout,
+                bits,
+                tone,
+                orientation,
+                icc,
+                exif,
+                alpha,
+                colours: None,
+            },
             stored: size,
             file,
             notes,
@@ -259,6 +278,18 @@ impl Photo {
         let note = format!("the photo was resampled from {found} to the rig's {allowed}{less}");
         self.notes.insert(0, note);
         Ok(self)
+    }
+
+    /// The same photo, whose result is of the format `results` if it is raw.
+    #[must_use]
+    pub fn with_raw_results(mut self, results: RawResults) -> Photo {
+        if self.raw.is_some() {
+            self.manner.format = match results {
+                RawResults::Tiff => Format::Tiff,
+                RawResults::Jpeg => Format::Jpeg,
+            };
+        }
+        self
     }
 
     /// The same photo, unless its result would be smaller than it is.

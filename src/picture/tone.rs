@@ -133,6 +133,15 @@ impl Tone {
     }
 }
 
+/// The profile of a picture with sRGB's primaries whose codes are proportional to light.
+pub(super) fn linear_profile() -> Option<Vec<u8>> {
+    let mut profile = ColorProfile::new_srgb();
+    let straight = moxcms::curve_from_gamma(1.0);
+    (profile.red_trc, profile.green_trc, profile.blue_trc) =
+        (Some(straight.clone()), Some(straight.clone()), Some(straight));
+    profile.encode().ok()
+}
+
 fn table(bits: u8, light: impl Fn(f64) -> f64) -> Vec<f32> {
     let top = if bits > 8 { 65535 } else { 255 };
     (0..=top)

@@ -35,9 +35,9 @@ pub struct OnRig {
     interruption: Option<Interruption>,
     /// The pilot's reading right after the calibration.
     baseline: Option<Reading>,
-    /// What the camera counts in the dark, and what the panel's white gives in each channel.
+    /// What the camera counts in the dark, and what the panel's colours give in its channels.
     black: f64,
-    neutral: [f64; 3],
+    gains: Option<[[f64; 3]; 3]>,
     /// The photo restored last and its result, for the panel.
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
@@ -93,15 +93,16 @@ pub fn black_of(config: &config::RigFile, calibration: &Calibration) -> f64 {
     calibration.black[Channel::Green.index()].at(width as f64 / 2.0, height as f64 / 2.0)
 }
 
-/// What the panel's white, which is near to daylight, gives in each channel; the largest is 1.
-pub fn neutral_of(calibration: &Calibration) -> [f64; 3] {
-    let mixing = calibration.cross_channel.c;
-    let white = [0, 1, 2].map(|to| {
-        let share: f32 = mixing.iter().map(|from| from[to]).sum();
-        f64::from(calibration.counts_per_level[to] * share)
-    });
-    let largest = white.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    white.map(|v| (v / largest).clamp(0.01, 1.0))
+/// What light of the panel's red, green and blue, which are near to sRGB's, gives in each of the
+/// camera's channels: counts a grey level. `None` of a simulated rig, whose scenes give each
+/// channel light of its own.
+pub fn gains_of(config: &config::RigFile, calibration: &Calibration) -> Option<[[f64; 3]; 3]> {
+    let of_unit = calibration.counts_per_level;
+    let gain = |to: usize, from: usize| {
+        f64::from(calibration.cross_channel.c[from][to]) * f64::from(of_unit[to])
+    };
+    let gains = [0, 1, 2].map(|to| [0, 1, 2].map(|from| gain(to, from)));
+    config.simulation().is_none().then_some(gains)
 }
 
 /// One pilot, as it is.
@@ -142,7 +143,7 @@ impl OnRig {
             interruption: None,
             baseline: baseline::load(&slots, calibration.generation),
             black: black_of(config, &calibration),
-            neutral: neutral_of(&calibration),
+            gains: gains_of(config, &calibration),
             slots,
             last: None,
         })
@@ -280,6 +281,13 @@ impl Restorer for OnRig {
             outcome.notes.extend(self.learn(&prepared, solved));
         }
         let setting = photo.camera.as_ref().and_then(|camera| camera.setting.as_ref());
+        if let Some(other) = photo.camera.as_ref().filter(|camera| camera.setting.is_none()) {
+            outcome.notes.push(format!(
+                "the file says that {} took this photo: it is restored as this rig's camera's, \
+                 whose size and filters it has, at the panel's focus unless it shows another",
+                other.name
+            ));
+        }
         if setting.is_some_and(|setting| setting.identity != self.config.identity) {
             let told = "this photo was taken when the rig file said otherwise of the rig: it is \
                         restored as this rig's";
@@ -291,7 +299,11 @@ impl Restorer for OnRig {
             outcome.notes.push(told.to_owned());
         }
         if outcome.verdict != Verdict::Untouched {
-            self.last = Some((photo.light.clone(), outcome.picture.clone()));
+            let developed = |light: &Frame<Work>| match &photo.manner.colours {
+                Some(colours) => colours.developed(light),
+                None => light.clone(),
+            };
+            self.last = Some((developed(&photo.light), developed(&outcome.picture)));
             let noise = prepared.noise[Channel::Green.index()];
             outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
         }
@@ -316,7 +328,7 @@ impl Restorer for OnRig {
             self.pipeline = self.pipeline.calibrated(&self.config, &calibration).map_err(boxed)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
             self.black = black_of(&self.config, &calibration);
-            self.neutral = neutral_of(&calibration);
+            self.gains = gains_of(&self.config, &calibration);
         } else {
             self.devices.reopen().map_err(boxed)?;
         }
@@ -333,7 +345,7 @@ impl Restorer for OnRig {
 
     fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
         let range = self.count_range();
-        photo_file::take(&mut self.devices, &self.config, range, self.neutral).map(Some)
+        photo_file::take(&mut self.devices, &self.config, range, self.gains).map(Some)
     }
 
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {

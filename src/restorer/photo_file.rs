@@ -31,7 +31,7 @@ pub fn take(
     devices: &mut Devices,
     rig: &RigFile,
     range: CountRange,
-    neutral: [f64; 3],
+    gains: Option<[[f64; 3]; 3]>,
 ) -> Result<TakenPhoto, AnyFailure> {
     let mosaic = rig.mosaic();
     let mut taken = || {
@@ -48,7 +48,7 @@ pub fn take(
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     Ok(match mosaic {
         Some(mosaic) => {
-            let bytes = raw_file(rig, &shot, mosaic, range, exposure_s, Some(neutral));
+            let bytes = raw_file(rig, &shot, mosaic, range, exposure_s, gains);
             TakenPhoto { bytes, ending: "dng", clipped_share }
         }
         None => {
@@ -63,14 +63,14 @@ fn boxed(error: crate::rig::RigError) -> AnyFailure {
     Box::new(error)
 }
 
-/// The raw photo as a file; `neutral` is what white gives in each channel.
+/// The raw photo as a file; `gains` are what light of red, green and blue gives in each channel.
 pub fn raw_file(
     rig: &RigFile,
     shot: &PhotoShot,
     mosaic: Mosaic,
     range: CountRange,
     exposure_s: f64,
-    neutral: Option<[f64; 3]>,
+    gains: Option<[[f64; 3]; 3]>,
 ) -> Vec<u8> {
     let setting = RigSetting { identity: rig.identity, focus: rig.camera.focus.clone() };
     Dng {
@@ -81,7 +81,7 @@ pub fn raw_file(
         camera: &rig.name,
         exposure_s: Some(exposure_s),
         crop: Some(rig.photo_on_sensor()),
-        tags: RawTags { serial: rig.camera_serial(), setting: Some(&setting), neutral },
+        tags: RawTags { serial: rig.camera_serial(), setting: Some(&setting), gains },
     }
     .bytes()
 }

@@ -1,5 +1,5 @@
-//! A photo of whatever is before the lens: exposures with nothing shown, and how bright they may
-//! be.
+//! A photo of whatever is before the lens: exposures with nothing shown, how bright they may be,
+//! and what the sites count in the dark.
 
 use super::exposure::Devices;
 use super::{Exposed, RigError};
@@ -15,6 +15,10 @@ const BRIGHTEST: f64 = 0.9;
 /// A scene so much darker or brighter than the rig file's exposure is made for is not metered in
 /// one step.
 const STEP_MAX: f64 = 8.0;
+
+/// A covered lens lets less light through than this share of what a count can be over black. Guess:
+/// dark current adds less, a room more.
+const DARK_SHARE_MAX: f64 = 0.05;
 
 /// Metering exposures at the most.
 const METERED_MAX: usize = 6;
@@ -37,6 +41,34 @@ pub struct CountRange {
     pub max: u16,
 }
 
+impl PhotoShot {
+    /// Light over black as a share of what a count can be: next to nothing behind a covered lens.
+    pub fn brightness(&self, mosaic: Option<Mosaic>, range: CountRange) -> f64 {
+        (mean(&self.counts, mosaic) - range.black) / (f64::from(range.max) - range.black)
+    }
+
+    /// Whether it was taken in the dark.
+    pub fn is_dark(&self, mosaic: Option<Mosaic>, range: CountRange) -> bool {
+        self.brightness(mosaic, range) < DARK_SHARE_MAX
+    }
+
+    /// The photo with `dark`, exposed as long in the dark, taken off site by site. What is full
+    /// stays full.
+    #[must_use]
+    pub fn without_dark(mut self, dark: &PhotoShot, range: CountRange) -> PhotoShot {
+        let black = range.black.round() as i32;
+        for (plane, dark) in self.counts.planes_mut().iter_mut().zip(dark.counts.planes()) {
+            for (count, &dark) in plane.data_mut().iter_mut().zip(dark.data()) {
+                if *count < range.max {
+                    let light = i32::from(*count) - i32::from(dark) + black;
+                    *count = light.clamp(0, i32::from(range.max) - 1) as u16;
+                }
+            }
+        }
+        self
+    }
+}
+
 /// Takes `frames` exposures (at least one) of what is before the lens.
 ///
 /// # Errors
@@ -45,7 +77,7 @@ pub fn shoot(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
     range: CountRange,
-    frames: usize,
+    frames: u8,
 ) -> Result<PhotoShot, RigError> {
     let frames = frames.max(1);
     let first = devices.expose()?.counts;
@@ -63,7 +95,7 @@ pub fn shoot(
         }
         devices.camera.give_back(counts);
     }
-    let n = frames as u32;
+    let n = u32::from(frames);
     let clipped_share = share_of(&clipped, mosaic);
     // A site that was full once is not known, however the others were.
     let mean = |c: Channel| {
@@ -201,6 +233,35 @@ mod tests {
         // √8 less, but for what rounding adds.
         assert!((0.33..0.42).contains(&ratio), "{ratio}");
         assert!(one.clipped_share < 0.01, "{}", one.clipped_share);
+    }
+
+    #[test]
+    fn a_dark_frame_takes_off_what_sites_count_in_the_dark() {
+        let rig = config::load(Path::new("truthful.toml")).unwrap();
+        let (mut devices, witness) = simulated::open(&rig).unwrap();
+        let mosaic = Some(Mosaic::Rggb);
+        let mut before = |level: f32| {
+            let wall: Frame<Work> =
+                Frame::from_fn(|_| Plane::filled(rig.photo_grid().sensor, level));
+            witness.put_before_lens(Some(&wall));
+            shoot(&mut devices, mosaic, RANGE, 16).unwrap()
+        };
+        let (dark, wall) = (before(0.0), before(60.0));
+        assert!(dark.is_dark(mosaic, RANGE) && !wall.is_dark(mosaic, RANGE));
+        // The rig's hot sites: some twenty grey levels over their neighbours.
+        let sites = |shot: &PhotoShot| sites_of(shot.counts.planes(), Mosaic::Rggb);
+        let hot: Vec<usize> =
+            (0..).zip(sites(&dark).data()).filter(|(_, c)| **c > 90).map(|(n, _)| n).collect();
+        assert!(hot.len() > 3, "{hot:?}");
+        let excess = |shot: &PhotoShot| {
+            let all = sites(shot);
+            // Two columns on is a site of the same colour.
+            let over = |&n: &usize| f64::from(all.data()[n]) - f64::from(all.data()[n - 2]);
+            hot.iter().filter(|&&n| n > 1).map(over).sum::<f64>() / hot.len() as f64
+        };
+        let with = excess(&wall);
+        let without = excess(&wall.without_dark(&dark, RANGE));
+        assert!(with > 30.0 && without.abs() < 0.2 * with, "{with:.1} counts, then {without:.1}");
     }
 
     #[test]

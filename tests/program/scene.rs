@@ -44,7 +44,9 @@ fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_co
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let rig = include_str!("../../rig-config/small.toml");
-    let filtered = rig.replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n");
+    let filtered = rig
+        .replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n")
+        .replace("[photo]\n", "[photo]\nraw-results = \"jpeg\"\n");
     std::fs::write(folder.join("filtered.toml"), filtered).unwrap();
     let run = ["run", "--rig", "filtered.toml", "--scene", SCENE];
     let child = relens(&run, folder).spawn().unwrap();
@@ -52,6 +54,7 @@ fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_co
     assert!(relens(&["press"], folder).status().unwrap().success());
     wait_for("a photo is taken", || !names(&folder.join("inbox"), ".dng").is_empty());
     wait_for("it is restored", || !names(&folder.join("done"), ".dng").is_empty());
+    assert!(!names(&folder.join("outbox"), ".jpg").is_empty(), "as the rig file says");
     let said = stopped(child);
     let place = |words| said.find(words).unwrap_or_else(|| panic!("no `{words}` in {said}"));
     let asked = place("photos wait for the panel: The photo is kept");

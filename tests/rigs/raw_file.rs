@@ -158,6 +158,11 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_loses_nothing_as_a_file() {
     let clipped = whole.light.planes().iter().flat_map(|p| p.data()).filter(|&&v| v > full);
     assert!(clipped.count() <= grid.sensor.area() / 300, "auto clips next to nothing");
 
+    let four = restorer.restore(&whole.clone().fit(grid).unwrap()).unwrap();
+    let four = score(&four.picture, &truth);
+    println!("one exposure {sites:.4?}, four {four:.4?}");
+    assert!(four[0] > sites[0] && four[1] > sites[1], "{sites:?} {four:?}");
+
     let camera = photo.camera.clone().unwrap();
     let by = |camera| Photo { camera: Some(camera), ..photo.clone() };
     let strange = PhotoCamera { name: "relens someone's".to_owned(), ..camera.clone() };

@@ -29,9 +29,9 @@ pub struct RawTags<'a> {
     pub serial: Option<&'a str>,
     /// How the rig was set.
     pub setting: Option<&'a RigSetting>,
-    /// What white gives in red, green and blue, the largest 1; where it is not known they are
-    /// alike.
-    pub neutral: Option<[f64; 3]>,
+    /// What light of sRGB's red, green and blue gives in each of the three channels, in one unit
+    /// for all; where it is not known the channels are taken for sRGB's.
+    pub gains: Option<[[f64; 3]; 3]>,
 }
 
 /// Beginning of a description of ours, and of the second part of it.

@@ -54,17 +54,20 @@ impl<'a> Directory<'a> {
         Ok(Some(printed.collect::<String>().trim().to_owned()))
     }
 
-    /// Numbers that may be fractions.
+    /// Numbers that may be fractions, with a sign or without.
     pub(super) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
-        if self.file.u16(entry + 2)? != 5 {
+        let kind = self.file.u16(entry + 2)?;
+        if kind != 5 && kind != 10 {
             let whole = self.file.numbers(entry)?;
             return Ok(Some(whole.into_iter().map(|v| v as f32).collect()));
         }
         let (count, at) = self.file.place(entry, 8)?;
         let fraction = |n: usize| {
             let (above, below) = (self.file.u32(at + 8 * n)?, self.file.u32(at + 8 * n + 4)?);
-            Ok((f64::from(above) / f64::from(below)) as f32)
+            // Type 10 has signs.
+            let number = |v: u32| if kind == 10 { f64::from(v as i32) } else { f64::from(v) };
+            Ok((number(above) / number(below)) as f32)
         };
         (0..count).map(fraction).collect::<Result<Vec<_>, Flaw>>().map(Some)
     }

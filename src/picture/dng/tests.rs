@@ -6,9 +6,9 @@ use crate::config::Curve;
 use crate::frame::{Channel, Frame, Work};
 use crate::picture::{Format, Growth, Limits, Photo, PictureError};
 
-const SIZE: Size = Size { width: 42, height: 30 };
+pub(super) const SIZE: Size = Size { width: 42, height: 30 };
 
-fn sites() -> Plane<u16> {
+pub(super) fn sites() -> Plane<u16> {
     Plane::from_fn(SIZE, |x, y| (60 + (x * 37 + y * 101 + x * y * 7) % 960) as u16)
 }
 
@@ -180,8 +180,8 @@ fn a_photo_says_which_camera_took_it_at_which_setting() {
         [RigSetting { identity: 0x18f, focus }, RigSetting { identity: u64::MAX, focus: None }]
     {
         let (sites, mosaic) = (sites(), Mosaic::Rggb);
-        let neutral = Some([0.5, 1.0, 0.75]);
-        let tags = RawTags { serial: Some("4711"), setting: Some(&setting), neutral };
+        let gains = Some([[4.0, 1.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.5, 7.0]]);
+        let tags = RawTags { serial: Some("4711"), setting: Some(&setting), gains };
         let (black, white, exposure_s, crop) = (64.0, 1023, None, None);
         let camera = "a rig";
         let raw = Dng { sites: &sites, mosaic, black, white, camera, exposure_s, crop, tags };

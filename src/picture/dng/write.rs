@@ -11,10 +11,11 @@ use tiff::tags::Tag;
 use super::camera::RawTags;
 use super::directory::LETTERS_MAX;
 use super::{
-    BITS_PER_SAMPLE, BLACK_LEVEL, CFA_LAYOUT, CFA_PATTERN, CFA_PLANE_COLOUR, CFA_REPEAT,
-    COMPRESSION, DESCRIPTION, DNG_VERSION, IMAGE_LENGTH, IMAGE_WIDTH, MAKE, MODEL,
-    NEW_SUBFILE_TYPE, ORIENTATION, OUR_MAKE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLES_PER_PIXEL,
-    SERIAL, SITES, STRIP_BYTE_COUNTS, STRIP_OFFSETS, WHITE_LEVEL,
+    AS_SHOT_NEUTRAL, BITS_PER_SAMPLE, BLACK_LEVEL, CALIBRATION_ILLUMINANTS, CFA_LAYOUT,
+    CFA_PATTERN, CFA_PLANE_COLOUR, CFA_REPEAT, COLOUR_MATRICES, COMPRESSION, D65, DESCRIPTION,
+    DNG_VERSION, IMAGE_LENGTH, IMAGE_WIDTH, MAKE, MODEL, NEW_SUBFILE_TYPE, ORIENTATION, OUR_MAKE,
+    PHOTOMETRIC, ROWS_PER_STRIP, SAMPLES_PER_PIXEL, SERIAL, SITES, STRIP_BYTE_COUNTS,
+    STRIP_OFFSETS, WHITE_LEVEL, colours,
 };
 use crate::frame::{Mosaic, Plane, Rect};
 
@@ -24,16 +25,6 @@ const DNG_BACKWARD_VERSION: u16 = 50707;
 const UNIQUE_CAMERA_MODEL: u16 = 50708;
 const DEFAULT_CROP_ORIGIN: u16 = 50719;
 const DEFAULT_CROP_SIZE: u16 = 50720;
-const COLOUR_MATRIX: u16 = 50721;
-const AS_SHOT_NEUTRAL: u16 = 50728;
-const CALIBRATION_ILLUMINANT: u16 = 50778;
-
-/// [`CALIBRATION_ILLUMINANT`]: D65.
-const D65: u16 = 21;
-
-/// XYZ to the linear light of sRGB (IEC 61966-2-1), in ten-thousandths: what a camera is taken for
-/// whose colours nobody measured.
-const SRGB_OF_XYZ: [i32; 9] = [32406, -15372, -4986, -9689, 18758, 415, 557, -2040, 10570];
 
 /// A raw photo to be written.
 #[derive(Debug, Clone, Copy)]
@@ -108,13 +99,13 @@ impl Dng<'_> {
             put(d, DEFAULT_CROP_ORIGIN, &[x as u32, y as u32][..])?;
             put(d, DEFAULT_CROP_SIZE, &[size.width as u32, size.height as u32][..])?;
         }
-        put(d, COLOUR_MATRIX, &SRGB_OF_XYZ.map(|n| SRational { n, d: 10_000 })[..])?;
-        let neutral = self.tags.neutral.unwrap_or([1.0; 3]);
+        let (of_xyz, neutral) = colours::numbers_of(self.tags.gains);
+        put(d, COLOUR_MATRICES[0], &of_xyz.map(|n| SRational { n, d: 10_000 })[..])?;
         put(d, AS_SHOT_NEUTRAL, &neutral.map(|v| fraction(v, 10_000))[..])?;
         if let Some(serial) = self.tags.serial {
             put(d, SERIAL, &*plain(serial))?;
         }
-        put(d, CALIBRATION_ILLUMINANT, D65)?;
+        put(d, CALIBRATION_ILLUMINANTS[0], D65)?;
         directory.finish()
     }
 }

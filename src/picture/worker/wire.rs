@@ -10,7 +10,9 @@ use std::io::{self, Read, Write};
 use serde::{Deserialize, Serialize};
 
 use super::super::flaw::Growth;
-use super::super::{FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone};
+use super::super::{
+    CameraColours, FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone,
+};
 use crate::config::Curve;
 use crate::frame::{BLOCK_AREA, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Size};
 
@@ -52,6 +54,7 @@ pub(super) struct Header {
     orientation: u8,
     icc: Option<Vec<u8>>,
     exif: Option<Vec<u8>>,
+    colours: Option<CameraColours>,
     alpha: bool,
     raw: Option<RawSites>,
     /// Without its coefficients, which follow the planes.
@@ -90,7 +93,7 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
 /// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
     let Photo { name, light, raw, coding, camera, channels, manner, stored, file, notes } = photo;
-    let Manner { format, layout, bits, tone, orientation, icc, exif, alpha } = manner;
+    let Manner { format, layout, bits, tone, orientation, icc, exif, alpha, colours } = manner;
     let header = Header {
         name: name.clone(),
         channels: *channels,
@@ -102,6 +105,7 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         orientation: orientation.to_exif(),
         icc: icc.clone(),
         exif: exif.clone(),
+        colours: *colours,
         alpha: alpha.is_some(),
         raw: *raw,
         coding: coding.clone(),
@@ -157,6 +161,9 @@ pub(super) fn read_photo(
     if !header.raw.is_none_or(|raw| sound(raw) && header.channels == Channels::Colour) {
         return Err("raw sites that mean nothing");
     }
+    if !header.colours.is_none_or(|colours| colours.are_sound() && header.raw.is_some()) {
+        return Err("colours that mean nothing");
+    }
     let mut plane = || {
         let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
         *bytes = rest;
@@ -198,6 +205,7 @@ pub(super) fn read_photo(
             icc: header.icc,
             exif: header.exif,
             alpha,
+            colours: header.colours,
         },
         stored: header.stored,
         file: header.file,
