@@ -179,9 +179,10 @@ table! {
         /// Defect corrections a photo may cost at the most; the first of them reuses the
         /// certificate's capture.
         corrections_max: usize, Whole(0, 100), Means("3");
-        /// Rounds of block matching in a solve, where that is the method: 1 takes about as long as
-        /// `hybrid`, 8 four times as long for about a decibel more.
-        block_rounds: usize, Whole(1, 100), Means("8");
+        /// Rounds of block matching in a solve, where that is the method: 1 takes half as long
+        /// again as `hybrid`. More are for small photos; of large ones 8 gain nothing and take four
+        /// times as long.
+        block_rounds: usize, Whole(1, 100), Means("1");
         /// Whether a photo's first capture may refine the measured lens for that photo: for a lens
         /// that was touched, moved or poorly measured. The rigs that come with the program say
         /// `true`; the default is for files from before the key.

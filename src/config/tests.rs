@@ -43,8 +43,8 @@ fn an_exposure_that_is_no_number_of_refreshes_is_doubted() {
 #[test]
 fn rounds_of_block_matching_are_the_file_s() {
     let rounds = |rig: Result<RigFile, ConfigError>| rig.expect("it is taken").numbers().rounds;
-    assert_eq!(rounds(changed("[restore]", "[restore]")), 8);
-    assert_eq!(rounds(changed("[restore]", "[restore]\nblock-rounds = 1")), 1);
+    assert_eq!(rounds(changed("[restore]", "[restore]")), 1);
+    assert_eq!(rounds(changed("[restore]", "[restore]\nblock-rounds = 8")), 8);
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! What a real rig does on top of an ideal one, and what each of it costs the methods as they are:
 //! the table of `tests/tables`, and what holds of it.
 
+use std::sync::Arc;
+
 use relens::chart::looks::Looks;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestRig;
