@@ -146,6 +146,17 @@ impl Drawing {
         self.element(&circle, "circle", "");
     }
 
+    /// A picture, its pixels kept apart, from a PNG file; with words shown when it is pointed at.
+    pub fn picture(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], png: &[u8], tip: &str) {
+        let opening = format!(
+            "<image x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width}\" height=\"{height}\" \
+             preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" \
+             href=\"data:image/png;base64,{}\"",
+            base64(png)
+        );
+        self.element(&opening, "image", tip);
+    }
+
     /// Words on a base line, in letters of a size.
     pub fn words(&mut self, words: &str, [x, y]: [f64; 2], anchor: Anchor, size: f64) {
         let anchor = match anchor {
@@ -202,6 +213,23 @@ impl Display for Stroke {
     }
 }
 
+/// RFC 4648, section 4.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for group in bytes.chunks(3) {
+        let at = |n: usize| u32::from(group.get(n).copied().unwrap_or(0));
+        let whole = at(0) << 16 | at(1) << 8 | at(2);
+        for n in 0..4 {
+            text.push(match n <= group.len() {
+                true => char::from(DIGITS[(whole >> (18 - 6 * n) & 63) as usize]),
+                false => '=',
+            });
+        }
+    }
+    text
+}
+
 fn escaped(words: &str) -> String {
     words.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
@@ -209,6 +237,15 @@ fn escaped(words: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bytes_are_written_as_the_rfc_has_them() {
+        for (bytes, text) in
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
+        {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
 
     #[test]
     fn words_cannot_break_out_of_their_element() {

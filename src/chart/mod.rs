@@ -2,6 +2,7 @@
 //! of a rig's operating point by the same means.
 
 pub mod contestants;
+pub mod crops;
 pub mod drawing;
 pub mod drawn;
 pub mod looks;
@@ -9,12 +10,13 @@ pub mod marks;
 pub mod operating_point;
 pub mod scatter;
 pub mod scenes;
+mod strip;
 pub mod table;
 pub mod test_rig;
 pub mod trade;
 
-use crate::config::{Curve, RigFile};
-use crate::pipeline::{counted, digital, hybrid};
+use crate::config::{Curve, MethodName, RigFile};
+use crate::pipeline::{Setting, counted, digital, hybrid};
 use crate::remedy::full_message;
 use contestants::{Contestant, contestants};
 use drawing::Drawing;
@@ -22,7 +24,7 @@ use scatter::Words;
 use scenes::Scene;
 use table::Table;
 use test_rig::{Score, TestRig, TestRigError};
-use trade::{BALANCED, BEST, FAST, Trade};
+use trade::{BALANCED, BEST, FAST, Point, Trade};
 
 /// Tables and drawings, each with the stem of its file's name.
 #[derive(Debug, Default)]
@@ -144,13 +146,36 @@ pub fn chart(rig: &RigFile, trade: &Trade, remark: &str, made: &str) -> Chart {
         chosen("Balanced", BALANCED),
         chosen("Best", BEST),
     );
-    let words = Words {
-        title: format!("Speed against accuracy on rig {}", rig.name),
-        below: vec![format!("{scenes}, {}", rig.photo.size()), made.to_owned()],
-    };
+    let megapixels = rig.photo.size().area() as f64 / 1e6;
+    let mut below = vec![format!("{scenes}, {}", rig.photo.size()), made.to_owned()];
+    below.extend(certificate(rig, trade));
+    let words =
+        Words { title: format!("Speed against accuracy on rig {}", rig.name), megapixels, below };
     let scores = trade::scores_table(format!("Rig {}, photo by photo.", rig.name), &trade.scores);
     Chart {
         drawings: vec![(stem.clone(), scatter::draw(trade, &words))],
-        tables: vec![(stem, trade.table(caption)), (format!("{}-by-scene", rig.name), scores)],
+        tables: vec![
+            (stem, trade.table(caption, megapixels)),
+            (format!("{}-by-scene", rig.name), scores),
+        ],
     }
+}
+
+/// What a certificate costs, in words: the filed steps with one capture and with none.
+fn certificate(rig: &RigFile, trade: &Trade) -> Option<String> {
+    let steps = Setting::as_filed(rig, MethodName::Hybrid).steps;
+    let of = |family: &str, line: &str, setting: &str| {
+        let is =
+            |p: &&Point| p.family == family && p.line == line && p.setting.starts_with(setting);
+        trade.points.iter().find(is)
+    };
+    let alone = of("digital", "steps", &format!("{steps} steps"))?;
+    let with = of("hybrid", "1 capture", &format!("{steps}+"))?;
+    let computing = with.computing_seconds - alone.computing_seconds;
+    Some(format!(
+        "A certificate costs {} of {:.2} s, whatever the photo's size, and {computing:.2} s of \
+         processor time, with the correction it allows: hybrid beside digital, {steps} steps.",
+        counted(with.captures.round() as usize, "capture"),
+        with.capture_seconds / with.captures.max(1.0)
+    ))
 }

@@ -1,8 +1,9 @@
 //! The chart of seconds against quality: a panel for each measure, settings of a method joined,
-//! labels beside their points.
+//! labels beside their points; below, what an eye and a line of print become along the front.
 
 use super::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
 use super::marks::{MARKS, Mark, Outline, PAPER};
+use super::strip::Strip;
 use super::trade::{BALANCED, BEST, FAST, Measure, Point, Trade};
 
 const WIDTH: f64 = 1000.0;
@@ -20,10 +21,12 @@ const LINE: f64 = 14.5;
 const HARM_SHOWN: f64 = 0.25;
 
 /// What is said about a chart.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Words {
     /// Its heading.
     pub title: String,
+    /// How large its photos are.
+    pub megapixels: f64,
     /// What it stands for: the photos, the machine, the command; a line each.
     pub below: Vec<String>,
 }
@@ -45,13 +48,19 @@ struct MeasurePanel {
     /// What the untouched photos have.
     photo: f64,
     range: [f64; 2],
+    megapixels: f64,
+    /// Least and most that is drawn, a megapixel.
     seconds: [f64; 2],
     /// Upper and lower end.
     field: [f64; 2],
 }
 
 impl MeasurePanel {
-    fn of(shown: &PanelOf<'_>, seconds: [f64; 2], nth: usize) -> Option<MeasurePanel> {
+    fn of(
+        shown: &PanelOf<'_>,
+        (megapixels, seconds): (f64, [f64; 2]),
+        nth: usize,
+    ) -> Option<MeasurePanel> {
         let &PanelOf { trade, measure, .. } = shown;
         let photo = trade.photo_by(measure)?;
         let best = trade.points.iter().filter_map(|p| p.by(measure)).fold(photo, f64::max);
@@ -61,6 +70,7 @@ impl MeasurePanel {
             measure,
             photo,
             range: [photo - HARM_SHOWN * gain, best + 0.12 * gain],
+            megapixels,
             seconds,
             field: [top, top + PANEL],
         })
@@ -78,32 +88,43 @@ impl MeasurePanel {
     }
 
     fn place(&self, point: &Point) -> Option<[f64; 2]> {
-        Some([self.x(point.seconds()), self.y(point.by(self.measure)?)])
+        Some([self.x_of(point), self.y(point.by(self.measure)?)])
+    }
+
+    fn x_of(&self, point: &Point) -> f64 {
+        self.x(point.seconds_a_megapixel(self.megapixels))
     }
 }
 
-/// The chart of `trade`, a panel for each measure.
+/// The chart of `trade`, a panel for each measure, and what it looks like along the front.
 pub fn draw(trade: &Trade, words: &Words) -> Drawing {
     let measured = Measure::ALL.into_iter().filter(|&measure| trade.photo_by(measure).is_some());
     let shown = measured.map(|measure| PanelOf { trade, measure, words: String::new() });
-    draw_panels(&shown.collect::<Vec<_>>(), words)
+    sheet_of(&shown.collect::<Vec<_>>(), words, Strip::of(trade, words.megapixels).as_ref())
 }
 
 /// A chart of panels, one above the other, over the same seconds.
 pub fn draw_panels(shown: &[PanelOf<'_>], words: &Words) -> Drawing {
-    let times = shown.iter().flat_map(|s| s.trade.points.iter().map(|p| p.seconds().max(1e-3)));
+    sheet_of(shown, words, None)
+}
+
+fn sheet_of(shown: &[PanelOf<'_>], words: &Words, strip: Option<&Strip<'_>>) -> Drawing {
+    let a_megapixel = |point: &Point| point.seconds_a_megapixel(words.megapixels).max(1e-3);
+    let times = shown.iter().flat_map(|s| s.trade.points.iter().map(a_megapixel));
     let (least, most) = times.fold((f64::INFINITY, 1e-2f64), |(a, b), t| (a.min(t), b.max(t)));
+    let scale = (words.megapixels, [least * 0.7, most * 1.4]);
     let panels: Vec<(&PanelOf<'_>, MeasurePanel)> = (shown.iter().enumerate())
-        .filter_map(|(nth, s)| Some((s, MeasurePanel::of(s, [least * 0.7, most * 1.4], nth)?)))
+        .filter_map(|(nth, s)| Some((s, MeasurePanel::of(s, scale, nth)?)))
         .collect();
     let bottom = panels.last().map_or(TOP, |(_, panel)| panel.field[1]);
-    let height = bottom + 66.0 + 15.0 * words.below.len() as f64;
+    let below = bottom + 44.0 + strip.map_or(0.0, Strip::height);
+    let height = below + 22.0 + 16.0 * words.below.len() as f64;
     let mut sheet = Drawing::light_and_dark(WIDTH, height);
     sheet.words(&words.title, [FIELD[0], 26.0], Anchor::Start, 18.0);
     let key = "hollow: no capture, so no certificate; black line: nothing beats these; bands and \
                bars: how far single photos stray";
     sheet.words(key, [FIELD[0], 46.0], Anchor::Start, 12.0);
-    for (PanelOf { trade, words, .. }, panel) in &panels {
+    for (nth, (PanelOf { trade, words, .. }, panel)) in panels.iter().enumerate() {
         frame(&mut sheet, panel);
         sheet.words(words, [FIELD[0] + 8.0, panel.field[0] + 16.0], Anchor::Start, 13.0);
         bands(&mut sheet, trade, panel);
@@ -112,12 +133,19 @@ pub fn draw_panels(shown: &[PanelOf<'_>], words: &Words) -> Drawing {
             family(&mut sheet, trade, panel, mark);
         }
         labels(&mut sheet, trade, panel);
+        for (point, letter) in strip.filter(|_| nth == 0).iter().flat_map(|s| s.lettered()) {
+            let Some([x, y]) = panel.place(point) else { continue };
+            sheet.words(&letter.to_string(), [x, y - 9.0], Anchor::Middle, 13.0);
+        }
     }
     let middle = (FIELD[0] + FIELD[1]) / 2.0;
-    let axis = "seconds a photo: captures and computing (logarithmic)";
+    let axis = "seconds a megapixel: captures, and computing as processor time (logarithmic)";
     sheet.words(axis, [middle, bottom + 38.0], Anchor::Middle, 14.0);
+    if let Some(strip) = strip {
+        strip.draw(&mut sheet, [FIELD[0], bottom + 44.0]);
+    }
     for (n, line) in words.below.iter().enumerate() {
-        sheet.words(line, [FIELD[0], bottom + 62.0 + 15.0 * n as f64], Anchor::Start, 11.0);
+        sheet.words(line, [FIELD[0], below + 18.0 + 16.0 * n as f64], Anchor::Start, 12.0);
     }
     sheet
 }
@@ -204,7 +232,7 @@ fn bands(sheet: &mut Drawing, trade: &Trade, panel: &MeasurePanel) {
                 .map(|point| {
                     let (spread, worth) =
                         trade.spread(point, panel.measure).zip(point.by(panel.measure))?;
-                    let x = panel.x(point.seconds());
+                    let x = panel.x_of(point);
                     Some([1.0, -1.0].map(|side| [x, panel.y(worth + side * spread)]))
                 })
                 .collect();
@@ -230,7 +258,7 @@ fn family(sheet: &mut Drawing, trade: &Trade, panel: &MeasurePanel, mark: &Mark)
             let below = point.by(panel.measure).is_some_and(|worth| worth < panel.range[0]);
             let edges = point.edge_difference.map_or(String::new(), |d| format!(", ΔE {d:.2}"));
             let words = format!(
-                "{}, {}: {:.2} s ({:.1} captures), SSIM {:.4}, {:.2} dB{edges}",
+                "{}, {}: {:.2} s a photo ({:.1} captures), SSIM {:.4}, {:.2} dB{edges}",
                 point.family,
                 point.setting,
                 point.seconds(),

@@ -2,6 +2,7 @@
 //! to choose.
 
 use super::contestants::{self, Contestant, FILED, OUTSIDE};
+use super::crops::{self, Crop};
 use super::scenes::Scene;
 use super::table::Table;
 use super::test_rig::{Score, TestRig, TestRigError};
@@ -46,7 +47,7 @@ pub struct Point {
     pub captures: f64,
     /// Seconds of those captures on the rig's clock.
     pub capture_seconds: f64,
-    /// Seconds of computing.
+    /// Seconds of computing, by the test rig's stopwatch.
     pub computing_seconds: f64,
     /// Mean SSIM.
     pub ssim: f64,
@@ -62,6 +63,11 @@ impl Point {
         self.capture_seconds + self.computing_seconds
     }
 
+    /// The same for each of a photo's `megapixels`.
+    pub fn seconds_a_megapixel(&self, megapixels: f64) -> f64 {
+        self.seconds() / megapixels
+    }
+
     /// What it has of `measure`, the larger the better.
     pub fn by(&self, measure: Measure) -> Option<f64> {
         match measure {
@@ -72,7 +78,7 @@ impl Point {
     }
 
     /// Its method's name in the scores.
-    fn name(&self) -> String {
+    pub fn name(&self) -> String {
         contestants::name(self.family, &self.setting)
     }
 }
@@ -90,6 +96,8 @@ pub struct Trade {
     pub photo_edge_difference: Option<f64>,
     /// Everything, photo by photo; without the pictures.
     pub scores: Vec<Score>,
+    /// Small parts of the first photo of a scene, and of what became of it.
+    pub crops: Vec<Crop>,
 }
 
 impl Trade {
@@ -111,10 +119,28 @@ impl Trade {
             for take in 0..takes.max(1) {
                 let score = test_rig.score(scene, take, &name, &*contestant.method)?;
                 each(&score);
+                if take == 0 {
+                    self.look(test_rig, &score)?;
+                }
                 scores.push(score.without_pictures());
             }
         }
         self.add(contestant, scores);
+        Ok(())
+    }
+
+    /// Keeps a small part of the picture of `score`, and once of its scene and photo.
+    fn look(&mut self, test_rig: &mut TestRig, score: &Score) -> Result<(), TestRigError> {
+        let (scene, shown) = (score.scene, (test_rig.config().photo.curve, test_rig.channels()));
+        if !crops::PARTS.iter().any(|(of, ..)| *of == scene) {
+            return Ok(());
+        }
+        if !self.crops.iter().any(|crop| crop.scene == scene) {
+            let photo = test_rig.photograph(scene, 0)?.light;
+            self.crops.extend(Crop::of(scene, crops::SCENE, shown, &test_rig.truth(scene)));
+            self.crops.extend(Crop::of(scene, crops::PHOTO, shown, &photo));
+        }
+        self.crops.extend(Crop::of(scene, &score.method, shown, &score.restored.picture));
         Ok(())
     }
 
@@ -220,15 +246,16 @@ impl Trade {
         front.into_iter().find(|&n| worth(&self.points[n]) >= keeps * best)
     }
 
-    /// The points as a table.
-    pub fn table(&self, caption: String) -> Table {
+    /// The points as a table, of photos of so many `megapixels`.
+    pub fn table(&self, caption: String, megapixels: f64) -> Table {
         let head = [
             "method",
             "setting",
             "captures",
             "capture s",
-            "computing s",
+            "processor s",
             "seconds",
+            "s a megapixel",
             "SSIM",
             "PSNR dB",
             "ΔE at edges",
@@ -253,6 +280,7 @@ impl Trade {
                 format!("{:.2}", point.capture_seconds),
                 format!("{:.2}", point.computing_seconds),
                 format!("{:.2}", point.seconds()),
+                format!("{:.2}", point.seconds_a_megapixel(megapixels)),
                 format!("{:.4}", point.ssim),
                 format!("{:.2}", point.psnr_db),
                 point.edge_difference.map_or("–".to_owned(), |d| format!("{d:.2}")),
@@ -280,7 +308,7 @@ pub fn scores_table(caption: String, scores: &[Score]) -> Table {
         "method",
         "captures",
         "capture s",
-        "computing s",
+        "processor s",
         "photo SSIM/dB",
         "SSIM",
         "PSNR dB",

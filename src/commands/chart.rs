@@ -7,7 +7,7 @@ use relens::calibration::store;
 use relens::chart;
 use relens::chart::test_rig::{Score, TestRig};
 use relens::config;
-use relens::rig::monotonic::Monotonic;
+use relens::rig::monotonic::processor_seconds;
 
 use super::error::CliError;
 use super::options::{FolderOption, RigOption};
@@ -52,7 +52,7 @@ pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
         log::info!("{scene} {method}: SSIM {:.4}, PSNR {:.2} dB", score.ssim, score.psnr_db);
         progress::show(done, all, &format!("restoring known scenes: {done} of {all}"));
     };
-    let clock = Monotonic::seconds;
+    let clock = processor_seconds;
     let (trade, remark) = if rig.simulation().is_some() {
         (chart::trade(&rig, *quick, clock, &mut each), "")
     } else {

@@ -35,6 +35,13 @@ impl Clock for Monotonic {
     }
 }
 
+/// Processor time of all threads of this process, seconds: what computing costs, however many cores
+/// there are and whatever else they do.
+pub fn processor_seconds() -> f64 {
+    let now = rustix::time::clock_gettime(ClockId::ProcessCPUTime);
+    now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
+}
+
 /// What is left until `deadline` as `poll` wants it; nothing when it has passed.
 #[cfg(feature = "hardware")]
 pub(super) fn left_until(deadline: Moment) -> Timespec {

@@ -17,8 +17,8 @@ use relens::picture::Tone;
 use relens::pipeline::method;
 use relens::rig::simulated::open;
 
-use crate::Failure;
 use crate::made::Made;
+use crate::{Failure, seconds as processor_seconds};
 
 /// Inks and papers of the charts, linear light; the last chart has one pair in each quarter.
 const INKS: [(&str, [[f32; 3]; 2]); 4] = [
@@ -83,12 +83,6 @@ pub(crate) fn scenes(
         scenes.push((name, light));
     }
     Ok(scenes)
-}
-
-/// Seconds of computing of all threads.
-fn processor_seconds() -> f64 {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
 }
 
 /// The table on the simulated rig of `rig`, and the pictures.

@@ -27,11 +27,10 @@ mod study_tests;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::OnceLock;
-use std::time::Instant;
 
 use relens::chart::test_rig::Score;
 use relens::config::Curve;
+use relens::rig::monotonic::processor_seconds as seconds;
 
 /// Why there is no result.
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -51,7 +50,8 @@ struct Words {
     /// Fewer methods, scenes or strengths
     #[arg(long)]
     quick: bool,
-    /// Rows of other programs, for `peers`
+    /// Rows of other programs, for `peers`; the cells of an earlier sweep, for `stability`, which
+    /// draws them and measures nothing
     #[arg(long, required_if_eq("what", "peers"))]
     rows: Option<PathBuf>,
     /// Folder of more photographs, for `colour` and `jpeg`
@@ -121,6 +121,7 @@ fn run(words: &Words) -> Result<(), Failure> {
         Conditions => conditions::run(&rig, *quick),
         Colour => colour::run(&rig, *quick, pictures.as_deref()),
         Jpeg => jpeg::run(&rig, *quick, pictures.as_deref()),
+        Stability if !rows.is_empty() => stability::redrawn(&rig, &rows),
         Stability => stability::run(&rig, *quick),
         Regimes => regimes::run(&rig),
         WrongModels => wrong_models::run(&rig, *quick),
@@ -140,12 +141,6 @@ fn run(words: &Words) -> Result<(), Failure> {
 #[cfg(test)]
 fn rig(name: &str) -> Result<relens::config::RigFile, Failure> {
     Ok(relens::config::load(std::path::Path::new(name))?)
-}
-
-/// Seconds since the first call.
-fn seconds() -> f64 {
-    static BEGUN: OnceLock<Instant> = OnceLock::new();
-    BEGUN.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
 /// Tells of a score as it comes.

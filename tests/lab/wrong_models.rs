@@ -60,6 +60,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let names: Vec<&str> = scenes.iter().map(|scene| scene.name()).collect();
     let words = Words {
         title: format!("Where the measured lens is wrong, rig {}", rig.name),
+        megapixels: rig.photo.size().area() as f64 / 1e6,
         below: vec![format!("mean of {}, {}", names.join(", "), rig.photo.size())],
     };
     let shown = trades.iter().map(|(words, trade)| PanelOf {

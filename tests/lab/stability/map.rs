@@ -1,16 +1,18 @@
 //! The map of changes and methods, drawn: where results gain, where they harm, and what is
 //! delivered.
 
-use relens::chart::drawing::{Anchor, Colour, Drawing, INK, Stroke};
+use relens::chart::drawing::{Anchor, Colour, Drawing, Stroke};
 
 use super::report::{Cell, HARM, methods_of, swept_of};
 
 /// Left edge of the first column and upper edge of the first row.
-const ORIGIN: [f64; 2] = [250.0, 118.0];
+const ORIGIN: [f64; 2] = [196.0, 172.0];
 /// Width and height of one strength's box.
-const BOX: [f64; 2] = [20.0, 24.0];
+const BOX: [f64; 2] = [16.0, 26.0];
 /// From one method to the next, from one change to the next.
-const PITCH: [f64; 2] = [112.0, 30.0];
+const PITCH: [f64; 2] = [90.0, 36.0];
+/// Of all letters but the title's: a page shows the map some 830 wide.
+const LETTERS: f64 = 14.0;
 /// A gain of this much SSIM has the full colour; a loss of it, too.
 const FULL: f64 = 0.1;
 
@@ -23,22 +25,27 @@ pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
     let (methods, changes) = (methods_of(cells), swept_of(cells));
     let size = |n: usize, count: usize| ORIGIN[n] + PITCH[n] * count as f64 + 20.0;
     let mut sheet = Drawing::new(size(0, methods.len()), size(1, changes.len()));
-    sheet.words(title, [20.0, 28.0], Anchor::Start, 18.0);
+    sheet.words(title, [20.0, 30.0], Anchor::Start, 20.0);
     legend(&mut sheet);
     for (column, method) in methods.iter().enumerate() {
         let x = ORIGIN[0] + PITCH[0] * column as f64;
-        sheet.words(method, [x, ORIGIN[1] - 8.0], Anchor::Start, 13.0);
+        // A line for each of its words, the last on top of the column.
+        let words: Vec<&str> = method.split_inclusive('-').collect();
+        for (line, word) in words.iter().rev().enumerate() {
+            let y = ORIGIN[1] - 8.0 - 16.0 * line as f64;
+            sheet.words(word, [x, y], Anchor::Start, LETTERS);
+        }
     }
     for (row, swept) in changes.iter().enumerate() {
         let (x, y) = (ORIGIN[0] - 10.0, ORIGIN[1] + PITCH[1] * row as f64);
         let (name, unit) = (swept.change.name, swept.change.unit);
-        sheet.words(name, [x, y + 11.0], Anchor::End, 13.0);
+        sheet.words(name, [x, y + 11.0], Anchor::End, LETTERS);
         let of: Vec<&Cell> = cells.iter().filter(|c| c.swept.change.name == name).collect();
         if let (Some(first), Some(last)) =
             (of.iter().min_by_key(|c| c.step), of.iter().max_by_key(|c| c.step))
         {
             let ends = format!("{} … {} {unit}", first.strength, last.strength);
-            sheet.words(&ends, [x, y + 23.0], Anchor::End, 10.0);
+            sheet.words(&ends, [x, y + 26.0], Anchor::End, LETTERS - 1.0);
         }
         for (column, method) in methods.iter().enumerate() {
             let left = ORIGIN[0] + PITCH[0] * column as f64;
@@ -97,18 +104,24 @@ fn cross(sheet: &mut Drawing, [x, y]: [f64; 2]) {
 }
 
 fn legend(sheet: &mut Drawing) {
-    let (mut x, y) = (20.0, 44.0);
+    let (mut x, y) = (20.0, 46.0);
     for gain in [-0.1, -0.05, 0.0, 0.05, 0.1] {
-        edged(sheet, [x, y], [34.0, 16.0], gain, "");
-        sheet.words(&format!("{gain:+}"), [x + 17.0, y + 28.0], Anchor::Middle, 10.0);
-        x += 36.0;
+        edged(sheet, [x, y], [46.0, 18.0], gain, "");
+        let words = match gain {
+            0.0 => "0".to_owned(),
+            gain => format!("{gain:+}"),
+        };
+        sheet.words(&words, [x + 23.0, y + 33.0], Anchor::Middle, LETTERS - 1.0);
+        x += 48.0;
     }
-    let words = "the method's own result, SSIM above or below the untouched photo; faults grow to \
-                 the right, the first box has none";
-    sheet.words(words, [x + 10.0, y + 12.0], Anchor::Start, 13.0);
-    sheet.disc([x + 16.0, y + 28.0], 3.5, INK, "");
-    let words = "noticed and replaced (ring: on some views)";
-    sheet.words(words, [x + 26.0, y + 32.0], Anchor::Start, 13.0);
-    cross(sheet, [x + 334.0, y + 28.0]);
-    sheet.words("harm delivered", [x + 346.0, y + 32.0], Anchor::Start, 13.0);
+    let mut line = |n: usize, words: &str| {
+        sheet.words(words, [x + 12.0, y + 14.0 + 20.0 * n as f64], Anchor::Start, LETTERS);
+    };
+    line(0, "SSIM of the method's own result, above or below the untouched photo's;");
+    line(1, "faults grow to the right, the first box has none");
+    let y = y + 58.0;
+    sheet.disc([26.0, y - 4.0], 3.5, BLACK, "");
+    sheet.words("noticed and replaced (ring: on some views)", [38.0, y], Anchor::Start, LETTERS);
+    cross(sheet, [374.0, y - 5.0]);
+    sheet.words("harm delivered", [386.0, y], Anchor::Start, LETTERS);
 }

@@ -23,6 +23,16 @@ const HELD_OUT: [Scene; 2] = [Scene::Astronaut, Scene::Rocket];
 /// Seeds that no limit was set on: of the sweep, and of more results without a change.
 const SEEDS: [u64; 2] = [2, 3];
 
+/// The map of cells that were kept before, drawn anew; nothing is measured.
+pub(crate) fn redrawn(rig: &RigFile, cells: &str) -> Result<Made, Failure> {
+    let drawing = map::draw(&report::kept(cells)?, &title(rig));
+    Ok(Made { drawings: vec![(format!("{}-stability", rig.name), drawing)], ..Made::default() })
+}
+
+fn title(rig: &RigFile) -> String {
+    format!("Where methods harm, and who notices, on rig {}", rig.name)
+}
+
 /// Sweeps the simulated rig of `rig`; `quick` takes one strength of each change and a part of the
 /// views, and leaves out the paper's loop.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
@@ -54,7 +64,6 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     for seed in (SEEDS[1] + 1..).take(if quick { 5 } else { 40 }) {
         runs.extend(sweep(rig, &Plan { methods: &["hybrid"], seed, ..healthy })?);
     }
-    let title = format!("Where methods harm, and who notices, on rig {}", rig.name);
     let harm = format!(
         "The strength at which a method begins to do harm: SSIM more than {} below the untouched \
          photo; {about}. In brackets: how many of the harmful results there the box noticed. A \
@@ -72,7 +81,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     );
     let stem = |what: &str| format!("{}-stability{what}", rig.name);
     Ok(Made {
-        drawings: vec![(stem(""), map::draw(&cells, &title))],
+        drawings: vec![(stem(""), map::draw(&cells, &title(rig)))],
         tables: vec![
             (stem(""), harm_table(harm, &cells)),
             (stem("-cells"), cells_table(format!("Every strength: {about}."), &cells)),

@@ -5,6 +5,7 @@ use relens::chart::table::Table;
 use relens::pipeline::Verdict;
 
 use super::sweep::{METHODS, Run, same};
+use crate::Failure;
 use crate::change::{SWEPT, Swept};
 
 /// SSIM below the untouched photo's that counts as harm; the study: less means nothing.
@@ -103,6 +104,57 @@ pub(super) fn methods_of(cells: &[Cell]) -> Vec<&'static str> {
 /// The changes in `cells`, in their order.
 pub(super) fn swept_of(cells: &[Cell]) -> Vec<&'static Swept> {
     SWEPT.iter().filter(|s| cells.iter().any(|cell| same(cell.swept, s))).collect()
+}
+
+/// The cells that [`cells_table`] once gave, from its comma-separated values; those of changes and
+/// methods that are there no more are left out.
+pub(super) fn kept(text: &str) -> Result<Vec<Cell>, Failure> {
+    let mut cells: Vec<Cell> = Vec::new();
+    for line in text.lines().skip(1) {
+        // A unit may have a comma, between quotes.
+        let mut quoted = false;
+        let ends = |c: char| {
+            quoted ^= c == '"';
+            c == ',' && !quoted
+        };
+        let parts: Vec<&str> = line.split(ends).collect();
+        let &[
+            fault,
+            strength,
+            _,
+            method,
+            runs,
+            photo,
+            ssim,
+            _,
+            delivered,
+            harmful,
+            caught,
+            noticed,
+        ] = &parts[..]
+        else {
+            return Err(format!("found `{line}`, allowed rows of cells").into());
+        };
+        let swept = SWEPT.iter().find(|swept| swept.change.name == fault);
+        let method = METHODS.into_iter().find(|name| *name == method);
+        let (Some(swept), Some(method)) = (swept, method) else { continue };
+        let strength: f64 = strength.parse()?;
+        let before = cells.iter().filter(|c| same(c.swept, swept) && c.method == method);
+        cells.push(Cell {
+            step: before.count(),
+            swept,
+            strength,
+            method,
+            runs: runs.parse()?,
+            ssim: ssim.parse()?,
+            photo_ssim: photo.parse()?,
+            delivered_ssim: delivered.parse()?,
+            harmful: harmful.parse()?,
+            caught: caught.parse()?,
+            noticed: noticed.parse()?,
+        });
+    }
+    Ok(cells)
 }
 
 /// Every cell.
