@@ -114,4 +114,56 @@ mod tests {
         }
         assert_eq!(checked, 20);
     }
+
+    #[test]
+    fn the_drawings_are_to_scale_and_have_the_program_s_distance() {
+        let drawings = [
+            include_str!("../../tests/pictures/dock.svg"),
+            include_str!("../../tests/pictures/window.svg"),
+        ];
+        let (_, pixel_um, sensor) = SENSORS[0];
+        let panel = Size::new(2560, 1440);
+        let plan = Plan { lens_mm: 25.0, panel_inches: 27.0, panel, pixel_um, sensor };
+        let wanted = plan.at(0.85);
+        // Where a line begins, and how long it is: one is across, the other up and down.
+        let line = |drawing: &str, id: &str| -> ([f64; 2], f64) {
+            let (_, rest) = drawing.split_once(&format!("<path id=\"{id}\" d=\"M")).expect(id);
+            let (path, _) = rest.split_once('"').expect("its end");
+            let numbers: Vec<f64> =
+                path.split([' ', 'V', 'H']).filter_map(|n| n.parse().ok()).collect();
+            let along =
+                if path.contains('V') { numbers[2] - numbers[1] } else { numbers[2] - numbers[0] };
+            ([numbers[0], numbers[1]], along)
+        };
+        for (drawing, axis, side) in [(drawings[0], 0, 1440.0), (drawings[1], 1, 2560.0)] {
+            let (panel_at, long) = line(drawing, "panel-front");
+            let (lens_at, _) = line(drawing, "lens-middle");
+            let far = (panel_at[axis] - lens_at[axis]).abs();
+            assert!((far - wanted.panel_mm).abs() < 1.0, "{far}, wanted {wanted:?}");
+            let diagonal = 2560f64.hypot(1440.0);
+            assert!((long - side / diagonal * 27.0 * INCH_MM).abs() < 1.0, "{long}");
+            assert!(drawing.contains(&format!("{:.0} mm from the panel", wanted.panel_mm)));
+        }
+    }
+
+    #[test]
+    fn the_page_s_adapters_are_what_the_mounts_leave() {
+        let page = include_str!("../../hardware.md");
+        let table = page.split("| lens with | flange").nth(1).expect("the table of mounts");
+        let mut checked = 0;
+        for row in table.lines().skip(2).take_while(|line| line.starts_with('|')) {
+            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+            let mm = |cell: &str| cell.split_once(" mm").and_then(|(n, _)| n.parse::<f64>().ok());
+            if let (Some(flange), Some(adapter)) = (mm(cells[2]), mm(cells[3])) {
+                assert!((flange - 17.526 - adapter).abs() < 0.006, "{row}");
+                checked += 1;
+            }
+        }
+        assert_eq!(checked, 4);
+        let (_, pixel_um, sensor) = SENSORS[0];
+        let panel = Size::new(2560, 1440);
+        let plan = Plan { lens_mm: 25.0, panel_inches: 27.0, panel, pixel_um, sensor };
+        let farther = format!("{:.2} mm for 25 mm at 1.2 m", plan.at(0.85).sensor_mm - 25.0);
+        assert!(page.contains(&farther), "{farther}");
+    }
 }

@@ -303,6 +303,28 @@ impl Witness {
         self.place_panel();
     }
 
+    /// Someone puts the panel elsewhere: it now stands as `pose` says, `distance_mm` before a lens
+    /// whose focus stays where it was.
+    ///
+    /// # Errors
+    /// [`RigError::Refused`] when the rig's blur was measured and not traced.
+    pub fn move_panel(&mut self, pose: Pose, distance_mm: f64) -> Result<(), RigError> {
+        let place = |lens: &mut Prescription| {
+            lens.focus_distance_mm.get_or_insert(lens.object_distance_mm);
+            lens.object_distance_mm = distance_mm;
+        };
+        self.optics = Arc::new(self.optics_of(place)?);
+        if let Kind::Simulated(simulation) = &mut self.rig.kind
+            && let Lens::Prescription(lens, _) = &mut simulation.lens
+        {
+            place(lens);
+        }
+        self.optics.prepare();
+        self.pose = pose;
+        self.place_panel();
+        Ok(())
+    }
+
     /// Brings the bench to the panel's pose and the lens's focus.
     fn place_panel(&mut self) {
         self.map = self.optics.map(&self.pose, self.panel);

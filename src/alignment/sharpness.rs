@@ -1,0 +1,146 @@
+//! How sharp a fine pattern is seen at nine places, and whether the focus ring was past the best.
+
+use super::sites::{GreenSites, PLACES, place_of};
+use super::{Adjustment, FocusTurn};
+use crate::frame::{Channel, Codes, Counts, Frame, Plane, Size};
+use crate::patterns;
+
+/// Panel pixels of the focus pattern's squares: finer ones drown in noise, coarser ones stay sharp
+/// out of focus.
+const SQUARE_PX: usize = 2;
+const PATTERN_SEED: u64 = 29;
+/// Below this share of the best a figure is worse, and not only noisy.
+const BEST_SHARE: f64 = 0.985;
+/// The best is known once the figure was down to this share of it on both of its sides.
+const PASSED_SHARE: f64 = 0.95;
+
+/// Contrast of a fine pattern at nine places, row by row from the upper left, as the camera sees
+/// it: RMS of the differences between neighbouring sites of one colour over their mean. Two
+/// exposures are multiplied, so that noise adds nothing on average.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sharpness(pub [f64; PLACES]);
+
+impl Sharpness {
+    /// The mean of the nine.
+    pub fn mean(&self) -> f64 {
+        self.0.iter().sum::<f64>() / PLACES as f64
+    }
+
+    /// The larger of both at each place.
+    #[must_use]
+    pub fn or_better(&self, other: &Sharpness) -> Sharpness {
+        Sharpness(std::array::from_fn(|n| self.0[n].max(other.0[n])))
+    }
+
+    /// Of `first` and `second`, two exposures of one pattern, with a camera's `black`; and the mean
+    /// counts of the second over black.
+    pub fn of(first: &Counts, second: &Counts, sites: GreenSites, black: f64) -> (Sharpness, f64) {
+        let (first, second) = (first.plane(Channel::Green), second.plane(Channel::Green));
+        let size = first.size();
+        // The next green site: the pixel to the right, or, behind filters, the diagonal one.
+        let down = usize::from(sites.are_filtered());
+        let (mut sums, mut all) = ([PairSums::default(); PLACES], (0i64, 0i64));
+        for y in sites.rows(size).filter(|y| y + down < size.height) {
+            let here = (first.row(y), second.row(y));
+            let next = (first.row(y + down), second.row(y + down));
+            for part in 0..3 {
+                let mut row = PairSums::default();
+                for x in sites.part_of_row(y, part, size).filter(|x| x + 1 < size.width) {
+                    row.add((here.0[x], next.0[x + 1]), (here.1[x], next.1[x + 1]));
+                }
+                sums[place_of(part * size.width / 3 + 1, y, size)].add_all(&row);
+                all = (all.0 + row.second, all.1 + row.count);
+            }
+        }
+        let sharpness = Sharpness(sums.map(|sums| sums.contrast(black)));
+        (sharpness, all.0 as f64 / all.1.max(1) as f64 - black)
+    }
+}
+
+/// PairSums over sites, whole numbers: exact, and quick on a board.
+#[derive(Clone, Copy, Default)]
+struct PairSums {
+    count: i64,
+    first: i64,
+    second: i64,
+    product: i64,
+    differences: i64,
+}
+
+impl PairSums {
+    fn add(&mut self, (a, a_next): (u16, u16), (b, b_next): (u16, u16)) {
+        let [a, a_next, b, b_next] = [a, a_next, b, b_next].map(i64::from);
+        self.count += 1;
+        self.first += a;
+        self.second += b;
+        self.product += a * b;
+        self.differences += (a - a_next) * (b - b_next);
+    }
+
+    fn add_all(&mut self, other: &PairSums) {
+        self.count += other.count;
+        self.first += other.first;
+        self.second += other.second;
+        self.product += other.product;
+        self.differences += other.differences;
+    }
+
+    fn contrast(&self, black: f64) -> f64 {
+        let [count, first, second] = [self.count, self.first, self.second].map(|n| n as f64);
+        let light = self.product as f64 - black * (first + second) + black * black * count;
+        ((self.differences as f64).max(0.0) / light.max(f64::MIN_POSITIVE)).sqrt()
+    }
+}
+
+/// The pattern for a panel of `size`: random black and white squares.
+pub(super) fn pattern(size: Size) -> Codes {
+    let squares = Size::new(size.width.div_ceil(SQUARE_PX), size.height.div_ceil(SQUARE_PX));
+    let random = patterns::pseudo_random(squares, PATTERN_SEED);
+    let plane =
+        Plane::from_fn(
+            size,
+            |x, y| {
+                if random.at(x / SQUARE_PX, y / SQUARE_PX) > 0.0 { 255 } else { 0 }
+            },
+        );
+    Frame::from_fn(|_| plane.clone())
+}
+
+/// What the focus ring's turning has shown so far.
+#[derive(Debug, Clone, Default)]
+pub struct FocusHistory {
+    best: f64,
+    last: f64,
+    least: f64,
+    /// The best when it last rose by more than noise.
+    risen: f64,
+    /// Whether the figure was clearly worse before that, and after it.
+    worse: [bool; 2],
+}
+
+impl FocusHistory {
+    /// One more figure; what to do with the ring.
+    pub fn turned(&mut self, figure: f64) -> Adjustment {
+        if self.best == 0.0 {
+            *self = FocusHistory { best: figure, last: figure, least: figure, ..Self::default() };
+            self.risen = figure;
+        }
+        self.best = self.best.max(figure);
+        if figure > self.risen / BEST_SHARE {
+            self.risen = figure;
+            self.worse = [self.least < PASSED_SHARE * figure, false];
+        }
+        self.least = self.least.min(figure);
+        self.worse[1] |= figure < PASSED_SHARE * self.best;
+        let rises = figure > self.last / BEST_SHARE.sqrt();
+        self.last = figure;
+        let both = self.worse == [true, true];
+        Adjustment::Focus(match figure >= BEST_SHARE * self.best {
+            true if both => FocusTurn::There,
+            true => FocusTurn::PastTheBest,
+            false if rises => FocusTurn::On,
+            false if self.worse[1] => FocusTurn::Back,
+            false => FocusTurn::PastTheBest,
+        })
+    }
+}
