@@ -196,14 +196,6 @@ impl Aim {
         if self.turned_deg.abs() > TURNED_MAX_DEG {
             all.push(Adjustment::Turn(-self.turned_deg));
         }
-        let farther =
-            [[PictureSide::Left, PictureSide::Right], [PictureSide::Upper, PictureSide::Lower]];
-        for (share, sides) in self.keystone.into_iter().zip(farther) {
-            if share.abs() > KEYSTONE_MAX {
-                let side = sides[usize::from(share < 0.0)];
-                all.push(Adjustment::Nearer { side, share: share.abs() });
-            }
-        }
         let sides = [panel.width, panel.height].map(|pixels| pixels as f64);
         // How many times larger the panel must be seen, to fill the sensor.
         let larger = (0..2).map(|k| self.span_px[k] * SPARE / sides[k]).fold(0.0, f64::max);
@@ -223,6 +215,14 @@ impl Aim {
         let [x, y] = [left - right, top - bottom].map(|more| 0.5 * more * self.magnification);
         if x.hypot(y) > OFFSET_MAX * sensor.width as f64 || !self.covers() && larger <= SPARE {
             all.push(Adjustment::Move([x, y]));
+        }
+        let farther =
+            [[PictureSide::Left, PictureSide::Right], [PictureSide::Upper, PictureSide::Lower]];
+        for (share, sides) in self.keystone.into_iter().zip(farther) {
+            if share.abs() > KEYSTONE_MAX {
+                let side = sides[usize::from(share < 0.0)];
+                all.push(Adjustment::Nearer { side, share: share.abs() });
+            }
         }
         all
     }

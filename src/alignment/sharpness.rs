@@ -11,6 +11,8 @@ const SQUARE_PX: usize = 2;
 const PATTERN_SEED: u64 = 29;
 /// Below this share of the best a figure is worse, and not only noisy.
 const BEST_SHARE: f64 = 0.985;
+/// The figure rises or falls once it is off its last turn by this share: noise is less.
+const TURNED_SHARE: f64 = 0.0075;
 /// The best is known once the figure was down to this share of it on both of its sides.
 const PASSED_SHARE: f64 = 0.95;
 
@@ -110,8 +112,10 @@ pub(super) fn pattern(size: Size) -> Codes {
 #[derive(Debug, Clone, Default)]
 pub struct FocusHistory {
     best: f64,
-    last: f64,
     least: f64,
+    /// Whether the figure rises, and the most it was while it does, or the least while it falls.
+    rises: bool,
+    extreme: f64,
     /// The best when it last rose by more than noise.
     risen: f64,
     /// Whether the figure was clearly worse before that, and after it.
@@ -122,8 +126,8 @@ impl FocusHistory {
     /// One more figure; what to do with the ring.
     pub fn turned(&mut self, figure: f64) -> Adjustment {
         if self.best == 0.0 {
-            *self = FocusHistory { best: figure, last: figure, least: figure, ..Self::default() };
-            self.risen = figure;
+            *self = FocusHistory { best: figure, least: figure, rises: true, ..Self::default() };
+            (self.risen, self.extreme) = (figure, figure);
         }
         self.best = self.best.max(figure);
         if figure > self.risen / BEST_SHARE {
@@ -132,13 +136,20 @@ impl FocusHistory {
         }
         self.least = self.least.min(figure);
         self.worse[1] |= figure < PASSED_SHARE * self.best;
-        let rises = figure > self.last / BEST_SHARE.sqrt();
-        self.last = figure;
+        let turns = match self.rises {
+            true => figure < self.extreme * (1.0 - TURNED_SHARE),
+            false => figure > self.extreme * (1.0 + TURNED_SHARE),
+        };
+        self.rises ^= turns;
+        let farther = if self.rises { figure > self.extreme } else { figure < self.extreme };
+        if turns || farther {
+            self.extreme = figure;
+        }
         let both = self.worse == [true, true];
         Adjustment::Focus(match figure >= BEST_SHARE * self.best {
             true if both => FocusTurn::There,
             true => FocusTurn::PastTheBest,
-            false if rises => FocusTurn::On,
+            false if self.rises => FocusTurn::On,
             false if self.worse[1] => FocusTurn::Back,
             false => FocusTurn::PastTheBest,
         })
