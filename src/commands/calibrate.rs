@@ -3,18 +3,20 @@
 use std::path::Path;
 
 use clap::Args;
-use relens::calibration::Calibration;
+use relens::calibration::{Calibration, store};
 use relens::chart::operating_point::{choose, restorations};
 use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint, RigFile};
 use relens::daemon::Folders;
-use relens::restorer::{focus, on_rig, operating_point};
+use relens::frame::{FULL_SCALE, Frame};
+use relens::restorer::{diffuser, focus, on_rig, operating_point};
 use relens::rig::exposure::Devices;
 use relens::rig::monotonic::Monotonic;
+use relens::rig::simulated;
 
 use super::error::CliError;
 use super::options::{FolderOption, RigOption};
-use super::output::say;
+use super::output::{note, say};
 use super::service::service_manager;
 use super::{opening, progress};
 
@@ -28,6 +30,10 @@ use super::{opening, progress};
 /// focus ring until the panel is as unsharp as such a scene, measure, and bring everything back. A
 /// photo then tells by itself at which of the measured focuses it was taken.
 ///
+/// With --diffuser it measures what the lens alone darkens, for remove-vignetting = true in
+/// [restore]: it asks for a white diffuser before the lens (opal acrylic, or two sheets of tracing
+/// paper), evenly lit, and for half a turn of it between two takes.
+///
 /// With operating-point = "fast", "balanced" or "best" in [restore] of the rig file it then shows
 /// known scenes, restores them with several settings, and keeps the chosen one in
 /// DIR/calibration/operating-point.toml: the best; or, of those that take no longer than the rig
@@ -37,7 +43,8 @@ use super::{opening, progress};
 #[command(after_help = "\
 Examples:
   relens calibrate --rig RIG.toml --folder DIR
-  relens calibrate --rig RIG.toml --folder DIR --focus-offset -0.05")]
+  relens calibrate --rig RIG.toml --folder DIR --focus-offset -0.05
+  relens calibrate --rig RIG.toml --folder DIR --diffuser")]
 pub(super) struct CalibrateOptions {
     #[command(flatten)]
     rig: RigOption,
@@ -49,6 +56,9 @@ pub(super) struct CalibrateOptions {
     /// Forget what was measured for other focuses, and measure nothing
     #[arg(long, conflicts_with = "focus_offset")]
     forget_focuses: bool,
+    /// Measure what the lens alone darkens, behind a diffuser, for remove-vignetting
+    #[arg(long, conflicts_with_all = ["focus_offset", "forget_focuses"])]
+    diffuser: bool,
 }
 
 /// `relens calibrate`.
@@ -64,6 +74,9 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
         let forgotten = focus::forget(rig, &kept)?;
         say(&format!("{} forgotten in {}", counted(forgotten), kept.display()));
         return Ok(());
+    }
+    if options.diffuser {
+        return measure_behind_diffuser(rig, &kept);
     }
     if let Some(offset) = options.focus_offset {
         return measure_focus(rig, &kept, offset);
@@ -110,6 +123,40 @@ fn measure_focus(rig: &RigFile, kept: &Path, offset: f32) -> Result<(), CliError
         offsets.join(", "),
     ));
     Ok(())
+}
+
+/// Measures what the lens alone darkens, step by step, and keeps it in `kept`.
+fn measure_behind_diffuser(rig: &RigFile, kept: &Path) -> Result<(), CliError> {
+    // Before anybody is asked for a diffuser.
+    store::load(kept, rig.identity).map_err(CliError::of)?;
+    let flat = if rig.simulation().is_some() {
+        let (mut devices, witness) = simulated::open(rig).map_err(CliError::of)?;
+        let even = Frame::filled(rig.photo_grid().sensor, FULL_SCALE / 2.0);
+        witness.put_before_lens(Some(&even));
+        diffuser::measure(rig, &mut devices, kept, &mut || {})?
+    } else {
+        let mut devices = opening::devices_without_panel(rig)?;
+        ask("Put the diffuser on the lens, all of it covered, and light it evenly from afar.");
+        diffuser::measure(rig, &mut devices, kept, &mut || {
+            ask("Turn the diffuser by half a turn; leave light and camera as they are.");
+        })?
+    };
+    say(&format!(
+        "kept in {}: the darkest corner has {:.0} % of the brightest place's light",
+        kept.display(),
+        100.0 * flat.darkest()
+    ));
+    if !rig.restore.remove_vignetting {
+        say("  results keep their dark corners until [restore] has remove-vignetting = true");
+    }
+    Ok(())
+}
+
+/// Asks whoever stands before the rig to do something, and waits until they press Enter; with
+/// nobody at standard input it goes on.
+fn ask(what: &str) {
+    note(&format!("{what} Then press Enter."));
+    let _ = std::io::stdin().read_line(&mut String::new());
 }
 
 fn counted(focuses: usize) -> String {

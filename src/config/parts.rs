@@ -187,6 +187,9 @@ table! {
         /// that was touched, moved or poorly measured. The rigs that come with the program say
         /// `true`; the default is for files from before the key.
         refine_lens: bool, Truth, Means("false");
+        /// Whether results lose the lens's dark corners, as `relens calibrate --diffuser` measured
+        /// them; a photo returned as it is keeps them.
+        remove_vignetting: bool, Truth, Means("false");
         /// What `relens calibrate` is to choose method, steps and corrections by, from scenes it
         /// shows.
         operating_point: Option<OperatingPoint>, Word(OperatingPoint::WORDS),

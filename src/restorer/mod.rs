@@ -2,12 +2,14 @@
 //!
 //! | file | what it holds |
 //! |---|---|
+//! | [`diffuser`] | the lens's own dark corner, on flash |
 //! | [`on_rig`] | a rig, its [`Pipeline`](crate::pipeline::Pipeline) and what is kept beside it |
 //! | [`operating_point`] | the method and numbers chosen for the rig, on flash |
 //! | [`photo_file`] | a photo that the rig takes, as a file |
 //! | `baseline` | the pilot's reading that drift is counted from, on flash |
 
 mod baseline;
+pub mod diffuser;
 pub mod focus;
 pub mod on_rig;
 pub mod operating_point;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::photo_file::{self, TakenPhoto};
-use super::{PanelView, Progress, Restorer, baseline, operating_point};
-use crate::calibration::{Calibration, store};
+use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point};
+use crate::calibration::{Calibration, LensFlat, store};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::method::{Method, Step};
@@ -38,6 +38,8 @@ pub struct OnRig {
     /// What the camera counts in the dark, and what the panel's colours give in its channels.
     black: f64,
     gains: Option<[[f64; 3]; 3]>,
+    /// What the lens alone darkens, where it is to be taken out and was measured.
+    lens_flat: Option<LensFlat>,
     /// The photo restored last and its result, for the panel.
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
@@ -134,7 +136,9 @@ impl OnRig {
     ) -> Result<Self, AnyFailure> {
         let calibration = store::load(&slots, config.identity).map_err(boxed)?;
         let pipeline = Pipeline::new(config, &calibration).map_err(boxed)?.timed_by(stopwatch);
+        let asked = config.restore.remove_vignetting;
         Ok(OnRig {
+            lens_flat: if asked { diffuser::load(config, &slots) } else { None },
             config: config.clone(),
             devices,
             method: operating_point::setting(&slots, config, method).method(config),
@@ -204,6 +208,22 @@ impl OnRig {
         }
         let allowed = self.config.photo_mosaic();
         (allowed != Some(raw.mosaic)).then_some(Flaw::OtherSensor { found: raw.mosaic, allowed })
+    }
+
+    /// Takes the lens's dark corners out of a result, if the rig file asks for it; says what was
+    /// done, or why not.
+    fn remove_vignetting(&self, picture: &mut Frame<Work>) -> Option<String> {
+        if !self.config.restore.remove_vignetting {
+            return None;
+        }
+        let Some(flat) = &self.lens_flat else {
+            let told = "the dark corners are as in the photo: what the lens alone darkens was not \
+                        measured on this rig; run `relens calibrate --diffuser`";
+            return Some(told.to_owned());
+        };
+        flat.take_out_of(picture);
+        let most = 1.0 / flat.darkest();
+        Some(format!("the lens's dark corners were taken out: up to {most:.2} times the light"))
     }
 
     fn count_range(&self) -> CountRange {
@@ -299,6 +319,7 @@ impl Restorer for OnRig {
             outcome.notes.push(told.to_owned());
         }
         if outcome.verdict != Verdict::Untouched {
+            outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
             let developed = |light: &Frame<Work>| match &photo.manner.colours {
                 Some(colours) => colours.developed(light),
                 None => light.clone(),
