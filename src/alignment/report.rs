@@ -246,12 +246,12 @@ impl AlignmentReport {
         for n in 0..PLACES {
             let (now, of_best) = self.cell(n);
             let (x, y) = ((n % 3) as f64 * cell_width, (n / 3) as f64 * cell_height);
-            let _ = write!(
+            let _ = writeln!(
                 page,
                 "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{cell_width:.1}\" \
                  height=\"{cell_height:.1}\"/><text x=\"{:.1}\" y=\"{:.1}\" \
                  font-size=\"{letters:.1}\">{now:.1} %</text><text x=\"{:.1}\" y=\"{:.1}\" \
-                 font-size=\"{:.1}\">{of_best:.0} of 100</text>\n",
+                 font-size=\"{:.1}\">{of_best:.0} of 100</text>",
                 x + 0.5 * cell_width,
                 y + 0.5 * cell_height,
                 x + 0.5 * cell_width,

@@ -87,8 +87,7 @@ impl LensFlat {
             let (first, second) = (of_take(&takes[0], c)?, of_take(&takes[1], c)?);
             let differ = |(x, y)| (first.at(x, y) / second.at(x, y) - 1.0).abs();
             let most = places(layout.photo).map(differ).fold(0.0, f64::max);
-            // Written so that a number that is none fails too.
-            if !(most <= UNEVEN_MAX) {
+            if most > UNEVEN_MAX {
                 return Err(LensFlatError::Uneven {
                     found_percent: 100.0 * most,
                     allowed_percent: 100.0 * UNEVEN_MAX,

@@ -17,7 +17,7 @@ use crate::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, meter, shoot};
 /// Name of the file beside the calibration's slots.
 const NAME: &str = "lens-flat.json";
 /// Exposures of a take: they bring the noise of a place far below a thousandth.
-const EXPOSURES: usize = 16;
+const EXPOSURES: u8 = 16;
 /// Multiples of the rig file's exposure that are tried.
 const TIMES: (f64, f64) = (0.05, 20.0);
 /// Mean light of a take, as a share of the range, at the least. Guess.
