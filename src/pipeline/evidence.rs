@@ -18,6 +18,7 @@ use super::stages::{Evidence, Prepared, Residuals, Solved};
 use crate::deconvolution::data_term::{
     MISSING, NOISE_MIN, SATURATED, noise_of, residual_in_place, rms_over_data,
 };
+use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::quality::ssim;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
@@ -91,25 +92,38 @@ impl Pipeline {
             None => rough(&photo.photo),
         };
         let rougher = rough(&solved.picture) / before.max(NOISE_MIN);
-        let reach = solved.lens.functions().support_px / 2;
+        Evidence {
+            channels: self.residuals(photo, &solved.lens, &solved.solution.picture),
+            rougher,
+        }
+    }
+
+    /// What `lens` leaves unexplained of `photo`, channel by channel, where `picture` is the
+    /// candidate on its canvas.
+    pub(super) fn residuals(
+        &self,
+        photo: &Prepared<'_>,
+        lens: &LensModel,
+        picture: &Frame<Work>,
+    ) -> Vec<Residuals> {
+        let reach = lens.functions().support_px / 2;
         let of = |&c: &Channel| {
             let trust = away_from_saturated(photo.trust.plane(c), reach);
             let data = trust.data().iter().filter(|&&t| t != MISSING).count();
             let residual = |of: &Plane| {
                 let mut plane = Plane::zeros(of.size());
-                solved.lens.forward(c, of, &mut plane);
+                lens.forward(c, of, &mut plane);
                 residual_in_place(&mut plane, photo.placed.plane(c), &trust);
                 rms_over_data(&plane, &trust)
             };
             let has_a_say = data as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
-            let picture = solved.solution.picture.plane(c);
             Residuals {
-                model: if has_a_say { residual(picture) } else { 0.0 },
+                model: if has_a_say { residual(picture.plane(c)) } else { 0.0 },
                 untouched: residual(photo.placed.plane(c)),
                 photo_noise: photo.noise[c.index()],
             }
         };
-        Evidence { channels: photo.channels.list().par_iter().map(of).collect(), rougher }
+        photo.channels.list().par_iter().map(of).collect()
     }
 }
 

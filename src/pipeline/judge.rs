@@ -8,10 +8,12 @@
 use std::sync::Arc;
 
 use super::evidence::distance;
-use super::stages::{Evidence, Prepared, Reference, Solved};
+use super::stages::{Evidence, Prepared, Reference, Solved, unexplained};
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::ladder::Rung;
+use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{MethodError, NoOptics, Watch};
+use crate::frame::{Frame, Work};
 
 /// No scene gives a photo whose reference solution leaves more unexplained than this: the model
 /// residual over the photo's noise, times the same over the untouched photo's residual, in the
@@ -73,7 +75,7 @@ impl Pipeline {
         let reference = match photo.reference.get() {
             Some(before) if as_measured => before,
             _ => {
-                made = self.reference(photo, solved, watch)?;
+                made = self.reference(photo, &solved.lens, watch)?;
                 if as_measured { photo.reference.get_or_init(|| made) } else { &made }
             }
         };
@@ -92,15 +94,33 @@ impl Pipeline {
         Ok(Outcome { verdict: Verdict::Replaced, rung, reason, captures, ..replaced })
     }
 
-    /// What total variation makes of `photo` with the lens that `solved` is judged by.
+    /// Whether no scene gives `photo` through the measured lens, where `picture` is what a method
+    /// makes of it with that lens alone: what [`Pipeline::judge`] would say after all captures.
+    pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, picture: &Frame<Work>) -> bool {
+        let lens = self.lens_of(photo);
+        let (noises, share) =
+            unexplained(&self.residuals(photo, lens, picture), FOREIGN_NOISES, FOREIGN_SHARE);
+        if noises * share <= SUSPECT_UNEXPLAINED {
+            return false;
+        }
+        let before = photo.reference.get();
+        let made = match before {
+            Some(_) => None,
+            None => self.reference(photo, lens, &mut |_, _| {}).ok(),
+        };
+        let kept = made.map(|made| photo.reference.get_or_init(|| made));
+        before.or(kept).is_some_and(|reference| foreign(&reference.evidence).is_some())
+    }
+
+    /// What total variation makes of `photo` with the `lens` that its result is judged by.
     fn reference(
         &self,
         photo: &Prepared<'_>,
-        solved: &Solved,
+        lens: &Arc<LensModel>,
         watch: &mut Watch<'_>,
     ) -> Result<Reference, MethodError> {
         let mut none = NoOptics { size: photo.placed.size() };
-        let solved = self.solve_by(&mut none, &solved.lens, photo, &self.reference, watch)?;
+        let solved = self.solve_by(&mut none, lens, photo, &self.reference, watch)?;
         let evidence = self.evidence(photo, &solved);
         Ok(Reference { solved, evidence })
     }

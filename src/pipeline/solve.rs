@@ -9,7 +9,7 @@ use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{Method, MethodError, Problem, Watch};
-use crate::frame::Channels;
+use crate::frame::{Channels, Frame, Work};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
@@ -67,7 +67,11 @@ impl Pipeline {
             (None, Some(focus)) => (focus.norm_squared, &focus.level_norms),
             (None, None) => (self.norm_squared, &self.level_norms),
         };
+        // What is solved with another lens is judged by it.
+        let as_measured = Arc::ptr_eq(lens, self.lens_of(photo));
+        let is_hopeless = |picture: &Frame<Work>| self.is_hopeless(photo, picture);
         let problem = Problem {
+            is_hopeless: as_measured.then_some(&is_hopeless as _),
             photo: &photo.placed,
             trust: &photo.trust,
             rect: photo.rect,

@@ -127,13 +127,18 @@ impl Evidence {
     /// that is not perfect, and of a calm one noise itself is a good part of all there is. Both
     /// together are what no scene explains.
     pub fn unexplained(&self, noises: f32, share: f32) -> (f32, f32) {
-        let each = self.channels.iter().map(|r| {
-            (r.model / r.photo_noise.max(NOISE_MIN), r.model / r.untouched.max(f32::MIN_POSITIVE))
-        });
-        // Not a number is past every limit.
-        let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
-        much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()
+        unexplained(&self.channels, noises, share)
     }
+}
+
+/// [`Evidence::unexplained`] of these channels.
+pub(super) fn unexplained(channels: &[Residuals], noises: f32, share: f32) -> (f32, f32) {
+    let each = channels.iter().map(|r| {
+        (r.model / r.photo_noise.max(NOISE_MIN), r.model / r.untouched.max(f32::MIN_POSITIVE))
+    });
+    // Not a number is past every limit.
+    let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
+    much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()
 }
 
 /// What a result is judged by.

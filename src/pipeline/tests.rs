@@ -38,14 +38,19 @@ impl Bed {
         Bed { config, rig, witness, pipeline }
     }
 
-    /// A photo of discs and stripes, in light.
-    fn photo(&self) -> Frame<Work> {
+    /// A scene of discs and stripes, in light.
+    fn scene(&self) -> Frame<Work> {
         let of = |x: usize, y: usize| match (x / 24 + y / 16) % 3 {
             0 => 40.0,
             1 => 120.0 + 0.4 * (x % 24) as f32,
             _ => 180.0,
         };
-        let scene = Frame::from_fn(|_| Plane::from_fn(self.config.photo.size(), of));
+        Frame::from_fn(|_| Plane::from_fn(self.config.photo.size(), of))
+    }
+
+    /// A photo of it.
+    fn photo(&self) -> Frame<Work> {
+        let scene = self.scene();
         let tone = crate::picture::Tone::of_curve(self.config.photo.curve, 8);
         let codes = self.witness.photograph(&scene, 5);
         Frame::from_fn(|c| tone.plane(c, codes.plane(c)))
@@ -117,4 +122,17 @@ fn a_blank_photo_is_delivered_as_it_is() {
     let outcome = bed.restore(&wall, &*method(&bed.config, Named::Hybrid));
     assert_eq!((outcome.verdict, outcome.rung), (Verdict::Untouched, Rung::LeaveIt));
     assert_eq!((outcome.captures, outcome.picture), (0, wall));
+}
+
+#[test]
+fn a_refusal_costs_no_more_than_a_restoration() {
+    let mut bed = Bed::new();
+    let hybrid = method(&bed.config, Named::Hybrid);
+    let restored = bed.restore(&bed.photo(), &*hybrid);
+    assert_eq!(restored.verdict, Verdict::Sound, "{}", restored.reason);
+    // No scene gives a sharp picture through this lens.
+    let sharp = bed.scene();
+    let refused = bed.restore(&sharp, &*hybrid);
+    assert_eq!((refused.verdict, refused.picture), (Verdict::Untouched, sharp));
+    assert!(refused.captures <= restored.captures, "{} captures", refused.captures);
 }

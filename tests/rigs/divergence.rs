@@ -168,6 +168,7 @@ fn no_method_runs_away_whatever_is_wrong() {
             learnt: None,
             photo_noise: [0.3; 3],
             capture_noise: [0.3; 3],
+            is_hopeless: None,
             stopwatch: &|| 0.0,
         };
         let lens = LensModel::new(SIZE, 0, &functions(wrong.lens)).unwrap();

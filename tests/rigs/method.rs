@@ -77,6 +77,7 @@ impl Case {
             learnt: None,
             photo_noise: [self.noise; 3],
             capture_noise: [self.noise; 3],
+            is_hopeless: None,
             stopwatch: &|| 0.0,
         }
     }

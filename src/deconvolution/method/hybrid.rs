@@ -130,6 +130,13 @@ impl Method for Hybrid {
                     unsolved = true;
                 }
             }
+            // With another lens than the measured one it may be another matter.
+            if capture == 1
+                && refined.is_none()
+                && problem.is_hopeless.is_some_and(|is_hopeless| is_hopeless(&now.picture))
+            {
+                break;
+            }
             let model = refined.as_ref().unwrap_or(model);
             let norms = look.refined.as_ref().map_or(problem.level_norms, |lens| &lens.level_norms);
             let mut known = self.new_defect(problem, unexplained, &now);

@@ -42,7 +42,7 @@ mod record;
 mod strength;
 
 pub use momentum::Momentum;
-pub use problem::{Certificate, MethodError, Problem, Solution};
+pub use problem::{Certificate, Hopeless, MethodError, Problem, Solution};
 pub use record::{IterationRecord, ResidualOf, Step, Watch};
 pub use strength::Strength;
 

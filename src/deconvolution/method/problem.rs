@@ -18,6 +18,9 @@ use crate::deconvolution::registration::Registration;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 
+/// Says of a picture whether more captures are for nothing.
+pub type Hopeless<'a> = &'a (dyn Fn(&Frame<Work>) -> bool + Sync);
+
 /// One photo to be solved.
 pub struct Problem<'a> {
     /// B: the photo on its canvas, linear light 0..255; outside the photo a guess (repeated edges).
@@ -51,6 +54,9 @@ pub struct Problem<'a> {
     pub capture_mosaic: Option<Mosaic>,
     /// Standard deviation of one capture's noise per channel, grey levels.
     pub capture_noise: [f32; 3],
+    /// Whether no scene gives the photo through the measured lens, asked with what that lens alone
+    /// makes of it: captures are for nothing then. `None` where nobody says.
+    pub is_hopeless: Option<Hopeless<'a>>,
     /// Seconds on the caller's clock.
     pub stopwatch: &'a (dyn Fn() -> f64 + Sync),
 }

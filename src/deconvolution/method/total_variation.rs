@@ -110,17 +110,21 @@ impl Dual {
         }
     }
 
-    /// x = noisy + weight · div p.
+    /// x = noisy + weight · div p. Written by rows without a branch in them: half of the time of a
+    /// solution passes here.
     fn primal(&self, noisy: &Plane, weight: f32, out: &mut Plane) {
         let (width, height) = (noisy.width(), noisy.height());
+        let nothing = vec![0.0; width];
         for y in 0..height {
             let (across, down) = (self.across.row(y), self.down.row(y));
-            let above = (y > 0).then(|| self.down.row(y - 1));
-            let row = out.row_mut(y);
-            for x in 0..width {
-                let left = if x > 0 { across[x - 1] } else { 0.0 };
-                let up = above.map_or(0.0, |above| above[x]);
-                row[x] = noisy.at(x, y) + weight * (across[x] - left + down[x] - up);
+            let above = if y > 0 { self.down.row(y - 1) } else { &nothing };
+            let (noisy, out) = (noisy.row(y), out.row_mut(y));
+            out[0] = noisy[0] + weight * (across[0] + down[0] - above[0]);
+            let vertical = down[1..].iter().zip(&above[1..]);
+            let horizontal = across[1..].iter().zip(across);
+            let all = out[1..].iter_mut().zip(&noisy[1..]).zip(horizontal).zip(vertical);
+            for (((out, noisy), (here, left)), (down, up)) in all {
+                *out = noisy + weight * (here - left + down - up);
             }
         }
     }
@@ -128,16 +132,20 @@ impl Dual {
     /// p ← (p + step · ∇x), each vector cut to length 1; no difference leads out of the plane.
     fn ascend(&mut self, picture: &Plane, step: f32) {
         let (width, height) = (picture.width(), picture.height());
+        let climb = |a: &mut f32, d: &mut f32, here: f32, right: f32, below: f32| {
+            let (up, along) = (*a + step * (right - here), *d + step * (below - here));
+            let length = (up * up + along * along).sqrt().max(1.0);
+            (*a, *d) = (up / length, along / length);
+        };
         for y in 0..height {
             let (here, below) = (picture.row(y), picture.row((y + 1).min(height - 1)));
             let (across, down) = (self.across.row_mut(y), self.down.row_mut(y));
-            for x in 0..width {
-                let right = here[(x + 1).min(width - 1)];
-                let a = across[x] + step * (right - here[x]);
-                let d = down[x] + step * (below[x] - here[x]);
-                let length = (a * a + d * d).sqrt().max(1.0);
-                (across[x], down[x]) = (a / length, d / length);
+            let pairs = here.iter().zip(&here[1..]).zip(below);
+            for (((here, right), below), (a, d)) in pairs.zip(across.iter_mut().zip(&mut *down)) {
+                climb(a, d, *here, *right, *below);
             }
+            let last = width - 1;
+            climb(&mut across[last], &mut down[last], here[last], here[last], below[last]);
         }
     }
 }
