@@ -59,11 +59,7 @@ fn read(folder: &Path) -> Result<(State, bool), CliError> {
 pub(super) fn of(folder: &Path) -> Result<String, CliError> {
     let (state, running) = read(folder)?;
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    let gone = match inbox_is_there(folder) {
-        true => "",
-        false => "\nits inbox is not there: make the folder again, or mount its disk",
-    };
-    Ok(words(&state, running, now) + gone)
+    Ok(words(&state, running, inbox_is_there(folder), now))
 }
 
 /// Whether `folder`, or the one that its box shares, has an inbox.
@@ -71,8 +67,15 @@ fn inbox_is_there(folder: &Path) -> bool {
     folder.join("inbox").is_dir() || folder.join("../inbox").is_dir()
 }
 
-fn words(state: &State, running: bool, now_unix_s: u64) -> String {
+/// What is said of an inbox that went away.
+const GONE: &str = "its inbox is not there: make the folder again, or mount its disk";
+
+fn words(state: &State, running: bool, is_there: bool, now_unix_s: u64) -> String {
     let doing = match (&state.doing, running) {
+        // It learns of that at its next look.
+        (Doing::Waiting | Doing::Paused { .. } | Doing::Held { .. }, true) if !is_there => {
+            format!("needs help: {GONE}")
+        }
         (Doing::Restoring { photo, done, left_s }, true) => {
             let left = left_s.map_or(String::new(), |left_s| {
                 let all = if state.counts.waiting.turn > 0 { " for all" } else { "" };
@@ -92,11 +95,12 @@ fn words(state: &State, running: bool, now_unix_s: u64) -> String {
                 .to_owned()
         }
     };
+    let gone = if is_there || doing.ends_with(GONE) { String::new() } else { format!("\n{GONE}") };
     let attention: String =
         state.attention.iter().map(|words| format!("\nattention: {words}")).collect();
     let ago = now_unix_s.saturating_sub(state.written_unix_s);
     format!(
-        "{doing}{attention}\nrig {}; {}; written {} ago",
+        "{doing}{gone}{attention}\nrig {}; {}; written {} ago",
         state.rig,
         state.counts,
         duration(ago)
@@ -127,21 +131,24 @@ mod tests {
             attention: Vec::new(),
             written_unix_s: 100,
         };
-        assert!(words(&state, true, 160).starts_with("waiting for photos\n"));
+        assert!(words(&state, true, true, 160).starts_with("waiting for photos\n"));
         assert!(
-            words(&state, true, 160)
+            words(&state, true, true, 160)
                 .contains("3 restored, 2 left as they were, 1 failed, 0 waiting")
-                && words(&state, true, 160).contains("60 s ago")
+                && words(&state, true, true, 160).contains("60 s ago")
         );
-        assert!(words(&state, false, 160).contains("did not end in good order"));
+        assert!(words(&state, false, true, 160).contains("did not end in good order"));
+        let gone = words(&state, true, false, 160);
+        assert!(gone.starts_with("needs help: its inbox is not there"), "{gone}");
+        assert!(!gone.contains("waiting for photos"), "{gone}");
         state.doing = Doing::Ended;
-        assert!(words(&state, false, 160).contains("ended in good order"));
+        assert!(words(&state, false, true, 160).contains("ended in good order"));
         state.doing = Doing::Restoring { photo: "a.jpg".into(), done: 0.4, left_s: Some(200.0) };
         state.counts.waiting = Waiting { turn: 2, settling: 1, ..Waiting::default() };
-        let told = words(&state, true, 160);
+        let told = words(&state, true, true, 160);
         assert!(told.starts_with("restoring a.jpg: 40 %, about 3 min left for all\n"), "{told}");
         assert!(told.contains("3 waiting (2 for a turn, 1 settling)"), "{told}");
         state.attention.push("no photo was restored".into());
-        assert!(words(&state, true, 160).contains("\nattention: no photo was restored\n"));
+        assert!(words(&state, true, true, 160).contains("\nattention: no photo was restored\n"));
     }
 }

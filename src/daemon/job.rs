@@ -76,10 +76,18 @@ enum JobError {
     Panicked { photo: String },
     #[error("{photo}: {}", full_message(&**failure))]
     Rig { photo: String, failure: AnyFailure },
-    #[error("the rig cannot be put right: {}", full_message(&**failure))]
+    #[error("{}: {}", mending(&**failure), full_message(&**failure))]
     Mending { remedy: Remedy, failure: AnyFailure },
     #[error(transparent)]
     Files(#[from] FileError),
+}
+
+/// What became of putting the rig right.
+fn mending(failure: &dyn Remediable) -> &'static str {
+    match failure.was_asked_for() {
+        true => "the rig was being put right for this photo",
+        false => "the rig cannot be put right",
+    }
 }
 
 impl Remediable for JobError {

@@ -35,8 +35,8 @@ pub use setting::DaemonSetting;
 pub use store::claim::JobStep;
 pub use store::error::FolderError;
 pub use store::folders::Folders;
-pub use store::inbox::Waiting;
 pub use store::report_file::{Delivered, Failed, Report, ResultKind};
+pub use store::waiting::{Awaited, Waiting};
 pub use watcher::Watcher;
 
 pub use crate::restorer::{Progress, Restorer};

@@ -181,7 +181,7 @@ impl<'a> Daemon<'a> {
             self.call_attention();
             let (reason, wait_s) = match passed {
                 Ok(Turn::Stop) => break,
-                Ok(Turn::Hold { reason, until }) => {
+                Ok(Turn::Hold { reason, until, .. }) => {
                     if held.as_ref() != Some(&reason) {
                         log::info!("not now: {reason}");
                         self.tell(Doing::Paused { reason: reason.clone() });
@@ -234,7 +234,7 @@ impl<'a> Daemon<'a> {
             }
             let Ready { photos, waiting } = self.look(patience)?;
             if photos.is_empty() {
-                match self.ask(Question { waiting, is_ready: false })? {
+                match self.ask(waiting, false)? {
                     Turn::Again(photos) => self.withdraw(&photos)?,
                     turn => break turn,
                 }
@@ -258,7 +258,7 @@ impl<'a> Daemon<'a> {
                     }
                 }
                 self.make_room()?;
-                match self.ask(Question { waiting: waiting - taken, is_ready: true })? {
+                match self.ask(waiting - taken, true)? {
                     Turn::Go => {}
                     Turn::Again(photos) => {
                         self.withdraw(&photos)?;
@@ -284,9 +284,14 @@ impl<'a> Daemon<'a> {
     }
 
     /// The schedule's turn; an error when somebody must help first.
-    fn ask(&mut self, asked: Question) -> Result<Turn, DaemonError> {
+    fn ask(&mut self, waiting: usize, is_ready: bool) -> Result<Turn, DaemonError> {
+        let asked = Question { waiting, is_ready, parts: self.inbox.waiting() };
         match self.schedule.turn(asked, &mut *self.restorer) {
             Turn::Help(error) => Err(error),
+            Turn::Hold { reason, until, awaited } => {
+                self.inbox.held_for(awaited);
+                Ok(Turn::Hold { reason, until, awaited })
+            }
             turn => Ok(turn),
         }
     }

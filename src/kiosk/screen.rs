@@ -21,6 +21,8 @@ pub enum Screen {
     Waiting {
         /// How many.
         photos: usize,
+        /// Those that cannot be taken yet, in words; empty when there are none.
+        others: String,
     },
     /// A photo is about to be taken.
     Counting {
@@ -67,6 +69,8 @@ pub enum Screen {
         words: String,
         /// How many wait.
         photos: usize,
+        /// Those that cannot be taken yet, in words; empty when there are none.
+        others: String,
     },
     /// Photos wait for their time, and the last night passed them by.
     Missed {
@@ -76,6 +80,8 @@ pub enum Screen {
         why: String,
         /// How many wait.
         photos: usize,
+        /// Those that cannot be taken yet, in words; empty when there are none.
+        others: String,
     },
     /// Somebody is needed.
     Trouble {
@@ -140,6 +146,12 @@ fn sentence(words: &str) -> String {
     format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
+/// `lines`, and the `others` under them, if there are any.
+fn with(others: &str, lines: Vec<(String, PanelColour)>) -> Vec<(String, PanelColour)> {
+    let last = Some(others).filter(|words| !words.is_empty());
+    lines.into_iter().chain(last.map(|words| (words.to_owned(), SOFT))).collect()
+}
+
 fn said(screen: &Screen) -> Said {
     let plain = |symbol, title: &str, lines: Vec<(String, PanelColour)>| Said {
         ground: SLATE,
@@ -155,10 +167,10 @@ fn said(screen: &Screen) -> Said {
         Screen::Ready { hint } => {
             plain((Symbol::Disc, GREEN), "Ready", vec![(hint.clone(), PAPER)])
         }
-        Screen::Waiting { photos: count } => plain(
+        Screen::Waiting { photos: count, others } => plain(
             (Symbol::Disc, GREEN),
             "Press the button",
-            vec![(format!("{} to restore", photos(*count)), PAPER)],
+            with(others, vec![(format!("{} to restore", photos(*count)), PAPER)]),
         ),
         Screen::Counting { seconds } => plain(
             (Symbol::Ring, SKY),
@@ -210,16 +222,20 @@ fn said(screen: &Screen) -> Said {
             if *untouched { "Left as it was" } else { "Done" },
             vec![(photo.clone(), PAPER), (words.clone(), SOFT), (hint.clone(), SOFT)],
         ),
-        Screen::Resting { words, photos: count } => Said {
+        Screen::Resting { words, photos: count, others } => Said {
             ground: NIGHT,
-            ..plain((Symbol::Moon, AMBER), &wait(*count), vec![(sentence(words), PAPER)])
+            ..plain(
+                (Symbol::Moon, AMBER),
+                &wait(*count),
+                with(others, vec![(sentence(words), PAPER)]),
+            )
         },
-        Screen::Missed { what, why, photos: count } => Said {
+        Screen::Missed { what, why, photos: count, others } => Said {
             ground: RUST,
             ..plain(
                 (Symbol::Triangle, AMBER),
                 &wait(*count),
-                vec![(sentence(what), PAPER), (sentence(why), AMBER)],
+                with(others, vec![(sentence(what), PAPER), (sentence(why), AMBER)]),
             )
         },
         Screen::Trouble { what, to_do } => Said {
@@ -373,7 +389,15 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
             "ready",
             Screen::Ready { hint: text("Put photos into the inbox, then press the button.") },
         ),
-        ("waiting", Screen::Waiting { photos: 12 }),
+        (
+            "waiting",
+            Screen::Waiting {
+                photos: 12,
+                others: text(
+                    "2 photos are still arriving. 1 photo waits for the rest of its file.",
+                ),
+            },
+        ),
         ("counting", Screen::Counting { seconds: 2 }),
         ("taking", Screen::Taking),
         (
@@ -399,6 +423,7 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
             Screen::Resting {
                 words: text("The night begins at 22:00 (Europe/Vienna)."),
                 photos: 4000,
+                others: String::new(),
             },
         ),
         (
@@ -410,6 +435,7 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
                 ),
                 why: text("the time is not known: no network has set the clock yet"),
                 photos: 4000,
+                others: String::new(),
             },
         ),
         (

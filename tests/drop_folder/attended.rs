@@ -91,7 +91,8 @@ fn photos_wait_for_the_button_and_one_press_restores_those_that_wait() {
     photos(root.path(), 3);
     let (summary, screens, _) =
         attended(root.path(), Mode::Button, Brightener::default(), 60.0, &front, |_, _| {});
-    assert!(summary.restored.is_empty() && screens.contains(&Screen::Waiting { photos: 3 }));
+    let waiting = Screen::Waiting { photos: 3, others: String::new() };
+    assert!(summary.restored.is_empty() && screens.contains(&waiting));
     assert_eq!(front.state(), BoxState::Waiting);
     let press = press_at(20.0, Press::Down);
     let (summary, screens, _) =

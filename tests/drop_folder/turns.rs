@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use relens::daemon::{
-    Daemon, Doing, Event, Folders, JobEnd, Question, Restorer, Schedule, State, Turn,
+    Awaited, Daemon, Doing, Event, Folders, JobEnd, Question, Restorer, Schedule, State, Turn,
 };
 use relens::picture::Format;
 
@@ -42,7 +42,11 @@ impl Schedule for Script {
 }
 
 fn hold(until: Option<f64>) -> Turn {
-    Turn::Hold { reason: "the night has not begun".into(), until: until.map(relens::rig::Moment) }
+    Turn::Hold {
+        reason: "the night has not begun".into(),
+        awaited: Awaited::Window,
+        until: until.map(relens::rig::Moment),
+    }
 }
 
 fn calendar() -> SystemTime {

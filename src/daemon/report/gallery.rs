@@ -13,10 +13,11 @@ use super::html::harmless;
 use super::page;
 use super::summary::PhotoCounts;
 use crate::daemon::store::folders::Folders;
-use crate::daemon::store::inbox::{Waiting, is_hidden};
+use crate::daemon::store::inbox::is_hidden;
 use crate::daemon::store::limits::Removed;
 use crate::daemon::store::pilots::{self, PilotEntry};
 use crate::daemon::store::report_file::{BYTES_MAX, Failed, Report, address, read_report};
+use crate::daemon::store::waiting::Waiting;
 use crate::disk::FileError;
 use crate::disk::files::json;
 

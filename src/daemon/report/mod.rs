@@ -10,8 +10,8 @@ mod html;
 mod page;
 
 use super::store::folders::Folders;
-use super::store::inbox::Waiting;
 use super::store::report_file::{Failed, Report};
+use super::store::waiting::Waiting;
 use crate::disk::FileError;
 use crate::remedy::full_message;
 use crate::rig::Moment;

@@ -6,10 +6,13 @@ use std::fmt::Write;
 use super::card::{GalleryPhoto, card, stamp};
 use super::charts;
 use super::html::{escape, moment, photos};
-use crate::daemon::store::inbox::Waiting;
 use crate::daemon::store::limits::Removed;
 use crate::daemon::store::pilots::PilotEntry;
 use crate::daemon::store::report_file::{Failed, ResultKind, address};
+use crate::daemon::store::waiting::Waiting;
+
+/// Photos without a result that are listed at once; more are a click away.
+const LISTED: usize = 5;
 
 /// Photos on one page.
 pub(super) const PHOTOS: usize = 60;
@@ -211,9 +214,10 @@ fn list(
     }
     let _ = write!(
         html,
-        "<details class=\"aside {}\" open><summary>{title}: {}</summary>\n<p>{where_they_are}</p>\
+        "<details class=\"aside {}\"{}><summary>{title}: {}</summary>\n<p>{where_they_are}</p>\
          <ul>\n",
         title.to_lowercase(),
+        if photos.len() <= LISTED { " open" } else { "" },
         photos.len()
     );
     for photo in photos {
@@ -227,7 +231,7 @@ fn list(
         };
         let reason =
             photo.reason.strip_prefix(&format!("{}: ", photo.photo)).unwrap_or(&photo.reason);
-        let _ = writeln!(html, "<li>{named} {}</li>", escape(reason));
+        let _ = writeln!(html, "<li>{named} <span>{}</span></li>", escape(reason));
     }
     html.push_str("</ul></details>\n");
 }
@@ -295,7 +299,7 @@ mod tests {
             "6.5 s",
             "Confirmed by light: photographed through the lens again, it is your photo",
             "resampled from 512×384",
-            "<a href=\"../failed/b.jpg\">b.jpg</a> the file is empty",
+            "<a href=\"../failed/b.jpg\">b.jpg</a> <span>the file is empty",
             "move it back into <code>inbox</code>",
             "--w:192;--h:256",
             "prefers-color-scheme",
@@ -303,6 +307,19 @@ mod tests {
             assert!(html.contains(wanted), "{wanted}");
         }
         assert!(!html.contains("http:") && !html.contains("https:"), "nothing from a network");
+    }
+
+    #[test]
+    fn many_that_failed_are_counted_and_leave_the_page_to_the_photos() {
+        let failed: Vec<Failed> = (0..400)
+            .map(|n| Failed { photo: format!("{n}.jpg"), reason: "it is no photo".into() })
+            .collect();
+        for (count, open) in [(2, true), (400, false)] {
+            let html = first_page(&overview("small", &[], &failed[..count], &[]));
+            let list = html.split("<details class=\"aside failed\"").nth(1).unwrap();
+            assert_eq!(list.starts_with(" open>"), open);
+            assert!(list.contains(&format!("<summary>Failed: {count}</summary>")), "{count}");
+        }
     }
 
     #[test]

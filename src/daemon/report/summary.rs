@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::daemon::store::inbox::Waiting;
 use crate::daemon::store::report_file::{Failed, Report, ResultKind};
+use crate::daemon::store::waiting::Waiting;
 
 /// Outcomes of each kind that a daemon that watches still has to tell at its end: a box runs for a
 /// year, and what it did is in the outbox and not in its memory.

@@ -14,6 +14,7 @@ use crate::config::{Mode, Nights};
 use crate::daemon::job::JobEnd;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::report_file::{Delivered, Report, ResultKind, plain};
+use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
 use crate::kiosk::screen::Screen;
 use crate::pipeline::Interruption;
@@ -57,6 +58,8 @@ pub struct Attended<'a> {
     asked_for: usize,
     maintenance: Option<String>,
     result: Option<Shown>,
+    /// Photos that cannot be taken yet, in words.
+    beside: String,
     /// The rounds of the front panel's loop when they were last seen to change.
     rounds: Option<(u64, Moment)>,
 }
@@ -77,6 +80,7 @@ impl<'a> Attended<'a> {
             asked_for: 0,
             maintenance: None,
             result: None,
+            beside: String::new(),
             rounds: None,
         }
     }
@@ -125,6 +129,9 @@ impl<'a> Attended<'a> {
         if cancelled {
             self.asked_for = 0;
         }
+        if requests.go {
+            self.inner.told(Event::Pressed, rig);
+        }
         match &mut self.shooting {
             Some(shooting) => shooting.heard(requests.go, requests.put_off || cancelled),
             None if requests.go => self.asked_for = waiting,
@@ -155,7 +162,7 @@ impl<'a> Attended<'a> {
         let words = self.maintenance.clone()?;
         self.show(Screen::Maintenance { words }, BoxState::Maintenance, rig);
         self.inner.told(Event::KeptWaiting { waiting, why: "the box is in maintenance" }, rig);
-        Some(Turn::Hold { reason: "maintenance".to_owned(), until: None })
+        Some(Turn::Hold { reason: "maintenance".to_owned(), awaited: Awaited::Rig, until: None })
     }
 
     /// The last result while it is fresh, else `other`.
@@ -168,16 +175,19 @@ impl<'a> Attended<'a> {
     }
 
     /// Photos wait for their time: that, or the night that passed them by.
-    fn rest(&mut self, reason: &str, waiting: usize, rig: &mut dyn Restorer) {
+    fn rest(&mut self, reason: &str, awaited: Awaited, waiting: usize, rig: &mut dyn Restorer) {
+        let others = self.beside.clone();
         let (screen, state) = match self.inner.attention().into_iter().next() {
             Some(Notice { what, why }) => {
-                (Screen::Missed { what, why, photos: waiting }, BoxState::Trouble)
+                (Screen::Missed { what, why, photos: waiting, others }, BoxState::Trouble)
             }
             None => {
                 let words = reason.to_owned();
-                (Screen::Resting { words, photos: waiting }, BoxState::Resting)
+                (Screen::Resting { words, photos: waiting, others }, BoxState::Resting)
             }
         };
+        // What waits for the button is to hear it.
+        let state = if awaited == Awaited::Button { BoxState::Waiting } else { state };
         self.show(screen, state, rig);
     }
 
@@ -187,9 +197,11 @@ impl<'a> Attended<'a> {
             1 => "1 photo waits: press the button.".to_owned(),
             n => format!("{n} photos wait: press the button."),
         };
-        let screen = self.fresh_result(&hint, Screen::Waiting { photos });
+        let others = self.beside.clone();
+        let screen = self.fresh_result(&hint, Screen::Waiting { photos, others });
         self.show(self.or_still(screen), BoxState::Waiting, rig);
-        Turn::Hold { reason: "photos wait for the button".to_owned(), until: None }
+        let reason = "photos wait for the button".to_owned();
+        Turn::Hold { reason, awaited: Awaited::Button, until: None }
     }
 
     /// Nothing is under way; `put_off` photos wait for the panel.
@@ -204,6 +216,7 @@ impl<'a> Attended<'a> {
             1 => format!("{hint} 1 photo waits for the panel."),
             n => format!("{hint} {n} photos wait for the panel."),
         };
+        let hint = format!("{hint} {}", self.beside).trim_end().to_owned();
         let screen = self.fresh_result(after, Screen::Ready { hint });
         let state = if put_off > 0 { BoxState::Waiting } else { BoxState::Ready };
         self.show(self.or_still(screen), state, rig);
@@ -223,7 +236,8 @@ impl<'a> Attended<'a> {
 
 impl Schedule for Attended<'_> {
     fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
-        let Question { waiting, is_ready } = asked;
+        let Question { waiting, is_ready, parts } = asked;
+        self.beside = parts.beside();
         self.watch_front_panel();
         if let Some(turn) = self.answer(waiting, rig) {
             return turn;
@@ -234,7 +248,7 @@ impl Schedule for Attended<'_> {
                 ShootTurn::Aim => {
                     self.be_ready(waiting, rig);
                     let reason = "photos wait for the panel before the lens".to_owned();
-                    return Turn::Hold { reason, until: None };
+                    return Turn::Hold { reason, awaited: Awaited::Panel, until: None };
                 }
                 ShootTurn::Other(turn) => return turn,
             }
@@ -246,7 +260,7 @@ impl Schedule for Attended<'_> {
         }
         let turn = self.inner.turn(asked, rig);
         match &turn {
-            Turn::Hold { reason, .. } => self.rest(reason, waiting, rig),
+            Turn::Hold { reason, awaited, .. } => self.rest(reason, *awaited, waiting, rig),
             Turn::Go if is_ready => self.asked_for = self.asked_for.saturating_sub(1),
             Turn::Go => self.be_ready(0, rig),
             Turn::Help(_) | Turn::Again(_) | Turn::Stop => {}
@@ -276,7 +290,7 @@ impl Schedule for Attended<'_> {
                 let (what, to_do) = (full_message(error), error.what_to_do().to_owned());
                 self.show(Screen::Trouble { what, to_do }, BoxState::Trouble, rig);
             }
-            Event::KeptWaiting { .. } => {}
+            Event::KeptWaiting { .. } | Event::Pressed => {}
         }
         self.inner.told(event, rig);
     }

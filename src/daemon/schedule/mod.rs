@@ -10,6 +10,7 @@ mod shooting;
 use super::error::DaemonError;
 use super::job::JobEnd;
 use super::store::report_file::Delivered;
+use super::store::waiting::{Awaited, Waiting};
 use crate::restorer::Restorer;
 use crate::rig::Moment;
 
@@ -22,6 +23,8 @@ pub enum Turn {
     Hold {
         /// Why, for the state file and the log.
         reason: String,
+        /// What the photos wait for.
+        awaited: Awaited,
         /// When that will change on the daemon's clock, if it is known: it is asked again then, and
         /// before that every quarter of a minute.
         until: Option<Moment>,
@@ -38,8 +41,10 @@ pub enum Turn {
 /// What a schedule is asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Question {
-    /// Photos that wait in all.
+    /// Photos that wait and are all there.
     pub waiting: usize,
+    /// All that wait, by what for.
+    pub parts: Waiting,
     /// Whether one of them may be taken now, if the schedule agrees; otherwise they rest until they
     /// are tried again.
     pub is_ready: bool,
@@ -61,6 +66,8 @@ pub enum Event<'a> {
     Ended(&'a JobEnd),
     /// Nothing goes on until somebody has helped.
     Held(&'a DaemonError),
+    /// The button was pressed: work is to begin.
+    Pressed,
     /// Photos wait for something that is not this schedule's to say.
     KeptWaiting {
         /// How many.

@@ -23,6 +23,7 @@ use crate::daemon::store::inbox::is_hidden;
 use crate::daemon::store::night_record::NightRecord;
 use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
 use crate::daemon::store::report_file::Delivered;
+use crate::daemon::store::waiting::Awaited;
 use crate::daemon::store::withdraw::is_in_place;
 use crate::nights::pilot::{Drift, DriftLimits};
 use crate::nights::trust::{Belief, Calendar};
@@ -41,6 +42,10 @@ const LULL_S: f64 = 60.0;
 /// Calibrations in a row after which a rig that drifts again is not believed to become steady.
 /// Guess.
 const CALIBRATIONS_MAX: u32 = 3;
+
+/// What photos wait for when the lens was to be measured anew and somebody held the button.
+const GIVEN_UP: &str = "the rig has drifted, and measuring the lens anew was given up at the \
+                        button: press it to measure; else the next night does";
 
 /// Past the end of the window by the monotonic clock: the calendar has been put back.
 const SLACK_S: f64 = 60.0;
@@ -72,6 +77,8 @@ struct Night {
     next_pilot: Moment,
     /// Photos since the last pilot.
     photos: usize,
+    /// The last pilot was past a limit, and nothing was put right since.
+    drifted: bool,
 }
 
 /// Nights around a rig with a pilot.
@@ -89,6 +96,9 @@ pub struct Nightly<'a> {
     /// This window's time is used up, whatever the calendar says.
     spent: bool,
     calibrations: u32,
+    /// Somebody held the button while the lens was measured anew: not before they press again, or
+    /// the next night.
+    given_up: bool,
     /// Since when there is nothing to take.
     lull_since: Option<Moment>,
 }
@@ -114,6 +124,7 @@ impl<'a> Nightly<'a> {
             night: None,
             spent: false,
             calibrations: 0,
+            given_up: false,
             lull_since: None,
         })
     }
@@ -171,9 +182,9 @@ impl<'a> Nightly<'a> {
     }
 
     /// Photos wait within the hours, for `reason`.
-    fn hold(&mut self, reason: &str, until: Option<Moment>) -> Option<Turn> {
+    fn hold(&mut self, awaited: Awaited, reason: &str, until: Option<Moment>) -> Option<Turn> {
         self.hindered(reason);
-        Some(Turn::Hold { reason: reason.to_owned(), until })
+        Some(Turn::Hold { reason: reason.to_owned(), awaited, until })
     }
 
     /// Whether photos may be taken at this hour; the night is begun or ended as it is time.
@@ -186,7 +197,7 @@ impl<'a> Nightly<'a> {
         };
         if let Some(why) = unknown {
             self.night = None;
-            return self.hold(&format!("the time is not known: {why}"), None);
+            return self.hold(Awaited::Window, &format!("the time is not known: {why}"), None);
         }
         let ends = self.night.as_ref().and_then(|night| night.ends);
         let over = ends.is_some_and(|end| now.0 > end.0 + SLACK_S);
@@ -194,12 +205,14 @@ impl<'a> Nightly<'a> {
             Hours::Closed { opens_in_s, words } => {
                 self.spent = false;
                 let until = Some(Moment(now.0 + opens_in_s));
-                self.end(rig).or(Some(Turn::Hold { reason: words, until }))
+                let awaited = Awaited::Window;
+                self.end(rig).or(Some(Turn::Hold { reason: words, awaited, until }))
             }
             Hours::Open { .. } if self.spent || over => {
                 self.spent = true;
                 let turn = self.end(rig);
-                turn.or_else(|| self.hold("the night is over, though the clock was put back", None))
+                let over = "the night is over, though the clock was put back";
+                turn.or_else(|| self.hold(Awaited::Window, over, None))
             }
             Hours::Open { left_s } => {
                 if self.night.is_none() {
@@ -209,7 +222,9 @@ impl<'a> Nightly<'a> {
                         warm_up: Some(WarmUp::new(now.0)),
                         next_pilot: now,
                         photos: 0,
+                        drifted: false,
                     });
+                    self.given_up = false;
                 }
                 None
             }
@@ -252,6 +267,9 @@ impl<'a> Nightly<'a> {
             return self.good();
         };
         self.note(drift, PilotVerdict::Drifted);
+        if let Some(night) = &mut self.night {
+            night.drifted = true;
+        }
         self.record.doubted |= !self.record.unproven.is_empty();
         self.keep();
         let calibrations = self.calibrations;
@@ -261,6 +279,12 @@ impl<'a> Nightly<'a> {
         self.calibrations += 1;
         log::warn!("the rig has drifted: {complaint}; it is calibrated anew");
         if let Err(failure) = rig.mend(Remedy::Recalibrate) {
+            if failure.was_asked_for() {
+                log::info!("measuring the lens was given up: the photos wait for the button");
+                self.given_up = true;
+                self.calibrations -= 1;
+                return self.hold(Awaited::Button, GIVEN_UP, None);
+            }
             let why = format!("the rig has drifted ({complaint}) and ");
             return Some(Turn::Help(DaemonError::Calibration { why, failure }));
         }
@@ -271,7 +295,7 @@ impl<'a> Nightly<'a> {
     /// between.
     fn good(&mut self) -> Option<Turn> {
         if let Some(night) = &mut self.night {
-            night.photos = 0;
+            (night.photos, night.drifted) = (0, false);
         }
         if self.record.unproven.is_empty() {
             return None;
@@ -308,7 +332,8 @@ impl<'a> Nightly<'a> {
         let night = self.night.as_ref()?;
         night.warm_up.as_ref()?;
         if now.0 < night.next_pilot.0 {
-            return self.hold(REASON, Some(night.next_pilot));
+            let until = Some(night.next_pilot);
+            return self.hold(Awaited::Rig, REASON, until);
         }
         let drift = match rig.pilot() {
             Ok(Some(drift)) => drift,
@@ -325,7 +350,7 @@ impl<'a> Nightly<'a> {
             let until = Moment(now.0 + WARM_UP_STEP_S);
             night.next_pilot = until;
             self.note(drift, PilotVerdict::Warming);
-            return self.hold(REASON, Some(until));
+            return self.hold(Awaited::Rig, REASON, Some(until));
         }
         night.warm_up = None;
         if warmth == Warmth::OutOfTime {
@@ -351,11 +376,15 @@ impl Schedule for Nightly<'_> {
     fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
         self.look(Some(asked.waiting));
         let mut turn = self.putting_back().or_else(|| self.hours(rig));
+        if self.given_up {
+            turn = turn.or_else(|| self.hold(Awaited::Button, GIVEN_UP, None));
+        }
         if asked.is_ready {
             self.lull_since = None;
             turn = turn.or_else(|| self.warm_up(rig));
             let every = self.nights.pilot_every_photos;
-            if turn.is_none() && self.night.as_ref().is_some_and(|night| night.photos >= every) {
+            let is_due = |night: &Night| night.drifted || night.photos >= every;
+            if turn.is_none() && self.night.as_ref().is_some_and(is_due) {
                 turn = self.prove(rig);
             }
         } else {
@@ -367,6 +396,7 @@ impl Schedule for Nightly<'_> {
     fn told(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
         match event {
             Event::Begun { .. } | Event::Ended(JobEnd::Gone) => {}
+            Event::Pressed => self.given_up = false,
             Event::Ended(JobEnd::Left { left, .. }) => self.hindered(&left.reason),
             Event::Ended(JobEnd::Failed(_)) => {
                 self.alarm.served(self.now());

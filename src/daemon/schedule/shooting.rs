@@ -19,6 +19,7 @@ use crate::config::Nights;
 use crate::daemon::error::DaemonError;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::taken;
+use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::BoxState;
 use crate::kiosk::screen::Screen;
 use crate::nights::pilot::DriftLimits;
@@ -159,7 +160,8 @@ impl<'a> Shooting<'a> {
         let is_time = matches!(kept, Ok(false)) && self.count_down(before, rig);
         if let Some(Countdown { shutter, .. }) = self.countdown {
             let reason = "a photo is about to be taken".to_owned();
-            return ShootTurn::Other(Turn::Hold { reason, until: Some(shutter) });
+            let awaited = Awaited::Panel;
+            return ShootTurn::Other(Turn::Hold { reason, awaited, until: Some(shutter) });
         }
         let kept = match kept {
             Ok(false) if is_time => {
@@ -359,6 +361,7 @@ impl<'a> Shooting<'a> {
         let screen = Screen::Asking { photos, words: words.clone() };
         before.show(screen, BoxState::Asking, rig);
         let reason = format!("photos wait for the panel: {words}");
-        ShootTurn::Other(Turn::Hold { reason, until: (look_at.0 > now.0).then_some(*look_at) })
+        let until = (look_at.0 > now.0).then_some(*look_at);
+        ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Panel, until })
     }
 }

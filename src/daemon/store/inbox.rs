@@ -11,11 +11,10 @@ use std::io::ErrorKind;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
 use super::folders::Folders;
 use super::hints::Hints;
 use super::report_file::Failed;
+use super::waiting::{Awaited, Waiting};
 use crate::disk::{FileError, FileKind, Files, Look};
 use crate::rig::Moment;
 
@@ -79,42 +78,6 @@ pub(crate) struct Inbox {
     left: BTreeMap<PathBuf, Failed>,
     hints: Hints,
     waiting: Waiting,
-}
-
-/// How many photos wait in the inbox, by what they wait for.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub struct Waiting {
-    /// For their turn: for the photo before them, the button, the window.
-    pub turn: usize,
-    /// Changed a moment ago, and may change again.
-    pub settling: usize,
-    /// For the rest of the file.
-    pub unfinished: usize,
-    /// Cannot be had for now; tried again by itself.
-    pub retry: usize,
-}
-
-impl Waiting {
-    /// All of them.
-    pub fn all(self) -> usize {
-        self.turn + self.settling + self.unfinished + self.retry
-    }
-}
-
-impl std::fmt::Display for Waiting {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let parts = [
-            (self.turn, "for a turn"),
-            (self.settling, "settling"),
-            (self.unfinished, "for the rest of the file"),
-            (self.retry, "to be tried again"),
-        ];
-        let some = parts.into_iter().filter(|(n, _)| *n > 0);
-        let words: Vec<String> = some.map(|(n, what)| format!("{n} {what}")).collect();
-        write!(f, "{} waiting", self.all())?;
-        if words.is_empty() { Ok(()) } else { write!(f, " ({})", words.join(", ")) }
-    }
 }
 
 /// What may be taken at one look.
@@ -253,6 +216,11 @@ impl Inbox {
     /// A photo that waited for its turn has it, or does not wait for one any more.
     pub(crate) fn has_turn(&mut self) {
         self.waiting.turn = self.waiting.turn.saturating_sub(1);
+    }
+
+    /// Those that could be taken wait for what is `awaited`.
+    pub(crate) fn held_for(&mut self, awaited: Awaited) {
+        self.waiting = self.waiting.held_for(awaited);
     }
 
     /// How many photos wait, and for what.

@@ -27,4 +27,5 @@ pub(super) mod pilots;
 pub(super) mod recover;
 pub(super) mod report_file;
 pub(super) mod taken;
+pub(super) mod waiting;
 pub(super) mod withdraw;

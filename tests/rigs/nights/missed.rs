@@ -206,7 +206,7 @@ fn a_night_without_a_camera_is_said_everywhere_once_it_is_over() {
     assert_eq!(seen.front, BoxState::Trouble, "the lamp");
     let last = seen.screens.last().unwrap();
     assert!(
-        matches!(last, Screen::Missed { what, why, photos: 2 }
+        matches!(last, Screen::Missed { what, why, photos: 2, .. }
             if missed.starts_with(what) && missed.ends_with(why)),
         "{last:?}"
     );

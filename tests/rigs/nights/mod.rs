@@ -1,5 +1,6 @@
 //! Nights on the small simulated rig: what drifts is noticed by captures alone, and put right.
 
+mod given_up;
 mod missed;
 mod shut_out;
 
