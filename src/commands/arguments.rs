@@ -19,20 +19,26 @@ use super::screens::ScreensOptions;
 use super::shoot::ShootOptions;
 use super::status::StatusOptions;
 
+/// The page of `relens help`, above its commands.
+fn long_about() -> String {
+    let rigs: Vec<&str> = relens::config::built_in_names().collect();
+    format!(
+        "Makes cheap lenses take good photographs\n\n\
+         relens shows candidate pictures on a panel, photographs them through the lens the photo \
+         was taken with, and adjusts the candidate until its photograph is the photo.\n\n\
+         RIG.toml is a file, or one of the rigs that come with the program: {}.\n\n\
+         Exit codes: 0 done; 1 some photos failed, they are listed; 2 wrong use or rig file; 3 \
+         the operator is needed.",
+        rigs.join(", ")
+    )
+}
+
 /// Makes cheap lenses take good photographs
-///
-/// relens shows candidate pictures on a panel, photographs them through the lens the photo was
-/// taken with, and adjusts the candidate until its photograph is the photo.
-///
-/// RIG.toml is a file, or one of the rigs that come with the program: simulated.toml, study.toml,
-/// paper-synthetic.toml, small.toml.
-///
-/// Exit codes: 0 done; 1 some photos failed, they are listed; 2 wrong use or rig file; 3 the
-/// operator is needed.
 #[derive(Debug, Parser)]
 #[command(
     name = "relens",
     version,
+    long_about = long_about(),
     arg_required_else_help = true,
     max_term_width = 100,
     after_help = "\
@@ -176,6 +182,14 @@ mod tests {
     #[test]
     fn the_declaration_is_sound() {
         CommandLine::command().debug_assert();
+    }
+
+    #[test]
+    fn the_help_names_every_rig_that_comes_with_the_program() {
+        let page = CommandLine::command().render_long_help().to_string();
+        for name in relens::config::built_in_names() {
+            assert!(page.contains(name), "{name}: {page}");
+        }
     }
 
     #[test]

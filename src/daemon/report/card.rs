@@ -4,6 +4,7 @@
 use std::fmt::Write;
 
 use super::html::{escape, moment, span};
+use crate::daemon::store::deliver::is_beyond_preview;
 use crate::daemon::store::report_file::{Report, ResultKind, plain};
 use crate::pipeline::Confirmation;
 
@@ -37,6 +38,15 @@ pub(super) fn stamp_address(report: &Report) -> String {
     report.after.replace("-after.", "-small.")
 }
 
+/// What tells the viewer where the picture at the address `preview` is pixel by pixel, if it is
+/// elsewhere; `up` leads from the page to the outbox.
+fn pixels(report: &Report, preview: &str, up: &str) -> String {
+    if !is_beyond_preview(report.size) {
+        return String::new();
+    }
+    format!(" data-pixels=\"{up}{}\"", escape(&preview.replace(".jpg", "-pixels.jpg")))
+}
+
 /// The stamp, a link to the card; `up` leads from the page to the outbox.
 pub(super) fn stamp(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
     let (name, after) = (escape(&photo.report.photo), escape(&photo.report.after));
@@ -66,15 +76,17 @@ pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
         "<article id=\"photo-{number}\" data-number=\"{number}\" data-state=\"{state}\" \
          aria-labelledby=\"name-{number}\">\n<div class=\"pair\" \
          style=\"--w:{width};--h:{height}\">\
-         <figure class=\"before\"><img src=\"{up}{before}\" alt=\"{name}, the photo\" \
+         <figure class=\"before\"><img src=\"{up}{before}\" alt=\"{name}, the photo\"{} \
          loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
          <figcaption>photo</figcaption></figure>\
-         <figure class=\"after\"><img src=\"{up}{after}\" alt=\"{name}, {result_words}\" \
+         <figure class=\"after\"><img src=\"{up}{after}\" alt=\"{name}, {result_words}\"{} \
          loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
          <figcaption>{result_words}</figcaption></figure>{}<i></i>\
          <input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-valuetext=\"50 % of the \
          photo, 50 % of the result\" aria-label=\"Compare {name} with its result\"></div>\n\
          <h2 id=\"name-{number}\">{name}</h2>\n",
+        pixels(report, &report.before, up),
+        pixels(report, &report.after, up),
         scene.as_ref().map_or(String::new(), |scene| format!(
             "<figure class=\"scene\"><img src=\"{up}{}\" alt=\"{name}, the scene itself\" \
              loading=\"lazy\" draggable=\"false\" width=\"{width}\" height=\"{height}\">\
@@ -274,6 +286,18 @@ mod tests {
         let html = card_of(&report);
         assert!(html.contains("Smaller than the photo: 256×192 instead of 4000×3000 pixels"));
         assert!(html.find("Smaller") < html.find("Sharpened"));
+    }
+
+    #[test]
+    fn the_pixels_of_large_pictures_are_told_to_the_viewer() {
+        let mut report = report(1);
+        assert!(!card_of(&report).contains("data-pixels"));
+        report.size = Size::new(1440, 1080);
+        let html = card_of(&report);
+        for what in ["before", "after"] {
+            let wanted = format!("data-pixels=\"../gallery/a-{what}-pixels.jpg\"");
+            assert!(html.contains(&wanted), "{html}");
+        }
     }
 
     #[test]

@@ -112,8 +112,11 @@ fn figure(html: &mut String, caption: &str, [low, high]: [&str; 2], over: (u64, 
          <span>{low}</span><svg viewBox=\"0 0 {SIDE} {SIDE}\" preserveAspectRatio=\"none\" \
          aria-hidden=\"true\">{drawn}</svg></div><p class=\"hours\">"
     );
-    for third in 0..=3 {
-        let at = over.0 + (over.1 - over.0) * third / 3;
+    let span_s = over.1 - over.0;
+    // Labels are minutes: none is said twice.
+    let parts = if span_s < 4 * 60 { 1 } else { 3 };
+    for part in 0..=parts {
+        let at = over.0 + span_s * part / parts;
         let time = jiff::Timestamp::from_second(at as i64).unwrap_or_default();
         let _ = write!(html, "<span data-hour=\"{at}\">{}</span>", time.strftime("%H:%M"));
     }
@@ -163,7 +166,9 @@ mod tests {
         }
         let html = charts_of(&reports);
         assert!(html.contains("4 photos in 12 min <small>bars of a minute"), "{html}");
-        assert!(charts_of(&reports[..1]).contains("1 photo in 3 min"));
+        let one = charts_of(&reports[..1]);
+        assert!(one.contains("1 photo in 3 min"));
+        assert_eq!(one.matches("data-hour").count(), 2, "a minute has no thirds: {one}");
         assert_eq!(charts_of(&[]), "");
     }
 }

@@ -26,7 +26,8 @@
 
   const cards = [...document.querySelectorAll("article")];
   let at = 0, scale = 1, x = 0, y = 0; // Screen pixels a picture pixel; the picture's point in the middle of the stage.
-  const size = () => [result.naturalWidth || 1, result.naturalHeight || 1];
+  // The result's own pixels, whatever picture of it is there by now.
+  const size = () => { const after = cards[at]?.querySelector(".after img"); return ["width", "height"].map((side) => Number(after?.getAttribute(side)) || 1); };
   const fit = () => { const [w, h] = size(); return Math.min(stage.clientWidth / w, stage.clientHeight / h); };
   const pixel = () => 1 / window.devicePixelRatio;
   const isFit = () => scale <= fit() * 1.001;
@@ -64,10 +65,20 @@
   const step = (by) => zoom(next(by));
   const fitOr = (px, py) => isFit() ? zoom(Math.max(pixel(), next(1)), px, py) : zoom(0);
   fitOrPixels.addEventListener("click", () => fitOr());
+  // A picture of the card, and as soon as it has come the one with all pixels, if that is another.
+  const put = (into, picture) => {
+    [into.src, into.alt] = [picture.src, picture.alt];
+    const { pixels } = picture.dataset;
+    into.dataset.wanted = pixels || "";
+    if (!pixels) return;
+    const large = new Image();
+    large.onload = () => { if (into.dataset.wanted === pixels) into.src = large.src; };
+    large.src = pixels;
+  };
   // What lies under the photo: the result, or the scene itself.
   let scene;
   const underneath = (picture) => {
-    [result.src, result.alt] = [picture.src, picture.alt];
+    put(result, picture);
     tag.textContent = picture.parentElement.textContent;
     truth.setAttribute("aria-pressed", String(picture === scene));
   };
@@ -75,7 +86,7 @@
   const show = (index) => {
     at = index;
     const card = cards[at], [before, after] = card.querySelectorAll(".pair img");
-    [photo.src, photo.alt] = [before.src, before.alt];
+    put(photo, before);
     scene = card.querySelector(".scene img");
     truth.hidden = !scene;
     underneath(after);

@@ -11,12 +11,18 @@ use super::ledger::id;
 use super::report_file::{Circumstances, Report, report_name};
 use crate::disk::FileError;
 use crate::disk::files::{json_in_lines, numbered};
-use crate::frame::Channels;
+use crate::frame::{Channels, Size};
 use crate::picture::{Format, Photo, PictureError, encode, is_photo_ending, preview};
 use crate::pipeline::{Outcome, Verdict};
 
-/// Longest side of the gallery's previews in pixels: a 1024×768 photo is shown pixel by pixel.
+/// Longest side of the gallery's previews in pixels. Larger pictures lie beside them, for whoever
+/// looks at their pixels.
 const PREVIEW_PX: usize = 1280;
+
+/// Whether a preview of a picture of `size` has fewer pixels.
+pub(crate) fn is_beyond_preview(size: Size) -> bool {
+    size.width.max(size.height) > PREVIEW_PX
+}
 
 /// Longest side of the small pictures by which one finds a photo.
 const SMALL_PX: usize = 160;
@@ -27,6 +33,8 @@ pub(crate) struct Encoded {
     after: Vec<u8>,
     /// The result in the size of a stamp.
     small: Vec<u8>,
+    /// Photo and result pixel by pixel, where their previews are not.
+    pixels: Option<[Vec<u8>; 2]>,
     /// `None` when the photo's own file is the result.
     result: Option<Vec<u8>>,
 }
@@ -40,6 +48,12 @@ impl Encoded {
             before: shown(&photo.light, PREVIEW_PX)?,
             after: shown(&outcome.picture, PREVIEW_PX)?,
             small: shown(&outcome.picture, SMALL_PX)?,
+            pixels: match is_beyond_preview(photo.light.size()) {
+                true => {
+                    Some([shown(&photo.light, usize::MAX)?, shown(&outcome.picture, usize::MAX)?])
+                }
+                false => None,
+            },
             result: match outcome.verdict {
                 Verdict::Untouched => None,
                 Verdict::Sound | Verdict::Replaced => {
@@ -95,7 +109,7 @@ impl Delivery<'_> {
         claimed.ledger.name_result(folders, result)?;
         step(JobStep::Named);
         let (files, outbox, previews) = (folders.files(), folders.outbox(), folders.previews());
-        let [before, after, small] = pictures(result);
+        let [before, after, small, pixels @ ..] = pictures(result);
         let circumstances = Circumstances {
             rig: self.rig,
             result,
@@ -113,6 +127,9 @@ impl Delivery<'_> {
         files.replace_for_good(previews, after.as_ref(), &encoded.after)?;
         // Not synchronised: where a cut has taken it, the page shows the large one instead.
         files.replace_for_now(previews, small.as_ref(), &encoded.small)?;
+        for (name, bytes) in pixels.iter().zip(encoded.pixels.iter().flatten()) {
+            files.replace_for_now(previews, name.as_ref(), bytes)?;
+        }
         step(JobStep::Reported);
         if !is_ours(claimed)? {
             files.remove(&report_path)?;
@@ -169,7 +186,9 @@ impl Delivery<'_> {
     }
 }
 
-/// Names of the gallery's pictures of the result `name`: before, after, and small.
-pub(super) fn pictures(name: &OsStr) -> [String; 3] {
-    ["before", "after", "small"].map(|what| format!("{}-{what}.jpg", id(name)))
+/// Names of the gallery's pictures of the result `name`: before, after and small; before and after
+/// pixel by pixel, which large ones have.
+pub(super) fn pictures(name: &OsStr) -> [String; 5] {
+    ["before", "after", "small", "before-pixels", "after-pixels"]
+        .map(|what| format!("{}-{what}.jpg", id(name)))
 }

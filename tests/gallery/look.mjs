@@ -1,0 +1,65 @@
+// Looks at every page that `tests/gallery/run` has written, and says what is wrong with it.
+import { createRequire } from "node:module";
+import { readFileSync } from "node:fs";
+
+const out = process.argv[2];
+const require = createRequire(`${out}/node_modules/`);
+const { chromium } = require("playwright-core");
+const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+
+const WIDTHS = [[390, 844], [1300, 1000], [2560, 1440]];
+const RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"];
+const PAGES = [1, 4, 60, 4000].map((count) => [`${count}`, `${count}/outbox/index.html`]);
+PAGES.push(["4000-page-30", "4000/outbox/gallery/photos-30.html"]);
+
+const wrong = [];
+let looks = 0;
+const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
+const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
+for (const [name, path] of PAGES) {
+  for (const [width, height] of WIDTHS) {
+    for (const colorScheme of ["light", "dark"]) {
+      const context = await browser.newContext({ viewport: { width, height }, colorScheme });
+      const page = await context.newPage();
+      const say = (what) => wrong.push(`${name}, ${width} px, ${colorScheme}: ${what}`);
+      page.on("pageerror", (error) => say(`a script failed: ${error}`));
+      await page.goto(`file://${out}/pages/${path}`);
+      await page.evaluate(axe);
+      const look = async (what) => {
+        looks += 1;
+        await page.screenshot({ path: `${out}/${name}-${what}-${width}-${colorScheme}.png` });
+        const found = await page.evaluate(async (rules) => {
+          const seen = (e) => e.offsetParent && !e.closest(".pair");
+          const small = [...document.querySelectorAll("a, button, summary, input")].filter(seen).filter((e) => {
+            const { width, height } = e.getBoundingClientRect();
+            return width > 0 && (width < 43.5 || height < 43.5);
+          });
+          const { violations } = await window.axe.run(document, { runOnly: rules });
+          return {
+            axe: violations.map((v) => `axe, ${v.id}: ${v.nodes.length} of ${v.nodes[0].html.slice(0, 120)}`),
+            small: small.map((e) => `smaller than 44 px: ${e.outerHTML.slice(0, 120)}`),
+            wide: document.documentElement.scrollWidth - innerWidth,
+          };
+        }, RULES);
+        found.axe.concat(found.small.slice(0, 5)).forEach((words) => say(`${what}: ${words}`));
+        if (found.wide > 0) say(`${what}: ${found.wide} px wider than the screen`);
+      };
+      await look("page");
+      await page.evaluate(() => document.querySelectorAll("details").forEach((e) => { e.open = true; }));
+      await look("open");
+      await page.locator("article button").first().click();
+      await look("viewer");
+      await page.keyboard.press("Escape");
+      if (await page.locator("#find").count()) {
+        await page.fill("#find input", "00");
+        await page.locator("#found p").waitFor();
+        await look("search");
+      }
+      await context.close();
+    }
+  }
+}
+await browser.close();
+wrong.forEach((words) => console.error(words));
+console.log(`${looks} looks, ${wrong.length} complaints`);
+process.exit(wrong.length ? 1 : 0);
