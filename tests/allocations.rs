@@ -104,8 +104,7 @@ fn a_capture_allocates_nothing() {
     };
     let boxed = || Box::new(devices.clone());
     let mut rig = Devices::new(boxed(), boxed(), boxed(), boxed(), timing);
-    rig.find_marks(MarkPlace { sensor: SENSOR, from_edge_px: 2, height_px: 6, guard_px: 2 })
-        .unwrap_or_else(|error| panic!("{error}"));
+    rig.find_marks(MarkPlace::still(SENSOR, 2, 6, 2)).unwrap_or_else(|error| panic!("{error}"));
     let pictures = [40, 200].map(|code| Codes::filled(PANEL, code));
     for n in 0..10 {
         let (exposed, allocations) = counted::allocations(|| rig.capture(&pictures[n % 2]));

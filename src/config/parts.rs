@@ -108,10 +108,16 @@ table! {
 table! {
     /// The strips at the sensor's upper and lower edge that carry the number of the picture shown.
     pub struct Marks {
-        /// From the sensor's edge to the strip, in sensor pixels. The canvas stays free.
+        /// From the sensor's edge to the strip, in sensor pixels. The canvas stays free of strips
+        /// that do not move.
         from_edge_px: usize, Whole(0, 16384), Never;
         /// The strip's height in sensor pixels: wide against the blur.
         height_px: usize, Whole(2, 16384), Never;
+        /// Whether each capture is two exposures with the strips in two places, so that one shows
+        /// what the other hides: the canvas may then reach the sensor's edges, and captures take
+        /// twice as long.
+        @[serde(skip_serializing_if = "std::ops::Not::not")]
+        moving: bool, Truth, Means("false");
     }
 }
 

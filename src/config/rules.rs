@@ -119,9 +119,24 @@ fn check_canvas(places: &Places, written: &RigTables) -> Result<(), ConfigError>
 
 /// After [`check_canvas`]: the canvas is on the sensor.
 fn check_marks(places: &Places, written: &RigTables) -> Result<(), ConfigError> {
-    let RigTables { photo, camera, canvas, marks: Some(marks), .. } = written else {
+    let RigTables { photo, camera, canvas, calibration, marks: Some(marks), .. } = written else {
         return Ok(());
     };
+    if marks.moving {
+        // Both places of a strip, and around them as far as the blur reaches.
+        let needed =
+            marks.from_edge_px + 2 * marks.height_px + 6 * (calibration.function_support_px / 2);
+        let half = camera.height_px / 2;
+        return places.hold(
+            needed <= half,
+            "marks.height-px",
+            marks.height_px,
+            format_args!(
+                "one that needs up to {half} rows with marks.from-edge-px and the blur around two \
+                 places, here {needed}"
+            ),
+        );
+    }
     let below = camera.height_px - camera.photo_y_px - photo.height_px - canvas.margin_px;
     let room = (camera.photo_y_px - canvas.margin_px).min(below);
     places.hold(

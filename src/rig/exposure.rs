@@ -92,6 +92,8 @@ pub struct Devices {
     /// How long to wait, how often to try.
     pub timing: Timing,
     marks: Option<FrameMarks>,
+    /// Where marks that move are in every second exposure.
+    moved: Option<FrameMarks>,
     number: u8,
     /// The picture with its mark painted in; kept, so that no capture allocates a panel's worth.
     marked: Codes,
@@ -120,6 +122,7 @@ impl Devices {
             clock,
             timing,
             marks: None,
+            moved: None,
             number: 0,
             marked,
             rejected: Rejected::default(),
@@ -152,12 +155,12 @@ impl Devices {
     /// # Errors
     /// [`RigError::NoMarks`] when the panel is not in view; else as [`Devices::capture`].
     pub fn find_marks(&mut self, place: MarkPlace) -> Result<(), RigError> {
-        self.marks = None;
+        (self.marks, self.moved) = (None, None);
         let panel = self.panel.size();
-        let marks = find_marks(place, panel, &mut |codes| {
+        let (marks, moved) = find_marks(place, panel, &mut |codes| {
             self.capture(codes).map(|exposed| exposed.counts)
         })?;
-        self.marks = Some(marks);
+        (self.marks, self.moved) = (Some(marks), moved);
         Ok(())
     }
 
@@ -168,14 +171,15 @@ impl Devices {
 
     /// Shows `codes`, lets them settle, and returns a frame of them. A frame that does not come, or
     /// that is not of this picture, is shot again, up to [`Timing::exposures_max`] exposures in
-    /// all.
+    /// all. Where marks move, a second exposure with the marks elsewhere gives what they hid in the
+    /// first.
     ///
     /// # Errors
     /// [`RigError::NoFrame`] or [`RigError::NotThisPicture`] when no exposure brought the picture's
     /// frame; at once when a device is gone or refuses.
     pub fn capture(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
         let begin = self.clock.now();
-        let result = self.shoot(codes);
+        let result = self.shoot(codes).and_then(|exposed| self.uncovered(exposed, codes));
         self.seconds += self.clock.now().0 - begin.0;
         result
     }
@@ -218,8 +222,8 @@ impl Devices {
 
     /// Captures pictures that are all known beforehand, and hands `take` each one's frame by its
     /// index, not necessarily in order. While one frame is exposed and read out, the next picture
-    /// is already on its way to the panel. A frame that is not its picture's is shot again at the
-    /// end.
+    /// is already on its way to the panel, unless marks move. A frame that is not its picture's is
+    /// shot again at the end.
     ///
     /// # Errors
     /// As [`Devices::capture`], for the first picture that cannot be had.
@@ -228,10 +232,34 @@ impl Devices {
         pictures: &[&Codes],
         take: &mut dyn FnMut(usize, Exposed),
     ) -> Result<(), RigError> {
+        if self.moved.is_some() {
+            for (index, codes) in pictures.iter().enumerate() {
+                take(index, self.capture(codes)?);
+            }
+            return Ok(());
+        }
         let begin = self.clock.now();
         let result = self.shoot_all(pictures, take);
         self.seconds += self.clock.now().0 - begin.0;
         result
+    }
+
+    /// `exposed`, which shows `codes`, with the rows that its marks hid from a second exposure.
+    fn uncovered(&mut self, mut exposed: Exposed, codes: &Codes) -> Result<Exposed, RigError> {
+        let (Some(marks), Some(_)) = (&self.marks, &self.moved) else { return Ok(exposed) };
+        let hidden = marks.hidden_px();
+        std::mem::swap(&mut self.marks, &mut self.moved);
+        let other = self.shoot(codes);
+        std::mem::swap(&mut self.marks, &mut self.moved);
+        let other = other?.counts;
+        for (to, from) in exposed.counts.planes_mut().iter_mut().zip(other.planes()) {
+            let height = to.height();
+            for y in (0..hidden.min(height)).chain(height.saturating_sub(hidden)..height) {
+                to.row_mut(y).copy_from_slice(from.row(y));
+            }
+        }
+        self.camera.give_back(other);
+        Ok(exposed)
     }
 
     fn shoot(&mut self, codes: &Codes) -> Result<Exposed, RigError> {

@@ -175,6 +175,45 @@ fn a_panel_slower_than_its_settle_time_is_noticed() {
 }
 
 #[test]
+fn marks_that_move_hide_nothing() {
+    let moving = |text: &str| {
+        let text = text.replacen("height-px = 6", "height-px = 6\nmoving = true", 1);
+        // The photo takes the rows that were the marks', and the blur reaches two pixels.
+        let text = text.replacen("height-px = 88", "height-px = 112", 1);
+        let text = text.replacen("photo-y-px = 20", "photo-y-px = 8", 1);
+        text.replacen("function-support-px = 13", "function-support-px = 11", 1)
+    };
+    let mut marked = with_marks(moving);
+    let (mut plain, ..) = tiny(moving);
+    // Different everywhere, so that a row of another place would tell.
+    let picture =
+        Codes::from_planes([0; 3].map(|_| {
+            Plane::from_fn(Size::new(240, 180), |x, y| (60 + (x * 7 + y * 5) % 120) as u8)
+        }));
+    let mean = |devices: &mut Devices| {
+        let mut sums = [0.0; 128];
+        for _ in 0..8 {
+            let exposed = devices.capture(&picture).unwrap_or_else(|e| panic!("{e}"));
+            let plane = exposed.counts.plane(Channel::Green);
+            for (y, sum) in sums.iter_mut().enumerate() {
+                *sum += plane.row(y).iter().map(|&c| f64::from(c)).sum::<f64>() / 160.0 / 8.0;
+            }
+        }
+        sums
+    };
+    let before = marked.captures();
+    let (found, wanted) = (mean(&mut marked), mean(&mut plain));
+    assert_eq!((marked.captures() - before, plain.captures()), (16, 8));
+    for (y, (found, wanted)) in found.iter().zip(wanted).enumerate() {
+        assert!((found / wanted - 1.0).abs() < 0.03, "row {y}: {found:.1}, wanted {wanted:.1}");
+    }
+    // Of strips that stay the same rows show marks or black.
+    let mut still = with_marks(str::to_owned);
+    let hidden = mean(&mut still);
+    assert!(hidden[9] < 0.8 * wanted[9], "{:.1} and {:.1}", hidden[9], wanted[9]);
+}
+
+#[test]
 fn a_panel_out_of_view_has_no_marks() {
     let (mut devices, _, rig) =
         tiny(|text| text.replacen("shift-x-px = ", "shift-x-px = 1000.0 # ", 1));

@@ -4,7 +4,8 @@
 //! A number is eight bits and four check bits; each bit is two cells, one light and one dark
 //! (Manchester code), so a strip is equally bright whatever it says and its glare on the picture is
 //! a constant. Both strips carry the same number; a frame that is part old and part new, by rows or
-//! by time, is told from a whole one.
+//! by time, is told from a whole one. Strips that move hide in one exposure what they show in the
+//! next.
 
 use super::coarse_geometry::CoarseGeometry;
 use crate::config;
@@ -57,29 +58,64 @@ pub struct MarkPlace {
     /// Kept black around the strips, so that no picture's edge lights one cell of a bit more than
     /// the other.
     pub guard_px: usize,
+    /// The first row, from either edge, that is black for them; 0: all beyond the edge, too.
+    black_from_px: usize,
+    /// Of strips that move: how far the lens spreads what they hide.
+    spread_px: Option<usize>,
 }
 
 impl MarkPlace {
+    /// Strips that stay where they are.
+    pub const fn still(
+        sensor: Size,
+        from_edge_px: usize,
+        height_px: usize,
+        guard_px: usize,
+    ) -> MarkPlace {
+        let (black_from_px, spread_px) = (0, None);
+        MarkPlace { sensor, from_edge_px, height_px, guard_px, black_from_px, spread_px }
+    }
+
     /// Where a rig file puts the strips; `None` without `[marks]`.
     pub fn of(rig: &config::RigFile) -> Option<MarkPlace> {
         let marks = rig.marks.as_ref()?;
         let sensor = rig.camera.size();
+        let (from_edge_px, height_px) = (marks.from_edge_px, marks.height_px);
+        if marks.moving {
+            let radius = rig.calibration.function_support_px / 2;
+            let place = MarkPlace::still(sensor, from_edge_px, height_px, radius);
+            return Some(MarkPlace { spread_px: Some(radius), ..place });
+        }
         // All of the room up to the canvas, whose light ends there anyway.
         let canvas = rig.canvas_on_sensor();
         let room = canvas.y.min(sensor.height - canvas.y - canvas.size.height);
-        let guard_px = room.saturating_sub(marks.from_edge_px + marks.height_px);
-        Some(MarkPlace {
-            sensor,
-            from_edge_px: marks.from_edge_px,
-            height_px: marks.height_px,
-            guard_px,
-        })
+        let guard_px = room.saturating_sub(from_edge_px + height_px);
+        Some(MarkPlace::still(sensor, from_edge_px, height_px, guard_px))
     }
 
-    /// Whether the sensor's row `row` sees no picture: it is kept for the marks, and black about
-    /// them.
+    /// Where strips that move are in every second exposure: clear of what they hide in the first,
+    /// as far as the lens spreads either. `None` of strips that stay.
+    pub fn elsewhere(&self) -> Option<MarkPlace> {
+        let spread = self.spread_px?;
+        let black_from_px = self.depth_px() + 2 * spread;
+        let from_edge_px = black_from_px + self.guard_px;
+        Some(MarkPlace { from_edge_px, black_from_px, ..*self })
+    }
+
+    /// Rows from either edge to the end of what is black.
+    fn depth_px(&self) -> usize {
+        self.from_edge_px + self.height_px + self.guard_px
+    }
+
+    /// Rows from either edge that strips hide, or darken through the lens, where they do not stay.
+    pub(super) fn hidden_px(&self) -> usize {
+        self.spread_px.map_or(0, |spread| self.depth_px() + spread)
+    }
+
+    /// Whether the sensor's row `row` sees no picture: it is kept for marks that stay, and black
+    /// about them.
     pub fn keeps(&self, row: usize) -> bool {
-        self.covers(row as f64)
+        self.spread_px.is_none() && self.covers(row as f64)
     }
 
     fn first_row(&self, strip: usize) -> usize {
@@ -91,10 +127,13 @@ impl MarkPlace {
 
     /// Whether a sensor place, seen or not, is to be black or a mark.
     fn covers(&self, y: f64) -> bool {
-        let depth = (self.from_edge_px + self.height_px + self.guard_px) as f64;
-        let beyond = -((self.height_px + self.guard_px) as f64);
+        let begin = match self.black_from_px {
+            0 => -((self.height_px + self.guard_px) as f64),
+            row => row as f64 - 0.5,
+        };
+        let end = self.depth_px() as f64 - 0.5;
         let from_below = self.sensor.height as f64 - 1.0 - y;
-        (beyond..depth - 0.5).contains(&y) || (beyond..depth - 0.5).contains(&from_below)
+        (begin..end).contains(&y) || (begin..end).contains(&from_below)
     }
 
     /// Strip and cell at a sensor place, if one is there. Strips end a cell's width before the
@@ -172,6 +211,11 @@ impl FrameMarks {
             pixels,
             usual: [[0.0; BITS]; 2],
         })
+    }
+
+    /// Rows from the sensor's upper and lower edge whose picture is another exposure's.
+    pub(super) fn hidden_px(&self) -> usize {
+        self.place.hidden_px()
     }
 
     /// Paints `number` over the strips' places in `codes`.

@@ -4,7 +4,7 @@ use super::*;
 
 const PANEL: Size = Size::new(480, 270);
 const SENSOR: Size = Size::new(288, 224);
-const PLACE: MarkPlace = MarkPlace { sensor: SENSOR, from_edge_px: 2, height_px: 5, guard_px: 4 };
+const PLACE: MarkPlace = MarkPlace::still(SENSOR, 2, 5, 4);
 
 fn sensor_at([x, y]: [f64; 2]) -> [f64; 2] {
     [0.86 * x + 0.004 * y - 64.0, -0.005 * x + 0.86 * y - 2.8]

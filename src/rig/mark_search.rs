@@ -33,7 +33,7 @@ const ROUNDS: usize = 4;
 /// Shows one picture and returns a frame that is probably its own.
 pub type Shoot<'a> = dyn FnMut(&Codes) -> Result<Counts, RigError> + 'a;
 
-/// The marks of this rig.
+/// The marks of this rig, and where they are in every second exposure if they move.
 ///
 /// # Errors
 /// [`RigError::NoMarks`] when panel and sensor do not see eye to eye; else whatever `shoot` fails
@@ -42,9 +42,21 @@ pub fn find_marks(
     place: MarkPlace,
     panel: Size,
     shoot: &mut Shoot,
-) -> Result<FrameMarks, RigError> {
+) -> Result<(FrameMarks, Option<FrameMarks>), RigError> {
     let geometry = find_geometry(place.sensor, panel, shoot)?;
-    let mut marks = FrameMarks::new(place, &geometry, panel).ok_or_else(|| RigError::NoMarks {
+    let marks = learned(place, &geometry, panel, shoot)?;
+    let moved = place.elsewhere().map(|place| learned(place, &geometry, panel, shoot));
+    Ok((marks, moved.transpose()?))
+}
+
+/// Marks at `place`, whose contrast is known and which were read.
+fn learned(
+    place: MarkPlace,
+    geometry: &CoarseGeometry,
+    panel: Size,
+    shoot: &mut Shoot,
+) -> Result<FrameMarks, RigError> {
+    let mut marks = FrameMarks::new(place, geometry, panel).ok_or_else(|| RigError::NoMarks {
         what: "the panel does not fill the sensor's upper and lower edge, where the marks go"
             .to_owned(),
     })?;
@@ -279,7 +291,7 @@ mod tests {
     }
 
     fn place() -> MarkPlace {
-        MarkPlace { sensor: Size::new(160, 128), from_edge_px: 2, height_px: 6, guard_px: 2 }
+        MarkPlace::still(Size::new(160, 128), 2, 6, 2)
     }
 
     #[test]
