@@ -42,8 +42,8 @@ pub(super) struct AlignOptions {
     /// Looks before it ends; without it, until Ctrl-C
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     looks: Option<u64>,
-    /// Write the same into this folder as a page, align.html, which loads itself anew, and a picture
-    /// of what the camera sees
+    /// Write the same into this folder as a page, align.html, which loads itself anew, and a
+    /// picture of what the camera sees
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     page: Option<PathBuf>,
     /// Say the panel's tilt in degrees, too: of a lens of this focal length before a sensor with

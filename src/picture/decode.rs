@@ -100,8 +100,9 @@ pub(super) struct Raster {
 }
 
 /// Said of a photo with an artist, a description or other words in it.
-pub(super) const WORDS_LOST: &str = "words in the file outside its EXIF data, such as a comment, artist or description, cannot be \
-     carried over into the result";
+pub(super) const WORDS_LOST: &str = "words in the file outside its EXIF data, such as a comment, \
+                                     artist or description, cannot be carried over into the \
+                                     result";
 /// Said of a photo that states at how many dots per inch it is printed.
 pub(super) const DENSITY_LOST: &str = "dots per inch cannot be carried over into the result";
 

@@ -1,5 +1,5 @@
-//! The lens's own dark corner: measured behind a diffuser, kept beside the calibration, taken out of
-//! results where the rig file asks for it (`remove-vignetting`).
+//! The lens's own dark corner: measured behind a diffuser, kept beside the calibration, taken out
+//! of results where the rig file asks for it (`remove-vignetting`).
 
 use std::path::Path;
 
