@@ -173,8 +173,8 @@ fn certificate(rig: &RigFile, trade: &Trade) -> Option<String> {
     let with = of("hybrid", "1 capture", &format!("{steps}+"))?;
     let computing = with.computing_seconds - alone.computing_seconds;
     Some(format!(
-        "A certificate costs {} of {:.2} s, whatever the photo's size, and {computing:.2} s of \
-         processor time, with the correction it allows: hybrid beside digital, {steps} steps.",
+        "A certificate costs {} of {:.2} s at any size, and {computing:.2} s of processor time \
+         with its correction (hybrid beside digital, {steps} steps).",
         counted(with.captures.round() as usize, "capture"),
         with.capture_seconds / with.captures.max(1.0)
     ))

@@ -73,7 +73,7 @@ impl<'a> Strip<'a> {
         for (column, (of, words)) in columns.iter().enumerate() {
             let x = left + PITCH[0] * column as f64;
             for (line, words) in words.iter().enumerate() {
-                sheet.words(words, [x, top + 26.0 + 14.0 * line as f64], Anchor::Start, 12.0);
+                sheet.words(words, [x, top + 26.0 + 14.0 * line as f64], Anchor::Start, 11.0);
             }
             for (row, (scene, what)) in self.rows.iter().enumerate() {
                 let is = |crop: &&Crop| crop.scene == *scene && crop.of == *of;
