@@ -197,10 +197,9 @@ struct Page {
 
 impl Page {
     fn new(folder: PathBuf) -> Result<Page, CliError> {
-        let folder = std::path::absolute(&folder).map_err(|e| CliError::writing(&folder, e))?;
-        let files = Files::beneath(vec![folder.clone()]);
-        files.make_folder(&folder)?;
-        Ok(Page { files, folder })
+        let made = std::fs::create_dir_all(&folder).and_then(|()| folder.canonicalize());
+        let folder = made.map_err(|e| CliError::writing(&folder, e))?;
+        Ok(Page { files: Files::beneath(vec![folder.clone()]), folder })
     }
 
     /// Writes page and picture anew, each of them whole.
