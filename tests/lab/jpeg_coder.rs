@@ -5,7 +5,7 @@ use relens::frame::block_transform::{cosines, transform};
 use relens::frame::{Frame, Size, Work};
 
 /// How a photo is coded.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Quality {
     /// 1 to 100, as libjpeg counts.
     pub(crate) quality: u32,

@@ -9,7 +9,9 @@ mod figures;
 mod harness;
 mod jpeg;
 mod jpeg_coder;
+mod judging;
 mod ladder;
+mod likeness;
 mod lines;
 mod made;
 mod peers;
@@ -25,7 +27,7 @@ mod stability_tests;
 #[cfg(test)]
 mod study_tests;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use relens::chart::test_rig::Score;
@@ -42,8 +44,11 @@ struct Words {
     #[arg(value_enum)]
     what: Experiment,
     /// Rig file of a simulated rig
-    #[arg(long)]
-    rig: PathBuf,
+    #[arg(long, required_unless_present = "group")]
+    rig: Option<PathBuf>,
+    /// Which scenes and rigs, for `judging`
+    #[arg(long, value_enum)]
+    group: Option<judging::groups::Group>,
     /// Folder of what is made
     #[arg(long)]
     out: PathBuf,
@@ -69,6 +74,8 @@ enum Experiment {
     Jpeg,
     /// Every method under every fault: where it harms, and whether the box notices
     Stability,
+    /// What the box can know of results, good and bad, of a group of rigs and scenes
+    Judging,
     /// Where captures gain over the measured lens alone; for linear photos
     Regimes,
     /// Speed against accuracy where the measured lens is wrong
@@ -98,11 +105,15 @@ fn main() -> ExitCode {
 
 fn run(words: &Words) -> Result<(), Failure> {
     use Experiment::{
-        Captures, Colour, Conditions, Figures, Jpeg, Ladder, Peers, Regimes, Sizes, Stability,
-        WrongModels,
+        Captures, Colour, Conditions, Figures, Jpeg, Judging, Ladder, Peers, Regimes, Sizes,
+        Stability, WrongModels,
     };
     let Words { what, out, quick, rows, pictures, .. } = words;
-    let rig = relens::config::load(&words.rig)?;
+    if let Some(group) = words.group {
+        std::fs::create_dir_all(out)?;
+        return judging::run(group, *quick)?.write(out);
+    }
+    let rig = relens::config::load(words.rig.as_deref().unwrap_or(Path::new("")))?;
     if rig.simulation().is_none() {
         return Err(format!("found the rig {}, allowed simulated rigs", rig.name).into());
     }
@@ -128,6 +139,7 @@ fn run(words: &Words) -> Result<(), Failure> {
         Sizes => sizes::run(&rig),
         Ladder => ladder::run(&rig),
         Figures => figures::run(&rig, out),
+        Judging => Err("judging wants a --group".into()),
         Captures => peers::captures(&rig),
         Peers => peers::trade(&rig, *quick, &rows),
     }?;
@@ -140,7 +152,7 @@ fn run(words: &Words) -> Result<(), Failure> {
 /// A rig file that comes with the program.
 #[cfg(test)]
 fn rig(name: &str) -> Result<relens::config::RigFile, Failure> {
-    Ok(relens::config::load(std::path::Path::new(name))?)
+    Ok(relens::config::load(Path::new(name))?)
 }
 
 /// Tells of a score as it comes.

@@ -8,7 +8,7 @@ use relens::chart::scenes::Scene;
 use crate::change::{SWEPT, Swept};
 use crate::stability::report::rates_table;
 use crate::stability::sweep::{Plan, Run, sweep};
-use crate::view::View;
+use crate::view::{Subject, View};
 
 /// The swept change called `name`.
 fn swept(name: &str) -> &'static Swept {
@@ -54,8 +54,8 @@ fn faults_at_random_do_no_harm() {
         let fault = &SWEPT[random.random_range(0..SWEPT.len())];
         let step = random.random_range(1..5);
         let scene = [Scene::Astronaut, Scene::Rocket][random.random_range(0..2)];
-        let view =
-            View { scene, quarter: random.random_bool(0.5).then(|| random.random_range(0..4)) };
+        let quarter = random.random_bool(0.5).then(|| random.random_range(0..4));
+        let view = View { subject: Subject::Of(scene), quarter };
         all.extend(runs(fault, &[step], &["hybrid", "wiener"], &[view], seed));
     }
     assert!(!all.iter().any(Run::harms_delivered), "{:#?}", told(&all));

@@ -144,7 +144,7 @@ fn named(rig: &RigFile, name: &str) -> Box<dyn Method + Send + Sync> {
 }
 
 /// Whether a change can change anything for a method.
-fn concerned(method: &dyn Method, swept: &Swept) -> bool {
+pub(crate) fn concerned(method: &dyn Method, swept: &Swept) -> bool {
     match swept.change.to {
         To::Captures(_) | To::EachJob(_) => method.captures_max() > 0,
         To::Patches(_) => method.about().by_patches,

@@ -1,0 +1,146 @@
+//! The two groups of scenes and rigs: on one the limits of judging are set, on the other their
+//! rates are stated. They share no scene, no rig, no lens and no seed.
+
+use relens::chart::scenes::Scene;
+use relens::config::RigFile;
+use relens::frame::Mosaic;
+
+use crate::Failure;
+use crate::change::{lens, simulation};
+use crate::view::Subject;
+
+/// Which of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Group {
+    /// On which limits are set
+    Limits,
+    /// On which rates are stated
+    Rates,
+}
+
+/// A rig of a group.
+pub(crate) struct GroupRig {
+    pub(crate) name: &'static str,
+    /// The rig file it is made from.
+    file: &'static str,
+    change: fn(&mut RigFile),
+}
+
+/// Small, with another lens.
+const LIMITS: [GroupRig; 3] = [
+    GroupRig { name: "small, plano-convex", file: "small.toml", change: |rig| singlet(rig, PLANO) },
+    GroupRig {
+        name: "truthful, meniscus, noisier",
+        file: "truthful.toml",
+        change: |rig| {
+            singlet(rig, MENISCUS);
+            lens(rig, |lens| lens.scene_distance_mm = Some(4200.0));
+            simulation(rig, |simulation| {
+                simulation.sensor.full_well_electrons = 20_000.0;
+                simulation.sensor.mosaic = Some(Mosaic::Grbg);
+            });
+        },
+    },
+    GroupRig {
+        name: "truthful, fused silica, finer pixels",
+        file: "truthful.toml",
+        change: |rig| {
+            singlet(rig, SILICA);
+            finer(rig, 1.6, (19, 29, 11));
+        },
+    },
+];
+
+const RATES: [GroupRig; 3] = [
+    GroupRig { name: "truthful", file: "truthful.toml", change: |_| {} },
+    GroupRig {
+        name: "truthful, pixels of simulated",
+        file: "truthful.toml",
+        change: |rig| finer(rig, 2.5, (27, 45, 16)),
+    },
+    GroupRig {
+        name: "truthful, flint, noisier",
+        file: "truthful.toml",
+        change: |rig| {
+            singlet(rig, FLINT);
+            lens(rig, |lens| lens.scene_distance_mm = Some(3900.0));
+            simulation(rig, |simulation| simulation.sensor.full_well_electrons = 12_000.0);
+        },
+    },
+];
+
+/// Radii of a lens of 75 mm for its glass, by the lens maker's formula for a thin one, and its
+/// stop.
+struct Singlet {
+    radii_mm: [f64; 2],
+    glass: &'static str,
+    stop_diameter_mm: f64,
+}
+
+const PLANO: Singlet =
+    Singlet { radii_mm: [38.76, f64::INFINITY], glass: "N-BK7", stop_diameter_mm: 16.7 };
+const MENISCUS: Singlet =
+    Singlet { radii_mm: [27.93, 100.0], glass: "N-BK7", stop_diameter_mm: 13.4 };
+const SILICA: Singlet =
+    Singlet { radii_mm: [68.77, -68.77], glass: "fused-silica", stop_diameter_mm: 17.0 };
+const FLINT: Singlet = Singlet { radii_mm: [62.0, -155.0], glass: "F2", stop_diameter_mm: 15.0 };
+
+/// Puts a lens behind the rim of the barrel.
+fn singlet(rig: &mut RigFile, of: Singlet) {
+    lens(rig, |lens| {
+        let [.., front, back] = lens.surfaces.as_mut_slice() else { return };
+        (front.radius_mm, back.radius_mm) = (of.radii_mm[0], of.radii_mm[1]);
+        front.glass = of.glass.to_owned();
+        lens.stop_diameter_mm = of.stop_diameter_mm;
+    });
+}
+
+/// Pixels `times` as fine about the middle of the field; supports of model and lens, and margin.
+fn finer(rig: &mut RigFile, times: f64, (model_px, lens_px, margin_px): (usize, usize, usize)) {
+    lens(rig, |lens| {
+        lens.pixel_pitch_um /= times;
+        lens.support_px = lens_px;
+    });
+    rig.calibration.function_support_px = model_px;
+    rig.canvas.margin_px = margin_px;
+}
+
+impl Group {
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Group::Limits => "limits",
+            Group::Rates => "rates",
+        }
+    }
+
+    pub(crate) const fn rigs(self) -> &'static [GroupRig] {
+        match self {
+            Group::Limits => &LIMITS,
+            Group::Rates => &RATES,
+        }
+    }
+
+    pub(crate) fn subjects(self) -> [Subject; 6] {
+        match self {
+            Group::Limits => Scene::CHARTED.map(Subject::Of),
+            Group::Rates => [0, 1, 2, 3, 4, 5].map(Subject::Kept),
+        }
+    }
+
+    /// The first seed of its rigs and photos.
+    pub(crate) const fn seed(self) -> u64 {
+        match self {
+            Group::Limits => 3100,
+            Group::Rates => 6100,
+        }
+    }
+}
+
+impl GroupRig {
+    pub(crate) fn load(&self, seed: u64) -> Result<RigFile, Failure> {
+        let mut rig = relens::config::load(std::path::Path::new(self.file))?;
+        (self.change)(&mut rig);
+        simulation(&mut rig, |simulation| simulation.seed = seed);
+        Ok(rig)
+    }
+}

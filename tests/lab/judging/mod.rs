@@ -1,0 +1,202 @@
+//! The judging of results: on one group of scenes and rigs limits are set, on another their rates
+//! are stated.
+
+mod cases;
+pub(crate) mod groups;
+mod record;
+mod report;
+#[cfg(test)]
+mod tests;
+
+use relens::calibration::Calibration;
+use relens::chart::test_rig::TestPhoto;
+use relens::config::{MethodName, RigFile};
+use relens::frame::{Channels, Frame, Work};
+use relens::picture::{Limits, Photo, Tone};
+use relens::pipeline::method;
+
+use crate::Failure;
+use crate::change::Swept;
+use crate::harness::{Harness, calibration};
+use crate::jpeg_coder::coded;
+use crate::likeness::{HARM_IN_COLOUR, Truth};
+use crate::made::Made;
+use crate::stability::report::HARM;
+use crate::stability::sweep::concerned;
+use crate::view::View;
+use cases::{Kept, NONE, ORDINARY, faults};
+use groups::{Group, GroupRig};
+use record::Record;
+
+/// Those that start from the lens; what replaces them is recorded beside each.
+const METHODS: [MethodName; 3] =
+    [MethodName::Hybrid, MethodName::Digital, MethodName::BlockMatching];
+/// Chances that a rig's unrest gives a calibration; a movement too large refuses one in four.
+const CHANCES: u64 = 6;
+
+/// Tables of `group`, and the list of all its results; `quick` takes its first rig, and no faults.
+pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
+    let mut records = Vec::new();
+    let rigs = if quick { 1 } else { group.rigs().len() };
+    for (n, rig) in group.rigs().iter().enumerate().take(rigs) {
+        records.extend(of_rig(group, n, rig, quick)?);
+    }
+    let mut csv = format!("{}\n", Record::HEAD);
+    records.iter().for_each(|record| csv += &(record.cells() + "\n"));
+    let word = group.word();
+    let stem = |what: &str| format!("judging-{word}{what}");
+    let rates = format!(
+        "How often harm is noticed, group `{word}`. Harmful: worse than the photo by {HARM} SSIM \
+         of luma or {HARM_IN_COLOUR} of mean ΔE. Noticed: something else than the result is \
+         delivered."
+    );
+    let ordinary = format!(
+        "Photos without a fault by the default method, group `{word}`: means, and how many are \
+         worse than the photo by {HARM} SSIM of luma or {HARM_IN_COLOUR} of mean ΔE."
+    );
+    Ok(Made {
+        tables: vec![
+            (stem(""), report::rates(rates, &records)),
+            (stem("-ordinary"), report::ordinary(ordinary, &records)),
+        ],
+        files: vec![(stem("-results.csv"), csv.into_bytes())],
+        ..Made::default()
+    })
+}
+
+fn of_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Record>, Failure> {
+    let (file, calibration) = calibrated(rig, group.seed() + 100 * n as u64)?;
+    let subjects = group.subjects();
+    let whole = |n: usize| View { subject: subjects[n % 6], quarter: None };
+    let quarter = |n: usize| View { subject: subjects[n % 6], quarter: Some(n / 6 % 4) };
+    let mut records = Vec::new();
+    let mut one =
+        |swept: &'static Swept, step: usize, of: &[(View, Kept)], methods: &[MethodName]| {
+            let strength = (swept.strengths)(&file)[step];
+            let mut harness = Harness::changed(&file, &calibration, &swept.change, strength)?;
+            let seed = group.seed() + 10 * n as u64 + step as u64;
+            let found = photos(&mut harness, rig.name, (swept, strength, step), of, methods, seed)?;
+            for record in found {
+                log::info!("{}", record.cells());
+                records.push(record);
+            }
+            Ok::<(), Failure>(())
+        };
+    let mosaic = file.simulation().is_some_and(|s| s.sensor.mosaic.is_some());
+    let kinds = ORDINARY.into_iter().filter(|&kept| mosaic || kept != Kept::Developed);
+    let every = || (0..6).flat_map(|s| kinds.clone().map(move |kept| (whole(s), kept)));
+    one(&NONE, 0, &every().collect::<Vec<_>>(), &METHODS[..1])?;
+    let own: Vec<(View, Kept)> = every().filter(|of| of.1 == Kept::Own).step_by(2).collect();
+    one(&NONE, 0, &own, &METHODS[1..])?;
+    if quick {
+        return Ok(records);
+    }
+    // One strength of each fault on a rig: three rigs have three.
+    for (f, swept) in faults().into_iter().enumerate() {
+        let step = 4 - (f + n) % 3;
+        let k = f + step + n;
+        let view = if (f + n).is_multiple_of(2) { whole(k) } else { quarter(k + 6 * step) };
+        // Block matching is the slowest.
+        let methods = match (f + n) % 3 {
+            0 => &[MethodName::Hybrid, MethodName::BlockMatching][..],
+            1 => &[MethodName::Hybrid, MethodName::Digital],
+            _ => &[MethodName::Hybrid],
+        };
+        one(swept, step, &[(view, Kept::Own)], methods)?;
+    }
+    Ok(records)
+}
+
+/// A rig of the group and what is measured of it.
+fn calibrated(rig: &GroupRig, seed: u64) -> Result<(RigFile, Calibration), Failure> {
+    let mut refused = None;
+    for seed in seed..seed + CHANCES {
+        let file = rig.load(seed)?;
+        match calibration(&file) {
+            Ok(measured) => return Ok((file, measured)),
+            Err(e) => {
+                log::info!("# {}, seed {seed}: {}", rig.name, relens::remedy::full_message(&*e));
+                refused = Some(e);
+            }
+        }
+    }
+    Err(refused.unwrap_or_else(|| "no chance was given".into()))
+}
+
+/// Photos of `of` by each of `methods`.
+fn photos(
+    harness: &mut Harness,
+    rig: &str,
+    (swept, strength, step): (&Swept, f64, usize),
+    of: &[(View, Kept)],
+    methods: &[MethodName],
+    seed: u64,
+) -> Result<Vec<Record>, Failure> {
+    let tone = Tone::of_curve(harness.config().photo.curve, 8);
+    let taken = of.iter().map(|&(view, kept)| {
+        let codes = view.codes(harness.config().photo.size());
+        let light: Frame<Work> = Frame::from_fn(|c| {
+            tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8))
+        });
+        let seed = seed.wrapping_mul(1000) + view.number();
+        let truth = Truth::of(harness.config(), Channels::Colour, &harness.truth(&light));
+        Ok((view, kept, Taken::of(harness, &light, kept, seed)?, truth))
+    });
+    let taken = taken.collect::<Result<Vec<_>, Failure>>()?;
+    harness.change_captures();
+    let mut records = Vec::new();
+    for (view, kept, taken, truth) in &taken {
+        let prepared = match taken {
+            Taken::Plain(photo) => harness.prepare(photo),
+            Taken::Coded(photo) => {
+                let coding = photo.coding.as_ref().ok_or("a JPEG that states nothing")?;
+                let (pipeline, _) = harness.test_rig.parts();
+                pipeline.prepare_coded(&photo.light, Channels::Colour, (coding, &photo.manner.tone))
+            }
+        };
+        for &which in methods {
+            let solver = harness.method(&|rig| method(rig, which));
+            if step > 0 && !swept.change.unit.is_empty() && !concerned(&*solver, swept) {
+                continue;
+            }
+            let mut record = Record::of(harness, &prepared, truth, &*solver)?;
+            record.healthy = swept.change.unit.is_empty();
+            record.of = [
+                rig.replace(',', ""),
+                swept.change.name.to_owned(),
+                strength.to_string(),
+                kept.name(),
+                view.name().replace(',', ""),
+                which.name().to_owned(),
+            ];
+            records.push(record);
+        }
+    }
+    Ok(records)
+}
+
+/// A photo on its way to the box.
+enum Taken {
+    Plain(TestPhoto),
+    Coded(Box<Photo>),
+}
+
+impl Taken {
+    fn of(h: &Harness, light: &Frame<Work>, kept: Kept, seed: u64) -> Result<Taken, Failure> {
+        let curve = h.config().photo.curve;
+        let codes = || h.witness.photograph(light, seed);
+        Ok(match kept {
+            Kept::Own => Taken::Plain(h.photograph(light, seed)?),
+            Kept::Developed => {
+                let (tone, codes) = (Tone::of_curve(curve, 8), codes());
+                let light = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
+                Taken::Plain(TestPhoto::developed(light))
+            }
+            Kept::Jpeg(quality) => {
+                let file = coded(&codes(), quality);
+                let photo = Photo::from_bytes("photo.jpg", &file, curve, &Limits::default())?;
+                Taken::Coded(Box::new(photo))
+            }
+        })
+    }
+}
