@@ -115,7 +115,8 @@ table! {
         height_px: usize, Whole(2, 16384), Never;
         /// Whether each capture is two exposures with the strips in two places, so that one shows
         /// what the other hides: the canvas may then reach the sensor's edges, and captures take
-        /// twice as long.
+        /// twice as long. Not with `response-flats` behind a lens that scatters: the marks' glare
+        /// then differs where the two exposures meet, and sites there pass for hot.
         @[serde(skip_serializing_if = "std::ops::Not::not")]
         moving: bool, Truth, Means("false");
     }
