@@ -35,7 +35,9 @@ fn contestants(rig: &RigFile) -> Vec<Contestant> {
             all.push(of(with, "hybrid").on(format!("{captures_max}")));
         }
     }
-    all.push(of(filed(rig.restore.method), FILED));
+    let named = filed(rig.restore.method).method(rig);
+    let name = named.name();
+    all.push(Contestant::boxed(FILED, name, named));
     all
 }
 
