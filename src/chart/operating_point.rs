@@ -11,6 +11,9 @@ use crate::pipeline::{Chosen, Setting};
 /// What is shown: photographs of a portrait, a still life and a night.
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
+/// Rounds of block matching that pay on small photos, and cost four times as much.
+const MANY_ROUNDS: u32 = 8;
+
 /// The settings tried for what is `wanted`, the rig file's own first: those on or near the front of
 /// `relens chart` on every simulated rig; block matching in many rounds only for the best.
 fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
@@ -36,7 +39,7 @@ fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
     all.extend([hybrid(8, 6, 1), hybrid(16, 10, 1), hybrid(16, 10, 2), hybrid(32, 20, 2)]);
     all.extend([once(16, 10, 0), once(8, 4, 1), once(16, 10, 1)]);
     if wanted == OperatingPoint::Best {
-        all.push(matched);
+        all.push(Setting { rounds: matched.rounds.max(MANY_ROUNDS), ..matched });
     }
     let mut unlike = Vec::with_capacity(all.len());
     for setting in all {

@@ -40,28 +40,26 @@ const STARTS: Starts = Starts { count: 2, noise_to_signal: 0.05 };
 /// and charts in ink, as [`STARTS`].
 const START_MORE: f32 = 3.0;
 
-/// What a lens of some width lets through of the finest waves, and what follows from it.
+/// What falls between a mosaic's sites, for a lens of some width.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct FinestWaves {
-    /// By how much more details of the two finest levels are shrunk. What little the lens leaves of
-    /// them a step brings back slowly, and the noise with it.
+struct BetweenSites {
+    /// By how much more details of the two finest levels are shrunk.
     more: [f32; 2],
-    /// How a photo that is known at a mosaic's sites is started from: they fall between these.
-    between_sites: Starts,
+    starts: Starts,
 }
 
-impl FinestWaves {
-    /// The wider the blur, the less of a scene is as fine as the sensor could tell, and the less of
-    /// the finest details is to be believed or feared. A Gaussian as wide as the lens lets through
-    /// exp(−(πσ/2)²) of the power at the finest wave that sites two pixels apart can tell. What
-    /// follows from it is set on astronaut, coffee, rocket and a chart, through small.toml's lens
-    /// (0.056) and study.toml's (0.007).
-    fn of(width_px: f32) -> FinestWaves {
+impl BetweenSites {
+    /// The wider the blur, the less of a scene is finer than the sites are apart, and the more of
+    /// what they say may be believed. A Gaussian as wide as the lens lets through exp(−(πσ/2)²) of
+    /// the power at the finest wave that sites two pixels apart can tell. What follows from it is
+    /// set on astronaut, coffee, rocket and a chart, through small.toml's lens (0.056) and
+    /// study.toml's (0.007).
+    fn of(width_px: f32) -> BetweenSites {
         let sigma = width_px / (Channel::ALL.len() as f32).sqrt();
-        let passed = (-(std::f32::consts::FRAC_PI_2 * sigma).powi(2)).exp().clamp(0.005, 0.1);
-        FinestWaves {
-            more: [1.0 + 36.0 * passed, 1.0 + 18.0 * passed],
-            between_sites: Starts { count: 4, noise_to_signal: 16.0 * passed * passed },
+        let folded = (-(std::f32::consts::FRAC_PI_2 * sigma).powi(2)).exp().clamp(0.005, 0.1);
+        BetweenSites {
+            more: [1.0 + 36.0 * folded, 1.0 + 18.0 * folded],
+            starts: Starts { count: 4, noise_to_signal: 16.0 * folded * folded },
         }
     }
 }
@@ -94,8 +92,9 @@ struct Along<'a> {
 impl<'a> Along<'a> {
     fn of(axes: &'a ColourAxes, digital: &Digital, target: Target<'a>) -> Along<'a> {
         let Target { problem, model, norms, .. } = target;
-        let finest = FinestWaves::of(width_px(model.functions()));
-        let more = |level: usize| finest.more.get(level).copied().unwrap_or(1.0);
+        let sites = problem.mosaic.map(|_| BetweenSites::of(width_px(model.functions())));
+        let more =
+            |level: usize| sites.and_then(|sites| sites.more.get(level).copied()).unwrap_or(1.0);
         // Along an axis a site says as much as another, whatever its colour.
         let share = |c: Channel| match problem.mosaic {
             Some(_) => Mosaic::pixels_a_site(Channel::Green) / Mosaic::pixels_a_site(c),
@@ -110,7 +109,7 @@ impl<'a> Along<'a> {
             transforms: AlongAxes::new(problem.size(), digital.levels),
             weights: (0..digital.levels).map(weight).collect(),
             passed: (0..digital.levels).map(passed).collect(),
-            starts: problem.mosaic.map_or(STARTS, |_| finest.between_sites),
+            starts: sites.map_or(STARTS, |sites| sites.starts),
         }
     }
 }
