@@ -106,24 +106,31 @@ impl Pipeline {
         lens: &LensModel,
         picture: &Frame<Work>,
     ) -> Vec<Residuals> {
-        let reach = lens.functions().support_px / 2;
-        let of = |&c: &Channel| {
-            let trust = away_from_saturated(photo.trust.plane(c), reach);
-            let data = trust.data().iter().filter(|&&t| t != MISSING).count();
-            let residual = |of: &Plane| {
-                let mut plane = Plane::zeros(of.size());
-                lens.forward(c, of, &mut plane);
-                residual_in_place(&mut plane, photo.placed.plane(c), &trust);
-                rms_over_data(&plane, &trust)
-            };
-            let has_a_say = data as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
-            Residuals {
-                model: if has_a_say { residual(picture.plane(c)) } else { 0.0 },
-                untouched: residual(photo.placed.plane(c)),
-                photo_noise: photo.noise[c.index()],
-            }
-        };
+        let of = |&c: &Channel| residuals_of(photo, lens, c, picture.plane(c));
         photo.channels.list().par_iter().map(of).collect()
+    }
+}
+
+/// What `lens` leaves unexplained of one channel of `photo`, where `plane` is the candidate's.
+pub(super) fn residuals_of(
+    photo: &Prepared<'_>,
+    lens: &LensModel,
+    c: Channel,
+    plane: &Plane,
+) -> Residuals {
+    let trust = away_from_saturated(photo.trust.plane(c), lens.functions().support_px / 2);
+    let data = trust.data().iter().filter(|&&t| t != MISSING).count();
+    let residual = |of: &Plane| {
+        let mut plane = Plane::zeros(of.size());
+        lens.forward(c, of, &mut plane);
+        residual_in_place(&mut plane, photo.placed.plane(c), &trust);
+        rms_over_data(&plane, &trust)
+    };
+    let has_a_say = data as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
+    Residuals {
+        model: if has_a_say { residual(plane) } else { 0.0 },
+        untouched: residual(photo.placed.plane(c)),
+        photo_noise: photo.noise[c.index()],
     }
 }
 

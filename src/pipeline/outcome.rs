@@ -33,8 +33,8 @@ pub struct Outcome {
     pub rung: Rung,
     /// Why this picture and this rung, in words.
     pub reason: String,
-    /// What is known of it without knowing the scene; of a photo returned as it is, of the
-    /// reference solution that spoke against restoring it.
+    /// What is known of it without knowing the scene; of a photo returned as it is, what the lens
+    /// alone leaves of the channels that spoke against restoring it.
     pub evidence: Option<Evidence>,
     /// Its optical residual, if it was photographed.
     pub certificate: Option<OpticalResidual>,

@@ -91,7 +91,7 @@ impl Pipeline {
             || of(Channel::Red),
             || rayon::join(|| of(Channel::Green), || of(Channel::Blue)),
         );
-        let (noise, reference) = ([red, green, blue].map(|(all, _)| all), OnceLock::new());
+        let (noise, lens_alone) = ([red, green, blue].map(|(all, _)| all), OnceLock::new());
         let coded = [red, green, blue].iter().any(|&(_, coding)| coding > 0.0);
         Prepared {
             photo: alike,
@@ -104,7 +104,7 @@ impl Pipeline {
             coded,
             stated: None,
             focus: None,
-            reference,
+            lens_alone,
         }
     }
 

@@ -8,7 +8,7 @@ use crate::calibration::SiteNorms;
 use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::method::{Method, MethodError, Problem, Watch};
+use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use crate::frame::{Channels, Frame, Work};
 use crate::rig::exposure::Devices;
 
@@ -46,7 +46,7 @@ impl Pipeline {
     }
 
     /// What `method` makes of `photo` with `lens` for the measured one; captures are not counted.
-    pub(super) fn solve_by(
+    fn solve_by(
         &self,
         optics: &mut dyn ForwardConvolution,
         lens: &Arc<LensModel>,
@@ -54,6 +54,17 @@ impl Pipeline {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<Solved, MethodError> {
+        let solution = self.posed(lens, photo, |problem| method.solve(problem, optics, watch))?;
+        Ok(self.finished(lens, photo, method.about(), solution))
+    }
+
+    /// What `solve` makes of the problem that `photo` is with `lens` for the measured one.
+    pub(super) fn posed<T>(
+        &self,
+        lens: &Arc<LensModel>,
+        photo: &Prepared<'_>,
+        solve: impl FnOnce(&Problem<'_>) -> T,
+    ) -> T {
         let (norm_squared, level_norms) = match (photo.mosaic, &photo.focus) {
             (Some(_), focus) => {
                 let (model, at_sites) = match focus {
@@ -70,7 +81,7 @@ impl Pipeline {
         // What is solved with another lens is judged by it.
         let as_measured = Arc::ptr_eq(lens, self.lens_of(photo));
         let is_hopeless = |picture: &Frame<Work>| self.is_hopeless(photo, picture);
-        let problem = Problem {
+        solve(&Problem {
             is_hopeless: as_measured.then_some(&is_hopeless as _),
             photo: &photo.placed,
             trust: &photo.trust,
@@ -87,8 +98,17 @@ impl Pipeline {
             capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,
             stopwatch: &*self.stopwatch,
-        };
-        let solution = method.solve(&problem, optics, watch)?;
+        })
+    }
+
+    /// The `solution` of `photo` by `lens`, its colours lined up and cut to the photo.
+    pub(super) fn finished(
+        &self,
+        lens: &Arc<LensModel>,
+        photo: &Prepared<'_>,
+        about: &'static About,
+        solution: Solution,
+    ) -> Solved {
         let rect = photo.rect;
         let refined = solution.look.refined.as_ref();
         let refined =
@@ -97,14 +117,14 @@ impl Pipeline {
             Channels::Colour => self.photo_side.line_up_colours(&solution.picture).crop(rect),
             Channels::Green => solution.picture.crop(rect),
         };
-        Ok(Solved {
+        Solved {
             picture,
             solution,
-            about: method.about(),
+            about,
             captures: 0,
             capture_seconds: 0.0,
             waited_seconds: 0.0,
             lens: refined.map_or_else(|| Arc::clone(lens), Arc::new),
-        })
+        }
     }
 }

@@ -35,8 +35,8 @@ pub struct Prepared<'a> {
     pub stated: Option<JpegTerm>,
     /// The focus at which it was taken, where that is another than the panel's.
     pub focus: Option<PhotoFocus>,
-    /// The reference solution through the measured lens, made when it is first needed.
-    pub(super) reference: OnceLock<Reference>,
+    /// What the measured lens alone says of it, asked when it is first needed.
+    pub(super) lens_alone: OnceLock<LensAlone>,
 }
 
 /// The focus at which a photo was taken, where that is another than the panel's.
@@ -73,7 +73,7 @@ impl PhotoFocus {
 impl Prepared<'_> {
     /// The same photo as if it had been taken at the panel's focus.
     pub(super) fn at_panel(&self) -> Self {
-        Prepared { focus: None, reference: OnceLock::new(), ..self.clone() }
+        Prepared { focus: None, lens_alone: OnceLock::new(), ..self.clone() }
     }
 }
 
@@ -131,6 +131,11 @@ impl Evidence {
     }
 }
 
+/// The model residual of a channel over its noise, times the same over the untouched photo's.
+pub(super) fn product(of: &Residuals) -> f32 {
+    of.model / of.photo_noise.max(NOISE_MIN) * of.model / of.untouched.max(f32::MIN_POSITIVE)
+}
+
 /// [`Evidence::unexplained`] of these channels.
 pub(super) fn unexplained(channels: &[Residuals], noises: f32, share: f32) -> (f32, f32) {
     let each = channels.iter().map(|r| {
@@ -139,6 +144,15 @@ pub(super) fn unexplained(channels: &[Residuals], noises: f32, share: f32) -> (f
     // Not a number is past every limit.
     let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
     much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()
+}
+
+/// What the lens alone says of a photo.
+#[derive(Clone)]
+pub(super) enum LensAlone {
+    /// No scene gives it: what is left in the channels that tell.
+    Foreign(Vec<Residuals>),
+    /// Some scene may.
+    Fitting(Box<Reference>),
 }
 
 /// What a result is judged by.

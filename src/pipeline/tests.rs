@@ -124,15 +124,49 @@ fn a_blank_photo_is_delivered_as_it_is() {
     assert_eq!((outcome.captures, outcome.picture), (0, wall));
 }
 
+/// What a restoration takes: captures, and readings of the clock. Each step of each solve reads it.
+fn work(photo: &Frame<Work>, method: &dyn Method, bed: &mut Bed) -> (Verdict, usize, usize) {
+    let readings = Arc::new(std::sync::atomic::AtomicUsize::new(0));
+    let counted = Arc::clone(&readings);
+    let one = move || counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed) as f64;
+    bed.pipeline = Pipeline::new(&bed.config, small()).unwrap().timed_by(Arc::new(one));
+    let outcome = bed.restore(photo, method);
+    (outcome.verdict, outcome.captures, readings.load(std::sync::atomic::Ordering::Relaxed))
+}
+
 #[test]
 fn a_refusal_costs_no_more_than_a_restoration() {
     let mut bed = Bed::new();
-    let hybrid = method(&bed.config, Named::Hybrid);
-    let restored = bed.restore(&bed.photo(), &*hybrid);
-    assert_eq!(restored.verdict, Verdict::Sound, "{}", restored.reason);
     // No scene gives a sharp picture through this lens.
+    let (good, sharp) = (bed.photo(), bed.scene());
+    for named in [Named::Hybrid, Named::BlockMatching, Named::Digital] {
+        let method = method(&bed.config, named);
+        let (restored, captures, steps) = work(&good, &*method, &mut bed);
+        assert_eq!(restored, Verdict::Sound, "{named:?}");
+        let (refused, its_captures, its_steps) = work(&sharp, &*method, &mut bed);
+        assert_eq!(refused, Verdict::Untouched, "{named:?}");
+        assert!(its_captures <= captures, "{named:?}: {its_captures} captures of {captures}");
+        assert!(its_steps <= steps, "{named:?}: {its_steps} steps of {steps}");
+    }
+}
+
+#[test]
+fn one_channel_that_no_scene_gives_is_enough() {
+    let bed = Bed::new();
+    let (sharp, lens) = (bed.scene(), bed.pipeline.model());
+    let photo = bed.pipeline.prepare(&sharp, Channels::Colour);
+    let channels = bed.pipeline.residuals(&photo, lens, &photo.placed);
+    let left = judge::Left { channels: &channels, by_lens_alone: false };
+    let said = bed.pipeline.lens_alone(&photo, lens, left, &mut |_, _| {}).unwrap();
+    assert!(matches!(&said, stages::LensAlone::Foreign(left) if left.len() == 1));
+}
+
+#[test]
+fn a_refused_photo_is_returned_as_it_is() {
+    let mut bed = Bed::new();
+    let hybrid = method(&bed.config, Named::Hybrid);
     let sharp = bed.scene();
     let refused = bed.restore(&sharp, &*hybrid);
     assert_eq!((refused.verdict, refused.picture), (Verdict::Untouched, sharp));
-    assert!(refused.captures <= restored.captures, "{} captures", refused.captures);
+    assert!(refused.reason.contains("does not explain the photo"), "{}", refused.reason);
 }

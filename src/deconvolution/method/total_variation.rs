@@ -53,6 +53,29 @@ impl Method for TotalVariation {
 }
 
 impl TotalVariation {
+    /// All channels of `problem` solved, the channel `first` before the others; nothing where
+    /// `is_enough` says of that one that it is.
+    ///
+    /// # Errors
+    /// When there is no lens model.
+    pub(crate) fn solve_unless(
+        &self,
+        problem: &Problem<'_>,
+        (first, is_enough): (Channel, &dyn Fn(&Plane) -> bool),
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Solution>, MethodError> {
+        let model = problem.needs_model(self.name())?;
+        let solved = self.solve_channel(problem, model, first);
+        if is_enough(&solved.0) {
+            return Ok(None);
+        }
+        let of = |c: Channel| match c == first {
+            true => solved.clone(),
+            false => self.solve_channel(problem, model, c),
+        };
+        Ok(Some(problem.solved_by_channel(of, watch)))
+    }
+
     fn solve_channel(
         &self,
         problem: &Problem<'_>,
