@@ -4,6 +4,7 @@ use std::ffi::OsString;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
+use relens::config::edit_distance;
 
 use super::align::AlignOptions;
 use super::calibrate::CalibrateOptions;
@@ -149,13 +150,28 @@ fn hint<'a>(
     kind: ContextKind,
     allowed: impl Iterator<Item = &'a str>,
 ) -> String {
-    match error.get(kind) {
-        Some(ContextValue::String(near)) => format!("; did you mean {near}?"),
-        Some(ContextValue::Strings(near)) if !near.is_empty() => {
-            format!("; did you mean {}?", near.join(" or "))
-        }
-        _ => format!(", allowed: {}", allowed.collect::<Vec<_>>().join(", ")),
+    let near: Vec<&str> = match error.get(kind) {
+        Some(ContextValue::String(near)) => vec![near],
+        Some(ContextValue::Strings(near)) => near.iter().map(String::as_str).collect(),
+        _ => Vec::new(),
+    };
+    let found = match kind {
+        ContextKind::SuggestedSubcommand => ContextKind::InvalidSubcommand,
+        ContextKind::SuggestedArg => ContextKind::InvalidArg,
+        _ => ContextKind::InvalidValue,
+    };
+    let found = error.get(found).map(ToString::to_string).unwrap_or_default();
+    let near: Vec<&str> = near.into_iter().filter(|name| is_near(&found, name)).collect();
+    if near.is_empty() {
+        return format!(", allowed: {}", allowed.collect::<Vec<_>>().join(", "));
     }
+    format!("; did you mean {}?", near.join(" or "))
+}
+
+/// Whether `found` may be a slip for `name`: its beginning, or a third of its letters amiss.
+fn is_near(found: &str, name: &str) -> bool {
+    let longer = found.len().max(name.len());
+    name.starts_with(found) || edit_distance(found, name) <= longer.div_ceil(3)
 }
 
 #[cfg(test)]
@@ -208,6 +224,8 @@ mod tests {
         for (line, wanted) in [
             ("restroe x", "found the command `restroe`; did you mean restore?"),
             ("xyz", "allowed: demo, run"),
+            ("frobnicate", "found the command `frobnicate`, allowed: demo, run"),
+            ("calib", "did you mean calibrate?"),
             ("run", "`relens run` needs --rig <RIG.toml>"),
             ("run --rig a --onec", "did you mean --once?"),
             ("run --rig", "needs a value: --rig"),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use relens::daemon::Folders;
+use relens::daemon::{Folders, State};
 use relens::kiosk::attend::ButtonLevel;
 use relens::rig::monotonic::Monotonic;
 use relens::rig::{Clock, Moment, RigError};
@@ -75,6 +75,30 @@ pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
     // do for most.
     std::thread::sleep(if options.long { Duration::from_secs(3) } else { SHORT });
     std::fs::remove_file(&path).map_err(|e| CliError::writing(&path, e))?;
-    say(if options.long { "pressed long" } else { "pressed" });
+    let needs_button = State::read(folder)?.is_none_or(|state| state.needs_button);
+    say(told(options.long, needs_button));
     Ok(())
+}
+
+/// What is said of a press.
+fn told(long: bool, needs_button: bool) -> &'static str {
+    match (long, needs_button) {
+        (true, _) => "pressed long",
+        (false, true) => "pressed",
+        (false, false) => {
+            "pressed; this box needs no button: it takes photos as they come ([run] mode = \
+             \"button\" in the rig file has them wait)"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_press_that_nothing_waits_for_says_so() {
+        assert_eq!((told(false, true), told(true, false)), ("pressed", "pressed long"));
+        assert!(told(false, false).contains("this box needs no button"));
+    }
 }

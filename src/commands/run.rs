@@ -273,6 +273,7 @@ fn setting(rig: &RigFile) -> DaemonSetting {
         reader,
         floor_bytes,
         lease_s,
+        needs_button: rig.run.mode != Mode::Folder,
         larger_photos: rig.run.larger_photos,
         raw_results: rig.photo.raw_results,
         ..DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)

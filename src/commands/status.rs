@@ -129,6 +129,7 @@ mod tests {
             doing: Doing::Waiting,
             counts: PhotoCounts { restored: 3, untouched: 2, failed: 1, ..PhotoCounts::default() },
             attention: Vec::new(),
+            needs_button: false,
             written_unix_s: 100,
         };
         assert!(words(&state, true, true, 160).starts_with("waiting for photos\n"));

@@ -39,6 +39,7 @@ pub use simulation::{
     DisplayTable, Faults, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription, Primaries,
     SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest, Wavelength,
 };
+pub use written::edit_distance;
 
 use std::path::Path;
 

@@ -175,8 +175,8 @@ fn of_kind(
 
 /// The nearest of `names` to `key`, or all of them, in words.
 fn nearest(key: &str, names: &[String]) -> String {
-    match names.iter().min_by_key(|name| distance(key, name)) {
-        Some(name) if distance(key, name) <= key.len().max(name.len()) / 2 => {
+    match names.iter().min_by_key(|name| edit_distance(key, name)) {
+        Some(name) if edit_distance(key, name) <= key.len().max(name.len()) / 2 => {
             format!("the nearest known one is `{name}`")
         }
         _ => format!("known here are {}", names.join(", ")),
@@ -209,7 +209,7 @@ fn derive(whole: &mut toml::Table) {
 }
 
 /// Edit distance (Levenshtein 1966) between two words, for naming the nearest known one.
-fn distance(a: &str, b: &str) -> usize {
+pub fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.chars().enumerate() {
@@ -225,12 +225,12 @@ fn distance(a: &str, b: &str) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::distance;
+    use super::edit_distance;
 
     #[test]
     fn distances_count_edits() {
-        assert_eq!(distance("kitten", "sitting"), 3);
-        assert_eq!(distance("", "abc"), 3);
-        assert_eq!(distance("settle-ms", "settle-ms"), 0);
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("settle-ms", "settle-ms"), 0);
     }
 }

@@ -112,7 +112,7 @@ impl<'a> Daemon<'a> {
                 keeping: Keeping::new(Keep::default(), &|| true),
                 unsettled: Unsettled::default(),
             },
-            reporter: Reporter::open(&folders, &setting.rig)?,
+            reporter: Reporter::open(&folders, (&setting.rig, setting.needs_button))?,
             folders,
             setting,
         })

@@ -11,6 +11,8 @@ use super::reader::Reader;
 pub struct DaemonSetting {
     /// Name of the rig, for reports.
     pub rig: String,
+    /// Whether photos wait for a button.
+    pub needs_button: bool,
     /// What photos the rig takes.
     pub grid: PhotoGrid,
     /// Curve of photos that carry no profile.
@@ -50,6 +52,7 @@ impl DaemonSetting {
         let (quiet_s, poll_s, retry_s) = (5.0, 5.0, 60.0);
         DaemonSetting {
             rig: rig.to_owned(),
+            needs_button: false,
             grid: grid.into(),
             curve,
             larger_photos: LargerPhotos::Shrink,

@@ -37,6 +37,8 @@ pub enum Screen {
         photos: usize,
         /// How, or what is wrong with how it stands.
         words: String,
+        /// Those that cannot be taken yet, in words; empty when there are none.
+        others: String,
     },
     /// The panel stands otherwise than it did.
     Measuring {
@@ -184,20 +186,16 @@ fn said(screen: &Screen) -> Said {
             let words = "Keep still until the white lamp goes out.".to_owned();
             plain((Symbol::Ring, SKY), "Taking the photo", vec![(words, PAPER)])
         }
-        Screen::Asking { photos: count, words } => plain(
-            (Symbol::Square, GREEN),
-            "Put me before the lens",
-            vec![
-                (words.clone(), PAPER),
-                (
-                    format!(
-                        "{} to restore. Short press: take another. Long press: not now.",
-                        photos(*count)
-                    ),
-                    SOFT,
-                ),
-            ],
-        ),
+        Screen::Asking { photos: count, words, others } => {
+            let count = photos(*count);
+            let press =
+                format!("{count} to restore. Short press: take another. Long press: not now.");
+            plain(
+                (Symbol::Square, GREEN),
+                "Put me before the lens",
+                with(others, vec![(words.clone(), PAPER), (press, SOFT)]),
+            )
+        }
         Screen::Measuring { why } => plain(
             (Symbol::Bars, SKY),
             "Measuring the lens",
@@ -402,7 +400,11 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
         ("taking", Screen::Taking),
         (
             "asking",
-            Screen::Asking { photos: 1, words: text("The camera does not see this panel yet.") },
+            Screen::Asking {
+                photos: 1,
+                words: text("The camera does not see this panel yet."),
+                others: text("1 photo is still arriving."),
+            },
         ),
         ("measuring", Screen::Measuring { why: text("displaced by 0.41 px, allowed 0.25") }),
         (

@@ -111,7 +111,10 @@ pub enum CalibrateError {
         allowed_percent: f64,
     },
     /// A smooth surface does not fit.
-    #[error("calibration step `{step}` cannot be fitted")]
+    #[error(
+        "calibration step `{step}` cannot be fitted; `relens check` says whether panel.settle-ms is \
+         too short"
+    )]
     Fit {
         /// The step.
         step: &'static str,
@@ -120,7 +123,7 @@ pub enum CalibrateError {
         source: SurfaceError,
     },
     /// The lens functions cannot be fitted.
-    #[error("the lens functions cannot be measured")]
+    #[error("the lens functions cannot be measured; `relens check` looks at panel and camera")]
     Lens(#[source] LensBlurError),
     /// What was measured contradicts itself.
     #[error("what was measured cannot be put to work")]

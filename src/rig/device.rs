@@ -95,7 +95,10 @@ pub enum RigError {
         waited_ms: f64,
     },
     /// Frames came, but none could be shown to belong to the picture shown.
-    #[error("{tries} exposures brought no frame of the picture shown; the last one was {last}")]
+    #[error(
+        "{tries} exposures brought no frame of the picture shown; the last one was {last}; `relens \
+         check` says whether panel.settle-ms is too short"
+    )]
     NotThisPicture {
         /// Exposures tried.
         tries: u32,

@@ -48,7 +48,10 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
     assert!(!ended_within(&mut child, 1), "it goes on");
     let calibrated = relens(&["calibrate", "--rig", "small.toml"], folder).wait().unwrap();
     assert_eq!(calibrated.code(), Some(3), "the folder is in use");
-    assert!(press(&[]).success());
+    let pressed =
+        Command::new(env!("CARGO_BIN_EXE_relens")).arg("press").current_dir(folder).output();
+    let told = String::from_utf8(pressed.unwrap().stdout).unwrap();
+    assert!(told.contains("this box needs no button"), "{told}");
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     assert!(ended_within(&mut child, 30));
     let mut said = String::new();

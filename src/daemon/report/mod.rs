@@ -22,6 +22,7 @@ use summary::Summary;
 /// Tells what the daemon does: in the state file, and in the gallery.
 pub(super) struct Reporter {
     rig: String,
+    needs_button: bool,
     gallery: Gallery,
     written: Option<Moment>,
     /// The gallery shows results that were removed.
@@ -45,10 +46,14 @@ pub(super) struct Telling {
 }
 
 impl Reporter {
-    /// Tells of what the rig called `rig` does with `folders`.
-    pub(super) fn open(folders: &Folders, rig: &str) -> Result<Reporter, FileError> {
+    /// Tells of what the rig called `rig` does with `folders`, and whether it waits for a button.
+    pub(super) fn open(
+        folders: &Folders,
+        (rig, needs_button): (&str, bool),
+    ) -> Result<Reporter, FileError> {
         Ok(Reporter {
             rig: rig.to_owned(),
+            needs_button,
             gallery: Gallery::load(folders)?,
             written: None,
             stale: false,
@@ -115,6 +120,7 @@ impl Reporter {
             doing,
             counts: self.gallery.counts(),
             attention: self.attention.clone(),
+            needs_button: self.needs_button,
             written_unix_s: telling.unix_s,
         };
         if let Err(error) = state.write(folders) {

@@ -58,8 +58,16 @@ pub struct State {
     /// hangs; a sentence each.
     #[serde(default)]
     pub attention: Vec<String>,
+    /// Whether photos wait for a button: pressed for nothing on a box that takes them as they come.
+    #[serde(default = "yes")]
+    pub needs_button: bool,
     /// When this was written, seconds since 1970 UTC by the box's calendar.
     pub written_unix_s: u64,
+}
+
+/// What is taken for granted of a box that says nothing.
+fn yes() -> bool {
+    true
 }
 
 impl State {
@@ -70,6 +78,7 @@ impl State {
             doing,
             counts: PhotoCounts::default(),
             attention: Vec::new(),
+            needs_button: yes(),
             written_unix_s,
         }
     }

@@ -19,7 +19,7 @@ use crate::config::Nights;
 use crate::daemon::error::DaemonError;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::taken;
-use crate::daemon::store::waiting::Awaited;
+use crate::daemon::store::waiting::{Awaited, Waiting};
 use crate::kiosk::front_panel::BoxState;
 use crate::kiosk::screen::Screen;
 use crate::nights::pilot::DriftLimits;
@@ -177,7 +177,7 @@ impl<'a> Shooting<'a> {
             Ok(true) => {
                 self.ask(now, ASK);
                 // It is seen at the next look at the inbox.
-                return self.wait(asked.waiting + 1, now, before, rig);
+                return self.wait((asked.waiting + 1, asked.parts), now, before, rig);
             }
             Ok(false) => {}
         }
@@ -212,7 +212,7 @@ impl<'a> Shooting<'a> {
                         Ok(false) => {}
                     }
                 }
-                self.wait(asked.waiting, now, before, rig)
+                self.wait((asked.waiting, asked.parts), now, before, rig)
             }
         }
     }
@@ -352,13 +352,13 @@ impl<'a> Shooting<'a> {
     /// Asks for the panel.
     fn wait(
         &self,
-        photos: usize,
+        (photos, parts): (usize, Waiting),
         now: Moment,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
     ) -> ShootTurn {
         let Stage::Ask { look_at, words, .. } = &self.stage else { return ShootTurn::Aim };
-        let screen = Screen::Asking { photos, words: words.clone() };
+        let screen = Screen::Asking { photos, words: words.clone(), others: parts.beside() };
         before.show(screen, BoxState::Asking, rig);
         let reason = format!("photos wait for the panel: {words}");
         let until = (look_at.0 > now.0).then_some(*look_at);
