@@ -109,16 +109,15 @@ table! {
     /// The strips at the sensor's upper and lower edge that carry the number of the picture shown.
     pub struct Marks {
         /// From the sensor's edge to the strip, in sensor pixels. The canvas stays free of strips
-        /// that do not move.
+        /// that do not vanish.
         from_edge_px: usize, Whole(0, 16384), Never;
         /// The strip's height in sensor pixels: wide against the blur.
         height_px: usize, Whole(2, 16384), Never;
-        /// Whether each capture is two exposures with the strips in two places, so that one shows
-        /// what the other hides: the canvas may then reach the sensor's edges, and captures take
-        /// twice as long. Not with `response-flats` behind a lens that scatters: the marks' glare
-        /// then differs where the two exposures meet, and sites there pass for hot.
+        /// Whether the strips vanish before each capture: a first exposure with them proves the
+        /// picture, a second without them is the capture. The canvas may then reach the sensor's
+        /// edges, and captures take twice as long.
         @[serde(skip_serializing_if = "std::ops::Not::not")]
-        moving: bool, Truth, Means("false");
+        vanish: bool, Truth, Means("false");
     }
 }
 

@@ -122,18 +122,17 @@ fn check_marks(places: &Places, written: &RigTables) -> Result<(), ConfigError> 
     let RigTables { photo, camera, canvas, calibration, marks: Some(marks), .. } = written else {
         return Ok(());
     };
-    if marks.moving {
-        // Both places of a strip, and around them as far as the blur reaches.
-        let needed =
-            marks.from_edge_px + 2 * marks.height_px + 6 * (calibration.function_support_px / 2);
+    if marks.vanish {
+        // Black around the strips, as far as the blur reaches.
+        let needed = marks.from_edge_px + marks.height_px + calibration.function_support_px / 2;
         let half = camera.height_px / 2;
         return places.hold(
             needed <= half,
             "marks.height-px",
             marks.height_px,
             format_args!(
-                "one that needs up to {half} rows with marks.from-edge-px and the blur around two \
-                 places, here {needed}"
+                "one that needs up to {half} rows with marks.from-edge-px and the blur, here \
+                 {needed}"
             ),
         );
     }
@@ -228,6 +227,12 @@ fn check_simulation(
         "sensor.black-level-counts",
         sensor.black_level_counts,
         format_args!("0 to {half}, half of the largest count"),
+    )?;
+    places.hold(
+        sensor.jpeg_quality.is_none() || (written.camera.bits == 8 && sensor.mosaic.is_none()),
+        "sensor.jpeg-quality",
+        format_args!("frames coded as JPEG of a camera of {} bits", written.camera.bits),
+        "a camera of 8 bits without sensor.mosaic",
     )?;
     let faults = written.faults;
     let together =

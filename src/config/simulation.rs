@@ -363,6 +363,10 @@ table! {
         /// exponentially distributed.
         @[serde(skip_serializing_if = "is_default")]
         hot_pixel_levels: f64, Number(0.0, 1e4), Means("0.0");
+        /// The camera codes its frames as JPEG of this quality, as libjpeg counts, with half as
+        /// many samples of colour across (4:2:2, as webcams do); of 8 bits and without `mosaic`.
+        @[serde(skip_serializing_if = "Option::is_none")]
+        jpeg_quality: Option<u32>, Whole(1, 100), Says("its frames are not coded");
         /// How counts stand for light.
         @[serde(skip_serializing_if = "is_default")]
         curve: SensorCurve, Table(&SensorCurve::TABLE), Means("{}");

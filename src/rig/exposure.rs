@@ -6,7 +6,7 @@
 //! frame mark does, on rigs that have room for one. Waiting times decide how fast a rig is, never
 //! whether its frames are right.
 
-use super::frame_mark::{FrameMarks, MarkPlace, MarkReading};
+use super::frame_mark::{FrameMarks, MarkPlace, MarkReading, MarkShares};
 use super::mark_search::find_marks;
 use super::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 use crate::config;
@@ -77,6 +77,8 @@ struct ExposureUnderWay {
     fired: Moment,
     /// The mark shown, on a rig with marks.
     number: u8,
+    /// What the picture has of that mark by itself, where it has vanished since.
+    vanished: Option<MarkShares>,
 }
 
 /// Panel, trigger, camera and clock, bolted down.
@@ -92,8 +94,6 @@ pub struct Devices {
     /// How long to wait, how often to try.
     pub timing: Timing,
     marks: Option<FrameMarks>,
-    /// Where marks that move are in every second exposure.
-    moved: Option<FrameMarks>,
     number: u8,
     /// The picture with its mark painted in; kept, so that no capture allocates a panel's worth.
     marked: Codes,
@@ -122,7 +122,6 @@ impl Devices {
             clock,
             timing,
             marks: None,
-            moved: None,
             number: 0,
             marked,
             rejected: Rejected::default(),
@@ -155,12 +154,12 @@ impl Devices {
     /// # Errors
     /// [`RigError::NoMarks`] when the panel is not in view; else as [`Devices::capture`].
     pub fn find_marks(&mut self, place: MarkPlace) -> Result<(), RigError> {
-        (self.marks, self.moved) = (None, None);
+        self.marks = None;
         let panel = self.panel.size();
-        let (marks, moved) = find_marks(place, panel, &mut |codes| {
+        let marks = find_marks(place, panel, &mut |codes| {
             self.capture(codes).map(|exposed| exposed.counts)
         })?;
-        (self.marks, self.moved) = (Some(marks), moved);
+        self.marks = Some(marks);
         Ok(())
     }
 
@@ -171,15 +170,14 @@ impl Devices {
 
     /// Shows `codes`, lets them settle, and returns a frame of them. A frame that does not come, or
     /// that is not of this picture, is shot again, up to [`Timing::exposures_max`] exposures in
-    /// all. Where marks move, a second exposure with the marks elsewhere gives what they hid in the
-    /// first.
+    /// all. Where marks vanish, the frame is of a second exposure without them.
     ///
     /// # Errors
     /// [`RigError::NoFrame`] or [`RigError::NotThisPicture`] when no exposure brought the picture's
     /// frame; at once when a device is gone or refuses.
     pub fn capture(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
         let begin = self.clock.now();
-        let result = self.shoot(codes).and_then(|exposed| self.uncovered(exposed, codes));
+        let result = self.shoot(codes).and_then(|exposed| self.bared(exposed, codes));
         self.seconds += self.clock.now().0 - begin.0;
         result
     }
@@ -209,7 +207,7 @@ impl Devices {
             outcome = self.trigger.fire().and_then(|fired| {
                 self.captures += 1;
                 let flip = Flip { at: fired, vblank: 0 };
-                self.receive(&ExposureUnderWay { index: 0, flip, fired, number: 0 })
+                self.receive(&ExposureUnderWay { index: 0, flip, fired, number: 0, vanished: None })
             });
             let again = matches!(&outcome, Err(error) if error.remedy() == Remedy::ShootAgain);
             if !again {
@@ -222,8 +220,8 @@ impl Devices {
 
     /// Captures pictures that are all known beforehand, and hands `take` each one's frame by its
     /// index, not necessarily in order. While one frame is exposed and read out, the next picture
-    /// is already on its way to the panel, unless marks move. A frame that is not its picture's is
-    /// shot again at the end.
+    /// is already on its way to the panel, unless marks vanish. A frame that is not its picture's
+    /// is shot again at the end.
     ///
     /// # Errors
     /// As [`Devices::capture`], for the first picture that cannot be had.
@@ -232,7 +230,7 @@ impl Devices {
         pictures: &[&Codes],
         take: &mut dyn FnMut(usize, Exposed),
     ) -> Result<(), RigError> {
-        if self.moved.is_some() {
+        if self.marks.as_ref().is_some_and(FrameMarks::vanish) {
             for (index, codes) in pictures.iter().enumerate() {
                 take(index, self.capture(codes)?);
             }
@@ -244,29 +242,33 @@ impl Devices {
         result
     }
 
-    /// `exposed`, which shows `codes`, with the rows that its marks hid from a second exposure.
-    fn uncovered(&mut self, mut exposed: Exposed, codes: &Codes) -> Result<Exposed, RigError> {
-        let (Some(marks), Some(_)) = (&self.marks, &self.moved) else { return Ok(exposed) };
-        let hidden = marks.hidden_px();
-        std::mem::swap(&mut self.marks, &mut self.moved);
-        let other = self.shoot(codes);
-        std::mem::swap(&mut self.marks, &mut self.moved);
-        let other = other?.counts;
-        for (to, from) in exposed.counts.planes_mut().iter_mut().zip(other.planes()) {
-            let height = to.height();
-            for y in (0..hidden.min(height)).chain(height.saturating_sub(hidden)..height) {
-                to.row_mut(y).copy_from_slice(from.row(y));
-            }
-        }
-        self.camera.give_back(other);
-        Ok(exposed)
+    /// In place of `exposed`, which shows `codes` under a mark, a frame of them alone where marks
+    /// vanish: one that comes later, and has nothing left of the mark, is of nothing else.
+    fn bared(&mut self, exposed: Exposed, codes: &Codes) -> Result<Exposed, RigError> {
+        let Some(marks) = self.marks.as_ref().filter(|marks| marks.vanish()) else {
+            return Ok(exposed);
+        };
+        let (number, own) = (self.number, marks.own_shares(codes, self.number));
+        self.camera.give_back(exposed.counts);
+        let flip = self.panel.show(codes)?;
+        self.shot(flip, number, Some(own))
     }
 
     fn shoot(&mut self, codes: &Codes) -> Result<Exposed, RigError> {
         let (flip, number) = self.show(codes)?;
+        self.shot(flip, number, None)
+    }
+
+    /// Exposes what is shown since `flip` until its frame comes.
+    fn shot(
+        &mut self,
+        flip: Flip,
+        number: u8,
+        vanished: Option<MarkShares>,
+    ) -> Result<Exposed, RigError> {
         let mut failure = RigError::NoFrame { waited_ms: 0.0 };
         for tries in 1..=self.timing.exposures_max {
-            let shot = self.fire(0, flip, number)?;
+            let shot = ExposureUnderWay { vanished, ..self.fire(0, flip, number)? };
             match self.receive(&shot) {
                 Err(RigError::NotThisPicture { last, .. }) => {
                     failure = RigError::NotThisPicture { tries, last }
@@ -335,7 +337,7 @@ impl Devices {
         self.clock.wait_until(after(flip.at, self.timing.settle_ms));
         let fired = self.trigger.fire()?;
         self.captures += 1;
-        Ok(ExposureUnderWay { index, flip, fired, number })
+        Ok(ExposureUnderWay { index, flip, fired, number, vanished: None })
     }
 
     /// The frame of `shot`. Frames of the past are passed over until its deadline; the first one
@@ -378,7 +380,15 @@ impl Devices {
 
     /// What the mark says against the frame; `None` when nothing.
     fn doubt(&mut self, exposed: &Exposed, shot: &ExposureUnderWay) -> Option<String> {
-        let reading = self.marks.as_ref()?.read(&exposed.counts);
+        let marks = self.marks.as_ref()?;
+        if let Some(own) = &shot.vanished {
+            if marks.is_gone(&exposed.counts, shot.number, own) {
+                return None;
+            }
+            self.rejected.another += 1;
+            return Some("a mark that should be gone".to_owned());
+        }
+        let reading = marks.read(&exposed.counts);
         match reading {
             MarkReading::Number(number) if number == shot.number => return None,
             MarkReading::Number(_) => self.rejected.another += 1,

@@ -7,6 +7,8 @@
 //! by time, is told from a whole one. Strips that move hide in one exposure what they show in the
 //! next.
 
+use std::ops::Range;
+
 use super::coarse_geometry::CoarseGeometry;
 use crate::config;
 use crate::frame::{Channel, Codes, Counts, Plane, Size};
@@ -24,6 +26,12 @@ const BLACK: u8 = u8::MAX;
 /// Least share of a bit's usual contrast that counts: a frame with more than a tenth of another bit
 /// in it fails.
 const CONTRAST_SHARE_MIN: f32 = 0.8;
+/// Rows of a strip are looked at in so many bands for what is left of it, for a torn frame may hold
+/// a part of its height.
+const BANDS: usize = 4;
+/// A strip is gone where no band has more of its contrast than this, beside the picture's own: what
+/// the panel's curve and the geometry leave unknown of that is a few hundredths (guess).
+const LEFT_SHARE_MAX: f32 = 0.2;
 
 /// What a frame says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,10 +66,8 @@ pub struct MarkPlace {
     /// Kept black around the strips, so that no picture's edge lights one cell of a bit more than
     /// the other.
     pub guard_px: usize,
-    /// The first row, from either edge, that is black for them; 0: all beyond the edge, too.
-    black_from_px: usize,
-    /// Of strips that move: how far the lens spreads what they hide.
-    spread_px: Option<usize>,
+    /// Whether they are gone from the panel in the exposure that counts.
+    vanish: bool,
 }
 
 impl MarkPlace {
@@ -72,8 +78,7 @@ impl MarkPlace {
         height_px: usize,
         guard_px: usize,
     ) -> MarkPlace {
-        let (black_from_px, spread_px) = (0, None);
-        MarkPlace { sensor, from_edge_px, height_px, guard_px, black_from_px, spread_px }
+        MarkPlace { sensor, from_edge_px, height_px, guard_px, vanish: false }
     }
 
     /// Where a rig file puts the strips; `None` without `[marks]`.
@@ -81,10 +86,10 @@ impl MarkPlace {
         let marks = rig.marks.as_ref()?;
         let sensor = rig.camera.size();
         let (from_edge_px, height_px) = (marks.from_edge_px, marks.height_px);
-        if marks.moving {
+        if marks.vanish {
             let radius = rig.calibration.function_support_px / 2;
             let place = MarkPlace::still(sensor, from_edge_px, height_px, radius);
-            return Some(MarkPlace { spread_px: Some(radius), ..place });
+            return Some(MarkPlace { vanish: true, ..place });
         }
         // All of the room up to the canvas, whose light ends there anyway.
         let canvas = rig.canvas_on_sensor();
@@ -93,29 +98,15 @@ impl MarkPlace {
         Some(MarkPlace::still(sensor, from_edge_px, height_px, guard_px))
     }
 
-    /// Where strips that move are in every second exposure: clear of what they hide in the first,
-    /// as far as the lens spreads either. `None` of strips that stay.
-    pub fn elsewhere(&self) -> Option<MarkPlace> {
-        let spread = self.spread_px?;
-        let black_from_px = self.depth_px() + 2 * spread;
-        let from_edge_px = black_from_px + self.guard_px;
-        Some(MarkPlace { from_edge_px, black_from_px, ..*self })
-    }
-
     /// Rows from either edge to the end of what is black.
     fn depth_px(&self) -> usize {
         self.from_edge_px + self.height_px + self.guard_px
     }
 
-    /// Rows from either edge that strips hide, or darken through the lens, where they do not stay.
-    pub(super) fn hidden_px(&self) -> usize {
-        self.spread_px.map_or(0, |spread| self.depth_px() + spread)
-    }
-
     /// Whether the sensor's row `row` sees no picture: it is kept for marks that stay, and black
     /// about them.
     pub fn keeps(&self, row: usize) -> bool {
-        self.spread_px.is_none() && self.covers(row as f64)
+        !self.vanish && self.covers(row as f64)
     }
 
     fn first_row(&self, strip: usize) -> usize {
@@ -127,30 +118,35 @@ impl MarkPlace {
 
     /// Whether a sensor place, seen or not, is to be black or a mark.
     fn covers(&self, y: f64) -> bool {
-        let begin = match self.black_from_px {
-            0 => -((self.height_px + self.guard_px) as f64),
-            row => row as f64 - 0.5,
-        };
+        let begin = -((self.height_px + self.guard_px) as f64);
         let end = self.depth_px() as f64 - 0.5;
         let from_below = self.sensor.height as f64 - 1.0 - y;
         (begin..end).contains(&y) || (begin..end).contains(&from_below)
     }
 
-    /// Strip and cell at a sensor place, if one is there. Strips end a cell's width before the
-    /// sensor's sides.
-    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<(usize, usize)> {
+    /// Strip, cell and how far into the cell, 0..1, at a sensor place, if one is there. Strips end
+    /// a cell's width before the sensor's sides.
+    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<(usize, usize, f64)> {
         let row = y + 0.5;
         let strip = (0..2).find(|&strip| {
             let first = self.first_row(strip) as f64;
             (first..first + self.height_px as f64).contains(&row)
         })?;
-        let cell = ((x + 0.5) / self.sensor.width as f64 * (CELLS + 2) as f64).floor() - 1.0;
-        (0.0..CELLS as f64).contains(&cell).then_some((strip, cell as usize))
+        let along = (x + 0.5) / self.sensor.width as f64 * (CELLS + 2) as f64 - 1.0;
+        let inside = (0.0..CELLS as f64).contains(&along);
+        inside.then_some((strip, along as usize, along.fract()))
+    }
+
+    /// The sensor rows of one of a strip's bands.
+    fn band(&self, strip: usize, band: usize) -> Range<usize> {
+        let first = self.first_row(strip);
+        let edge = |n: usize| first + n * self.height_px / BANDS;
+        edge(band)..edge(band + 1)
     }
 }
 
 /// Sensor rows of a strip that are measured: the middle half, away from whatever is beside it.
-fn measured_rows(place: &MarkPlace, strip: usize) -> std::ops::Range<usize> {
+fn measured_rows(place: &MarkPlace, strip: usize) -> Range<usize> {
     let margin = place.height_px / 4;
     let first = place.first_row(strip);
     first + margin..first + place.height_px - margin
@@ -167,12 +163,17 @@ fn bits(number: u8) -> [bool; BITS] {
 /// The mean light−dark difference of each bit's cells, light when the bit is set, for both strips.
 type Contrasts = [[f32; BITS]; 2];
 
+/// How much of a number's contrast each band of both strips has: 1 is a mark, 0 is none.
+pub(super) type MarkShares = [[f32; BANDS]; 2];
+
 /// Marks in their places on one rig.
 #[derive(Debug, Clone)]
 pub struct FrameMarks {
     place: MarkPlace,
     /// Panel pixels of strips and guard: index, and the cell or [`BLACK`].
     pixels: Vec<(u32, u8)>,
+    /// Panel pixels of the middle half of cells: index, strip, band and cell.
+    middles: Vec<(u32, [u8; 3])>,
     /// Usual contrast of each bit, in counts.
     usual: Contrasts,
 }
@@ -181,13 +182,19 @@ impl FrameMarks {
     /// Marks for a rig of this geometry, whose panel has `panel` pixels; `None` when the strips are
     /// not altogether on the panel. Their contrast is yet to be learned.
     pub fn new(place: MarkPlace, geometry: &CoarseGeometry, panel: Size) -> Option<Self> {
-        let mut pixels = Vec::new();
+        let (mut pixels, mut middles) = (Vec::new(), Vec::new());
         for y in 0..panel.height {
             for x in 0..panel.width {
                 let at = geometry.sensor_at([x as f64, y as f64]);
                 if place.covers(at[1]) {
-                    let cell = place.cell_at(at).map_or(BLACK, |(_, cell)| cell as u8);
-                    pixels.push(((y * panel.width + x) as u32, cell));
+                    let (index, found) = ((y * panel.width + x) as u32, place.cell_at(at));
+                    pixels.push((index, found.map_or(BLACK, |(_, cell, _)| cell as u8)));
+                    if let Some((strip, cell, _)) = found.filter(|f| (0.25..0.75).contains(&f.2)) {
+                        let row = (at[1] + 0.5) as usize;
+                        let band = (0..BANDS).find(|&n| place.band(strip, n).contains(&row));
+                        let band = band.unwrap_or(BANDS - 1);
+                        middles.push((index, [strip, band, cell].map(|n| n as u8)));
+                    }
                 }
             }
         }
@@ -209,13 +216,46 @@ impl FrameMarks {
         (inside && !pixels.is_empty()).then_some(FrameMarks {
             place,
             pixels,
+            middles,
             usual: [[0.0; BITS]; 2],
         })
     }
 
-    /// Rows from the sensor's upper and lower edge whose picture is another exposure's.
-    pub(super) fn hidden_px(&self) -> usize {
-        self.place.hidden_px()
+    /// Whether they are gone from the panel in the exposure that counts.
+    pub(super) fn vanish(&self) -> bool {
+        self.place.vanish
+    }
+
+    /// What `codes` themselves have of the mark `number`, where it is not painted.
+    pub(super) fn own_shares(&self, codes: &Codes, number: u8) -> MarkShares {
+        let mut cells = [[[(0.0f32, 0.0f32); CELLS]; BANDS]; 2];
+        // About a panel's light.
+        let light = |code: u8| (f32::from(code) / f32::from(LIGHT_CODE)).powf(2.2);
+        let data = codes.plane(Channel::Green).data();
+        for &(index, [strip, band, cell]) in &self.middles {
+            let to = &mut cells[usize::from(strip)][usize::from(band)][usize::from(cell)];
+            *to = (to.0 + light(data[index as usize]), to.1 + 1.0);
+        }
+        let mean = |(sum, pixels): (f32, f32)| sum / pixels.max(1.0);
+        cells.map(|strip| {
+            strip.map(|cells| {
+                share_of(number, |bit| mean(cells[2 * bit]) - mean(cells[2 * bit + 1]))
+            })
+        })
+    }
+
+    /// Whether nothing is left in the frame of the mark `number`, beside what the picture has of
+    /// its own.
+    pub(super) fn is_gone(&self, counts: &Counts, number: u8, own: &MarkShares) -> bool {
+        let plane = counts.plane(Channel::Green);
+        (0..2).all(|strip| {
+            (0..BANDS).all(|band| {
+                let rows = self.place.band(strip, band);
+                let of =
+                    |bit: usize| self.contrast(plane, rows.clone(), bit) / self.usual[strip][bit];
+                rows.is_empty() || (share_of(number, of) - own[strip][band]).abs() < LEFT_SHARE_MAX
+            })
+        })
     }
 
     /// Paints `number` over the strips' places in `codes`.
@@ -289,24 +329,32 @@ impl FrameMarks {
 
     fn contrasts(&self, counts: &Counts) -> Contrasts {
         let plane = counts.plane(Channel::Green);
-        let pitch = self.place.sensor.width as f32 / (CELLS + 2) as f32;
         std::array::from_fn(|strip| {
-            std::array::from_fn(|bit| {
-                let cell = |n: usize| {
-                    mean_of_cell(plane, &self.place, strip, (n + 1) as f32 * pitch, pitch)
-                };
-                cell(2 * bit) - cell(2 * bit + 1)
-            })
+            let rows = measured_rows(&self.place, strip);
+            std::array::from_fn(|bit| self.contrast(plane, rows.clone(), bit))
         })
+    }
+
+    /// How much lighter the first of a bit's cells is than the second over `rows`, in counts.
+    fn contrast(&self, plane: &Plane<u16>, rows: Range<usize>, bit: usize) -> f32 {
+        let pitch = self.place.sensor.width as f32 / (CELLS + 2) as f32;
+        let cell = |n: usize| mean_of_cell(plane, rows.clone(), (n + 1) as f32 * pitch, pitch);
+        cell(2 * bit) - cell(2 * bit + 1)
     }
 }
 
-/// Mean of the middle half of a cell's columns, over the strip's measured rows.
-fn mean_of_cell(plane: &Plane<u16>, place: &MarkPlace, strip: usize, left: f32, width: f32) -> f32 {
+/// The mean of what `contrast` gives of each bit, as the mark `number` has it.
+fn share_of(number: u8, contrast: impl Fn(usize) -> f32) -> f32 {
+    let signed = |(bit, set): (usize, bool)| if set { contrast(bit) } else { -contrast(bit) };
+    bits(number).into_iter().enumerate().map(signed).sum::<f32>() / BITS as f32
+}
+
+/// Mean of the middle half of a cell's columns, over `rows`.
+fn mean_of_cell(plane: &Plane<u16>, rows: Range<usize>, left: f32, width: f32) -> f32 {
     let first = (left + 0.25 * width).round() as usize;
     let last = ((left + 0.75 * width).round() as usize).max(first + 1).min(plane.width());
     let (mut sum, mut pixels) = (0u64, 0u64);
-    for row in measured_rows(place, strip) {
+    for row in rows {
         let row = &plane.row(row)[first..last];
         sum += row.iter().map(|&count| u64::from(count)).sum::<u64>();
         pixels += row.len() as u64;

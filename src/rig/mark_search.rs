@@ -33,7 +33,7 @@ const ROUNDS: usize = 4;
 /// Shows one picture and returns a frame that is probably its own.
 pub type Shoot<'a> = dyn FnMut(&Codes) -> Result<Counts, RigError> + 'a;
 
-/// The marks of this rig, and where they are in every second exposure if they move.
+/// The marks of this rig.
 ///
 /// # Errors
 /// [`RigError::NoMarks`] when panel and sensor do not see eye to eye; else whatever `shoot` fails
@@ -42,11 +42,9 @@ pub fn find_marks(
     place: MarkPlace,
     panel: Size,
     shoot: &mut Shoot,
-) -> Result<(FrameMarks, Option<FrameMarks>), RigError> {
+) -> Result<FrameMarks, RigError> {
     let geometry = find_geometry(place.sensor, panel, shoot)?;
-    let marks = learned(place, &geometry, panel, shoot)?;
-    let moved = place.elsewhere().map(|place| learned(place, &geometry, panel, shoot));
-    Ok((marks, moved.transpose()?))
+    learned(place, &geometry, panel, shoot)
 }
 
 /// Marks at `place`, whose contrast is known and which were read.

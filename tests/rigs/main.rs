@@ -15,6 +15,7 @@ mod operating_point;
 mod raw_file;
 mod raw_sites;
 mod truthful;
+mod whole_sensor;
 
 use std::collections::HashMap;
 use std::path::Path;
