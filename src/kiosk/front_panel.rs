@@ -14,6 +14,10 @@ pub enum BoxState {
     Starting,
     /// Nothing to do.
     Ready,
+    /// Nothing to do; the photo of before was restored.
+    Done,
+    /// Nothing to do; the photo of before was returned as it was, or refused.
+    Refused,
     /// Photos wait for the button.
     Waiting,
     /// The button was pressed, work is about to begin.
@@ -62,6 +66,14 @@ pub struct FrontPanel {
     rounds: Arc<AtomicU64>,
 }
 
+impl BoxState {
+    /// Whether a press begins something.
+    fn takes_a_press(self) -> bool {
+        use BoxState::{Done, Ready, Refused, Waiting};
+        matches!(self, Ready | Done | Refused | Waiting)
+    }
+}
+
 impl FrontPanel {
     /// Also after a panic elsewhere: each value is whole at any time.
     fn inner(&self) -> MutexGuard<'_, Inner> {
@@ -88,7 +100,7 @@ impl FrontPanel {
     pub fn set(&self, state: BoxState) {
         let mut inner = self.inner();
         // A press that came just before the daemon looked must not seem to have been forgotten.
-        let heard = inner.requests.go && matches!(state, BoxState::Waiting | BoxState::Ready);
+        let heard = inner.requests.go && state.takes_a_press();
         inner.state = if heard { BoxState::Heard } else { state };
     }
 
@@ -113,7 +125,7 @@ impl FrontPanel {
                 inner.state = BoxState::Heard;
             }
             (Press::Long, _) if was_asked => inner.requests.put_off = true,
-            (Press::Down, BoxState::Ready | BoxState::Waiting | BoxState::Heard) => {
+            (Press::Down, state) if state.takes_a_press() || state == BoxState::Heard => {
                 inner.requests.go = true;
                 inner.state = BoxState::Heard;
             }

@@ -21,12 +21,17 @@ type Rhythm = &'static [(f64, &'static [LampColour])];
 const GREEN: &[LampColour] = &[LampColour::Green];
 const WHITE: &[LampColour] = &[LampColour::White];
 const RED: &[LampColour] = &[LampColour::Red];
+const GREEN_WHITE: &[LampColour] = &[LampColour::Green, LampColour::White];
+const GREEN_RED: &[LampColour] = &[LampColour::Green, LampColour::Red];
 const DARK: &[LampColour] = &[];
 
 fn rhythm(state: BoxState) -> Rhythm {
     match state {
         BoxState::Starting => &[(1.0, WHITE), (1.0, DARK)],
         BoxState::Ready => &[(3600.0, GREEN)],
+        // Ready again, and how it ended beside it.
+        BoxState::Done => &[(0.2, GREEN_WHITE), (1.8, GREEN)],
+        BoxState::Refused => &[(0.2, GREEN_RED), (1.8, GREEN)],
         // Slow flashing: your turn.
         BoxState::Waiting => &[(1.0, GREEN), (1.0, DARK)],
         BoxState::Heard => &[(0.25, WHITE), (0.25, DARK)],
@@ -65,6 +70,8 @@ mod tests {
         vec![
             BoxState::Starting,
             BoxState::Ready,
+            BoxState::Done,
+            BoxState::Refused,
             BoxState::Waiting,
             BoxState::Heard,
             BoxState::Counting,
@@ -89,6 +96,32 @@ mod tests {
             for b in &all()[n + 1..] {
                 assert_ne!(shown(*a), shown(*b), "{a:?} and {b:?}");
             }
+        }
+    }
+
+    /// The rhythm of `state` as the page has it.
+    fn in_words(state: BoxState) -> String {
+        let colours = |lit: &[LampColour]| match lit {
+            [] => "dark".to_owned(),
+            lit => {
+                lit.iter().map(|c| format!("{c:?}").to_lowercase()).collect::<Vec<_>>().join("+")
+            }
+        };
+        match rhythm(state) {
+            [(_, lit)] => colours(lit),
+            parts => {
+                let part = |&(length, lit): &(f64, _)| format!("{} {length} s", colours(lit));
+                parts.iter().map(part).collect::<Vec<_>>().join(", ")
+            }
+        }
+    }
+
+    #[test]
+    fn the_page_of_the_box_has_every_rhythm() {
+        let page = include_str!("../../systemd/README.md");
+        for state in all() {
+            let row = format!("| {} |", in_words(state));
+            assert!(page.contains(&row), "{state:?}: {row}");
         }
     }
 

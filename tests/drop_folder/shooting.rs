@@ -37,6 +37,8 @@ pub struct Scene {
     pub gives_up: bool,
     /// Failures of the next photos, the next one last.
     pub failures: Vec<Remedy>,
+    /// Photos are returned as they are.
+    pub untouched: bool,
     /// From the press to the photo.
     pub countdown_s: f64,
 }
@@ -62,6 +64,7 @@ impl Restorer for Camera {
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure> {
         assert_eq!(self.scene.borrow().panel, Some(PanelView::There), "nothing to capture");
+        self.inner.untouched = self.scene.borrow().untouched;
         self.inner.restore(photo, progress)
     }
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
@@ -227,9 +230,13 @@ fn a_press_takes_a_photo_that_is_restored_when_the_panel_is_there() {
         (60.0, Panel(PanelView::Askew("it is upside down".to_owned()))),
         (80.0, Is(BoxState::Asking)),
         (80.0, Panel(PanelView::There)),
-        (119.0, Is(BoxState::Ready)),
+        (119.0, Is(BoxState::Done)),
     ];
     let (ran, mended) = journey(root.path(), Scene::default(), 120.0, &acts);
+    let now = std::fs::read_to_string(root.path().join("outbox/gallery/now.html")).unwrap();
+    assert!(now.contains("Switched off"), "{now}");
+    let page = std::fs::read_to_string(root.path().join("outbox/index.html")).unwrap();
+    assert!(page.contains("src=\"gallery/now.html\""));
     assert_eq!((ran.taken.len(), ran.summary.restored.len(), mended), (1, 1, vec![]));
     assert_eq!(names(&root.path().join("done")), set(&["photo-20961002-070640.png"]));
     assert!(ran.screens.contains(&Screen::Taking));
@@ -237,6 +244,17 @@ fn a_press_takes_a_photo_that_is_restored_when_the_panel_is_there() {
     let aims = |hint: &str| hint.contains("Aim");
     let last = ran.screens.last();
     assert!(matches!(last, Some(Screen::Result { hint, .. }) if aims(hint)), "{last:?}");
+}
+
+#[test]
+fn a_photo_returned_as_it_was_is_told_from_a_restored_one_by_the_lamps() {
+    let root = fresh_root();
+    let scene = Scene { panel: Some(PanelView::There), untouched: true, ..Scene::default() };
+    // For as long as the result is shown, and the button is heard all the same.
+    let (refused, ready) = (Is(BoxState::Refused), Is(BoxState::Ready));
+    let acts = [(10.0, Act::Press), (40.0, refused), (40.0, Act::Press), (299.0, ready)];
+    let (ran, _) = journey(root.path(), scene, 300.0, &acts);
+    assert_eq!((ran.taken.len(), ran.summary.untouched.len()), (2, 2));
 }
 
 #[test]

@@ -147,7 +147,8 @@ fn photos_with_faults_are_whole_or_absent() {
             let state = front.state();
             refused += usize::from(state == BoxState::Trouble && was != BoxState::Trouble);
             was = state;
-            if pressed < shoots && matches!(state, BoxState::Ready | BoxState::Asking) {
+            use BoxState::{Asking, Done, Ready, Refused};
+            if pressed < shoots && matches!(state, Ready | Done | Refused | Asking) {
                 pressed += 1;
                 front.press(Press::Down);
                 front.press(Press::Short);

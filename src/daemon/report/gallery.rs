@@ -225,6 +225,7 @@ impl Gallery {
             failed: &self.failed,
             left,
             waiting: self.waiting,
+            now: super::now::address(folders).as_deref(),
             attention,
             removed,
             pilots: &pilots,

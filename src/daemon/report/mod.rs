@@ -7,6 +7,7 @@ pub(super) mod summary;
 mod card;
 mod charts;
 mod html;
+mod now;
 mod page;
 
 use super::store::folders::Folders;
@@ -111,7 +112,7 @@ impl Reporter {
         self.doing.clone()
     }
 
-    /// Writes the state file. That nobody can look on is no reason to stop.
+    /// Writes the state file and the page's line. That nobody can look on is no reason to stop.
     pub(super) fn tell(&mut self, folders: &Folders, doing: Doing, telling: &Telling) {
         (self.doing, self.waiting) = (doing.clone(), telling.waiting);
         self.gallery.waiting = telling.waiting;
@@ -124,6 +125,9 @@ impl Reporter {
             written_unix_s: telling.unix_s,
         };
         if let Err(error) = state.write(folders) {
+            log::debug!("{}", full_message(&error));
+        }
+        if let Err(error) = now::write(folders, &state.doing, telling.unix_s) {
             log::debug!("{}", full_message(&error));
         }
     }

@@ -36,6 +36,8 @@ pub(super) struct Overview<'a> {
     pub(super) left: &'a [Failed],
     /// Photos that wait, those left among them.
     pub(super) waiting: Waiting,
+    /// Where the line is that says what the box is doing, if it is.
+    pub(super) now: Option<&'a str>,
     /// What the operator should know, a sentence each.
     pub(super) attention: &'a [String],
     pub(super) removed: Removed,
@@ -61,6 +63,12 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
         }
     }
     let mut html = head(&format!("<p>{}</p>\n", counts.join(" · ")), "", all.len());
+    if let Some(now) = overview.now {
+        let _ = writeln!(
+            html,
+            "<iframe class=\"now\" title=\"What the box is doing\" src=\"{now}\"></iframe>"
+        );
+    }
     for words in attention {
         let _ = writeln!(
             html,
@@ -267,6 +275,7 @@ mod tests {
             failed,
             left,
             waiting: Waiting { settling: 2, ..Waiting::default() },
+            now: None,
             attention: &[],
             removed: Removed::default(),
             pilots: &[],
@@ -331,6 +340,7 @@ mod tests {
         let html = first_page(&overview("<b>rig", &photos, &failed, &failed));
         assert_eq!(html.matches("<script>").count(), 2, "the page's own");
         let overview = Overview {
+            now: Some("gallery/now.html"),
             attention: &["no photo was restored: <img src=x>".to_owned()],
             ..overview("small", &[], &[], &[])
         };

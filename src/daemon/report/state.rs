@@ -43,6 +43,22 @@ pub enum Doing {
     Ended,
 }
 
+impl std::fmt::Display for Doing {
+    /// For the page.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Doing::Waiting => f.write_str("Ready"),
+            Doing::Restoring { photo, done, left_s } => {
+                write!(f, "Restoring {photo}: {:.0} % done", 100.0 * done)?;
+                left_s.map_or(Ok(()), |left_s| write!(f, ", about {left_s:.0} s left"))
+            }
+            Doing::Paused { reason } => write!(f, "Not now: {reason}"),
+            Doing::Held { reason } => write!(f, "Somebody is needed: {reason}"),
+            Doing::Ended => f.write_str("Switched off"),
+        }
+    }
+}
+
 /// The daemon's state as last written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

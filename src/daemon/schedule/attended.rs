@@ -58,6 +58,8 @@ pub struct Attended<'a> {
     asked_for: usize,
     maintenance: Option<String>,
     result: Option<Shown>,
+    /// How the last photo ended, and when.
+    ended: Option<(BoxState, Moment)>,
     /// Photos that cannot be taken yet, in words.
     beside: String,
     /// The rounds of the front panel's loop when they were last seen to change.
@@ -80,6 +82,7 @@ impl<'a> Attended<'a> {
             asked_for: 0,
             maintenance: None,
             result: None,
+            ended: None,
             beside: String::new(),
             rounds: None,
         }
@@ -218,8 +221,17 @@ impl<'a> Attended<'a> {
         };
         let hint = format!("{hint} {}", self.beside).trim_end().to_owned();
         let screen = self.fresh_result(after, Screen::Ready { hint });
-        let state = if put_off > 0 { BoxState::Waiting } else { BoxState::Ready };
+        let state = match self.ended {
+            _ if put_off > 0 => BoxState::Waiting,
+            // Whoever took the photo is there to see.
+            Some((ended, at)) if self.is_fresh(at) && self.mode == Mode::Shoot => ended,
+            _ => BoxState::Ready,
+        };
         self.show(self.or_still(screen), state, rig);
+    }
+
+    fn is_fresh(&self, at: Moment) -> bool {
+        self.before.clock.now().0 - at.0 <= RESULT_S
     }
 
     fn remember(&mut self, report: &Report) {
@@ -278,9 +290,18 @@ impl Schedule for Attended<'_> {
             Event::Ended(end) => {
                 // The job's last capture is on the panel.
                 self.before.forget_screen();
-                if let JobEnd::Done { report, .. } = end {
-                    self.remember(report);
-                }
+                let state = match end {
+                    JobEnd::Done { report, .. } => {
+                        self.remember(report);
+                        match report.outcome {
+                            ResultKind::Restored => Some(BoxState::Done),
+                            ResultKind::Untouched => Some(BoxState::Refused),
+                        }
+                    }
+                    JobEnd::Failed(_) => Some(BoxState::Refused),
+                    JobEnd::Left { .. } | JobEnd::Gone => None,
+                };
+                self.ended = state.map(|state| (state, self.before.clock.now()));
             }
             Event::Held(error) => {
                 self.watch_front_panel();

@@ -1,0 +1,65 @@
+//! The line of the gallery that says what the box is doing: a page of its own within the page,
+//! written whole at each change, which fetches itself anew without scripts.
+
+use super::html::{escape, moment};
+use super::state::Doing;
+use crate::daemon::store::folders::Folders;
+use crate::disk::FileError;
+
+/// Its name beside the gallery's pictures.
+const NAME: &str = "now.html";
+
+/// Address of the line from the outbox, where there is one: boxes that share folders have none, for
+/// each would speak over the other.
+pub(super) fn address(folders: &Folders) -> Option<String> {
+    let is_there = folders.files().look(&folders.previews().join(NAME)).is_ok();
+    (is_there && !folders.shared()).then(|| format!("gallery/{NAME}"))
+}
+
+/// Writes the line.
+pub(super) fn write(folders: &Folders, doing: &Doing, now_unix_s: u64) -> Result<(), FileError> {
+    if folders.shared() {
+        return Ok(());
+    }
+    let bytes = line(doing, now_unix_s);
+    folders.files().replace_for_now(folders.previews(), NAME.as_ref(), bytes.as_bytes())
+}
+
+fn line(doing: &Doing, now_unix_s: u64) -> String {
+    let words = doing.to_string();
+    let words = escape(words.trim_end_matches('.'));
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta \
+         http-equiv=\"refresh\" content=\"3\">\n<meta name=\"color-scheme\" content=\"light \
+         dark\">\n<title>What the box is doing</title>\n<style>body {{ margin: 0; font: 1rem \
+         system-ui, sans-serif; }}</style>\n</head>\n<body><p style=\"margin:0\">{words}. <small>\
+         ({})</small></p></body>\n</html>\n",
+        moment(now_unix_s)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_says_each_state_and_obeys_no_name() {
+        let restoring = |photo: &str| Doing::Restoring {
+            photo: photo.to_owned(),
+            done: 0.4,
+            left_s: Some(21.0),
+        };
+        let reason = "photos wait for the panel: put it before the lens.".to_owned();
+        for (doing, words) in [
+            (Doing::Waiting, "Ready. "),
+            (restoring("a.dng"), "Restoring a.dng: 40 % done, about 21 s left. "),
+            (restoring("<b>"), "Restoring &lt;b&gt;: "),
+            (Doing::Paused { reason: reason.clone() }, "Not now: photos wait for the panel: put"),
+            (Doing::Held { reason }, "Somebody is needed: "),
+            (Doing::Ended, "Switched off. "),
+        ] {
+            let page = line(&doing, 1_700_000_000);
+            assert!(page.contains(words) && page.contains("2023-11-14"), "{page}");
+        }
+    }
+}
