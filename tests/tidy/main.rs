@@ -195,6 +195,23 @@ fn nothing_is_left_to_do_and_no_path_of_a_machine_is_in_the_tree() {
 }
 
 #[test]
+fn no_page_holds_both_sides_of_a_merge() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for folder in [".", "rig-config", "systemd", "tests", "tests/tables", "tests/scenes"] {
+        for entry in fs::read_dir(root.join(folder)).unwrap().flatten() {
+            let path = entry.path();
+            if path.extension().is_some_and(|extension| extension == "md") {
+                let text = fs::read_to_string(&path).unwrap();
+                let torn = text.lines().find(|line| {
+                    ["<<<<<<< ", ">>>>>>> "].iter().any(|mark| line.starts_with(mark))
+                });
+                assert_eq!(torn, None, "{}", path.display());
+            }
+        }
+    }
+}
+
+#[test]
 fn files_time_and_chance_come_in_where_they_may() {
     for (name, text) in source_files("src") {
         let inside = name.trim_start_matches("src/");
