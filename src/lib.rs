@@ -57,15 +57,15 @@
 //! | 1 | [`deconvolution`], [`patterns`] | the paper's mathematics; what is shown on purpose |
 //! | 1 | [`disk`] | whatever is kept, behind a trait that tests stand in for |
 //! | 2 | [`config`] | the rig file |
-//! | 3 | [`calibration`], [`rig`] | fits and their store; the devices, real or simulated |
-//! | 3 | [`picture`] | photo files |
-//! | 4 | [`light_path`], [`measurement`] | forward convolution by a rig; show, see, fit, judge |
-//! | 4 | [`alignment`], [`diagnosis`] | a rig's focus, aim and brightness; its timing |
-//! | 4 | [`kiosk`] | button, lamps, screens |
-//! | 5 | [`pipeline`], [`nights`] | one photo on a calibrated rig; hours, clock trust, drift |
-//! | 6 | [`restorer`] | what is kept beside a rig, photo after photo |
-//! | 7 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed, operating point |
-//! | 8 | [`face`] | the library: open, calibrate, restore, photograph |
+//! | 3 | [`picture`] | photo files, and frames coded like them |
+//! | 4 | [`calibration`], [`rig`] | fits and their store; the devices, real or simulated |
+//! | 5 | [`light_path`], [`measurement`] | forward convolution by a rig; show, see, fit, judge |
+//! | 5 | [`alignment`], [`diagnosis`] | a rig's focus, aim and brightness; its timing |
+//! | 5 | [`kiosk`] | button, lamps, screens |
+//! | 6 | [`pipeline`], [`nights`] | one photo on a calibrated rig; hours, clock trust, drift |
+//! | 7 | [`restorer`] | what is kept beside a rig, photo after photo |
+//! | 8 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed, operating point |
+//! | 9 | [`face`] | the library: open, calibrate, restore, photograph |
 //!
 //! Start reading at [`deconvolution`], then [`light_path`].
 

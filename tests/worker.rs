@@ -154,6 +154,14 @@ fn a_file_may_kill_its_worker_and_no_more() {
     let whole = |path: &Path| worker().whole("x", File::open(path).unwrap(), &Limits::default());
     assert!(whole(&path).is_err() && whole(&kept(folder, "bomb.jpg", &bomb())).is_ok());
 
+    // A camera's frame comes over as it would be read here, and a cut one not at all.
+    let frame = picture(&Manner::plain(Format::Jpeg, 8, Curve::Srgb), RIG);
+    let here = relens::picture::camera_frame(&frame, RIG).unwrap();
+    assert_eq!(worker().frame(&frame, RIG).unwrap(), here);
+    let words = worker().frame(&frame[..frame.len() / 2], RIG).unwrap_err().to_string();
+    assert!(words.contains("cut short"), "{words}");
+    assert!(worker().frame(&bomb(), RIG).is_err(), "a frame of another size");
+
     // A bomb that goes off needs half a gigabyte in its worker, and nothing here.
     let before = peak_kib();
     let photo = read(&worker(), &folder.join("bomb.jpg")).unwrap();

@@ -11,7 +11,7 @@
 //! | (how the sensor's sites differ: not in the paper) | [`response_pattern`], [`site_gains`] |
 //!
 //! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on
-//! flash, and the procedure on a rig is [`crate::measurement`] (layer 3).
+//! flash, and the procedure on a rig is [`crate::measurement`] (layer 5).
 
 pub mod camera_curve;
 pub mod checkerboard;

@@ -1,7 +1,7 @@
 //! What a method may ask of the light: a picture shown, a picture seen (paper §2.1, Eq. 8).
 //!
 //! A method holds a `dyn` [`ForwardConvolution`] and nothing else of the rig. Behind it stands a
-//! rig ([`crate::light_path`], layer 3), or for tests a lens model that convolves by computing.
+//! rig ([`crate::light_path`], layer 5), or for tests a lens model that convolves by computing.
 
 use rayon::prelude::*;
 

@@ -11,12 +11,14 @@ mod huffman;
 mod scan;
 #[cfg(test)]
 mod tests;
+mod usual_codes;
 
 use crate::frame::Size;
 
 use super::Flaw;
 pub(super) use agreement::agrees;
 pub(super) use coefficients::coefficients;
+pub(super) use usual_codes::with_usual_codes;
 
 /// What the walk learns without decoding anything.
 pub(super) struct WalkedJpeg {

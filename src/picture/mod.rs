@@ -18,10 +18,13 @@
 //! through, so that is what is restored; on the way out colours follow by the file's own numbers.
 //! Results are TIFFs of 16 bits with the rig's curve, or JPEGs, as the rig file says.
 //!
+//! **Frames** of a camera that codes them as JPEG are decoded here too, and by the same worker.
+//!
 //! **Curve.** An embedded ICC profile's tone curves, else the rig's curve (sRGB or linear). A
 //! profile's primaries are left as they are: the lens blurs each stored channel, and the result
 //! carries the profile.
 
+mod camera_frame;
 mod colour_difference;
 mod decode;
 pub(crate) mod dng;
@@ -39,6 +42,7 @@ mod tone;
 mod turn;
 pub mod worker;
 
+pub use camera_frame::camera_frame;
 pub use colour_difference::Lab;
 pub use decode::{Limits, PixelLayout};
 pub use dng::{CameraColours, Dng, PhotoCamera, RawTags, RigSetting};

@@ -381,7 +381,7 @@ fn open(path: &Path, name: &str) -> Result<File, PictureError> {
 }
 
 /// The bytes of a plain file no longer than the limit.
-fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
+pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
     let read = |source: std::io::Error| PictureError::Read { path: name.into(), source };
     let about = file.metadata().map_err(read)?;
     if !about.is_file() {

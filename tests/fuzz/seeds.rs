@@ -67,7 +67,8 @@ fn answers(program: &Path, photos: &Path, folder: &Path) {
         let ask = format!(
             r#"{{"name":"{name}",
             "limits":{{"bytes_max":1000000000,"pixels_max":10000,"decoder_bytes_max":1000000}},
-            "photo":["srgb",{{"sensor":{grid},"photo":{{"x":0,"y":0,"size":{grid}}}}}],
+            "purpose":{{"Photo":["srgb",
+            {{"sensor":{grid},"photo":{{"x":0,"y":0,"size":{grid}}}}}]}},
             "memory_bytes_max":1000000000,"processor_s_max":10}}"#
         );
         let out = Command::new(program)

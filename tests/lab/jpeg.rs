@@ -12,11 +12,11 @@ use relens::measurement::{calibrate, to_the_end};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{Pipeline, Prepared, method};
 use relens::rig::exposure::Devices;
+use relens::rig::simulated::jpeg_coder::{Quality, coded};
 use relens::rig::simulated::open;
 
 use crate::Failure;
 use crate::colour::{INKED, scenes};
-use crate::jpeg_coder::{Quality, coded};
 use crate::made::Made;
 
 /// The independent study's four, 4:4:4 and 4:2:0.

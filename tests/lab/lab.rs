@@ -8,12 +8,12 @@ mod conditions;
 mod figures;
 mod harness;
 mod jpeg;
-mod jpeg_coder;
 mod judging;
 mod ladder;
 mod likeness;
 mod lines;
 mod made;
+mod mjpeg;
 mod peers;
 mod regimes;
 mod sizes;
@@ -59,7 +59,7 @@ struct Words {
     /// draws them and measures nothing
     #[arg(long, required_if_eq("what", "peers"))]
     rows: Option<PathBuf>,
-    /// Folder of more photographs, for `colour` and `jpeg`
+    /// Folder of more photographs, for `colour`, `jpeg` and `mjpeg`
     #[arg(long)]
     pictures: Option<PathBuf>,
 }
@@ -72,6 +72,8 @@ enum Experiment {
     Colour,
     /// What coding photos as JPEGs costs, taken as decoded and as what the files state
     Jpeg,
+    /// What a camera costs that codes its frames as JPEG
+    Mjpeg,
     /// Every method under every fault: where it harms, and whether the box notices
     Stability,
     /// What the box can know of results, good and bad, of a group of rigs and scenes
@@ -105,7 +107,7 @@ fn main() -> ExitCode {
 
 fn run(words: &Words) -> Result<(), Failure> {
     use Experiment::{
-        Captures, Colour, Conditions, Figures, Jpeg, Judging, Ladder, Peers, Regimes, Sizes,
+        Captures, Colour, Conditions, Figures, Jpeg, Judging, Ladder, Mjpeg, Peers, Regimes, Sizes,
         Stability, WrongModels,
     };
     let Words { what, out, quick, rows, pictures, .. } = words;
@@ -132,6 +134,7 @@ fn run(words: &Words) -> Result<(), Failure> {
         Conditions => conditions::run(&rig, *quick),
         Colour => colour::run(&rig, *quick, pictures.as_deref()),
         Jpeg => jpeg::run(&rig, *quick, pictures.as_deref()),
+        Mjpeg => mjpeg::run(&rig, *quick, pictures.as_deref()),
         Stability if !rows.is_empty() => stability::redrawn(&rig, &rows),
         Stability => stability::run(&rig, *quick),
         Regimes => regimes::run(&rig),

@@ -6,8 +6,10 @@ use std::os::fd::AsFd;
 
 use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
 
-use super::super::{Photo, PictureError, whole};
-use super::wire::{self, Answer, Ask};
+use super::super::{Photo, PictureError, camera_frame, whole};
+use super::wire::{self, Answer, Ask, Purpose};
+use crate::frame::Counts;
+use crate::picture::photo::read_bytes;
 use crate::remedy::full_message;
 
 /// Answers the question `ask` (JSON) about the file at standard input, on standard output.
@@ -19,15 +21,21 @@ pub fn serve(ask: &str) -> io::Result<()> {
     raise_walls(&ask)?;
     let file = File::from(io::stdin().as_fd().try_clone_to_owned()?);
     let mut out = BufWriter::new(io::stdout().lock());
-    let read = match ask.photo {
-        None => whole(&ask.name, file, &ask.limits).map(|()| None),
-        Some((curve, grid)) => Photo::of_file(&ask.name, file, curve, &ask.limits)
+    let name = &ask.name;
+    let read = match ask.purpose {
+        Purpose::Whole => whole(name, file, &ask.limits).map(|()| Read::Whole),
+        Purpose::Photo(curve, grid) => Photo::of_file(name, file, curve, &ask.limits)
             .and_then(|photo| photo.fit(grid))
-            .map(Some),
+            .map(|photo| Read::Photo(Box::new(photo))),
+        Purpose::Frame(size) => read_bytes(file, name, &ask.limits).and_then(|bytes| {
+            let refused = |flaw| PictureError::Refused { name: name.clone(), flaw };
+            camera_frame(&bytes, size).map(Read::Frame).map_err(refused)
+        }),
     };
     match read {
-        Ok(Some(photo)) => wire::write_photo(&mut out, &photo)?,
-        Ok(None) => wire::write(&mut out, &Answer::Whole)?,
+        Ok(Read::Photo(photo)) => wire::write_photo(&mut out, &photo)?,
+        Ok(Read::Frame(counts)) => wire::write_frame(&mut out, &counts)?,
+        Ok(Read::Whole) => wire::write(&mut out, &Answer::Whole)?,
         Err(PictureError::Read { source, .. }) => {
             wire::write(&mut out, &Answer::Unread { words: source.to_string() })?;
         }
@@ -37,6 +45,13 @@ pub fn serve(ask: &str) -> io::Result<()> {
         }
     }
     out.flush()
+}
+
+/// What was found in a file.
+enum Read {
+    Whole,
+    Photo(Box<Photo>),
+    Frame(Counts),
 }
 
 /// Whatever the file makes of this process from here on, it is small, short, mute and alone.

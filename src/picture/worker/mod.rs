@@ -3,18 +3,20 @@
 //! The worker is this same program, started anew for each file with the file at its standard input.
 //! Before it looks at a byte it bounds its own memory, processor time, open files and written files
 //! to what a photo needs (setrlimit(2)); a timer ends it when it sits still. The daemon gets linear
-//! light of the rig's size, and never parses a byte of the file itself.
+//! light of the rig's size, and never parses a byte of the file itself. Frames of cameras that code
+//! them go the same way.
 
 mod child;
 mod wire;
 
 use std::fs::File;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Seek, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::time::{
     Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create,
     timerfd_settime,
@@ -22,8 +24,8 @@ use rustix::time::{
 
 use super::{Limits, Photo, PictureError};
 use crate::config::Curve;
-use crate::frame::{PhotoGrid, Size};
-use wire::{Answer, Ask};
+use crate::frame::{Counts, PhotoGrid, Size};
+use wire::{Answer, Ask, Purpose};
 
 pub use child::serve;
 
@@ -61,7 +63,7 @@ impl Worker {
     /// # Errors
     /// As [`whole`](super::whole), or that the worker died.
     pub fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
-        let ask = self.ask(name, limits, None);
+        let ask = self.ask(name, limits, Purpose::Whole);
         match read(name, &mut &self.answer(&ask, file)?[..])? {
             Answer::Whole => Ok(()),
             other => Err(refusal(name, other)),
@@ -81,13 +83,37 @@ impl Worker {
         grid: impl Into<PhotoGrid>,
     ) -> Result<Photo, PictureError> {
         let grid = grid.into();
-        let ask = self.ask(name, limits, Some((curve, grid)));
+        let ask = self.ask(name, limits, Purpose::Photo(curve, grid));
         photo_of_answer(name, &self.answer(&ask, file)?, grid.photo.size)
     }
 
-    fn ask(&self, name: &str, limits: &Limits, photo: Option<(Curve, PhotoGrid)>) -> Ask {
+    /// The counts in `bytes`, a JPEG that a camera of `size` sent for a frame.
+    ///
+    /// # Errors
+    /// As [`camera_frame`](super::camera_frame), or that the worker died.
+    pub fn frame(&self, bytes: &[u8], size: Size) -> Result<Counts, PictureError> {
+        let name = "a camera's frame";
+        let held = || -> io::Result<File> {
+            let mut file = File::from(memfd_create("relens-frame", MemfdFlags::CLOEXEC)?);
+            file.write_all(bytes)?;
+            file.rewind()?;
+            Ok(file)
+        };
+        let file = held().map_err(|source| PictureError::NoWorker { source })?;
+        let limits = Limits { bytes_max: bytes.len() as u64, ..Limits::default() };
+        let answer = self.answer(&self.ask(name, &limits, Purpose::Frame(size)), file)?;
+        let mut rest = &answer[..];
+        match read(name, &mut rest)? {
+            Answer::Frame => {
+                wire::read_frame(rest, size).map_err(|how| died(name, format!("it gave {how}")))
+            }
+            other => Err(refusal(name, other)),
+        }
+    }
+
+    fn ask(&self, name: &str, limits: &Limits, purpose: Purpose) -> Ask {
         let Worker { memory_bytes_max, processor_s_max, .. } = *self;
-        Ask { name: name.to_owned(), limits: *limits, photo, memory_bytes_max, processor_s_max }
+        Ask { name: name.to_owned(), limits: *limits, purpose, memory_bytes_max, processor_s_max }
     }
 
     /// All that one worker answers.
@@ -205,6 +231,8 @@ fn refusal(name: &str, answer: Answer) -> PictureError {
         Answer::Unread { words } => {
             PictureError::Read { path: name.into(), source: io::Error::other(words) }
         }
-        Answer::Whole | Answer::Photo(_) => died(name, "it answered something else".to_owned()),
+        Answer::Whole | Answer::Photo(_) | Answer::Frame => {
+            died(name, "it answered something else".to_owned())
+        }
     }
 }

@@ -14,7 +14,7 @@ use super::super::{
     CameraColours, FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone,
 };
 use crate::config::Curve;
-use crate::frame::{BLOCK_AREA, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Size};
+use crate::frame::{BLOCK_AREA, Channels, Coding, Counts, Frame, PhotoGrid, Plane, RawSites, Size};
 
 /// A question to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -22,10 +22,20 @@ pub(super) struct Ask {
     /// The file's name, for messages.
     pub(super) name: String,
     pub(super) limits: Limits,
-    /// The photo is wanted, with this curve and on this grid; else only whether the file is whole.
-    pub(super) photo: Option<(Curve, PhotoGrid)>,
+    pub(super) purpose: Purpose,
     pub(super) memory_bytes_max: u64,
     pub(super) processor_s_max: u64,
+}
+
+/// What a file is read for.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub(super) enum Purpose {
+    /// Whether it is whole.
+    Whole,
+    /// The photo, with this curve and on this grid.
+    Photo(Curve, PhotoGrid),
+    /// The counts of a camera's frame of this size.
+    Frame(Size),
 }
 
 /// A worker's answer.
@@ -35,6 +45,8 @@ pub(super) enum Answer {
     Whole,
     /// The photo; its planes follow.
     Photo(Box<Header>),
+    /// A camera's frame; its counts follow, a byte each, plane by plane.
+    Frame,
     /// The file is refused.
     Refused { words: String, growth: Growth },
     /// The file could not be read.
@@ -71,13 +83,43 @@ const HEADER_BYTES_MAX: u32 = 36 << 20;
 
 /// Most bytes an answer to `ask` may have.
 pub(super) fn bytes_max(ask: &Ask) -> u64 {
-    let of = |(_, grid): (Curve, PhotoGrid)| {
-        let Size { width, height } = grid.photo.size;
-        // Three components of two bytes a sample, filled up to units of 16.
-        let coding = 3 * 2 * width.next_multiple_of(16) * height.next_multiple_of(16);
-        (4 * 4 * width * height + coding) as u64
+    let planes = match ask.purpose {
+        Purpose::Whole => 0,
+        Purpose::Photo(_, grid) => {
+            let Size { width, height } = grid.photo.size;
+            // Three components of two bytes a sample, filled up to units of 16.
+            let coding = 3 * 2 * width.next_multiple_of(16) * height.next_multiple_of(16);
+            4 * 4 * width * height + coding
+        }
+        Purpose::Frame(size) => 3 * size.area(),
     };
-    4 + u64::from(HEADER_BYTES_MAX) + ask.photo.map_or(0, of)
+    4 + u64::from(HEADER_BYTES_MAX) + planes as u64
+}
+
+/// Writes a camera's frame.
+pub(super) fn write_frame(out: &mut dyn Write, counts: &Counts) -> io::Result<()> {
+    write(out, &Answer::Frame)?;
+    for plane in counts.planes() {
+        let bytes: Vec<u8> = plane.data().iter().map(|&count| count as u8).collect();
+        out.write_all(&bytes)?;
+    }
+    out.flush()
+}
+
+/// Reads a camera's frame of `size` from `bytes`.
+///
+/// # Errors
+/// A few words on what is wrong with it.
+pub(super) fn read_frame(bytes: &[u8], size: Size) -> Result<Counts, &'static str> {
+    if bytes.len() != 3 * size.area() {
+        return Err("a frame of another size");
+    }
+    let mut counts = Counts::zeros(size);
+    for (plane, from) in counts.planes_mut().iter_mut().zip(bytes.chunks_exact(size.area().max(1)))
+    {
+        plane.data_mut().iter_mut().zip(from).for_each(|(to, &from)| *to = from.into());
+    }
+    Ok(counts)
 }
 
 /// Writes an answer without planes.
@@ -261,7 +303,7 @@ mod tests {
         let ask = Ask {
             name: String::new(),
             limits: Limits::default(),
-            photo: Some((Curve::Srgb, size.into())),
+            purpose: Purpose::Photo(Curve::Srgb, size.into()),
             memory_bytes_max: 0,
             processor_s_max: 0,
         };

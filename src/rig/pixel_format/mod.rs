@@ -12,6 +12,7 @@ mod y_cb_cr;
 use super::bayer;
 use crate::config;
 use crate::frame::{Counts, Mosaic, Plane, Size};
+use crate::picture::{Flaw, camera_frame};
 pub use samples::Samples;
 pub use y_cb_cr::YCbCr;
 
@@ -35,6 +36,20 @@ pub enum PixelFormat {
     /// Brightness of every pixel and colour of every second one. The camera has bent the light
     /// already; the calibration's response curves unbend it.
     YCbCr(YCbCr),
+    /// `MJPG`: every frame a JPEG. Its coding is part of what the camera does to the light, and is
+    /// measured and certified with it.
+    Jpeg,
+}
+
+/// Why bytes are no frame.
+#[derive(Debug, thiserror::Error)]
+pub enum BadFrame {
+    /// They are too few.
+    #[error(transparent)]
+    Short(#[from] ShortFrame),
+    /// They are no whole JPEG of the camera's size.
+    #[error(transparent)]
+    Coded(#[from] Flaw),
 }
 
 /// Bytes that are not the frame they are said to be.
@@ -58,9 +73,9 @@ pub struct ShortFrame {
 
 impl PixelFormat {
     /// Every format relens takes, with its four-character code without trailing blanks.
-    pub const ALL: [(&'static str, PixelFormat); 35] = {
+    pub const ALL: [(&'static str, PixelFormat); 36] = {
         use Mosaic::{Bggr, Gbrg, Grbg, Rggb};
-        use PixelFormat::{Bgr24, Grey, Rgb24, YCbCr};
+        use PixelFormat::{Bgr24, Grey, Jpeg, Rgb24, YCbCr};
         const fn wide(bits: u8) -> Samples {
             Samples::Words { bits, shift: 0 }
         }
@@ -106,6 +121,7 @@ impl PixelFormat {
             ("YUYV", YCbCr(y_cb_cr::YCbCr::Yuyv)),
             ("UYVY", YCbCr(y_cb_cr::YCbCr::Uyvy)),
             ("NV12", YCbCr(y_cb_cr::YCbCr::Nv12)),
+            ("MJPG", Jpeg),
         ]
     };
 
@@ -187,7 +203,8 @@ impl PixelFormat {
     pub fn bits(self) -> u8 {
         match self {
             PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => samples.bits(),
-            PixelFormat::Rgb24 | PixelFormat::Bgr24 | PixelFormat::YCbCr(_) => 8,
+            PixelFormat::Rgb24 | PixelFormat::Bgr24 => 8,
+            PixelFormat::YCbCr(_) | PixelFormat::Jpeg => 8,
         }
     }
 
@@ -204,6 +221,7 @@ impl PixelFormat {
             }
             PixelFormat::Rgb24 | PixelFormat::Bgr24 => (3 * size.width, size.height),
             PixelFormat::YCbCr(layout) => layout.rows(size),
+            PixelFormat::Jpeg => (0, 0),
         }
     }
 
@@ -212,25 +230,26 @@ impl PixelFormat {
     /// that no frame allocates.
     ///
     /// # Errors
-    /// [`ShortFrame`] when there are fewer bytes than pixels.
+    /// [`BadFrame::Short`] when there are fewer bytes than pixels, [`BadFrame::Coded`] for what is
+    /// no whole JPEG.
     pub fn unpack(
         self,
         bytes: &[u8],
         stride_bytes: usize,
         counts: &mut Counts,
         scratch: &mut Plane<u16>,
-    ) -> Result<(), ShortFrame> {
+    ) -> Result<(), BadFrame> {
         let size = counts.size();
         let (row_bytes, height) = self.layout(size);
         let wanted = (height.saturating_sub(1)) * stride_bytes + row_bytes;
         if bytes.len() < wanted || stride_bytes < row_bytes {
-            return Err(ShortFrame {
+            return Err(BadFrame::Short(ShortFrame {
                 format: self.code(),
                 size,
                 stride_bytes,
                 found: bytes.len(),
                 wanted,
-            });
+            }));
         }
         let rows = || bytes.chunks(stride_bytes.max(1)).take(height).map(|row| &row[..row_bytes]);
         match self {
@@ -250,6 +269,7 @@ impl PixelFormat {
             PixelFormat::Rgb24 => three_bytes(rows(), counts, [0, 1, 2]),
             PixelFormat::Bgr24 => three_bytes(rows(), counts, [2, 1, 0]),
             PixelFormat::YCbCr(layout) => layout.read(bytes, stride_bytes, counts),
+            PixelFormat::Jpeg => *counts = camera_frame(bytes, size)?,
         }
         Ok(())
     }

@@ -1,7 +1,8 @@
 //! Bytes as the formats' pages lay them out, and the counts that they are.
 
 use super::*;
-use crate::frame::Channel;
+use crate::frame::{Channel, Codes};
+use crate::rig::simulated::jpeg_coder::{self, Quality};
 
 fn unpacked(code: &str, bytes: &[u8], size: Size, stride_bytes: usize) -> Counts {
     let mut counts = Counts::zeros(size);
@@ -20,7 +21,7 @@ fn every_code_comes_back_from_its_format() {
             Some(format)
         );
     }
-    assert_eq!(PixelFormat::from_code("MJPG"), None);
+    assert_eq!(PixelFormat::from_code("H264"), None);
 }
 
 #[test]
@@ -147,11 +148,75 @@ fn narrow_counts_in_wide_words_are_their_upper_bits() {
     assert_eq!(PixelFormat::from_code_and_bits("RGB3", 10), None);
 }
 
+/// A frame of 16×8 by libjpeg at quality 85, 4:2:2, the left half (200, 40, 90) and the right
+/// (30, 160, 60), without its code tables, as UVC cameras send them.
+fn coded_frame() -> Vec<u8> {
+    let head = "ffd8ffdb0043000503040404030504040405050506070c08070707070f0b0b090c110f1212110f\
+                111113161c1713141a1511111821181a1d1d1f1f1f13172224221e241c1e1f1effdb0043010505\
+                050706070e08080e1e1411141e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e\
+                1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1e1effc00011080008001003012100021101\
+                031101ffda000c03010002110311003f00";
+    let data = "e26b66bc7ccfecfcff0043bfc60ff983ff00b89ffb61ffd9";
+    let digits: Vec<u8> = [head, data].concat().into_bytes();
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
+    digits.chunks_exact(2).map(byte).collect()
+}
+
+#[test]
+fn a_coded_frame_has_libjpeg_s_colours_without_tables_of_its_own() {
+    let counts = unpacked("MJPG", &coded_frame(), Size::new(16, 8), 0);
+    // What libjpeg decodes there.
+    for ((x, y), want) in [((2, 2), [199, 41, 90]), ((13, 5), [31, 160, 60])] {
+        let got = counts.planes().each_ref().map(|p| i32::from(p.at(x, y)));
+        let near = got.iter().zip(want).all(|(a, b): (&i32, i32)| (a - b).abs() <= 1);
+        assert!(near, "{got:?} for {want:?}");
+    }
+    // What a driver leaves behind the frame is not looked at.
+    let padded = [&coded_frame()[..], &[0; 100]].concat();
+    assert_eq!(unpacked("MJPG", &padded, Size::new(16, 8), 0), counts);
+}
+
+#[test]
+fn a_coded_frame_of_one_strong_colour_is_a_frame() {
+    // So large that runs of equal codes are long.
+    let size = Size::new(288, 224);
+    let red = Codes::from_planes([150, 16, 16].map(|code| Plane::filled(size, code)));
+    for quality in [95, 90, 80, 60] {
+        let bytes = jpeg_coder::coded(&red, Quality { quality, pixels: (2, 1) });
+        let counts = unpacked("MJPG", &bytes, size, 0);
+        let [red, green, _] = counts.planes().each_ref().map(|p| i32::from(p.at(9, 9)));
+        assert!((red - 150).abs() < 20 && green < 40, "{quality}: {red} {green}");
+    }
+}
+
+#[test]
+fn a_coded_frame_that_is_cut_or_another_s_is_refused() {
+    let (bytes, size) = (coded_frame(), Size::new(16, 8));
+    let refused = |bytes: &[u8], size: Size| {
+        let mut counts = Counts::zeros(size);
+        let scratch = &mut Plane::zeros(Size::new(0, 0));
+        PixelFormat::Jpeg.unpack(bytes, 0, &mut counts, scratch).is_err()
+    };
+    assert!(!refused(&bytes, size));
+    for length in 0..bytes.len() {
+        assert!(refused(&bytes[..length], size), "{length} bytes");
+    }
+    // The end is there and data before it are not, as when a packet of the cable's is lost.
+    let data = bytes.len() - 24..bytes.len() - 2;
+    for lost in 8..data.len() {
+        let holed = [&bytes[..data.end - lost], &bytes[data.end..]].concat();
+        assert!(refused(&holed, size), "{lost} bytes lost");
+    }
+    assert!(refused(&bytes, Size::new(8, 16)) && refused(&bytes, Size::new(32, 8)));
+    let grown = bytes.iter().copied().chain([9; 70_000]).collect::<Vec<_>>();
+    assert!(refused(&grown, size), "longer than any frame of its size");
+}
+
 #[test]
 fn a_short_frame_is_refused_with_the_bytes_it_lacks() {
     let mut counts = Counts::zeros(Size::new(4, 2));
     let error = PixelFormat::Grey(Samples::Bytes)
         .unpack(&[0; 7], 4, &mut counts, &mut Plane::zeros(Size::new(0, 0)))
         .unwrap_err();
-    assert_eq!((error.found, error.wanted), (7, 8));
+    assert!(matches!(error, BadFrame::Short(ShortFrame { found: 7, wanted: 8, .. })), "{error}");
 }

@@ -11,6 +11,7 @@ mod devices;
 mod faults;
 mod glare;
 mod glass;
+pub mod jpeg_coder;
 mod optics;
 mod panel;
 mod photograph;

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::jpeg_coder::{self, Quality};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -10,7 +11,7 @@ use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use crate::config::{CameraTable, SensorCurve, SensorTable};
-use crate::frame::{Channel, Counts, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size};
+use crate::frame::{Channel, Counts, FULL_SCALE, Frame, Mosaic, Plane, Rect, SensorSpace, Size};
 use crate::rig::pixel_format::PixelFormat;
 
 /// A sensor as its tables say.
@@ -157,9 +158,15 @@ impl SimulatedSensor {
             Readout { part: Rect { x: 0, y: 0, size }, seed, stream: Stream::Capture, number };
         match self.config.mosaic {
             Some(mosaic) => self.as_a_device_s(&self.sites(mosaic, reading, fill), mosaic),
-            None => Frame::from_fn(|channel| {
-                self.plane(channel, reading, fill, |level| self.count(level))
-            }),
+            None => {
+                let counts = Frame::from_fn(|channel| {
+                    self.plane(channel, reading, fill, |level| self.count(level))
+                });
+                match self.config.jpeg_quality {
+                    Some(quality) => coded_by_the_camera(&counts, quality),
+                    None => counts,
+                }
+            }
         }
     }
 
@@ -304,6 +311,19 @@ impl SimulatedSensor {
         }
         bent * FULL_SCALE / self.bent(FULL_SCALE)
     }
+}
+
+/// `counts` of 8 bits as a webcam would send them, read as a device's frame is.
+fn coded_by_the_camera(counts: &Counts, quality: u32) -> Counts {
+    let codes: Frame<SensorSpace, u8> =
+        Frame::from_fn(|c| counts.plane(c).map(|count| count.min(255) as u8));
+    let bytes = jpeg_coder::coded(&codes, Quality { quality, pixels: (2, 1) });
+    let mut seen = Counts::zeros(counts.size());
+    let mut scratch = Plane::zeros(Size::new(0, 0));
+    if let Err(bad) = PixelFormat::Jpeg.unpack(&bytes, 0, &mut seen, &mut scratch) {
+        log::error!("the simulated camera's own frame: {bad}");
+    }
+    seen
 }
 
 /// The differences between the pixels of a sensor of `size`. They are the specimen's: no seed

@@ -18,7 +18,6 @@ use relens::pipeline::method;
 use crate::Failure;
 use crate::change::Swept;
 use crate::harness::{Harness, calibration};
-use crate::jpeg_coder::coded;
 use crate::likeness::{HARM_IN_COLOUR, Truth};
 use crate::made::Made;
 use crate::stability::report::HARM;
@@ -27,6 +26,7 @@ use crate::view::View;
 use cases::{Kept, NONE, ORDINARY, faults};
 use groups::{Group, GroupRig};
 use record::Record;
+use relens::rig::simulated::jpeg_coder::coded;
 
 /// Those that start from the lens; what replaces them is recorded beside each.
 const METHODS: [MethodName; 3] =

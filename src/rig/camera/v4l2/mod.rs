@@ -17,6 +17,7 @@ use ring::Ring;
 
 use crate::config::{self, ExposureBy, Stamps, TriggerDevice, V4l2Device};
 use crate::frame::{Counts, Plane, Size};
+use crate::picture::worker::Worker;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::pixel_format::PixelFormat;
 use crate::rig::stamps::{StampedBy, begun};
@@ -103,6 +104,8 @@ pub struct V4l2Camera {
     /// A spare frame and the Bayer sites: room that captures reuse.
     spare: heapless::Vec<Counts, 4>,
     sites: Plane<u16>,
+    /// What decodes coded frames.
+    decoder: Worker,
     /// Frames that came damaged or were jumped over in the sequence so far.
     lost: u64,
     last_sequence: Option<u32>,
@@ -134,6 +137,7 @@ impl V4l2Camera {
             exposure_times: 1.0,
             spare: heapless::Vec::new(),
             sites,
+            decoder: Worker::of_this_program(),
             lost: 0,
             last_sequence: None,
         })
@@ -173,17 +177,25 @@ impl Camera for V4l2Camera {
             self.lost += u64::from(if jumped < u32::MAX / 2 { jumped } else { 0 });
             self.last_sequence = Some(filled.sequence);
             let mut counts = self.spare.pop().unwrap_or_else(|| Counts::zeros(self.settings.size));
+            let bytes = ring.bytes(&filled);
             let whole = !filled.damaged
-                && self
-                    .settings
-                    .format
-                    .unpack(
-                        ring.bytes(&filled),
-                        self.opened.stride_bytes,
-                        &mut counts,
-                        &mut self.sites,
-                    )
-                    .is_ok();
+                && match self.settings.format {
+                    // What a cable did to a coded frame may harm its decoder, and no more.
+                    PixelFormat::Jpeg => match self.decoder.frame(bytes, self.settings.size) {
+                        Ok(decoded) => {
+                            counts = decoded;
+                            true
+                        }
+                        Err(bad) => {
+                            log::warn!("passed over: {bad}");
+                            false
+                        }
+                    },
+                    format => {
+                        let stride_bytes = self.opened.stride_bytes;
+                        format.unpack(bytes, stride_bytes, &mut counts, &mut self.sites).is_ok()
+                    }
+                };
             let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
             let by = StampedBy {
                 driver: &self.opened.driver,

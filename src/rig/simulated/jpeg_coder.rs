@@ -1,21 +1,21 @@
-//! A JPEG coder for the laboratory: sequential, chroma at full or half size, and codes of one
-//! length (ITU-T T.81 allows any), so that what it writes is long and plain.
+//! A JPEG coder for simulated cameras and the laboratory: sequential, chroma at full or half size,
+//! and codes of one length (ITU-T T.81 allows any), so that what it writes is long and plain.
 
-use relens::frame::block_transform::{cosines, transform};
-use relens::frame::{Frame, Size, Work};
+use crate::frame::block_transform::{cosines, transform};
+use crate::frame::{Frame, Size};
 
-/// How a photo is coded.
+/// How a picture is coded.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Quality {
+pub struct Quality {
     /// 1 to 100, as libjpeg counts.
-    pub(crate) quality: u32,
+    pub quality: u32,
     /// Pixels across and down of a sample of chroma.
-    pub(crate) pixels: (usize, usize),
+    pub pixels: (usize, usize),
 }
 
 impl Quality {
     /// The word in tables.
-    pub(crate) fn name(self) -> String {
+    pub fn name(self) -> String {
         let chroma = match self.pixels {
             (1, 1) => "4:4:4",
             (2, 1) => "4:2:2",
@@ -53,6 +53,13 @@ fn zigzag() -> Vec<usize> {
     places
 }
 
+/// Codes for the 16 sizes of a first coefficient, and their bits; the same for the pairs of zeros
+/// and size of the others.
+const DC_CODES: u32 = 16;
+const DC_LENGTH: u32 = 5;
+const AC_CODES: u32 = 255;
+const AC_LENGTH: u32 = 9;
+
 /// Bits on their way into bytes.
 #[derive(Default)]
 struct Writer {
@@ -76,17 +83,24 @@ impl Writer {
         }
     }
 
+    /// The code of `value` among codes of `length` bits: the last of them is the commonest value's,
+    /// 0, so that what is even makes no run of zero bytes, which readers take for a hole.
+    fn code(&mut self, value: u32, length: u32) {
+        let last = if length == DC_LENGTH { DC_CODES - 1 } else { AC_CODES - 1 };
+        self.put(last - value, length);
+    }
+
     /// A number's size and its bits after the code of `zeros` and that size.
     fn number(&mut self, zeros: u32, value: i32, length: u32) {
         let size = 32 - value.unsigned_abs().leading_zeros();
-        self.put(zeros << 4 | size, length);
+        self.code(zeros << 4 | size, length);
         let bits = if value < 0 { value - 1 } else { value };
         self.put(bits as u32 & ((1 << size) - 1), size);
     }
 }
 
 /// The file of `codes`.
-pub(crate) fn coded(codes: &Frame<Work, u8>, quality: Quality) -> Vec<u8> {
+pub fn coded<S>(codes: &Frame<S, u8>, quality: Quality) -> Vec<u8> {
     let (size, (across, down)) = (codes.size(), quality.pixels);
     let scale = match quality.quality {
         q if q < 50 => 5000 / q.max(1),
@@ -108,11 +122,10 @@ pub(crate) fn coded(codes: &Frame<Work, u8>, quality: Quality) -> Vec<u8> {
     let [h, w] = [size.height, size.width].map(|side| (side as u16).to_be_bytes());
     let first = (across << 4 | down) as u8;
     segment(0xc0, &[8, h[0], h[1], w[0], w[1], 3, 1, first, 0, 2, 0x11, 1, 3, 0x11, 1]);
-    // Codes of 5 bits for the 16 sizes, and of 9 for the 256 pairs of zeros and size.
-    for (class, length, count) in [(0x00, 5, 16), (0x10, 9, 255)] {
+    for (class, length, count) in [(0x00, DC_LENGTH, DC_CODES), (0x10, AC_LENGTH, AC_CODES)] {
         let mut body = vec![class];
-        body.extend((1..=16).map(|bits| if bits == length { count } else { 0 }));
-        body.extend(0..count);
+        body.extend((1..=16).map(|bits| if bits == length { count as u8 } else { 0 }));
+        body.extend((0..count as u8).rev());
         segment(0xc4, &body);
     }
     segment(0xda, &[3, 1, 0, 2, 0, 3, 0, 0, 63, 0]);
@@ -137,7 +150,7 @@ pub(crate) fn coded(codes: &Frame<Work, u8>, quality: Quality) -> Vec<u8> {
                     .iter()
                     .map(|&k| (block[k] / steps[n.min(1)][k] as f32).round() as i32)
                     .collect();
-                bits.number(0, stated[0] - before[n], 5);
+                bits.number(0, stated[0] - before[n], DC_LENGTH);
                 before[n] = stated[0];
                 let mut zeros = 0;
                 for &value in &stated[1..] {
@@ -146,14 +159,14 @@ pub(crate) fn coded(codes: &Frame<Work, u8>, quality: Quality) -> Vec<u8> {
                         continue;
                     }
                     while zeros > 15 {
-                        bits.put(0xf0, 9);
+                        bits.code(0xf0, AC_LENGTH);
                         zeros -= 16;
                     }
-                    bits.number(zeros, value, 9);
+                    bits.number(zeros, value, AC_LENGTH);
                     zeros = 0;
                 }
                 if zeros > 0 {
-                    bits.put(0, 9);
+                    bits.code(0, AC_LENGTH);
                 }
             }
         }
@@ -165,8 +178,8 @@ pub(crate) fn coded(codes: &Frame<Work, u8>, quality: Quality) -> Vec<u8> {
 }
 
 /// A sample of component `n` at (x, y): the mean of its pixels, the picture's edges repeated.
-fn sample(
-    codes: &Frame<Work, u8>,
+fn sample<S>(
+    codes: &Frame<S, u8>,
     n: usize,
     (x, y): (usize, usize),
     (across, down): (usize, usize),
