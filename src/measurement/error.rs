@@ -112,8 +112,8 @@ pub enum CalibrateError {
     },
     /// A smooth surface does not fit.
     #[error(
-        "calibration step `{step}` cannot be fitted; `relens check` says whether panel.settle-ms is \
-         too short"
+        "calibration step `{step}` cannot be fitted; `relens check` says whether panel.settle-ms \
+         is too short"
     )]
     Fit {
         /// The step.
@@ -144,5 +144,28 @@ impl Remediable for CalibrateError {
 
     fn was_asked_for(&self) -> bool {
         matches!(self, CalibrateError::GivenUp)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::config;
+    use crate::measurement::{calibrate, to_the_end};
+    use crate::remedy::full_message;
+    use crate::rig::simulated::open;
+
+    #[test]
+    fn a_settle_time_that_is_too_short_leads_to_the_check_that_finds_it() {
+        for settle_ms in [10.0, 25.0] {
+            let mut hasty = config::load(Path::new("small.toml")).unwrap();
+            hasty.panel.settle_ms = settle_ms;
+            let mut rig = open(&hasty).unwrap().0;
+            let error = calibrate(&mut rig, &hasty, None, &mut to_the_end).unwrap_err();
+            let said = full_message(&error);
+            let next = "`relens check` says whether panel.settle-ms is too short";
+            assert!(said.contains(next), "{settle_ms} ms: {said}");
+        }
     }
 }

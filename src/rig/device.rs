@@ -114,7 +114,10 @@ pub enum RigError {
         what: String,
     },
     /// No frame can be proven to be its picture's, because the marks that prove it are not seen.
-    #[error("the camera does not see the panel's marks: {what}")]
+    #[error(
+        "the camera does not see the panel's marks: {what} (where `relens check` sees them, \
+         panel.settle-ms is too short)"
+    )]
     NoMarks {
         /// What was seen.
         what: String,
