@@ -21,6 +21,14 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
 /// By how much the threshold grows from one level to the next coarser one. Measured; nearly flat.
 const GROWTH_PER_LEVEL: f32 = 1.7;
 
+/// Of the finest levels so many
+const FINEST: usize = 2;
+/// are shrunk by at least so many standard deviations of what the noise of the data adds to a
+/// detail in a step. A narrow lens lets fine noise through with the details; by the rule for all
+/// levels alone it was sharpened with them. Set on the scenes of the chart, small.toml,
+/// truthful.toml and simulated.toml: from 0.35 to 0.7 it hardly matters.
+const LEAST_NOISES: f32 = 0.5;
+
 /// By how much more the two finest levels are shrunk of a photo known at a mosaic's sites, in each
 /// opponent colour: nothing but the prior speaks of details that fall between sites, and colours
 /// have few of their own. Set on astronaut and coffee.
@@ -40,28 +48,36 @@ const STARTS: Starts = Starts { count: 2, noise_to_signal: 0.05 };
 /// and charts in ink, as [`STARTS`].
 const START_MORE: f32 = 3.0;
 
-/// What falls between a mosaic's sites, for a lens of some width.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct BetweenSites {
-    /// By how much more details of the two finest levels are shrunk.
-    more: [f32; 2],
-    starts: Starts,
-}
-
-impl BetweenSites {
+impl Starts {
+    /// Of a photo known at a mosaic's sites, for a lens of `width_px`.
+    ///
     /// The wider the blur, the less of a scene is finer than the sites are apart, and the more of
     /// what they say may be believed. A Gaussian as wide as the lens lets through exp(−(πσ/2)²) of
     /// the power at the finest wave that sites two pixels apart can tell. What follows from it is
     /// set on astronaut, coffee, rocket and a chart, through small.toml's lens (0.056) and
     /// study.toml's (0.007).
-    fn of(width_px: f32) -> BetweenSites {
+    fn between_sites(width_px: f32) -> Starts {
         let sigma = width_px / (Channel::ALL.len() as f32).sqrt();
         let folded = (-(std::f32::consts::FRAC_PI_2 * sigma).powi(2)).exp().clamp(0.005, 0.1);
-        BetweenSites {
-            more: [1.0 + 36.0 * folded, 1.0 + 18.0 * folded],
-            starts: Starts { count: 4, noise_to_signal: 16.0 * folded * folded },
-        }
+        Starts { count: 4, noise_to_signal: 16.0 * folded * folded }
     }
+}
+
+/// The weight of each of `levels` levels of details: its threshold for a step of length 1, where
+/// the data have `noise`, grey levels, and the lens passes α of a level's power.
+fn weights(
+    digital: &Digital,
+    levels: usize,
+    noise: f32,
+    passed: impl Fn(usize) -> f32,
+) -> Vec<f32> {
+    let base = digital.strength.threshold(noise);
+    let of_level = |level: usize| {
+        let usual = base * GROWTH_PER_LEVEL.powi(level as i32);
+        let least = LEAST_NOISES * noise * passed(level).sqrt();
+        if level < FINEST { usual.max(least) } else { usual }
+    };
+    (0..levels).map(of_level).collect()
 }
 
 /// The prior over all channels of a photo.
@@ -92,24 +108,24 @@ struct Along<'a> {
 impl<'a> Along<'a> {
     fn of(axes: &'a ColourAxes, digital: &Digital, target: Target<'a>) -> Along<'a> {
         let Target { problem, model, norms, .. } = target;
-        let sites = problem.mosaic.map(|_| BetweenSites::of(width_px(model.functions())));
-        let more =
-            |level: usize| sites.and_then(|sites| sites.more.get(level).copied()).unwrap_or(1.0);
         // Along an axis a site says as much as another, whatever its colour.
         let share = |c: Channel| match problem.mosaic {
             Some(_) => Mosaic::pixels_a_site(Channel::Green) / Mosaic::pixels_a_site(c),
             None => 1.0,
         };
         let noise = rms(Channel::ALL.map(|c| problem.solving_noise(c) * share(c).sqrt()));
-        let base = digital.strength.threshold(noise);
-        let weight = |l: usize| more(l) * base * GROWTH_PER_LEVEL.powi(l as i32);
         let passed = |l: usize| Channel::ALL.map(|c| share(c) * norms[c.index()].at(l));
+        let mean =
+            |l: usize| Channel::ALL.map(|c| norms[c.index()].at(l)).iter().sum::<f32>() / 3.0;
         Along {
             axes,
             transforms: AlongAxes::new(problem.size(), digital.levels),
-            weights: (0..digital.levels).map(weight).collect(),
+            weights: weights(digital, digital.levels, noise, mean),
             passed: (0..digital.levels).map(passed).collect(),
-            starts: sites.map_or(STARTS, |sites| sites.starts),
+            starts: match problem.mosaic {
+                Some(_) => Starts::between_sites(width_px(model.functions())),
+                None => STARTS,
+            },
         }
     }
 }
@@ -123,9 +139,11 @@ impl<'a> ColourPrior<'a> {
         let along = axes.map(|axes| Along::of(axes, digital, target));
         let norms = |c: Channel| &norms[c.index()];
         let levels_of = |noise: f32, norms: &LevelNorms| -> Vec<f32> {
-            let base = digital.strength.threshold(noise);
-            (0..digital.levels)
-                .map(|l| base * GROWTH_PER_LEVEL.powi(l as i32) / norms.at(l))
+            let of_level = |(l, weight): (usize, &f32)| weight / norms.at(l);
+            weights(digital, digital.levels, noise, |l| norms.at(l))
+                .iter()
+                .enumerate()
+                .map(of_level)
                 .collect()
         };
         let thresholds = if together {
