@@ -106,8 +106,23 @@ impl Pipeline {
         lens: &LensModel,
         picture: &Frame<Work>,
     ) -> Vec<Residuals> {
-        let of = |&c: &Channel| residuals_of(photo, lens, c, picture.plane(c));
-        photo.channels.list().par_iter().map(of).collect()
+        let channels = photo.channels.list();
+        let Some(stated) = photo.stated.as_ref().filter(|stated| stated.is_data()) else {
+            let of = |&c: &Channel| residuals_of(photo, lens, c, picture.plane(c));
+            return channels.par_iter().map(of).collect();
+        };
+        // A JPEG is met by every picture that it may stand for.
+        let data_of = |picture: &Frame<Work>| {
+            let mut seen = picture.clone();
+            channels.iter().for_each(|&c| lens.forward(c, picture.plane(c), seen.plane_mut(c)));
+            stated.redecoded(&seen)
+        };
+        let (model, untouched) = rayon::join(|| data_of(picture), || data_of(&photo.placed));
+        let of = |&c: &Channel| {
+            let data = [model.plane(c), untouched.plane(c)];
+            left_of(photo, lens, c, (picture.plane(c), data, stated.noise(c)))
+        };
+        channels.par_iter().map(of).collect()
     }
 }
 
@@ -118,19 +133,30 @@ pub(super) fn residuals_of(
     c: Channel,
     plane: &Plane,
 ) -> Residuals {
+    let data = [photo.placed.plane(c); 2];
+    left_of(photo, lens, c, (plane, data, photo.noise[c.index()]))
+}
+
+/// The same by what the data are for the candidate, and for the photo itself, and their noise.
+fn left_of(
+    photo: &Prepared<'_>,
+    lens: &LensModel,
+    c: Channel,
+    (plane, data, photo_noise): (&Plane, [&Plane; 2], f32),
+) -> Residuals {
     let trust = away_from_saturated(photo.trust.plane(c), lens.functions().support_px / 2);
-    let data = trust.data().iter().filter(|&&t| t != MISSING).count();
-    let residual = |of: &Plane| {
+    let known = trust.data().iter().filter(|&&t| t != MISSING).count();
+    let residual = |of: &Plane, data: &Plane| {
         let mut plane = Plane::zeros(of.size());
         lens.forward(c, of, &mut plane);
-        residual_in_place(&mut plane, photo.placed.plane(c), &trust);
+        residual_in_place(&mut plane, data, &trust);
         rms_over_data(&plane, &trust)
     };
-    let has_a_say = data as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
+    let has_a_say = known as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
     Residuals {
-        model: if has_a_say { residual(plane) } else { 0.0 },
-        untouched: residual(photo.placed.plane(c)),
-        photo_noise: photo.noise[c.index()],
+        model: if has_a_say { residual(plane, data[0]) } else { 0.0 },
+        untouched: residual(photo.placed.plane(c), data[1]),
+        photo_noise,
     }
 }
 

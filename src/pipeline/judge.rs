@@ -14,7 +14,7 @@ use super::stages::{
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::method::{Method, MethodError, Watch};
+use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
 use crate::frame::{Channel, Frame, Plane, Work};
 
 /// No scene gives a photo whose reference solution leaves more unexplained than this: the model
@@ -153,8 +153,13 @@ impl Pipeline {
             is_foreign(&left) && said.set(left).is_ok()
         };
         let first = (worst, &is_enough as _);
-        let solution =
-            self.posed(lens, photo, |problem| self.reference.solve_unless(problem, first, watch))?;
+        // A JPEG's channels are stated together, and none says it alone.
+        let together = photo.stated.as_ref().is_some_and(|stated| stated.is_data());
+        let mut none = NoOptics { size: photo.placed.size() };
+        let solution = self.posed(lens, photo, |problem| match together {
+            true => self.reference.solve(problem, &mut none, watch).map(Some),
+            false => self.reference.solve_unless(problem, first, watch),
+        })?;
         let Some(solution) = solution else {
             return Ok(LensAlone::Foreign(said.into_inner().unwrap_or_default()));
         };

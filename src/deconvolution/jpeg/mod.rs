@@ -147,6 +147,36 @@ impl JpegTerm {
         AlongLuma::new(size, &self.luma, thresholds.to_vec())
     }
 
+    /// `picture`, as bright as it is in the code's luma, in the mean of its own and the `photo`'s
+    /// chroma. Chroma was stored in long steps and often at half size: what is undone of it and
+    /// what it was have errors of their own, and the mean has less than either.
+    pub(super) fn mix_colours(&self, picture: &mut Frame<Work>, photo: &Frame<Work>) {
+        if self.coding.components.len() == 1 {
+            return;
+        }
+        let width = photo.size().width;
+        let [red, green, blue] = picture.planes_mut();
+        let rows = red.data_mut().par_chunks_mut(width).zip(green.data_mut().par_chunks_mut(width));
+        let rows = rows.zip(blue.data_mut().par_chunks_mut(width)).enumerate();
+        rows.for_each(|(y, ((red, green), blue))| {
+            let photo = Channel::ALL.map(|c| photo.plane(c).row(y));
+            for x in 0..width {
+                let codes = |light: [f32; 3]| {
+                    let codes: [f32; 3] = std::array::from_fn(|n| self.curves[n].encode(light[n]));
+                    let luma: f32 = (0..3).map(|n| TO_LUMA[0][n] * codes[n]).sum();
+                    (luma, codes.map(|code| code - luma))
+                };
+                let (luma, of_picture) = codes([red[x], green[x], blue[x]]);
+                let (_, of_photo) = codes(photo.map(|row| row[x]));
+                for (n, light) in [&mut red[x], &mut green[x], &mut blue[x]].into_iter().enumerate()
+                {
+                    let code = luma + 0.5 * (of_picture[n] + of_photo[n]);
+                    *light = self.curves[n].decode(code.clamp(0.0, 255.0));
+                }
+            }
+        });
+    }
+
     /// Which channels are decoded together: all, or green alone.
     fn channels(&self) -> &'static [Channel] {
         if self.coding.components.len() == 1 { &[Channel::Green] } else { &Channel::ALL }

@@ -239,3 +239,25 @@ fn the_prior_keeps_grey_details_and_shrinks_colours_more() {
     draw_band(bands.each_mut(), &n, 0.0, None);
     assert_eq!(bands[1], detail);
 }
+
+#[test]
+fn colours_are_the_mean_of_both_and_luma_stays() {
+    let scene = scene(Size::new(32, 16));
+    let coding = stated_by(&scene, (2, 2), (8, 4));
+    let (photo, rect) = placed(&scene);
+    let light = lights();
+    let term = JpegTerm::of(&stated(&coding, &light, (&photo, rect))).unwrap();
+    let bright = Frame::from_fn(|c| photo.plane(c).map(|v: f32| (0.8 * v + 20.0).min(255.0)));
+    let mut mixed = bright.clone();
+    term.mix_colours(&mut mixed, &photo);
+    let codes = |of: &Frame<Work>, n: usize| {
+        let code = |c: Channel| term.curves[c.index()].encode(of.plane(c).at(20, 9));
+        Channel::ALL.map(|c| TO_LUMA[n][c.index()] * code(c)).iter().sum::<f32>()
+    };
+    assert!((codes(&mixed, 0) - codes(&bright, 0)).abs() < 0.3);
+    for n in [1, 2] {
+        let mean = 0.5 * (codes(&bright, n) + codes(&photo, n));
+        assert!((codes(&mixed, n) - mean).abs() < 0.3, "chroma {n}");
+        assert!((codes(&photo, n) - codes(&bright, n)).abs() > 1.0, "there is nothing to mix");
+    }
+}

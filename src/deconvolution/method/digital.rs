@@ -185,6 +185,9 @@ impl Digital {
         if let Some(blocks) = self.blocks {
             picture = blocks.solve(target, picture, &mut course, watch);
         }
+        if let Some(stated) = problem.stated {
+            stated.mix_colours(&mut picture, problem.photo);
+        }
         (picture, course.record)
     }
 }

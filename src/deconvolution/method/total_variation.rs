@@ -48,7 +48,21 @@ impl Method for TotalVariation {
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
         let model = problem.needs_model(self.name())?;
-        Ok(problem.solved_by_channel(|c| self.solve_channel(problem, model, c), watch))
+        let mut solved = |problem: &Problem<'_>| {
+            problem.solved_by_channel(|c| self.solve_channel(problem, model, c), watch)
+        };
+        let first = solved(problem);
+        let Some(stated) = problem.stated.filter(|stated| stated.is_data()) else {
+            return Ok(first);
+        };
+        // Once more, as the file may state it if the photo was of this.
+        let mut seen = problem.photo.clone();
+        for &c in problem.channels.list() {
+            model.forward(c, first.picture.plane(c), seen.plane_mut(c));
+        }
+        let photo = stated.redecoded(&seen);
+        let photo_noise = Channel::ALL.map(|c| stated.noise(c));
+        Ok(solved(&Problem { photo: &photo, photo_noise, ..*problem }))
     }
 }
 

@@ -1,6 +1,14 @@
-//! The groups have nothing in common.
+//! The groups have nothing in common; ordinary JPEGs come back better.
 
+use relens::config::MethodName;
+use relens::pipeline::Verdict;
+
+use super::cases::{Kept, NONE};
 use super::groups::Group;
+use super::photos;
+use crate::harness::{Harness, calibration};
+use crate::view::{Subject, View};
+use relens::rig::simulated::jpeg_coder::Quality;
 
 #[test]
 fn the_groups_share_no_scene_no_rig_and_no_lens() {
@@ -19,4 +27,22 @@ fn the_groups_share_no_scene_no_rig_and_no_lens() {
     );
     let [limits, rates] = [Group::Limits, Group::Rates].map(Group::subjects);
     assert!(limits.iter().all(|subject| !rates.contains(subject)));
+}
+
+#[test]
+fn photos_that_are_ordinary_jpegs_come_back_better_in_luma_and_no_worse_in_colour() {
+    let rig = crate::rig("small.toml").unwrap();
+    let measured = calibration(&rig).unwrap();
+    let mut harness = Harness::changed(&rig, &measured, &NONE.change, 0.0).unwrap();
+    let kept = [85, 60].map(|quality| Kept::Jpeg(Quality { quality, pixels: (2, 2) }));
+    let views = [0, 3, 4, 5].map(|n| View { subject: Subject::Kept(n), quarter: None });
+    let of: Vec<_> = views.iter().flat_map(|&view| kept.map(|kept| (view, kept))).collect();
+    let found = photos(&mut harness, "small", (&NONE, 0.0, 0), &of, &[MethodName::Hybrid], 9);
+    let found = found.unwrap();
+    assert_eq!(found.len(), of.len());
+    for record in found {
+        assert_eq!(record.verdict, Verdict::Sound, "{}", record.cells());
+        assert!(!record.delivered.harms(record.photo), "{}", record.cells());
+        assert!(record.delivered.ssim > record.photo.ssim + 0.02, "{}", record.cells());
+    }
 }
