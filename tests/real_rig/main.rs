@@ -4,11 +4,13 @@
 //!         --test real_rig -- --ignored rig_
 //!
 //! The virtual rig of `tests/vm` runs the same bodies, and those for a camera that misbehaves on
-//! request (the kernel's vivid, `RELENS_VIVID` its card name) and for a media graph (its vimc).
+//! request (the kernel's vivid, `RELENS_VIVID` its card name), for a media graph (its vimc), and for
+//! one that runs free (`RELENS_FREE_RIG` its rig file).
 #![cfg(feature = "hardware")]
 
 #[path = "../counted/mod.rs"]
 mod counted;
+mod free;
 mod page;
 mod vimc;
 mod vivid;

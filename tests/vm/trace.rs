@@ -1,9 +1,15 @@
 //! The kernel's own record of what happened when: flips of the display and rises of the trigger
-//! line.
+//! line; or, of a camera that runs free, exposures at its own times in their place.
 
 use std::fs::{self, File};
-use std::io::Read;
+use std::io::{ErrorKind, Read};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
+use std::time::Duration;
+
+use relens::rig::Clock;
+use relens::rig::monotonic::Monotonic;
+use rustix::fs::OFlags;
 
 use super::Outcome;
 
@@ -16,16 +22,29 @@ pub enum Event {
     Rise { at_s: f64 },
 }
 
+/// So long after an exposure began, flips from before it are in the record.
+const RECORDED_S: f64 = 0.01;
+
+/// When exposures of a camera that runs free begin.
+struct FreeRun {
+    next_s: f64,
+    interval_s: f64,
+}
+
 /// A private instance of the kernel's tracer with the two events that matter.
 pub struct Trace {
     pipe: File,
     text: String,
     rise: String,
+    free_run: Option<FreeRun>,
+    /// A flip that came after an exposure not yet told of.
+    kept: Option<Event>,
 }
 
 impl Trace {
-    /// `line` is the trigger's number in the kernel's count of all lines.
-    pub fn start(line: &str) -> Outcome<Trace> {
+    /// `line` is the trigger's number in the kernel's count of all lines; a camera that exposes
+    /// every `interval_s` by itself does not look at it.
+    pub fn start(line: &str, interval_s: Option<f64>) -> Outcome<Trace> {
         let folder = Path::new("/sys/kernel/tracing/instances/physics");
         if !folder.exists() {
             fs::create_dir(folder)?;
@@ -35,23 +54,56 @@ impl Trace {
         fs::write(folder.join("events/gpio/gpio_value/enable"), "1")?;
         fs::write(folder.join("events/drm/drm_vblank_event_delivered/enable"), "1")?;
         fs::write(folder.join("trace"), "")?;
-        let pipe = File::open(folder.join("trace_pipe"))?;
-        Ok(Trace { pipe, text: String::new(), rise: format!("gpio_value: {line} set 1") })
+        // A free-running camera must not wait for the display.
+        let flags = interval_s.map_or(0, |_| OFlags::NONBLOCK.bits() as i32);
+        let pipe =
+            File::options().read(true).custom_flags(flags).open(folder.join("trace_pipe"))?;
+        let rise = format!("gpio_value: {line} set 1");
+        let free_run =
+            interval_s.map(|interval_s| FreeRun { next_s: Monotonic.now().0, interval_s });
+        Ok(Trace { pipe, text: String::new(), rise, free_run, kept: None })
     }
 
     /// Waits for the next event.
     pub fn next(&mut self) -> Outcome<Event> {
         loop {
-            while let Some(end) = self.text.find('\n') {
-                let line: String = self.text.drain(..=end).collect();
-                if let Some(event) = self.event(&line) {
-                    return Ok(event);
+            let event = self.kept.take().or_else(|| self.recorded());
+            if let Some(FreeRun { next_s, interval_s }) = &mut self.free_run {
+                let at_s = *next_s;
+                let is_first = match event {
+                    Some(Event::Flip { at_s: flip_s }) => flip_s > at_s,
+                    Some(Event::Rise { .. }) => continue,
+                    None => Monotonic.now().0 > at_s + RECORDED_S,
+                };
+                if is_first {
+                    *next_s += *interval_s;
+                    self.kept = event;
+                    return Ok(Event::Rise { at_s });
                 }
             }
+            if let Some(event) = event {
+                return Ok(event);
+            }
             let mut chunk = [0; 4096];
-            let read = self.pipe.read(&mut chunk)?;
-            self.text.push_str(std::str::from_utf8(&chunk[..read])?);
+            match self.pipe.read(&mut chunk) {
+                Ok(read) => self.text.push_str(std::str::from_utf8(&chunk[..read])?),
+                Err(nothing) if nothing.kind() == ErrorKind::WouldBlock => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Err(cause) => return Err(cause.into()),
+            }
         }
+    }
+
+    /// The next event that was read.
+    fn recorded(&mut self) -> Option<Event> {
+        while let Some(end) = self.text.find('\n') {
+            let line: String = self.text.drain(..=end).collect();
+            if let Some(event) = self.event(&line) {
+                return Some(event);
+            }
+        }
+        None
     }
 
     /// `task-pid [cpu] flags seconds: event: …`

@@ -2,10 +2,16 @@
 //! goes out of the virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in
 //! by the camera's node.
 //!
-//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER AWAY` runs until it is
-//! killed. As long as there is a file SHUTTER, the camera gives no frames; as long as there is a
-//! file AWAY, not the panel but a scene is before the lens. It knows nothing of the daemon:
-//! the trigger comes from the kernel's trace of GPIO values, the picture from the display driver.
+//! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER AWAY [EXPOSURE-MS
+//! INTERVAL-MS]` runs until it is killed. As long as there is a file SHUTTER, the camera gives no
+//! frames; as long as there is a file AWAY, not the panel but a scene is before the lens. It knows
+//! nothing of the daemon: the trigger comes from the kernel's trace of GPIO values, the picture
+//! from the display driver.
+//!
+//! With the last two the camera runs free, and its frames are stamped as `uvcvideo` stamps them: at
+//! their first packet, which comes when the exposure has ended and up to an interval has passed. A
+//! frame shows what was on scan-out when its exposure began.
+//!
 //! Two threads, so that light is caught at the moment of the trigger however long the lens takes to
 //! compute. Every flip, exposure and frame is a line of standard output, with its moment on
 //! `CLOCK_MONOTONIC`.
@@ -32,8 +38,21 @@ use self::trace::{Event, Trace};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
+/// A free-running camera's seconds.
+#[derive(Clone, Copy)]
+struct FreeRun {
+    exposure_s: f64,
+    interval_s: f64,
+}
+
+/// Of an interval, so much is held back the first packet of each frame, in turn.
+const HELD_BACK: [f64; 5] = [0.0, 0.6, 0.3, 0.9, 0.05];
+
+/// An exposure caught so late may show what came after it, and is left out.
+const LATE_MS: f64 = 50.0;
+
 /// The camera's node, ready to take frames.
-fn camera(video: &str, truth: &config::RigFile) -> Outcome<v4l::Device> {
+fn camera(video: &str, truth: &config::RigFile, free_run: Option<FreeRun>) -> Outcome<v4l::Device> {
     let node = v4l::Device::with_path(video)?;
     let size = truth.camera.size();
     let code = if truth.mosaic().is_some() { b"RGGB" } else { b"RGB3" };
@@ -41,6 +60,10 @@ fn camera(video: &str, truth: &config::RigFile) -> Outcome<v4l::Device> {
     let got = Output::set_format(&node, &wanted)?;
     if (got.width, got.height, got.fourcc) != (wanted.width, wanted.height, wanted.fourcc) {
         return Err(format!("the camera's node takes {got}").into());
+    }
+    if let Some(FreeRun { interval_s, .. }) = free_run {
+        let interval = v4l::Fraction::new((interval_s * 1e4).round() as u32, 10_000);
+        Output::set_params(&node, &v4l::video::output::Parameters::new(interval))?;
     }
     // Until a writer has streamed, a reader's STREAMON fails.
     let kind = v4l::buffer::Type::VideoOutput as u32;
@@ -53,22 +76,32 @@ fn camera(video: &str, truth: &config::RigFile) -> Outcome<v4l::Device> {
 }
 
 /// Delivers each frame when its exposure and read-out have passed, or as soon after as it has been
-/// computed.
+/// computed; the driver stamps it then. One that a free-running camera would have to hold back
+/// longer than an interval is dropped.
 fn deliver(
     truth: &config::RigFile,
     video: &str,
     mut port: File,
     rises_s: mpsc::Receiver<f64>,
+    free_run: Option<FreeRun>,
 ) -> Outcome<()> {
-    let mut node = camera(video, truth)?;
+    let mut node = camera(video, truth, free_run)?;
     println!("the window is open");
     let frame_s =
         (truth.camera.exposure_ms + truth.simulation().map_or(0.0, |s| s.sensor.readout_ms)) / 1e3;
     let samples = if truth.mosaic().is_some() { 1 } else { 3 };
     let mut bytes = vec![0; truth.camera.size().area() * samples];
-    for rise_s in rises_s {
+    for (rise_s, held_back) in rises_s.into_iter().zip(HELD_BACK.into_iter().cycle()) {
         port.read_exact(&mut bytes)?;
-        Monotonic.wait_until(Moment(rise_s + frame_s));
+        if let Some(FreeRun { exposure_s, interval_s }) = free_run {
+            Monotonic.wait_until(Moment(rise_s + exposure_s + held_back * interval_s));
+            if Monotonic.now().0 > rise_s + exposure_s + interval_s {
+                println!("the exposure at {rise_s:.6} is dropped");
+                continue;
+            }
+        } else {
+            Monotonic.wait_until(Moment(rise_s + frame_s));
+        }
         if node.write(&bytes)? != bytes.len() {
             return Err("the camera's node takes smaller frames".into());
         }
@@ -95,9 +128,10 @@ fn look(
     mut port: File,
     [shutter, away]: [&Path; 2],
     rises: &mpsc::Sender<f64>,
+    free_run: Option<FreeRun>,
 ) -> Outcome<()> {
     let card = Card::open(Path::new(card))?;
-    let mut trace = Trace::start(line)?;
+    let mut trace = Trace::start(line, free_run.map(|free_run| free_run.interval_s))?;
     let mut shown = card.scanned_out()?;
     loop {
         let event = trace.next()?;
@@ -112,6 +146,9 @@ fn look(
             }
             Event::Rise { at_s } if shutter.exists() => {
                 println!("{at_s:.6} trigger, the shutter is closed");
+            }
+            Event::Rise { at_s } if free_run.is_some() && late_ms(at_s) > LATE_MS => {
+                println!("{at_s:.6} exposure, seen {:.1} ms later, is left out", late_ms(at_s));
             }
             Event::Rise { at_s } => {
                 let codes =
@@ -142,8 +179,17 @@ fn look(
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [truth, card, video, line, port, shutter, away] = words.as_slice() else {
-        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT SHUTTER AWAY".into());
+    let (first, last) = words.split_at(words.len().min(7));
+    let ([truth, card, video, line, port, shutter, away], [] | [_, _]) = (first, last) else {
+        return Err("usage: window TRUTH.toml CARD VIDEO LINE-NUMBER PORT SHUTTER AWAY \
+                    [EXPOSURE-MS INTERVAL-MS]"
+            .into());
+    };
+    let seconds =
+        last.iter().map(|ms| Ok(ms.parse::<f64>()? / 1e3)).collect::<Outcome<Vec<_>>>()?;
+    let free_run = match seconds[..] {
+        [exposure_s, interval_s] => Some(FreeRun { exposure_s, interval_s }),
+        _ => None,
     };
     let truth = config::load(Path::new(truth))?;
     let port = OpenOptions::new().read(true).write(true).open(port)?;
@@ -152,12 +198,12 @@ fn main() -> Outcome<()> {
     let truth = &truth;
     std::thread::scope(|scope| {
         scope.spawn(move || {
-            if let Err(cause) = deliver(truth, video, answers, rises_s) {
+            if let Err(cause) = deliver(truth, video, answers, rises_s, free_run) {
                 println!("the window shuts: {cause}");
                 // A camera whose other half is dead must not look like a slow one.
                 std::process::exit(1);
             }
         });
-        look(truth, card, line, port, [shutter, away].map(Path::new), &rises)
+        look(truth, card, line, port, [shutter, away].map(Path::new), &rises, free_run)
     })
 }
