@@ -53,13 +53,22 @@ pub(super) fn man(options: &ManOptions, command: Command) -> Result<(), CliError
     Ok(())
 }
 
+/// `page` with what follows a command's help, its examples, under their name and line by line: a
+/// broken one cannot be copied.
+fn with_examples(page: &str) -> String {
+    let Some((before, from)) = page.split_once(".SH EXTRA\nExamples:\n") else {
+        return page.to_owned();
+    };
+    let (examples, after) = from.split_once(".SH ").unwrap_or((from, ""));
+    let next = if after.is_empty() { "" } else { ".SH " };
+    format!("{before}.SH EXAMPLES\n.nf\n{examples}.fi\n{next}{after}")
+}
+
 /// A command's page and the name of its file.
 fn page(command: Command) -> (String, String) {
     let man = Man::new(command).source(concat!("relens ", env!("CARGO_PKG_VERSION")));
     let mut page = Vec::new();
     // Memory takes everything.
     let _ = man.render(&mut page);
-    // What follows a command's help is its examples.
-    let page = String::from_utf8_lossy(&page).replace(".SH EXTRA\nExamples:", ".SH EXAMPLES");
-    (man.get_filename(), page)
+    (man.get_filename(), with_examples(&String::from_utf8_lossy(&page)))
 }

@@ -17,7 +17,7 @@ use crate::frame::{Coding, Size};
 
 use super::dng::{self, RawFile, Sites};
 use super::kind::{Content, Format, recognise};
-use super::{Flaw, Orientation, jpeg, others, png, tiff};
+use super::{Flaw, Orientation, jpeg, others, png, tiff, webp};
 
 /// How much one photo may ask of the box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -97,6 +97,8 @@ pub(super) struct Raster {
     pub(super) colours: Option<super::CameraColours>,
     /// What a JPEG states of them.
     pub(super) coding: Option<Coding>,
+    /// See [`super::Photo::rounding`].
+    pub(super) rounding: f32,
 }
 
 /// Said of a photo with an artist, a description or other words in it.
@@ -194,6 +196,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             sites: Some(raw.sites),
             colours: raw.colours,
             coding: None,
+            rounding: 0.0,
         });
     }
     // Decoders may panic on hostile files, by their own notes.
@@ -217,7 +220,11 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             }
             Content::Bmp => collect(BmpDecoder::new(input), content, limits, losses),
             Content::Gif => collect(GifDecoder::new(input), content, limits, losses),
-            Content::Webp => collect(WebPDecoder::new(input), content, limits, losses),
+            Content::Webp => {
+                let mut raster = collect(WebPDecoder::new(input), content, limits, losses)?;
+                raster.rounding = webp::rounding(bytes).unwrap_or(0.0);
+                Ok(raster)
+            }
         }
     }));
     match decoded {
@@ -305,6 +312,7 @@ fn collect<D: ImageDecoder>(
         sites,
         colours: None,
         coding: None,
+        rounding: 0.0,
     })
 }
 

@@ -40,6 +40,7 @@ mod shape;
 mod tiff;
 mod tone;
 mod turn;
+mod webp;
 pub mod worker;
 
 pub use camera_frame::camera_frame;

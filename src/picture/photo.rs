@@ -81,6 +81,9 @@ pub struct Photo {
     pub raw: Option<RawSites>,
     /// What a JPEG states of the light, where it has the rig's own size and was not cut.
     pub coding: Option<Coding>,
+    /// Standard deviation of what the coding of a lossy WebP rounded away, codes of 8 bits; of any
+    /// other photo, and of one that was resampled, 0.
+    pub rounding: f32,
     /// The camera, as far as a raw photo says.
     pub camera: Option<PhotoCamera>,
     /// Whether all channels carry something of their own.
@@ -157,6 +160,7 @@ impl Photo {
                 light: raw.mosaic.interpolated(&sites.light(raster.size, &raster.samples)),
                 raw: Some(raw),
                 coding: None,
+                rounding: 0.0,
                 camera: raster.camera,
                 channels: Channels::Colour,
                 manner: Manner { orientation: raster.orientation, icc, colours, ..plain },
@@ -214,6 +218,7 @@ impl Photo {
             light,
             raw: None,
             coding: raster.coding,
+            rounding: raster.rounding,
             camera: None,
             channels: if grey { Channels::Green } else { Channels::Colour },
             manner: Manner {
@@ -269,6 +274,7 @@ impl Photo {
                 flaw: Flaw::Shape { found, held, allowed },
             });
         }
+        self.rounding = 0.0;
         self.light = Frame::from_fn(|channel| match self.channels.list().contains(&channel) {
             true => resize(self.light.plane(channel), allowed),
             false => Plane::zeros(allowed),

@@ -139,6 +139,28 @@ impl Pipeline {
         prepared
     }
 
+    /// The same of a `photo` whose coding rounded away so many codes of 8 bits of `tone`: noise that
+    /// is flattened where it is measured, and still in the picture.
+    pub fn prepare_rounded<'a>(
+        &self,
+        photo: &'a Frame<Work>,
+        channels: Channels,
+        (codes, tone): (f32, &Tone),
+    ) -> Prepared<'a> {
+        let mut prepared = self.prepare(photo, channels);
+        for c in Channel::ALL {
+            let lights = tone.lights(c);
+            let at = lights.partition_point(|&light| light < median(photo.plane(c)));
+            let around = [at.saturating_sub(1), (at + 1).min(lights.len() - 1)];
+            let [below, above] = around.map(|code| lights[code]);
+            let code = (above - below) / (around[1] - around[0]) as f32;
+            let noise = &mut prepared.noise[c.index()];
+            *noise = noise.hypot(codes * code * (lights.len() - 1) as f32 / FULL_SCALE);
+        }
+        prepared.coded = true;
+        prepared
+    }
+
     /// Takes for missing what the `bad` sites of the sensor's pattern say.
     fn doubt(
         &self,

@@ -170,3 +170,19 @@ fn a_refused_photo_is_returned_as_it_is() {
     assert_eq!((refused.verdict, refused.picture), (Verdict::Untouched, sharp));
     assert!(refused.reason.contains("does not explain the photo"), "{}", refused.reason);
 }
+
+#[test]
+fn what_a_coding_rounded_away_counts_as_noise() {
+    let bed = Bed::new();
+    let (photo, tone) = (bed.photo(), crate::picture::Tone::of_curve(bed.config.photo.curve, 8));
+    let of = |codes| bed.pipeline.prepare_rounded(&photo, Channels::Colour, (codes, &tone));
+    let (plain, exact, rounded) =
+        (bed.pipeline.prepare(&photo, Channels::Colour), of(0.0), of(3.0));
+    assert_eq!(exact.noise, plain.noise);
+    assert!(rounded.coded);
+    // A code of sRGB is half to two grey levels in a scene's middle.
+    for (more, noise) in rounded.noise.into_iter().zip(plain.noise) {
+        let added = (more.powi(2) - noise.powi(2)).sqrt();
+        assert!((1.0..6.0).contains(&added), "{added} grey levels of three codes");
+    }
+}

@@ -279,6 +279,10 @@ impl Restorer for OnRig {
                     let stated = (coding, &photo.manner.tone);
                     self.pipeline.prepare_coded(&photo.light, photo.channels, stated)
                 }
+                None if photo.rounding > 0.0 => {
+                    let rounded = (photo.rounding, &photo.manner.tone);
+                    self.pipeline.prepare_rounded(&photo.light, photo.channels, rounded)
+                }
                 None => self.pipeline.prepare(&photo.light, photo.channels),
             },
             Some(raw) => {

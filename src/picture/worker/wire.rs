@@ -71,6 +71,7 @@ pub(super) struct Header {
     raw: Option<RawSites>,
     /// Without its coefficients, which follow the planes.
     coding: Option<Coding>,
+    rounding: f32,
     camera: Option<crate::picture::PhotoCamera>,
     stored: Size,
     file: FileFacts,
@@ -134,7 +135,8 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
 
 /// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
-    let Photo { name, light, raw, coding, camera, channels, manner, stored, file, notes } = photo;
+    let Photo { name, light, raw, coding, rounding, camera, channels, manner, stored, file, notes } =
+        photo;
     let Manner { format, layout, bits, tone, orientation, icc, exif, alpha, colours } = manner;
     let header = Header {
         name: name.clone(),
@@ -151,6 +153,7 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         alpha: alpha.is_some(),
         raw: *raw,
         coding: coding.clone(),
+        rounding: *rounding,
         camera: camera.clone(),
         stored: *stored,
         file: *file,
@@ -206,6 +209,9 @@ pub(super) fn read_photo(
     if !header.colours.is_none_or(|colours| colours.are_sound() && header.raw.is_some()) {
         return Err("colours that mean nothing");
     }
+    if !(0.0..=256.0).contains(&header.rounding) {
+        return Err("rounding that means nothing");
+    }
     let mut plane = || {
         let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
         *bytes = rest;
@@ -235,6 +241,7 @@ pub(super) fn read_photo(
         light,
         raw: header.raw,
         coding,
+        rounding: header.rounding,
         camera: header.camera,
         channels: header.channels,
         manner: Manner {
