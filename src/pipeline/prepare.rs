@@ -45,6 +45,9 @@ impl Pipeline {
     pub fn prepare<'a>(&self, photo: &'a Frame<Work>, channels: Channels) -> Prepared<'a> {
         let mut prepared = self.placed(photo, self.straightened(photo, None), channels);
         self.doubt(&mut prepared, SiteGains::reaches);
+        if channels == Channels::Colour {
+            prepared.filled_in = self.correction.layout().canvas_mosaic();
+        }
         let noise = prepared.noise;
         prepared.focus = self.focus_of(&prepared, &|c, light| {
             noise[c.index()].max(self.noise[c.index()].sigma(light))
@@ -102,6 +105,7 @@ impl Pipeline {
             mosaic: None,
             noise,
             coded,
+            filled_in: None,
             stated: None,
             focus: None,
             lens_alone,

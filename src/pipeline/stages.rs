@@ -31,6 +31,8 @@ pub struct Prepared<'a> {
     pub noise: [f32; 3],
     /// Whether the blocks of a JPEG are seen in it.
     pub coded: bool,
+    /// The filters between which its camera filled in what it is, over the canvas.
+    pub filled_in: Option<Mosaic>,
     /// What its file states of it, where it is a JPEG of this size.
     pub stated: Option<JpegTerm>,
     /// The focus at which it was taken, where that is another than the panel's.
