@@ -38,13 +38,13 @@ pub(super) fn rounding(bytes: &[u8]) -> Option<f32> {
         let length = u32::from_le_bytes(head[4..].try_into().ok()?) as usize;
         chunks = rest.get(length.checked_next_multiple_of(2)?..)?;
     };
-    let step = STEPS[number_of_step(&mut Bits::new(picture.get(PICTURE_HEAD..)?))? as usize];
+    let step = STEPS[number_of_step(&mut EvenBits::new(picture.get(PICTURE_HEAD..)?))? as usize];
     Some(LOSS_OF_ONE * f32::from(step).powf(LOSS_POWER))
 }
 
 /// The number of the step, which the picture's header holds after what it says of colours, parts of
 /// the picture and filters.
-fn number_of_step(bits: &mut Bits<'_>) -> Option<u32> {
+fn number_of_step(bits: &mut EvenBits<'_>) -> Option<u32> {
     bits.number(2)?;
     if bits.bit()? {
         let (of_blocks, of_parts) = (bits.bit()?, bits.bit()?);
@@ -65,7 +65,7 @@ fn number_of_step(bits: &mut Bits<'_>) -> Option<u32> {
 }
 
 /// Bits of even chance in the arithmetic code of RFC 6386, 7.
-struct Bits<'a> {
+struct EvenBits<'a> {
     bytes: std::slice::Iter<'a, u8>,
     value: u32,
     range: u32,
@@ -73,12 +73,12 @@ struct Bits<'a> {
     shifted: u32,
 }
 
-impl Bits<'_> {
-    fn new(bytes: &[u8]) -> Bits<'_> {
+impl EvenBits<'_> {
+    fn new(bytes: &[u8]) -> EvenBits<'_> {
         let mut bytes = bytes.iter();
         let mut next = || bytes.next().map_or(0, |&byte| u32::from(byte));
         let value = (next() << 8) | next();
-        Bits { bytes, value, range: 255, shifted: 0 }
+        EvenBits { bytes, value, range: 255, shifted: 0 }
     }
 
     fn bit(&mut self) -> Option<bool> {

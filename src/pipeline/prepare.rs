@@ -143,8 +143,8 @@ impl Pipeline {
         prepared
     }
 
-    /// The same of a `photo` whose coding rounded away so many codes of 8 bits of `tone`: noise that
-    /// is flattened where it is measured, and still in the picture.
+    /// The same of a `photo` whose coding rounded away so many codes of 8 bits of `tone`: noise
+    /// that is flattened where it is measured, and still in the picture.
     pub fn prepare_rounded<'a>(
         &self,
         photo: &'a Frame<Work>,

@@ -4,8 +4,8 @@
 //!         --test real_rig -- --ignored rig_
 //!
 //! The virtual rig of `tests/vm` runs the same bodies, and those for a camera that misbehaves on
-//! request (the kernel's vivid, `RELENS_VIVID` its card name), for a media graph (its vimc), and for
-//! one that runs free (`RELENS_FREE_RIG` its rig file).
+//! request (the kernel's vivid, `RELENS_VIVID` its card name), for a media graph (its vimc), and
+//! for one that runs free (`RELENS_FREE_RIG` its rig file).
 #![cfg(feature = "hardware")]
 
 #[path = "../counted/mod.rs"]

@@ -135,8 +135,22 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
 
 /// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
-    let Photo { name, light, raw, coding, rounding, camera, channels, manner, stored, file, notes } =
-        photo;
+    // All of it, so that none is forgotten here.
+    let Photo {
+        // What is seen.
+        name,
+        light,
+        raw,
+        coding,
+        rounding,
+        camera,
+        channels,
+        // What goes along.
+        manner,
+        stored,
+        file,
+        notes,
+    } = photo;
     let Manner { format, layout, bits, tone, orientation, icc, exif, alpha, colours } = manner;
     let header = Header {
         name: name.clone(),
