@@ -46,3 +46,16 @@ fn photos_that_are_ordinary_jpegs_come_back_better_in_luma_and_no_worse_in_colou
         assert!(record.delivered.ssim > record.photo.ssim + 0.02, "{}", record.cells());
     }
 }
+
+#[test]
+fn what_a_camera_fills_in_between_its_filters_passes_for_no_other_lens() {
+    let rig = crate::rig("truthful.toml").unwrap();
+    let measured = calibration(&rig).unwrap();
+    let mut harness = Harness::changed(&rig, &measured, &NONE.change, 0.0).unwrap();
+    let of = [3, 5].map(|n| (View { subject: Subject::Kept(n), quarter: None }, Kept::Developed));
+    let found = photos(&mut harness, "truthful", (&NONE, 0.0, 0), &of, &[MethodName::Digital], 9);
+    for record in found.unwrap() {
+        assert_eq!(record.verdict, Verdict::Sound, "{}", record.cells());
+        assert!(record.delivered.ssim > record.photo.ssim + 0.02, "{}", record.cells());
+    }
+}
