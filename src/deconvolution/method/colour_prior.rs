@@ -21,7 +21,7 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
 /// By how much the threshold grows from one level to the next coarser one. Measured; nearly flat.
 const GROWTH_PER_LEVEL: f32 = 1.7;
 
-/// Of the finest levels so many
+/// Of a colour photo's finest levels so many
 const FINEST: usize = 2;
 /// are shrunk by at least so many standard deviations of what the noise of the data adds to a
 /// detail in a step. A narrow lens lets fine noise through with the details; by the rule for all
@@ -71,13 +71,17 @@ fn weights(
     noise: f32,
     passed: impl Fn(usize) -> f32,
 ) -> Vec<f32> {
-    let base = digital.strength.threshold(noise);
-    let of_level = |level: usize| {
-        let usual = base * GROWTH_PER_LEVEL.powi(level as i32);
+    let of_level = |(level, usual): (usize, f32)| {
         let least = LEAST_NOISES * noise * passed(level).sqrt();
         if level < FINEST { usual.max(least) } else { usual }
     };
-    (0..levels).map(of_level).collect()
+    usual_weights(digital, levels, noise).enumerate().map(of_level).collect()
+}
+
+/// The weights of a channel that is solved for itself.
+fn usual_weights(digital: &Digital, levels: usize, noise: f32) -> impl Iterator<Item = f32> {
+    let base = digital.strength.threshold(noise);
+    (0..levels).map(move |level| base * GROWTH_PER_LEVEL.powi(level as i32))
 }
 
 /// The prior over all channels of a photo.
@@ -140,11 +144,11 @@ impl<'a> ColourPrior<'a> {
         let norms = |c: Channel| &norms[c.index()];
         let levels_of = |noise: f32, norms: &LevelNorms| -> Vec<f32> {
             let of_level = |(l, weight): (usize, &f32)| weight / norms.at(l);
-            weights(digital, digital.levels, noise, |l| norms.at(l))
-                .iter()
-                .enumerate()
-                .map(of_level)
-                .collect()
+            let weights: Vec<f32> = match together {
+                true => weights(digital, digital.levels, noise, |l| norms.at(l)),
+                false => usual_weights(digital, digital.levels, noise).collect(),
+            };
+            weights.iter().enumerate().map(of_level).collect()
         };
         let thresholds = if together {
             // In opponent colours the channels' steps mix. The threshold goes with the shortest of
