@@ -22,7 +22,7 @@ const PICTURE_HEAD: usize = 10;
 
 /// What is lost of brightness, in codes of 8 bits, is so much times the step to the power. Long
 /// steps round most coefficients to nothing, and lose no more than was there. Measured on five
-/// photos of a simulated lens: of quality 95 to 30 within a third.
+/// photos of a simulated lens, quality 95 to 30: at low qualities it is up to two thirds too much.
 const LOSS_OF_ONE: f32 = 0.19;
 const LOSS_POWER: f32 = 0.75;
 
