@@ -247,6 +247,13 @@ impl Photo {
         let PhotoGrid { sensor, photo } = grid.into();
         let (found, allowed) = (self.light.size(), photo.size);
         if found == allowed {
+            let ours = self.camera.as_ref().is_some_and(|camera| camera.setting.is_some());
+            if self.raw.is_some() && found != sensor && !ours {
+                self.notes.push(format!(
+                    "nothing says where on the sensor this photo's {found} sites lie: they are \
+                     taken for the rig's photo"
+                ));
+            }
             return Ok(self);
         }
         // Blocks are the whole picture's.

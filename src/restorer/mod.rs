@@ -14,6 +14,7 @@ pub mod focus;
 pub mod on_rig;
 pub mod operating_point;
 pub mod photo_file;
+mod who_took;
 
 use std::io::Read;
 use std::path::Path;

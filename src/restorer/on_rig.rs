@@ -5,16 +5,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::photo_file::{self, TakenPhoto};
-use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point};
+use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, who_took};
 use crate::calibration::{Calibration, LensFlat, store};
 use crate::config;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::method::{Method, Step};
-use crate::frame::{Channel, Frame, RawSites, Size, Work};
+use crate::frame::{Channel, Frame, Size, Work};
 use crate::kiosk::screen::{Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
-use crate::picture::{Flaw, Photo, PhotoCamera, PictureError, RigSetting, dng};
+use crate::picture::{Photo, PictureError};
 use crate::pipeline::{
     Interruption, Outcome, Pipeline, Prepared, Restoration, Solved, Stopwatch, Verdict,
 };
@@ -182,34 +182,6 @@ impl OnRig {
         }
     }
 
-    /// Why a raw photo of a `camera` that says its name, or none, cannot be this rig's. Of other
-    /// makers' files only the sites tell: whoever writes a camera's raw files names it his own way.
-    fn of_another_camera(&self, camera: Option<&PhotoCamera>, raw: RawSites) -> Option<Flaw> {
-        if let Some(by_relens) = camera.filter(|camera| camera.name.starts_with(dng::OUR_MAKE)) {
-            let (found, allowed) = (by_relens.name.clone(), dng::camera_of(&self.config.name));
-            if found != allowed {
-                return Some(Flaw::OtherRig { found, allowed });
-            }
-            if let (Some(found), Some(allowed)) = (&by_relens.serial, self.config.camera_serial())
-                && found != allowed
-            {
-                let (found, allowed) = (found.clone(), allowed.to_owned());
-                return Some(Flaw::OtherSetting { what: "the camera's number", found, allowed });
-            }
-            if let Some(RigSetting { focus, .. }) = &by_relens.setting
-                && *focus != self.config.camera.focus
-            {
-                let words = |focus: &Option<String>| {
-                    focus.as_ref().map_or("none said".to_owned(), |focus| format!("{focus:?}"))
-                };
-                let (found, allowed) = (words(focus), words(&self.config.camera.focus));
-                return Some(Flaw::OtherSetting { what: "the focus", found, allowed });
-            }
-        }
-        let allowed = self.config.photo_mosaic();
-        (allowed != Some(raw.mosaic)).then_some(Flaw::OtherSensor { found: raw.mosaic, allowed })
-    }
-
     /// Takes the lens's dark corners out of a result, if the rig file asks for it; says what was
     /// done, or why not.
     fn remove_vignetting(&self, picture: &mut Frame<Work>) -> Option<String> {
@@ -286,9 +258,11 @@ impl Restorer for OnRig {
                 None => self.pipeline.prepare(&photo.light, photo.channels),
             },
             Some(raw) => {
-                if let Some(flaw) = self.of_another_camera(photo.camera.as_ref(), raw) {
+                let camera = photo.camera.as_ref();
+                if let Some(flaw) = who_took::of_another_camera(&self.config, camera, raw) {
                     return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
                 }
+                let raw = who_took::in_own_counts(&self.config, self.black, raw);
                 self.pipeline.prepare_raw(&photo.light, raw)
             }
         };
@@ -304,18 +278,8 @@ impl Restorer for OnRig {
             }
             outcome.notes.extend(self.learn(&prepared, solved));
         }
-        let setting = photo.camera.as_ref().and_then(|camera| camera.setting.as_ref());
-        if let Some(other) = photo.camera.as_ref().filter(|camera| camera.setting.is_none()) {
-            outcome.notes.push(format!(
-                "the file says that {} took this photo: it is restored as this rig's camera's, \
-                 whose size and filters it has, at the panel's focus unless it shows another",
-                other.name
-            ));
-        }
-        if setting.is_some_and(|setting| setting.identity != self.config.identity) {
-            let told = "this photo was taken when the rig file said otherwise of the rig: it is \
-                        restored as this rig's";
-            outcome.notes.push(told.to_owned());
+        if photo.raw.is_some() {
+            outcome.notes.extend(who_took::told(&self.config, photo.camera.as_ref()));
         }
         if prepared.stated.as_ref().is_some_and(|stated| !stated.is_data()) {
             let told = "this JPEG was made of another JPEG, in shorter steps: it is \

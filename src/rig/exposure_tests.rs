@@ -225,6 +225,72 @@ fn marks_that_vanish_leave_nothing_whatever_goes_wrong() {
     assert!(hidden[9] < 0.8 * wanted[9], "{:.1} and {:.1}", hidden[9], wanted[9]);
 }
 
+/// Pictures that may have something of a mark by themselves: greys, noise, bars and squares of a
+/// cell's width and less, at all places.
+fn pictures() -> Vec<Codes> {
+    let codes = |of: &dyn Fn(usize, usize) -> u8| {
+        Codes::from_planes([0; 3].map(|_| Plane::from_fn(Size::new(240, 180), of)))
+    };
+    let mut pictures: Vec<Codes> =
+        [0, 8, 40, 128, 255].map(|code| codes(&|_, _| code)).into_iter().collect();
+    pictures.push(uneven());
+    pictures
+        .push(codes(&|x, y| ((x * 2_654_435_761) ^ (y * 40_503 * 97)).wrapping_mul(0x9e37) as u8));
+    for (width, at) in [(3, 0), (5, 2), (7, 0), (7, 3), (7, 5), (11, 4), (14, 0), (14, 7), (40, 9)]
+    {
+        let light = |on: bool| if on { 255 } else { 0 };
+        pictures.push(codes(&|x, _| light((x + at) / width % 2 == 0)));
+        pictures.push(codes(&|x, y| light(((x + at) / width + (y + at) / width) % 2 == 0)));
+    }
+    pictures
+}
+
+#[test]
+fn what_is_left_of_a_mark_tells_a_picture_of_its_own_from_one_with_the_mark() {
+    let rigs: [(&str, fn(&str) -> String); 6] = [
+        ("as it is", vanishing),
+        ("glare", |text| {
+            let glare = "node-rows = 3\nglare-share = 0.1\nglare-radius-px = 8.0";
+            let own: Vec<&str> = text.lines().filter(|line| !line.starts_with("glare-")).collect();
+            vanishing(&own.join("\n").replacen("node-rows = 3", glare, 1))
+        }),
+        ("sharp", |text| {
+            vanishing(&text.replacen("pixel-pitch-um = 72.0", "pixel-pitch-um = 200.0", 1))
+        }),
+        ("noise", |text| {
+            let noisy =
+                text.replacen("full-well-electrons = 42000.0", "full-well-electrons = 2000.0", 1);
+            vanishing(&noisy.replacen("read-noise-levels = 0.2", "read-noise-levels = 2.0", 1))
+        }),
+        ("gamma 1.8", |text| vanishing(&text.replacen("[2.25, 2.2, 2.15]", "[1.8, 1.8, 1.8]", 1))),
+        ("gamma 2.6", |text| vanishing(&text.replacen("[2.25, 2.2, 2.15]", "[2.6, 2.6, 2.6]", 1))),
+    ];
+    for (name, change) in rigs {
+        let mut rig = with_marks(change);
+        let (mut gone, mut stale) = (Vec::new(), Vec::new());
+        for codes in pictures() {
+            for _ in 0..8 {
+                let exposed = rig.shoot(&codes).unwrap_or_else(|e| panic!("{e}"));
+                let marks = rig.marks.as_ref().expect("it has marks");
+                let (number, own) = (rig.number, marks.own_shares(&codes, rig.number));
+                let least = marks.left(&exposed.counts, number, &own).fold(-9.0, f32::max);
+                stale.push(least);
+                rig.panel.show(&codes).unwrap_or_else(|e| panic!("{e}"));
+                let later = rig.clock.now();
+                rig.clock.wait_until(after(later, 100.0));
+                let bare = rig.expose().unwrap_or_else(|e| panic!("{e}"));
+                let marks = rig.marks.as_ref().expect("it has marks");
+                gone.push(marks.left(&bare.counts, number, &own).fold(-9.0, f32::max));
+            }
+        }
+        gone.sort_by(f32::total_cmp);
+        stale.sort_by(f32::total_cmp);
+        let (most, least) = (gone[gone.len() - 1], stale[0]);
+        println!("{name}: gone up to {most:.3}; with the mark from {least:.3}");
+        assert!(most < 0.2 && least > 0.9, "{name}: {most} and {least}");
+    }
+}
+
 #[test]
 fn a_panel_out_of_view_has_no_marks() {
     let (mut devices, _, rig) =

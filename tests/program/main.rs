@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod command_line;
+mod foreign;
 mod other_user;
 mod scene;
 mod signals;
