@@ -1,7 +1,7 @@
 //! `relens shoot`: the photo itself, taken by the rig's own camera through its own lens.
 
 use std::io::BufRead;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint, value_parser};
@@ -83,6 +83,7 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
         return Err(CliError::NoFilters(rig.name));
     }
     must_be_new(out)?;
+    make_inbox(&options.folder.folder, out)?;
     let mut rigged = before_the_scene(&rig, options)?;
     let range = CountRange { black: rigged.black, max: rig.camera.count_max() };
     let times = set_exposure(&mut rigged.devices, mosaic, range, options.exposure)?;
@@ -116,6 +117,19 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     let photo = rig.photo_grid();
     say(&format!("  the rig restores {} of the sensor's {}", photo.photo.size, photo.sensor));
     Ok(())
+}
+
+/// Makes the inbox of `folder` if `out` goes there: an owner's first photo comes before the first
+/// run, which makes it else. Any other folder may be a slip of the pen.
+fn make_inbox(folder: &Path, out: &Path) -> Result<(), CliError> {
+    fn plain(path: &Path) -> &Path {
+        path.strip_prefix(".").unwrap_or(path)
+    }
+    let inbox = folder.join("inbox");
+    if out.parent().is_none_or(|parent| plain(parent) != plain(&inbox)) {
+        return Ok(());
+    }
+    std::fs::create_dir_all(&inbox).map_err(|e| CliError::writing(out, e))
 }
 
 /// The devices, with what is to be photographed before the lens.

@@ -82,3 +82,20 @@ fn a_scene_is_for_simulated_rigs_and_such_a_rig_needs_one() {
     }
     assert!(!folder.join("inbox").exists(), "nothing was begun");
 }
+
+#[test]
+fn the_first_photo_finds_its_inbox() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let shoot = ["shoot", "--rig", "truthful.toml", "--scene", SCENE];
+    for (options, code) in [
+        (&["--folder", "box", "-o", "box/inbox/a.dng"][..], 0),
+        (&["-o", "inbox/a.dng"], 0),
+        (&["--folder", "box", "-o", "bok/inbox/b.dng"], 2),
+    ] {
+        let status = relens(&[&shoot, options].concat(), folder).status().unwrap();
+        assert_eq!(status.code(), Some(code), "{options:?}");
+    }
+    assert!(folder.join("box/inbox/a.dng").exists() && folder.join("inbox/a.dng").exists());
+    assert!(!folder.join("bok").exists());
+}
