@@ -64,6 +64,13 @@ pub(super) enum CliError {
     /// No daemon works on the folder.
     #[error("found no relens at work on {0}, allowed a folder with a `relens run`")]
     NobodyThere(PathBuf),
+    /// What the daemon wrote of itself cannot be read.
+    #[error(
+        "{}; nothing was done; be of the group that shares the folder (usermod -aG relens), or \
+         have `relens run` write it anew by a restart",
+        full_message(.0)
+    )]
+    BrokenState(FileError),
     /// The disk refused a file.
     #[error("cannot write {0}")]
     Writing(PathBuf, #[source] io::Error),
@@ -106,6 +113,7 @@ impl CliError {
             | CliError::NoFolder(_)
             | CliError::Format(_)
             | CliError::NobodyThere(_)
+            | CliError::BrokenState(_)
             | CliError::NoSuchFolder(_)
             | CliError::OneReport(_)
             | CliError::NoState(_) => 2,

@@ -69,13 +69,15 @@ pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
     if !Folders::in_use(folder) {
         return Err(CliError::NobodyThere(folder.clone()));
     }
+    // Before anything is pressed: an error after it would have people press again.
+    let needs_button =
+        State::read(folder).map_err(CliError::BrokenState)?.is_none_or(|state| state.needs_button);
     let path = folder.join(NAME);
     std::fs::write(&path, b"").map_err(|e| CliError::writing(&path, e))?;
     // Twice the longest long press a rig file may ask for would keep people waiting; three seconds
     // do for most.
     std::thread::sleep(if options.long { Duration::from_secs(3) } else { SHORT });
     std::fs::remove_file(&path).map_err(|e| CliError::writing(&path, e))?;
-    let needs_button = State::read(folder)?.is_none_or(|state| state.needs_button);
     say(told(options.long, needs_button));
     Ok(())
 }

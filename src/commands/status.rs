@@ -51,7 +51,9 @@ struct Told {
 
 /// The state in `folder`, and whether a daemon is at work there.
 fn read(folder: &Path) -> Result<(State, bool), CliError> {
-    let state = State::read(folder)?.ok_or_else(|| CliError::NoState(folder.to_owned()))?;
+    let state = State::read(folder)
+        .map_err(CliError::BrokenState)?
+        .ok_or_else(|| CliError::NoState(folder.to_owned()))?;
     Ok((state, Folders::in_use(folder)))
 }
 

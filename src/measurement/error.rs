@@ -56,6 +56,17 @@ pub enum CalibrateError {
         /// Least share allowed.
         allowed_percent: f64,
     },
+    /// Frames show the picture before their own.
+    #[error(
+        "panel.settle-ms is too short: {found_percent:.1} % of the picture before is left in a \
+         frame, {allowed_percent:.0} % is allowed; `relens check` says what to set it to"
+    )]
+    TooSoon {
+        /// What was left of white in black.
+        found_percent: f64,
+        /// Largest share allowed.
+        allowed_percent: f64,
+    },
     /// Two captures of one picture disagree.
     #[error(
         "moving: {found} between two captures of the same picture; {allowed} allowed; bolt panel \
@@ -158,14 +169,19 @@ mod tests {
 
     #[test]
     fn a_settle_time_that_is_too_short_leads_to_the_check_that_finds_it() {
-        for settle_ms in [10.0, 25.0] {
+        let tried = |settle_ms: f64| {
             let mut hasty = config::load(Path::new("small.toml")).unwrap();
             hasty.panel.settle_ms = settle_ms;
             let mut rig = open(&hasty).unwrap().0;
-            let error = calibrate(&mut rig, &hasty, None, &mut to_the_end).unwrap_err();
-            let said = full_message(&error);
-            let next = "`relens check` says whether panel.settle-ms is too short";
-            assert!(said.contains(next), "{settle_ms} ms: {said}");
+            calibrate(&mut rig, &hasty, None, &mut to_the_end)
+        };
+        // At 40 ms little of the picture before is left, and all else can be fitted.
+        for settle_ms in [10.0, 25.0, 40.0] {
+            let said = full_message(&tried(settle_ms).unwrap_err());
+            assert!(said.contains("panel.settle-ms is too short"), "{settle_ms} ms: {said}");
+            assert!(said.contains("`relens check` says what"), "{settle_ms} ms: {said}");
         }
+        // What the check says to write is taken.
+        assert!(tried(50.0).is_ok());
     }
 }

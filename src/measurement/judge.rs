@@ -23,6 +23,8 @@ const SHIFT_MAX_PX: f64 = 0.25;
 /// Largest deviation of counts from what so many times the exposure should bring, as a share: twice
 /// what a sensor's knee near its full well does, a third of a webcam's gamma (guess).
 const BENT_MAX: f64 = 0.1;
+/// Most of the picture before that a frame may show, as `relens check` has it.
+const LEFT_MAX: f64 = 0.01;
 /// Least share of the corners expected in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
@@ -73,6 +75,36 @@ pub(super) fn exposure(
             found: format!(
                 "{share:.0} % of the camera's picture stay dark when the panel is white"
             ),
+        });
+    }
+    Ok(())
+}
+
+/// Judges whether black shown after white is as dark as black was before, in the rows `seen`.
+///
+/// # Errors
+/// Too soon.
+pub(super) fn settled(
+    white: &Counts,
+    blacks: [&Counts; 2],
+    seen: &dyn Fn(usize) -> bool,
+) -> Result<(), CalibrateError> {
+    let mean = |counts: &Counts, c: Channel| {
+        let plane = counts.plane(c);
+        let rows = (0..plane.height()).filter(|&row| seen(row)).map(|row| plane.row(row));
+        let (sum, count) =
+            rows.flatten().fold((0.0, 0.0), |(sum, count), &v| (sum + f64::from(v), count + 1.0));
+        sum / f64::max(count, 1.0)
+    };
+    let left = Channel::ALL.map(|c| {
+        let [before, after] = blacks.map(|black| mean(black, c));
+        (after - before) / f64::max(mean(white, c) - before, 1.0)
+    });
+    let left = left.into_iter().fold(0.0, f64::max);
+    if left > LEFT_MAX {
+        return Err(CalibrateError::TooSoon {
+            found_percent: 100.0 * left,
+            allowed_percent: 100.0 * LEFT_MAX,
         });
     }
     Ok(())

@@ -2,7 +2,7 @@
 //!
 //! | step | captures (times `captures-averaged`, but for the trials) | yields |
 //! |---|---|---|
-//! | trials | 2 black, 1 white | judgement of exposure and view; black level |
+//! | trials | 2 black, 1 white | judgement of exposure, view and settle time; black level |
 //! | linearity | 13 (if `linearity`, exposure settable) | camera's curve, and judgement of it |
 //! | response pattern | 8 black, `response-flats` at 224 (each once) | how sites differ |
 //! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; judgement of focus and rest |
@@ -140,7 +140,7 @@ fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
     }
 }
 
-/// Black and white: judges exposure and view, and returns black.
+/// Black and white: judges exposure, view and settle time, and returns black.
 fn trials(session: &mut Session<'_>) -> Result<Frame<SensorSpace>, CalibrateError> {
     session.step("trials");
     let panel = session.layout.panel;
@@ -149,8 +149,9 @@ fn trials(session: &mut Session<'_>) -> Result<Frame<SensorSpace>, CalibrateErro
     let marks = MarkPlace::of(session.config);
     let seen = |row: usize| !marks.is_some_and(|marks| marks.keeps(row));
     judge::exposure(&white, &first, session.layout.saturated, &seen)?;
-    let mut black = numbers(&first);
-    let second = numbers(&session.raw(&patterns::trial(panel, Trial::Black))?);
+    let second = session.raw(&patterns::trial(panel, Trial::Black))?;
+    judge::settled(&white, [&first, &second], &seen)?;
+    let (mut black, second) = (numbers(&first), numbers(&second));
     for (a, b) in black.planes_mut().iter_mut().zip(second.planes()) {
         a.data_mut().iter_mut().zip(b.data()).for_each(|(a, b)| *a = (*a + b) / 2.0);
     }

@@ -256,6 +256,9 @@ impl Directory<'_> {
             let place = |n: usize| mosaic.colour_at(n % 2, n / 2).index();
             repeat == [2, 2] && planes == [0, 1, 2] && pattern == [0, 1, 2, 3].map(place)
         };
+        if pattern.is_empty() {
+            return Err(unsupported("no word of its colour filters".to_owned()));
+        }
         Mosaic::ALL.into_iter().find(is).ok_or_else(|| {
             unsupported(format!(
                 "colour filters {:?} repeating by {:?}",

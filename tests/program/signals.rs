@@ -52,6 +52,20 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
         Command::new(env!("CARGO_BIN_EXE_relens")).arg("press").current_dir(folder).output();
     let told = String::from_utf8(pressed.unwrap().stdout).unwrap();
     assert!(told.contains("this box needs no button"), "{told}");
+    let (state, down) = (".relens-state.json", ".relens-button-is-down");
+    let kept = std::fs::read(folder.join(state)).unwrap();
+    std::fs::write(folder.join(state), "{").unwrap();
+    for command in ["press", "status"] {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_relens")).arg(command).current_dir(folder).output();
+        let output = output.unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{command}: {said}");
+        assert!(said.contains(state) && said.contains("by a restart"), "{command}: {said}");
+        assert!(!said.contains("EOF"), "no reader's own words: {said}");
+        assert!(said.contains("nothing was done") && !folder.join(down).exists(), "{said}");
+    }
+    std::fs::write(folder.join(state), kept).unwrap();
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     assert!(ended_within(&mut child, 30));
     let mut said = String::new();

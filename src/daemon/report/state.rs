@@ -1,5 +1,6 @@
 //! The state file, which `relens status` reads while the daemon works.
 
+use std::io::{Error, ErrorKind};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -81,6 +82,11 @@ pub struct State {
     pub written_unix_s: u64,
 }
 
+/// What is said of a file that a daemon did not write, or another version's.
+fn not_a_state() -> Error {
+    Error::new(ErrorKind::InvalidData, "it is not what this version of relens writes")
+}
+
 /// What is taken for granted of a box that says nothing.
 fn yes() -> bool {
     true
@@ -116,8 +122,10 @@ impl State {
     pub fn read(root: &Path) -> Result<Option<State>, FileError> {
         let path = root.join(NAME);
         let read = match std::fs::read(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            read => read.and_then(|bytes| Ok(serde_json::from_slice(&bytes)?)),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            read => {
+                read.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|_| not_a_state()))
+            }
         };
         read.map(Some).map_err(FileError::at("read the state", &path))
     }

@@ -250,7 +250,7 @@ fn what_is_not_read_is_refused_with_what_it_is() {
         (renamed(EXPOSURE, TILE_OFFSETS), "tiles"),
         (renamed(EXPOSURE, LINEARIZATION), "a table"),
         (renamed(EXPOSURE, BLACK_DOWN), "each row"),
-        (renamed(CFA_PATTERN, 40000), "colour filters []"),
+        (renamed(CFA_PATTERN, 40000), "no word of its colour filters"),
         (mosaic_of([1, 1, 0, 2]), "colour filters [1, 1, 0, 2]"),
         (mosaic_of([0, 1, 1, 3]), "colour filters [0, 1, 1, 3]"),
         (with(CFA_REPEAT, 3, 2, [6, 0, 6, 0]), "repeating by [6, 6]"),
