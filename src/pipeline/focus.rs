@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use super::stages::{PhotoFocus, Prepared};
 use super::{Pipeline, norm_bound};
 use crate::calibration::{Calibration, OtherFocus, SiteNorms};
-use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
-use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::focus::{FocusData, FocusDepth, FocusSeries, FoundFocus};
+use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Channel;
 
@@ -64,31 +64,62 @@ impl Pipeline {
             trust: &photo.trust,
             rect: photo.rect,
             mosaic: photo.mosaic,
+            filled_in: photo.filled_in.is_some(),
             channels: photo.channels,
             noise,
         })?;
-        let FoundFocus { offset, between: (before, after), share, at_end } = found;
-        let (before, after) = (&self.focuses.0[before], &self.focuses.0[after]);
-        let functions = before.functions.between(&after.functions, share);
+        let FoundFocus { depths, of_place } = found;
+        let measured = |n: usize| &self.focuses.0[n];
+        let lenses: Vec<LensFunctions> = depths
+            .iter()
+            .map(|&FocusDepth { between: (before, after), share, .. }| {
+                measured(before).functions.between(&measured(after).functions, share)
+            })
+            .collect();
         let rect = photo.rect;
+        let functions = LensFunctions::of_places(&lenses, &of_place);
         let model = self.model.with_functions(rect.size, rect.x, &functions).ok()?;
-        // A norm is convex: between two lenses it is no more than the larger one's.
-        let larger = |a: &[f32; 3], b: &[f32; 3]| [0, 1, 2].map(|c| a[c].max(b[c]));
-        let larger_levels = |a: &[LevelNorms; 3], b: &[LevelNorms; 3]| {
-            Channel::ALL.map(|c| a[c.index()].or_larger(&b[c.index()]))
+        let norms = |n: usize| FocusNorms {
+            norm_squared: measured(n).norm_squared,
+            level_norms: measured(n).level_norms.clone(),
+            at_sites: measured(n).at_sites.clone(),
         };
-        let at_sites =
-            before.at_sites.as_ref().zip(after.at_sites.as_ref()).map(|(a, b)| SiteNorms {
-                norm_squared: larger(&a.norm_squared, &b.norm_squared),
-                level_norms: larger_levels(&a.level_norms, &b.level_norms),
-            });
+        let both = depths.iter().flat_map(|depth| [depth.between.0, depth.between.1]).map(norms);
+        let FocusNorms { norm_squared, level_norms, at_sites } =
+            both.reduce(FocusNorms::or_larger)?;
         Some(PhotoFocus {
-            offset,
-            at_end,
+            offsets: depths.iter().map(|depth| depth.offset).collect(),
+            at_end: depths.iter().any(|depth| depth.at_end),
             model: Arc::new(model),
-            norm_squared: larger(&before.norm_squared, &after.norm_squared),
-            level_norms: larger_levels(&before.level_norms, &after.level_norms),
+            norm_squared,
+            level_norms,
             at_sites: at_sites.map_or_else(OnceLock::new, OnceLock::from),
         })
+    }
+}
+
+/// What a lens lets through at most.
+struct FocusNorms {
+    norm_squared: [f32; 3],
+    level_norms: [LevelNorms; 3],
+    at_sites: Option<SiteNorms>,
+}
+
+impl FocusNorms {
+    /// A norm is convex: between two lenses it is no more than the larger one's, and of one whose
+    /// places are of two it is taken for that.
+    fn or_larger(self, other: FocusNorms) -> FocusNorms {
+        let larger = |a: &[f32; 3], b: &[f32; 3]| [0, 1, 2].map(|c| a[c].max(b[c]));
+        let levels = |a: &[LevelNorms; 3], b: &[LevelNorms; 3]| {
+            Channel::ALL.map(|c| a[c.index()].or_larger(&b[c.index()]))
+        };
+        FocusNorms {
+            norm_squared: larger(&self.norm_squared, &other.norm_squared),
+            level_norms: levels(&self.level_norms, &other.level_norms),
+            at_sites: self.at_sites.zip(other.at_sites).map(|(a, b)| SiteNorms {
+                norm_squared: larger(&a.norm_squared, &b.norm_squared),
+                level_norms: levels(&a.level_norms, &b.level_norms),
+            }),
+        }
     }
 }

@@ -79,13 +79,17 @@ fn found_by(
     photo: &Frame<Work>,
     trust: &Frame<Work, u8>,
     mosaic: Option<Mosaic>,
-) -> Option<FoundFocus> {
+) -> Option<FocusDepth> {
     let series = FocusSeries::new(members.iter().map(|(o, f)| (*o, f)).collect()).unwrap();
     let (rect, channels) = (Rect { x: 0, y: 0, size: SIZE }, Channels::Colour);
-    series.find(&FocusData { photo, trust, rect, mosaic, channels, noise: &|_, _| NOISE })
+    let (filled_in, noise) = (false, &|_, _| NOISE);
+    let found =
+        series.find(&FocusData { photo, trust, rect, mosaic, filled_in, channels, noise })?;
+    assert_eq!(found.of_place, [0; 12]);
+    Some(found.depths[0])
 }
 
-fn found(photo: &Frame<Work>) -> Option<FoundFocus> {
+fn found(photo: &Frame<Work>) -> Option<FocusDepth> {
     found_by(&members(), photo, &Frame::filled(SIZE, TRUSTED), None)
 }
 
