@@ -24,8 +24,8 @@ const GROWTH_PER_LEVEL: f32 = 1.7;
 /// Of a colour photo's finest levels so many
 const FINEST: usize = 2;
 /// are shrunk by at least so many standard deviations of noise. A narrow lens lets fine noise
-/// through with the details; by the rule for all levels alone it was sharpened with them. Set on the
-/// scenes of the chart, small.toml, simulated.toml and three rigs of `lab judging`.
+/// through with the details; by the rule for all levels alone it was sharpened with them. Set on
+/// the scenes of the chart, small.toml, simulated.toml and three rigs of `lab judging`.
 const LEAST_NOISES: f32 = 0.65;
 /// Of which noise: that of the data times this power of α, what the lens passes. A power of ½ is
 /// what a step adds to a detail, which costs wide lenses 0.2 dB; 1 is the photo's own, which costs
