@@ -65,7 +65,7 @@ mod tests {
     const COLUMNS: usize = 8;
     const TRIED: usize = 13;
 
-    /// Costs of 6 rows of tiles, each of a parabola around the focus of its column, and some unrest.
+    /// Costs of 6 rows of tiles: parabolas around the focus of each column, and some unrest.
     fn costs(focus_of: impl Fn(usize) -> usize, worth: f64) -> Vec<Option<TileCosts>> {
         let one = |n: usize| {
             let unrest = ((n * 7919) % 101) as f64 / 101.0 - 0.5;
