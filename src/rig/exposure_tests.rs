@@ -247,7 +247,8 @@ fn pictures() -> Vec<Codes> {
 
 #[test]
 fn what_is_left_of_a_mark_tells_a_picture_of_its_own_from_one_with_the_mark() {
-    let rigs: [(&str, fn(&str) -> String); 6] = [
+    type Changed = fn(&str) -> String;
+    let rigs: [(&str, Changed); 6] = [
         ("as it is", vanishing),
         ("glare", |text| {
             let glare = "node-rows = 3\nglare-share = 0.1\nglare-radius-px = 8.0";
