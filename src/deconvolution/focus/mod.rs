@@ -8,7 +8,7 @@
 //! lets through at δ, plus noise. δ is where that is likeliest, by the likelihood of the spectra of
 //! tiles all over the photo ([`likelihood`]), all channels together: a lens with longitudinal
 //! colour shows by its colours on which side of the focus a scene lies. A scene of two depths has
-//! two focuses, each in its own part of the photo ([`two_depths`]).
+//! two focuses, each in its own part of the photo (`two_depths.rs`).
 
 mod likelihood;
 mod optics;
