@@ -25,6 +25,7 @@ use super::{opening, scene};
 ///
 /// A sensor with colour filters gives a raw photo (.dng) of all its sites; any other a TIFF or PNG
 /// of 16 bits. Put it into the inbox. A simulated rig photographs the picture that --scene names.
+/// The camera's gain is the rig file's: at any other nobody has measured the noise.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
