@@ -38,10 +38,12 @@ pub(super) fn of_another_camera(
 }
 
 /// What `raw` says, its counts in this camera's own unit: others write the same sensor's 10 bits as
-/// 16, and its noise and its bend are known by what it counts itself. Full is full in either.
+/// 16, and its noise and its bend are known by what it counts itself. Bits are shifted, so units
+/// differ by a power of two; what else differs is where a file puts its white.
 pub(super) fn in_own_counts(config: &RigFile, black: f64, raw: RawSites) -> RawSites {
     let own = (f64::from(config.camera.count_max()) - black) as f32 / FULL_SCALE;
-    RawSites { counts_per_level: own, ..raw }
+    let shift = (raw.counts_per_level / own).log2().round();
+    RawSites { counts_per_level: raw.counts_per_level / shift.exp2(), ..raw }
 }
 
 /// What a report says of the camera of a raw photo.
