@@ -210,13 +210,14 @@ fn halves(a: &Frame<Work>, b: &Frame<Work>) -> Frame<Work> {
 }
 
 /// Shares of the gain that each half's own panel gives, SSIM and dB, of photos whose left half is
-/// at `mm[0]` and whose right one is at `mm[1]`, and the least gain of one.
+/// at `mm[0]` and whose right one is at `mm[1]`, the least gain of one, and how many were parted
+/// into their two depths.
 fn two_depths(
     rig: &RigFile,
     series: &Calibration,
     mm: [f64; 2],
     scenes: &[Scene],
-) -> ([f64; 2], f64) {
+) -> ([f64; 2], f64, usize) {
     let (_, witness) = simulated::open(rig).unwrap();
     let own = mm.map(|mm| at(rig, mm, mm));
     let measured = own.each_ref().map(|rig| measured(rig).unwrap());
@@ -226,6 +227,7 @@ fn two_depths(
         share: Plane::from_fn(rig.photo.size(), |x, _| f32::from(u8::from((x >= half) == (n > 0)))),
     });
     let (mut gained, mut possible, mut worst) = ([0.0; 2], [0.0; 2], f64::INFINITY);
+    let mut parted = 0;
     for &scene in scenes {
         let (light, seed) = (scene_light(rig, scene), 40 + scene as u64);
         let tone = Tone::of_curve(rig.photo.curve, 8);
@@ -241,6 +243,7 @@ fn two_depths(
             possible[n] += best[n] - before[n];
         }
         worst = worst.min(found.score[0] - before[0]);
+        parted += usize::from(stand_at(&found.offsets, mm));
         println!(
             "| {} | {:.3}/{:.1} | {:.3}/{:.1} at {:+.3?}, {:.2}, {} | {:.3}/{:.1} |",
             scene.name(),
@@ -255,7 +258,17 @@ fn two_depths(
             best[1]
         );
     }
-    ([0, 1].map(|n| gained[n] / possible[n]), worst)
+    ([0, 1].map(|n| gained[n] / possible[n]), worst, parted)
+}
+
+/// Whether the `offsets` found are two, each within a quarter of the way of where things stood.
+fn stand_at(offsets: &[f32], mm: [f64; 2]) -> bool {
+    let mut found: Vec<f64> = offsets.iter().map(|&offset| f64::from(offset)).collect();
+    let mut true_offsets = mm.map(|mm| 1000.0 / mm - 1000.0 / 4000.0);
+    found.sort_by(f64::total_cmp);
+    true_offsets.sort_by(f64::total_cmp);
+    let near = (true_offsets[1] - true_offsets[0]) / 4.0;
+    found.len() == 2 && found.iter().zip(true_offsets).all(|(of, truth)| (of - truth).abs() < near)
 }
 
 #[test]
@@ -263,9 +276,11 @@ fn a_scene_of_two_depths_gains_what_a_panel_at_each_would_give() {
     let rig = rig();
     let [_, series] = calibrations(&rig, &OFFSETS);
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
-    for mm in [[4000.0, 5000.0], [3200.0, 4000.0]] {
-        let (shares, worst) = two_depths(&rig, &series, mm, &scenes);
-        println!("| {mm:?} | {:.2}/{:.2} | {worst:+.3} |", shares[0], shares[1]);
+    for (mm, parted_least) in [([4000.0, 5000.0], 1), ([3200.0, 4000.0], 2)] {
+        let (shares, worst, parted) = two_depths(&rig, &series, mm, &scenes);
+        println!("| {mm:?} | {:.2}/{:.2} | {worst:+.3} | {parted} |", shares[0], shares[1]);
+        // One focus for both comes near the shares: the depths are asked for themselves.
+        assert!(parted >= parted_least, "{mm:?}: {parted} parted");
         assert!(shares[0] >= 0.8 && shares[1] >= 0.8 && worst > 0.0, "{mm:?}: {shares:?}");
     }
 }
