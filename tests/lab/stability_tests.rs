@@ -47,6 +47,7 @@ fn the_paper_s_loop_is_replaced_where_its_noise_harms() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn faults_at_random_do_no_harm() {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(21_112_026);
     let mut all = Vec::new();

@@ -51,12 +51,15 @@ fn every_cut_and_every_addition_is_noticed() {
 }
 
 #[test]
-fn a_write_cut_at_any_byte_leaves_the_old_one() {
+fn a_write_cut_short_leaves_the_old_one() {
     let folder = tempfile::tempdir().unwrap();
     let old = calibration();
     save(folder.path(), &old).unwrap();
     let new = encode(&Calibration { generation: 8, ..calibration() }).unwrap();
-    for length in 0..new.len() {
+    // Every length of the header, then some that fall on every place of a number;
+    // `RELENS_POWER=all`: every length.
+    let all = std::env::var_os("RELENS_POWER").is_some();
+    for length in (0..new.len()).filter(|at| all || *at < 512 || at % 7 == 0) {
         // Whether the cut falls on the temporary file or, on a folder that lies about rename, on
         // the slot.
         for name in [format!("{}.new", SLOTS[1]), SLOTS[1].to_owned()] {
