@@ -65,11 +65,7 @@ pub(super) enum CliError {
     #[error("found no relens at work on {0}, allowed a folder with a `relens run`")]
     NobodyThere(PathBuf),
     /// What the daemon wrote of itself cannot be read.
-    #[error(
-        "{}; nothing was done; be of the group that shares the folder (usermod -aG relens), or \
-         have `relens run` write it anew by a restart",
-        full_message(.0)
-    )]
+    #[error("{}; nothing was done; {}", full_message(.0), to_read_the_state(.0.kind()))]
     BrokenState(FileError),
     /// The disk refused a file.
     #[error("cannot write {0}")]
@@ -92,6 +88,20 @@ pub(super) enum CliError {
     /// A photo, a rig, a calibration: the remedy tells which.
     #[error("{}", full_message(&**.0))]
     Failed(AnyFailure),
+}
+
+/// What helps where the state cannot be read for a `cause`.
+fn to_read_the_state(cause: io::ErrorKind) -> &'static str {
+    match cause {
+        io::ErrorKind::PermissionDenied => {
+            "be of the group that shares the folder (sudo usermod -aG relens YOU, then log in anew)"
+        }
+        io::ErrorKind::InvalidData => {
+            "end `relens run` and start it again, it writes the file anew (the service: sudo \
+             systemctl restart relens)"
+        }
+        _ => "look after the disk or the network share",
+    }
 }
 
 impl CliError {
@@ -164,5 +174,23 @@ impl From<FileError> for CliError {
 impl From<AnyFailure> for CliError {
     fn from(error: AnyFailure) -> Self {
         CliError::Failed(error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_that_cannot_be_read_has_the_remedy_of_its_cause() {
+        use io::ErrorKind::{InvalidData, PermissionDenied};
+        let said = |kind| {
+            let error = FileError::at("read the state", Path::new("a"))(io::Error::from(kind));
+            CliError::BrokenState(error).to_string()
+        };
+        let (denied, broken) = (said(PermissionDenied), said(InvalidData));
+        assert!(denied.contains("usermod") && !denied.contains("restart"), "{denied}");
+        assert!(broken.contains("restart") && !broken.contains("usermod"), "{broken}");
+        assert!(said(io::ErrorKind::Other).ends_with("look after the disk or the network share"));
     }
 }

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use relens::config::{self, LargerPhotos, MethodName, RigFile};
 use relens::daemon::{Report, Restorer, Watcher};
-use relens::picture::{Limits, Photo};
+use relens::picture::{Limits, Photo, bytes_of};
 use relens::pipeline::Verdict;
 
 use super::error::CliError;
@@ -100,7 +100,7 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     }
     // A single photo is looked at before the rig.
     if let [errand] = &errands[..] {
-        let photo = read(errand.photo, &rig)?;
+        let (photo, bytes) = read(errand.photo, &rig)?;
         let mut restorer = opening::restorer(
             &rig,
             &options.folder.folder,
@@ -108,14 +108,15 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
             None,
             opening::devices,
         )?;
-        return one(options, &rig.name, errand, &photo, &mut *restorer);
+        return one(options, &rig.name, errand, (&photo, bytes), &mut *restorer);
     }
     let mut restorer =
         opening::restorer(&rig, &options.folder.folder, options.method, None, opening::devices)?;
     let mut failed = 0;
     for errand in &errands {
-        let done = read(errand.photo, &rig)
-            .and_then(|photo| one(options, &rig.name, errand, &photo, &mut *restorer));
+        let done = read(errand.photo, &rig).and_then(|(photo, bytes)| {
+            one(options, &rig.name, errand, (&photo, bytes), &mut *restorer)
+        });
         match done {
             Err(error) if error.exit_code() == 3 => return Err(error),
             Err(error) => {
@@ -142,26 +143,29 @@ fn developed(out: PathBuf) -> PathBuf {
     }
 }
 
-/// The photo in a file or from standard input, on the rig's grid.
-fn read(path: &Path, rig: &RigFile) -> Result<Photo, CliError> {
+/// The photo in a file or from standard input, on the rig's grid, and the bytes of the file.
+fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
     let limits = Limits::default();
-    let photo = if is_dash(path) {
+    let (name, bytes) = if is_dash(path) {
         let mut bytes = Vec::new();
         // A byte more than is allowed tells that there are too many.
         std::io::stdin()
             .take(limits.bytes_max + 1)
             .read_to_end(&mut bytes)
             .map_err(CliError::StandardInput)?;
-        Photo::from_bytes("standard input", &bytes, rig.photo.curve, &limits)
+        ("standard input".into(), bytes)
     } else {
-        Photo::read(path, rig.photo.curve, &limits)
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        (name, bytes_of(path, &limits).map_err(CliError::of)?)
     };
+    let photo = Photo::from_bytes(&name, &bytes, rig.photo.curve, &limits);
     let photo = photo.and_then(|photo| photo.fit(rig.photo_grid()));
     let photo = photo.and_then(|photo| match rig.run.larger_photos {
         LargerPhotos::Shrink => Ok(photo),
         LargerPhotos::Refuse => photo.no_larger(),
     });
-    photo.map(|photo| photo.with_raw_results(rig.photo.raw_results)).map_err(CliError::of)
+    let photo = photo.map_err(CliError::of)?;
+    Ok((photo.with_raw_results(rig.photo.raw_results), bytes))
 }
 
 /// One photo restored, its result written, and what was done said.
@@ -169,7 +173,7 @@ fn one(
     options: &RestoreOptions,
     rig: &str,
     errand: &Errand<'_>,
-    photo: &Photo,
+    (photo, bytes): (&Photo, Vec<u8>),
     restorer: &mut dyn Restorer,
 ) -> Result<(), CliError> {
     let mut line = PhotoProgress::default();
@@ -178,7 +182,13 @@ fn one(
     line.ended();
     let outcome = outcome?;
     let format = errand.out.as_deref().map_or(Ok(photo.manner.format), format_of)?;
-    let bytes = photo.with_picture(&outcome.picture, format).map_err(CliError::of)?;
+    // The file itself is returned where its result would be of the same format.
+    let untouched = outcome.verdict == Verdict::Untouched;
+    let is_returned = untouched && photo.file.format == Some(format);
+    let bytes = match is_returned {
+        true => bytes,
+        false => photo.with_picture(&outcome.picture, format).map_err(CliError::of)?,
+    };
     let place = errand.out.as_deref().unwrap_or(Path::new("standard output"));
     match &errand.out {
         Some(out) => write_new(out, &bytes)?,
@@ -191,21 +201,20 @@ fn one(
         }
     }
     let by = match outcome.verdict {
-        Verdict::Untouched => "the photo as it is".to_owned(),
+        Verdict::Untouched if is_returned => "the photo as it is".to_owned(),
+        Verdict::Untouched => format!("the photo as it is, written as {}", format.name()),
         Verdict::Sound | Verdict::Replaced => format!("restored by {}", outcome.method),
     };
     let (captures, seconds) = (outcome.captures, outcome.seconds);
     let (size, stored) = (photo.light.size(), photo.stored);
-    let smaller = match outcome.verdict {
-        Verdict::Sound | Verdict::Replaced if stored.area() > size.area() => {
-            format!("comes back smaller, {size} for {stored}; ")
-        }
-        _ => String::new(),
+    let smaller = match !is_returned && stored.area() > size.area() {
+        true => format!("comes back smaller, {size} for {stored}; "),
+        false => String::new(),
     };
     let mut said =
         format!("{}: {smaller}{by}; captures: {captures}, {seconds:.1} s", place.display());
     let certificate = outcome.certificate.map(|certificate| certificate.meaning().to_owned());
-    let notes = certificate.iter().chain(&photo.notes).chain(&outcome.notes);
+    let notes = certificate.iter().chain(photo.told(is_returned)).chain(&outcome.notes);
     for note in [&outcome.reason].into_iter().chain(notes) {
         said.push_str(&format!("\n  {note}"));
     }
@@ -215,7 +224,7 @@ fn one(
         None => note(&said),
     }
     if let Some(path) = &options.report {
-        let report = Report::single(rig, photo, &outcome, place);
+        let report = Report::single(rig, photo, &outcome, (place, is_returned));
         let json =
             serde_json::to_vec_pretty(&report).map_err(|e| CliError::writing(path, e.into()))?;
         write_new(path, &json)?;

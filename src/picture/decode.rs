@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::frame::{Coding, Size};
 
 use super::dng::{self, RawFile, Sites};
+use super::iptc::IPTC_LOST;
 use super::kind::{Content, Format, recognise};
 use super::{Flaw, Orientation, jpeg, others, png, tiff, webp};
 
@@ -103,8 +104,8 @@ pub(super) struct Raster {
 
 /// Said of a photo with an artist, a description or other words in it.
 pub(super) const WORDS_LOST: &str = "words in the file outside its EXIF data, such as a comment, \
-                                     artist or description, cannot be carried over into the \
-                                     result";
+                                     artist, description, date or camera, cannot be carried over \
+                                     into the result";
 /// Said of a photo that states at how many dots per inch it is printed.
 pub(super) const DENSITY_LOST: &str = "dots per inch cannot be carried over into the result";
 
@@ -130,6 +131,7 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
             let walked = jpeg::walk(bytes)?;
             losses.extend(walked.words.then(|| WORDS_LOST.to_owned()));
             losses.extend(walked.density.then(|| DENSITY_LOST.to_owned()));
+            losses.extend(walked.iptc.then(|| IPTC_LOST.to_owned()));
             if walked.components == 4 {
                 return Err(Flaw::Unsupported {
                     kind: "JPEG",
@@ -148,6 +150,7 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
                     let walked = tiff::walk(bytes)?;
                     losses.extend(walked.words.then(|| WORDS_LOST.to_owned()));
                     losses.extend(walked.density.then(|| DENSITY_LOST.to_owned()));
+                    losses.extend(walked.iptc.then(|| IPTC_LOST.to_owned()));
                     (walked.size, walked.more_pages, walked.exif)
                 }
             };
@@ -283,10 +286,8 @@ fn collect<D: ImageDecoder>(
     let icc = decoder.icc_profile().unwrap_or(None).filter(|icc| !icc.is_empty());
     let exif = decoder.exif_metadata().unwrap_or(None).filter(|exif| !exif.is_empty());
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    for (what, found) in [("XMP", decoder.xmp_metadata()), ("IPTC", decoder.iptc_metadata())] {
-        if matches!(found, Ok(Some(block)) if !block.is_empty()) {
-            losses.push(format!("{what} data cannot be carried over into the result"));
-        }
+    if matches!(decoder.xmp_metadata(), Ok(Some(block)) if !block.is_empty()) {
+        losses.push("XMP data cannot be carried over into the result".to_owned());
     }
     // Only now: the TIFF decoder would measure the profile by the picture's own size. Up to here
     // its default limits hold.

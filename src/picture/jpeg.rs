@@ -16,6 +16,7 @@ mod usual_codes;
 use crate::frame::Size;
 
 use super::Flaw;
+use super::iptc::{self, RESOURCES};
 pub(super) use agreement::agrees;
 pub(super) use coefficients::coefficients;
 pub(super) use usual_codes::with_usual_codes;
@@ -29,6 +30,8 @@ pub(super) struct WalkedJpeg {
     pub(super) words: bool,
     /// It states dots per inch or centimetre, and not in EXIF, which is carried over.
     pub(super) density: bool,
+    /// It holds IPTC data.
+    pub(super) iptc: bool,
 }
 
 /// A run of zero bytes this long inside the coded data is a hole, unless the picture is nearly
@@ -48,7 +51,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
     let mut frame: Option<WalkedJpeg> = None;
     let mut coded_bytes = 0;
     let mut hole: Option<(usize, usize)> = None;
-    let (mut words, mut density, mut exif) = (false, false, false);
+    let (mut words, mut density, mut exif, mut iptc) = (false, false, false, false);
     loop {
         let marker = next_marker(bytes, &mut at)?;
         match marker {
@@ -68,6 +71,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
                 density |= segment.get(7).is_some_and(|&unit| unit != 0);
             }
             0xe1 if segment.starts_with(b"Exif\0") => exif = true,
+            0xed => iptc |= segment.strip_prefix(RESOURCES).is_some_and(iptc::is_in),
             0xfe => words |= !segment.is_empty(),
             0xda => {
                 let end = end_of_scan(bytes, at);
@@ -95,7 +99,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
         Some((from, to)) if to - from >= HOLE_BYTES && !blank => {
             Err(Flaw::ZeroFilled { from, to, length: bytes.len() })
         }
-        _ => Ok(WalkedJpeg { words, density: density && !exif, ..walked }),
+        _ => Ok(WalkedJpeg { words, density: density && !exif, iptc, ..walked }),
     }
 }
 
@@ -146,7 +150,7 @@ fn frame_header(segment: &[u8]) -> Result<WalkedJpeg, Flaw> {
     if size.area() == 0 {
         return Err(damaged(&format!("a frame of {size}"), "at least 1×1"));
     }
-    Ok(WalkedJpeg { size, components, words: false, density: false })
+    Ok(WalkedJpeg { size, components, words: false, density: false, iptc: false })
 }
 
 /// Where the entropy-coded data from `at` on ends: at the next marker that is no restart, or at the

@@ -13,7 +13,7 @@ use crate::frame::{
 };
 
 use super::decode::{Limits, Raster, decode, walk};
-use super::kind::{Format, misnamed};
+use super::kind::{Content, Format, misnamed};
 use super::{
     CameraColours, Flaw, Growth, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape,
     tone, turn,
@@ -67,6 +67,8 @@ pub struct FileFacts {
     pub crc32: u32,
     /// Its length.
     pub bytes: u64,
+    /// Its format, where that is one of results.
+    pub format: Option<Format>,
 }
 
 /// A photo: **B** of the paper, in linear light.
@@ -94,7 +96,10 @@ pub struct Photo {
     pub stored: Size,
     /// Which file it was.
     pub file: FileFacts,
-    /// What the report should say about the file: resampled, metadata that cannot be carried, …
+    /// What a result has not of the file: its size, metadata that cannot be carried, … Nothing is
+    /// lost where the file itself is returned.
+    pub losses: Vec<String>,
+    /// What else the report should say about the file.
     pub notes: Vec<String>,
 }
 
@@ -142,10 +147,17 @@ impl Photo {
         limits: &Limits,
     ) -> Result<Photo, PictureError> {
         let refused = |flaw| PictureError::Refused { name: name.to_owned(), flaw };
-        let mut raster = decode(bytes, limits).map_err(refused)?;
-        raster.losses.extend(misnamed(name, raster.content, raster.sites.is_some()));
-        let file = FileFacts { crc32: crc32fast::hash(bytes), bytes: bytes.len() as u64 };
-        Ok(Photo::of_raster(name, raster, curve, file))
+        let raster = decode(bytes, limits).map_err(refused)?;
+        let format = match raster.content {
+            Content::Written(format) if raster.sites.is_none() => Some(format),
+            _ => None,
+        };
+        let (crc32, length) = (crc32fast::hash(bytes), bytes.len() as u64);
+        let file = FileFacts { crc32, bytes: length, format };
+        let misnamed = misnamed(name, raster.content, raster.sites.is_some());
+        let mut photo = Photo::of_raster(name, raster, curve, file);
+        photo.notes.extend(misnamed);
+        Ok(photo)
     }
 
     fn of_raster(name: &str, raster: Raster, curve: Curve, file: FileFacts) -> Photo {
@@ -166,13 +178,14 @@ impl Photo {
                 manner: Manner { orientation: raster.orientation, icc, colours, ..plain },
                 stored: raster.size,
                 file,
-                notes: raster.losses,
+                losses: raster.losses,
+                notes: Vec::new(),
             };
         }
         let Raster { content, size, layout, bits, samples, orientation, icc, mut exif, .. } =
             raster;
         let format = content.written();
-        let mut notes = raster.losses;
+        let (losses, mut notes) = (raster.losses, Vec::new());
         let tone = icc.as_deref().map(|icc| Tone::of_profile(icc, bits, layout.is_grey()));
         let tone = match tone {
             Some(Ok(tone)) => tone,
@@ -234,6 +247,7 @@ impl Photo {
             },
             stored: size,
             file,
+            losses,
             notes,
         }
     }
@@ -289,7 +303,7 @@ impl Photo {
         self.manner.alpha = self.manner.alpha.as_ref().map(|alpha| resize(alpha, allowed));
         let less = if found.area() > allowed.area() { ": its result is smaller" } else { "" };
         let note = format!("the photo was resampled from {found} to the rig's {allowed}{less}");
-        self.notes.insert(0, note);
+        self.losses.insert(0, note);
         Ok(self)
     }
 
@@ -328,8 +342,14 @@ impl Photo {
         let kept = rect.size;
         // What is cut away is no resolution lost.
         self.stored = kept;
-        self.notes
+        self.losses
             .push(format!("{kept} of the sensor's {all} are the rig's photo; the rest is cut"));
+    }
+
+    /// What is to be said of it, where the file itself is what `is_returned`, or else a result.
+    pub fn told(&self, is_returned: bool) -> impl Iterator<Item = &String> {
+        let losses = if is_returned { &[][..] } else { &self.losses };
+        losses.iter().chain(&self.notes)
     }
 
     /// How the result is turned, for the report; `None` when it is delivered as stored.
@@ -380,6 +400,15 @@ pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError
         }
         _ => Ok(()),
     }
+}
+
+/// The bytes of the photo in `path`, which is no link, pipe or device.
+///
+/// # Errors
+/// As [`Photo::read`].
+pub fn bytes_of(path: &Path, limits: &Limits) -> Result<Vec<u8>, PictureError> {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    read_bytes(open(path, &name)?, &name, limits)
 }
 
 /// Opens a plain file.

@@ -4,6 +4,7 @@ use crate::frame::Size;
 
 use super::Flaw;
 use super::decode::{DENSITY_LOST, WORDS_LOST};
+use super::iptc::IPTC_LOST;
 
 /// Walks `bytes` from the signature to IEND and returns width and height by the header. What it
 /// holds that no result can is added to `losses`.
@@ -22,7 +23,7 @@ pub(super) fn walk(bytes: &[u8], losses: &mut Vec<String>) -> Result<Size, Flaw>
         ));
     }
     let mut rest = &bytes[SIGNATURE.len()..];
-    let (mut size, mut has_words, mut has_density) = (None, false, false);
+    let (mut size, mut has_words, mut has_density, mut has_iptc) = (None, false, false, false);
     loop {
         let at = bytes.len() - rest.len();
         let Some((&[l3, l2, l1, l0, ref kind @ ..], after)) = rest.split_first_chunk::<8>() else {
@@ -60,6 +61,10 @@ pub(super) fn walk(bytes: &[u8], losses: &mut Vec<String>) -> Result<Size, Flaw>
         match kind {
             b"IHDR" => size = header(body),
             b"IEND" => break,
+            // As ImageMagick and exiftool write it.
+            b"tEXt" | b"zTXt" | b"iTXt" if body.starts_with(b"Raw profile type iptc\0") => {
+                has_iptc = true;
+            }
             // XMP is told of by itself.
             b"tEXt" | b"zTXt" | b"iTXt" => has_words |= !body.starts_with(b"XML:com.adobe.xmp"),
             b"pHYs" => has_density = true,
@@ -68,6 +73,7 @@ pub(super) fn walk(bytes: &[u8], losses: &mut Vec<String>) -> Result<Size, Flaw>
         rest = after;
     }
     losses.extend(has_words.then(|| WORDS_LOST.to_owned()));
+    losses.extend(has_iptc.then(|| IPTC_LOST.to_owned()));
     losses.extend(has_density.then(|| DENSITY_LOST.to_owned()));
     match size {
         Some(size) if size.area() > 0 => Ok(size),
@@ -116,7 +122,12 @@ mod tests {
     #[test]
     fn words_and_density_that_are_lost_are_told_of() {
         let mut bytes = COFFEE[..33].to_vec();
-        for (kind, body) in [(b"tEXt", &b"Artist\0Ada"[..]), (b"pHYs", &[0; 9]), (b"IEND", &[])] {
+        for (kind, body) in [
+            (b"tEXt", &b"Artist\0Ada"[..]),
+            (b"zTXt", b"Raw profile type iptc\0\0packed"),
+            (b"pHYs", &[0; 9]),
+            (b"IEND", &[]),
+        ] {
             bytes.extend((body.len() as u32).to_be_bytes());
             let mut hasher = crc32fast::Hasher::new();
             for part in [&kind[..], body] {
@@ -126,8 +137,10 @@ mod tests {
             bytes.extend(hasher.finalize().to_be_bytes());
         }
         let mut losses = Vec::new();
-        assert!(walk(&bytes, &mut losses).is_ok());
-        assert!(losses[0].contains("artist") && losses[1].contains("dots per inch"), "{losses:?}");
+        assert!(walk(&bytes, &mut losses).is_ok() && losses.len() == 3, "{losses:?}");
+        for (loss, of) in losses.iter().zip(["artist", "IPTC", "dots per inch"]) {
+            assert!(loss.contains(of), "{losses:?}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@
 use crate::frame::Size;
 
 use super::Flaw;
+use super::iptc;
 use super::kind::tiff_of_a_camera;
 
 /// What the walk learns without decoding anything.
@@ -13,20 +14,28 @@ pub(super) struct Walked {
     pub(super) more_pages: bool,
     /// Whether the file holds an EXIF directory, which cannot be carried over.
     pub(super) exif: bool,
-    /// Whether it names an artist, a description or the like.
+    /// Whether it names an artist, a description, a camera or the like.
     pub(super) words: bool,
     /// Whether it states dots per inch or centimetre.
     pub(super) density: bool,
+    /// Whether it holds IPTC data.
+    pub(super) iptc: bool,
 }
 
 pub(super) const NEW_SUBFILE_TYPE: u16 = 254;
 pub(super) const IMAGE_WIDTH: u16 = 256;
 pub(super) const IMAGE_LENGTH: u16 = 257;
 pub(super) const COMPRESSION: u16 = 259;
+const DOCUMENT_NAME: u16 = 269;
 const DESCRIPTION: u16 = 270;
+const MAKE: u16 = 271;
+const MODEL: u16 = 272;
 const RESOLUTION_UNIT: u16 = 296;
+const DATE_TIME: u16 = 306;
 const ARTIST: u16 = 315;
 const COPYRIGHT: u16 = 33432;
+const IPTC: u16 = 33723;
+const IMAGE_RESOURCES: u16 = 34377;
 pub(super) const STRIP_OFFSETS: u16 = 273;
 pub(super) const STRIP_BYTE_COUNTS: u16 = 279;
 pub(super) const TILE_OFFSETS: u16 = 324;
@@ -51,6 +60,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         exif: false,
         words: false,
         density: false,
+        iptc: false,
     };
     let (mut offsets, mut counts, mut plain) = (Vec::new(), Vec::new(), true);
     for n in 0..entries {
@@ -64,7 +74,17 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             STRIP_OFFSETS | TILE_OFFSETS => offsets = file.numbers(entry)?,
             STRIP_BYTE_COUNTS | TILE_BYTE_COUNTS => counts = file.numbers(entry)?,
             EXIF_DIRECTORY => walked.exif = true,
-            DESCRIPTION | ARTIST | COPYRIGHT => walked.words = true,
+            DOCUMENT_NAME | DESCRIPTION | MAKE | MODEL | DATE_TIME | ARTIST | COPYRIGHT => {
+                walked.words = true;
+            }
+            IPTC => walked.iptc = true,
+            IMAGE_RESOURCES => {
+                let (length, at) = file.place(entry, 1)?;
+                walked.iptc |= at
+                    .checked_add(length)
+                    .and_then(|to| bytes.get(at..to))
+                    .is_some_and(iptc::is_in);
+            }
             // 1 is a shape of pixels alone.
             RESOLUTION_UNIT => walked.density = file.first(entry)? > 1,
             _ => {}
@@ -210,27 +230,51 @@ impl<'a> File<'a> {
 mod tests {
     use super::*;
 
+    /// A picture of 16×12 with one more field, `tag`, whose data lie at byte 74.
+    fn with(tag: u16, kind: u16, count: u32, data: &[u8]) -> Vec<u8> {
+        let value = if data.is_empty() { count } else { 74 };
+        let count = if data.is_empty() { 1 } else { count };
+        let from = 74 + data.len() as u32;
+        let entries = [
+            (tag, kind, count, value),
+            (IMAGE_WIDTH, 4, 1, 16),
+            (IMAGE_LENGTH, 4, 1, 12),
+            (STRIP_OFFSETS, 4, 1, from),
+            (STRIP_BYTE_COUNTS, 4, 1, 192),
+        ];
+        let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+        bytes.extend(5u16.to_le_bytes());
+        for (tag, kind, count, value) in entries {
+            bytes.extend([tag.to_le_bytes(), kind.to_le_bytes()].concat());
+            bytes.extend([count.to_le_bytes(), value.to_le_bytes()].concat());
+        }
+        bytes.extend([0; 4]);
+        bytes.extend(data);
+        bytes.extend([100; 192]);
+        bytes
+    }
+
+    #[test]
+    fn words_and_iptc_that_are_lost_are_told_of() {
+        let told = |tag, kind, data: &[u8]| {
+            let walked = walk(&with(tag, kind, data.len() as u32, data));
+            walked.map(|walked| (walked.words, walked.iptc)).map_err(|flaw| flaw.to_string())
+        };
+        assert_eq!(told(NEW_SUBFILE_TYPE, 4, &[0; 4]), Ok((false, false)));
+        for tag in [ARTIST, MAKE, DATE_TIME] {
+            assert_eq!(told(tag, 2, b"camera\0\0"), Ok((true, false)), "{tag}");
+        }
+        assert_eq!(told(IPTC, 7, b"\x1c\x02\x50\0\x03Ada"), Ok((false, true)));
+        let resources = |number: u8| [b"8BIM\x04", &[number, 0, 0, 0, 0, 0, 2, 1, 1][..]].concat();
+        assert_eq!(told(IMAGE_RESOURCES, 1, &resources(4)), Ok((false, true)));
+        assert_eq!(told(IMAGE_RESOURCES, 1, &resources(5)), Ok((false, false)));
+        let past = walk(&with(IMAGE_RESOURCES, 1, 9999, b"8BIM"));
+        assert!(past.is_ok_and(|walked| !walked.iptc), "resources past the end are not looked at");
+    }
+
     #[test]
     fn a_preview_of_a_raw_photo_is_never_taken_for_the_photo() {
-        let file = |kind: u32| {
-            let entries = [
-                (NEW_SUBFILE_TYPE, kind),
-                (IMAGE_WIDTH, 16),
-                (IMAGE_LENGTH, 12),
-                (STRIP_OFFSETS, 74),
-                (STRIP_BYTE_COUNTS, 192),
-            ];
-            let mut bytes = b"II*\0\x08\0\0\0".to_vec();
-            bytes.extend(5u16.to_le_bytes());
-            for (tag, value) in entries {
-                bytes.extend(tag.to_le_bytes().into_iter().chain([4, 0, 1, 0, 0, 0]));
-                bytes.extend(value.to_le_bytes());
-            }
-            bytes.extend([0; 4]);
-            bytes.resize(74, 0);
-            bytes.extend([100; 192]);
-            bytes
-        };
+        let file = |kind: u32| with(NEW_SUBFILE_TYPE, 4, kind, &[]);
         assert_eq!(walk(&file(0)).ok().map(|walked| walked.size), Some(Size::new(16, 12)));
         let words = walk(&file(1)).err().map(|flaw| flaw.to_string()).unwrap_or_default();
         assert!(words.contains("a camera raw photo") && words.contains("develop it"), "{words}");

@@ -140,6 +140,21 @@ pub(super) fn residuals_of(
     left_of(photo, lens, c, (plane, data, photo.noise[c.index()]))
 }
 
+/// The same of `data` in place of the photo, where the rest is `known`.
+pub(super) fn residuals_on(
+    photo: &Prepared<'_>,
+    lens: &LensModel,
+    c: Channel,
+    (plane, data): (&Plane, &Plane),
+    known: Residuals,
+) -> Residuals {
+    let trust = away_from_saturated(photo.trust.plane(c), lens.functions().support_px / 2);
+    let mut seen = Plane::zeros(plane.size());
+    lens.forward(c, plane, &mut seen);
+    residual_in_place(&mut seen, data, &trust);
+    Residuals { model: rms_over_data(&seen, &trust), ..known }
+}
+
 /// The same by what the data are for the candidate, and for the photo itself, and their noise.
 fn left_of(
     photo: &Prepared<'_>,

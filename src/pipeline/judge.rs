@@ -7,33 +7,14 @@
 
 use std::sync::Arc;
 
-use super::evidence::{distance, residuals_of};
-use super::stages::{
-    Evidence, LensAlone, Prepared, Reference, Residuals, Solved, product, unexplained,
-};
+use super::evidence::distance;
+use super::lens_alone::{Left, foreign, past};
+use super::stages::{Evidence, LensAlone, Prepared, Solved};
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::ladder::Rung;
-use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
-use crate::frame::{Channel, Frame, Plane, Work};
+use crate::deconvolution::method::{MethodError, Watch};
+use crate::frame::{Frame, Work};
 
-/// No scene gives a photo whose reference solution leaves more unexplained than this: the model
-/// residual over the photo's noise, times the same over the untouched photo's residual, in the
-/// worst channel,
-const FOREIGN: f32 = 0.72;
-/// of the channels that have so many noises of the first
-const FOREIGN_NOISES: f32 = 1.6;
-/// and this share of the second: a contrasty photo solved with a coarse lens model has less, and
-/// gains.
-const FOREIGN_SHARE: f32 = 0.32;
-/// The reference solution need not be asked where the lens model alone leaves more than this,
-/// measured as [`FOREIGN`] is. With its prior it leaves .65 to 1.6 times as much: of 176 photos of
-/// eight scenes on the small rigs all past 2.2 were foreign.
-const CLEAR: f32 = 4.0 * FOREIGN;
-/// As [`FOREIGN_NOISES`].
-const CLEAR_NOISES: f32 = 2.0 * FOREIGN_NOISES;
-/// As [`FOREIGN_SHARE`].
-const CLEAR_SHARE: f32 = 1.25 * FOREIGN_SHARE;
 /// Distance from the reference solution past which a result harms.
 const DISTANCE: f64 = 1.3;
 /// The same for a method that does not start from the lens model: past 1 the photo itself is nearer
@@ -50,7 +31,8 @@ const CERTIFIED_RATIO: f32 = 1.5;
 /// How much rougher than the photo's the quiet parts of a result may be.
 const ROUGHER: f32 = 2.7;
 /// A method that starts from the lens model is compared with the reference solution only when it
-/// leaves more than this unexplained, measured as [`FOREIGN`] is;
+/// leaves more than this unexplained, measured as what the lens alone leaves is
+/// ([`super::lens_alone`]);
 const SUSPECT_UNEXPLAINED: f32 = 0.55;
 /// or its certificate is this far above its floor;
 const SUSPECT_RATIO: f32 = 3.0;
@@ -81,7 +63,8 @@ impl Pipeline {
             return Ok(Outcome::of(solved, evidence));
         }
         let as_measured = Arc::ptr_eq(&solved.lens, self.lens_of(photo));
-        let by_lens_alone = solved.about.starts_from_lens && solved.captures == 0;
+        let by_lens_alone = (solved.about.starts_from_lens && solved.captures == 0)
+            .then_some(&solved.solution.picture);
         let made;
         let said = match photo.lens_alone.get() {
             Some(before) if as_measured => before,
@@ -119,7 +102,7 @@ impl Pipeline {
             return false;
         }
         let before = photo.lens_alone.get();
-        let left = Left { channels: &channels, by_lens_alone: true };
+        let left = Left { channels: &channels, by_lens_alone: Some(picture) };
         let made = match before {
             Some(_) => None,
             None => self.lens_alone(photo, lens, left, &mut |_, _| {}).ok(),
@@ -127,58 +110,6 @@ impl Pipeline {
         let kept = made.map(|made| photo.lens_alone.get_or_init(|| made));
         before.or(kept).is_some_and(|said| matches!(said, LensAlone::Foreign(_)))
     }
-
-    /// What `lens` alone says of `photo`, of which something else has `left` so much.
-    ///
-    /// A refusal is to cost no more than a restoration. One channel is enough for it, so the worst
-    /// is solved first; and none is solved where what was left says it clearly.
-    pub(super) fn lens_alone(
-        &self,
-        photo: &Prepared<'_>,
-        lens: &Arc<LensModel>,
-        left: Left<'_>,
-        watch: &mut Watch<'_>,
-    ) -> Result<LensAlone, MethodError> {
-        // What a JPEG states of itself, or a sensor's sites, the numbers of CLEAR are not for.
-        let is_plain = photo.stated.is_none() && photo.mosaic.is_none();
-        if is_plain && left.by_lens_alone && is_clearly_foreign(left.channels) {
-            return Ok(LensAlone::Foreign(left.channels.to_vec()));
-        }
-        let listed = photo.channels.list().iter().zip(left.channels);
-        let worst = listed.max_by(|a, b| product(a.1).total_cmp(&product(b.1)));
-        let worst = worst.map_or(Channel::Green, |(&c, _)| c);
-        let said = std::cell::OnceCell::new();
-        let is_enough = |plane: &Plane| {
-            let left = vec![residuals_of(photo, lens, worst, plane)];
-            is_foreign(&left) && said.set(left).is_ok()
-        };
-        let first = (worst, &is_enough as _);
-        // A JPEG's channels are stated together, and none says it alone.
-        let together = photo.stated.as_ref().is_some_and(|stated| stated.is_data());
-        let mut none = NoOptics { size: photo.placed.size() };
-        let solution = self.posed(lens, photo, |problem| match together {
-            true => self.reference.solve(problem, &mut none, watch).map(Some),
-            false => self.reference.solve_unless(problem, first, watch),
-        })?;
-        let Some(solution) = solution else {
-            return Ok(LensAlone::Foreign(said.into_inner().unwrap_or_default()));
-        };
-        let solved = self.finished(lens, photo, self.reference.about(), solution);
-        let evidence = self.evidence(photo, &solved);
-        Ok(match is_foreign(&evidence.channels) {
-            true => LensAlone::Foreign(evidence.channels),
-            false => LensAlone::Fitting(Box::new(Reference { solved, evidence })),
-        })
-    }
-}
-
-/// What is left of a photo.
-#[derive(Clone, Copy)]
-pub(super) struct Left<'a> {
-    /// Channel by channel.
-    pub(super) channels: &'a [Residuals],
-    /// By a method that starts from the lens model, before any capture.
-    pub(super) by_lens_alone: bool,
 }
 
 /// Whether a result calls for a reference solution. What started from the lens model is believed
@@ -189,37 +120,6 @@ fn is_suspect(solved: &Solved, evidence: &Evidence) -> bool {
         && solved.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
         && evidence.rougher <= SUSPECT_ROUGHER;
     !believed
-}
-
-/// How far past what a scene leaves these channels are.
-fn past(left: &[Residuals]) -> f32 {
-    let (noises, share) = unexplained(left, FOREIGN_NOISES, FOREIGN_SHARE);
-    noises * share
-}
-
-/// Whether no scene gives a photo of which the reference solution has so much `left`.
-fn is_foreign(left: &[Residuals]) -> bool {
-    // Not a number is past every limit.
-    let fine = past(left) <= FOREIGN;
-    !fine
-}
-
-/// Whether the reference solution would say so, where a method that starts from the lens model
-/// alone has so much `left`.
-fn is_clearly_foreign(left: &[Residuals]) -> bool {
-    let (noises, share) = unexplained(left, CLEAR_NOISES, CLEAR_SHARE);
-    noises * share > CLEAR
-}
-
-/// Why a photo of which so much is `left` is not restored.
-fn foreign(left: &[Residuals]) -> String {
-    let (noises, share) = unexplained(left, FOREIGN_NOISES, FOREIGN_SHARE);
-    let (percent, allowed) = (100.0 * share, FOREIGN / share);
-    format!(
-        "the measured lens does not explain the photo; it may come from another lens, be sharp \
-         already, or have been sharpened or compressed ({noises:.1} times its noise is left, \
-         {percent:.0} % of what is left of the photo as it is; allowed {allowed:.1} times)"
-    )
 }
 
 /// What is wrong with a result, in words: too far from the reference solution, or too rough.

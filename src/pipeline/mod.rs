@@ -9,6 +9,7 @@ mod evidence;
 mod focus;
 mod judge;
 mod learning;
+mod lens_alone;
 mod methods;
 mod outcome;
 mod prepare;

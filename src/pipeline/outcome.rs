@@ -94,7 +94,7 @@ impl Pipeline {
     ) -> Result<Restoration, MethodError> {
         let begun = (self.stopwatch)();
         let (mut outcome, solved) = if photo.is_blank() {
-            (Outcome::untouched(photo.photo.as_ref().clone(), Rung::LeaveIt.reason()), None)
+            (Outcome::untouched(photo.photo.as_ref().clone(), self.why_blank(photo)), None)
         } else {
             let (outcome, solved) = self.restore_at_focus(rig, photo, method, watch)?;
             (outcome, Some(solved))

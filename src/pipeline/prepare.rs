@@ -24,7 +24,7 @@ use crate::calibration::SiteGains;
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
-use crate::deconvolution::ladder::is_blank;
+use crate::deconvolution::ladder::{Rung, is_blank};
 use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work};
 use crate::picture::Tone;
 
@@ -35,6 +35,14 @@ const SATURATION_SHARE: f32 = 0.998;
 /// Of so many pixels one is looked at for the photo's median level; prime, so that no pattern is
 /// met in step.
 const NOISE_SAMPLE: usize = 31;
+
+/// A photo of nothing but noise that has so many times its camera's is no blank one. Guess: a gain
+/// 64 times as high has that.
+const NOT_ITS_CAMERAS: f32 = 8.0;
+/// Why such a photo is left.
+const ALL_NOISE: &str = "from pixel to pixel the photo changes as much as anywhere: no lens lets \
+                         such a pattern through; it is dithered, screened as in print, or hardly \
+                         anything but noise";
 
 impl Pipeline {
     /// `photo` (photo-sized, linear light 0..255) with its `channels`, made ready.
@@ -227,6 +235,20 @@ impl Pipeline {
         let of_light = data_term::noise_of(photo).max(of_camera);
         let coding = blocking_of(photo);
         (of_light.hypot(coding), coding)
+    }
+}
+
+impl Pipeline {
+    /// Why a photo [that is blank](Prepared::is_blank) is left as it is.
+    pub(super) fn why_blank(&self, photo: &Prepared<'_>) -> &'static str {
+        let is_not_its_cameras = |&c: &Channel| {
+            let of_camera = self.noise[c.index()].sigma(median(photo.photo.plane(c)));
+            photo.noise[c.index()] > NOT_ITS_CAMERAS * of_camera
+        };
+        match photo.channels.list().iter().any(is_not_its_cameras) {
+            true => ALL_NOISE,
+            false => Rung::LeaveIt.reason(),
+        }
     }
 }
 

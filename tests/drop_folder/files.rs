@@ -296,6 +296,12 @@ fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
     let report = &summary.restored[0];
     assert!(report.notes[0].contains("its result is smaller"), "first of all: {:?}", report.notes);
     assert!(report.line().starts_with("big.png: comes back smaller, 64×48 for 256×192; restored"));
+    // What is left as it was loses nothing, for it is the file itself.
+    drop_in(root, "left.png", &file(Format::Png, 8, Size::new(256, 192)));
+    let mut restorer = Brightener { untouched: true, ..Brightener::default() };
+    let untouched = once_with(root, &mut restorer, &mut ()).unwrap().untouched;
+    assert!(untouched[0].notes.is_empty(), "{:?}", untouched[0].notes);
+    assert_eq!(read_back(&root.join("outbox/left.png")).light.size(), Size::new(256, 192));
     // Unless the rig file will have none of that.
     drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
     drop_in(root, "small.png", &file(Format::Png, 8, Size::new(32, 24)));

@@ -3,6 +3,10 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use relens::config::Curve;
+use relens::frame::{Frame, Plane, Size};
+use relens::picture::{Format, Manner, encode};
+
 use crate::{SCENE, calibrated};
 
 fn relens(words: &[&str], folder: &Path) -> Output {
@@ -163,13 +167,8 @@ fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let photo = std::fs::read(folder.path().join("photo.png")).unwrap();
     let limits = relens::picture::Limits::default();
-    let photo = relens::picture::Photo::from_bytes(
-        "photo.png",
-        &photo,
-        relens::config::Curve::Srgb,
-        &limits,
-    );
-    assert_eq!(photo.unwrap().light.size(), relens::frame::Size::new(256, 192));
+    let photo = relens::picture::Photo::from_bytes("photo.png", &photo, Curve::Srgb, &limits);
+    assert_eq!(photo.unwrap().light.size(), Size::new(256, 192));
     let again = relens(&words, folder.path());
     assert_eq!(again.status.code(), Some(2));
     assert!(text(&again.stderr).contains("photo.png exists already"));
@@ -202,6 +201,19 @@ fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
     assert!(text(&output.stderr).contains("1 of 3 photos were not restored"));
     assert!(at("results/photo.png").is_file() && at("results/again.png").is_file());
     assert!(!at("results/bad.png").exists());
+    // No scene gives a sharp picture: it is the same file, or as good as the format can say.
+    let size = Size::new(512, 384);
+    let sharp = Frame::from_fn(|_| {
+        Plane::from_fn(size, |x, y| if (x / 24 + y / 16) % 2 == 0 { 30.0 } else { 190.0 })
+    });
+    let manner = Manner::plain(Format::Png, 8, Curve::Srgb);
+    std::fs::write(at("sharp.png"), encode("sharp", &sharp, &manner, false).unwrap()).unwrap();
+    let said = text(&relens(&words(&["sharp.png", "-o", "same.png"]), folder.path()).stdout);
+    assert!(said.contains("the photo as it is;") && !said.contains("smaller"), "{said}");
+    assert_eq!(std::fs::read(at("same.png")).unwrap(), std::fs::read(at("sharp.png")).unwrap());
+    let said = text(&relens(&words(&["sharp.png", "-o", "other.tif"]), folder.path()).stdout);
+    assert!(said.contains("the photo as it is, written as TIFF;"), "{said}");
+    assert!(said.contains("comes back smaller, 256×192 for 512×384"), "{said}");
     // Quietly: nothing but what went wrong.
     let output = relens(&words(&["-q", "photo.png", "-o", "quiet.png"]), folder.path());
     assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());

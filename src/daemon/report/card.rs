@@ -6,6 +6,7 @@ use std::fmt::Write;
 use super::html::{escape, moment, span};
 use crate::daemon::store::deliver::is_beyond_preview;
 use crate::daemon::store::report_file::{Report, ResultKind, plain};
+use crate::frame::Size;
 use crate::pipeline::Confirmation;
 
 /// A photo with a result, as the pages show it.
@@ -27,9 +28,9 @@ pub(super) fn state(kind: ResultKind) -> &'static str {
     }
 }
 
-/// Width and height as a viewer sees the photo.
-fn seen(report: &Report) -> (usize, usize) {
-    let (width, height) = (report.size.width, report.size.height);
+/// Width and height of a picture of `size` as a viewer of the photo sees it.
+fn seen(report: &Report, size: Size) -> (usize, usize) {
+    let (width, height) = (size.width, size.height);
     if report.turned.is_some_and(|tag| tag >= 5) { (height, width) } else { (width, height) }
 }
 
@@ -63,7 +64,7 @@ pub(super) fn stamp(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
 pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
     let &GalleryPhoto { report, number, original, ref scene } = photo;
     let name = escape(&report.photo);
-    let (width, height) = seen(report);
+    let (width, height) = seen(report, report.size);
     let (before, after) = (escape(&report.before), escape(&report.after));
     let state = state(report.outcome);
     let result_words = match report.outcome {
@@ -171,7 +172,11 @@ fn confirmation_words(report: &Report) -> Option<(&'static str, &'static str)> {
 /// What is one click away.
 fn numbers(photo: &GalleryPhoto<'_>, up: &str) -> String {
     let report = photo.report;
-    let (width, height) = seen(report);
+    let size = match report.outcome {
+        ResultKind::Restored => report.size,
+        ResultKind::Untouched => report.stored,
+    };
+    let (width, height) = seen(report, size);
     let mut rows = vec![
         ("finished", moment(report.finished_unix_s)),
         ("took", span(report.seconds)),
@@ -211,7 +216,6 @@ fn numbers(photo: &GalleryPhoto<'_>, up: &str) -> String {
 mod tests {
     use super::*;
     use crate::daemon::report::tests::report;
-    use crate::frame::Size;
     use crate::pipeline::OpticalResidual;
 
     fn card_of(report: &Report) -> String {
@@ -286,6 +290,11 @@ mod tests {
         let html = card_of(&report);
         assert!(html.contains("Smaller than the photo: 256×192 instead of 4000×3000 pixels"));
         assert!(html.find("Smaller") < html.find("Sharpened"));
+        assert!(html.contains("<dd>256×192 pixels</dd>"), "{html}");
+        // What was left as it was is as large as it was.
+        report.outcome = ResultKind::Untouched;
+        let html = card_of(&report);
+        assert!(html.contains("<dd>4000×3000 pixels</dd>") && !html.contains("Smaller"), "{html}");
     }
 
     #[test]

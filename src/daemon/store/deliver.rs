@@ -113,6 +113,7 @@ impl Delivery<'_> {
         let circumstances = Circumstances {
             rig: self.rig,
             result,
+            is_returned: encoded.result.is_none(),
             before: format!("gallery/{before}"),
             after: format!("gallery/{after}"),
             finished_unix_s: self.finished_unix_s,

@@ -82,6 +82,8 @@ pub struct Report {
 pub(crate) struct Circumstances<'a> {
     pub(crate) rig: &'a str,
     pub(crate) result: &'a OsStr,
+    /// Whether that is the photo's file itself.
+    pub(crate) is_returned: bool,
     pub(crate) before: String,
     pub(crate) after: String,
     pub(crate) finished_unix_s: u64,
@@ -110,7 +112,7 @@ impl Report {
             curve: photo.manner.tone.origin().to_owned(),
             grey: photo.channels == Channels::Green,
             turned: photo.turned(),
-            notes: photo.notes.iter().chain(&outcome.notes).cloned().collect(),
+            notes: photo.told(about.is_returned).chain(&outcome.notes).cloned().collect(),
             iterations: outcome.iterations.clone(),
             photo_crc32: format!("{:08x}", photo.file.crc32),
             photo_bytes: photo.file.bytes,
@@ -120,14 +122,20 @@ impl Report {
         }
     }
 
-    /// The report of a photo restored outside a drop folder, with its result in `out`.
-    pub fn single(rig: &str, photo: &Photo, outcome: &Outcome, out: &Path) -> Report {
+    /// The report of a photo restored outside a drop folder, with its result in `out`, or the
+    /// photo's file itself where that is what `is_returned`.
+    pub fn single(
+        rig: &str,
+        photo: &Photo,
+        outcome: &Outcome,
+        (out, is_returned): (&Path, bool),
+    ) -> Report {
         let result = out.file_name().unwrap_or(out.as_os_str());
         let (before, after) = (String::new(), String::new());
         Report::new(
             photo,
             outcome,
-            Circumstances { rig, result, before, after, finished_unix_s: 0 },
+            Circumstances { rig, result, is_returned, before, after, finished_unix_s: 0 },
         )
     }
 

@@ -147,19 +147,22 @@ fn damaged_files_state_nothing_or_something_whole() {
 }
 
 #[test]
-fn a_comment_and_dots_per_inch_are_told_of_unless_exif_carries_them() {
+fn what_no_result_carries_is_told_of_unless_exif_carries_it() {
     let (name, plain) = files().into_iter().next().unwrap();
     let told = |segments: &[&[u8]]| {
         let bytes = [&plain[..2], &segments.concat(), &plain[2..]].concat();
         let walked = walk(&bytes).unwrap_or_else(|flaw| panic!("{name}: {flaw}"));
-        (walked.words, walked.density)
+        (walked.words, walked.density, walked.iptc)
     };
     let inches = b"\xff\xe0\0\x10JFIF\0\x01\x02\x01\x01\x2c\x01\x2c\0\0";
     let ratio = b"\xff\xe0\0\x10JFIF\0\x01\x02\0\0\x01\0\x01\0\0";
     let exif = b"\xff\xe1\0\x08Exif\0\0";
-    assert_eq!(told(&[]), (false, false));
-    assert_eq!(told(&[b"\xff\xfe\0\x07hello"]), (true, false));
-    assert_eq!(told(&[inches]), (false, true));
-    assert_eq!(told(&[ratio]), (false, false));
-    assert_eq!(told(&[inches, exif]), (false, false));
+    let iptc = b"\xff\xed\0\x1ePhotoshop 3.0\x008BIM\x04\x04\0\0\0\0\0\x02\x1c\x02";
+    let size = b"\xff\xed\0\x1ePhotoshop 3.0\x008BIM\x03\xed\0\0\0\0\0\x02\0\x48";
+    assert_eq!(told(&[]), (false, false, false));
+    assert_eq!(told(&[b"\xff\xfe\0\x07hello"]), (true, false, false));
+    assert_eq!(told(&[inches]), (false, true, false));
+    assert_eq!(told(&[ratio]), (false, false, false));
+    assert_eq!(told(&[inches, exif]), (false, false, false));
+    assert_eq!((told(&[iptc]), told(&[size])), ((false, false, true), (false, false, false)));
 }

@@ -75,6 +75,7 @@ pub(super) struct Header {
     camera: Option<crate::picture::PhotoCamera>,
     stored: Size,
     file: FileFacts,
+    losses: Vec<String>,
     notes: Vec<String>,
 }
 
@@ -149,6 +150,7 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         manner,
         stored,
         file,
+        losses,
         notes,
     } = photo;
     let Manner { format, layout, bits, tone, orientation, icc, exif, alpha, colours } = manner;
@@ -171,6 +173,7 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         camera: camera.clone(),
         stored: *stored,
         file: *file,
+        losses: losses.clone(),
         notes: notes.clone(),
     };
     write(out, &Answer::Photo(Box::new(header)))?;
@@ -272,6 +275,7 @@ pub(super) fn read_photo(
         },
         stored: header.stored,
         file: header.file,
+        losses: header.losses,
         notes: header.notes,
     })
 }

@@ -1,0 +1,175 @@
+//! What the measured lens alone says of a photo: whether any scene gives it, by the reference
+//! solution or by less where less says it.
+
+use std::sync::Arc;
+
+use super::Pipeline;
+use super::evidence::{residuals_of, residuals_on};
+use super::stages::{LensAlone, Prepared, Reference, Residuals, product, unexplained};
+use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::method::total_variation::TotalVariation;
+use crate::deconvolution::method::{Method, MethodError, NoOptics, Problem, Watch};
+use crate::frame::{Channel, Frame, Plane, Work};
+
+/// No scene gives a photo whose reference solution leaves more unexplained than this: the model
+/// residual over the photo's noise, times the same over the untouched photo's residual, in the
+/// worst channel,
+const FOREIGN: f32 = 0.72;
+/// of the channels that have so many noises of the first
+const FOREIGN_NOISES: f32 = 1.6;
+/// and this share of the second: a contrasty photo solved with a coarse lens model has less, and
+/// gains.
+const FOREIGN_SHARE: f32 = 0.32;
+/// The reference solution need not be asked where the lens model alone leaves more than this,
+/// measured as [`FOREIGN`] is. With its prior it leaves .65 to 1.6 times as much: of 176 photos of
+/// eight scenes on the small rigs all past 2.2 were foreign.
+const CLEAR: f32 = 4.0 * FOREIGN;
+/// The same of a JPEG: of 284 of eight scenes on the small rigs, of three qualities and eight kinds
+/// of blur, all past 4.3 were foreign.
+const CLEAR_OF_JPEG: f32 = 8.0 * FOREIGN;
+/// As [`FOREIGN_NOISES`].
+const CLEAR_NOISES: f32 = 2.0 * FOREIGN_NOISES;
+/// As [`FOREIGN_SHARE`].
+const CLEAR_SHARE: f32 = 1.25 * FOREIGN_SHARE;
+/// The whole reference solution of a JPEG need not be asked where so many steps of it
+const FIRST_TRY_STEPS: u32 = 12;
+/// leave more than this, measured as [`FOREIGN`] is.
+const FIRST_TRY: f32 = 2.0 * FOREIGN;
+/// As [`FOREIGN_NOISES`].
+const FIRST_TRY_NOISES: f32 = 1.25 * FOREIGN_NOISES;
+/// As [`FOREIGN_SHARE`].
+const FIRST_TRY_SHARE: f32 = 1.25 * FOREIGN_SHARE;
+
+/// What is left of a photo.
+#[derive(Clone, Copy)]
+pub(super) struct Left<'a> {
+    /// Channel by channel.
+    pub(super) channels: &'a [Residuals],
+    /// The candidate on its canvas, where a method that starts from the lens model made it before
+    /// any capture.
+    pub(super) by_lens_alone: Option<&'a Frame<Work>>,
+}
+
+impl Pipeline {
+    /// What `lens` alone says of `photo`, of which something else has `left` so much.
+    ///
+    /// A refusal is to cost no more than a restoration. One channel is enough for it, so the worst
+    /// is solved first; and none is solved where what was left says it clearly.
+    pub(super) fn lens_alone(
+        &self,
+        photo: &Prepared<'_>,
+        lens: &Arc<LensModel>,
+        left: Left<'_>,
+        watch: &mut Watch<'_>,
+    ) -> Result<LensAlone, MethodError> {
+        let clear = match (&photo.stated, photo.mosaic) {
+            // Not measured.
+            (_, Some(_)) => f32::INFINITY,
+            (Some(_), None) => CLEAR_OF_JPEG,
+            (None, None) => CLEAR,
+        };
+        if left.by_lens_alone.is_some() && is_clearly_foreign(left.channels, clear) {
+            return Ok(LensAlone::Foreign(left.channels.to_vec()));
+        }
+        let listed = photo.channels.list().iter().zip(left.channels);
+        let worst = listed.max_by(|a, b| product(a.1).total_cmp(&product(b.1)));
+        let worst = worst.map_or(Channel::Green, |(&c, _)| c);
+        if let Some(left) = self.first_try(photo, lens, left, worst)? {
+            return Ok(LensAlone::Foreign(vec![left]));
+        }
+        let said = std::cell::OnceCell::new();
+        let is_enough = |plane: &Plane| {
+            let left = vec![residuals_of(photo, lens, worst, plane)];
+            is_foreign(&left) && said.set(left).is_ok()
+        };
+        let first = (worst, &is_enough as _);
+        // A JPEG's channels are stated together, and none says it alone.
+        let together = photo.stated.as_ref().is_some_and(|stated| stated.is_data());
+        let mut none = NoOptics { size: photo.placed.size() };
+        let solution = self.posed(lens, photo, |problem| match together {
+            true => self.reference.solve(problem, &mut none, watch).map(Some),
+            false => self.reference.solve_unless(problem, first, watch),
+        })?;
+        let Some(solution) = solution else {
+            return Ok(LensAlone::Foreign(said.into_inner().unwrap_or_default()));
+        };
+        let solved = self.finished(lens, photo, self.reference.about(), solution);
+        let evidence = self.evidence(photo, &solved);
+        Ok(match is_foreign(&evidence.channels) {
+            true => LensAlone::Foreign(evidence.channels),
+            false => LensAlone::Fitting(Box::new(Reference { solved, evidence })),
+        })
+    }
+
+    /// What a few steps of the reference solution leave of the `worst` channel of a JPEG, where
+    /// that is so much that all of them would say the same. All of them, twice because a file may
+    /// be read only once a picture is known, take longer than a method. Here it is read by what
+    /// the method made.
+    fn first_try(
+        &self,
+        photo: &Prepared<'_>,
+        lens: &Arc<LensModel>,
+        left: Left<'_>,
+        worst: Channel,
+    ) -> Result<Option<Residuals>, MethodError> {
+        let Some(stated) = photo.stated.as_ref().filter(|stated| stated.is_data()) else {
+            return Ok(None);
+        };
+        let Some(picture) = left.by_lens_alone else { return Ok(None) };
+        let channels = photo.channels.list();
+        let known = channels.iter().zip(left.channels).find(|&(&c, _)| c == worst);
+        let Some((_, &known)) = known else { return Ok(None) };
+        let mut seen = picture.clone();
+        channels.iter().for_each(|&c| lens.forward(c, picture.plane(c), seen.plane_mut(c)));
+        let data = stated.redecoded(&seen);
+        let found = std::cell::OnceCell::new();
+        let is_enough = |plane: &Plane| {
+            found.get_or_init(|| {
+                residuals_on(photo, lens, worst, (plane, data.plane(worst)), known)
+            });
+            true
+        };
+        let few = TotalVariation { steps: FIRST_TRY_STEPS, ..self.reference };
+        self.posed(lens, photo, |problem| {
+            let photo_noise = Channel::ALL.map(|c| stated.noise(c));
+            let problem = Problem { photo: &data, photo_noise, ..*problem };
+            few.solve_unless(&problem, (worst, &is_enough), &mut |_, _| {})
+        })?;
+        let clear = |of: &Residuals| {
+            let (noises, share) = unexplained(&[*of], FIRST_TRY_NOISES, FIRST_TRY_SHARE);
+            noises * share > FIRST_TRY
+        };
+        Ok(found.into_inner().filter(clear))
+    }
+}
+
+/// How far past what a scene leaves these channels are.
+pub(super) fn past(left: &[Residuals]) -> f32 {
+    let (noises, share) = unexplained(left, FOREIGN_NOISES, FOREIGN_SHARE);
+    noises * share
+}
+
+/// Whether no scene gives a photo of which the reference solution has so much `left`.
+fn is_foreign(left: &[Residuals]) -> bool {
+    // Not a number is past every limit.
+    let fine = past(left) <= FOREIGN;
+    !fine
+}
+
+/// Whether the reference solution would say so, where a method that starts from the lens model
+/// alone has so much `left`, more than is `clear`.
+fn is_clearly_foreign(left: &[Residuals], clear: f32) -> bool {
+    let (noises, share) = unexplained(left, CLEAR_NOISES, CLEAR_SHARE);
+    noises * share > clear
+}
+
+/// Why a photo of which so much is `left` is not restored.
+pub(super) fn foreign(left: &[Residuals]) -> String {
+    let (noises, share) = unexplained(left, FOREIGN_NOISES, FOREIGN_SHARE);
+    let (percent, allowed) = (100.0 * share, FOREIGN / share);
+    format!(
+        "the measured lens does not explain the photo; it may come from another lens, be sharp \
+         already, or have been sharpened or compressed ({noises:.1} times its noise is left, \
+         {percent:.0} % of what is left of the photo as it is; allowed {allowed:.1} times)"
+    )
+}
