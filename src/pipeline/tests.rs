@@ -164,7 +164,7 @@ fn a_dithered_picture_is_not_called_blank() {
 /// A photo, and the file that it came in where that is a JPEG.
 enum Came {
     Plain(Frame<Work>),
-    Jpeg(Photo),
+    Jpeg(Box<Photo>),
 }
 
 impl Came {
@@ -172,7 +172,9 @@ impl Came {
         let manner = Manner::plain(Format::Jpeg, 8, config::Curve::Srgb);
         let bytes = encode("a.jpg", light, &manner, false).unwrap();
         let limits = Limits::default();
-        Came::Jpeg(Photo::from_bytes("a.jpg", &bytes, config::Curve::Srgb, &limits).unwrap())
+        Came::Jpeg(Box::new(
+            Photo::from_bytes("a.jpg", &bytes, config::Curve::Srgb, &limits).unwrap(),
+        ))
     }
 }
 
