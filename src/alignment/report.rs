@@ -157,11 +157,13 @@ impl AlignmentReport {
     /// The lines on where the panel is, if it was looked for.
     fn aim_lines(&self) -> Vec<String> {
         let Some(aim) = &self.aim else { return Vec::new() };
-        let [x, y] = aim.offset_px;
+        // Without a sign before a zero.
+        let [x, y] = aim.offset_px.map(|px| px.round() + 0.0);
         let [left, right, top, bottom] = aim.spare_px;
         let size = |larger: f64, side: &str, degrees: Option<f64>| {
-            let tilt = degrees.map_or(String::new(), |deg| format!(" (tilt {deg:.1}°)"));
-            format!("{:+.2} % {side}{tilt}", 100.0 * larger)
+            let tilt = degrees.map_or(String::new(), |deg| format!(" (tilt {:.1}°)", deg.abs()));
+            let how = if larger < 0.0 { "farther" } else { "nearer" };
+            format!("{:.2} % {how} {side}{tilt}", 100.0 * larger.abs())
         };
         let tilt = self.image_distance_px.map(|distance| aim.tilt_deg(distance, self.sensor));
         vec![
@@ -171,8 +173,8 @@ impl AlignmentReport {
                 aim.turned_deg, aim.magnification
             ),
             format!(
-                "nearer by {}, {}; {} than the sensor",
-                size(aim.keystone[0], "right", tilt.map(|tilt| tilt[0])),
+                "{}, {}; {} than the sensor",
+                size(aim.keystone[0], "on the right", tilt.map(|tilt| tilt[0])),
                 size(aim.keystone[1], "below", tilt.map(|tilt| tilt[1])),
                 if aim.magnification > 1.0 { "coarser" } else { "finer" }
             ),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::*;
 use crate::config::{self, Kind};
-use crate::frame::{Frame, Mosaic, Size};
+use crate::frame::{Frame, Mosaic, Plane, Size};
 use crate::rig::simulated;
 
 /// small.toml behind colour filters, changed.
@@ -77,6 +77,14 @@ fn tilt_is_seen_as_keystone_and_told_in_degrees_where_the_lens_is_known() {
         println!("{tilt_x_deg} {tilt_y_deg}: {right:.2} {below:.2}, {:?}", aim.keystone);
         // The panel's right side comes nearer with tilt-y, its lower side goes away with tilt-x.
         assert!((right - tilt_y_deg).abs() < 0.4 && (below + tilt_x_deg).abs() < 0.4, "{aim:?}");
+        let mut report = AlignmentReport::new(&rig, None);
+        report.aimed(Some(aim), Plane::zeros(rig.photo_grid().sensor));
+        let told = report.lines().join("\n");
+        for (tilt, side) in [(tilt_y_deg, "on the right"), (-tilt_x_deg, "below")] {
+            let how = if tilt > 0.0 { "nearer" } else { "farther" };
+            assert!(tilt == 0.0 || told.contains(&format!(" % {how} {side}")), "{told}");
+        }
+        assert!(!told.contains("-0 px"), "{told}");
     }
 }
 

@@ -69,7 +69,7 @@ impl TestPhoto {
         let sites = raw.sites.map(|count| ((f64::from(count) - black) / per_level) as f32);
         TestPhoto {
             light: raw.mosaic.interpolated(&sites),
-            raw: Some(RawSites { mosaic: raw.mosaic, counts_per_level: per_level as f32 }),
+            raw: Some(RawSites::new(raw.mosaic, per_level as f32)),
         }
     }
 

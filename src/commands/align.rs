@@ -72,13 +72,13 @@ fn length(word: &str) -> Result<f64, String> {
 
 /// `relens align`.
 pub(super) fn run(options: &AlignOptions) -> Result<(), CliError> {
-    let rig = config::load(&options.rig.rig)?;
     if let Some([lens_mm, panel_inches, pixel_um]) = options.plan.as_deref() {
-        let (panel, sensor) = (rig.panel.size(), rig.photo_grid().sensor);
+        let [panel, sensor] = config::sizes(&options.rig.rig)?;
         let (lens_mm, panel_inches, pixel_um) = (*lens_mm, *panel_inches, *pixel_um);
         say(&Plan { lens_mm, panel_inches, panel, pixel_um, sensor }.to_string());
         return Ok(());
     }
+    let rig = config::load(&options.rig.rig)?;
     let mut devices = relens::rig::open_without_marks(&rig).map_err(CliError::of)?;
     let mut view = RigView::new(&mut devices, &rig).map_err(CliError::of)?;
     if options.light {

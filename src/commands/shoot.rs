@@ -8,8 +8,9 @@ use clap::{Args, ValueHint, value_parser};
 use relens::calibration::store;
 use relens::config::{self, RigFile};
 use relens::frame::{Frame, Mosaic, Plane};
+use relens::pipeline::site_noise_of;
 use relens::restorer::on_rig::{black_of, gains_of};
-use relens::restorer::photo_file::{PROPOSED, developed, raw_file};
+use relens::restorer::photo_file::{PROPOSED, SensorFacts, developed, raw_file};
 use relens::rig;
 use relens::rig::exposure::Devices;
 use relens::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, PhotoShot, meter, shoot};
@@ -86,7 +87,7 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     must_be_new(out)?;
     make_inbox(&options.folder.folder, out)?;
     let mut rigged = before_the_scene(&rig, options)?;
-    let range = CountRange { black: rigged.black, max: rig.camera.count_max() };
+    let range = rigged.sensor.range;
     let times = set_exposure(&mut rigged.devices, mosaic, range, options.exposure)?;
     let mut shot =
         shoot(&mut rigged.devices, mosaic, range, options.frames).map_err(CliError::of)?;
@@ -97,7 +98,7 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     let bytes = match (format, mosaic) {
         (Some(format), _) => developed(&rig, &shot, range, format).map_err(CliError::of)?,
-        (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, range, exposure_s, rigged.gains),
+        (None, Some(mosaic)) => raw_file(&rig, &shot, mosaic, &rigged.sensor, exposure_s),
         (None, None) => return Err(CliError::NoFilters(rig.name)),
     };
     write_new(out, &bytes)?;
@@ -138,30 +139,33 @@ struct Rigged {
     devices: Devices,
     /// What puts scenes before the lens of a simulated rig.
     witness: Option<Witness>,
-    /// What the camera counts without light.
-    black: f64,
-    /// What light of red, green and blue gives in its channels, where that was measured.
-    gains: Option<[[f64; 3]; 3]>,
+    sensor: SensorFacts,
 }
 
 fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, CliError> {
+    let range = |black| CountRange { black, max: file.camera.count_max() };
     match (file.simulation(), &options.scene) {
-        (Some(simulation), Some(scene)) => {
+        (Some(_), Some(scene)) => {
             let scene = scene::read(file, scene)?;
             let (devices, witness) = simulated::open(file).map_err(CliError::of)?;
             witness.put_before_lens(Some(&scene));
-            let black = simulation.sensor.black_level_counts;
-            Ok(Rigged { devices, witness: Some(witness), black, gains: None })
+            let (range, noise) = (range(witness.black_level_counts()), Some(witness.site_noise()));
+            let sensor = SensorFacts { range, gains: None, noise };
+            Ok(Rigged { devices, witness: Some(witness), sensor })
         }
         (Some(_), None) => Err(CliError::NoScene(file.name.clone())),
         (None, Some(_)) => Err(CliError::NotSimulated(file.name.clone())),
         (None, None) => {
-            // What the camera counts in the dark is measured with the panel, not guessed.
+            // What the camera counts in the dark, and its noise, are measured with the panel.
             let kept = opening::calibration_folder(&options.folder.folder);
             let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
             let devices = rig::open_without_marks(file).map_err(CliError::of)?;
-            let (black, gains) = (black_of(file, &calibration), gains_of(file, &calibration));
-            Ok(Rigged { devices, witness: None, black, gains })
+            let sensor = SensorFacts {
+                range: range(black_of(file, &calibration)),
+                gains: gains_of(file, &calibration),
+                noise: Some(site_noise_of(&calibration)),
+            };
+            Ok(Rigged { devices, witness: None, sensor })
         }
     }
 }

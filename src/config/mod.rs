@@ -43,6 +43,8 @@ pub use written::edit_distance;
 
 use std::path::Path;
 
+use crate::frame::Size;
+
 /// The rig files that are part of the program, by name.
 const BUILT_IN: [(&str, &str); 8] = [
     ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
@@ -66,10 +68,30 @@ pub fn built_in_names() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// When the file cannot be read, is not TOML, has an unknown or missing key, or breaks a rule.
 pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
+    found(path, parse)
+}
+
+/// The pixels of panel and sensor that such a rig file says, whatever else is in it: before
+/// anything is bought a program without real devices plans with theirs.
+///
+/// # Errors
+/// When the file cannot be read, is not TOML, or has an unknown or missing key.
+pub fn sizes(path: &Path) -> Result<[Size; 2], ConfigError> {
+    found(path, |text, name, _| {
+        let (tables, _) = written::read(text, name)?;
+        Ok([tables.panel.size(), tables.camera.size()])
+    })
+}
+
+/// What `read` makes of the text of the rig file at `path`, its name and its folder.
+fn found<T>(
+    path: &Path,
+    read: impl Fn(&str, &str, &Path) -> Result<T, ConfigError>,
+) -> Result<T, ConfigError> {
     match std::fs::read_to_string(path) {
         Ok(text) => {
             let folder = path.parent().unwrap_or(Path::new(""));
-            parse(&text, &path.display().to_string(), folder)
+            read(&text, &path.display().to_string(), folder)
         }
         Err(source) => {
             if source.kind() != std::io::ErrorKind::NotFound {
@@ -79,7 +101,7 @@ pub fn load(path: &Path) -> Result<RigFile, ConfigError> {
                 path == Path::new(name) || path == Path::new(name.trim_end_matches(".toml"))
             };
             match BUILT_IN.iter().find(|(name, _)| is_meant(name)) {
-                Some((name, text)) => parse(text, name, Path::new("")),
+                Some((name, text)) => read(text, name, Path::new("")),
                 None => {
                     let names = built_in_names().collect::<Vec<_>>().join(", ");
                     Err(ConfigError::NoFile { path: path.to_owned(), names })

@@ -26,6 +26,16 @@ pub struct RawSites {
     pub mosaic: Mosaic,
     /// Sensor counts that one grey level (of 255) is.
     pub counts_per_level: f32,
+    /// The noise of its sites, where it is stated: of each channel the variance without light and
+    /// what each grey level adds, squared grey levels.
+    pub noise: Option<[[f32; 2]; 3]>,
+}
+
+impl RawSites {
+    /// Sites of whose noise nothing is stated.
+    pub const fn new(mosaic: Mosaic, counts_per_level: f32) -> RawSites {
+        RawSites { mosaic, counts_per_level, noise: None }
+    }
 }
 
 impl Mosaic {

@@ -96,6 +96,8 @@ pub(super) struct Raster {
     pub(super) sites: Option<Sites>,
     /// How a sensor's counts become sRGB.
     pub(super) colours: Option<super::CameraColours>,
+    /// What a raw photo says of its noise; see [`RawSites::noise`](crate::frame::RawSites::noise).
+    pub(super) noise: Option<[[f32; 2]; 3]>,
     /// What a JPEG states of them.
     pub(super) coding: Option<Coding>,
     /// See [`super::Photo::rounding`].
@@ -198,6 +200,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             camera: raw.camera,
             sites: Some(raw.sites),
             colours: raw.colours,
+            noise: raw.noise,
             coding: None,
             rounding: 0.0,
         });
@@ -312,6 +315,7 @@ fn collect<D: ImageDecoder>(
         camera: None,
         sites,
         colours: None,
+        noise: None,
         coding: None,
         rounding: 0.0,
     })

@@ -12,7 +12,7 @@ use super::tiff::{
     COMPRESSION, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH, NEW_SUBFILE_TYPE,
     STRIP_BYTE_COUNTS, STRIP_OFFSETS, TILE_OFFSETS,
 };
-use crate::frame::{Mosaic, Plane, Size};
+use crate::frame::{FULL_SCALE, Mosaic, Plane, Size};
 
 pub use camera::{PhotoCamera, RawTags, RigSetting};
 pub use colours::CameraColours;
@@ -45,6 +45,7 @@ const AS_SHOT_NEUTRAL: u16 = 50728;
 const SERIAL: u16 = 50735;
 const CALIBRATION_ILLUMINANTS: [u16; 2] = [50778, 50779];
 const ACTIVE_AREA: u16 = 50829;
+const NOISE_PROFILE: u16 = 51041;
 
 /// [`PHOTOMETRIC`]: sites behind colour filters.
 const SITES: usize = 32803;
@@ -96,6 +97,9 @@ pub(super) struct RawFile {
     pub(super) camera: Option<PhotoCamera>,
     /// What its colours are, where they are not sRGB's.
     pub(super) colours: Option<CameraColours>,
+    /// What its noise is, where it says: of each channel the variance without light and what each
+    /// grey level adds, squared grey levels.
+    pub(super) noise: Option<[[f32; 2]; 3]>,
     /// Offset and length of each strip; all of them hold exactly the counts.
     strips: Vec<(usize, usize)>,
 }
@@ -154,7 +158,8 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     let exif = all.iter().any(|d| d.find(EXIF_DIRECTORY).is_some());
     let orientation = turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1);
     let (camera, colours) = (all[0].camera(), all[0].colours().or_else(|| directory.colours()));
-    Ok(Some(RawFile { orientation, exif, camera, colours, ..raw }))
+    let noise = directory.noise().or_else(|| all[0].noise());
+    Ok(Some(RawFile { orientation, exif, camera, colours, noise, ..raw }))
 }
 
 impl RawFile {
@@ -175,7 +180,7 @@ impl Sites {
     /// Counts that one grey level is.
     pub(super) fn counts_per_level(&self) -> f32 {
         let black = self.black.as_flattened().iter().sum::<f32>() / 4.0;
-        (self.white - black) / crate::frame::FULL_SCALE
+        (self.white - black) / FULL_SCALE
     }
 
     /// The light (white at 255, with noise also below 0) of `counts`.
@@ -220,8 +225,8 @@ impl Directory<'_> {
         }
         let sites = Sites { mosaic: self.mosaic()?, ..self.levels()? };
         let strips = self.strips(size)?;
-        let (camera, colours) = (None, None);
-        Ok(RawFile { size, sites, strips, orientation: 1, exif: false, camera, colours })
+        let (camera, colours, noise) = (None, None, None);
+        Ok(RawFile { size, sites, strips, orientation: 1, exif: false, camera, colours, noise })
     }
 
     /// Who took the photo; a file need not say.
@@ -246,6 +251,18 @@ impl Directory<'_> {
         let [red, green, blue] = neutral[..] else { return None };
         let of_xyz: Vec<f64> = of_xyz.into_iter().map(f64::from).collect();
         CameraColours::of_file(&of_xyz, [red, green, blue].map(f64::from))
+    }
+
+    /// What the file says of its noise, for all channels alike or for each.
+    fn noise(&self) -> Option<[[f32; 2]; 3]> {
+        let said = self.reals(NOISE_PROFILE).ok().flatten()?;
+        let each = match said.len() {
+            2 => [0; 3],
+            6 => [0, 2, 4],
+            _ => return None,
+        };
+        let noise = each.map(|n| [said[n + 1] * FULL_SCALE.powi(2), said[n] * FULL_SCALE]);
+        noise.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0).then_some(noise)
     }
 
     fn mosaic(&self) -> Result<Mosaic, Flaw> {

@@ -162,7 +162,8 @@ impl Photo {
 
     fn of_raster(name: &str, raster: Raster, curve: Curve, file: FileFacts) -> Photo {
         if let Some(sites) = raster.sites {
-            let raw = RawSites { mosaic: sites.mosaic, counts_per_level: sites.counts_per_level() };
+            let known = RawSites::new(sites.mosaic, sites.counts_per_level());
+            let raw = RawSites { noise: raster.noise, ..known };
             let plain = Manner::plain(raster.content.written(), raster.bits, curve);
             // Viewers take what says nothing for sRGB.
             let icc = (curve == Curve::Linear).then(tone::linear_profile).flatten();

@@ -167,6 +167,12 @@ impl<'a> File<'a> {
         Ok(if self.big_endian { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
     }
 
+    pub(super) fn f64(&self, at: usize) -> Result<f64, Flaw> {
+        let (first, second) = (u64::from(self.u32(at)?), u64::from(self.u32(at + 4)?));
+        let (high, low) = if self.big_endian { (first, second) } else { (second, first) };
+        Ok(f64::from_bits(high << 32 | low))
+    }
+
     /// The whole numbers (BYTE, SHORT, LONG or a directory's place) of the entry at `entry`.
     pub(super) fn numbers(&self, entry: usize) -> Result<Vec<usize>, Flaw> {
         let width = match self.u16(entry + 2)? {

@@ -21,6 +21,7 @@ mod stages;
 pub use dot_test::BackwardCheck;
 pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use outcome::{Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict};
+pub use prepare::{AVERAGED_MIN, power_share};
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
 pub use stages::{Evidence, PhotoFocus, Prepared, Residuals, Solved};
@@ -35,10 +36,11 @@ use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError}
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::patches::PatchShape;
-use crate::frame::{Channel, FULL_SCALE};
+use crate::frame::{Channel, FULL_SCALE, RawSites};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::exposure::Devices;
+use crate::rig::shoot::SiteNoise;
 use focus::Focuses;
 use learning::Learning;
 
@@ -130,6 +132,22 @@ impl Pipeline {
         Ok(Pipeline { interruption, ..fresh })
     }
 
+    /// The noise of one exposure's sites, in counts.
+    pub fn site_noise(&self) -> SiteNoise {
+        counted_noise(&self.site_noise, self.counts_per_level)
+    }
+
+    /// The noise that one exposure has at the sites `raw`, in the photo's own grey levels: the
+    /// sensor is the same, and the photo's white is not the calibration's.
+    pub fn noise_at(&self, raw: &RawSites) -> [Noise; 3] {
+        Channel::ALL.map(|c| {
+            let noise = self.site_noise[c.index()];
+            let levels = self.counts_per_level[c.index()] / raw.counts_per_level;
+            let at_black = noise.at_black * levels.powi(2);
+            Noise { at_black, per_level: noise.per_level * levels }
+        })
+    }
+
     /// The measured lens.
     pub fn model(&self) -> &Arc<LensModel> {
         &self.model
@@ -149,6 +167,19 @@ impl Pipeline {
     /// Forward convolution through `rig`.
     pub fn light_path<'a>(&'a self, rig: &'a mut Devices) -> LightPath<'a> {
         LightPath::new(rig, &self.correction, &*self.stopwatch)
+    }
+}
+
+/// The noise of one exposure's sites, in counts, on a rig with this `calibration`.
+pub fn site_noise_of(calibration: &Calibration) -> SiteNoise {
+    counted_noise(&site_noise(calibration), calibration.counts_per_level)
+}
+
+fn counted_noise(noise: &[Noise; 3], counts_per_level: [f32; 3]) -> SiteNoise {
+    let each = [0, 1, 2].map(|c| (noise[c], f64::from(counts_per_level[c])));
+    SiteNoise {
+        at_black: each.map(|(noise, counts)| f64::from(noise.at_black) * counts.powi(2)),
+        per_count: each.map(|(noise, counts)| f64::from(noise.per_level) * counts),
     }
 }
 

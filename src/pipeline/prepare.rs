@@ -20,7 +20,7 @@ use std::sync::OnceLock;
 
 use super::Pipeline;
 use super::stages::Prepared;
-use crate::calibration::SiteGains;
+use crate::calibration::{Noise, SiteGains};
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
@@ -31,6 +31,11 @@ use crate::picture::Tone;
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
 /// the code below it is kept as data).
 const SATURATION_SHARE: f32 = 0.998;
+
+/// Least noise power by which a raw photo is restored, as a share of one exposure's: what the
+/// measured lens misses does not average out with the noise. Measured with 4 and 16 exposures of
+/// two scenes on two rigs: with it SSIM and PSNR rise, with a half one of them loses PSNR.
+pub const AVERAGED_MIN: f32 = 0.75;
 
 /// Of so many pixels one is looked at for the photo's median level; prime, so that no pattern is
 /// met in step.
@@ -194,7 +199,8 @@ impl Pipeline {
     /// The same of a `photo` that this rig's own sensor took and that is known at its `raw` sites
     /// only; between them it holds something to begin with
     /// ([`Mosaic::interpolated`](crate::frame::Mosaic::interpolated)). The sites are divided by the
-    /// sensor's pattern, and bad ones are missing. The noise is the sensor's.
+    /// sensor's pattern, and bad ones are missing. The noise is what is stated of the sites, if it
+    /// is not less than [`AVERAGED_MIN`] allows, or the sensor's.
     pub fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
         let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
         let straight = self.straightened(photo, Some(FULL_SCALE * raw.counts_per_level));
@@ -215,10 +221,14 @@ impl Pipeline {
                     .for_each(|(_, trust)| *trust = MISSING);
             }
         }
+        let own = self.noise_at(&raw);
         let noise_at = |c: Channel, light: f32| {
-            // The sensor is the same, and the photo's white is not the calibration's.
-            let levels = self.counts_per_level[c.index()] / raw.counts_per_level;
-            levels * self.site_noise[c.index()].sigma(light / levels)
+            let one = own[c.index()].sigma(light);
+            raw.noise.map_or(one, |stated| {
+                let [at_black, per_level] = stated[c.index()];
+                let stated = Noise { at_black, per_level }.sigma(light);
+                stated.max(AVERAGED_MIN.sqrt() * one)
+            })
         };
         let noise = Channel::ALL.map(|c| noise_at(c, median(photo.plane(c))));
         let mosaic = Some(mosaic);
@@ -250,6 +260,14 @@ impl Pipeline {
             false => Rung::LeaveIt.reason(),
         }
     }
+}
+
+/// The noise power that is `stated`, without light and for each level, as a share of `own`: of
+/// light in the middle.
+pub fn power_share(stated: [f32; 2], own: &Noise) -> f32 {
+    let middle = FULL_SCALE / 2.0;
+    let [at_black, per_level] = stated;
+    (Noise { at_black, per_level }.sigma(middle) / own.sigma(middle)).powi(2)
 }
 
 /// The median of a photo's light, of a sample of it.

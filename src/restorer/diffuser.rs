@@ -113,7 +113,8 @@ fn take(
     let seen: Frame<SensorSpace> = Frame::from_fn(|c| {
         let black = &calibration.black[c.index()];
         let black = black.at(middle.width as f64 / 2.0, middle.height as f64 / 2.0) as f32;
-        shot.counts.plane(c).map(|count| curve.count(f32::from(count)) - black)
+        let step = f32::from(1u16 << shot.finer);
+        shot.counts.plane(c).map(|count| curve.count(f32::from(count) / step) - black)
     });
     let light = seen.plane(Channel::Green).mean() / (f64::from(range.max) - range.black).max(1.0);
     let too_dark = light < LIGHT_MIN;

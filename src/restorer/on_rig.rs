@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::photo_file::{self, TakenPhoto};
+use super::photo_file::{self, SensorFacts, TakenPhoto};
 use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, who_took};
 use crate::calibration::{Calibration, LensFlat, store};
 use crate::config;
@@ -245,6 +245,7 @@ impl Restorer for OnRig {
             shown = Progress { done: shown.done.max(share.min(0.99)), doing, captures };
             progress(shown);
         };
+        let mut of_noise = None;
         let prepared = match photo.raw {
             None => match &photo.coding {
                 Some(coding) => {
@@ -263,6 +264,8 @@ impl Restorer for OnRig {
                     return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
                 }
                 let raw = who_took::in_own_counts(&self.config, self.black, raw);
+                let (raw, told) = who_took::believed(raw, &self.pipeline.noise_at(&raw));
+                of_noise = told;
                 self.pipeline.prepare_raw(&photo.light, raw)
             }
         };
@@ -280,6 +283,7 @@ impl Restorer for OnRig {
         }
         if photo.raw.is_some() {
             outcome.notes.extend(who_took::told(&self.config, photo.camera.as_ref()));
+            outcome.notes.extend(of_noise);
         }
         if prepared.stated.as_ref().is_some_and(|stated| !stated.is_data()) {
             let told = "this JPEG was made of another JPEG, in shorter steps: it is \
@@ -333,8 +337,10 @@ impl Restorer for OnRig {
     }
 
     fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
-        let range = self.count_range();
-        photo_file::take(&mut self.devices, &self.config, range, self.gains).map(Some)
+        let noise = self.pipeline.site_noise();
+        let (range, gains) = (self.count_range(), self.gains);
+        let sensor = SensorFacts { range, gains, noise: Some(noise) };
+        photo_file::take(&mut self.devices, &self.config, &sensor).map(Some)
     }
 
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {

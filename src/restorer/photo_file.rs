@@ -6,10 +6,21 @@ use crate::frame::{Frame, Mosaic, Work};
 use crate::picture::{Dng, Format, Manner, PictureError, RawTags, RigSetting, encode};
 use crate::remedy::AnyFailure;
 use crate::rig::exposure::Devices;
-use crate::rig::shoot::{CountRange, PhotoShot, meter, shoot, sites_of};
+use crate::rig::shoot::{CountRange, PhotoShot, SiteNoise, meter, shoot, sites_of};
 
 /// Exposures, as multiples of the rig file's, that are tried when one is proposed.
 pub const PROPOSED: (f64, f64) = (1.0 / 32.0, 32.0);
+
+/// What is known of the sensor that takes a photo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorFacts {
+    /// What it counts.
+    pub range: CountRange,
+    /// What light of red, green and blue gives in its channels, where that was measured.
+    pub gains: Option<[[f64; 3]; 3]>,
+    /// The noise of one exposure, where that is known.
+    pub noise: Option<SiteNoise>,
+}
 
 /// A photo, not yet on a disk.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,10 +41,9 @@ pub struct TakenPhoto {
 pub fn take(
     devices: &mut Devices,
     rig: &RigFile,
-    range: CountRange,
-    gains: Option<[[f64; 3]; 3]>,
+    sensor: &SensorFacts,
 ) -> Result<TakenPhoto, AnyFailure> {
-    let mosaic = rig.mosaic();
+    let (mosaic, range) = (rig.mosaic(), sensor.range);
     let mut taken = || {
         let times = meter(devices, mosaic, range, PROPOSED)?.unwrap_or(1.0);
         Ok((times, shoot(devices, mosaic, range, 1)?))
@@ -48,7 +58,7 @@ pub fn take(
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     Ok(match mosaic {
         Some(mosaic) => {
-            let bytes = raw_file(rig, &shot, mosaic, range, exposure_s, gains);
+            let bytes = raw_file(rig, &shot, mosaic, sensor, exposure_s);
             TakenPhoto { bytes, ending: "dng", clipped_share }
         }
         None => {
@@ -63,15 +73,17 @@ fn boxed(error: crate::rig::RigError) -> AnyFailure {
     Box::new(error)
 }
 
-/// The raw photo as a file; `gains` are what light of red, green and blue gives in each channel.
+/// The raw photo as a file. It states its noise, which is less than an exposure's where it is the
+/// mean of some.
 pub fn raw_file(
     rig: &RigFile,
     shot: &PhotoShot,
     mosaic: Mosaic,
-    range: CountRange,
+    sensor: &SensorFacts,
     exposure_s: f64,
-    gains: Option<[[f64; 3]; 3]>,
 ) -> Vec<u8> {
+    let (range, gains) = (shot.range(sensor.range), sensor.gains);
+    let noise = sensor.noise.map(|noise| shot.noise_profile(&noise, sensor.range));
     let setting = RigSetting { identity: rig.identity, focus: rig.camera.focus.clone() };
     Dng {
         sites: &sites_of(shot.counts.planes(), mosaic),
@@ -81,7 +93,7 @@ pub fn raw_file(
         camera: &rig.name,
         exposure_s: Some(exposure_s),
         crop: Some(rig.photo_on_sensor()),
-        tags: RawTags { serial: rig.camera_serial(), setting: Some(&setting), gains },
+        tags: RawTags { serial: rig.camera_serial(), setting: Some(&setting), gains, noise },
     }
     .bytes()
 }
@@ -96,6 +108,7 @@ pub fn developed(
     range: CountRange,
     format: Format,
 ) -> Result<Vec<u8>, PictureError> {
+    let range = shot.range(range);
     let bits = if format == Format::Jpeg { 8 } else { 16 };
     let manner = Manner::plain(format, bits, rig.photo.curve);
     let per_level = (f64::from(range.max) - range.black) / 255.0;

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -44,8 +44,11 @@ pub struct Scene {
 }
 
 /// A camera of a few pixels before that scene.
+#[derive(Default)]
 struct Camera {
     inner: Brightener,
+    /// The line of the gallery that says what the box is doing.
+    now: PathBuf,
     scene: Rc<RefCell<Scene>>,
     taken: usize,
 }
@@ -69,6 +72,11 @@ impl Restorer for Camera {
     }
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         let mut scene = self.scene.borrow_mut();
+        if remedy == Remedy::Recalibrate {
+            // It takes a minute, and whoever does not see the panel reads the page.
+            let told = std::fs::read_to_string(&self.now).unwrap();
+            assert!(told.contains("the lens is being measured"), "{told}");
+        }
         self.inner.gives_up = scene.gives_up;
         if remedy == Remedy::Recalibrate && !scene.unsteady {
             scene.moved_px = 0.0;
@@ -176,7 +184,8 @@ pub fn run(
 fn journey(root: &Path, scene: Scene, until_s: f64, acts: &[(f64, Act)]) -> (Ran, Vec<Remedy>) {
     let times = (scene.countdown_s, until_s);
     let scene = Rc::new(RefCell::new(scene));
-    let mut camera = Camera { inner: Brightener::default(), scene: Rc::clone(&scene), taken: 0 };
+    let now = root.join("outbox/gallery/now.html");
+    let mut camera = Camera { now, scene: Rc::clone(&scene), ..Camera::default() };
     let front = FrontPanel::default();
     let mut acts = acts.iter().peekable();
     let setting = DaemonSetting::new("test rig", TINY, Curve::Srgb);
@@ -384,18 +393,15 @@ fn a_photo_in_the_inbox_at_the_start_is_asked_for() {
 
 /// One life on `disk`: a press at the beginning if `press`, the panel there.
 fn live(disk: &ModelDisk, press: bool, asked: Arc<AtomicBool>) -> Ran {
-    let scene = Scene { panel: Some(PanelView::There), ..Scene::default() };
-    let scene = Rc::new(RefCell::new(scene));
-    let mut camera = Camera { inner: Brightener::default(), scene, taken: 0 };
+    let scene = Rc::new(RefCell::new(Scene { panel: Some(PanelView::There), ..Scene::default() }));
+    let mut camera = Camera { scene, ..Camera::default() };
     let setting =
         DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
     let mut press = press.then_some(Press::Down);
     run(folders, setting, &mut camera, asked, &FrontPanel::default(), (0.0, 40.0), |now, front| {
-        if now > 6.0
-            && let Some(press) = press.take()
-        {
-            front.press(press);
+        if now > 6.0 {
+            press.take().into_iter().for_each(|press| front.press(press));
         }
     })
 }
@@ -475,19 +481,16 @@ fn a_full_disk_keeps_the_photo_in_mind_until_there_is_room() {
         }
         _ => Ok(Verdict::Done),
     }));
-    let scene = Scene { panel: Some(PanelView::There), ..Scene::default() };
-    let scene = Rc::new(RefCell::new(scene));
-    let mut camera = Camera { inner: Brightener::default(), scene, taken: 0 };
+    let scene = Rc::new(RefCell::new(Scene { panel: Some(PanelView::There), ..Scene::default() }));
+    let mut camera = Camera { scene, ..Camera::default() };
     let setting =
         DaemonSetting { hints: false, ..DaemonSetting::new("test rig", TINY, Curve::Srgb) };
     let folders = Folders::on(Arc::new(disk), Path::new(ROOT)).unwrap();
     let (front, mut press, mut trouble) = (FrontPanel::default(), Some(Press::Down), false);
     let ran =
         run(folders, setting, &mut camera, Arc::default(), &front, (0.0, 200.0), |now, front| {
-            if now > 6.0
-                && let Some(press) = press.take()
-            {
-                front.press(press);
+            if now > 6.0 {
+                press.take().into_iter().for_each(|press| front.press(press));
             }
             trouble |= front.state() == BoxState::Trouble;
         });

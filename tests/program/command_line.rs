@@ -21,12 +21,13 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "demo",
     "run",
     "calibrate",
     "restore",
     "photograph",
+    "shoot",
     "chart",
     "align",
     "check",
@@ -56,6 +57,16 @@ fn help_and_version_go_to_standard_output() {
     assert!(overview.lines().all(|line| line.chars().count() <= 100));
     let methods = text(&relens(&["help", "restore"], folder.path()).stdout);
     assert!(methods.contains("hybrid, block-matching"), "{methods}");
+}
+
+#[test]
+fn a_rig_of_devices_is_planned_by_any_program_before_they_are_bought() {
+    let folder = tempfile::tempdir().unwrap();
+    let words = ["align", "--rig", "raspberry-pi-5-gs.toml", "--plan", "25", "27", "3.45"];
+    let output = relens(&words, folder.path());
+    let (said, told) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert!(said.contains("0.85") && said.contains("2016 mm"), "as in hardware.md: {said}");
 }
 
 #[test]

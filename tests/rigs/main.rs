@@ -5,6 +5,7 @@
 // printed beside what is asserted; `--nocapture` shows it.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+mod averaged;
 mod calibration;
 mod divergence;
 mod focus;

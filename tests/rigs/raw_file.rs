@@ -41,7 +41,7 @@ fn shoot(folder: &Path, rig: &Path, out: &str, options: &[&str]) -> (Option<i32>
 
 /// SSIM and dB of linear light, means over the channels, with the one gain over all that fits best:
 /// where a bent camera's white lies is a matter of exposure.
-fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
+pub(crate) fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
     let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
     let (along, square) = each
         .iter()

@@ -106,7 +106,7 @@ fn what_raw_sites_are_worth() {
         // The noise of the noisier sensor is known as that of the sites is.
         let mut noisier = pipeline.prepare(&full, Channels::Colour);
         let counts_per_level = cameras.behind[3].1.counts_per_level() as f32;
-        let raw = pipeline.prepare_raw(&filled, RawSites { mosaic, counts_per_level });
+        let raw = pipeline.prepare_raw(&filled, RawSites::new(mosaic, counts_per_level));
         noisier.noise =
             Channel::ALL.map(|c| raw.noise[c.index()] * Mosaic::pixels_a_site(c).sqrt());
         let (a, _) = by(&noisier);
@@ -153,7 +153,7 @@ fn captures_behind_filters_are_known_at_their_sites() {
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let filled: Frame<Work> = raw.mosaic.interpolated(&sites);
-    let known = RawSites { mosaic: raw.mosaic, counts_per_level: gain as f32 };
+    let known = RawSites::new(raw.mosaic, gain as f32);
     let prepared = pipeline.prepare_raw(&filled, known);
     // As a file with another white says it.
     let dim: Frame<Work> = Frame::from_fn(|c| filled.plane(c).map(|v: f32| v / 2.0));

@@ -94,7 +94,7 @@ fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame
     let raw = witness.photograph_raw(truth, seed)?;
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
-    let known = RawSites { mosaic: raw.mosaic, counts_per_level: gain as f32 };
+    let known = RawSites::new(raw.mosaic, gain as f32);
     Some((raw.mosaic.interpolated(&sites), known))
 }
 

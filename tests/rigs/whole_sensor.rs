@@ -49,7 +49,7 @@ fn no_strip_of_the_photo_is_given_up_to_marks() {
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let photo: Frame<Work> = raw.mosaic.interpolated(&sites);
-    let known = RawSites { mosaic: raw.mosaic, counts_per_level: gain as f32 };
+    let known = RawSites::new(raw.mosaic, gain as f32);
     let prepared = pipeline.prepare_raw(&photo, known);
     let restored =
         pipeline.restore(&mut devices, &prepared, &hybrid(&rig), &mut |_, _| {}).unwrap();

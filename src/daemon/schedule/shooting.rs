@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! aim ─ press ─► take, keep in the inbox ─► ask for the panel ─► seen ─► pilot good ─► photos
-//!  ▲                  ▲                        │  │  ▲                     │ past a limit:
-//!  │ put off, or      └────── short press ─────┘  │  └─ not measured ◄─────┴ measure anew
+//!  ▲                  ▲                        │  │  ▲             ▲       │ past a limit
+//!  │ put off, or      └────── short press ─────┘  │  └ not measured ┴ measure anew
 //!  └ nobody came ◄────────────────────────────────┘
 //! ```
 //!
@@ -54,6 +54,10 @@ enum Stage {
     Aim,
     /// Since when, when to look next, and what to say.
     Ask { since: Moment, look_at: Moment, words: String },
+    /// The panel stands otherwise than it did, by what `why` says, and still does after so many
+    /// calibrations: the lens is to be measured. A stage of its own, so that whoever does not see
+    /// the panel reads it on the page meanwhile.
+    Measure { why: String, calibrations: u32 },
     /// The panel is before the lens, as it was when the lens was measured.
     There,
 }
@@ -129,9 +133,13 @@ impl<'a> Shooting<'a> {
         self.put_off |= put_off;
     }
 
-    /// Whether what is counted down differs from what was said of it.
+    /// Whether what is counted down differs from what was said of it, or the lens is to be
+    /// measured, which has been said.
     pub(super) fn is_due(&self, now: Moment) -> bool {
-        self.countdown.as_ref().is_some_and(|countdown| countdown.left(now) != countdown.shown)
+        match &self.countdown {
+            Some(countdown) => countdown.left(now) != countdown.shown,
+            None => matches!(self.stage, Stage::Measure { .. }),
+        }
     }
 
     /// Somebody was needed: the panel may be elsewhere by now, and whoever pressed is not aiming.
@@ -192,28 +200,31 @@ impl<'a> Shooting<'a> {
                 self.give_way(asked.waiting);
             }
             // What is left rests; until then the panel may go.
-            Stage::There if !asked.is_ready => self.ask(now, ASK),
+            Stage::There | Stage::Measure { .. } if !asked.is_ready => self.ask(now, ASK),
             _ => {}
         }
-        match &self.stage {
-            Stage::Aim => ShootTurn::Aim,
-            Stage::There => ShootTurn::Photos,
-            Stage::Ask { look_at, .. } => {
-                if asked.is_ready && now.0 >= look_at.0 {
-                    match self.look(before, rig) {
-                        // Whoever gave the measuring up does not want the photos now.
-                        Err(error) if error.was_asked_for() => {
-                            log::info!("measuring the lens was given up");
-                            self.give_way(asked.waiting);
-                            return ShootTurn::Aim;
-                        }
-                        Err(error) => return ShootTurn::Other(Turn::Help(error)),
-                        Ok(true) => return ShootTurn::Photos,
-                        Ok(false) => {}
-                    }
-                }
-                self.wait((asked.waiting, asked.parts), now, before, rig)
+        let went_on = match &self.stage {
+            Stage::Ask { look_at, .. } if asked.is_ready && now.0 >= look_at.0 => {
+                self.look(before, rig)
             }
+            Stage::Measure { why, calibrations } => {
+                let (why, calibrations) = (why.clone(), calibrations + 1);
+                self.measure(why, calibrations, before, rig)
+            }
+            _ => Ok(()),
+        };
+        match went_on {
+            // Whoever gave the measuring up does not want the photos now.
+            Err(error) if error.was_asked_for() => {
+                log::info!("measuring the lens was given up");
+                self.give_way(asked.waiting);
+            }
+            Err(error) => return ShootTurn::Other(Turn::Help(error)),
+            Ok(()) => {}
+        }
+        match &self.stage {
+            Stage::There => ShootTurn::Photos,
+            _ => self.wait((asked.waiting, asked.parts), now, before, rig),
         }
     }
 
@@ -285,71 +296,93 @@ impl<'a> Shooting<'a> {
         Ok(true)
     }
 
-    /// Looks for the panel, and whether it stands as it did; true when photos may go on.
+    /// Looks for the panel, and whether it stands as it did.
     fn look(
         &mut self,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
-    ) -> Result<bool, DaemonError> {
-        let failed = |failure| DaemonError::Rig { about: String::new(), failure };
+    ) -> Result<(), DaemonError> {
         // Test pictures are on the panel from here on.
         before.forget_screen();
         let seen = match rig.look_for_panel() {
             Err(failure) if failure.remedy() == Remedy::ReopenRig => {
-                rig.mend(Remedy::ReopenRig).map_err(failed)?;
+                rig.mend(Remedy::ReopenRig).map_err(of_rig)?;
                 rig.look_for_panel()
             }
             seen => seen,
         };
-        let (again_s, said) = match seen.map_err(failed)? {
-            PanelView::Absent => (LOOK_S, ASK.to_owned()),
-            PanelView::Askew(what) => (LOOK_S, format!("The panel is seen, but not well: {what}.")),
-            PanelView::There => match self.prove(before, rig) {
-                Ok(()) => {
-                    self.stage = Stage::There;
-                    return Ok(true);
-                }
-                Err(error) if error.was_asked_for() => return Err(error),
-                Err(error) => {
-                    log::warn!("{}", full_message(&error));
-                    let said = format!("{}. {}", full_message(&error), error.what_to_do());
-                    (MEASURE_AGAIN_S, said)
-                }
-            },
+        let said = match seen.map_err(of_rig)? {
+            PanelView::Absent => ASK.to_owned(),
+            PanelView::Askew(what) => format!("The panel is seen, but not well: {what}."),
+            PanelView::There => {
+                let proved = self.prove(0, rig);
+                return self.or_ask(proved, before);
+            }
         };
-        let now = before.clock.now();
-        if let Stage::Ask { look_at, words, .. } = &mut self.stage {
-            (*look_at, *words) = (Moment(now.0 + again_s), said);
-        }
-        Ok(false)
+        self.look_again(LOOK_S, said, before);
+        Ok(())
     }
 
-    /// The pilot, and what follows from it.
-    fn prove(
+    /// The pilot, after so many calibrations, and what follows from it.
+    fn prove(&mut self, calibrations: u32, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
+        let drift = rig.pilot().map_err(of_rig)?;
+        let Some(complaint) = drift.and_then(|drift| drift.complaint(&self.limits)) else {
+            self.stage = Stage::There;
+            return Ok(());
+        };
+        if !self.recalibrate || calibrations == CALIBRATIONS_MAX {
+            return Err(DaemonError::Drifted { complaint, calibrations });
+        }
+        log::info!("the panel stands otherwise than it did: {complaint}; the lens is measured");
+        self.stage = Stage::Measure { why: complaint, calibrations };
+        Ok(())
+    }
+
+    /// Measures the lens, which takes a while, and looks whether that was enough.
+    fn measure(
         &mut self,
+        complaint: String,
+        calibrations: u32,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
     ) -> Result<(), DaemonError> {
-        let mut calibrations = 0;
-        loop {
-            let failed = |failure| DaemonError::Rig { about: String::new(), failure };
-            let Some(drift) = rig.pilot().map_err(failed)? else { return Ok(()) };
-            let Some(complaint) = drift.complaint(&self.limits) else { return Ok(()) };
-            if !self.recalibrate || calibrations == CALIBRATIONS_MAX {
-                return Err(DaemonError::Drifted { complaint, calibrations });
+        before.forget_screen();
+        let measured = rig.mend(Remedy::Recalibrate).map_err(|failure| {
+            let why = format!("the panel stands otherwise than it did ({complaint}) and ");
+            DaemonError::Calibration { why, failure }
+        });
+        let proved = measured.and_then(|()| self.prove(calibrations, rig));
+        self.or_ask(proved, before)
+    }
+
+    /// What keeps the lens from being measured is asked for with the panel.
+    fn or_ask(
+        &mut self,
+        proved: Result<(), DaemonError>,
+        before: &BeforeBox<'_>,
+    ) -> Result<(), DaemonError> {
+        match proved {
+            Err(error) if !error.was_asked_for() => {
+                log::warn!("{}", full_message(&error));
+                let said = format!("{}. {}", full_message(&error), error.what_to_do());
+                self.look_again(MEASURE_AGAIN_S, said, before);
+                Ok(())
             }
-            calibrations += 1;
-            log::info!("the panel stands otherwise than it did: {complaint}; the lens is measured");
-            before.show(Screen::Measuring { why: complaint.clone() }, BoxState::Working, rig);
-            before.forget_screen();
-            rig.mend(Remedy::Recalibrate).map_err(|failure| {
-                let why = format!("the panel stands otherwise than it did ({complaint}) and ");
-                DaemonError::Calibration { why, failure }
-            })?;
+            proved => proved,
         }
     }
 
-    /// Asks for the panel.
+    /// The panel is asked for in these words, and looked for after so many seconds.
+    fn look_again(&mut self, in_s: f64, said: String, before: &BeforeBox<'_>) {
+        let now = before.clock.now();
+        let since = match &self.stage {
+            Stage::Ask { since, .. } => *since,
+            _ => now,
+        };
+        self.stage = Stage::Ask { since, look_at: Moment(now.0 + in_s), words: said };
+    }
+
+    /// Asks for the panel, or says that the lens is measured.
     fn wait(
         &self,
         (photos, parts): (usize, Waiting),
@@ -357,11 +390,28 @@ impl<'a> Shooting<'a> {
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
     ) -> ShootTurn {
-        let Stage::Ask { look_at, words, .. } = &self.stage else { return ShootTurn::Aim };
-        let screen = Screen::Asking { photos, words: words.clone(), others: parts.beside() };
-        before.show(screen, BoxState::Asking, rig);
-        let reason = format!("photos wait for the panel: {words}");
-        let until = (look_at.0 > now.0).then_some(*look_at);
-        ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Panel, until })
+        match &self.stage {
+            Stage::Aim | Stage::There => ShootTurn::Aim,
+            Stage::Measure { why, .. } => {
+                before.show(Screen::Measuring { why: why.clone() }, BoxState::Working, rig);
+                let reason = format!(
+                    "the lens is being measured, for the panel stands otherwise than it did \
+                     ({why}): leave it where it is"
+                );
+                ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Rig, until: Some(now) })
+            }
+            Stage::Ask { look_at, words, .. } => {
+                let screen =
+                    Screen::Asking { photos, words: words.clone(), others: parts.beside() };
+                before.show(screen, BoxState::Asking, rig);
+                let reason = format!("photos wait for the panel: {words}");
+                let until = (look_at.0 > now.0).then_some(*look_at);
+                ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Panel, until })
+            }
+        }
     }
+}
+
+fn of_rig(failure: AnyFailure) -> DaemonError {
+    DaemonError::Rig { about: String::new(), failure }
 }

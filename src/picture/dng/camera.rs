@@ -32,6 +32,9 @@ pub struct RawTags<'a> {
     /// What light of sRGB's red, green and blue gives in each of the three channels, in one unit
     /// for all; where it is not known the channels are taken for sRGB's.
     pub gains: Option<[[f64; 3]; 3]>,
+    /// The variance of the sites in red, green and blue, where it is known: what light of 0 to 1
+    /// adds to it, and without light (DNG 1.4, NoiseProfile).
+    pub noise: Option<[[f64; 2]; 3]>,
 }
 
 /// Beginning of a description of ours, and of the second part of it.

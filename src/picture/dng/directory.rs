@@ -54,10 +54,15 @@ impl<'a> Directory<'a> {
         Ok(Some(printed.collect::<String>().trim().to_owned()))
     }
 
-    /// Numbers that may be fractions, with a sign or without.
+    /// Numbers that may be fractions, with a sign or without, or floating.
     pub(super) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let kind = self.file.u16(entry + 2)?;
+        if kind == 12 {
+            let (count, at) = self.file.place(entry, 8)?;
+            let double = |n: usize| self.file.f64(at + 8 * n).map(|v| v as f32);
+            return (0..count).map(double).collect::<Result<Vec<_>, Flaw>>().map(Some);
+        }
         if kind != 5 && kind != 10 {
             let whole = self.file.numbers(entry)?;
             return Ok(Some(whole.into_iter().map(|v| v as f32).collect()));

@@ -112,6 +112,7 @@ fn big_endian(bytes: &[u8]) -> Vec<u8> {
         let wide = match file.u16(entry + 2).unwrap() {
             3 => 2,
             4 | 5 | 10 => 4,
+            12 => 8,
             _ => 1,
         };
         let fraction = matches!(file.u16(entry + 2).unwrap(), 5 | 10);
@@ -181,7 +182,8 @@ fn a_photo_says_which_camera_took_it_at_which_setting() {
     {
         let (sites, mosaic) = (sites(), Mosaic::Rggb);
         let gains = Some([[4.0, 1.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.5, 7.0]]);
-        let tags = RawTags { serial: Some("4711"), setting: Some(&setting), gains };
+        let noise = Some([[1e-4, 2e-6], [3e-4, 4e-6], [5e-4, 6e-6]]);
+        let tags = RawTags { serial: Some("4711"), setting: Some(&setting), gains, noise };
         let (black, white, exposure_s, crop) = (64.0, 1023, None, None);
         let camera = "a rig";
         let raw = Dng { sites: &sites, mosaic, black, white, camera, exposure_s, crop, tags };
@@ -193,7 +195,13 @@ fn a_photo_says_which_camera_took_it_at_which_setting() {
             serial: Some("4711".to_owned()),
             setting: Some(setting.clone()),
         };
-        assert_eq!(read(&bytes).unwrap().camera, Some(said));
+        let photo = read(&bytes).unwrap();
+        assert_eq!(photo.camera, Some(said));
+        let noise = photo.raw.unwrap().noise.unwrap();
+        let wanted = [[0.13005, 0.0255], [0.2601, 0.0765], [0.39015, 0.1275]];
+        for (found, wanted) in noise.as_flattened().iter().zip(wanted.as_flattened()) {
+            assert!((found / wanted - 1.0).abs() < 1e-5, "{noise:?}");
+        }
     }
     let silent = read(&file(Mosaic::Rggb)).unwrap().camera.unwrap();
     assert_eq!((silent.serial, silent.setting), (None, None));

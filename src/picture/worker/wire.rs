@@ -219,7 +219,11 @@ pub(super) fn read_photo(
     if header.size != allowed || !header.tone.has_steps(steps) {
         return Err("a photo of another size");
     }
-    let sound = |raw: RawSites| raw.counts_per_level.is_finite() && raw.counts_per_level > 0.0;
+    let sound = |raw: RawSites| {
+        let noise = raw.noise.unwrap_or_default();
+        let noise = noise.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0);
+        noise && raw.counts_per_level.is_finite() && raw.counts_per_level > 0.0
+    };
     if !header.raw.is_none_or(|raw| sound(raw) && header.channels == Channels::Colour) {
         return Err("raw sites that mean nothing");
     }

@@ -12,6 +12,7 @@ use super::wear::Wear;
 use crate::config::{Curve, Faults, Kind, Lens, Pose, Prescription, RigFile, Surround, Unrest};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 use crate::rig::RigError;
+use crate::rig::shoot::SiteNoise;
 
 /// What is true of a simulated rig, and handles to change it while it runs.
 pub struct Witness {
@@ -227,6 +228,15 @@ impl Witness {
     /// rounding.
     pub fn noise_levels(&self, level: f64) -> f64 {
         self.shared.bench().sensor.noise_levels(level)
+    }
+
+    /// The noise of one exposure's sites, with what rounding to counts adds.
+    pub fn site_noise(&self) -> SiteNoise {
+        let gain = self.counts_per_level();
+        let of = |level| (gain * self.noise_levels(level)).powi(2);
+        let (at_black, white) = (of(0.0), of(FULL_SCALE.into()));
+        let per_count = (white - at_black) / (gain * f64::from(FULL_SCALE));
+        SiteNoise { at_black: [at_black + 1.0 / 12.0; 3], per_count: [per_count; 3] }
     }
 
     /// The response of each pixel of the sensor in a channel, about 1, and its own light in grey

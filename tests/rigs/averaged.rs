@@ -1,0 +1,164 @@
+//! Raw photos whose noise is not one exposure's at the rig's gain: their files state what it is,
+//! and they are restored by that.
+
+use relens::chart::scenes::Scene;
+use relens::config::{Curve, RigFile};
+use relens::frame::{Channel, Frame, PhotoGrid, RawSites, Work};
+use relens::picture::{Limits, Photo};
+use relens::pipeline::AVERAGED_MIN;
+use relens::restorer::photo_file::{SensorFacts, raw_file};
+use relens::rig::exposure::Devices;
+use relens::rig::shoot::{CountRange, shoot};
+use relens::rig::simulated::{self, Witness};
+use relens::{Outcome, PhotoRestorer, Rig};
+
+use crate::load;
+use crate::raw_file::score;
+
+const RIG: &str = "truthful.toml";
+
+/// A rig before a scene, and what makes photos of it.
+struct NoisyRig {
+    file: RigFile,
+    grid: PhotoGrid,
+    devices: Devices,
+    witness: Witness,
+    scene: Frame<Work>,
+    restorer: PhotoRestorer,
+}
+
+impl NoisyRig {
+    fn new(slots: &std::path::Path) -> NoisyRig {
+        let mut rig = Rig::open(RIG).unwrap();
+        rig.calibrate(slots).unwrap();
+        let restorer = rig.restorer(slots).unwrap();
+        let file = load(RIG);
+        let (devices, witness) = simulated::open(&file).unwrap();
+        let grid = file.photo_grid();
+        let scene = Scene::Coffee.light(grid.sensor);
+        witness.put_before_lens(Some(&scene));
+        NoisyRig { file, grid, devices, witness, scene, restorer }
+    }
+
+    /// The mean of `frames` exposures, with the mean of `dark` dark ones taken off, through a file.
+    fn take(&mut self, frames: u8, dark: u8) -> Photo {
+        let mosaic = self.file.mosaic().unwrap();
+        let (black, max) = (self.witness.black_level_counts(), self.file.camera.count_max());
+        let range = CountRange { black, max };
+        let mut shot = shoot(&mut self.devices, Some(mosaic), range, frames).unwrap();
+        if dark > 0 {
+            self.witness.put_before_lens(Some(&Frame::zeros(self.grid.sensor)));
+            let dark = shoot(&mut self.devices, Some(mosaic), range, dark).unwrap();
+            self.witness.put_before_lens(Some(&self.scene));
+            shot = shot.without_dark(&dark, range);
+        }
+        let sensor = SensorFacts { range, gains: None, noise: Some(self.witness.site_noise()) };
+        let bytes = raw_file(&self.file, &shot, mosaic, &sensor, 0.05);
+        let photo = Photo::from_bytes("a.dng", &bytes, Curve::Srgb, &Limits::default()).unwrap();
+        photo.fit(self.grid).unwrap()
+    }
+
+    /// What becomes of `photo`, with the noise that it is said to be restored by (not a number of
+    /// one returned as it was), and SSIM and dB.
+    fn restored(&mut self, photo: &Photo) -> (Outcome, f64, [f64; 2]) {
+        let truth: Frame<Work> = Frame::from_fn(|c| self.scene.plane(c).crop(self.grid.photo));
+        let outcome = self.restorer.restore(photo).unwrap();
+        let told = |note: &String| {
+            note.strip_prefix("noise of the photo: ")?.split_once(' ')?.0.parse().ok()
+        };
+        let used = outcome.notes.iter().find_map(told).unwrap_or(f64::NAN);
+        let scored = score(&outcome.picture, &self.witness.shaded(&truth));
+        (outcome, used, scored)
+    }
+}
+
+fn median(photo: &Photo) -> f32 {
+    let mut light = photo.light.plane(Channel::Green).data().to_vec();
+    light.sort_by(f32::total_cmp);
+    light[light.len() / 2]
+}
+
+/// The noise, grey levels, of the green of `photo`, of which `other` is another take: where its
+/// light is near its median.
+fn noise_present(photo: &Photo, other: &Photo) -> f64 {
+    let (green, mosaic) = (photo.light.plane(Channel::Green), photo.raw.unwrap().mosaic);
+    let (median, mut differences) = (median(photo), Vec::new());
+    for y in 0..green.height() {
+        for x in (0..green.width()).filter(|&x| mosaic.colour_at(x, y) == Channel::Green) {
+            let (one, two) = (green.at(x, y), other.light.plane(Channel::Green).at(x, y));
+            if (0.8..1.2).contains(&((one + two) / 2.0 / median)) {
+                differences.push(f64::from(one - two));
+            }
+        }
+    }
+    let count = differences.len() as f64;
+    let mean = differences.iter().sum::<f64>() / count;
+    (differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / count / 2.0).sqrt()
+}
+
+/// The noise, grey levels, that the file of `photo` states at the green's median light.
+fn noise_stated(photo: &Photo) -> f64 {
+    let [at_black, per_level] = photo.raw.unwrap().noise.unwrap()[Channel::Green.index()];
+    f64::from(at_black + per_level * median(photo)).sqrt()
+}
+
+/// The same photo, whose file says this of its noise, or nothing.
+fn saying(photo: &Photo, noise: Option<[[f32; 2]; 3]>) -> Photo {
+    let raw = photo.raw.map(|raw| RawSites { noise, ..raw });
+    Photo { raw, ..photo.clone() }
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a / b - 1.0).abs() < 0.1
+}
+
+#[test]
+fn a_photo_is_restored_by_the_noise_that_its_file_states() {
+    let slots = tempfile::tempdir().unwrap();
+    let mut bed = NoisyRig::new(slots.path());
+    let mut scores = Vec::new();
+    for (frames, dark) in [(1, 0), (4, 0), (16, 0), (4, 1)] {
+        let (photo, other) = (bed.take(frames, dark), bed.take(frames, dark));
+        let (stated, present) = (noise_stated(&photo), noise_present(&photo, &other));
+        let (outcome, used, scored) = bed.restored(&photo);
+        let (_, as_one, unstated) = bed.restored(&saying(&photo, None));
+        println!(
+            "{frames} exposures, {dark} dark: noise {present:.3}, stated {stated:.3}, used \
+             {used:.2}; {scored:.4?} (not stated: {as_one:.2}; {unstated:.4?})"
+        );
+        assert!(near(stated, present), "{frames}: {stated} stated, {present} present");
+        // Of more exposures the noise is less than what the lens model misses.
+        let least = f64::from(AVERAGED_MIN).sqrt() * as_one;
+        assert!(near(used, stated.max(least)), "{used}, not {stated} or {least}");
+        let told = outcome.notes.iter().any(|note| note.contains("of one exposure's noise"));
+        assert_eq!(told, frames > 1, "{:?}", outcome.notes);
+        assert!(scored[0] > unstated[0] - 0.001, "{frames}: {scored:?} {unstated:?}");
+        scores.push(scored);
+    }
+    let better = |n: usize| scores[n][0] > scores[0][0] && scores[n][1] > scores[0][1];
+    assert!(better(1) && better(2), "more exposures are a better photo: {scores:?}");
+}
+
+#[test]
+fn a_gain_that_the_rig_does_not_know_is_told_by_the_file_and_nonsense_is_not_believed() {
+    let slots = tempfile::tempdir().unwrap();
+    let mut bed = NoisyRig::new(slots.path());
+    let photo = bed.take(1, 0);
+    let (_, own, _) = bed.restored(&saying(&photo, None));
+    for times in [1e-4, 1e4] {
+        let noise = Some([[0.05 * times, 0.005 * times]; 3]);
+        let (outcome, used, _) = bed.restored(&saying(&photo, noise));
+        let told = outcome.notes.iter().any(|note| note.contains("the noise that the file states"));
+        assert!(told && near(used, own), "{used}, not the rig's {own}: {:?}", outcome.notes);
+    }
+    // Counts that a sixteenth of the electrons makes.
+    let electrons = bed.file.simulation().unwrap().sensor.full_well_electrons;
+    bed.witness.set_full_well_electrons(electrons / 16.0);
+    let (photo, other) = (bed.take(1, 0), bed.take(1, 0));
+    let present = noise_present(&photo, &other);
+    let (_, used, scored) = bed.restored(&photo);
+    let (_, _, unstated) = bed.restored(&saying(&photo, None));
+    println!("16 times the gain: noise {present:.3}, used {used:.2}; {scored:.4?}, {unstated:.4?}");
+    assert!(near(used, present), "{used} used, {present} present");
+    assert!(scored[0] > unstated[0] && scored[1] > unstated[1], "{scored:?} {unstated:?}");
+}
