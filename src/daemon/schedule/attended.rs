@@ -259,7 +259,10 @@ impl Schedule for Attended<'_> {
                 ShootTurn::Photos => {}
                 ShootTurn::Aim => {
                     self.be_ready(waiting, rig);
-                    let reason = "photos wait for the panel before the lens".to_owned();
+                    // Whoever brings the panel now, and does not see it, would wait for nothing.
+                    let reason = "photos were put off; press the button to take another, and the \
+                                  panel is asked for again"
+                        .to_owned();
                     return Turn::Hold { reason, awaited: Awaited::Panel, until: None };
                 }
                 ShootTurn::Other(turn) => return turn,
