@@ -61,7 +61,7 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
         let output = output.unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{command}: {said}");
-        assert!(said.contains(state) && said.contains("by a restart"), "{command}: {said}");
+        assert!(said.contains(state) && said.contains("start it again"), "{command}: {said}");
         assert!(!said.contains("EOF"), "no reader's own words: {said}");
         assert!(said.contains("nothing was done") && !folder.join(down).exists(), "{said}");
     }
