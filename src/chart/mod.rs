@@ -102,11 +102,11 @@ pub fn restorations(rig: &RigFile, quick: bool) -> usize {
 
 /// The scenes that a rig's photos are charted by, and photos of each.
 fn photos_for(rig: &RigFile, quick: bool) -> (&'static [Scene], u64) {
-    match rig.photo.curve {
-        Curve::Linear => (&Scene::STUDY_PHOTOGRAPHS, 1),
-        // A rig of devices has its own noise, and a panel to wait for.
-        Curve::Srgb if quick || rig.simulation().is_none() => (&Scene::CHARTED, 1),
-        Curve::Srgb => (&Scene::CHARTED, TAKES),
+    // A rig of devices has its own noise, and a panel to wait for.
+    match (rig.photo.curve, quick || rig.simulation().is_none()) {
+        (Curve::Linear, true) => (&Scene::STUDY_PHOTOGRAPHS, 1),
+        (Curve::Srgb, true) => (&Scene::CHARTED, 1),
+        (_, false) => (&Scene::CHARTED, TAKES),
     }
 }
 

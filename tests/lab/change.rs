@@ -20,6 +20,8 @@ pub(crate) struct Change {
 pub(crate) enum To {
     /// The rig file, before the rig is calibrated.
     File(fn(&mut RigFile, f64)),
+    /// The same, and the photo between scene and file.
+    FileAndPhoto(fn(&mut RigFile, f64), fn(&mut Taking, f64)),
     /// The rig since it was calibrated: photo and captures see it.
     Since(fn(&mut RigFile, f64)),
     /// The camera that took the photo, which was another than the rig's.
@@ -47,6 +49,10 @@ pub(crate) struct Taking {
     pub(crate) noise_levels: f64,
     /// Quality of the JPEG it is kept as, if it is.
     pub(crate) jpeg: Option<u8>,
+    /// Whether its camera develops it where it could be raw.
+    pub(crate) developed: bool,
+    /// How far the right half of the scene is from the lens, where that is elsewhere than the rest.
+    pub(crate) right_half_mm: Option<f64>,
 }
 
 impl Change {
@@ -61,10 +67,15 @@ impl Change {
     /// `rig` as it is calibrated.
     pub(crate) fn filed(&self, rig: &RigFile, strength: f64) -> RigFile {
         let mut rig = rig.clone();
-        if let To::File(change) = self.to {
+        if let To::File(change) | To::FileAndPhoto(change, _) = self.to {
             change(&mut rig, strength);
         }
         rig
+    }
+
+    /// Whether the changed rig is calibrated.
+    pub(crate) fn is_filed(&self) -> bool {
+        matches!(self.to, To::File(_) | To::FileAndPhoto(..))
     }
 
     /// `rig` as it is when photos are restored.
@@ -200,7 +211,7 @@ pub(crate) struct Swept {
     pub(crate) strengths: fn(&RigFile) -> [f64; 5],
 }
 
-const fn swept(
+pub(crate) const fn swept(
     name: &'static str,
     unit: &'static str,
     strengths: fn(&RigFile) -> [f64; 5],
@@ -209,7 +220,8 @@ const fn swept(
     Swept { change: Change { name, unit, to }, strengths }
 }
 
-/// What is swept: everything that was thought of to go wrong with a rig, a photo or a method.
+/// Everything that was thought of to go wrong with a rig, a photo or a method; what rigs are like
+/// from the start is [`crate::truths::TRUTHS`].
 pub(crate) static SWEPT: [Swept; 21] = [
     swept(
         "capture noise",

@@ -6,7 +6,7 @@ use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PHOTO_SEED, Score, TestPhoto, TestRig, seen};
-use relens::config::RigFile;
+use relens::config::{Lens, RigFile};
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
@@ -14,9 +14,9 @@ use relens::frame::{Frame, Plane, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Outcome, Prepared, Solved};
-use relens::rig::simulated::{Witness, open};
+use relens::rig::simulated::{Depth, Witness, open};
 
-use crate::change::{Change, NOTHING, Taking, To};
+use crate::change::{Change, NOTHING, Taking, To, simulation};
 use crate::{Failure, seconds};
 
 /// A rig on which one thing was changed.
@@ -33,6 +33,31 @@ pub(crate) struct Harness {
 /// What is measured of the simulated rig of `rig`.
 pub(crate) fn calibration(rig: &RigFile) -> Result<Calibration, Failure> {
     Ok(calibrate(&mut open(rig)?.0, rig, None, &mut to_the_end)?)
+}
+
+/// Chances that a rig's unrest gives a calibration; a movement too large refuses one in four.
+const CHANCES: u64 = 6;
+
+/// `rig` with the first seed from its own on with which `change` lets it be calibrated, and that
+/// calibration.
+pub(crate) fn calibrated(
+    rig: &RigFile,
+    change: &Change,
+    strength: f64,
+) -> Result<(RigFile, Calibration), Failure> {
+    let mut refused = None;
+    for more in 0..CHANCES {
+        let mut rig = rig.clone();
+        simulation(&mut rig, |simulation| simulation.seed += more);
+        match calibration(&change.filed(&rig, strength)) {
+            Ok(measured) => return Ok((rig, measured)),
+            Err(e) => {
+                log::info!("# {more} more seeds: {}", relens::remedy::full_message(&*e));
+                refused = Some(e);
+            }
+        }
+    }
+    Err(refused.unwrap_or_else(|| "no chance was given".into()))
 }
 
 impl Harness {
@@ -68,7 +93,7 @@ impl Harness {
                 to(&mut rig, strength);
                 camera = Some(open(&rig)?.1);
             }
-            To::Photo(to) => to(&mut taking, strength),
+            To::Photo(to) | To::FileAndPhoto(_, to) => to(&mut taking, strength),
             _ => {}
         }
         let test_rig = match change.to {
@@ -97,7 +122,7 @@ impl Harness {
 
     /// The photo of `light`, photo-sized; `seed` is that of its noise.
     pub(crate) fn photograph(&self, light: &Frame<Work>, seed: u64) -> Result<TestPhoto, Failure> {
-        let Taking { brighter, noise_levels, jpeg } = self.taking;
+        let Taking { brighter, noise_levels, jpeg, developed, right_half_mm } = self.taking;
         let tone = Tone::of_curve(self.config().photo.curve, 8);
         let camera = self.camera.as_ref().unwrap_or(&self.witness);
         let times = 1.0 + brighter as f32;
@@ -106,17 +131,39 @@ impl Harness {
         if noise_levels > 0.0 {
             camera.set_read_noise_levels(quiet.hypot(noise_levels));
         }
-        let photo = match jpeg {
-            Some(quality) => {
-                let codes = through_jpeg(&camera.photograph(&light, seed), quality)?;
-                TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+        let as_codes = |codes: &Frame<Work, u8>| {
+            TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))))
+        };
+        let photo = match (jpeg, right_half_mm) {
+            (Some(quality), _) => {
+                as_codes(&through_jpeg(&camera.photograph(&light, seed), quality)?)
             }
-            None => TestPhoto::taken(camera, self.config().photo.curve, &light, seed),
+            (None, Some(mm)) => {
+                let parts = self.halves(mm)?;
+                as_codes(&camera.photograph_in_depth(&light, &parts, seed)?)
+            }
+            (None, None) if developed => as_codes(&camera.photograph(&light, seed)),
+            (None, None) => TestPhoto::taken(camera, self.config().photo.curve, &light, seed),
         };
         if noise_levels > 0.0 {
             camera.set_read_noise_levels(quiet);
         }
         Ok(photo)
+    }
+
+    /// A scene whose left half is where the panel is, and its right one `right_mm` from the lens.
+    fn halves(&self, right_mm: f64) -> Result<[Depth; 2], Failure> {
+        let Some(Lens::Prescription(lens, _)) = self.config().simulation().map(|s| &s.lens) else {
+            return Err("found a measured blur, allowed a traced lens for other distances".into());
+        };
+        let size = self.config().photo.size();
+        let half = |right: bool| {
+            Plane::from_fn(size, |x, _| f32::from(u8::from((2 * x >= size.width) == right)))
+        };
+        Ok([
+            Depth { distance_mm: lens.object_distance_mm, share: half(false) },
+            Depth { distance_mm: right_mm, share: half(true) },
+        ])
     }
 
     /// What a photo of `light` is to become: as bright as the photo holds it, shaded as it is.

@@ -18,8 +18,10 @@ mod peers;
 mod regimes;
 mod sizes;
 mod stability;
+mod truths;
 mod varied;
 mod view;
+mod worth;
 mod wrong_models;
 
 #[cfg(test)]
@@ -55,8 +57,8 @@ struct Words {
     /// Fewer methods, scenes or strengths
     #[arg(long)]
     quick: bool,
-    /// Rows of other programs, for `peers`; the cells of an earlier sweep, for `stability`, which
-    /// draws them and measures nothing
+    /// Rows of other programs, for `peers`; the results of an earlier sweep, for `stability`, which
+    /// makes its tables of them and measures nothing
     #[arg(long, required_if_eq("what", "peers"))]
     rows: Option<PathBuf>,
     /// Folder of more photographs, for `colour`, `jpeg` and `mjpeg`
@@ -78,10 +80,12 @@ enum Experiment {
     Stability,
     /// What the box can know of results, good and bad, of a group of rigs and scenes
     Judging,
-    /// Where captures gain over the measured lens alone; for linear photos
+    /// Where captures gain over the measured lens alone
     Regimes,
     /// Speed against accuracy where the measured lens is wrong
     WrongModels,
+    /// What captures are worth to the rig's own method, where the measured lens is right and wrong
+    Worth,
     /// What other sizes of the rig's models would gain
     Sizes,
     /// The rungs that a varied set of scenes takes
@@ -108,7 +112,7 @@ fn main() -> ExitCode {
 fn run(words: &Words) -> Result<(), Failure> {
     use Experiment::{
         Captures, Colour, Conditions, Figures, Jpeg, Judging, Ladder, Mjpeg, Peers, Regimes, Sizes,
-        Stability, WrongModels,
+        Stability, Worth, WrongModels,
     };
     let Words { what, out, quick, rows, pictures, .. } = words;
     if let Some(group) = words.group {
@@ -119,7 +123,7 @@ fn run(words: &Words) -> Result<(), Failure> {
     if rig.simulation().is_none() {
         return Err(format!("found the rig {}, allowed simulated rigs", rig.name).into());
     }
-    let linear = matches!(what, Regimes | Figures | Captures | Peers);
+    let linear = matches!(what, Figures | Captures | Peers);
     if linear && rig.photo.curve != Curve::Linear {
         let found = &rig.name;
         return Err(format!("found the rig {found}, allowed rigs with linear photos").into());
@@ -135,10 +139,11 @@ fn run(words: &Words) -> Result<(), Failure> {
         Colour => colour::run(&rig, *quick, pictures.as_deref()),
         Jpeg => jpeg::run(&rig, *quick, pictures.as_deref()),
         Mjpeg => mjpeg::run(&rig, *quick, pictures.as_deref()),
-        Stability if !rows.is_empty() => stability::redrawn(&rig, &rows),
-        Stability => stability::run(&rig, *quick),
+        Stability if !rows.is_empty() => Ok(stability::redrawn(&rig, &rows)),
+        Stability => stability::run(&rig, *quick, out),
         Regimes => regimes::run(&rig),
         WrongModels => wrong_models::run(&rig, *quick),
+        Worth => worth::run(&rig, *quick),
         Sizes => sizes::run(&rig),
         Ladder => ladder::run(&rig),
         Figures => figures::run(&rig, out),

@@ -7,8 +7,8 @@ use relens::deconvolution::quality::ssim;
 use relens::frame::{Channels, Frame, Plane, Work};
 use relens::picture::Tone;
 
-use crate::stability::report::HARM;
-
+/// SSIM below the untouched photo's that counts as harm; the study: less means nothing.
+pub(crate) const HARM: f64 = 0.002;
 /// Mean ΔE above the untouched photo's that counts as harm: a twentieth of what is just seen.
 pub(crate) const HARM_IN_COLOUR: f64 = 0.05;
 
@@ -21,7 +21,26 @@ pub(crate) struct Likeness {
     pub(crate) difference: Option<f64>,
 }
 
+impl std::fmt::Display for Likeness {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.4}", self.ssim)?;
+        self.difference.map_or(Ok(()), |difference| write!(f, "/{difference:.2}"))
+    }
+}
+
 impl Likeness {
+    /// The mean of `all`; there is none of nothing.
+    pub(crate) fn mean(all: &[Likeness]) -> Option<Likeness> {
+        let share = 1.0 / all.len() as f64;
+        let mean = |of: &dyn Fn(&Likeness) -> Option<f64>| {
+            all.iter().map(of).sum::<Option<f64>>().map(|sum| share * sum)
+        };
+        (!all.is_empty()).then_some(Likeness {
+            ssim: mean(&|one| Some(one.ssim))?,
+            difference: mean(&|one| one.difference),
+        })
+    }
+
     /// Whether it is worse than the untouched `photo` in luma.
     pub(crate) fn harms_luma(self, photo: Likeness) -> bool {
         self.ssim < photo.ssim - HARM

@@ -3,16 +3,16 @@
 
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
-use relens::config::RigFile;
+use relens::config::{Curve, RigFile};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::pipeline::{digital, hybrid};
 
 use crate::change::{
-    Change, DECENTRED, NEARER, NOTHING, ONE_FUNCTION, SMEARED, VEIL, VEIL_MEASURED,
+    Change, DECENTRED, NEARER, NOTHING, ONE_FUNCTION, SMEARED, VEIL_MEASURED, VEIL_MISSED,
 };
 use crate::conditions::one_capture;
-use crate::harness::{Harness, calibration};
+use crate::harness::{Harness, calibrated};
 use crate::made::Made;
 use crate::{Failure, told};
 
@@ -21,9 +21,9 @@ pub(crate) type Regime = (&'static Change, f64);
 
 const REGIMES: [Regime; 13] = [
     (&NOTHING, 0.0),
-    (&VEIL, 5.0),
-    (&VEIL, 10.0),
-    (&VEIL, 20.0),
+    (&VEIL_MISSED, 5.0),
+    (&VEIL_MISSED, 10.0),
+    (&VEIL_MISSED, 20.0),
     (&VEIL_MEASURED, 5.0),
     (&VEIL_MEASURED, 10.0),
     (&VEIL_MEASURED, 20.0),
@@ -68,7 +68,7 @@ impl Row {
     }
 }
 
-/// Every regime on the simulated rig of `rig`, whose photos are linear.
+/// Every regime on the simulated rig of `rig`.
 pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let rows = REGIMES.iter().map(|&regime| measure(rig, regime));
     let rows: Vec<Row> = rows.collect::<Result<_, _>>()?;
@@ -77,8 +77,8 @@ pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
 
 /// One regime on the study's photographs.
 pub(crate) fn measure(rig: &RigFile, (change, strength): Regime) -> Result<Row, Failure> {
-    let calibration = calibration(&change.filed(rig, strength))?;
-    let mut harness = Harness::changed(rig, &calibration, change, strength)?;
+    let (rig, calibration) = &calibrated(rig, change, strength)?;
+    let mut harness = Harness::changed(rig, calibration, change, strength)?;
     let mut photo = Mean::default();
     let mut mean = |solver: &dyn Method| -> Result<Mean, Failure> {
         let (mut mean, share) = (Mean::default(), 1.0 / Scene::STUDY_PHOTOGRAPHS.len() as f64);
@@ -103,8 +103,12 @@ pub(crate) fn measure(rig: &RigFile, (change, strength): Regime) -> Result<Row, 
 }
 
 fn table(rig: &RigFile, rows: &[Row]) -> Table {
+    let channels = match rig.photo.curve {
+        Curve::Linear => "green channel",
+        Curve::Srgb => "luma of photos in colour",
+    };
     let caption = format!(
-        "Where light earns its place, rig {0}, green channel, mean of astronaut and coffee: the \
+        "Where light earns its place, rig {0}, {channels}, mean of astronaut and coffee: the \
          measured lens alone, and captures with it: the lens as measured, at most {1} captures; \
          the lens refined by the photo's first capture where that calls for it, one capture and \
          at most {1}.",

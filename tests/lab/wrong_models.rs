@@ -15,7 +15,7 @@ use crate::made::Made;
 use crate::{Failure, told};
 
 /// What is wrong, and how much; first nothing is.
-const WRONG: [(&Change, f64); 5] =
+pub(crate) const WRONG: [(&Change, f64); 5] =
     [(&NOTHING, 0.0), (&VEIL_MISSED, 10.0), (&SMEARED, 15.0), (&DECENTRED, 10.0), (&SCENE_AT, 4.4)];
 
 /// Photographs, and print.

@@ -1,20 +1,24 @@
-//! The map of changes and methods, drawn: where results gain, where they harm, and what is
-//! delivered.
+//! The map of changes and methods, drawn: where results gain, where they harm, in luma and in
+//! colour, and what is delivered.
 
 use relens::chart::drawing::{Anchor, Colour, Drawing, Stroke};
 
-use super::report::{Cell, HARM, methods_of, swept_of};
+use super::cells::{Cell, Sense, methods_of, swept_of};
 
 /// Left edge of the first column and upper edge of the first row.
-const ORIGIN: [f64; 2] = [196.0, 172.0];
+const ORIGIN: [f64; 2] = [212.0, 214.0];
 /// Width and height of one strength's box.
-const BOX: [f64; 2] = [16.0, 26.0];
+const BOX: [f64; 2] = [12.0, 20.0];
+/// Height of the strip below it, which is for colour.
+const STRIP: f64 = 8.0;
 /// From one method to the next, from one change to the next.
-const PITCH: [f64; 2] = [90.0, 36.0];
+const PITCH: [f64; 2] = [66.0, 36.0];
 /// Of all letters but the title's: a page shows the map some 830 wide.
 const LETTERS: f64 = 14.0;
 /// A gain of this much SSIM has the full colour; a loss of it, too.
 const FULL: f64 = 0.1;
+/// The same of ΔE.
+const FULL_IN_COLOUR: f64 = 1.0;
 
 const BLACK: Colour = Colour(0, 0, 0);
 const WHITE: Colour = Colour(255, 255, 255);
@@ -23,17 +27,17 @@ const EDGE: Colour = Colour(0xbb, 0xbb, 0xbb);
 /// The map of `cells`, headed `title`.
 pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
     let (methods, changes) = (methods_of(cells), swept_of(cells));
-    let size = |n: usize, count: usize| ORIGIN[n] + PITCH[n] * count as f64 + 20.0;
+    let size = |n: usize, count: usize| ORIGIN[n] + PITCH[n] * count as f64 + 8.0;
     let mut sheet = Drawing::new(size(0, methods.len()), size(1, changes.len()));
     sheet.words(title, [20.0, 30.0], Anchor::Start, 20.0);
     legend(&mut sheet);
     for (column, method) in methods.iter().enumerate() {
         let x = ORIGIN[0] + PITCH[0] * column as f64;
         // A line for each of its words, the last on top of the column.
-        let words: Vec<&str> = method.split_inclusive('-').collect();
+        let words: Vec<&str> = method.split('-').collect();
         for (line, word) in words.iter().rev().enumerate() {
             let y = ORIGIN[1] - 8.0 - 16.0 * line as f64;
-            sheet.words(word, [x, y], Anchor::Start, LETTERS);
+            sheet.words(word, [x, y], Anchor::Start, LETTERS - 1.0);
         }
     }
     for (row, swept) in changes.iter().enumerate() {
@@ -58,8 +62,9 @@ pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
 }
 
 /// Blue where it gains, orange where it harms, white between: told apart by the colour-blind, too.
+/// `gain` is a share of what has the full colour.
 fn colour(gain: f64) -> Colour {
-    let share = (gain.abs() / FULL).min(1.0);
+    let share = gain.abs().min(1.0);
     // Okabe & Ito's blue and vermilion.
     let full = if gain > 0.0 { [0.0, 114.0, 178.0] } else { [213.0, 94.0, 0.0] };
     let [r, g, b] = full.map(|v: f64| (255.0 + share * (v - 255.0)).round() as u8);
@@ -76,20 +81,33 @@ fn edged(sheet: &mut Drawing, [x, y]: [f64; 2], [width, height]: [f64; 2], gain:
 
 fn place(sheet: &mut Drawing, cell: &Cell, at: [f64; 2]) {
     let tip = format!(
-        "{}, {}: SSIM {:.4}, the photo {:.4}, delivered {:.4}; {} of {} harmful results noticed",
+        "{}, {}: SSIM/ΔE {}, the photo {}, delivered {}; noticed of harmful results: {} of {} in \
+         luma, {} of {} in colour",
         cell.method,
         cell.swept.change.words(cell.strength),
-        cell.ssim,
-        cell.photo_ssim,
-        cell.delivered_ssim,
-        cell.caught,
-        cell.harmful
+        cell.result,
+        cell.photo,
+        cell.delivered,
+        cell.caught.in_luma,
+        cell.harmful.in_luma,
+        cell.caught.in_colour,
+        cell.harmful.in_colour
     );
-    edged(sheet, at, [BOX[0] - 1.0, BOX[1]], cell.ssim - cell.photo_ssim, &tip);
-    let middle = [at[0] + (BOX[0] - 1.0) / 2.0, at[1] + BOX[1] / 2.0];
-    if cell.delivered_ssim < cell.photo_ssim - HARM {
+    let gain = (cell.result.ssim - cell.photo.ssim) / FULL;
+    edged(sheet, at, [BOX[0] - 1.0, BOX[1]], gain, &tip);
+    let strip = [at[0], at[1] + BOX[1]];
+    if let Some(gain) = cell.gain_in_colour() {
+        edged(sheet, strip, [BOX[0] - 1.0, STRIP], gain / FULL_IN_COLOUR, &tip);
+    }
+    let middle = |[x, y]: [f64; 2], height: f64| [x + (BOX[0] - 1.0) / 2.0, y + height / 2.0];
+    let delivers = |sense: Sense| sense.harms(cell.delivered, cell.photo);
+    if delivers(Sense::Colour) {
+        cross(sheet, middle(strip, STRIP), 2.5);
+    }
+    let middle = middle(at, BOX[1]);
+    if delivers(Sense::Luma) {
         // Harm that reaches the customer.
-        cross(sheet, middle);
+        cross(sheet, middle, 4.0);
     } else if cell.noticed > 0 {
         // Full when every result was noticed, a ring when some were.
         sheet.disc(middle, 3.5, if cell.noticed == cell.runs { BLACK } else { WHITE }, "");
@@ -97,31 +115,45 @@ fn place(sheet: &mut Drawing, cell: &Cell, at: [f64; 2]) {
     }
 }
 
-fn cross(sheet: &mut Drawing, [x, y]: [f64; 2]) {
-    let stroke = Stroke::new(BLACK, 2.0);
-    sheet.line(&[[x - 4.0, y - 4.0], [x + 4.0, y + 4.0]], stroke);
-    sheet.line(&[[x + 4.0, y - 4.0], [x - 4.0, y + 4.0]], stroke);
+fn cross(sheet: &mut Drawing, [x, y]: [f64; 2], arm: f64) {
+    let stroke = Stroke::new(BLACK, arm / 2.0);
+    sheet.line(&[[x - arm, y - arm], [x + arm, y + arm]], stroke);
+    sheet.line(&[[x + arm, y - arm], [x - arm, y + arm]], stroke);
 }
 
 fn legend(sheet: &mut Drawing) {
-    let (mut x, y) = (20.0, 46.0);
-    for gain in [-0.1, -0.05, 0.0, 0.05, 0.1] {
-        edged(sheet, [x, y], [46.0, 18.0], gain, "");
-        let words = match gain {
+    let (left, y) = (20.0, 46.0);
+    for (n, share) in [-1.0, -0.5, 0.0, 0.5, 1.0].into_iter().enumerate() {
+        let x = left + 52.0 * n as f64;
+        edged(sheet, [x, y], [50.0, 18.0], share, "");
+        let middle = x + 25.0;
+        let signed = |value: f64| match share {
             0.0 => "0".to_owned(),
-            gain => format!("{gain:+}"),
+            _ => format!("{value:+}"),
         };
-        sheet.words(&words, [x + 23.0, y + 33.0], Anchor::Middle, LETTERS - 1.0);
-        x += 48.0;
+        for (line, words) in
+            [signed(share * FULL), signed(-share * FULL_IN_COLOUR)].iter().enumerate()
+        {
+            let y = y + 33.0 + 16.0 * line as f64;
+            sheet.words(words, [middle, y], Anchor::Middle, LETTERS - 1.0);
+        }
     }
-    let mut line = |n: usize, words: &str| {
-        sheet.words(words, [x + 12.0, y + 14.0 + 20.0 * n as f64], Anchor::Start, LETTERS);
-    };
-    line(0, "SSIM of the method's own result, above or below the untouched photo's;");
-    line(1, "faults grow to the right, the first box has none");
-    let y = y + 58.0;
-    sheet.disc([26.0, y - 4.0], 3.5, BLACK, "");
-    sheet.words("noticed and replaced (ring: on some views)", [38.0, y], Anchor::Start, LETTERS);
-    cross(sheet, [374.0, y - 5.0]);
-    sheet.words("harm delivered", [386.0, y], Anchor::Start, LETTERS);
+    let x = left + 52.0 * 5.0 + 12.0;
+    sheet.words(
+        "the method's own result against its photo:",
+        [x, y + 14.0],
+        Anchor::Start,
+        LETTERS,
+    );
+    sheet.words("SSIM of luma, in the boxes", [x, y + 33.0], Anchor::Start, LETTERS);
+    sheet.words("mean ΔE, in the strips below", [x, y + 49.0], Anchor::Start, LETTERS);
+    let line = |n: f64| y + 76.0 + 20.0 * n;
+    sheet.disc([26.0, line(0.0) - 5.0], 3.5, BLACK, "");
+    let noticed = "noticed, and something else delivered (ring: on some views)";
+    sheet.words(noticed, [38.0, line(0.0)], Anchor::Start, LETTERS);
+    cross(sheet, [26.0, line(1.0) - 5.0], 4.0);
+    let harm = "harm delivered: in luma, or, in a strip, in colour";
+    sheet.words(harm, [38.0, line(1.0)], Anchor::Start, LETTERS);
+    let grows = "Faults grow to the right; the first box of a row has none.";
+    sheet.words(grows, [20.0, line(2.0)], Anchor::Start, LETTERS);
 }

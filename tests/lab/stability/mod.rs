@@ -1,92 +1,131 @@
 //! Where methods fail, and who notices: every method under every change, in growing strengths.
 //!
 //! The rig is calibrated while it is healthy; then the change is made to it, to the photo or to the
-//! method. The limits by which the box notices ([`relens::pipeline::Verdict`]) were set on whole
-//! scenes; here quarters of two of them are used, with other seeds.
+//! method. What a rig is like from the start ([`crate::truths`]) is there when it is calibrated.
+//! The limits by which the box notices ([`relens::pipeline::Verdict`]) were set on whole scenes;
+//! here quarters of two of them are used, with other seeds.
 
+mod cells;
+pub(crate) mod kept;
 mod map;
 pub(crate) mod report;
 pub(crate) mod sweep;
+
+use std::path::Path;
 
 use relens::chart::scenes::Scene;
 use relens::config::RigFile;
 
 use crate::Failure;
-use crate::change::SWEPT;
+use crate::change::{SWEPT, Swept};
+use crate::likeness::{HARM, HARM_IN_COLOUR};
 use crate::made::Made;
+use crate::truths::TRUTHS;
 use crate::view::View;
-use report::{cells, cells_table, harm_table, rates_table};
-use sweep::{METHODS, Plan, sweep};
+use cells::Sense;
+use kept::Kept;
+use report::{harm_table, rates_table};
+use sweep::{Found, METHODS, Plan, Run, sweep};
 
 /// Scenes whose quarters no limit was set on.
 const HELD_OUT: [Scene; 2] = [Scene::Astronaut, Scene::Rocket];
+/// Quarters of both, alternating.
+const VIEWS: [View; 8] = {
+    let mut views = [View::quarter(HELD_OUT[0], 0); 8];
+    let mut n = 0;
+    while n < views.len() {
+        views[n] = View::quarter(HELD_OUT[n % 2], n / 2);
+        n += 1;
+    }
+    views
+};
 /// Seeds that no limit was set on: of the sweep, and of more results without a change.
 const SEEDS: [u64; 2] = [2, 3];
 
-/// The map of cells that were kept before, drawn anew; nothing is measured.
-pub(crate) fn redrawn(rig: &RigFile, cells: &str) -> Result<Made, Failure> {
-    let drawing = map::draw(&report::kept(cells)?, &title(rig));
-    Ok(Made { drawings: vec![(format!("{}-stability", rig.name), drawing)], ..Made::default() })
+/// Everything that is swept: noise, what rigs are like, what goes wrong.
+pub(crate) fn all_swept() -> Vec<&'static Swept> {
+    let (noise, wrong) = SWEPT.split_at(1);
+    noise.iter().chain(&TRUTHS).chain(wrong).collect()
 }
 
-fn title(rig: &RigFile) -> String {
-    format!("Where methods harm, and who notices, on rig {}", rig.name)
+/// The tables and the map of results that were kept before; nothing is measured.
+pub(crate) fn redrawn(rig: &RigFile, kept: &str) -> Made {
+    made(rig, &kept::parsed(kept))
 }
 
 /// Sweeps the simulated rig of `rig`; `quick` takes one strength of each change and a part of the
-/// views, and leaves out the paper's loop.
-pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
-    let quarters = |n: usize| HELD_OUT.map(|scene| View::quarter(scene, n));
-    let every: Vec<View> = (0..4).flat_map(quarters).collect();
-    let views = if quick { &every[..2] } else { &every[..4] };
-    // The paper's loop takes as long as all the others.
+/// views, and leaves out the paper's loop. A sweep into `out` that was cut off goes on there.
+pub(crate) fn run(rig: &RigFile, quick: bool, out: &Path) -> Result<Made, Failure> {
+    let swept = all_swept();
+    // The paper's loop takes as long as all the others, and harms without a fault.
     let without_paper = &METHODS[1..];
     let plan = Plan {
-        swept: &SWEPT.each_ref(),
+        swept: &swept,
         steps: if quick { &[0, 3] } else { &[0, 1, 2, 3, 4] },
-        methods: if quick { without_paper } else { &METHODS },
-        views,
+        methods: without_paper,
+        views: if quick { &VIEWS[..2] } else { &VIEWS[..4] },
         seed: SEEDS[0],
     };
-    let mut runs = sweep(rig, &plan)?;
-    let names: Vec<String> = views.iter().map(|view| view.name()).collect();
-    let about = format!("rig {}, mean of {}", rig.name, names.join(" and "));
-    let cells = cells(&runs);
+    let kept = &mut Kept::open(&out.join(format!("{}-stability-runs.csv", rig.name)))?;
+    let mut found = sweep(rig, &plan, kept)?;
+    if !quick {
+        let paper = Plan { methods: &METHODS[..1], steps: &[0, 3], ..plan };
+        found.runs.extend(sweep(rig, &paper, kept)?.runs);
+    }
     let healthy = Plan {
-        swept: &[&SWEPT[0]],
+        swept: &swept[..1],
         steps: &[0],
         methods: without_paper,
-        views: &every,
+        views: &VIEWS,
         seed: SEEDS[1],
     };
-    runs.extend(sweep(rig, &healthy)?);
+    found.runs.extend(sweep(rig, &healthy, kept)?.runs);
     // A rate of one in a hundred wants some hundreds of results of the method that is the default.
     for seed in (SEEDS[1] + 1..).take(if quick { 5 } else { 40 }) {
-        runs.extend(sweep(rig, &Plan { methods: &["hybrid"], seed, ..healthy })?);
+        let more = Plan { methods: &["hybrid"], seed, ..healthy };
+        found.runs.extend(sweep(rig, &more, kept)?.runs);
     }
-    let harm = format!(
-        "The strength at which a method begins to do harm: SSIM more than {} below the untouched \
-         photo; {about}. In brackets: how many of the harmful results there the box noticed. A \
-         dash: the fault cannot touch the method.",
-        report::HARM
-    );
+    Ok(made(rig, &found))
+}
+
+/// The tables and the map of what was `found`.
+fn made(rig: &RigFile, found: &Found) -> Made {
+    let swept: Vec<Run> = found.runs.iter().filter(|run| run.seed == SEEDS[0]).cloned().collect();
+    let cells = cells::cells(&swept);
+    let stem = |what: &str| format!("{}-stability{what}", rig.name);
+    let views = VIEWS.iter().filter(|view| swept.iter().any(|run| run.view == **view));
+    let names: Vec<String> = views.map(|view| view.name()).collect();
+    let about = format!("rig {}, mean of {}", rig.name, names.join(" and "));
+    let harm = |sense: Sense| {
+        let begins = match sense {
+            Sense::Luma => format!("SSIM more than {HARM} below"),
+            Sense::Colour => format!("a mean ΔE (CIEDE2000) more than {HARM_IN_COLOUR} above"),
+        };
+        let caption = format!(
+            "The strength at which a method begins to do harm: {begins} the untouched photo's; \
+             {about}. In brackets: how many of the harmful results there the box noticed. A dash: \
+             the fault cannot touch the method. The paper's loop is tried at the fourth strength."
+        );
+        harm_table(caption, &cells, found, sense)
+    };
     let rates = format!(
         "How often noticing goes wrong, rig {}; views and seeds that no limit was set on. \
          Healthy: results without a fault that do no harm; more of them than in the map, from {} \
-         views and other seeds. Costly: those whose replacement was less good. By lens alone, by \
-         the photo: what caught results were replaced by. Gain given up: results under a fault \
-         that did no harm and were replaced by something less good.",
+         views and other seeds. Costly: those whose replacement was less good. Harmful: in luma, \
+         and in the last columns in colour. By lens alone, by the photo: what caught results were \
+         replaced by. Gain given up: results under a fault that did no harm and were replaced by \
+         something less good.",
         rig.name,
-        every.len()
+        VIEWS.len()
     );
-    let stem = |what: &str| format!("{}-stability{what}", rig.name);
-    Ok(Made {
-        drawings: vec![(stem(""), map::draw(&cells, &title(rig)))],
+    let title = format!("Where methods harm, and who notices, on rig {}", rig.name);
+    Made {
+        drawings: vec![(stem(""), map::draw(&cells, &title))],
         tables: vec![
-            (stem(""), harm_table(harm, &cells)),
-            (stem("-cells"), cells_table(format!("Every strength: {about}."), &cells)),
-            (stem("-rates"), rates_table(rates, &runs)),
+            (stem(""), harm(Sense::Luma)),
+            (stem("-colour"), harm(Sense::Colour)),
+            (stem("-rates"), rates_table(rates, &found.runs)),
         ],
         ..Made::default()
-    })
+    }
 }

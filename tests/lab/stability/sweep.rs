@@ -1,17 +1,19 @@
 //! Runs methods under changes on a simulated rig that was calibrated healthy, and takes down what
 //! became of them.
 
+use relens::calibration::Calibration;
 use relens::chart::test_rig::TestPhoto;
 use relens::config::{MethodName, RigFile};
 use relens::deconvolution::method::Method;
-use relens::deconvolution::quality::ssim;
-use relens::frame::{Frame, Plane, Work};
+use relens::frame::Frame;
 use relens::picture::Tone;
 use relens::pipeline::{Verdict, method, reference_solution};
 
+use super::kept::Kept;
 use crate::Failure;
 use crate::change::{Swept, To, simulation};
 use crate::harness::{Harness, calibration};
+use crate::likeness::{Likeness, Truth};
 use crate::view::View;
 
 /// The methods that are swept: those a rig file can name, and the reference solution.
@@ -40,14 +42,16 @@ pub(crate) struct Run {
     pub(crate) method: &'static str,
     /// What was photographed.
     pub(crate) view: View,
-    /// SSIM of the method's result.
-    pub(crate) ssim: f64,
-    /// SSIM of the untouched photo.
-    pub(crate) photo_ssim: f64,
+    /// Seed of the rig and of the photos.
+    pub(crate) seed: u64,
+    /// The untouched photo.
+    pub(crate) photo: Likeness,
+    /// The method's result.
+    pub(crate) result: Likeness,
     /// What the box made of the result.
     pub(crate) verdict: Verdict,
-    /// SSIM of what is delivered.
-    pub(crate) delivered_ssim: f64,
+    /// What is delivered.
+    pub(crate) delivered: Likeness,
 }
 
 /// What is swept.
@@ -65,55 +69,99 @@ pub(crate) struct Plan<'a> {
     pub(crate) seed: u64,
 }
 
-/// Runs `plan` on the simulated rig of `rig`.
-pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>) -> Result<Vec<Run>, Failure> {
+/// What a sweep found.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Found {
+    /// The results.
+    pub(crate) runs: Vec<Run>,
+    /// Changes and strengths with which no calibration was taken.
+    pub(crate) refused: Vec<(&'static Swept, f64)>,
+}
+
+/// Runs `plan` on the simulated rig of `rig`; what `kept` has is not run again.
+pub(crate) fn sweep(rig: &RigFile, plan: &Plan<'_>, kept: &mut Kept) -> Result<Found, Failure> {
     let mut healthy = rig.clone();
     simulation(&mut healthy, |simulation| simulation.seed = plan.seed);
-    let calibration = calibration(&healthy)?;
-    let mut runs: Vec<Run> = Vec::new();
+    let mut as_healthy: Option<Calibration> = None;
+    let mut found = Found::default();
     for (n, &swept) in plan.swept.iter().enumerate() {
         for (step, strength) in (swept.strengths)(&healthy).into_iter().enumerate() {
-            if step == 0 && n > 0 {
-                // No change is no change: run once.
-                let none =
-                    runs.iter().filter(|run| same(run.swept, plan.swept[0]) && run.step == 0);
-                let none: Vec<Run> =
-                    none.map(|run| Run { swept, strength, ..run.clone() }).collect();
-                runs.extend(none);
+            // No change is no change: run once.
+            if (step == 0 && n > 0) || !plan.steps.contains(&step) {
                 continue;
             }
-            if !plan.steps.contains(&step) {
+            if kept.refuses(swept, strength) {
+                found.refused.push((swept, strength));
                 continue;
             }
-            let mut harness = Harness::changed(&healthy, &calibration, &swept.change, strength)?;
-            // The photos were taken before anything happened to the rig.
-            let photos = plan.views.iter().map(|&view| photograph(&harness, view, plan.seed));
-            let photos: Vec<(TestPhoto, Plane)> = photos.collect::<Result<_, _>>()?;
-            harness.change_captures();
-            for (&view, (photo, truth)) in plan.views.iter().zip(photos) {
-                let prepared = harness.prepare(&photo);
-                for &name in plan.methods {
-                    let solver = harness.method(&|rig| named(rig, name));
-                    if step > 0 && !concerned(&*solver, swept) {
-                        continue;
-                    }
-                    let (solved, outcome) = harness.judge(&prepared, &*solver)?;
-                    let score = |picture: &Frame<Work>| ssim(&harness.seen(picture), &truth);
-                    let run = Run {
-                        swept,
-                        strength,
-                        step,
-                        method: name,
-                        view,
-                        ssim: score(&solved.picture),
-                        photo_ssim: score(&photo.light),
-                        delivered_ssim: score(&outcome.picture),
-                        verdict: outcome.verdict,
-                    };
-                    log::info!("{}", run.words());
-                    runs.push(run);
+            let before = kept.of(plan, swept, step);
+            let is_left = |view: &&View| before.iter().all(|run| run.view != **view);
+            let left: Vec<View> = plan.views.iter().filter(is_left).copied().collect();
+            found.runs.extend(before);
+            let concerns = |name: &&str| step == 0 || concerned(&*named(&healthy, name), swept);
+            if left.is_empty() || !plan.methods.iter().any(concerns) {
+                continue;
+            }
+            let own = match swept.change.is_filed() && step > 0 {
+                true => Some(calibration(&swept.change.filed(&healthy, strength))),
+                false => None,
+            };
+            let calibrated = match (&own, &mut as_healthy) {
+                (Some(Ok(own)), _) => own,
+                (Some(Err(error)), _) => {
+                    let words = swept.change.words(strength);
+                    log::info!("# {words}: {}", relens::remedy::full_message(&**error));
+                    kept.keep_refused(swept, strength)?;
+                    found.refused.push((swept, strength));
+                    continue;
                 }
+                (None, Some(before)) => before,
+                (None, empty) => empty.insert(calibration(&healthy)?),
+            };
+            let harness = Harness::changed(&healthy, calibrated, &swept.change, strength)?;
+            let left = Plan { views: &left, ..*plan };
+            let runs = under(harness, &left, (swept, strength, step))?;
+            kept.keep(&runs)?;
+            found.runs.extend(runs);
+        }
+    }
+    Ok(found)
+}
+
+/// The methods of `plan` on its views on the changed rig of `harness`.
+fn under(
+    mut harness: Harness,
+    plan: &Plan<'_>,
+    (swept, strength, step): (&'static Swept, f64, usize),
+) -> Result<Vec<Run>, Failure> {
+    // The photos were taken before anything happened to the rig.
+    let photos = plan.views.iter().map(|&view| photograph(&harness, view, plan.seed));
+    let photos: Vec<(TestPhoto, Truth)> = photos.collect::<Result<_, _>>()?;
+    harness.change_captures();
+    let mut runs = Vec::new();
+    for (&view, (photo, truth)) in plan.views.iter().zip(&photos) {
+        let prepared = harness.prepare(photo);
+        let untouched = truth.likeness(&photo.light);
+        for &name in plan.methods {
+            let solver = harness.method(&|rig| named(rig, name));
+            if step > 0 && !concerned(&*solver, swept) {
+                continue;
             }
+            let (solved, outcome) = harness.judge(&prepared, &*solver)?;
+            let run = Run {
+                swept,
+                strength,
+                step,
+                method: name,
+                view,
+                seed: plan.seed,
+                photo: untouched,
+                result: truth.likeness(&solved.picture),
+                delivered: truth.likeness(&outcome.picture),
+                verdict: outcome.verdict,
+            };
+            log::info!("{}", run.words());
+            runs.push(run);
         }
     }
     Ok(runs)
@@ -124,8 +172,8 @@ impl Run {
     pub(crate) fn words(&self) -> String {
         let (change, view) = (self.swept.change.words(self.strength), self.view.name());
         format!(
-            "{change}: {}, {view}: {:.4}, photo {:.4}, delivered {:.4}, {:?}",
-            self.method, self.ssim, self.photo_ssim, self.delivered_ssim, self.verdict
+            "{change}: {}, {view}: {}, photo {}, delivered {}, {:?}",
+            self.method, self.result, self.photo, self.delivered, self.verdict
         )
     }
 }
@@ -153,8 +201,8 @@ pub(crate) fn concerned(method: &dyn Method, swept: &Swept) -> bool {
     }
 }
 
-/// The photo of `view`, and how the scene would be displayed.
-fn photograph(harness: &Harness, view: View, seed: u64) -> Result<(TestPhoto, Plane), Failure> {
+/// The photo of `view`, and its scene.
+fn photograph(harness: &Harness, view: View, seed: u64) -> Result<(TestPhoto, Truth), Failure> {
     let tone = Tone::of_curve(harness.config().photo.curve, 8);
     let codes = view.codes(harness.config().photo.size());
     let scene = Frame::from_fn(|c| {
@@ -162,5 +210,7 @@ fn photograph(harness: &Harness, view: View, seed: u64) -> Result<(TestPhoto, Pl
         tone.plane(c, &codes)
     });
     let photo = harness.photograph(&scene, seed.wrapping_mul(1000) + view.number())?;
-    Ok((photo, harness.seen(&harness.truth(&scene))))
+    let channels = harness.test_rig.channels();
+    let truth = Truth::of(harness.config(), channels, &harness.truth(&scene));
+    Ok((photo, truth))
 }
