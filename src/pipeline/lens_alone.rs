@@ -171,6 +171,7 @@ pub(super) fn foreign(left: &[Residuals]) -> String {
     format!(
         "the measured lens does not explain the photo; it may come from another lens, be sharp \
          already, or have been sharpened or compressed (what is left is {noises:.1} times what its \
-         noise and the lens model leave, and {percent:.0} % of what is left of the photo as it is; allowed {allowed:.1} times)"
+         noise and the lens model leave, and {percent:.0} % of what is left of the photo as it is; \
+         allowed {allowed:.1} times)"
     )
 }
