@@ -1,5 +1,7 @@
 //! The means of a sweep over its views: one method under one strength of one change.
 
+use relens::config::RigFile;
+
 use super::all_swept;
 use super::sweep::{METHODS, Run, same};
 use crate::change::Swept;
@@ -103,13 +105,14 @@ impl Cell {
 
 /// The means over the views: change by change, strength by strength, method by method. What was run
 /// without a change is the first strength of every change.
-pub(super) fn cells(runs: &[Run]) -> Vec<Cell> {
+pub(super) fn cells(runs: &[Run], rig: &RigFile) -> Vec<Cell> {
     let (none, some): (Vec<&Run>, Vec<&Run>) = runs.iter().partition(|run| run.step == 0);
     let mut runs = Vec::new();
     for swept in all_swept() {
         let of: Vec<&Run> = some.iter().copied().filter(|run| same(run.swept, swept)).collect();
         if !of.is_empty() {
-            runs.extend(none.iter().map(|run| Run { swept, ..(*run).clone() }));
+            let strength = (swept.strengths)(rig)[0];
+            runs.extend(none.iter().map(|run| Run { swept, strength, ..(*run).clone() }));
             runs.extend(of.into_iter().cloned());
         }
     }

@@ -6,13 +6,13 @@ use relens::chart::drawing::{Anchor, Colour, Drawing, Stroke};
 use super::cells::{Cell, Sense, methods_of, swept_of};
 
 /// Left edge of the first column and upper edge of the first row.
-const ORIGIN: [f64; 2] = [212.0, 214.0];
+const ORIGIN: [f64; 2] = [200.0, 214.0];
 /// Width and height of one strength's box.
 const BOX: [f64; 2] = [12.0, 20.0];
 /// Height of the strip below it, which is for colour.
 const STRIP: f64 = 8.0;
 /// From one method to the next, from one change to the next.
-const PITCH: [f64; 2] = [66.0, 36.0];
+const PITCH: [f64; 2] = [68.0, 36.0];
 /// Of all letters but the title's: a page shows the map some 830 wide.
 const LETTERS: f64 = 14.0;
 /// A gain of this much SSIM has the full colour; a loss of it, too.
@@ -33,11 +33,11 @@ pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
     legend(&mut sheet);
     for (column, method) in methods.iter().enumerate() {
         let x = ORIGIN[0] + PITCH[0] * column as f64;
-        // A line for each of its words, the last on top of the column.
+        // A line for each of its words, the last on top of the column; narrower than a column.
         let words: Vec<&str> = method.split('-').collect();
         for (line, word) in words.iter().rev().enumerate() {
             let y = ORIGIN[1] - 8.0 - 16.0 * line as f64;
-            sheet.words(word, [x, y], Anchor::Start, LETTERS - 1.0);
+            sheet.words(word, [x, y], Anchor::Start, LETTERS - 2.0);
         }
     }
     for (row, swept) in changes.iter().enumerate() {

@@ -91,7 +91,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, out: &Path) -> Result<Made, Failur
 /// The tables and the map of what was `found`.
 fn made(rig: &RigFile, found: &Found) -> Made {
     let swept: Vec<Run> = found.runs.iter().filter(|run| run.seed == SEEDS[0]).cloned().collect();
-    let cells = cells::cells(&swept);
+    let cells = cells::cells(&swept, rig);
     let stem = |what: &str| format!("{}-stability{what}", rig.name);
     let views = VIEWS.iter().filter(|view| swept.iter().any(|run| run.view == **view));
     let names: Vec<String> = views.map(|view| view.name()).collect();
