@@ -253,6 +253,7 @@ fn the_studys_rig_is_calibrated_without_a_checkerboard() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn the_response_of_each_site_is_found_and_bad_sites_with_it() {
     let mut config = load("truthful.toml");
     // Stripes beat with pixels as coarse as this rig's, and not all of that is told from sites.
@@ -393,6 +394,7 @@ fn a_rig_out_of_focus_is_told_so() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = with_measured_blur(folder.path(), 1.3);
@@ -414,6 +416,7 @@ fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_rig_that_moves_is_told_so_whenever_it_moves() {
     for when in [8, 20, 34] {
         let config = load("small.toml");
@@ -465,6 +468,7 @@ fn the_same_rig_gives_the_same_calibration_and_counts_generations() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_camera_that_bends_its_counts_is_refused_and_a_sensor_s_knee_is_undone() {
     let mut config = load("small.toml");
     config.calibration.linearity = true;
