@@ -49,6 +49,21 @@ for (const [name, path] of PAGES) {
       await look("open");
       await page.locator("article button").first().click();
       await look("viewer");
+      // Photo and result in step, whole at first, then by pixels; keys lead on.
+      const seen = () => page.evaluate(() => {
+        const box = (e) => { const { x, y, width, height } = e.getBoundingClientRect(); return [x, y, width, height].map(Math.round); };
+        const [under, over] = [...document.querySelectorAll("#viewer .stage img")].map(box);
+        return { under, over, stage: box(document.querySelector("#viewer .stage")), title: document.querySelector("#viewer .tools p").textContent };
+      });
+      const apart = ({ under, over }) => under.join() !== over.join();
+      const whole = await seen();
+      if (apart(whole)) say("the pictures are not in step");
+      if (whole.under[2] > whole.stage[2] + 1 || whole.under[3] > whole.stage[3] + 1) say(`the whole photo is cut: ${whole.under} in ${whole.stage}`);
+      for (const key of ["1", "+", "+"]) await page.keyboard.press(key);
+      const near = await seen();
+      if (apart(near) || near.under[2] <= whole.under[2]) say("zoomed, the pictures are not in step");
+      await page.keyboard.press("ArrowRight");
+      if (name !== "1" && (await seen()).title === whole.title) say("an arrow key leads nowhere");
       await page.keyboard.press("Escape");
       if (await page.locator("#find").count()) {
         await page.fill("#find input", "00");
@@ -57,6 +72,19 @@ for (const [name, path] of PAGES) {
       }
       await context.close();
     }
+  }
+  // Without scripts both pictures are there, side by side or one below the other.
+  for (const [width, height] of WIDTHS) {
+    const context = await browser.newContext({ viewport: { width, height }, javaScriptEnabled: false });
+    const page = await context.newPage();
+    await page.goto(`file://${out}/pages/${path}`);
+    looks += 1;
+    await page.screenshot({ path: `${out}/${name}-no-script-${width}.png` });
+    const boxes = await Promise.all(["before", "after"].map((kind) => page.locator(`article .${kind} img`).first().boundingBox()));
+    const [before, after] = boxes.map((box) => box ?? { x: 0, y: 0, width: 0, height: 0 });
+    const clear = before.x + before.width <= after.x + 1 || before.y + before.height <= after.y + 1;
+    if (before.width < 100 || after.width < 100 || !clear) wrong.push(`${name}, ${width} px: without scripts one covers the other`);
+    await context.close();
   }
 }
 await browser.close();

@@ -26,14 +26,14 @@
 
   const cards = [...document.querySelectorAll("article")];
   let at = 0, scale = 1, x = 0, y = 0; // Screen pixels a picture pixel; the picture's point in the middle of the stage.
+  let isFit = true; // Also when the stage gets smaller: a turned phone, a longer name.
   // The result's own pixels, whatever picture of it is there by now.
   const size = () => { const after = cards[at]?.querySelector(".after img"); return ["width", "height"].map((side) => Number(after?.getAttribute(side)) || 1); };
   const fit = () => { const [w, h] = size(); return Math.min(stage.clientWidth / w, stage.clientHeight / h); };
   const pixel = () => 1 / window.devicePixelRatio;
-  const isFit = () => scale <= fit() * 1.001;
   const draw = () => {
     const [w, h] = size();
-    scale = Math.min(Math.max(scale, fit()), Math.max(16 * pixel(), fit()));
+    scale = isFit ? fit() : Math.min(Math.max(scale, fit()), Math.max(16 * pixel(), fit()));
     const [halfX, halfY] = [stage.clientWidth / 2 / scale, stage.clientHeight / 2 / scale];
     const within = (value, half, whole) => whole <= 2 * half ? whole / 2 : Math.min(Math.max(value, half), whole - half);
     x = within(x, halfX, w);
@@ -49,7 +49,7 @@
     stage.classList.toggle("pixels", scale >= 1.9 * pixel());
     const percent = Math.round(100 * scale / pixel());
     fitOrPixels.textContent = percent + " %";
-    fitOrPixels.ariaLabel = `${percent} %: ` + (isFit() ? "show its pixels" : "show the whole photo");
+    fitOrPixels.ariaLabel = `${percent} %: ` + (isFit ? "show its pixels" : "show the whole photo");
   };
   // The point under (px, py) of the stage stays where it is.
   const zoom = (to, px = stage.clientWidth / 2, py = stage.clientHeight / 2) => {
@@ -58,12 +58,13 @@
     x += dx / scale - dx / to;
     y += dy / scale - dy / to;
     scale = to;
+    isFit = to <= fit() * 1.001;
     draw();
   };
   // To the next size at which every pixel is a whole number of the screen's, or a whole part of one.
   const next = (by) => pixel() * 2 ** (by > 0 ? Math.floor(Math.log2(scale / pixel()) + 1.01) : Math.ceil(Math.log2(scale / pixel()) - 1.01));
   const step = (by) => zoom(next(by));
-  const fitOr = (px, py) => isFit() ? zoom(Math.max(pixel(), next(1)), px, py) : zoom(0);
+  const fitOr = (px, py) => isFit ? zoom(Math.max(pixel(), next(1)), px, py) : zoom(0);
   fitOrPixels.addEventListener("click", () => fitOr());
   // A picture of the card, and as soon as it has come the one with all pixels, if that is another.
   const put = (into, picture) => {
@@ -96,7 +97,7 @@
     links.replaceChildren(...[...card.querySelectorAll(".links a")].map((link) => link.cloneNode(true)));
     if (!viewer.open) viewer.showModal();
     stage.focus();
-    scale = 0;
+    isFit = true;
     draw();
     for (const near of [at - 1, at + 1]) if (cards[near]) for (const img of cards[near].querySelectorAll(".pair img")) new Image().src = img.src;
   };
@@ -146,7 +147,7 @@
     fingers.set(event.pointerId, event);
     if (onLine) {
       slider.value = 100 * (event.clientX - stage.getBoundingClientRect().left) / stage.clientWidth;
-    } else if (!isFit()) {
+    } else if (!isFit) {
       x -= (event.clientX - last.clientX) / scale;
       y -= (event.clientY - last.clientY) / scale;
     }
@@ -155,7 +156,7 @@
   const lift = (event) => {
     fingers.delete(event.pointerId);
     const [dx, dy] = began ? [event.clientX - began.clientX, event.clientY - began.clientY] : [0, 0];
-    if (event.type === "pointerup" && !onLine && isFit() && Math.abs(dx) > 60 && Math.abs(dx) > 2 * Math.abs(dy)) go(dx < 0 ? 1 : -1);
+    if (event.type === "pointerup" && !onLine && isFit && Math.abs(dx) > 60 && Math.abs(dx) > 2 * Math.abs(dy)) go(dx < 0 ? 1 : -1);
     began = undefined;
   };
   stage.addEventListener("pointerup", lift);
