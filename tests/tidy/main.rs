@@ -1,5 +1,6 @@
 //! The house rules, read from the source: layers, circles, headers, sizes, names, comments.
 
+mod advisories;
 mod dependencies;
 mod imports;
 
