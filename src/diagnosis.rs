@@ -275,4 +275,22 @@ mod tests {
             "{complaints:?}"
         );
     }
+
+    #[test]
+    fn more_bits_than_the_sensor_has_are_doubted() {
+        let timing = MeasuredTiming {
+            latency_ms: 30.0,
+            jitter_ms: 0.1,
+            settle_ms: 50.0,
+            shortest_settle_ms: None,
+            interval_ms: 16.7,
+            file_settle_ms: 100.0,
+            // Ten bits in the lowest of sixteen.
+            white_share: 1.0 / 64.0,
+        };
+        let complaints = timing.complaints();
+        assert_eq!(complaints.len(), 1, "{complaints:?}");
+        assert!(complaints[0].contains("camera.bits may be more"), "{complaints:?}");
+        assert!(MeasuredTiming { white_share: 0.8, ..timing }.complaints().is_empty());
+    }
 }

@@ -48,7 +48,8 @@ pub enum CalibrateError {
     /// White is hardly brighter than black.
     #[error(
         "too dark: white is {found_percent:.1} % of full scale above black, {allowed_percent:.0} \
-         % are needed; lengthen the exposure or brighten the panel"
+         % are needed; lengthen the exposure, brighten the panel, or see in the rig file whether \
+         camera.bits is more than the sensor has"
     )]
     TooDark {
         /// White over black.

@@ -356,7 +356,7 @@ fn restored_untouched_failed_and_left_are_counted_apart_everywhere() {
     let summary = once_with(root, &mut restorer, &mut ()).unwrap();
     let counts = PhotoCounts { untouched: 1, failed: 1, ..PhotoCounts::default() };
     assert_eq!((summary.counts(), State::read(root).unwrap().unwrap().counts), (counts, counts));
-    let words = "0 restored, 1 left as they were, 1 failed, 0 waiting";
+    let words = "0 restored, 1 left as it was, 1 failed, 0 waiting";
     assert_eq!(counts.to_string(), words);
     assert!(summary.untouched[0].line().contains("left as it was: told to (1 c"), "the log");
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();

@@ -43,7 +43,8 @@ impl PhotoCounts {
 impl std::fmt::Display for PhotoCounts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let PhotoCounts { restored, untouched, failed, waiting } = self;
-        write!(f, "{restored} restored, {untouched} left as they were, {failed} failed, {waiting}")
+        let were = if *untouched == 1 { "it was" } else { "they were" };
+        write!(f, "{restored} restored, {untouched} left as {were}, {failed} failed, {waiting}")
     }
 }
 
