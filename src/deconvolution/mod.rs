@@ -7,7 +7,7 @@
 //! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
-//! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`] |
+//! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`], of a WebP [`rounded`] |
 //! | (a scene out of focus: not in the paper) | [`focus`] |
 
 pub mod backward_convolution;
@@ -30,5 +30,6 @@ pub mod patches;
 pub mod quality;
 pub mod refinement;
 pub mod registration;
+pub mod rounded;
 pub mod wavelet;
 pub mod wavelet_shrinkage;

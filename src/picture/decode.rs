@@ -13,7 +13,7 @@ use image::codecs::{
 use image::{ColorType, ImageDecoder};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Coding, Size};
+use crate::frame::{BlockSteps, Coding, Size};
 
 use super::dng::{self, RawFile, Sites};
 use super::iptc::IPTC_LOST;
@@ -100,8 +100,8 @@ pub(super) struct Raster {
     pub(super) noise: Option<[[f32; 2]; 3]>,
     /// What a JPEG states of them.
     pub(super) coding: Option<Coding>,
-    /// See [`super::Photo::rounding`].
-    pub(super) rounding: f32,
+    /// See [`super::Photo::block_steps`].
+    pub(super) block_steps: Option<BlockSteps>,
 }
 
 /// Said of a photo with an artist, a description or other words in it.
@@ -202,7 +202,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             colours: raw.colours,
             noise: raw.noise,
             coding: None,
-            rounding: 0.0,
+            block_steps: None,
         });
     }
     // Decoders may panic on hostile files, by their own notes.
@@ -228,7 +228,8 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             Content::Gif => collect(GifDecoder::new(input), content, limits, losses),
             Content::Webp => {
                 let mut raster = collect(WebPDecoder::new(input), content, limits, losses)?;
-                raster.rounding = webp::rounding(bytes).unwrap_or(0.0);
+                let step = webp::step(bytes);
+                raster.block_steps = step.map(|step| BlockSteps { step, first: (0, 0) });
                 Ok(raster)
             }
         }
@@ -317,7 +318,7 @@ fn collect<D: ImageDecoder>(
         colours: None,
         noise: None,
         coding: None,
-        rounding: 0.0,
+        block_steps: None,
     })
 }
 

@@ -1,5 +1,5 @@
-//! What the coding of a lossy WebP took from a photo: its file states the steps of its coefficients
-//! (RFC 9649; RFC 6386, 9 and 19.2).
+//! To what steps a lossy WebP rounds the coefficients of a photo: its file states them (RFC 9649;
+//! RFC 6386, 9 and 19.2).
 //!
 //! From the pixels nothing of it can be told: the blocks' borders were smoothed.
 
@@ -20,15 +20,13 @@ const STEPS: [u16; 128] = [
 const CHUNK_HEAD: usize = 8;
 const PICTURE_HEAD: usize = 10;
 
-/// What is lost of brightness, in codes of 8 bits, is so much times the step to the power. Long
-/// steps round most coefficients to nothing, and lose no more than was there. Measured on five
-/// photos of a simulated lens, quality 95 to 30: at low qualities it is up to two thirds too much.
-const LOSS_OF_ONE: f32 = 0.19;
-const LOSS_POWER: f32 = 0.75;
+/// A coefficient of theirs is twice an orthonormal transform's (RFC 6386, 14.3: the first of an
+/// even block is eight times its samples, of which there are sixteen).
+const OF_ORTHONORMAL: f32 = 2.0;
 
-/// The standard deviation of what rounding to the steps of a lossy WebP in `bytes` took of its
-/// brightness, in codes of 8 bits; `None` of any other.
-pub(super) fn rounding(bytes: &[u8]) -> Option<f32> {
+/// The step to which a lossy WebP in `bytes` rounds the coefficients of an orthonormal cosine
+/// transform of its brightness, codes of 8 bits; `None` of any other.
+pub(super) fn step(bytes: &[u8]) -> Option<f32> {
     let mut chunks = bytes.get(12..)?;
     let picture = loop {
         let (head, rest) = chunks.split_at_checked(CHUNK_HEAD)?;
@@ -39,7 +37,7 @@ pub(super) fn rounding(bytes: &[u8]) -> Option<f32> {
         chunks = rest.get(length.checked_next_multiple_of(2)?..)?;
     };
     let step = STEPS[number_of_step(&mut EvenBits::new(picture.get(PICTURE_HEAD..)?))? as usize];
-    Some(LOSS_OF_ONE * f32::from(step).powf(LOSS_POWER))
+    Some(f32::from(step) / OF_ORTHONORMAL)
 }
 
 /// The number of the step, which the picture's header holds after what it says of colours, parts of
@@ -133,16 +131,16 @@ mod tests {
     #[test]
     fn the_step_a_lossy_webp_states_is_read_and_anything_else_has_none() {
         // Written by libwebp, of quality 95 and 20; the second has several, its largest first.
-        let by_step = |number: usize| Some(LOSS_OF_ONE * f32::from(STEPS[number]).powf(LOSS_POWER));
-        assert_eq!(rounding(&ONE_STEP), by_step(4));
-        assert_eq!(rounding(&SEVERAL_STEPS), by_step(71));
+        let by_step = |number: usize| Some(f32::from(STEPS[number]) / 2.0);
+        assert_eq!(step(&ONE_STEP), by_step(4));
+        assert_eq!(step(&SEVERAL_STEPS), by_step(71));
         let mut lossless = Vec::new();
         let encoder = image::codecs::webp::WebPEncoder::new_lossless(&mut lossless);
         encoder.encode(&[9; 48], 4, 4, image::ColorType::Rgb8.into()).unwrap();
-        assert_eq!(rounding(&lossless), None);
+        assert_eq!(step(&lossless), None);
         for cut in 0..SEVERAL_STEPS.len() {
-            let _ = rounding(&SEVERAL_STEPS[..cut]);
+            let _ = step(&SEVERAL_STEPS[..cut]);
         }
-        assert_eq!(rounding(&[]), None);
+        assert_eq!(step(&[]), None);
     }
 }

@@ -14,12 +14,14 @@
 use rayon::prelude::*;
 
 use super::Pipeline;
+use super::prepare::median;
 use super::stages::{Evidence, Prepared, Residuals, Solved};
 use crate::deconvolution::data_term::{
     MISSING, NOISE_MIN, SATURATED, noise_of, residual_in_place, rms_over_data,
 };
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::quality::ssim;
+use crate::deconvolution::rounded::Rounded;
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
 /// A channel with less of its pixels away from saturated ones has no say. Guess.
@@ -27,6 +29,11 @@ const DATA_SHARE_MIN: f64 = 0.05;
 /// What a camera fills in between its filters errs by so much of what means of the nearest sites
 /// err by. Guess: by directions and by the other colours, cameras do twice as well.
 const FILLED_IN: f32 = 0.5;
+/// Of a lossy WebP, whose own photograph through the lens lies beyond its steps by no more than
+/// this share of half a step, nothing can be told. Set on a dark and a calm photo: from quality 75
+/// and 30 down their results gained .012 SSIM at most, their colours got worse, and a sharp photo
+/// would pass.
+const CODED_AWAY: f32 = 0.07;
 /// Weights of red, green and blue in luminance (Rec. 709).
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// Lightness is light to this power, about.
@@ -109,6 +116,9 @@ impl Pipeline {
         lens: &LensModel,
         picture: &Frame<Work>,
     ) -> Vec<Residuals> {
+        if let Some(rounded) = &photo.rounded {
+            return vec![self.beyond_steps(photo, rounded, lens, picture)];
+        }
         let channels = photo.channels.list();
         let Some(stated) = photo.stated.as_ref().filter(|stated| stated.is_data()) else {
             let of = |&c: &Channel| residuals_of(photo, lens, c, picture.plane(c));
@@ -127,6 +137,60 @@ impl Pipeline {
         };
         channels.par_iter().map(of).collect()
     }
+
+    /// Whether `photo` was coded so coarsely that what the lens does lies within its steps.
+    pub(super) fn is_coded_away(&self, photo: &Prepared<'_>) -> bool {
+        photo.rounded.as_ref().is_some_and(|rounded| {
+            let left = self.beyond_steps(photo, rounded, self.lens_of(photo), &photo.placed);
+            left.untouched <= CODED_AWAY * rounded.half_step()
+        })
+    }
+
+    /// The same of the brightness of a lossy WebP, in codes: what lies beyond its steps.
+    fn beyond_steps(
+        &self,
+        photo: &Prepared<'_>,
+        rounded: &Rounded,
+        lens: &LensModel,
+        picture: &Frame<Work>,
+    ) -> Residuals {
+        let channels = photo.channels.list();
+        let reach = lens.functions().support_px / 2;
+        let trusts: Vec<Plane<u8>> = (channels.par_iter())
+            .map(|&c| away_from_saturated(photo.trust.plane(c), reach))
+            .collect();
+        let Rect { x: left, y: top, size } = photo.rect;
+        let known =
+            |x: usize, y: usize| trusts.iter().all(|trust| trust.at(left + x, top + y) != MISSING);
+        let pixels = (0..size.area()).filter(|n| known(n % size.width, n / size.width)).count();
+        let seen_of = |picture: &Frame<Work>| {
+            let mut seen = picture.clone();
+            channels.iter().for_each(|&c| lens.forward(c, picture.plane(c), seen.plane_mut(c)));
+            seen
+        };
+        let (seen, untouched) = rayon::join(|| seen_of(picture), || seen_of(&photo.placed));
+        let brightness = rounded.brightness(&seen);
+        let filled_in = photo.filled_in.map_or(0.0, |mosaic| {
+            let filled = Frame::from_fn(|c| mosaic.filled(c, seen.plane(c)));
+            let missed = rounded.brightness(&filled);
+            FILLED_IN * apart(&missed, &brightness)
+        });
+        let light = Channel::ALL.map(|c| median(photo.photo.plane(c)));
+        let of_camera = Channel::ALL.map(|c| self.noise[c.index()].sigma(light[c.index()]));
+        let has_a_say = pixels as f64 >= DATA_SHARE_MIN * size.area() as f64;
+        Residuals {
+            model: if has_a_say { rounded.beyond(&brightness, &known) } else { 0.0 },
+            untouched: rounded.beyond(&rounded.brightness(&untouched), &known),
+            photo_noise: rounded.noise_beyond(rounded.spread(light, of_camera).hypot(filled_in)),
+        }
+    }
+}
+
+/// RMS difference of two planes.
+fn apart(a: &Plane, b: &Plane) -> f32 {
+    let mut difference = a.clone();
+    difference.add_scaled(-1.0, b);
+    (difference.dot(&difference) / difference.size().area() as f64).sqrt() as f32
 }
 
 /// What `lens` leaves unexplained of one channel of `photo`, where `plane` is the candidate's.

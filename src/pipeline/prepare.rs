@@ -25,7 +25,10 @@ use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::ladder::{Rung, is_blank};
-use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work};
+use crate::deconvolution::rounded::Rounded;
+use crate::frame::{
+    BlockSteps, Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work,
+};
 use crate::picture::Tone;
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
@@ -120,6 +123,7 @@ impl Pipeline {
             coded,
             filled_in: None,
             stated: None,
+            rounded: None,
             focus: None,
             lens_alone,
         }
@@ -156,25 +160,29 @@ impl Pipeline {
         prepared
     }
 
-    /// The same of a `photo` whose coding rounded away so many codes of 8 bits of `tone`: noise
-    /// that is flattened where it is measured, and still in the picture.
+    /// The same of a `photo` whose file is a lossy WebP that rounds by these `steps` of codes of
+    /// `tone`: noise that is flattened where it is measured, and still in the picture.
     pub fn prepare_rounded<'a>(
         &self,
         photo: &'a Frame<Work>,
         channels: Channels,
-        (codes, tone): (f32, &Tone),
+        (steps, tone): (BlockSteps, &Tone),
     ) -> Prepared<'a> {
         let mut prepared = self.prepare(photo, channels);
+        let straight = self.photo_side.straightened(None);
+        let of_code = |&bent: &f32| straight.as_ref().map_or(bent, |straight| straight(bent));
+        let lights = Channel::ALL.map(|c| tone.lights(c).iter().map(of_code).collect());
+        let place = (channels, prepared.rect);
+        let rounded = Rounded::new(&prepared.placed, place, lights, steps);
+        let lost = rounded.lost();
         for c in Channel::ALL {
-            let lights = tone.lights(c);
-            let at = lights.partition_point(|&light| light < median(photo.plane(c)));
-            let around = [at.saturating_sub(1), (at + 1).min(lights.len() - 1)];
-            let [below, above] = around.map(|code| lights[code]);
-            let code = (above - below) / (around[1] - around[0]) as f32;
+            let code = rounded.code_in_light(c.index(), median(prepared.photo.plane(c)));
             let noise = &mut prepared.noise[c.index()];
-            *noise = noise.hypot(codes * code * (lights.len() - 1) as f32 / FULL_SCALE);
+            *noise = noise.hypot(lost * code);
         }
         prepared.coded = true;
+        // Divided by its dark corner it is no longer what the file rounded.
+        prepared.rounded = (!self.black_surround).then_some(rounded);
         prepared
     }
 
@@ -271,7 +279,7 @@ pub fn power_share(stated: [f32; 2], own: &Noise) -> f32 {
 }
 
 /// The median of a photo's light, of a sample of it.
-fn median(photo: &Plane) -> f32 {
+pub(super) fn median(photo: &Plane) -> f32 {
     let mut sample: Vec<f32> = photo.data().iter().step_by(NOISE_SAMPLE).copied().collect();
     let middle = sample.len() / 2;
     *sample.select_nth_unstable_by(middle, f32::total_cmp).1

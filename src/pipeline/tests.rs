@@ -9,7 +9,7 @@ use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{
     About, Certificate, IterationRecord, Method, MethodError, Problem, Solution, Watch,
 };
-use crate::frame::{Channels, Frame, Plane, Work};
+use crate::frame::{BlockSteps, Channels, Frame, Plane, Work};
 use crate::measurement::{calibrate, to_the_end};
 use crate::picture::{Format, Limits, Manner, Photo, encode};
 use crate::rig::simulated::{Witness, open};
@@ -161,6 +161,27 @@ fn a_dithered_picture_is_not_called_blank() {
     assert!(!outcome.reason.contains("blank"), "{}", outcome.reason);
 }
 
+#[test]
+fn a_sharp_lossy_webp_is_told_from_the_rig_s_own() {
+    let mut bed = Bed::new();
+    let digital = method(&bed.config, Named::Digital);
+    for (name, bytes, wanted) in [
+        ("cat", &include_bytes!("../../tests/webps/cat-sharp.webp")[..], Verdict::Untouched),
+        ("retina", include_bytes!("../../tests/webps/retina-sharp.webp"), Verdict::Untouched),
+        ("rocket", include_bytes!("../../tests/webps/rocket-sharp.webp"), Verdict::Untouched),
+        ("own cat", include_bytes!("../../tests/webps/cat-own.webp"), Verdict::Sound),
+        ("own astronaut", include_bytes!("../../tests/webps/astronaut-own.webp"), Verdict::Sound),
+    ] {
+        let (srgb, limits) = (config::Curve::Srgb, Limits::default());
+        let photo = Photo::from_bytes("a.webp", bytes, srgb, &limits).unwrap();
+        let steps = (photo.block_steps.unwrap(), &photo.manner.tone);
+        let pipeline = Pipeline::new(&bed.config, small()).unwrap();
+        let prepared = pipeline.prepare_rounded(&photo.light, photo.channels, steps);
+        let outcome = bed.restore_prepared(&prepared, &*digital);
+        assert_eq!(outcome.verdict, wanted, "{name}: {}", outcome.reason);
+    }
+}
+
 /// A photo, and the file that it came in where that is a JPEG.
 enum Came {
     Plain(Frame<Work>),
@@ -247,9 +268,12 @@ fn a_refused_photo_is_returned_as_it_is() {
 fn what_a_coding_rounded_away_counts_as_noise() {
     let bed = Bed::new();
     let (photo, tone) = (bed.photo(), crate::picture::Tone::of_curve(bed.config.photo.curve, 8));
-    let of = |codes| bed.pipeline.prepare_rounded(&photo, Channels::Colour, (codes, &tone));
+    let of = |step| {
+        let steps = BlockSteps { step, first: (0, 0) };
+        bed.pipeline.prepare_rounded(&photo, Channels::Colour, (steps, &tone))
+    };
     let (plain, exact, rounded) =
-        (bed.pipeline.prepare(&photo, Channels::Colour), of(0.0), of(3.0));
+        (bed.pipeline.prepare(&photo, Channels::Colour), of(0.0), of(10.0));
     assert_eq!(exact.noise, plain.noise);
     assert!(rounded.coded);
     // A code of sRGB is half to two grey levels in a scene's middle.

@@ -252,11 +252,13 @@ impl Restorer for OnRig {
                     let stated = (coding, &photo.manner.tone);
                     self.pipeline.prepare_coded(&photo.light, photo.channels, stated)
                 }
-                None if photo.rounding > 0.0 => {
-                    let rounded = (photo.rounding, &photo.manner.tone);
-                    self.pipeline.prepare_rounded(&photo.light, photo.channels, rounded)
-                }
-                None => self.pipeline.prepare(&photo.light, photo.channels),
+                None => match photo.block_steps {
+                    Some(steps) => {
+                        let rounded = (steps, &photo.manner.tone);
+                        self.pipeline.prepare_rounded(&photo.light, photo.channels, rounded)
+                    }
+                    None => self.pipeline.prepare(&photo.light, photo.channels),
+                },
             },
             Some(raw) => {
                 let camera = photo.camera.as_ref();
