@@ -147,7 +147,7 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
         Content::Written(Format::Tiff) => {
             raw = dng::find(bytes)?;
             let (size, more_pages, exif) = match &raw {
-                Some(raw) => (raw.size, false, raw.exif),
+                Some(raw) => (raw.whole(), false, raw.exif),
                 None => {
                     let walked = tiff::walk(bytes)?;
                     losses.extend(walked.words.then(|| WORDS_LOST.to_owned()));

@@ -1,7 +1,8 @@
-//! Raw photos: a sensor's sites in a DNG (1.4, Adobe) or TIFF/EP (ISO 12234-2) file, 16 bits a
-//! site, in strips as they are. What else such files may be is refused, and what lies beside the
-//! sites, a preview above all, is never taken in their place.
+//! Raw photos: a sensor's sites in a DNG (1.4, Adobe) or TIFF/EP (ISO 12234-2) file, as they are,
+//! uncompressed. What else such files may be is refused, and what lies beside the sites, a preview
+//! above all, is never taken in their place.
 
+mod blocks;
 mod camera;
 mod colours;
 mod directory;
@@ -9,10 +10,11 @@ mod write;
 
 use super::Flaw;
 use super::tiff::{
-    COMPRESSION, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH, NEW_SUBFILE_TYPE,
-    STRIP_BYTE_COUNTS, STRIP_OFFSETS, TILE_OFFSETS,
+    COMPRESSION, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH, NEW_SUBFILE_TYPE, ROWS_PER_STRIP,
+    STRIP_BYTE_COUNTS, STRIP_OFFSETS,
 };
-use crate::frame::{FULL_SCALE, Mosaic, Plane, Size};
+use crate::frame::{FULL_SCALE, Mosaic, Plane, Rect, Size};
+use blocks::SiteBlocks;
 
 pub use camera::{PhotoCamera, RawTags, RigSetting};
 pub use colours::CameraColours;
@@ -21,12 +23,12 @@ pub use write::Dng;
 
 const BITS_PER_SAMPLE: u16 = 258;
 const PHOTOMETRIC: u16 = 262;
+const FILL_ORDER: u16 = 266;
 const DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
 const MODEL: u16 = 272;
 const ORIENTATION: u16 = 274;
 const SAMPLES_PER_PIXEL: u16 = 277;
-const ROWS_PER_STRIP: u16 = 278;
 const SUB_DIRECTORIES: u16 = 330;
 const SAMPLE_FORMAT: u16 = 339;
 const CFA_REPEAT: u16 = 33421;
@@ -65,15 +67,14 @@ const DIRECTORIES_MAX: usize = 32;
 const ONLY: [(u16, usize, usize, &str); 6] = [
     (PHOTOMETRIC, 0, SITES, "photometric interpretation"),
     (COMPRESSION, 1, 1, "compression"),
-    (BITS_PER_SAMPLE, 1, 16, "bits a sample"),
+    (FILL_ORDER, 1, 1, "order of bits"),
     (SAMPLES_PER_PIXEL, 1, 1, "samples a pixel"),
     (SAMPLE_FORMAT, 1, 1, "sample format"),
     (CFA_LAYOUT, 1, 1, "layout of the colour filters"),
 ];
 
 /// What is not read, by its tag.
-const NEVER: [(u16, &str); 4] = [
-    (TILE_OFFSETS, "tiles"),
+const NEVER: [(u16, &str); 3] = [
     (LINEARIZATION, "a table to make its counts linear"),
     (BLACK_ALONG, "a black level for each column"),
     (BLACK_DOWN, "a black level for each row"),
@@ -100,8 +101,10 @@ pub(super) struct RawFile {
     /// What its noise is, where it says: of each channel the variance without light and what each
     /// grey level adds, squared grey levels.
     pub(super) noise: Option<[[f32; 2]; 3]>,
-    /// Offset and length of each strip; all of them hold exactly the counts.
-    strips: Vec<(usize, usize)>,
+    /// The counts of all its sites,
+    blocks: SiteBlocks,
+    /// and which of them see light.
+    active: Rect,
 }
 
 /// What counts mean.
@@ -163,16 +166,14 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
 }
 
 impl RawFile {
+    /// All its sites, those in the dark among them.
+    pub(super) fn whole(&self) -> Size {
+        self.blocks.size()
+    }
+
     /// Its counts, row by row; `bytes` are those it was found in.
     pub(super) fn counts(&self, bytes: &[u8]) -> Vec<u16> {
-        let big_endian = File::new(bytes).big_endian;
-        let count = |b: &[u8]| {
-            let b = [b[0], b[1]];
-            if big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) }
-        };
-        let strips =
-            self.strips.iter().filter_map(|&(from, length)| bytes.get(from..from + length));
-        strips.flat_map(|strip| strip.chunks_exact(2).map(count)).collect()
+        self.blocks.counts(bytes, self.active)
     }
 }
 
@@ -219,14 +220,41 @@ impl Directory<'_> {
             let found = format!("a picture of {size}");
             return Err(self.file.damaged(&found, "at least 2×2 and no more than 4 GiB hold"));
         }
-        let all = [0, 0, size.height, size.width];
-        if self.numbers(ACTIVE_AREA)?.is_some_and(|area| area != all) {
-            return Err(unsupported("sites that see no light around the picture".to_owned()));
+        let bits = self.number(BITS_PER_SAMPLE)?.unwrap_or(1);
+        if !blocks::BITS.contains(&bits) {
+            return Err(unsupported(format!("bits a sample {bits} in place of 8 to 16")));
         }
-        let sites = Sites { mosaic: self.mosaic()?, ..self.levels()? };
-        let strips = self.strips(size)?;
+        let active = self.active_area(size)?;
+        let sites = Sites { mosaic: self.mosaic()?, ..self.levels(bits)? };
+        let blocks = SiteBlocks::of(self, size, bits)?;
         let (camera, colours, noise) = (None, None, None);
-        Ok(RawFile { size, sites, strips, orientation: 1, exif: false, camera, colours, noise })
+        Ok(RawFile {
+            size: active.size,
+            sites,
+            blocks,
+            active,
+            orientation: 1,
+            exif: false,
+            camera,
+            colours,
+            noise,
+        })
+    }
+
+    /// The part of the picture whose sites see light; filters and black levels begin with it.
+    fn active_area(&self, size: Size) -> Result<Rect, Flaw> {
+        let Some(area) = self.numbers(ACTIVE_AREA)? else {
+            return Ok(Rect { x: 0, y: 0, size });
+        };
+        let [top, left, bottom, right] = area[..] else {
+            return Err(self.file.damaged(&format!("an active area of {area:?}"), "four sides"));
+        };
+        let holds = |from: usize, to: usize, side: usize| from + 2 <= to && to <= side;
+        if !holds(top, bottom, size.height) || !holds(left, right, size.width) {
+            let found = format!("an active area from {left}, {top} to {right}, {bottom} of {size}");
+            return Err(self.file.damaged(&found, "a part of the picture"));
+        }
+        Ok(Rect { x: left, y: top, size: Size::new(right - left, bottom - top) })
     }
 
     /// Who took the photo; a file need not say.
@@ -286,7 +314,7 @@ impl Directory<'_> {
     }
 
     /// Black and white; the mosaic is any.
-    fn levels(&self) -> Result<Sites, Flaw> {
+    fn levels(&self, bits: usize) -> Result<Sites, Flaw> {
         let repeat = self.numbers(BLACK_REPEAT)?.unwrap_or_else(|| vec![1, 1]);
         let [rows @ 1..=2, columns @ 1..=2] = repeat[..] else {
             let found = format!("black levels repeating by {:?}", &repeat[..repeat.len().min(2)]);
@@ -299,7 +327,7 @@ impl Directory<'_> {
         }
         let place = |y: usize, x: usize| black[(y % rows) * columns + x % columns];
         let black = [0, 1].map(|y| [0, 1].map(|x| place(y, x)));
-        let white = self.number(WHITE_LEVEL)?.unwrap_or(65535);
+        let white = self.number(WHITE_LEVEL)?.unwrap_or((1 << bits) - 1);
         let largest = black.as_flattened().iter().copied().fold(0.0, f32::max);
         let sound = black.as_flattened().iter().all(|b| b.is_finite());
         if !sound || white > 65535 || white as f32 - largest < 1.0 {
@@ -308,34 +336,18 @@ impl Directory<'_> {
         }
         Ok(Sites { mosaic: Mosaic::Rggb, black, white: white as f32 })
     }
-
-    /// The strips, which hold the sites of `size` exactly.
-    fn strips(&self, size: Size) -> Result<Vec<(usize, usize)>, Flaw> {
-        let of = |tag| self.numbers(tag).map(Option::unwrap_or_default);
-        let (offsets, counts) = (of(STRIP_OFFSETS)?, of(STRIP_BYTE_COUNTS)?);
-        let rows = self.number(ROWS_PER_STRIP)?.unwrap_or(size.height).min(size.height);
-        let needed = |n: usize| rows.min(size.height - n * rows) * size.width * 2;
-        let fits = rows > 0
-            && size.height.div_ceil(rows) == counts.len()
-            && offsets.len() == counts.len()
-            && counts.iter().enumerate().all(|(n, &count)| count == needed(n));
-        if !fits {
-            let found = format!("{} strips of {rows} rows for {size}", counts.len());
-            return Err(self.file.damaged(&found, "strips that hold each site once"));
-        }
-        self.file.strips(&offsets, &counts, true)?;
-        Ok(offsets.into_iter().zip(counts).collect())
-    }
 }
 
 fn unsupported(found: String) -> Flaw {
-    let allowed = "16-bit counts of a sensor's sites behind filters of three colours that repeat \
-                   by two, uncompressed, in strips; convert it so, or develop it and save it as \
-                   TIFF of 16 bits";
+    let allowed = "counts of a sensor's sites, of 8, 10, 12, 14 or 16 bits, behind filters of \
+                   three colours that repeat by two, uncompressed; convert it so, or develop it \
+                   and save it as TIFF of 16 bits";
     Flaw::Unsupported { kind: "raw photo", found, allowed }
 }
 
 #[cfg(test)]
 mod foreign_tests;
+#[cfg(test)]
+mod layout_tests;
 #[cfg(test)]
 mod tests;

@@ -37,9 +37,10 @@ const COPYRIGHT: u16 = 33432;
 const IPTC: u16 = 33723;
 const IMAGE_RESOURCES: u16 = 34377;
 pub(super) const STRIP_OFFSETS: u16 = 273;
+pub(super) const ROWS_PER_STRIP: u16 = 278;
 pub(super) const STRIP_BYTE_COUNTS: u16 = 279;
 pub(super) const TILE_OFFSETS: u16 = 324;
-const TILE_BYTE_COUNTS: u16 = 325;
+pub(super) const TILE_BYTE_COUNTS: u16 = 325;
 pub(super) const EXIF_DIRECTORY: u16 = 34665;
 
 /// More strips than this are no photo of ours but a file made to keep us busy. Guess.

@@ -47,7 +47,7 @@ fn entry(bytes: &[u8], tag: u16) -> usize {
 }
 
 /// The file with other bytes in the entry of `tag`, from its type on.
-fn with(tag: u16, kind: u16, count: u32, value: [u8; 4]) -> Vec<u8> {
+pub(super) fn with(tag: u16, kind: u16, count: u32, value: [u8; 4]) -> Vec<u8> {
     let mut bytes = file(Mosaic::Rggb);
     let at = entry(&bytes, tag);
     bytes[at + 2..at + 4].copy_from_slice(&kind.to_le_bytes());
@@ -251,11 +251,11 @@ fn what_is_not_read_is_refused_with_what_it_is() {
     let half_a_file = u32::MAX / 2;
     for (bytes, wanted) in [
         (with(COMPRESSION, 3, 1, [7, 0, 0, 0]), "compression 7"),
-        (with(BITS_PER_SAMPLE, 3, 1, [12, 0, 0, 0]), "bits a sample 12"),
+        (with(BITS_PER_SAMPLE, 3, 1, [12, 0, 0, 0]), "1 strips of 42×30 for 42×30"),
+        (with(BITS_PER_SAMPLE, 3, 1, [24, 0, 0, 0]), "bits a sample 24"),
         (with(SAMPLES_PER_PIXEL, 3, 1, [3, 0, 0, 0]), "samples a pixel 3"),
         (with(CFA_LAYOUT, 3, 1, [2, 0, 0, 0]), "layout of the colour filters 2"),
         (with(PHOTOMETRIC, 3, 1, [0x4c, 0x88, 0, 0]), "interpretation 34892"),
-        (renamed(EXPOSURE, TILE_OFFSETS), "tiles"),
         (renamed(EXPOSURE, LINEARIZATION), "a table"),
         (renamed(EXPOSURE, BLACK_DOWN), "each row"),
         (renamed(CFA_PATTERN, 40000), "no word of its colour filters"),
@@ -269,9 +269,9 @@ fn what_is_not_read_is_refused_with_what_it_is() {
         (with(BLACK_LEVEL, 4, 1, [0, 0, 1, 0]), "black at 65536"),
         (with(IMAGE_WIDTH, 4, 1, [0; 4]), "a picture of 0×30"),
         (with(IMAGE_WIDTH, 4, 1, half_a_file.to_le_bytes()), "×30"),
-        (with(IMAGE_WIDTH, 4, 1, [43, 0, 0, 0]), "strips of 30 rows for 43×30"),
-        (with(ROWS_PER_STRIP, 4, 1, [0; 4]), "strips of 0 rows"),
-        (with(ROWS_PER_STRIP, 4, 1, [7, 0, 0, 0]), "strips of 7 rows"),
+        (with(IMAGE_WIDTH, 4, 1, [43, 0, 0, 0]), "strips of 43×30 for 43×30"),
+        (with(ROWS_PER_STRIP, 4, 1, [0; 4]), "strips of 42×0"),
+        (with(ROWS_PER_STRIP, 4, 1, [7, 0, 0, 0]), "strips of 42×7"),
         (with(STRIP_BYTE_COUNTS, 4, 1, [8, 0, 0, 0]), "1 strips"),
         (with(STRIP_OFFSETS, 4, 1, [255; 4]), "picture data past the end"),
         (with(STRIP_OFFSETS, 4, u32::MAX, [8, 0, 0, 0]), "4294967295 strips"),
