@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::Pipeline;
-use super::evidence::{residuals_of, residuals_on};
+use super::evidence::residuals_on;
 use super::stages::{LensAlone, Prepared, Reference, Residuals, product, unexplained};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::total_variation::TotalVariation;
@@ -82,7 +82,7 @@ impl Pipeline {
         }
         let said = std::cell::OnceCell::new();
         let is_enough = |plane: &Plane| {
-            let left = vec![residuals_of(photo, lens, worst, plane)];
+            let left = vec![self.residuals_of(photo, lens, worst, plane)];
             is_foreign(&left) && said.set(left).is_ok()
         };
         let first = (worst, &is_enough as _);
@@ -173,7 +173,8 @@ pub(super) fn foreign(left: &[Residuals]) -> String {
     let (percent, allowed) = (100.0 * share, FOREIGN / share);
     format!(
         "the measured lens does not explain the photo; it may come from another lens, be sharp \
-         already, or have been sharpened or compressed ({noises:.1} times its noise is left, \
-         {percent:.0} % of what is left of the photo as it is; allowed {allowed:.1} times)"
+         already, or have been sharpened or compressed (what is left is {noises:.1} times what its \
+         noise and the lens model leave, and {percent:.0} % of what is left of the photo as it is; \
+         allowed {allowed:.1} times)"
     )
 }

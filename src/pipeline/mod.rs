@@ -4,13 +4,16 @@
 //! method's own result beside what is delivered takes the same steps one by one:
 //! [`Pipeline::prepare`], [`Pipeline::solve`], [`Pipeline::judge`].
 
+mod beyond_steps;
 mod dot_test;
 mod evidence;
 mod focus;
+mod grain;
 mod judge;
 mod learning;
 mod lens_alone;
 mod methods;
+mod model_error;
 mod outcome;
 mod prepare;
 mod setting;
@@ -19,6 +22,7 @@ mod solve;
 mod stages;
 
 pub use dot_test::BackwardCheck;
+pub use grain::Grain;
 pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use outcome::{Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict};
 pub use prepare::{AVERAGED_MIN, power_share};
@@ -43,6 +47,7 @@ use crate::rig::exposure::Devices;
 use crate::rig::shoot::SiteNoise;
 use focus::Focuses;
 use learning::Learning;
+use model_error::ModelError;
 
 /// Everything that a calibrated rig needs to restore photos, made once and used for many.
 pub struct Pipeline {
@@ -58,6 +63,7 @@ pub struct Pipeline {
     site_noise: [Noise; 3],
     counts_per_level: [f32; 3],
     black_surround: bool,
+    model_error: ModelError,
     reference: TotalVariation,
     patches: PatchShape,
     learning: Learning,
@@ -96,6 +102,7 @@ impl Pipeline {
             counts_per_level: calibration.counts_per_level,
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
+            model_error: ModelError::of(calibration),
             reference: reference_solution(rig),
             patches: config::methods::patches(&rig.paper),
             learning: Learning::default(),

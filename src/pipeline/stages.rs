@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
+use super::grain::Grain;
 use crate::calibration::SiteNorms;
 use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::jpeg::JpegTerm;
@@ -11,6 +12,9 @@ use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::{About, Solution};
 use crate::deconvolution::rounded::Rounded;
 use crate::frame::{Channels, Frame, Mosaic, Rect, Work};
+
+/// Noises that a residual is seen to be more than. Guess.
+const FEW_NOISES: f32 = 2.0;
 
 /// A photo as the solver takes it.
 #[derive(Clone)]
@@ -120,6 +124,19 @@ pub struct Residuals {
     pub untouched: f32,
     /// The photo's noise.
     pub photo_noise: f32,
+    /// What the lens model missed of the chart, of as much contrast as the photo has.
+    pub model_error: f32,
+    /// Mean of B, grey levels; saturated pixels left out as above.
+    pub light: f32,
+    /// Mean of K̂L − B there.
+    pub excess_light: f32,
+}
+
+impl Residuals {
+    /// What noise and the lens model's known error leave of a right result.
+    fn floor(&self) -> f32 {
+        self.photo_noise.hypot(self.model_error).max(NOISE_MIN)
+    }
 }
 
 /// What is known of a result by itself.
@@ -127,12 +144,25 @@ pub struct Residuals {
 pub struct Evidence {
     /// Channel by channel.
     pub channels: Vec<Residuals>,
-    /// Noise of the quiet parts over that of the photo's, in lightness.
-    pub rougher: f32,
+    /// Where the photo is flat.
+    pub grain: Grain,
 }
 
 impl Evidence {
-    /// The model residual over the photo's noise, and over the untouched photo's; of the channel
+    /// How far the result's light is from the photo's, as a share of it, all channels together: a
+    /// lens spreads light and makes none.
+    pub fn excess_light(&self) -> f32 {
+        let sum = |of: fn(&Residuals) -> f32| self.channels.iter().map(of).sum::<f32>();
+        (sum(|of| of.excess_light) / sum(|of| of.light).max(f32::MIN_POSITIVE)).abs()
+    }
+
+    /// Whether the result explains some channel of the photo less than the photo does itself, by
+    /// more than noise.
+    pub(super) fn explains_less(&self) -> bool {
+        self.channels.iter().any(|of| of.model > of.untouched && of.model > FEW_NOISES * of.floor())
+    }
+
+    /// The model residual over its floor, and over the untouched photo's; of the channel
     /// where their product is largest among those with more than `noises` of the first and more
     /// than `share` of the second. Zeros when there is none.
     ///
@@ -144,16 +174,16 @@ impl Evidence {
     }
 }
 
-/// The model residual of a channel over its noise, times the same over the untouched photo's.
+/// The model residual of a channel over its floor, times the same over the untouched photo's.
 pub(super) fn product(of: &Residuals) -> f32 {
-    of.model / of.photo_noise.max(NOISE_MIN) * of.model / of.untouched.max(f32::MIN_POSITIVE)
+    of.model / of.floor() * of.model / of.untouched.max(f32::MIN_POSITIVE)
 }
 
 /// [`Evidence::unexplained`] of these channels.
 pub(super) fn unexplained(channels: &[Residuals], noises: f32, share: f32) -> (f32, f32) {
-    let each = channels.iter().map(|r| {
-        (r.model / r.photo_noise.max(NOISE_MIN), r.model / r.untouched.max(f32::MIN_POSITIVE))
-    });
+    let each = channels
+        .iter()
+        .map(|r| (r.model / r.floor(), r.model / r.untouched.max(f32::MIN_POSITIVE)));
     // Not a number is past every limit.
     let much = each.filter(|of| !(of.0 <= noises || of.1 <= share));
     much.max_by(|a, b| (a.0 * a.1).total_cmp(&(b.0 * b.1))).unwrap_or_default()

@@ -33,9 +33,12 @@ struct Bed {
 
 impl Bed {
     fn new() -> Bed {
-        let config = config::load(Path::new("small.toml")).unwrap();
+        Bed::of(config::load(Path::new("small.toml")).unwrap(), small())
+    }
+
+    fn of(config: config::RigFile, calibration: &Calibration) -> Bed {
         let (rig, witness) = open(&config).unwrap();
-        let pipeline = Pipeline::new(&config, small()).unwrap();
+        let pipeline = Pipeline::new(&config, calibration).unwrap();
         Bed { config, rig, witness, pipeline }
     }
 
@@ -122,6 +125,36 @@ fn a_replaced_result_is_told_as_what_is_delivered_and_why() {
     assert!(outcome.iterations.iter().all(|step| step.captures == 0));
     let alone = bed.restore(&photo, &reference_solution(&bed.config));
     assert_eq!((alone.verdict, alone.picture), (Verdict::Sound, outcome.picture));
+}
+
+#[test]
+fn what_the_lens_model_missed_of_its_chart_is_not_held_against_a_photo() {
+    let missed = |levels: f32| {
+        let calibration = Calibration { operator_error: [levels; 3], ..small().clone() };
+        let mut bed = Bed::of(config::load(Path::new("small.toml")).unwrap(), &calibration);
+        let photo = bed.photo();
+        let outcome = bed.restore(&photo, &*method(&bed.config, Named::Digital));
+        let evidence = outcome.evidence.unwrap();
+        (evidence.channels[1].model_error, evidence.unexplained(0.0, 0.0).0)
+    };
+    let ((none, noises), (some, fewer)) = (missed(0.0), missed(6.0));
+    assert_eq!(none, 0.0);
+    assert!(some > 0.5 && fewer < noises, "{some} levels, {fewer} floors for {noises}");
+}
+
+#[test]
+fn captures_of_a_panel_that_dimmed_do_not_make_the_picture_brighter() {
+    let mut bed = Bed::new();
+    let photo = bed.photo_of(&bed.coffee());
+    let simulation = bed.config.simulation().unwrap();
+    bed.witness.set_white_share(0.8 * simulation.sensor.white_share);
+    let outcome = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
+    assert_eq!(outcome.verdict, Verdict::Replaced, "{}", outcome.reason);
+    assert!(outcome.reason.starts_with("the light of the result"), "{}", outcome.reason);
+    let light = |of: &Frame<Work>| of.planes().each_ref().map(Plane::mean);
+    for (delivered, photo) in light(&outcome.picture).into_iter().zip(light(&photo)) {
+        assert!((delivered / photo - 1.0).abs() < 0.05, "{delivered} for {photo}");
+    }
 }
 
 #[test]

@@ -1,0 +1,51 @@
+//! What the lens model is known to miss: of the chart that was held out of its fits, its capture
+//! less its prediction, as a share of how much the lens changes that chart.
+
+use std::sync::OnceLock;
+
+use crate::calibration::lens_blur::misfit;
+use crate::calibration::{Calibration, Noise};
+use crate::deconvolution::data_term::place_with_edges;
+use crate::deconvolution::lens_model::LensModel;
+use crate::frame::{Channel, Plane, Rect};
+use crate::patterns;
+
+/// Per channel, made when it is first asked for.
+#[derive(Debug)]
+pub(super) struct ModelError {
+    /// RMS of the held-out capture less its prediction, grey levels.
+    held_out: [f32; 3],
+    noise: [Noise; 3],
+    shares: OnceLock<[f32; 3]>,
+}
+
+impl ModelError {
+    pub(super) fn of(calibration: &Calibration) -> ModelError {
+        ModelError {
+            held_out: calibration.operator_error,
+            noise: calibration.noise,
+            shares: OnceLock::new(),
+        }
+    }
+
+    /// The share that `model` misses of what the lens changes, where `photo` lies on its canvas.
+    pub(super) fn share(&self, model: &LensModel, photo: Rect, channel: Channel) -> f32 {
+        let all = self.shares.get_or_init(|| {
+            let chart = place_with_edges(&patterns::chart(photo.size), model.canvas(), photo);
+            let trusted = Plane::filled(chart.size(), 1);
+            let seen = |c: Channel, of: &Plane| {
+                let mut seen = Plane::zeros(of.size());
+                model.forward(c, of, &mut seen);
+                seen
+            };
+            Channel::ALL.map(|c| {
+                let once = seen(c, &chart);
+                let changed = misfit(&seen(c, &once), &once, &trusted, photo.x.min(photo.y));
+                let noise = self.noise[c.index()].sigma(once.mean() as f32);
+                let missed = (self.held_out[c.index()].powi(2) - noise.powi(2)).max(0.0).sqrt();
+                missed / changed.max(f32::MIN_POSITIVE)
+            })
+        });
+        all[channel.index()]
+    }
+}
