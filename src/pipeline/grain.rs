@@ -15,7 +15,7 @@ const AROUND: usize = 2;
 /// With a smaller share of flat pixels nothing is said. Guess.
 const SHARE_MIN: f64 = 0.03;
 /// Grain that is seen, codes,
-const SEEN: f32 = 2.0;
+const SEEN: f32 = 3.0;
 /// and how many times the photo's it must be.
 const TIMES_THE_PHOTO_S: f32 = 2.0;
 
