@@ -58,9 +58,10 @@ impl Pipeline {
         });
         let light = Channel::ALL.map(|c| median(photo.photo.plane(c)));
         let of_camera = Channel::ALL.map(|c| self.noise[c.index()].sigma(light[c.index()]));
-        let sum_of =
-            |of: &Frame<Work>| channels.iter().map(|&c| sum(of.plane(c), &trusts[0])).sum();
-        let (made, placed): (f64, f64) = (sum_of(&seen), sum_of(&photo.placed));
+        let sum_of = |of: &Frame<Work>| -> f64 {
+            channels.iter().zip(&trusts).map(|(&c, trust)| sum(of.plane(c), trust)).sum()
+        };
+        let (made, placed) = (sum_of(&seen), sum_of(&photo.placed));
         let (made, placed) = (made / pixels.max(1) as f64, placed / pixels.max(1) as f64);
         let has_a_say = pixels as f64 >= DATA_SHARE_MIN * size.area() as f64;
         Residuals {

@@ -57,7 +57,8 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let stem = format!("{}-worth", rig.name);
     let [means, each] = [means(rig, &cases), each(rig, &cases)];
     Ok(Made {
-        tables: vec![(stem.clone(), means), (format!("{stem}-photos"), each)],
+        // The page of both is kept under the bare name.
+        tables: vec![(format!("{stem}-means"), means), (format!("{stem}-photos"), each)],
         ..Made::default()
     })
 }

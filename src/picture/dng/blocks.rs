@@ -13,6 +13,12 @@ const TILE_LENGTH: u16 = 323;
 /// Bits a site may have.
 pub(super) const BITS: [usize; 5] = [8, 10, 12, 14, 16];
 
+/// By so much may a tile be larger than the picture. Guess: tiles are multiples of 16 sites, most
+/// are of 256 or 512.
+const TILE_MORE: usize = 1024;
+/// Bytes that may follow a strip's or tile's counts. Guess: up to the next multiple of 16.
+const FILLED_MAX: usize = 15;
+
 /// A strip or tile.
 #[derive(Debug, Clone, Copy)]
 struct SiteBlock {
@@ -139,9 +145,3 @@ impl SiteBlocks {
         }
     }
 }
-
-/// By so much may a tile be larger than the picture. Guess: tiles are multiples of 16 sites, most
-/// are of 256 or 512.
-const TILE_MORE: usize = 1024;
-/// Bytes that may follow a strip's or tile's counts. Guess: up to the next multiple of 16.
-const FILLED_MAX: usize = 15;

@@ -8,16 +8,15 @@ mod report;
 #[cfg(test)]
 mod tests;
 
-use relens::calibration::Calibration;
 use relens::chart::test_rig::TestPhoto;
-use relens::config::{MethodName, RigFile};
+use relens::config::MethodName;
 use relens::frame::{Channels, Frame, Work};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::method;
 
 use crate::Failure;
-use crate::change::Swept;
-use crate::harness::{Harness, calibration};
+use crate::change::{NOTHING, Swept};
+use crate::harness::{Harness, calibrated};
 use crate::likeness::{HARM, HARM_IN_COLOUR, Truth};
 use crate::made::Made;
 use crate::stability::sweep::concerned;
@@ -30,9 +29,6 @@ use relens::rig::simulated::jpeg_coder::coded;
 /// Those that start from the lens; what replaces them is recorded beside each.
 const METHODS: [MethodName; 3] =
     [MethodName::Hybrid, MethodName::Digital, MethodName::BlockMatching];
-/// Chances that a rig's unrest gives a calibration; a movement too large refuses one in four.
-const CHANCES: u64 = 6;
-
 /// Tables of `group`, and the list of all its results; `quick` takes its first rig, and no faults.
 pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
     let mut records = Vec::new();
@@ -64,7 +60,7 @@ pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
 }
 
 fn of_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Record>, Failure> {
-    let (file, calibration) = calibrated(rig, group.seed() + 100 * n as u64)?;
+    let (file, calibration) = calibrated(&rig.load(group.seed() + 100 * n as u64)?, &NOTHING, 0.0)?;
     let subjects = group.subjects();
     let whole = |n: usize| View { subject: subjects[n % 6], quarter: None };
     let quarter = |n: usize| View { subject: subjects[n % 6], quarter: Some(n / 6 % 4) };
@@ -104,22 +100,6 @@ fn of_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Rec
         one(swept, step, &[(view, Kept::Own)], methods)?;
     }
     Ok(records)
-}
-
-/// A rig of the group and what is measured of it.
-fn calibrated(rig: &GroupRig, seed: u64) -> Result<(RigFile, Calibration), Failure> {
-    let mut refused = None;
-    for seed in seed..seed + CHANCES {
-        let file = rig.load(seed)?;
-        match calibration(&file) {
-            Ok(measured) => return Ok((file, measured)),
-            Err(e) => {
-                log::info!("# {}, seed {seed}: {}", rig.name, relens::remedy::full_message(&*e));
-                refused = Some(e);
-            }
-        }
-    }
-    Err(refused.unwrap_or_else(|| "no chance was given".into()))
 }
 
 /// Photos of `of` by each of `methods`.
