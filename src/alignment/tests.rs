@@ -23,6 +23,7 @@ fn aim_of(rig: &RigFile) -> Option<Aim> {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn sharpness_is_largest_where_the_panel_is_in_focus() {
     let rig = rig(|_| {});
     let (mut devices, mut witness) = simulated::open(&rig).unwrap();
@@ -224,6 +225,7 @@ fn the_ring_s_best_is_known_once_it_was_passed_on_both_sides() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn flicker_and_bent_counts_are_measured() {
     let steady = rig(|_| {});
     let flickering = rig(|simulation| {

@@ -169,6 +169,7 @@ mod tests {
     use crate::rig::simulated::open;
 
     #[test]
+    #[ignore = "a minute: the gate runs it"]
     fn a_settle_time_that_is_too_short_leads_to_the_check_that_finds_it() {
         let tried = |settle_ms: f64| {
             let mut hasty = config::load(Path::new("small.toml")).unwrap();

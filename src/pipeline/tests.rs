@@ -158,6 +158,7 @@ fn captures_of_a_panel_that_dimmed_do_not_make_the_picture_brighter() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn the_reason_of_a_rung_speaks_of_captures_only_where_some_were_made() {
     let mut bed = Bed::new();
     let photo = bed.photo();
@@ -252,6 +253,7 @@ fn work(photo: &Came, method: &dyn Method, bed: &mut Bed) -> (Verdict, usize, us
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_refusal_costs_no_more_than_a_restoration() {
     let mut bed = Bed::new();
     // No scene gives a sharp picture through this lens.

@@ -385,6 +385,7 @@ fn everything(skip: Option<&Label>) -> Result<Found, String> {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn the_power_may_fail_at_every_instant_any_number_of_times() {
     let found = everything(None).unwrap();
     println!("{} states of the disk, {} cuts", found.states, found.cuts);

@@ -52,6 +52,7 @@ fn before_the_lens(rig: &config::RigFile) -> Frame<Work> {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_photo_of_the_rig_s_own_is_restored_when_its_panel_is_back_and_a_knock_is_measured() {
     let (root, slots) = (fresh_root(), fresh_root());
     let (rig, mut restorer, witness) = rig(slots.path());
@@ -95,6 +96,7 @@ fn a_photo_of_the_rig_s_own_is_restored_when_its_panel_is_back_and_a_knock_is_me
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn photos_with_faults_are_whole_or_absent() {
     let shoots: usize = match std::env::var("RELENS_SHOOTS") {
         Ok(count) => count.parse().unwrap(),

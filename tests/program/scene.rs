@@ -40,6 +40,7 @@ fn names(folder: &Path, ending: &str) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_come() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -221,6 +221,7 @@ fn the_small_rig_is_calibrated_within_the_bounds() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn the_default_rig_is_calibrated_within_the_bounds() {
     let config = load("ideal.toml");
     let (mut rig, witness, calibration) = calibrated(&config);
@@ -245,6 +246,7 @@ fn the_default_rig_keeps_the_bounds_with_other_noise() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn the_studys_rig_is_calibrated_without_a_checkerboard() {
     let config = load("study.toml");
     let (mut rig, witness, calibration) = calibrated(&config);
@@ -436,6 +438,7 @@ fn a_rig_that_moves_is_told_so_whenever_it_moves() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_calibration_is_given_up_after_the_capture_at_which_it_is_asked_to_be() {
     let config = load("small.toml");
     let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
@@ -457,6 +460,7 @@ fn a_calibration_is_given_up_after_the_capture_at_which_it_is_asked_to_be() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn the_same_rig_gives_the_same_calibration_and_counts_generations() {
     let config = load("small.toml");
     let (_, _, first) = calibrated(&config);
