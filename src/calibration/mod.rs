@@ -47,7 +47,7 @@ pub use curve::ResponseCurve;
 pub use geometric::Geometry;
 pub use lens_flat::{LensFlat, LensFlatError};
 pub use noise::Noise;
-pub use other_focus::{FocusError, OtherFocus};
+pub use other_focus::{FocusError, OtherFocus, focus_offset};
 pub use response_pattern::ResponsePattern;
 pub use site_gains::SiteGains;
 pub use site_norms::SiteNorms;

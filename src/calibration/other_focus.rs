@@ -36,8 +36,8 @@ pub struct OtherFocus {
 pub enum FocusError {
     /// The offset is none.
     #[error(
-        "a focus offset of {found} dioptres; {SAME_OFFSET} to {OFFSET_MAX}, nearer or farther \
-         (negative), is allowed"
+        "found a focus offset of {found} dioptres, allowed {SAME_OFFSET} to {OFFSET_MAX}, nearer \
+         or farther (negative)"
     )]
     Offset {
         /// The offset.
@@ -127,9 +127,7 @@ impl Calibration {
     /// # Errors
     /// When the offset is none, or too many others are kept.
     pub fn check_offset(&self, offset: f32) -> Result<(), FocusError> {
-        if !is_offset(offset) {
-            return Err(FocusError::Offset { found: offset });
-        }
+        focus_offset(offset)?;
         let is_other = |focus: &&OtherFocus| (focus.offset - offset).abs() >= SAME_OFFSET;
         let others = self.focuses.iter().filter(is_other).count();
         (others < FOCUSES_MAX).then_some(()).ok_or(FocusError::TooMany)
@@ -166,7 +164,14 @@ impl Calibration {
     }
 }
 
-/// Whether `offset`, dioptres, can be another focus than the panel's.
+/// `offset`, dioptres, as another focus than the panel's.
+///
+/// # Errors
+/// [`FocusError::Offset`] when it is none.
+pub fn focus_offset(offset: f32) -> Result<f32, FocusError> {
+    is_offset(offset).then_some(offset).ok_or(FocusError::Offset { found: offset })
+}
+
 fn is_offset(offset: f32) -> bool {
     (SAME_OFFSET..=OFFSET_MAX).contains(&offset.abs())
 }

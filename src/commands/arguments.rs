@@ -128,6 +128,10 @@ pub(super) fn complaint(error: &clap::Error, words: &[OsString]) -> String {
             let hint = hint(error, ContextKind::SuggestedValue, allowed.into_iter());
             format!("found `{value}` for {found}{hint}")
         }
+        ErrorKind::ValueValidation => {
+            let why = std::error::Error::source(error).map(ToString::to_string);
+            format!("found `{value}` for {found}, allowed {}", range(&why.unwrap_or_default()))
+        }
         ErrorKind::ArgumentConflict if of(ContextKind::PriorArg) == found => {
             format!("{found} was given twice, allowed once")
         }
@@ -142,6 +146,18 @@ pub(super) fn complaint(error: &clap::Error, words: &[OsString]) -> String {
     };
     let page = name.replacen("relens", "relens help", 1);
     format!("{said} (`{page}` tells more)")
+}
+
+/// What is allowed, of the words in which a value's parser says `why` it does not take one.
+fn range(why: &str) -> String {
+    if let Some((_, allowed)) = why.split_once(", allowed ") {
+        return allowed.to_owned();
+    }
+    match why.split_once(" is not in ").and_then(|(_, range)| range.split_once("..")) {
+        Some((least, "")) => format!("{least} or more"),
+        Some((least, most)) => format!("{least} to {}", most.trim_start_matches('=')),
+        None => "a number".to_owned(),
+    }
 }
 
 /// `; did you mean …?` or `, allowed: …`.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::Args;
-use relens::calibration::{Calibration, store};
+use relens::calibration::{Calibration, focus_offset, store};
 use relens::chart::operating_point::{choose, restorations};
 use relens::chart::test_rig::TestRig;
 use relens::config::{self, OperatingPoint, RigFile};
@@ -51,7 +51,7 @@ pub(super) struct CalibrateOptions {
     #[command(flatten)]
     folder: FolderOption,
     /// Measure the lens for scenes D dioptres (1/m) nearer than the panel, farther when negative
-    #[arg(long, value_name = "D", allow_hyphen_values = true)]
+    #[arg(long, value_name = "D", allow_hyphen_values = true, value_parser = dioptres)]
     focus_offset: Option<f32>,
     /// Forget what was measured for other focuses, and measure nothing
     #[arg(long, conflicts_with = "focus_offset")]
@@ -59,6 +59,12 @@ pub(super) struct CalibrateOptions {
     /// Measure what the lens alone darkens, behind a diffuser, for remove-vignetting
     #[arg(long, conflicts_with_all = ["focus_offset", "forget_focuses"])]
     diffuser: bool,
+}
+
+/// A focus offset, or what may be one.
+fn dioptres(word: &str) -> Result<f32, String> {
+    let offset = word.parse().map_err(|_| "no number".to_owned())?;
+    focus_offset(offset).map_err(|error| error.to_string())
 }
 
 /// `relens calibrate`.

@@ -80,7 +80,7 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     say("2. calibrating the rig, from captures alone");
     let mut restorer = opening::restorer(&rig, &root, None, None, opening::devices)?;
     say(&format!("3. restoring what was dropped into {}", inbox.display()));
-    let summary = empty_inbox(&rig, folders, &mut *restorer)?;
+    let summary = empty_inbox(&rig, folders, &mut *restorer, &|| false)?;
     say("\n              SSIM            PSNR in dB      captures  seconds\n              photo  \
          restored photo  restored");
     for (name, taken) in names.iter().zip(&taken) {

@@ -93,7 +93,8 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
         let asked = interruption(front, Arc::clone(&stopped));
         let mut restorer =
             opening::restorer(&rig, &folders.home(), None, Some(asked), opening::devices)?;
-        let summary = empty_inbox(&rig, folders, &mut *restorer)?;
+        let stop = || stopped.load(Ordering::Acquire);
+        let summary = empty_inbox(&rig, folders, &mut *restorer, &stop)?;
         return conclude(&summary, &gallery);
     }
     service_manager().ready();
@@ -253,16 +254,17 @@ fn temperature_c() -> Option<f64> {
     Some(text.trim().parse::<f64>().ok()? / 1000.0)
 }
 
-/// Restores all that is in the inbox of `folders`.
+/// Restores all that is in the inbox of `folders`, until `stop` says so.
 pub(super) fn empty_inbox(
     rig: &RigFile,
     folders: Folders,
     restorer: &mut dyn Restorer,
+    stop: &dyn Fn() -> bool,
 ) -> Result<Summary, CliError> {
     let mut watcher = PhotoProgress::default();
     let mut daemon =
         Daemon::open(folders, setting(rig), restorer, &Monotonic, &SystemTime::now, &mut watcher)?;
-    Ok(daemon.once()?)
+    Ok(daemon.once_until(stop)?)
 }
 
 fn setting(rig: &RigFile) -> DaemonSetting {

@@ -18,10 +18,15 @@ pub enum ConfigError {
         source: std::io::Error,
     },
     /// There is none.
-    #[error("found no rig file {path}, allowed a file, or one that is part of relens: {names}")]
+    #[error(
+        "found no rig file {path}{near}{} one that is part of relens: {names}",
+        if near.is_empty() { ", allowed a file, or" } else { " Allowed are a file, or" }
+    )]
     NoFile {
         /// The name asked for.
         path: PathBuf,
+        /// The one that may be meant, as a question.
+        near: String,
         /// Those that are part of relens.
         names: String,
     },

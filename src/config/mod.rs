@@ -104,10 +104,23 @@ fn found<T>(
                 Some((name, text)) => read(text, name, Path::new("")),
                 None => {
                     let names = built_in_names().collect::<Vec<_>>().join(", ");
-                    Err(ConfigError::NoFile { path: path.to_owned(), names })
+                    let near = near(path);
+                    Err(ConfigError::NoFile { path: path.to_owned(), near, names })
                 }
             }
         }
+    }
+}
+
+/// The rig that comes with the program which is meant by `path`, if that is nearly its name.
+fn near(path: &Path) -> String {
+    let found = path.to_string_lossy();
+    let off = |name: &str| {
+        edit_distance(&found, name).min(edit_distance(&found, name.trim_end_matches(".toml")))
+    };
+    match built_in_names().min_by_key(|name| off(name)) {
+        Some(name) if off(name) <= found.len() / 3 => format!("; did you mean {name}?"),
+        _ => String::new(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The loop: empty the inbox once, or watch it until told to stop.
 
+use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -141,13 +142,21 @@ impl<'a> Daemon<'a> {
     /// # Errors
     /// When the folders or the rig need help; photos not begun are still in the inbox.
     pub fn once(&mut self) -> Result<Summary, DaemonError> {
+        self.once_until(&|| false)
+    }
+
+    /// The same until `stop` says so, which is asked between photos: those not begun stay.
+    ///
+    /// # Errors
+    /// As [`Daemon::once`].
+    pub fn once_until(&mut self, stop: &dyn Fn() -> bool) -> Result<Summary, DaemonError> {
         let patience = Patience {
             quiet_s: 0.0,
             mention_s: 0.0,
             unfinished_s: self.setting.unfinished_s,
             by_its_record: Some(self.clocks.unix_s()),
         };
-        let passed = self.pass(patience, f64::INFINITY, &|| false);
+        let passed = self.pass(patience, f64::INFINITY, stop);
         let shown = self.show_gallery();
         self.tell(match &passed {
             Ok(_) => Doing::Ended,
@@ -220,18 +229,21 @@ impl<'a> Daemon<'a> {
         self.summary()
     }
 
-    /// Takes what is ready, oldest first, until nothing is or the schedule holds: then that turn.
+    /// Takes what is ready until nothing is or the schedule holds: then that turn. Oldest first;
+    /// but after one that came to nothing the newest is next, of those, too, that came to rest
+    /// meanwhile: no heap of such keeps it waiting.
     fn pass(
         &mut self,
         patience: Patience,
         retry_s: f64,
         stop: &dyn Fn() -> bool,
     ) -> Result<Turn, DaemonError> {
-        let mut number = 0;
+        let (mut number, mut newest_next) = (0, false);
         let turn = 'all: loop {
             if self.schedule.impatient() {
                 self.inbox.end_rest();
             }
+            let looked = self.clocks.moment();
             let Ready { photos, waiting } = self.look(patience)?;
             if photos.is_empty() {
                 match self.ask(waiting, false)? {
@@ -241,10 +253,22 @@ impl<'a> Daemon<'a> {
                 continue;
             }
             let of = number + photos.len();
-            for (taken, way) in photos.into_iter().enumerate() {
+            let (mut photos, mut taken) = (VecDeque::from(photos), 0);
+            loop {
+                if newest_next && taken > 0 && self.is_look_due(looked) {
+                    continue 'all;
+                }
+                let newest = photos.iter().rposition(|way| !self.inbox.is_left(way));
+                let next = match newest.filter(|_| newest_next) {
+                    Some(newest) => photos.remove(newest),
+                    None => photos.pop_front(),
+                };
+                let Some(way) = next else { break };
                 if stop() {
                     return Ok(Turn::Stop);
                 }
+                newest_next = !newest_next;
+                taken += 1;
                 match self.may_be_taken(&way, patience) {
                     Ok(true) => {}
                     Ok(false) => {
@@ -258,7 +282,7 @@ impl<'a> Daemon<'a> {
                     }
                 }
                 self.make_room()?;
-                match self.ask(waiting - taken, true)? {
+                match self.ask(waiting + 1 - taken, true)? {
                     Turn::Go => {}
                     Turn::Again(photos) => {
                         self.withdraw(&photos)?;
@@ -268,6 +292,7 @@ impl<'a> Daemon<'a> {
                 }
                 number += 1;
                 let end = self.work(&way, number, of)?;
+                newest_next &= !matches!(end, JobEnd::Done { .. });
                 self.note(&way, end, retry_s);
                 if self.reporter.is_due(self.clocks.moment()) {
                     self.show_gallery()?;
@@ -281,6 +306,12 @@ impl<'a> Daemon<'a> {
             self.tell(Doing::Waiting);
         }
         Ok(turn)
+    }
+
+    /// Whether a file that was not quiet at the look at `looked` may be by now.
+    fn is_look_due(&self, looked: Moment) -> bool {
+        let now = self.clocks.moment();
+        now.0 - looked.0 >= self.setting.poll_s || self.inbox.due().is_some_and(|due| now >= due)
     }
 
     /// The schedule's turn; an error when somebody must help first.

@@ -123,7 +123,14 @@ impl Files {
     /// # Errors
     /// When it cannot.
     pub fn make_folder(&self, folder: &Path) -> Result<(), FileError> {
-        self.0.make_folder(folder).map_err(FileError::at("make the folder", folder))
+        self.0.make_folder(folder).map_err(|error| {
+            let words = "found a file of that name, allowed a folder, or a name that is free";
+            let error = match error.kind() {
+                kind @ ErrorKind::AlreadyExists => io::Error::new(kind, words),
+                _ => error,
+            };
+            FileError::at("make the folder", folder)(error)
+        })
     }
 
     /// Removes the file `path`, unless somebody else was quicker.

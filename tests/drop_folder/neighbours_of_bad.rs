@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant, UNIX_EPOCH};
 
-use relens::daemon::{Daemon, Folders, Summary};
+use relens::daemon::{Daemon, Folders, Summary, Watcher};
 use relens::disk::Disk;
 use relens::picture::Format;
 
@@ -88,4 +88,70 @@ fn a_good_photo_after_bad_ones_is_done_within_ten_seconds() {
             }
         }
     }
+}
+
+/// Whose turn came when.
+struct Turns(Vec<String>);
+
+impl Watcher for Turns {
+    fn begun(&mut self, name: &str, _: usize, _: usize) {
+        self.0.push(name.to_owned());
+    }
+}
+
+#[test]
+fn a_heap_of_bad_photos_keeps_the_newest_waiting_for_one_of_them() {
+    let root = fresh_root();
+    let root = root.path();
+    for n in 0..20 {
+        drop_in(root, &format!("bad-{n}.png"), b"this is no photo");
+    }
+    std::thread::sleep(Duration::from_millis(20));
+    for good in ["good-1.png", "good-2.png"] {
+        drop_in(root, good, &file(Format::Png, 8, RIG));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let mut turns = Turns(Vec::new());
+    let summary = once_with(root, &mut Brightener::default(), &mut turns).unwrap();
+    assert_eq!((summary.restored.len(), summary.failed.len()), (2, 20));
+    let good = turns.0.iter().rposition(|name| name.starts_with("good")).unwrap();
+    assert!(good <= 3, "two good, one bad before each: {:?}", turns.0);
+}
+
+/// Drops a good photo at the first turn; each turn takes a second.
+struct Dropper<'a> {
+    root: &'a Path,
+    clock: &'a TestClock,
+    turns: Vec<String>,
+}
+
+impl Watcher for Dropper<'_> {
+    fn begun(&mut self, name: &str, _: usize, _: usize) {
+        if self.turns.is_empty() {
+            drop_in(self.root, "good.png", &file(Format::Png, 8, RIG));
+        }
+        self.clock.0.set(self.clock.0.get() + 1.0);
+        self.turns.push(name.to_owned());
+    }
+}
+
+#[test]
+fn a_photo_that_comes_while_bad_ones_are_looked_at_does_not_wait_for_all_of_them() {
+    let root = fresh_root();
+    let root = root.path();
+    for n in 0..40 {
+        drop_in(root, &format!("bad-{n}.png"), b"this is no photo");
+    }
+    let (clock, mut restorer) = (TestClock::default(), Brightener::default());
+    let mut watcher = Dropper { root, clock: &clock, turns: Vec::new() };
+    let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);
+    let folders = Folders::open(root).unwrap();
+    let mut daemon =
+        Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
+    let summary = daemon.run(&|| clock.0.get() > 90.0);
+    drop(daemon);
+    assert_eq!((summary.restored.len(), summary.failed.len()), (1, 40));
+    let good = watcher.turns.iter().position(|name| name == "good.png").unwrap();
+    // It has to be quiet for five seconds, and is seen within as many.
+    assert!(good <= 12, "{:?}", watcher.turns);
 }

@@ -116,7 +116,18 @@ fn wrong_use_ends_with_2_and_one_sentence() {
         (&["runn"][..], "did you mean run?"),
         (&["run"], "needs --rig"),
         (&["run", "--rig", "no-such.toml"], "no-such.toml"),
+        (&["run", "--rig", "smal.toml"], "found no rig file smal.toml; did you mean small.toml?"),
         (&["run", "--rig", "small.toml", "--onec"], "did you mean --once?"),
+        (
+            &["calibrate", "--rig", "small.toml", "--focus-offset", "near"],
+            "found `near` for --focus-offset <D>, allowed a number",
+        ),
+        (
+            &["calibrate", "--rig", "small.toml", "--focus-offset", "1000"],
+            "found `1000` for --focus-offset <D>, allowed 0.001 to 10",
+        ),
+        (&["align", "--rig", "small.toml", "--lens", "0", "3"], ", allowed 0.1 to 10000"),
+        (&["shoot", "--rig", "small.toml", "-o", "a.dng", "--frames", "0"], ", allowed 1 to 64"),
         (
             &["restore", "--rig", "small.toml", "a.jpg", "-o", "b.webp"],
             "one ending in .jpg, .png or .tif",

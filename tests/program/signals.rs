@@ -183,3 +183,28 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
         );
     }
 }
+
+#[test]
+fn told_to_end_while_it_empties_the_inbox_it_begins_no_further_photo() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    calibrated(folder);
+    std::fs::create_dir(folder.join("inbox")).unwrap();
+    let photo = ["photograph", "--rig", "small.toml", SCENE, "-o", "inbox/a.png"];
+    assert!(relens(&photo, folder).wait().unwrap().success());
+    for other in 0..6 {
+        let name = format!("inbox/b-{other}.png");
+        std::fs::copy(folder.join("inbox/a.png"), folder.join(name)).unwrap();
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
+    command.args(["run", "--rig", "small.toml", "--once"]).current_dir(folder);
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let working = || std::fs::read_dir(folder.join("working")).is_ok_and(|w| w.count() > 0);
+    while !working() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    let said = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
+    assert!(said.matches("left in the inbox").count() <= 1, "{said}");
+    assert!(!said.contains("a capture failed"), "nothing failed: {said}");
+}

@@ -244,6 +244,11 @@ impl Inbox {
         self.left.values().cloned().collect()
     }
 
+    /// Whether the photo at `way` could not be had before.
+    pub(crate) fn is_left(&self, way: &Path) -> bool {
+        self.left.contains_key(way)
+    }
+
     /// When a file that is there will have been quiet for long enough, if nothing happens before.
     pub(crate) fn due(&self) -> Option<Moment> {
         self.due

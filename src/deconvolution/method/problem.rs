@@ -286,8 +286,8 @@ pub enum MethodError {
         /// The method's name.
         method: &'static str,
     },
-    /// A capture failed.
-    #[error("a capture failed: {0}")]
+    /// A capture failed, or nobody wanted it any more.
+    #[error("{what}{0}", what = if _0.was_asked_for() { "" } else { "a capture failed: " })]
     Optics(AnyFailure),
 }
 
@@ -303,5 +303,9 @@ impl Remediable for MethodError {
             MethodError::NoModel { .. } => Remedy::Recalibrate,
             MethodError::Optics(failure) => failure.remedy(),
         }
+    }
+
+    fn was_asked_for(&self) -> bool {
+        matches!(self, MethodError::Optics(failure) if failure.was_asked_for())
     }
 }
