@@ -14,10 +14,19 @@ pub struct Lab {
 impl Lab {
     /// The colour of sRGB codes 0..255 (IEC 61966-2-1; CIE 15:2004 for L*a*b*).
     pub fn of_srgb(codes: [f32; 3]) -> Lab {
-        let [r, g, b] = codes.map(|code| match f64::from(code) / 255.0 {
+        Lab::of(codes.map(|code| match f64::from(code) / 255.0 {
             v if v <= 0.040_45 => v / 12.92,
             v => ((v + 0.055) / 1.055).powf(2.4),
-        });
+        }))
+    }
+
+    /// The colour of linear light 0..255 with sRGB's primaries; light outside the range is clipped.
+    pub(crate) fn of_light(light: [f32; 3]) -> Lab {
+        Lab::of(light.map(|light| f64::from(light.clamp(0.0, 255.0)) / 255.0))
+    }
+
+    /// The colour of red, green and blue light 0..1.
+    fn of([r, g, b]: [f64; 3]) -> Lab {
         // Rows of the standard's matrix over the white they add up to: codes of grey are grey.
         let over_white = |[x, y, z]: [f64; 3]| (x * r + y * g + z * b) / (x + y + z);
         let root = |t: f64| match t > (6.0f64 / 29.0).powi(3) {

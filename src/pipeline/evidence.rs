@@ -4,7 +4,7 @@
 //! |---|---|
 //! | model residual over the photo's noise | a photo that no scene gives, or a changed rig |
 //! | the same of the untouched photo | how much there was to gain |
-//! | distance from the reference solution | noise and ringing that the lens hides from residuals |
+//! | distance from the reference solution, in lightness and in colour | noise, ringing and tints that the lens hides from residuals |
 //! | grain of the flat parts, as it looks | the same, at the finest scale |
 //! | light more or less than the photo's | captures of a panel that is not as bright as it was |
 //!
@@ -15,45 +15,18 @@
 use rayon::prelude::*;
 
 use super::Pipeline;
+use super::distance::lightness;
 use super::grain::Grain;
 use super::stages::{Evidence, Prepared, Residuals, Solved};
 use crate::deconvolution::data_term::{MISSING, SATURATED, residual_in_place, rms_over_data};
 use crate::deconvolution::lens_model::LensModel;
-use crate::deconvolution::quality::ssim;
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, Work};
+use crate::frame::{Channel, Frame, Plane, Work};
 
 /// A channel with less of its pixels away from saturated ones has no say. Guess.
 pub(super) const DATA_SHARE_MIN: f64 = 0.05;
 /// What a camera fills in between its filters errs by so much of what means of the nearest sites
 /// err by. Guess: by directions and by the other colours, cameras do twice as well.
 pub(super) const FILLED_IN: f32 = 0.5;
-/// Weights of red, green and blue in luminance (Rec. 709).
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
-/// Lightness is light to this power, about.
-const LIGHTNESS: f32 = 1.0 / 2.2;
-
-/// How far `result` is from the `reference` solution, as a share of how far the untouched photo is
-/// from it, by 1 − SSIM of lightness; 0 is the same picture, above 1 the photo is nearer.
-pub(super) fn distance(
-    photo: &Frame<Work>,
-    result: &Frame<Work>,
-    reference: &Frame<Work>,
-    channels: Channels,
-) -> f64 {
-    let (reference, result) = (lightness(reference, channels), lightness(result, channels));
-    let unlike = |plane: &Plane| 1.0 - ssim(plane, &reference);
-    unlike(&result) / unlike(&lightness(photo, channels)).max(f64::MIN_POSITIVE)
-}
-
-/// How light `picture` looks, 0..255; of a grey photo its green channel.
-pub(super) fn lightness(picture: &Frame<Work>, channels: Channels) -> Plane {
-    let mut sum = Plane::zeros(picture.size());
-    for &c in channels.list() {
-        let weight = if channels == Channels::Green { 1.0 } else { LUMINANCE[c.index()] };
-        sum.add_scaled(weight, &picture.plane(c).map(|v: f32| v.clamp(0.0, FULL_SCALE)));
-    }
-    sum.map(|v: f32| FULL_SCALE * (v / FULL_SCALE).powf(LIGHTNESS))
-}
 
 impl Pipeline {
     /// What can be known of what was `solved` for `photo`, by the lens as its captures say it is.
@@ -191,18 +164,5 @@ mod tests {
         let missing = known.data().iter().filter(|&&t| t == MISSING).count();
         assert_eq!(missing, 25);
         assert_eq!((known.at(2, 1), known.at(1, 1)), (MISSING, TRUSTED));
-    }
-
-    #[test]
-    fn the_distance_is_nought_for_the_reference_solution_and_one_for_the_photo() {
-        let wave = |share: f32| {
-            let plane =
-                Plane::from_fn(Size::new(40, 30), |x, y| 90.0 + share * ((x * y) % 23) as f32);
-            Frame::<Work>::from_fn(|_| plane.clone())
-        };
-        let (photo, reference) = (wave(1.0), wave(4.0));
-        assert!(distance(&photo, &reference, &reference, Channels::Colour).abs() < 1e-6);
-        assert!((distance(&photo, &photo, &reference, Channels::Colour) - 1.0).abs() < 1e-6);
-        assert!(distance(&photo, &wave(3.0), &reference, Channels::Green) < 0.5);
     }
 }

@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use super::evidence::{distance, lightness};
+use super::distance::{colour_distance, distance, lightness};
 use super::grain::Grain;
 use super::lens_alone::{Left, foreign, past};
 use super::stages::{Evidence, LensAlone, Prepared, Solved};
@@ -153,12 +153,19 @@ fn harmful(
                 .to_owned(),
         );
     }
-    let found = distance(&photo.photo, &solved.picture, &reference.picture, photo.channels);
     let allowed = distance_limit(solved);
-    if found > allowed || found.is_nan() {
+    let pictures = [&*photo.photo, &solved.picture, &reference.picture];
+    let distances = [
+        (Some(distance(pictures, photo.channels)), ""),
+        (colour_distance(pictures, photo.channels), " in colour"),
+    ];
+    for (found, by) in distances {
+        let Some(found) = found.filter(|found| *found > allowed || found.is_nan()) else {
+            continue;
+        };
         return Some(format!(
-            "the result was too far from what the measured lens alone makes of the photo, and that \
-             is returned in its place ({:.0} % as far as the photo itself, allowed {:.0})",
+            "the result was too far{by} from what the measured lens alone makes of the photo, and \
+             that is returned in its place ({:.0} % as far as the photo itself, allowed {:.0})",
             100.0 * found,
             100.0 * allowed
         ));

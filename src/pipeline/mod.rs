@@ -5,6 +5,7 @@
 //! [`Pipeline::prepare`], [`Pipeline::solve`], [`Pipeline::judge`].
 
 mod beyond_steps;
+mod distance;
 mod dot_test;
 mod evidence;
 mod focus;
