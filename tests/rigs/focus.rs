@@ -187,33 +187,6 @@ fn what_a_photo_s_own_focus_is_worth() {
 }
 
 #[test]
-#[ignore = "makes a table; some minutes"]
-fn what_a_modelled_focus_is_worth() {
-    let mut rig = rig();
-    if let (true, Kind::Simulated(simulation)) = (std::env::var_os("RAW").is_some(), &mut rig.kind)
-    {
-        simulation.sensor.mosaic = load("truthful.toml").simulation().unwrap().sensor.mosaic;
-    }
-    let raw = std::env::var_os("RAW").is_some();
-    let alone = measured(&rig).unwrap();
-    let mut series = alone.clone();
-    for radius in [0.6f32, 1.2, 1.8, 2.4, 3.2] {
-        let (functions, lost) = alone.functions.out_of_focus(radius);
-        println!("{radius}: lost {lost}");
-        let other = Calibration { functions, ..alone.clone() };
-        series = series.with_focus(radius * 0.03, &other).unwrap();
-    }
-    let both = [alone, series];
-    let all = [3200.0, 3600.0, 4000.0, 4400.0, 5000.0, 8000.0].map(|mm| {
-        (mm, gains(&rig, &both, mm, &[Scene::Astronaut, Scene::Coffee, Scene::Rocket], raw))
-    });
-    for (mm, Gains { alone, found, own, worst }) in all {
-        let share = |of: [f64; 2]| format!("{:.2}/{:.2}", of[0] / own[0], of[1] / own[1]);
-        println!("| {} m | {} | {} | {worst:+.3} |", mm / 1000.0, share(alone), share(found));
-    }
-}
-
-#[test]
 #[ignore = "a minute: the gate runs it"]
 fn a_photo_out_of_focus_gains_what_a_panel_at_its_distance_would_give() {
     let rig = rig();

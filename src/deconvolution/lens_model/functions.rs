@@ -73,36 +73,6 @@ impl LensFunctions {
         LensFunctions { taps, ..*first }
     }
 
-    /// The same lens with its image out of focus, and how much of the light that leaves the support
-    /// at most, 0..1: every function spread over a disc of `radius_px`, which is what the aperture
-    /// makes of a point (geometrical optics). Aberrations are taken to be as in focus; nothing says
-    /// on which side.
-    #[must_use]
-    pub fn out_of_focus(&self, radius_px: f32) -> (LensFunctions, f32) {
-        let (disc, k) = (disc(radius_px), self.support_px as isize);
-        let mut lost = 0.0f32;
-        let taps = self.taps.each_ref().map(|taps| {
-            let mut spread = vec![0.0; taps.len()];
-            let one = self.support_px * self.support_px;
-            for (spread, function) in spread.chunks_exact_mut(one).zip(taps.chunks_exact(one)) {
-                for (place, &tap) in function.iter().enumerate() {
-                    let (v, u) = (place as isize / k, place as isize % k);
-                    for &(dv, du, share) in &disc {
-                        let (v, u) = (v + dv, u + du);
-                        if (0..k).contains(&v) && (0..k).contains(&u) {
-                            spread[(v * k + u) as usize] += tap * share;
-                        }
-                    }
-                }
-                let [before, after] = [function, &*spread].map(|of| of.iter().sum::<f32>());
-                lost = lost.max(1.0 - after / before.max(f32::MIN_POSITIVE));
-                spread.iter_mut().for_each(|tap| *tap *= before / after.max(f32::MIN_POSITIVE));
-            }
-            spread
-        });
-        (LensFunctions { taps, ..*self }, lost)
-    }
-
     /// The functions of an array of shape `[rows, columns, 3, k, k]`, as `blur = "grid.npy"` files
     /// hold them.
     ///
@@ -163,29 +133,5 @@ impl LensFunctions {
             }
         }
         Ok(())
-    }
-}
-
-/// What of each pixel lies in a disc of `radius` around the middle one: rows down, columns across,
-/// and the share of the disc.
-fn disc(radius: f32) -> Vec<(isize, isize, f32)> {
-    /// Points of a pixel that are asked, each way.
-    const POINTS: usize = 8;
-    let reach = radius.ceil() as isize + 1;
-    let at = |n: isize, point: usize| n as f32 + (point as f32 + 0.5) / POINTS as f32 - 0.5;
-    let covered = |v: isize, u: isize| {
-        let inside = |point: &usize| {
-            at(v, point / POINTS).hypot(at(u, point % POINTS)) <= radius.max(f32::MIN_POSITIVE)
-        };
-        (0..POINTS * POINTS).filter(inside).count()
-    };
-    let places = (-reach..=reach).flat_map(|v| (-reach..=reach).map(move |u| (v, u)));
-    let counts: Vec<_> = places.map(|(v, u)| (v, u, covered(v, u))).collect();
-    match counts.iter().map(|of| of.2).sum::<usize>() {
-        0 => vec![(0, 0, 1.0)],
-        all => {
-            let within = counts.into_iter().filter(|of| of.2 > 0);
-            within.map(|(v, u, count)| (v, u, count as f32 / all as f32)).collect()
-        }
     }
 }
