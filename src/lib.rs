@@ -120,5 +120,7 @@ pub use deconvolution::ladder::Rung;
 pub use face::{Calibrated, Error, PhotoRestorer, Rig};
 pub use frame::{Channel, Channels, Frame, Plane, Size, Work};
 pub use picture::{Format, Photo};
-pub use pipeline::{Evidence, Grain, Iteration, OpticalResidual, Outcome, Residuals, Verdict};
+pub use pipeline::{
+    CertifiedFocus, Evidence, Grain, Iteration, OpticalResidual, Outcome, Residuals, Verdict,
+};
 pub use remedy::Remedy;

@@ -213,7 +213,7 @@ fn one(
     };
     let mut said =
         format!("{}: {smaller}{by}; captures: {captures}, {seconds:.1} s", place.display());
-    let certificate = outcome.certificate.map(|certificate| certificate.meaning().to_owned());
+    let certificate = outcome.certificate.map(|certificate| certificate.meaning());
     let notes = certificate.iter().chain(photo.told(is_returned)).chain(&outcome.notes);
     for note in [&outcome.reason].into_iter().chain(notes) {
         said.push_str(&format!("\n  {note}"));

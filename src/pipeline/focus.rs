@@ -40,6 +40,11 @@ impl Focuses {
         Focuses(all)
     }
 
+    /// Whether the lens was measured at the panel's focus alone.
+    pub(super) fn is_panel_alone(&self) -> bool {
+        self.0.is_empty()
+    }
+
     fn series(&self) -> Option<FocusSeries<'_>> {
         FocusSeries::new(self.0.iter().map(|focus| (focus.offset, &focus.functions)).collect())
     }

@@ -25,7 +25,9 @@ mod stages;
 pub use dot_test::BackwardCheck;
 pub use grain::Grain;
 pub use methods::{digital, hybrid, method, paper, reference_solution};
-pub use outcome::{Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict};
+pub use outcome::{
+    CertifiedFocus, Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict,
+};
 pub use prepare::{AVERAGED_MIN, power_share};
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};

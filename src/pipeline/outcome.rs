@@ -61,6 +61,30 @@ pub struct OpticalResidual {
     pub residual_grey_levels: f64,
     /// What noise alone would leave, grey levels of 255.
     pub floor_grey_levels: f64,
+    /// The focus it is of.
+    #[serde(default)]
+    pub focus: CertifiedFocus,
+}
+
+/// The focus at which the photograph of a finished picture is compared with the photo.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CertifiedFocus {
+    /// The panel's: of a scene nearer or farther it says nothing.
+    #[default]
+    Panel,
+    /// The photo's own, as far as it told which of those measured that is.
+    Photo,
+}
+
+impl CertifiedFocus {
+    /// On what it holds, to be added to what is said of it.
+    pub fn proviso(self) -> &'static str {
+        match self {
+            CertifiedFocus::Panel => ", if the scene was as far away as the panel",
+            CertifiedFocus::Photo => "",
+        }
+    }
 }
 
 /// One step of a method.
@@ -121,6 +145,11 @@ impl Pipeline {
     ) -> Result<(Outcome, Solved), MethodError> {
         let solved = self.solve(rig, photo, method, watch)?;
         let mut outcome = self.judge(photo, &solved, watch)?;
+        if let Some(certificate) = &mut outcome.certificate
+            && !self.focuses.is_panel_alone()
+        {
+            certificate.focus = CertifiedFocus::Photo;
+        }
         let Some(focus) = &photo.focus else { return Ok((outcome, solved)) };
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.push(focus.told());
@@ -168,6 +197,7 @@ impl Outcome {
             certificate: optical_residual.map(|residual| OpticalResidual {
                 residual_grey_levels: residual.into(),
                 floor_grey_levels: noise_floor.into(),
+                focus: CertifiedFocus::Panel,
             }),
             captures: solved.captures,
             seconds: 0.0,
@@ -251,21 +281,15 @@ impl OpticalResidual {
     }
 
     /// The same for one who drops photos and picks results up.
-    pub fn meaning(&self) -> &'static str {
-        match self.confirmation() {
-            Confirmation::Full => {
-                "Photographed through the lens again, this picture is your photo."
-            }
+    pub fn meaning(&self) -> String {
+        let (said, holds) = match self.confirmation() {
+            Confirmation::Full => ("is your photo", self.focus.proviso()),
             Confirmation::Noisy => {
-                "Photographed through the lens again, this picture is your photo as far as its \
-                 strong noise lets one see."
+                ("is your photo as far as its strong noise lets one see", self.focus.proviso())
             }
-            Confirmation::Nearly => {
-                "Photographed through the lens again, this picture is nearly your photo."
-            }
-            Confirmation::Not => {
-                "Photographed through the lens again, this picture still differs from your photo."
-            }
-        }
+            Confirmation::Nearly => ("is nearly your photo", self.focus.proviso()),
+            Confirmation::Not => ("still differs from your photo", ""),
+        };
+        format!("Photographed through the lens again, this picture {said}{holds}.")
     }
 }

@@ -14,7 +14,7 @@ use relens::deconvolution::ladder::Rung;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use relens::light_path::Interrupted;
 use relens::picture::{Dng, Format, Limits, Manner, Photo, RawTags, encode};
-use relens::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
+use relens::pipeline::{CertifiedFocus, Iteration, OpticalResidual, Outcome, Verdict};
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 use relens::rig::{Clock, Moment};
 
@@ -80,6 +80,7 @@ impl Restorer for Brightener {
             captures: 1,
             seconds: 0.5,
             certificate: Some(OpticalResidual {
+                focus: CertifiedFocus::Photo,
                 residual_grey_levels: 1.0,
                 floor_grey_levels: 1.0,
             }),

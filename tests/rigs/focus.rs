@@ -11,7 +11,7 @@ use relens::config::{Curve, Kind, Lens, RigFile};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::picture::Tone;
-use relens::pipeline::{Pipeline, hybrid};
+use relens::pipeline::{CertifiedFocus, Pipeline, hybrid};
 use relens::rig::simulated::{self, Depth, Witness};
 
 use crate::{load, measured};
@@ -103,6 +103,9 @@ fn delivered(rig: &RigFile, calibration: &Calibration, taken: &Taken) -> Deliver
     let offsets = prepared.focus.as_ref().map_or(vec![0.0], |focus| focus.offsets.clone());
     let restored = pipeline.restore(&mut devices, &prepared, &hybrid(rig), &mut |_, _| {});
     let outcome = restored.unwrap().outcome;
+    let of_panel = outcome.certificate.is_some_and(|of| of.focus == CertifiedFocus::Panel);
+    let certified = outcome.certificate.is_some();
+    assert_eq!(of_panel, certified && calibration.focuses.is_empty());
     Delivered {
         score: score(&outcome.picture, &taken.truth),
         offsets,

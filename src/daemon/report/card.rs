@@ -140,33 +140,28 @@ fn outcome_words(report: &Report) -> String {
 }
 
 /// What the photograph of the result says, and the mark beside it.
-fn confirmation_words(report: &Report) -> Option<(&'static str, &'static str)> {
+fn confirmation_words(report: &Report) -> Option<(&'static str, String)> {
     if report.outcome == ResultKind::Untouched {
         return None;
     }
     let Some(certificate) = &report.certificate else {
-        return Some(("none", "Not confirmed: it was not photographed again."));
+        return Some(("none", "Not confirmed: it was not photographed again.".to_owned()));
     };
-    Some(match certificate.confirmation() {
-        Confirmation::Full => {
-            ("good", "Confirmed by light: photographed through the lens again, it is your photo.")
+    let (mark, head, said) = match certificate.confirmation() {
+        Confirmation::Full => ("good", "Confirmed by light: p", "it is your photo"),
+        Confirmation::Noisy => {
+            ("fair", "P", "it is your photo as far as its strong noise lets one see")
         }
-        Confirmation::Noisy => (
-            "fair",
-            "Photographed through the lens again, it is your photo as far as its strong noise lets \
-             one see.",
-        ),
-        Confirmation::Nearly => (
-            "fair",
-            "Nearly confirmed by light: photographed through the lens again, it is nearly your \
-             photo.",
-        ),
-        Confirmation::Not => (
-            "poor",
-            "Not confirmed by light: photographed through the lens again, it still differs from \
-             your photo.",
-        ),
-    })
+        Confirmation::Nearly => ("fair", "Nearly confirmed by light: p", "it is nearly your photo"),
+        Confirmation::Not => {
+            ("poor", "Not confirmed by light: p", "it still differs from your photo")
+        }
+    };
+    let proviso = match certificate.confirmation() {
+        Confirmation::Not => "",
+        _ => certificate.focus.proviso(),
+    };
+    Some((mark, format!("{head}hotographed through the lens again, {said}{proviso}.")))
 }
 
 /// What is one click away.
@@ -216,7 +211,7 @@ fn numbers(photo: &GalleryPhoto<'_>, up: &str) -> String {
 mod tests {
     use super::*;
     use crate::daemon::report::tests::report;
-    use crate::pipeline::OpticalResidual;
+    use crate::pipeline::{CertifiedFocus, OpticalResidual};
 
     fn card_of(report: &Report) -> String {
         let mut html = String::new();
@@ -258,6 +253,7 @@ mod tests {
             report.rung_reason = "it is sharp (3.1 times its noise is left)".into();
             report.notes = vec!["noise of the photo: 1.20 grey levels".into()];
             report.certificate = certificate.map(|residual_grey_levels| OpticalResidual {
+                focus: CertifiedFocus::Photo,
                 residual_grey_levels,
                 floor_grey_levels: 1.0,
             });
@@ -274,12 +270,33 @@ mod tests {
     #[test]
     fn agreement_within_strong_noise_is_no_confirmation() {
         let mut report = report(1);
-        report.certificate =
-            Some(OpticalResidual { residual_grey_levels: 75.24, floor_grey_levels: 75.42 });
+        report.certificate = Some(OpticalResidual {
+            focus: CertifiedFocus::Photo,
+            residual_grey_levels: 75.24,
+            floor_grey_levels: 75.42,
+        });
         let html = card_of(&report);
         assert!(!html.contains("certificate good") && html.contains("strong noise"), "{html}");
         // Two numbers of which the larger is the good one would be read the wrong way round.
         assert!(!html.contains("75."), "{html}");
+    }
+
+    #[test]
+    fn a_confirmation_at_the_panel_s_focus_says_on_what_it_holds() {
+        let proviso = "if the scene was as far away as the panel";
+        let mut report = report(1);
+        for (residual_grey_levels, focus, told) in [
+            (1.0, CertifiedFocus::Photo, false),
+            (1.0, CertifiedFocus::Panel, true),
+            (1.6, CertifiedFocus::Panel, true),
+            (4.0, CertifiedFocus::Panel, false),
+        ] {
+            let of = OpticalResidual { residual_grey_levels, floor_grey_levels: 1.0, focus };
+            report.certificate = Some(of);
+            let html = card_of(&report);
+            assert_eq!(in_plain_sight(&html).contains(proviso), told, "{of:?}");
+            assert_eq!(of.meaning().contains(proviso), told, "{of:?}");
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
 use crate::daemon::store::report_file::{Failed, Report, ResultKind, address};
 use crate::frame::Size;
 use crate::nights::pilot::Drift;
-use crate::pipeline::OpticalResidual;
+use crate::pipeline::{CertifiedFocus, OpticalResidual};
 
 pub(super) fn report(n: u64) -> Report {
     let name = format!("photo {n:04}.jpg");
@@ -25,7 +25,11 @@ pub(super) fn report(n: u64) -> Report {
         rung_reason: "the certificate says that the model missed something".into(),
         captures: 2,
         seconds: 6.5,
-        certificate: Some(OpticalResidual { residual_grey_levels: 1.1, floor_grey_levels: 1.0 }),
+        certificate: Some(OpticalResidual {
+            focus: CertifiedFocus::Photo,
+            residual_grey_levels: 1.1,
+            floor_grey_levels: 1.0,
+        }),
         meaning: None,
         size: Size::new(256, 192),
         stored: Size::new(256, 192),

@@ -106,7 +106,7 @@ impl Report {
             captures: outcome.captures,
             seconds: outcome.seconds,
             certificate: outcome.certificate,
-            meaning: outcome.certificate.map(|c| c.meaning().to_owned()),
+            meaning: outcome.certificate.map(|c| c.meaning()),
             size: photo.light.size(),
             stored: photo.stored,
             curve: photo.manner.tone.origin().to_owned(),
