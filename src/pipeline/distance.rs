@@ -77,7 +77,7 @@ mod tests {
             Frame::<Work>::from_fn(|c| {
                 let of = |x: usize, y: usize| 90.0 + share * ((x * y) % 23) as f32;
                 let sign = [1.0, 0.0, -LUMINANCE[0] / LUMINANCE[2]][c.index()];
-                let stripe = |x: usize| if x % 2 == 0 { tint } else { -tint };
+                let stripe = |x: usize| if x.is_multiple_of(2) { tint } else { -tint };
                 Plane::from_fn(Size::new(60, 40), |x, y| of(x, y) + sign * stripe(x))
             })
         };
