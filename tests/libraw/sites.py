@@ -13,7 +13,7 @@ data = open(photo, "rb").read()
 
 def entries(at):
     """The first directory's tags: type, count, and where the values are."""
-    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 10: 8}
+    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 10: 8, 12: 8}
     found = {}
     for n in range(struct.unpack_from("<H", data, at)[0]):
         entry = at + 2 + 12 * n
