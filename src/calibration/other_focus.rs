@@ -36,7 +36,7 @@ pub struct OtherFocus {
 pub enum FocusError {
     /// The offset is none.
     #[error(
-        "found a focus offset of {found} dioptres, allowed {SAME_OFFSET} to {OFFSET_MAX}, nearer \
+        "found a focus offset of {found}, allowed {SAME_OFFSET} to {OFFSET_MAX} dioptres, nearer \
          or farther (negative)"
     )]
     Offset {
