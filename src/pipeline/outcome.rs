@@ -77,16 +77,6 @@ pub enum CertifiedFocus {
     Photo,
 }
 
-impl CertifiedFocus {
-    /// On what it holds, to be added to what is said of it.
-    pub fn proviso(self) -> &'static str {
-        match self {
-            CertifiedFocus::Panel => ", if the scene was as far away as the panel",
-            CertifiedFocus::Photo => "",
-        }
-    }
-}
-
 /// One step of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -282,14 +272,21 @@ impl OpticalResidual {
 
     /// The same for one who drops photos and picks results up.
     pub fn meaning(&self) -> String {
-        let (said, holds) = match self.confirmation() {
-            Confirmation::Full => ("is your photo", self.focus.proviso()),
-            Confirmation::Noisy => {
-                ("is your photo as far as its strong noise lets one see", self.focus.proviso())
-            }
-            Confirmation::Nearly => ("is nearly your photo", self.focus.proviso()),
-            Confirmation::Not => ("still differs from your photo", ""),
+        let said = match self.confirmation() {
+            Confirmation::Full => "is your photo",
+            Confirmation::Noisy => "is your photo as far as its strong noise lets one see",
+            Confirmation::Nearly => "is nearly your photo",
+            Confirmation::Not => "still differs from your photo",
         };
-        format!("Photographed through the lens again, this picture {said}{holds}.")
+        let proviso = self.proviso();
+        format!("Photographed through the lens again, this picture {said}{proviso}.")
+    }
+
+    /// On what it holds, to be added to what is said of it.
+    pub fn proviso(&self) -> &'static str {
+        match (self.confirmation(), self.focus) {
+            (Confirmation::Not, _) | (_, CertifiedFocus::Photo) => "",
+            (_, CertifiedFocus::Panel) => ", if the scene was as far away as the panel",
+        }
     }
 }

@@ -127,6 +127,43 @@ fn a_replaced_result_is_told_as_what_is_delivered_and_why() {
     assert_eq!((alone.verdict, alone.picture), (Verdict::Sound, outcome.picture));
 }
 
+/// The reference solution with a tint from column to column that no lightness shows: red and blue
+/// by turns, of equal luminance, and too fine for the lens.
+struct Tinter(Box<dyn Method>);
+
+impl Method for Tinter {
+    fn about(&self) -> &'static About {
+        const ABOUT: About =
+            About { name: "tinter", starts_from_lens: false, by_patches: false, by_steps: false };
+        &ABOUT
+    }
+
+    fn solve(
+        &self,
+        problem: &Problem<'_>,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solution, MethodError> {
+        let mut solution = self.0.solve(problem, optics, watch)?;
+        // Rec. 709 weighs red 0.2126 and blue 0.0722.
+        for (plane, levels) in solution.picture.planes_mut().iter_mut().zip([10.0, 0.0, -29.4]) {
+            let turned = |x: usize| if x.is_multiple_of(2) { levels } else { -levels };
+            *plane = Plane::from_fn(plane.size(), |x, y| plane.at(x, y) + turned(x));
+        }
+        Ok(solution)
+    }
+}
+
+#[test]
+fn a_tint_that_lightness_does_not_show_is_replaced() {
+    let mut bed = Bed::new();
+    let photo = bed.photo();
+    let plain: Box<dyn Method> = Box::new(reference_solution(&bed.config));
+    let outcome = bed.restore(&photo, &Tinter(plain));
+    assert_eq!(outcome.verdict, Verdict::Replaced, "{}", outcome.reason);
+    assert!(outcome.reason.contains("too far in colour"), "{}", outcome.reason);
+}
+
 #[test]
 fn what_the_lens_model_missed_of_its_chart_is_not_held_against_a_photo() {
     let missed = |levels: f32| {

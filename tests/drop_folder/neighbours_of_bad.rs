@@ -90,6 +90,15 @@ fn a_good_photo_after_bad_ones_is_done_within_ten_seconds() {
     }
 }
 
+/// Folders with so many files in the inbox that are no photos.
+fn heap_of_bad(files: usize) -> tempfile::TempDir {
+    let root = fresh_root();
+    for n in 0..files {
+        drop_in(root.path(), &format!("bad-{n}.png"), b"this is no photo");
+    }
+    root
+}
+
 /// Whose turn came when.
 struct Turns(Vec<String>);
 
@@ -101,11 +110,8 @@ impl Watcher for Turns {
 
 #[test]
 fn a_heap_of_bad_photos_keeps_the_newest_waiting_for_one_of_them() {
-    let root = fresh_root();
+    let root = heap_of_bad(20);
     let root = root.path();
-    for n in 0..20 {
-        drop_in(root, &format!("bad-{n}.png"), b"this is no photo");
-    }
     std::thread::sleep(Duration::from_millis(20));
     for good in ["good-1.png", "good-2.png"] {
         drop_in(root, good, &file(Format::Png, 8, RIG));
@@ -137,11 +143,8 @@ impl Watcher for Dropper<'_> {
 
 #[test]
 fn a_photo_that_comes_while_bad_ones_are_looked_at_does_not_wait_for_all_of_them() {
-    let root = fresh_root();
+    let root = heap_of_bad(40);
     let root = root.path();
-    for n in 0..40 {
-        drop_in(root, &format!("bad-{n}.png"), b"this is no photo");
-    }
     let (clock, mut restorer) = (TestClock::default(), Brightener::default());
     let mut watcher = Dropper { root, clock: &clock, turns: Vec::new() };
     let calendar = || UNIX_EPOCH + Duration::from_secs(CALENDAR_UNIX_S);

@@ -199,8 +199,8 @@ fn a_photo_out_of_focus_gains_what_a_panel_at_its_distance_would_give() {
             gains(&rig, &both, mm, &[Scene::Coffee, Scene::Rocket], false);
         for n in 0..2 {
             assert!(found[n] >= least[n] * own[n], "{mm}: {found:?} of {own:?}");
-            // A solution for the panel's focus alone does not reach those shares.
-            assert!(alone[n] < 0.75 * own[n], "{mm}: {alone:?} of {own:?}");
+            // The panel's focus alone is far from those shares: the check above can fail.
+            assert!(alone[n] < [0.75, 0.6][n] * own[n], "{mm}: {alone:?} of {own:?}");
         }
         assert!(worst > 0.0, "{mm}: {worst}");
     }

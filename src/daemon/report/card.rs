@@ -147,21 +147,27 @@ fn confirmation_words(report: &Report) -> Option<(&'static str, String)> {
     let Some(certificate) = &report.certificate else {
         return Some(("none", "Not confirmed: it was not photographed again.".to_owned()));
     };
-    let (mark, head, said) = match certificate.confirmation() {
-        Confirmation::Full => ("good", "Confirmed by light: p", "it is your photo"),
-        Confirmation::Noisy => {
-            ("fair", "P", "it is your photo as far as its strong noise lets one see")
+    let (mark, said) = match certificate.confirmation() {
+        Confirmation::Full => {
+            ("good", "Confirmed by light: photographed through the lens again, it is your photo")
         }
-        Confirmation::Nearly => ("fair", "Nearly confirmed by light: p", "it is nearly your photo"),
-        Confirmation::Not => {
-            ("poor", "Not confirmed by light: p", "it still differs from your photo")
-        }
+        Confirmation::Noisy => (
+            "fair",
+            "Photographed through the lens again, it is your photo as far as its strong noise lets \
+             one see",
+        ),
+        Confirmation::Nearly => (
+            "fair",
+            "Nearly confirmed by light: photographed through the lens again, it is nearly your \
+             photo",
+        ),
+        Confirmation::Not => (
+            "poor",
+            "Not confirmed by light: photographed through the lens again, it still differs from \
+             your photo",
+        ),
     };
-    let proviso = match certificate.confirmation() {
-        Confirmation::Not => "",
-        _ => certificate.focus.proviso(),
-    };
-    Some((mark, format!("{head}hotographed through the lens again, {said}{proviso}.")))
+    Some((mark, format!("{said}{}.", certificate.proviso())))
 }
 
 /// What is one click away.
