@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::site_norms::{LEVEL_ROUNDS, SiteNorms};
+use super::site_norms::SiteNorms;
 use super::{Calibration, lens_blur};
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
@@ -11,7 +11,9 @@ use crate::frame::{Channel, Plane};
 
 /// Rounds of the power method from grey, which nearly is the dominant picture.
 const POWER_ROUNDS: usize = 12;
-/// The seed of the picture that the power method for each wavelet level begins with.
+/// Rounds of Lanczos's method for each wavelet level.
+const LEVEL_ROUNDS: usize = 8;
+/// The seed of the picture that the search for each wavelet level begins with.
 const LEVEL_SEED: u64 = 17;
 
 impl Calibration {

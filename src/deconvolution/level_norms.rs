@@ -8,9 +8,10 @@
 //! wavelet-regularized image restoration"; Bayram & Selesnick 2010).
 //!
 //! αⱼ = ρ ‖K Wⱼᵀ‖², where ρ is the largest eigenvalue of the operator scaled level by level. Both
-//! are found by the power method, so the bound holds by measurement and not by a guess about how
+//! are found by Lanczos's method, so the bound holds by measurement and not by a guess about how
 //! levels overlap.
 
+use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use serde::{Deserialize, Serialize};
@@ -19,12 +20,12 @@ use super::lens_model::LensModel;
 use super::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Channel, Mosaic, Plane};
 
-/// The power method comes from below; by so much its result is raised. Guess: with eight rounds on
-/// the default rig's lens it is within 3 %.
+/// Lanczos's method comes from below; by so much its result is raised. Guess: it is within 2 % with
+/// as many rounds as it is given.
 const RAISED: f32 = 1.05;
 /// Power let through below which a level counts as lost: its step is no longer than this allows.
 const LEAST: f32 = 1e-3;
-/// Of the picture that the power method at sites begins with.
+/// Of the picture that the search at sites begins with.
 const SITES_SEED: u64 = 18;
 
 /// αⱼ of each level of details, finest first, and of the approximation, last.
@@ -37,7 +38,7 @@ impl LevelNorms {
         LevelNorms(vec![norm_squared; levels + 1])
     }
 
-    /// Measures `model` in one channel with `levels` levels by `rounds` of the power method for
+    /// Measures `model` in one channel with `levels` levels by `rounds` of Lanczos's method for
     /// each, from random numbers of `seed`.
     pub fn measure(
         model: &LensModel,
@@ -47,7 +48,7 @@ impl LevelNorms {
         seed: u64,
     ) -> Self {
         let lens = SampledLens { model, channel, mosaic: None };
-        Power::new(lens, levels, rounds, seed).norms(levels)
+        Lanczos::new(lens, levels, rounds, seed).norms(levels)
     }
 
     /// The same of √weight · K at the sites of `mosaic` over the canvas (each counted as often as
@@ -60,9 +61,9 @@ impl LevelNorms {
         rounds: usize,
     ) -> (Self, f32) {
         let lens = SampledLens { model, channel, mosaic: Some(mosaic) };
-        let mut power = Power::new(lens, levels, rounds, SITES_SEED);
-        let norms = power.norms(levels);
-        (norms, RAISED * power.largest(&vec![1.0; levels + 1]))
+        let mut lanczos = Lanczos::new(lens, levels, rounds, SITES_SEED);
+        let norms = lanczos.norms(levels);
+        (norms, RAISED * lanczos.largest(&vec![1.0; levels + 1]))
     }
 
     /// Number of levels of details.
@@ -114,25 +115,22 @@ struct SampledLens<'a> {
 }
 
 impl SampledLens<'_> {
-    /// `seen` = w K `shown` with the sites' weights w, `back` = Kᵀ `seen`; ‖√w K `shown`‖².
-    fn there_and_back(&self, shown: &Plane, seen: &mut Plane, back: &mut Plane) -> f32 {
+    /// `seen` = w K `shown` with the sites' weights w, `back` = Kᵀ `seen`.
+    fn there_and_back(&self, shown: &Plane, seen: &mut Plane, back: &mut Plane) {
         self.model.forward(self.channel, shown, seen);
-        let mut power = seen.dot(seen);
         if let Some(mosaic) = self.mosaic {
             let weight = Mosaic::pixels_a_site(self.channel);
             let weighted = |x, y| {
                 if mosaic.colour_at(x, y) == self.channel { weight * seen.at(x, y) } else { 0.0 }
             };
             *seen = Plane::from_fn(seen.size(), weighted);
-            power = seen.dot(seen) / f64::from(weight);
         }
         self.model.adjoint(self.channel, seen, back);
-        power as f32
     }
 }
 
-/// The power method on levels.
-struct Power<'a> {
+/// The method of Lanczos on levels.
+struct Lanczos<'a> {
     lens: SampledLens<'a>,
     transform: Sym8,
     scratch: Scratch,
@@ -140,10 +138,10 @@ struct Power<'a> {
     seed: u64,
 }
 
-impl<'a> Power<'a> {
+impl<'a> Lanczos<'a> {
     fn new(lens: SampledLens<'a>, levels: usize, rounds: usize, seed: u64) -> Self {
         let transform = Sym8::new(lens.model.canvas(), levels);
-        Power { lens, transform, scratch: Scratch::default(), rounds, seed }
+        Lanczos { lens, transform, scratch: Scratch::default(), rounds, seed }
     }
 
     fn norms(&mut self, levels: usize) -> LevelNorms {
@@ -159,24 +157,42 @@ impl<'a> Power<'a> {
         LevelNorms(alone.iter().map(|norm| norm * overlap * RAISED).collect())
     }
 
-    /// Largest eigenvalue of S W KᵀK Wᵀ S, where S scales the levels by `scales`.
+    /// Largest eigenvalue of S W KᵀK Wᵀ S, where S scales the levels by `scales`, by the method of
+    /// Lanczos (Golub & Van Loan, "Matrix Computations", section 10.1), which needs a fraction of
+    /// the power method's rounds where many pictures come through nearly as well as the best.
     fn largest(&mut self, scales: &[f32]) -> f32 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.seed);
-        let mut picture =
-            Plane::from_fn(self.lens.model.canvas(), |_, _| random.random::<f32>() - 0.5);
-        let (mut seen, mut found) = (Plane::zeros(picture.size()), self.transform.zeros());
-        let mut largest = 0.0;
-        self.scale(&mut picture, &mut found, scales);
-        for _ in 0..self.rounds {
-            let length = picture.dot(&picture).sqrt().max(f64::MIN_POSITIVE) as f32;
-            picture.data_mut().iter_mut().for_each(|v| *v /= length);
-            // With S x = `scaled` and |x| = 1, |K Wᵀ S x|² is the eigenvalue's estimate.
-            let mut scaled = picture.clone();
+        let canvas = self.lens.model.canvas();
+        let mut next = Plane::from_fn(canvas, |_, _| random.random::<f32>() - 0.5);
+        let (mut seen, mut found) = (Plane::zeros(canvas), self.transform.zeros());
+        self.scale(&mut next, &mut found, scales);
+        let mut before = Plane::zeros(canvas);
+        // Rows that no round fills are eigenvalues 0, below all others.
+        let mut tridiagonal = DMatrix::<f64>::zeros(self.rounds, self.rounds);
+        for round in 0..self.rounds {
+            let length = next.dot(&next).sqrt();
+            if length <= f64::from(f32::MIN_POSITIVE) {
+                break;
+            }
+            let mut here = next.clone();
+            here.data_mut().iter_mut().for_each(|v| *v = (f64::from(*v) / length) as f32);
+            let mut scaled = here.clone();
             self.scale(&mut scaled, &mut found, scales);
-            largest = self.lens.there_and_back(&scaled, &mut seen, &mut picture);
-            self.scale(&mut picture, &mut found, scales);
+            self.lens.there_and_back(&scaled, &mut seen, &mut next);
+            self.scale(&mut next, &mut found, scales);
+            let along = here.dot(&next);
+            tridiagonal[(round, round)] = along;
+            if round > 0 {
+                tridiagonal[(round, round - 1)] = length;
+                tridiagonal[(round - 1, round)] = length;
+            }
+            let others = here.data().iter().zip(before.data());
+            for (v, (here, before)) in next.data_mut().iter_mut().zip(others) {
+                *v -= along as f32 * here + length as f32 * before;
+            }
+            before = here;
         }
-        largest
+        tridiagonal.symmetric_eigenvalues().max() as f32
     }
 
     fn scale(&mut self, picture: &mut Plane, found: &mut Coefficients, scales: &[f32]) {
