@@ -124,7 +124,8 @@ impl Calibration {
 
     /// Share of the light that the lens scatters wider than its functions reach, per channel.
     pub fn scattered(&self) -> [f32; 3] {
-        self.broad.each_ref().map(|halos| halos.iter().fold(0.0, |sum, halo| sum + halo.share))
+        let side = self.functions.support_px;
+        self.broad.each_ref().map(|halos| halos.iter().map(|halo| halo.beyond(side)).sum())
     }
 
     /// Whether all parts are whole and fit together, in words when not.

@@ -102,18 +102,13 @@ fn broad_light(
     correction: &Correction,
 ) -> Result<(), CalibrateError> {
     let beyond = calibration.beyond();
-    let shots = shoot(
-        session,
-        &correction.between_sites(),
-        BROAD_PATTERNS,
-        &|session, n| squares(session, n),
-        1,
-    )?;
-    let no_model = |e| CalibrateError::Lens(LensBlurError::Model(e));
-    let model = calibration.lens_model().map_err(no_model)?;
+    let series = shoot(session, correction, BROAD_PATTERNS, &|session, n| squares(session, n), 1)?;
+    let support_px = calibration.functions.support_px;
     for c in Channel::ALL {
-        calibration.broad[c.index()] =
-            lens_blur::halos(&model, c, &shots.shots[c.index()], &shots.trusted[c.index()], beyond);
+        let (shots, trusted) = (&series.shots[c.index()], &series.trusted[c.index()]);
+        let halos = lens_blur::halos(support_px, c, shots, trusted, beyond);
+        lens_blur::without_halos(&mut calibration.functions, c, &halos);
+        calibration.broad[c.index()] = halos;
     }
     Ok(())
 }
@@ -231,6 +226,8 @@ fn shoot(
         }
         flat.push(plane);
     }
+    let scale = grey_scale(session, &grey, &flat);
+    log::debug!("grey is {scale:.4?} times as bright as calibrated");
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
     let (mut first, mut gains) = (None, (1.0f32, 1.0f32));
     for n in 0..count {
@@ -247,7 +244,8 @@ fn shoot(
         for (c, shown) in Channel::ALL.iter().zip(shown.into_planes()) {
             let mut light = seen.light.plane(*c).clone();
             light.scale(1.0 / gain);
-            let seen = difference(&light, &flat[c.index()]);
+            let mut seen = difference(&light, &flat[c.index()]);
+            seen.scale(1.0 / scale[c.index()]);
             shots[c.index()]
                 .push(Shot { shown: averaged(&shown, pixel_px), seen: averaged(&seen, pixel_px) });
         }
@@ -258,6 +256,24 @@ fn shoot(
         averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
     });
     Ok(Series { shots, trusted: whole, first })
+}
+
+/// How bright the capture of grey is in each channel, against what its light was calibrated to be:
+/// what a backlight flickered then and now would be taken for light that patterns lose. 1 where
+/// [`brightness`] is.
+fn grey_scale(session: &Session<'_>, grey: &Corrected, flat: &[Plane]) -> [f32; 3] {
+    if rim_px(session.config) > 0 {
+        return [1.0; 3];
+    }
+    Channel::ALL.map(|c| {
+        let both = flat[c.index()].data().iter().zip(grey.trusted.plane(c).data());
+        let (mut light, mut pixels) = (0.0f64, 0.0f64);
+        for (&light_here, _) in both.filter(|(_, trusted)| **trusted > 0) {
+            (light, pixels) = (light + f64::from(light_here), pixels + 1.0);
+        }
+        let scale = light / (pixels * f64::from(GREY));
+        if (scale - 1.0).abs() <= GAIN_MAX { scale as f32 } else { 1.0 }
+    })
 }
 
 /// How bright a capture of a pattern on grey is against the capture of that grey: a backlight

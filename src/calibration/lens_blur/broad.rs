@@ -6,10 +6,15 @@
 //! The Gaussians' radii are given, each twice the one before; the shares are the least squares'
 //! with none below 0 (non-negative least squares by coordinate descent). A pattern held out tells
 //! whether any of it is true.
+//!
+//! Only places count whose function sees nothing but one square: there P x = x, whatever the
+//! functions are. At the squares' edges what is wrong with the functions would be taken for broad
+//! light, and much of that for a little of the former. What of the broad light falls within the
+//! functions was measured with them, and is taken out of them afterwards.
 
 use super::Shot;
 use crate::deconvolution::lens_model::broad::{SHARE_MAX, Veil};
-use crate::deconvolution::lens_model::{Beyond, Halo, LensModel};
+use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions};
 use crate::frame::{Channel, Plane, Size};
 
 /// Rounds of coordinate descent; the radii's columns are alike, so it takes many, and each costs
@@ -21,10 +26,10 @@ const SHARE_MIN: f32 = 0.002;
 /// held out. Guess.
 const BELIEVED: f64 = 0.2;
 /// Cells a radius of half a lens function has: what is compared are means over them.
-const CELLS: usize = 4;
+const CELLS: usize = 2;
 
 /// What one pattern says: the misfit without broad light, and what a share of each Gaussian would
-/// add, cell by cell.
+/// add, cell by cell; each times the root of the pixels it is of.
 struct PatternMisfit {
     misfit: Vec<f64>,
     columns: Vec<Vec<f64>>,
@@ -37,28 +42,24 @@ fn radii_px(support_px: usize, size: Size) -> Vec<f32> {
     std::iter::successors(Some(first), |r| Some(2.0 * r)).take_while(|r| *r <= widest).collect()
 }
 
-/// The halos of one channel: what `shots` say but for the last, believed when the last agrees; none
-/// when there are fewer than two. `functions_only` is the model without broad light; `trusted` has
-/// a 1 where all captures can be trusted.
+/// The halos of one channel, wider than functions of `support_px`: what `shots` say but for the
+/// last, believed when the last agrees; none when there are fewer than two. `trusted` has a 1 where
+/// all captures can be trusted.
 pub fn halos(
-    functions_only: &LensModel,
+    support_px: usize,
     channel: Channel,
     shots: &[Shot],
     trusted: &Plane<u8>,
     beyond: Beyond,
 ) -> Vec<Halo> {
-    let support_px = functions_only.functions().support_px;
-    let radii = radii_px(support_px, functions_only.canvas());
+    let radii = radii_px(support_px, trusted.size());
     let Some((held_out, fitted)) = shots.split_last().filter(|(_, fitted)| !fitted.is_empty())
     else {
         return Vec::new();
     };
-    let veils: Vec<Veil> = radii
-        .iter()
-        .map(|&radius_px| Veil::new(functions_only.canvas(), radius_px, beyond))
-        .collect();
-    let cell = (support_px / (2 * CELLS)).max(1);
-    let evidence = |shot: &Shot| evidence(functions_only, channel, shot, &veils, trusted, cell);
+    let veils: Vec<Veil> =
+        radii.iter().map(|&radius_px| Veil::new(trusted.size(), radius_px, beyond)).collect();
+    let evidence = |shot: &Shot| evidence(support_px, shot, &veils, trusted);
     let shares = shares(&fitted.iter().map(evidence).collect::<Vec<_>>(), veils.len());
     let judge = evidence(held_out);
     let (without, with) = (squared(&judge, &vec![0.0; shares.len()]), squared(&judge, &shares));
@@ -74,45 +75,94 @@ pub fn halos(
     found.filter(|halo| halo.share >= SHARE_MIN).collect()
 }
 
-/// Means over whole, trusted cells away from the border, of misfit and columns.
-fn evidence(
-    functions_only: &LensModel,
-    channel: Channel,
-    shot: &Shot,
-    veils: &[Veil],
-    trusted: &Plane<u8>,
-    cell: usize,
-) -> PatternMisfit {
-    let size = functions_only.canvas();
-    let mut local = Plane::zeros(size);
-    functions_only.forward(channel, &shot.shown, &mut local);
-    let border = functions_only.functions().support_px / 2;
-    let sound = |x0: usize, y0: usize| {
-        (y0..y0 + cell).all(|y| trusted.row(y)[x0..x0 + cell].iter().all(|&t| t > 0))
+/// Takes out of the functions of `channel`, each of sum 1, what of the light of `halos` falls
+/// within them: they were measured with it, and a model adds it.
+pub fn without_halos(functions: &mut LensFunctions, channel: Channel, halos: &[Halo]) {
+    let side = functions.support_px;
+    let mut within = vec![0.0f32; side * side];
+    for halo in halos {
+        let along = halo.along(side);
+        for (row, down) in within.chunks_exact_mut(side).zip(&along) {
+            row.iter_mut().zip(&along).for_each(|(w, across)| *w += halo.share * down * across);
+        }
+    }
+    let all: f32 = halos.iter().map(|halo| halo.share).sum();
+    // What the functions had of all light, and what they are to have.
+    let (seen, local) = (1.0 - all + within.iter().sum::<f32>(), 1.0 - all);
+    for function in functions.taps[channel.index()].chunks_exact_mut(side * side) {
+        function.iter_mut().zip(&within).for_each(|(t, w)| *t = (seen * *t - w) / local);
+    }
+}
+
+/// Where all within half of `support_px` is one square of `shown`.
+fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
+    let (size, reach) = (shown.size(), support_px / 2);
+    // Whether the run of alike neighbours reaches that far on both sides.
+    let inside = |alike: &dyn Fn(usize) -> bool, length: usize| {
+        let mut since: Vec<usize> = vec![0; length];
+        (1..length).for_each(|n| since[n] = if alike(n) { since[n - 1] } else { n });
+        let mut until = length;
+        let mut inside = vec![false; length];
+        for n in (0..length).rev() {
+            inside[n] = n - since[n] >= reach && until - 1 - n >= reach;
+            until = if n > 0 && !alike(n) { n } else { until };
+        }
+        inside
     };
-    let corners: Vec<(usize, usize)> = (border..(size.height.saturating_sub(border + cell)))
+    let mut across: Plane<u8> = Plane::zeros(size);
+    for y in 0..size.height {
+        let row = shown.row(y);
+        let whole = inside(&|x| row[x] == row[x - 1], size.width);
+        across.row_mut(y).iter_mut().zip(whole).for_each(|(to, is)| *to = u8::from(is));
+    }
+    let mut both: Plane<u8> = Plane::zeros(size);
+    for x in 0..size.width {
+        let alike = |y: usize| shown.at(x, y) == shown.at(x, y - 1);
+        let rows = inside(&alike, size.height);
+        let mut beside = vec![0usize; size.height + 1];
+        (0..size.height).for_each(|y| beside[y + 1] = beside[y] + usize::from(across.at(x, y)));
+        for y in (reach..size.height.saturating_sub(reach)).filter(|&y| rows[y]) {
+            let all = beside[y + reach + 1] - beside[y - reach] == 2 * reach + 1;
+            both.set(x, y, u8::from(all));
+        }
+    }
+    both
+}
+
+/// Misfit and columns over cells, of their trusted pixels within one square.
+fn evidence(support_px: usize, shot: &Shot, veils: &[Veil], trusted: &Plane<u8>) -> PatternMisfit {
+    let (size, cell) = (trusted.size(), (support_px / (2 * CELLS)).max(1));
+    let alone = within_a_square(&shot.shown, support_px);
+    let pixels = |x0: usize, y0: usize| -> Vec<usize> {
+        (y0..(y0 + cell).min(size.height))
+            .flat_map(|y| (x0..(x0 + cell).min(size.width)).map(move |x| (x, y)))
+            .filter(|&(x, y)| alone.at(x, y) > 0 && trusted.at(x, y) > 0)
+            .map(|(x, y)| y * size.width + x)
+            .collect()
+    };
+    let cells: Vec<Vec<usize>> = (0..size.height)
         .step_by(cell)
-        .flat_map(|y| {
-            (border..(size.width.saturating_sub(border + cell))).step_by(cell).map(move |x| (x, y))
-        })
-        .filter(|&(x, y)| sound(x, y))
+        .flat_map(|y| (0..size.width).step_by(cell).map(move |x| (x, y)))
+        .map(|(x, y)| pixels(x, y))
+        .filter(|pixels| !pixels.is_empty())
         .collect();
-    let mean = |of: &dyn Fn(usize) -> f64, (x, y): (usize, usize)| {
-        let rows = (y..y + cell).map(|y| y * size.width + x);
-        rows.flat_map(|first| first..first + cell).map(of).sum::<f64>() / (cell * cell) as f64
+    let sums = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        let sum = |pixels: &Vec<usize>| {
+            pixels.iter().map(|&n| of(n)).sum::<f64>() / (pixels.len() as f64).sqrt()
+        };
+        cells.iter().map(sum).collect()
     };
-    let (seen, local) = (shot.seen.data(), local.data());
-    let misfit = corners.iter().map(|&at| mean(&|n| f64::from(seen[n] - local[n]), at)).collect();
+    let (seen, shown) = (shot.seen.data(), shot.shown.data());
     let white = Plane::filled(size, 1.0);
     let columns = veils.iter().map(|veil| {
         let (spread, flat) = (veil.on_pixels(&shot.shown), veil.on_pixels(&white));
-        let adds = |n: usize| {
-            f64::from(spread.data()[n] - local[n])
+        sums(&|n| {
+            f64::from(spread.data()[n] - shown[n])
                 + f64::from(1.0 - flat.data()[n]) * f64::from(seen[n])
-        };
-        corners.iter().map(|&at| mean(&adds, at)).collect()
+        })
     });
-    PatternMisfit { misfit, columns: columns.collect() }
+    let columns = columns.collect();
+    PatternMisfit { misfit: sums(&|n| f64::from(seen[n] - shown[n])), columns }
 }
 
 /// The shares that explain most, none negative.
@@ -152,7 +202,7 @@ fn squared(evidence: &PatternMisfit, shares: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::deconvolution::lens_model::LensFunctions;
+    use crate::deconvolution::lens_model::LensModel;
     use crate::patterns::pseudo_random;
 
     const SIZE: Size = Size::new(240, 180);
@@ -193,13 +243,8 @@ mod tests {
                 let truth: Vec<Halo> =
                     truth.iter().map(|&(radius_px, share)| Halo { radius_px, share }).collect();
                 let trusted = Plane::filled(SIZE, 1);
-                let found = halos(
-                    &model(&[], beyond),
-                    Channel::Green,
-                    &shots(&model(&truth, beyond), 1.0),
-                    &trusted,
-                    beyond,
-                );
+                let shots = shots(&model(&truth, beyond), 1.0);
+                let found = halos(9, Channel::Green, &shots, &trusted, beyond);
                 let share = |halos: &[Halo]| halos.iter().map(|h| h.share).sum::<f32>();
                 assert!(
                     (share(&found) / share(&truth) - 1.0).abs() < 0.1,
@@ -226,8 +271,52 @@ mod tests {
         let trusted = Plane::filled(SIZE, 1);
         for noise in [0.0, 1.0, 4.0] {
             let lens = model(&[], Beyond::Dark);
-            let found = halos(&lens, Channel::Green, &shots(&lens, noise), &trusted, Beyond::Dark);
+            let found = halos(9, Channel::Green, &shots(&lens, noise), &trusted, Beyond::Dark);
             assert!(found.is_empty(), "noise {noise}: {found:?}");
         }
+    }
+
+    #[test]
+    fn halos_taken_out_of_functions_leave_what_was_measured_of_both() {
+        let halos = [(9.0, 0.05), (25.0, 0.1)].map(|(radius_px, share)| Halo { radius_px, share });
+        let measured = model(&[], Beyond::Dark).functions().clone();
+        let mut functions = measured.clone();
+        without_halos(&mut functions, Channel::Green, &halos);
+        let side = functions.support_px;
+        let bells = halos.map(|halo| (halo.share, halo.along(side)));
+        let (mut sum, mut seen) = (0.0f32, 0.0f32);
+        let parts = functions.taps[1].iter().zip(&measured.taps[1]).enumerate();
+        let mut ratios = Vec::new();
+        for (n, (&tap, &before)) in parts {
+            let within: f32 =
+                bells.iter().map(|(s, along)| s * along[n / side] * along[n % side]).sum();
+            let all = 0.85 * tap + within;
+            (sum, seen) = (sum + tap, seen + all);
+            ratios.extend((before > 0.0).then_some(all / before));
+            assert!(before > 0.0 || all.abs() < 1e-6, "{all}");
+        }
+        // Of all light what falls within the functions, and each of them still passes it on.
+        let beyond: f32 = halos.iter().map(|halo| halo.beyond(side)).sum();
+        assert!((sum - 1.0).abs() < 1e-4 && (seen - (1.0 - beyond)).abs() < 1e-4, "{sum} {seen}");
+        assert!(ratios.iter().all(|ratio| (ratio / seen - 1.0).abs() < 1e-4), "{ratios:?}");
+        assert_eq!(functions.taps[0], measured.taps[0]);
+    }
+
+    #[test]
+    fn places_within_a_square_are_those_whose_functions_see_it_alone() {
+        let squares =
+            Plane::from_fn(SIZE, |x, y| if (x / 30 + y / 30) % 2 == 0 { 1.0 } else { 0.0 });
+        let found = within_a_square(&squares, 9);
+        for y in 0..SIZE.height {
+            for x in 0..SIZE.width {
+                let alone = (4..26).contains(&(x % 30)) && (4..26).contains(&(y % 30));
+                assert_eq!(found.at(x, y) > 0, alone, "{x} {y}");
+            }
+        }
+        let flat = within_a_square(&Plane::zeros(SIZE), 9);
+        assert_eq!(
+            flat.data().iter().map(|&v| usize::from(v)).sum::<usize>(),
+            (240 - 8) * (180 - 8)
+        );
     }
 }

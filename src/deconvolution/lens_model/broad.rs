@@ -23,6 +23,20 @@ pub struct Halo {
     pub share: f32,
 }
 
+impl Halo {
+    /// Shares of its light along a side of `side` pixels about its middle, pixel by pixel.
+    pub(crate) fn along(&self, side: usize) -> Vec<f32> {
+        let place = |n: usize| (n as f32 - (side / 2) as f32) / self.radius_px;
+        let peak = 1.0 / (std::f32::consts::TAU.sqrt() * self.radius_px);
+        (0..side).map(|n| peak * (-0.5 * place(n).powi(2)).exp()).collect()
+    }
+
+    /// Share of all light that it carries beyond a square of `side` pixels about its middle.
+    pub(crate) fn beyond(&self, side: usize) -> f32 {
+        self.share * (1.0 - self.along(side).iter().sum::<f32>().powi(2))
+    }
+}
+
 /// What lies beyond the canvas, as far as a halo reaches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Beyond {
