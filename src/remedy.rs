@@ -67,13 +67,23 @@ pub fn full_message(error: &dyn Error) -> String {
     let mut cause = error.source();
     while let Some(inner) = cause {
         let words = inner.to_string();
-        if !text.contains(&words) {
+        let words = without_number(&words);
+        if !text.contains(words) {
             text.push_str(": ");
-            text.push_str(&words);
+            text.push_str(words);
         }
         cause = inner.source();
     }
     text
+}
+
+/// What a system's error says, without its number, ` (os error 2)`, which no user needs.
+fn without_number(words: &str) -> &str {
+    let numbered = words.strip_suffix(')').and_then(|rest| rest.rsplit_once(" (os error "));
+    match numbered {
+        Some((said, number)) if number.parse::<i32>().is_ok() => said,
+        _ => words,
+    }
 }
 
 #[cfg(test)]
@@ -92,5 +102,7 @@ mod tests {
         struct Outer(#[source] std::io::Error);
         let error = Outer(std::io::Error::other("disk gone"));
         assert_eq!(full_message(&error), "cannot read a.jpg: disk gone");
+        let error = Outer(std::io::Error::from_raw_os_error(2));
+        assert_eq!(full_message(&error), "cannot read a.jpg: No such file or directory");
     }
 }

@@ -290,7 +290,7 @@ fn work(photo: &Came, method: &dyn Method, bed: &mut Bed) -> (Verdict, usize, us
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_refusal_costs_no_more_than_a_restoration() {
     let mut bed = Bed::new();
     // No scene gives a sharp picture through this lens.

@@ -246,7 +246,7 @@ fn pictures() -> Vec<Codes> {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn what_is_left_of_a_mark_tells_a_picture_of_its_own_from_one_with_the_mark() {
     type Changed = fn(&str) -> String;
     let rigs: [(&str, Changed); 6] = [

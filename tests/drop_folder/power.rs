@@ -413,7 +413,7 @@ const UNSEEN: [(&str, &str, &str); 4] = [
 const LEFT_OUT_EVERY: usize = 7;
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn every_synchronisation_and_every_renaming_is_needed() {
     let all = std::env::var("RELENS_POWER").is_ok_and(|word| word == "all");
     let every = if all { 1 } else { LEFT_OUT_EVERY };

@@ -41,7 +41,7 @@ fn named(test_rig: &TestRig, which: config::MethodName) -> Box<dyn Method + Send
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn without_noise_the_paper_s_loop_does_what_the_study_found() {
     let mut test_rig = test_rig(&NO_NOISE, 0.0);
     let printed = paper(test_rig.config());
@@ -64,7 +64,7 @@ fn without_noise_the_paper_s_loop_does_what_the_study_found() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn with_one_grey_level_of_noise_the_default_beats_the_paper_with_a_tenth_of_its_captures() {
     let mut test_rig = test_rig(&NOTHING, 0.0);
     let everything = [Scene::Astronaut, Scene::Coffee, Scene::Chart];
@@ -144,7 +144,7 @@ fn with_one_function_the_light_makes_up_for_the_poor_model() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn the_light_earns_its_place_with_a_lens_touched_or_slid_since_or_poorly_measured() {
     // dB that refining the lens by the photo's capture gains over captures alone at least, below
     // what is measured: see tests/tables/README.md.
@@ -161,7 +161,7 @@ fn the_light_earns_its_place_with_a_lens_touched_or_slid_since_or_poorly_measure
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_broad_term_in_the_model_finds_veiling_glare_and_the_light_adds_the_rest() {
     let [without, with] =
         [&VEIL, &VEIL_MEASURED].map(|change| measure(&rig(), (change, 10.0)).unwrap());

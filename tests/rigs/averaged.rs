@@ -113,7 +113,7 @@ fn near(a: f64, b: f64) -> bool {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_photo_is_restored_by_the_noise_that_its_file_states() {
     let slots = tempfile::tempdir().unwrap();
     let mut bed = NoisyRig::new(slots.path());
@@ -141,7 +141,7 @@ fn a_photo_is_restored_by_the_noise_that_its_file_states() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_gain_that_the_rig_does_not_know_is_told_by_the_file_and_nonsense_is_not_believed() {
     let slots = tempfile::tempdir().unwrap();
     let mut bed = NoisyRig::new(slots.path());

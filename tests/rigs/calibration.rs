@@ -221,7 +221,7 @@ fn the_small_rig_is_calibrated_within_the_bounds() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn the_default_rig_is_calibrated_within_the_bounds() {
     let config = load("ideal.toml");
     let (mut rig, witness, calibration) = calibrated(&config);
@@ -255,7 +255,7 @@ fn the_studys_rig_is_calibrated_without_a_checkerboard() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn the_response_of_each_site_is_found_and_bad_sites_with_it() {
     let mut config = load("truthful.toml");
     // Stripes beat with pixels as coarse as this rig's, and not all of that is told from sites.
@@ -418,7 +418,7 @@ fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_rig_that_moves_is_told_so_whenever_it_moves() {
     for when in [8, 20, 34] {
         let config = load("small.toml");

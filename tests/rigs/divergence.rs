@@ -129,7 +129,7 @@ struct Wrong {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn no_method_runs_away_whatever_is_wrong() {
     let right = Wrong { norms: 1.0, lens: GREEN, gain: 1.0, shift_px: 0, noise: 0.0, patch_px: 16 };
     let model = LensModel::new(SIZE, 0, &functions(GREEN)).unwrap();

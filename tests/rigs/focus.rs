@@ -190,7 +190,7 @@ fn what_a_photo_s_own_focus_is_worth() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_photo_out_of_focus_gains_what_a_panel_at_its_distance_would_give() {
     let rig = rig();
     let both = calibrations(&rig, &[-0.09, -0.04, 0.04, 0.07]);
@@ -277,7 +277,7 @@ fn stand_at(offsets: &[f32], mm: [f64; 2]) -> bool {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_scene_of_two_depths_gains_what_a_panel_at_each_would_give() {
     let rig = rig();
     let [_, series] = calibrations(&rig, &OFFSETS);

@@ -109,7 +109,7 @@ fn progress_is_even_and_never_goes_back() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_lens_touched_since_it_was_measured_is_learnt_by_four_photos_and_kept() {
     let mut then = load("small.toml");
     then.restore.refine_lens = true;

@@ -18,7 +18,7 @@ fn no_clock() -> f64 {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     let rig = load("small.toml");
     // A rig of which nothing is known but what its camera sees.

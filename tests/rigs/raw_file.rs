@@ -106,7 +106,7 @@ fn truth_of(rig: &Path, photo: &Photo) -> Frame<Work> {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn sites_as_they_are_give_more_than_interpolated_ones() {
     let folder = tempfile::tempdir().unwrap();
     // Wander and flicker differ from chance to chance, and what they do to a result does. The

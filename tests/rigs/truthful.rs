@@ -204,7 +204,7 @@ fn gain(all: &[Tried]) -> [f64; 2] {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
     let scenes = [Scene::Astronaut, Scene::Coffee];
     let unrest = |to: &mut Simulation, from: &Simulation| to.unrest = from.unrest;
@@ -247,7 +247,7 @@ fn a_panel_that_moves_and_flickers_is_no_noise() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
     let [mosaic, pattern] = [DEPARTURES[0].1, DEPARTURES[6].1];
@@ -272,7 +272,7 @@ fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn a_camera_s_curve_is_undone() {
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
     let rig = |departures: &[Departure]| {

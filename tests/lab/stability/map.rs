@@ -12,7 +12,7 @@ const BOX: [f64; 2] = [12.0, 20.0];
 /// Height of the strip below it, which is for colour.
 const STRIP: f64 = 8.0;
 /// From one method to the next, from one change to the next.
-const PITCH: [f64; 2] = [68.0, 36.0];
+const PITCH: [f64; 2] = [74.0, 36.0];
 /// Of all letters but the title's: a page shows the map some 830 wide.
 const LETTERS: f64 = 14.0;
 /// A gain of this much SSIM has the full colour; a loss of it, too.
