@@ -66,7 +66,7 @@ fn what_is_found_of_broad_light_is_what_the_lens_scatters() {
 }
 
 #[test]
-#[ignore = "a minute: the gate runs it"]
+#[ignore = "minutes: the long gate runs it"]
 fn other_lenses_broad_light_is_found_behind_filters() {
     for (seed, share, radius_px) in [(1, 0.0, 15.0), (3, 0.06, 30.0), (4, 0.1, 15.0)] {
         let mut rig = load("truthful.toml");
