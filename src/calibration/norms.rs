@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::site_norms::SiteNorms;
+use super::site_norms::{ROUNDS, SiteNorms};
 use super::{Calibration, lens_blur};
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
@@ -11,8 +11,6 @@ use crate::frame::{Channel, Plane};
 
 /// Rounds of the power method from grey, which nearly is the dominant picture.
 const POWER_ROUNDS: usize = 12;
-/// Rounds of Lanczos's method for each wavelet level.
-const LEVEL_ROUNDS: usize = 8;
 /// The seed of the picture that the search for each wavelet level begins with.
 const LEVEL_SEED: u64 = 17;
 
@@ -25,8 +23,7 @@ impl Calibration {
         let (norms, mut pictures): (Vec<f32>, Vec<Plane>) =
             Channel::ALL.par_iter().map(dominant).unzip();
         self.norm_squared.iter_mut().zip(norms).for_each(|(norm, found)| *norm = found);
-        let measure =
-            |&c: &Channel| LevelNorms::measure(model, c, levels, LEVEL_ROUNDS, LEVEL_SEED);
+        let measure = |&c: &Channel| LevelNorms::measure(model, c, levels, ROUNDS, LEVEL_SEED);
         let measured: Vec<LevelNorms> = Channel::ALL.par_iter().map(measure).collect();
         for (norms, found) in self.level_norms.iter_mut().zip(measured) {
             *norms = found;
