@@ -94,39 +94,23 @@ pub fn without_halos(functions: &mut LensFunctions, channel: Channel, halos: &[H
     }
 }
 
-/// Where all within half of `support_px` is one square of `shown`.
+/// Where all within half of `support_px` is one square of `shown`; not so near the border.
 fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
     let (size, reach) = (shown.size(), support_px / 2);
-    // Whether the run of alike neighbours reaches that far on both sides.
-    let inside = |alike: &dyn Fn(usize) -> bool, length: usize| {
-        let mut since: Vec<usize> = vec![0; length];
-        (1..length).for_each(|n| since[n] = if alike(n) { since[n - 1] } else { n });
-        let mut until = length;
-        let mut inside = vec![false; length];
-        for n in (0..length).rev() {
-            inside[n] = n - since[n] >= reach && until - 1 - n >= reach;
-            until = if n > 0 && !alike(n) { n } else { until };
-        }
-        inside
-    };
-    let mut across: Plane<u8> = Plane::zeros(size);
-    for y in 0..size.height {
-        let row = shown.row(y);
-        let whole = inside(&|x| row[x] == row[x - 1], size.width);
-        across.row_mut(y).iter_mut().zip(whole).for_each(|(to, is)| *to = u8::from(is));
-    }
-    let mut both: Plane<u8> = Plane::zeros(size);
-    for x in 0..size.width {
-        let alike = |y: usize| shown.at(x, y) == shown.at(x, y - 1);
-        let rows = inside(&alike, size.height);
-        let mut beside = vec![0usize; size.height + 1];
-        (0..size.height).for_each(|y| beside[y + 1] = beside[y] + usize::from(across.at(x, y)));
-        for y in (reach..size.height.saturating_sub(reach)).filter(|&y| rows[y]) {
-            let all = beside[y + reach + 1] - beside[y - reach] == 2 * reach + 1;
-            both.set(x, y, u8::from(all));
-        }
-    }
-    both
+    let near = |n: usize, length: usize| n.saturating_sub(reach)..(n + reach + 1).min(length);
+    let (least, largest) = (f32::INFINITY, f32::NEG_INFINITY);
+    let widened = |(a, b): (f32, f32), (c, d): (f32, f32)| (a.min(c), b.max(d));
+    // The least and the largest near each place, along its row and then along its column.
+    let along = Plane::from_fn(size, |x, y| {
+        let row = &shown.row(y)[near(x, size.width)];
+        row.iter().map(|&v| (v, v)).fold((least, largest), widened)
+    });
+    Plane::from_fn(size, |x, y| {
+        let (columns, rows) = (near(x, size.width), near(y, size.height));
+        let is_inside = columns.len().min(rows.len()) > 2 * reach;
+        let (least, largest) = rows.map(|y| along.at(x, y)).fold((least, largest), widened);
+        u8::from(is_inside && least == largest)
+    })
 }
 
 /// Misfit and columns over cells, of their trusted pixels within one square.
