@@ -227,7 +227,6 @@ fn shoot(
         flat.push(plane);
     }
     let scale = grey_scale(session, &grey, &flat);
-    log::debug!("grey is {scale:.4?} times as bright as calibrated");
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
     let (mut first, mut gains) = (None, (1.0f32, 1.0f32));
     for n in 0..count {
