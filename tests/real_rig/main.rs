@@ -7,6 +7,8 @@
 //! request (the kernel's vivid, `RELENS_VIVID` its card name), for a media graph (its vimc), and
 //! for one that runs free (`RELENS_FREE_RIG` its rig file).
 #![cfg(feature = "hardware")]
+// What was measured is printed beside what is asserted; `--nocapture` shows it.
+#![allow(clippy::print_stdout)]
 
 #[path = "../counted/mod.rs"]
 mod counted;
