@@ -257,9 +257,9 @@ fn shoot(
     Ok(Series { shots, trusted: whole, first })
 }
 
-/// How bright the capture of grey is in each channel, against what its light was calibrated to be:
-/// what a backlight flickered then and now would be taken for light that patterns lose. 1 where
-/// [`brightness`] is.
+/// How bright the capture of grey is in each channel, against what it was calibrated to be: else
+/// a backlight's flicker would be taken for light that patterns lose. 1 where the panel ends with
+/// the canvas, and where it is more than a backlight's unsteadiness.
 fn grey_scale(session: &Session<'_>, grey: &Corrected, flat: &[Plane]) -> [f32; 3] {
     if rim_px(session.config) > 0 {
         return [1.0; 3];

@@ -25,7 +25,7 @@ const SHARE_MIN: f32 = 0.002;
 /// Broad light is believed when it takes away at least so much of the squared misfit of the pattern
 /// held out. Guess.
 const BELIEVED: f64 = 0.2;
-/// Cells a radius of half a lens function has: what is compared are means over them.
+/// Cells a radius of half a lens function has: what is compared are means over them. Guess.
 const CELLS: usize = 2;
 
 /// What one pattern says: the misfit without broad light, and what a share of each Gaussian would
