@@ -59,6 +59,7 @@ fn found_of(rig: &config::RigFile) {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn what_is_found_of_broad_light_is_what_the_lens_scatters() {
     // Nothing is between its sites, and behind colour filters much is.
     found_of(&load("small.toml"));
