@@ -4,7 +4,9 @@
 //! not. The lens blurs the finest details of a scene away, so the finest details of the photo are
 //! noise, and the noise can be measured everywhere ([`super::data_term::noise_of`] measures it for
 //! a whole photo). Where the variance of the surroundings is no larger than this noise explains,
-//! the place is flat and its thresholds grow ([`DetailMask::factors`]).
+//! the place is flat and its thresholds grow ([`DetailMask::factors`]). Texture as faint as the
+//! noise hides from single pixels; means over cells of four by four see it, for the lens left it
+//! coarse.
 
 use rayon::prelude::*;
 
@@ -20,6 +22,13 @@ const REACH: usize = 5;
 const FLAT: f32 = 2.0;
 /// Variance over noise variance above which a place has details. Measured likewise.
 const DETAILED: f32 = 10.0;
+/// The same two for cells against their neighbours: noise alone is 1 ± 0.2 there, and below 2.5
+/// anywhere in 12 megapixels. Measured likewise.
+const FLAT_CELLS: f32 = 2.5;
+const DETAILED_CELLS: f32 = 3.5;
+/// Cells of whose differences a place is judged, as a share of all in its surroundings: at a border
+/// chance would decide.
+const CELLS_LEAST: f32 = 0.5;
 /// By how much thresholds grow where a place is flat; 6 and 12 differ by less than 0.001 SSIM on
 /// any scene.
 const GROWTH: f32 = 8.0;
@@ -29,7 +38,7 @@ const GROWTH: f32 = 8.0;
 pub struct DetailMask {
     /// Finest level first; as large as the level's details.
     factors: Vec<Plane>,
-    /// Variance over noise variance where it is largest; 0 where nothing is known.
+    /// Variance of pixels over the noise's where it is largest; 0 where nothing is known.
     peak: f32,
 }
 
@@ -39,16 +48,18 @@ impl DetailMask {
     /// are known at a mosaic's sites.
     pub fn of(planes: &[(&Plane, &Plane<u8>, f32)], levels: usize, raw: bool) -> DetailMask {
         let size = planes.first().map_or(Size::new(0, 0), |(plane, ..)| blocks(plane.size()));
-        let activities: Vec<Plane> = planes
+        let activities: Vec<Activity> = planes
             .par_iter()
             .map(|(plane, trust, noise)| activity(plane, trust, *noise, raw))
             .collect();
         let mut largest: Plane = Plane::zeros(size);
-        for activity in &activities {
-            largest.data_mut().iter_mut().zip(activity.data()).for_each(|(l, a)| *l = l.max(*a));
+        let mut peak = 0.0f32;
+        for Activity { pixels, cells } in &activities {
+            for ((l, p), c) in largest.data_mut().iter_mut().zip(pixels.data()).zip(cells.data()) {
+                *l = l.max(*p).max(*c);
+            }
+            peak = pixels.data().iter().copied().filter(|p| p.is_finite()).fold(peak, f32::max);
         }
-        let known = largest.data().iter().copied().filter(|activity| activity.is_finite());
-        let peak = known.fold(0.0, f32::max);
         let mut factors = Vec::with_capacity(levels);
         for level in 0..levels {
             if level > 0 {
@@ -62,7 +73,8 @@ impl DetailMask {
         DetailMask { factors, peak }
     }
 
-    /// Whether the whole photo is flat.
+    /// Whether no pixels anywhere differ by more than noise. Cells have no say: of a photo whose
+    /// noise is not told from its details they would say that there are some.
     pub fn is_flat(&self) -> bool {
         self.peak <= FLAT
     }
@@ -87,10 +99,17 @@ fn halved(plane: &Plane) -> Plane {
     })
 }
 
-/// Variance of the surroundings of each block over the noise's there; infinite where nothing of
-/// them can be trusted. Of a `raw` plane the noise is told by sites of one phase, two pixels apart,
-/// where a scene has details, too: it is believed up to [`MOST_POWER`].
-fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32, raw: bool) -> Plane {
+/// Variance of the surroundings of each block over the noise's there.
+struct Activity {
+    /// Of single pixels; infinite where nothing of them can be trusted.
+    pixels: Plane,
+    /// Of means over cells, on the same scale; beside what is not known, 0.
+    cells: Plane,
+}
+
+/// The activity of a plane. Of a `raw` plane the noise is told by sites of one phase, two pixels
+/// apart, where a scene has details, too: it is believed up to [`MOST_POWER`].
+fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32, raw: bool) -> Activity {
     let (apart, most) =
         if raw { (2, MOST_POWER * noise.max(NOISE_MIN).powi(2)) } else { (1, f32::INFINITY) };
     let (size, width) = (photo.size(), photo.width());
@@ -127,12 +146,17 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32, raw: bool) -> Plane {
             rows.3[block] += fine * fine / 36.0;
         }
     }
+    let cells = cells(&values[0], &values[1]);
     let [count, sum, square, fine] = values.map(|plane| surroundings(&plane));
     let least = (LEAST_SHARE * noise).powi(2);
     let mean = |x: usize, y: usize| sum.at(x, y) / count.at(x, y).max(1.0);
     let slope =
         |lower: f32, upper: f32, apart: usize| (upper - lower) / (BLOCK_PX * apart.max(1)) as f32;
-    Plane::from_fn(blocks, |x, y| {
+    let noise_at = |x: usize, y: usize| {
+        let finest = fine.at(x, y) / count.at(x, y).max(1.0);
+        finest.min(most).max(least).max(f32::MIN_POSITIVE)
+    };
+    let pixels = Plane::from_fn(blocks, |x, y| {
         let pixels = count.at(x, y);
         if pixels == 0.0 {
             return f32::INFINITY;
@@ -145,7 +169,50 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32, raw: bool) -> Plane {
         let side = (BLOCK_PX * (2 * REACH + 1)) as f32;
         let shading = (along_x * along_x + along_y * along_y) * (side * side - 1.0) / 12.0;
         let variance = square.at(x, y) / pixels - mean(x, y).powi(2) - shading;
-        variance.max(0.0) / (fine.at(x, y) / pixels).min(most).max(least).max(f32::MIN_POSITIVE)
+        variance.max(0.0) / noise_at(x, y)
+    });
+    let cells = Plane::from_fn(blocks, |x, y| {
+        FLAT + (cells.at(x, y) / noise_at(x, y) - FLAT_CELLS) * CELLS_AS_PIXELS
+    });
+    Activity { pixels, cells }
+}
+
+/// Cells' variances on the scale of pixels' ones.
+const CELLS_AS_PIXELS: f32 = (DETAILED - FLAT) / (DETAILED_CELLS - FLAT_CELLS);
+
+/// Variance of a pixel that would explain how much the means over cells of two by two blocks differ
+/// from those of the four cells beside them, if pixels had nothing but noise; 0 where too few such
+/// five are known. `count` and `sum` are the blocks' pixels and values.
+fn cells(count: &Plane, sum: &Plane) -> Plane {
+    let size = count.size();
+    let four = |plane: &Plane, x: usize, y: usize| {
+        plane.at(x, y) + plane.at(x + 1, y) + plane.at(x, y + 1) + plane.at(x + 1, y + 1)
+    };
+    let [mut squares, mut expected, mut known] = std::array::from_fn(|_| Plane::zeros(size));
+    for y in 2..size.height.saturating_sub(3) {
+        for x in 2..size.width.saturating_sub(3) {
+            let beside = [(x - 2, y), (x + 2, y), (x, y - 2), (x, y + 2)];
+            let pixels = beside.map(|(x, y)| four(count, x, y));
+            let own = four(count, x, y);
+            if own == 0.0 || pixels.contains(&0.0) {
+                continue;
+            }
+            let mut difference = four(sum, x, y) / own;
+            let mut noise = 1.0 / own;
+            for ((x, y), pixels) in beside.into_iter().zip(pixels) {
+                difference -= four(sum, x, y) / pixels / 4.0;
+                noise += 1.0 / pixels / 16.0;
+            }
+            squares.set(x, y, difference * difference);
+            expected.set(x, y, noise);
+            known.set(x, y, 1.0);
+        }
+    }
+    let [squares, expected, known] = [squares, expected, known].map(|plane| surroundings(&plane));
+    let least = CELLS_LEAST * (2 * REACH + 1).pow(2) as f32;
+    Plane::from_fn(size, |x, y| match known.at(x, y) < least {
+        true => 0.0,
+        false => squares.at(x, y) / expected.at(x, y),
     })
 }
 
@@ -230,6 +297,18 @@ mod tests {
         assert_eq!(dots.at(20, 30), 1.0, "on it");
         assert_eq!(dots.at(23, 30), 1.0, "6 pixels beside it");
         assert!(dots.at(60, 30) > 1.0 + 0.9 * GROWTH, "80 pixels beside it");
+    }
+
+    #[test]
+    fn a_texture_as_faint_as_the_noise_is_no_flat_place() {
+        // Waves as long as a blur leaves them, in four directions, together as strong as the noise.
+        let texture = factors(|x, y| {
+            let (x, y) = (x as f32, y as f32);
+            let waves = [(0.7, 0.2), (0.1, 0.8), (0.5, -0.6), (-0.3, 0.55)];
+            let sum: f32 = waves.iter().map(|(along, down)| (along * x + down * y).sin()).sum();
+            100.0 + sum / 2.0f32.sqrt()
+        });
+        assert!(texture.mean() < f64::from(1.0 + 0.2 * GROWTH), "{}", texture.mean());
     }
 
     #[test]

@@ -292,6 +292,7 @@ fn a_scene_of_two_depths_gains_what_a_panel_at_each_would_give() {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn a_photo_in_the_panel_s_focus_is_left_there() {
     let rig = rig();
     let [_, series] = calibrations(&rig, &[-0.04, 0.04]);
