@@ -23,6 +23,9 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 /// there is little noise. Measured, as all below.
 const TAU_FIRST: f32 = 20.0;
 const TAU_LAST: f32 = 6.0;
+/// And τ in grey levels at most: what the lens stops differs by as much as scenes do there, however
+/// noisy the photo is. More takes texture as faint as the noise for noise.
+const TAU_MOST: f32 = 14.0;
 /// How much of what the lens model misses counts as noise.
 const MISSED_COUNTS: f32 = 0.5;
 /// Share of what is uncertain that the filter is told. The guide has less power than the scene, and
@@ -75,7 +78,8 @@ impl Blocks {
         let mut picture = start;
         for round in 0..self.rounds {
             let done = round as f32 / (self.rounds - 1).max(1) as f32;
-            let tau = |c: Channel| noise(c) * TAU_FIRST * (TAU_LAST / TAU_FIRST).powf(done);
+            let over_noise = TAU_FIRST * (TAU_LAST / TAU_FIRST).powf(done);
+            let tau = |c: Channel| (noise(c) * over_noise).min(TAU_MOST);
             let towards_data = |&(c, doubt): &(Channel, f32)| {
                 (c, towards_data(target, c, picture.plane(c), (doubt / tau(c)).powi(2)))
             };
