@@ -65,6 +65,7 @@ pub fn measure(
         measured = measured.with_focuses_of(previous);
     }
     store::save(slots, &measured).map_err(boxed)?;
+    measured.doubt().into_iter().for_each(|doubt| log::warn!("{doubt}"));
     let pipeline = Pipeline::new(config, &measured).map_err(boxed)?;
     let reading = read_pilot(config, devices, &pipeline)?;
     baseline::save(slots, measured.generation, &reading);
