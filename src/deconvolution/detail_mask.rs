@@ -103,7 +103,7 @@ fn halved(plane: &Plane) -> Plane {
 struct Activity {
     /// Of single pixels; infinite where nothing of them can be trusted.
     pixels: Plane,
-    /// Of means over cells, on the same scale; beside what is not known, 0.
+    /// Of means over cells, on the same scale; below [`FLAT`] where too few are known.
     cells: Plane,
 }
 

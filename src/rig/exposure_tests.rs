@@ -72,7 +72,7 @@ fn is_of(exposed: &Exposed, reference: &[f64; 3]) -> bool {
     levels(exposed).iter().zip(reference).all(|(found, want)| (found - want).abs() < 0.03 * want)
 }
 
-/// Some hundred of each kind; `RELENS_CAPTURES=10000` makes so many in all.
+/// Some thirty faults of each kind in 600; `RELENS_CAPTURES=10000` makes so many captures.
 #[test]
 fn thousands_of_captures_with_faults_bring_no_wrong_frame() {
     let asked = std::env::var("RELENS_CAPTURES").ok().and_then(|count| count.parse().ok());
