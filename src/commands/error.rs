@@ -29,6 +29,12 @@ pub(super) enum CliError {
     /// An exposure is asked of a camera that has one only.
     #[error("this camera's exposure cannot be set by program, allowed --exposure 1")]
     FixedExposure,
+    /// A gain is asked of a camera that has one only.
+    #[error(
+        "this camera's gain cannot be set, allowed --gain 1; the rig file lets it be set by \
+         hardware.camera.gain-step-db, with `gain` or `analogue_gain` among the controls"
+    )]
+    FixedGain,
     /// A dark frame that is not dark.
     #[error(
         "found {0:.0} % of full light for the dark frame, allowed next to none: cover the lens"
@@ -117,6 +123,7 @@ impl CliError {
             | CliError::NoFilters(_)
             | CliError::NoScene(_)
             | CliError::FixedExposure
+            | CliError::FixedGain
             | CliError::NotDark(_)
             | CliError::PastInfinity(_)
             | CliError::Taken(_)

@@ -26,7 +26,6 @@ use super::{opening, scene};
 ///
 /// A sensor with colour filters gives a raw photo (.dng) of all its sites; any other a TIFF or PNG
 /// of 16 bits. Put it into the inbox. A simulated rig photographs the picture that --scene names.
-/// The camera's gain is the rig file's: at any other nobody has measured the noise.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -50,6 +49,10 @@ pub(super) struct ShootOptions {
     /// Exposure as a multiple of the rig file's, or `auto` for one that clips next to nothing
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = exposure)]
     exposure: PhotoExposure,
+    /// Gain as a multiple of the rig file's, for light so dim that no exposure is long enough. The
+    /// noise that the file states is computed from what was measured at the rig file's
+    #[arg(long, value_name = "TIMES", default_value = "1", value_parser = gain)]
+    gain: f64,
     /// Sharp picture that a simulated rig photographs
     #[arg(long, value_name = "PICTURE", value_hint = ValueHint::FilePath)]
     scene: Option<PathBuf>,
@@ -74,6 +77,13 @@ fn exposure(word: &str) -> Result<PhotoExposure, String> {
     }
 }
 
+fn gain(word: &str) -> Result<f64, String> {
+    match word.parse() {
+        Ok(times) if (0.01..=100.0).contains(&times) => Ok(times),
+        _ => Err(format!("found {word}, allowed 0.01 to 100 times the rig file's")),
+    }
+}
+
 /// `relens shoot`.
 pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?;
@@ -88,6 +98,7 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     make_inbox(&options.folder.folder, out)?;
     let mut rigged = before_the_scene(&rig, options)?;
     let range = rigged.sensor.range;
+    let gain = set_gain(&mut rigged, options.gain)?;
     let times = set_exposure(&mut rigged.devices, mosaic, range, options.exposure)?;
     let mut shot =
         shoot(&mut rigged.devices, mosaic, range, options.frames).map_err(CliError::of)?;
@@ -106,11 +117,13 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
         1 => "an exposure".to_owned(),
         more => format!("{more} exposures"),
     };
+    let amplified = match gain {
+        1.0 => String::new(),
+        times => format!(" at {times:.2} times the gain"),
+    };
     say(&format!(
-        "{}: {} of {:.4} s, {:.2} % clipped",
+        "{}: {frames} of {exposure_s:.4} s{amplified}, {:.2} % clipped",
         out.display(),
-        frames,
-        exposure_s,
         100.0 * shot.clipped_share
     ));
     if shot.clipped_share > CLIPPED_SHARE_MAX {
@@ -194,6 +207,19 @@ fn in_the_dark(
         true => Ok(dark),
         false => Err(CliError::NotDark(100.0 * dark.brightness(mosaic, range))),
     }
+}
+
+/// Sets the gain; how many times the rig file's it is.
+fn set_gain(rigged: &mut Rigged, times: f64) -> Result<f64, CliError> {
+    if times == 1.0 {
+        return Ok(times);
+    }
+    let set = rigged.devices.amplify_times(times).map_err(CliError::of)?;
+    let times = set.ok_or(CliError::FixedGain)?;
+    rigged.sensor.noise = rigged.sensor.noise.map(|noise| noise.amplified(times));
+    // The first frame after a change may still be as before.
+    rigged.devices.expose().map_err(CliError::of)?;
+    Ok(times)
 }
 
 /// Sets the exposure; how many times as long it is as the rig file's.

@@ -64,7 +64,7 @@ impl DisplayInterface {
 }
 
 /// A camera. Another kind is a variant, a struct with its keys, and its line in `KINDS`.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum CameraDevice {
     /// A video node of the kernel's.
@@ -102,7 +102,6 @@ impl Serialize for CameraDevice {
 
 table! {
     /// A V4L2 node, by `device`, by `card` or by `media`.
-    @[derive(Eq)]
     pub struct V4l2Device {
         /// A link that udev keeps, under /dev/v4l/by-id or by-path.
         device: Option<PathBuf>, Text, Says("then `card` or `media` is needed");
@@ -123,6 +122,12 @@ table! {
         buffers: usize, Whole(2, 8), Means("4");
         /// What sets the exposure time.
         exposure_by: ExposureBy, Word(ExposureBy::WORDS), Never;
+        /// What one step of its control `gain` or `analogue_gain`, whichever `controls` names, adds
+        /// to the gain, in decibels: 20 of them are ten times the counts.
+        // Captures do not depend on it: calibrations from before the key stay good.
+        @[serde(default, skip_serializing)]
+        gain_step_db: Option<f64>, Number(0.001, 20.0),
+            Says("photos are taken at the gain of the panel's captures");
         /// Controls by their `v4l2-ctl --list-ctrls` names. Automatics are switched off without
         /// being named.
         controls: BTreeMap<String, i32>, Such("names with whole numbers of 32 bits", |value| {

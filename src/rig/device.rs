@@ -70,6 +70,15 @@ pub trait Camera {
         let _ = times;
         Ok(false)
     }
+    /// Makes its counts `times` what the rig file's gain makes of the same light, as near as its
+    /// steps allow: how many times it is. `None`, and nothing is changed, where it cannot be set.
+    ///
+    /// # Errors
+    /// When the camera does not take it.
+    fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
+        let _ = times;
+        Ok(None)
+    }
     /// Closes and opens the camera again, with fresh buffers.
     ///
     /// # Errors

@@ -148,6 +148,16 @@ impl Devices {
         Ok(can)
     }
 
+    /// Makes counts `times` what the rig file's gain makes of the same light, until it is called
+    /// again; how many times it is, or `None` where this camera's gain cannot be set. Noise that
+    /// was measured is of the rig file's gain: [`super::shoot::SiteNoise::amplified`].
+    ///
+    /// # Errors
+    /// When the camera does not take it.
+    pub fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
+        self.camera.amplify_times(times)
+    }
+
     /// Finds the places of the frame marks by some thirty captures; from then on every frame is
     /// proven.
     ///

@@ -47,6 +47,22 @@ pub struct SiteNoise {
     pub per_count: [f64; 3],
 }
 
+impl SiteNoise {
+    /// The same at a gain so many times as high: the light's own noise grows with its counts, and
+    /// what comes before the amplifier by as much, and rounding stays. What else is added after it
+    /// is taken to grow, too, and so stated too high; black is taken to stay where it is, as
+    /// sensors hold it.
+    #[must_use]
+    pub fn amplified(&self, times: f64) -> SiteNoise {
+        const ROUNDING: f64 = 1.0 / 12.0;
+        let at_black = |power: f64| (power - ROUNDING).max(0.0) * times.powi(2) + ROUNDING;
+        SiteNoise {
+            at_black: self.at_black.map(at_black),
+            per_count: self.per_count.map(|power| power * times),
+        }
+    }
+}
+
 /// What a camera's counts can be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CountRange {
@@ -278,6 +294,36 @@ mod tests {
         assert!((0.345..0.365).contains(&ratio), "{ratio}");
         assert_eq!((one.finer, four.finer, four.noise_share), (0, 6, 0.125));
         assert!(one.clipped_share < 0.01, "{}", one.clipped_share);
+    }
+
+    #[test]
+    fn at_another_gain_the_same_light_counts_more_and_its_noise_is_known() {
+        let rig = config::load(Path::new("truthful.toml")).unwrap();
+        let (mut devices, witness) = simulated::open(&rig).unwrap();
+        let wall: Frame<Work> = Frame::from_fn(|_| Plane::filled(rig.photo_grid().sensor, 40.0));
+        witness.put_before_lens(Some(&wall));
+        let mosaic = Some(Mosaic::Rggb);
+        let mut seen = |times: f64| {
+            assert_eq!(devices.amplify_times(times).unwrap(), Some(times));
+            let mut shot = || shoot(&mut devices, mosaic, RANGE, 1).unwrap();
+            let (one, other) = (shot(), shot());
+            let sites = |shot: &PhotoShot| sites_of(shot.counts.planes(), Mosaic::Rggb);
+            let (a, b) = (sites(&one), sites(&other));
+            let all = a.data().len() as f64;
+            let off = a.data().iter().zip(b.data()).map(|(&a, &b)| f64::from(a) - f64::from(b));
+            let light = a.data().iter().map(|&a| f64::from(a) - RANGE.black).sum::<f64>() / all;
+            (light, off.map(|off| off * off).sum::<f64>() / all / 2.0)
+        };
+        let own = witness.site_noise();
+        let (light, _) = seen(1.0);
+        for times in [4.0, 0.5] {
+            let (lighter, noise) = seen(times);
+            let there = own.amplified(times);
+            let stated = there.at_black[1] + there.per_count[1] * lighter;
+            // The rig's camera bends its counts by some per cent.
+            assert!((lighter / light / times - 1.0).abs() < 0.05, "{light}, then {lighter}");
+            assert!((stated / noise - 1.0).abs() < 0.05, "{times}: {stated}, not {noise}");
+        }
     }
 
     #[test]

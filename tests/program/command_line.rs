@@ -128,6 +128,7 @@ fn wrong_use_ends_with_2_and_one_sentence() {
         ),
         (&["align", "--rig", "small.toml", "--lens", "0", "3"], ", allowed 0.1 to 10000"),
         (&["shoot", "--rig", "small.toml", "-o", "a.dng", "--frames", "0"], ", allowed 1 to 64"),
+        (&["shoot", "--rig", "small.toml", "-o", "a.dng", "--gain", "0"], ", allowed 0.01 to 100"),
         (
             &["restore", "--rig", "small.toml", "a.jpg", "-o", "b.webp"],
             "one ending in .jpg, .png or .tif",

@@ -74,6 +74,7 @@ fn settings(graph: MediaGraph, code: &str, size: Size) -> CameraSettings {
         format: PixelFormat::from_code(code).expect("relens takes it"),
         buffers: 4,
         exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
+        gain: None,
         stamps: Stamps::Driver,
         free_running: true,
         controls: vec![("test_pattern".to_owned(), 0)],

@@ -2,7 +2,7 @@
 
 use relens::config::Stamps;
 use relens::frame::Size;
-use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, V4l2Camera};
+use relens::rig::camera::v4l2::{CameraName, CameraSettings, Exposure, GainControl, V4l2Camera};
 use relens::rig::monotonic::Monotonic;
 use relens::rig::pixel_format::{PixelFormat, Samples};
 use relens::rig::{Camera, Clock, Moment, RigError};
@@ -17,6 +17,7 @@ fn vivid() -> CameraSettings {
         format: PixelFormat::Grey(Samples::Bytes),
         buffers: 4,
         exposure: Exposure::Elsewhere { exposure_ms: 0.0 },
+        gain: None,
         stamps: Stamps::Driver,
         free_running: true,
         controls: Vec::new(),
@@ -49,6 +50,42 @@ fn gremlin(title: &str, value: i64) -> v4l::Device {
     };
     let _ = device.set_control(v4l::Control { id: control.id, value });
     device
+}
+
+/// The value of one of vivid's controls.
+fn held(title: &str) -> i64 {
+    let device = beside();
+    let controls = device.query_controls().expect("it has controls");
+    let control = controls.iter().find(|control| control.name == title).expect("it has this one");
+    match device.control(control.id).expect("it can be read").value {
+        v4l::control::Value::Integer(value) => value,
+        other => panic!("{title} is {other:?}"),
+    }
+}
+
+#[test]
+#[ignore = "needs vivid"]
+fn vivid_s_gain_is_set_for_a_photo_and_is_the_rig_file_s_again_when_it_is_opened() {
+    let (name, value) = ("gain".to_owned(), 20);
+    let controls = vec![(name.clone(), value)];
+    // vivid's control goes to 255.
+    let gain = Some(GainControl { name, value, step_db: 0.1 });
+    let amplified = CameraSettings { gain, controls, ..vivid() };
+    let mut camera = V4l2Camera::open(amplified.clone()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(held("Gain"), 20);
+    let times = camera.amplify_times(4.0).expect("it is set").expect("the settings say how");
+    assert!((times / 4.0 - 1.0).abs() < 0.006, "{times}");
+    assert_eq!(held("Gain"), 140);
+    camera.frame(in_seconds(5.0)).expect("frames go on");
+    match camera.amplify_times(100.0) {
+        Err(RigError::Refused { allowed, .. }) => assert_eq!(allowed, "0 to 255"),
+        other => panic!("{other:?}"),
+    }
+    drop(camera);
+    drop(V4l2Camera::open(amplified).unwrap_or_else(|error| panic!("{error}")));
+    assert_eq!(held("Gain"), 20);
+    let mut plain = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
+    assert!(plain.amplify_times(4.0).expect("nothing is asked of it").is_none());
 }
 
 #[test]

@@ -8,7 +8,7 @@ use relens::picture::{Limits, Photo};
 use relens::pipeline::AVERAGED_MIN;
 use relens::restorer::photo_file::{SensorFacts, raw_file};
 use relens::rig::exposure::Devices;
-use relens::rig::shoot::{CountRange, shoot};
+use relens::rig::shoot::{CountRange, SiteNoise, shoot};
 use relens::rig::simulated::{self, Witness};
 use relens::{Outcome, PhotoRestorer, Rig};
 
@@ -25,6 +25,8 @@ struct NoisyRig {
     witness: Witness,
     scene: Frame<Work>,
     restorer: PhotoRestorer,
+    /// Of one exposure, as its files state it.
+    noise: SiteNoise,
 }
 
 impl NoisyRig {
@@ -37,7 +39,8 @@ impl NoisyRig {
         let grid = file.photo_grid();
         let scene = Scene::Coffee.light(grid.sensor);
         witness.put_before_lens(Some(&scene));
-        NoisyRig { file, grid, devices, witness, scene, restorer }
+        let noise = witness.site_noise();
+        NoisyRig { file, grid, devices, witness, scene, restorer, noise }
     }
 
     /// The mean of `frames` exposures, with the mean of `dark` dark ones taken off, through a file.
@@ -52,7 +55,7 @@ impl NoisyRig {
             self.witness.put_before_lens(Some(&self.scene));
             shot = shot.without_dark(&dark, range);
         }
-        let sensor = SensorFacts { range, gains: None, noise: Some(self.witness.site_noise()) };
+        let sensor = SensorFacts { range, gains: None, noise: Some(self.noise) };
         let bytes = raw_file(&self.file, &shot, mosaic, &sensor, 0.05);
         let photo = Photo::from_bytes("a.dng", &bytes, Curve::Srgb, &Limits::default()).unwrap();
         photo.fit(self.grid).unwrap()
@@ -153,9 +156,10 @@ fn a_gain_that_the_rig_does_not_know_is_told_by_the_file_and_nonsense_is_not_bel
         let told = outcome.notes.iter().any(|note| note.contains("the noise that the file states"));
         assert!(told && near(used, own), "{used}, not the rig's {own}: {:?}", outcome.notes);
     }
-    // Counts that a sixteenth of the electrons makes.
-    let electrons = bed.file.simulation().unwrap().sensor.full_well_electrons;
-    bed.witness.set_full_well_electrons(electrons / 16.0);
+    // Exposed for a sixteenth of the time. Its noise is what follows from the rig's own.
+    bed.noise = bed.noise.amplified(16.0);
+    assert_eq!(bed.devices.amplify_times(16.0).unwrap(), Some(16.0));
+    assert!(bed.devices.expose_times(1.0 / 16.0).unwrap());
     let (photo, other) = (bed.take(1, 0), bed.take(1, 0));
     let present = noise_present(&photo, &other);
     let (_, used, scored) = bed.restored(&photo);

@@ -71,6 +71,7 @@ pub(super) struct OpticalBench {
     exposures: u64,
     /// How long exposures are against the rig file's.
     exposure_times: f64,
+    gain_times: f64,
     sequence: u32,
     last: Option<Exposed>,
     /// The light on the sensor of what stands before the lens in the panel's place.
@@ -128,6 +129,7 @@ impl OpticalBench {
             fired_s: VecDeque::new(),
             exposures: 0,
             exposure_times: 1.0,
+            gain_times: 1.0,
             sequence: 0,
             last: None,
             scene: None,
@@ -149,6 +151,15 @@ impl OpticalBench {
         self.camera.exposure_ms *= longer;
         self.sensor.config.white_share *= longer;
         self.exposure_times = times;
+    }
+
+    /// Counts of the same light are `times` the rig file's from now on; the full well, as electrons
+    /// of the largest count, is so much smaller.
+    pub(super) fn amplify_times(&mut self, times: f64) {
+        let more = times / self.gain_times;
+        self.sensor.config.white_share *= more;
+        self.sensor.config.full_well_electrons /= more;
+        self.gain_times = times;
     }
 
     /// Everything computed for the panel's old place, or the lens's old focus, is void.

@@ -60,6 +60,11 @@ impl Camera for SimulatedCamera {
         Ok(true)
     }
 
+    fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
+        self.0.bench().amplify_times(times);
+        Ok(Some(times))
+    }
+
     fn reopen(&mut self) -> Result<(), RigError> {
         self.0.bench().reopen()
     }

@@ -29,6 +29,34 @@ impl Exposure {
     }
 }
 
+/// The control that sets a camera's gain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GainControl {
+    /// Its name.
+    pub name: String,
+    /// What the rig file holds it at.
+    pub value: i32,
+    /// What a step adds, in decibels.
+    pub step_db: f64,
+}
+
+impl GainControl {
+    /// The names that such a control may have: of the whole camera, or of a sensor
+    /// (V4L2_CID_GAIN, V4L2_CID_ANALOGUE_GAIN).
+    pub const NAMES: [&'static str; 2] = ["gain", "analogue_gain"];
+
+    /// Its value for `times` the rig file's gain.
+    fn value_for(&self, times: f64) -> i32 {
+        self.value.saturating_add((20.0 * times.log10() / self.step_db).round() as i32)
+    }
+
+    /// How many times the rig file's gain it is at for `times`, which need not be a whole step.
+    pub fn nearest(&self, times: f64) -> f64 {
+        let steps = f64::from(self.value_for(times)) - f64::from(self.value);
+        10f64.powf(steps * self.step_db / 20.0)
+    }
+}
+
 /// What a control is held at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Held {
@@ -139,6 +167,19 @@ pub(super) fn expose(
     hold(node, control, steps)?;
     give_time(node, times * exposure_ms);
     Ok(true)
+}
+
+/// Sets `gain` to `times` the rig file's.
+///
+/// # Errors
+/// [`RigError::Refused`] when the camera has no such control or does not hold it.
+pub(super) fn amplify(
+    node: &Node,
+    has: &[Control],
+    gain: &GainControl,
+    times: f64,
+) -> Result<(), RigError> {
+    hold(node, named(has, &gain.name)?, gain.value_for(times))
 }
 
 /// Asks for an interval between frames in which the exposure has room: drivers cut an exposure that

@@ -8,8 +8,8 @@ mod media;
 mod request;
 mod ring;
 
-pub use controls::Exposure;
-use controls::{expose, settle_controls};
+pub use controls::{Exposure, GainControl};
+use controls::{amplify, expose, settle_controls};
 pub use finding::CameraName;
 use finding::{busy_or, by_card, by_link, gone};
 use kernel::{Node, Settled};
@@ -36,6 +36,8 @@ pub struct CameraSettings {
     pub buffers: usize,
     /// What sets the exposure time.
     pub exposure: Exposure,
+    /// What sets the gain, where the rig file says.
+    pub gain: Option<GainControl>,
     /// What the stamps of its frames are of.
     pub stamps: Stamps,
     /// Whether it takes frames by itself.
@@ -86,6 +88,11 @@ impl CameraSettings {
                 ExposureBy::Control => Exposure::Control { exposure_ms },
                 ExposureBy::Pulse | ExposureBy::Elsewhere => Exposure::Elsewhere { exposure_ms },
             },
+            gain: device.gain_step_db.and_then(|step_db| {
+                let held = |name: &&str| Some((name.to_string(), *device.controls.get(*name)?));
+                let (name, value) = GainControl::NAMES.iter().find_map(held)?;
+                Some(GainControl { name, value, step_db })
+            }),
             stamps: device.stamps,
             free_running,
             controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
@@ -235,6 +242,16 @@ impl Camera for V4l2Camera {
             self.opened.interval_s = interval(ring.node(), &self.settings, times);
         }
         Ok(can)
+    }
+
+    fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
+        let Some(ring) = &self.ring else {
+            return Err(gone("it was lost and is not open".to_owned()));
+        };
+        let Some(gain) = &self.settings.gain else { return Ok(None) };
+        let node = self.opened.sensor.as_ref().unwrap_or(ring.node());
+        amplify(node, &node.controls(), gain, times)?;
+        Ok(Some(gain.nearest(times)))
     }
 
     fn reopen(&mut self) -> Result<(), RigError> {
