@@ -97,6 +97,10 @@ impl ForwardConvolution for LightPath<'_> {
         Ok(seen)
     }
 
+    fn panel_columns(&self) -> Option<&Frame<Work>> {
+        Some(self.correction.panel_columns())
+    }
+
     fn captures(&self) -> usize {
         self.rig.captures()
     }

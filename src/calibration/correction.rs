@@ -5,11 +5,13 @@
 //! never resampled, for Work *is* the camera's own pixel grid. Outside the canvas the panel goes on
 //! with the canvas's border pixels.
 
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
 use super::curve::Inverse;
 use super::dither::Diffusion;
-use super::surface::Domain;
+use super::surface::{Domain, Surface};
 use super::{Calibration, CameraCurve, Geometry, SiteGains};
 use crate::config;
 use crate::frame::resample::{Outside, warp};
@@ -62,6 +64,16 @@ impl Layout {
     /// The photo and its margins.
     pub fn canvas(&self) -> Size {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
+    }
+
+    /// `surface` at the canvas's pixels.
+    pub fn on_canvas(&self, surface: &Surface) -> Plane {
+        let margin = self.margin_px as f64;
+        let mut plane = Plane::zeros(self.canvas());
+        for y in 0..plane.height() {
+            surface.row(y as f64 - margin, -margin, 1.0, plane.row_mut(y));
+        }
+        plane
     }
 
     /// The canvas in Work coordinates, centres of its outermost pixels.
@@ -131,6 +143,8 @@ pub struct Correction {
     black: [Plane; 3],
     /// Light per unmixed count, canvas-sized: 1 / (counts per level · dark corner).
     gain: [Plane; 3],
+    /// The panel's column that each channel sees, canvas-sized; made when it is first asked for.
+    columns: OnceLock<Frame<Work>>,
     /// How the sensor's sites differ, where it was measured.
     sites: Option<SiteGains>,
 }
@@ -159,14 +173,8 @@ impl Correction {
         }
         let found = calibration.cross_channel.c;
         let unmix = calibration.cross_channel.inverse().ok_or(CorrectionError::Mixing { found })?;
-        let (canvas, margin) = (layout.canvas(), layout.margin_px as f64);
-        let on_canvas = |surface: &super::surface::Surface| {
-            let mut plane = Plane::zeros(canvas);
-            for y in 0..canvas.height {
-                surface.row(y as f64 - margin, -margin, 1.0, plane.row_mut(y));
-            }
-            plane
-        };
+        let canvas = layout.canvas();
+        let on_canvas = |surface: &Surface| layout.on_canvas(surface);
         let gain = |c: Channel| {
             let counts_per_level = calibration.counts_per_level[c.index()];
             on_canvas(&calibration.dark_corner[c.index()])
@@ -180,8 +188,15 @@ impl Correction {
             straight: straight_counts(&calibration.camera_curve),
             black: Channel::ALL.map(|c| on_canvas(&calibration.black[c.index()])),
             gain: Channel::ALL.map(gain),
+            columns: OnceLock::new(),
             sites: SiteGains::new(&calibration.pattern, canvas, layout.canvas_mosaic()),
         })
+    }
+
+    /// The panel's column, in its pixels, that each channel sees at each of the canvas's pixels.
+    pub fn panel_columns(&self) -> &Frame<Work> {
+        let of = |c: Channel| self.layout.on_canvas(&self.geometry[c.index()].work_to_panel.x);
+        self.columns.get_or_init(|| Frame::from_fn(of))
     }
 
     /// How the sensor's sites differ, on the canvas; `None` where it was not measured.

@@ -65,6 +65,12 @@ pub trait ForwardConvolution {
         self.forward(flat)
     }
 
+    /// The panel's column, in its pixels, that each channel sees at each pixel; `None` where no
+    /// panel is looked at.
+    fn panel_columns(&self) -> Option<&Frame<Work>> {
+        None
+    }
+
     /// Captures made so far; every exposure counts, also those thrown away.
     fn captures(&self) -> usize;
 

@@ -26,6 +26,7 @@ pub mod lens_model;
 pub mod level_norms;
 pub mod method;
 pub mod opponent;
+pub mod panel_beat;
 pub mod patches;
 pub mod quality;
 pub mod refinement;

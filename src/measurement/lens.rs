@@ -11,6 +11,7 @@ use crate::config;
 use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::lens_model::LensFunctions;
+use crate::deconvolution::panel_beat::{self, PanelBeat, SeenChannel};
 use crate::deconvolution::registration::Registration;
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::patterns;
@@ -206,7 +207,8 @@ fn shoot(
     pixel_px: usize,
 ) -> Result<Series, CalibrateError> {
     let size = session.layout.canvas();
-    let grey = session.seen(correction, &Frame::filled(size, GREY))?;
+    let mut grey = session.seen(correction, &Frame::filled(size, GREY))?;
+    without_beat(session, correction, &mut grey, &Frame::zeros(size));
     let mut trusted = grey.trusted.clone();
     // What is seen of grey is smooth; without its noise it adds none to the patterns. Where the
     // panel ends with the canvas it falls off at the border, and is taken as it is.
@@ -231,7 +233,8 @@ fn shoot(
     let (mut first, mut gains) = (None, (1.0f32, 1.0f32));
     for n in 0..count {
         let shown = nth(session, n);
-        let seen = session.seen(correction, &on_grey(&shown))?;
+        let mut seen = session.seen(correction, &on_grey(&shown))?;
+        without_beat(session, correction, &mut seen, &shown);
         for (trusted, seen) in trusted.planes_mut().iter_mut().zip(seen.trusted.planes()) {
             trusted.data_mut().iter_mut().zip(seen.data()).for_each(|(a, &b)| *a &= b);
         }
@@ -255,6 +258,37 @@ fn shoot(
         averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
     });
     Ok(Series { shots, trusted: whole, first })
+}
+
+/// Takes the beat of the panel's columns out of `seen`, the capture of a pattern on grey. No lens
+/// is known yet: within large squares the light is what was `shown`, and patterns too fine for that
+/// are but noise about the grey.
+fn without_beat(
+    session: &Session<'_>,
+    correction: &Correction,
+    seen: &mut Corrected,
+    shown: &Frame<Work>,
+) {
+    let layout = correction.layout();
+    let support_px = session.config.calibration.function_support_px;
+    let margin = layout.margin_px;
+    for c in Channel::ALL {
+        let inside = lens_blur::within_a_square(shown.plane(c), support_px);
+        let is_fine = !inside.data().contains(&1);
+        let of = |light: f32| if is_fine { GREY } else { GREY + light };
+        let (trusted, column) = (seen.trusted.plane(c), correction.panel_columns().plane(c));
+        let beat = PanelBeat::of(&SeenChannel {
+            light: seen.light.plane(c),
+            predicted: &shown.plane(c).map(of),
+            known: &|x, y| trusted.at(x, y) == TRUSTED && (is_fine || inside.at(x, y) == TRUSTED),
+            photo: Rect { x: margin, y: margin, size: layout.photo },
+            column,
+            at_sites: layout.mosaic.is_some(),
+        });
+        if let Some(beat) = beat {
+            beat.undo(seen.light.plane_mut(c), column);
+        }
+    }
 }
 
 /// How bright the capture of grey is in each channel, against what it was calibrated to be: else
@@ -390,16 +424,13 @@ fn check(
     let margin = calibration.margin_px;
     let (photo, support_px) = (calibration.photo, calibration.functions.support_px);
     // As every later capture is, for the panel may have wandered and flickered.
-    let found = Registration::of(
-        &seen,
-        &predicted,
-        &Frame::filled(model.canvas(), TRUSTED),
-        Rect { x: margin, y: margin, size: photo },
-        &Channel::ALL,
-        support_px,
-    );
+    let trust = Frame::filled(model.canvas(), TRUSTED);
+    let place = Rect { x: margin, y: margin, size: photo };
+    let found = Registration::of(&seen, &predicted, &trust, place, &Channel::ALL, support_px);
     log::debug!("the chart's capture registered: {found:?}");
     found.undo(&mut seen, &predicted, &Channel::ALL);
+    let (columns, mosaic) = (correction.panel_columns(), session.layout.mosaic);
+    panel_beat::take_out(&mut seen, &predicted, (&trust, place), columns, mosaic, &Channel::ALL);
     for c in Channel::ALL {
         let (predicted, light) = (predicted.plane(c), seen.light.plane(c));
         calibration.operator_error[c.index()] =

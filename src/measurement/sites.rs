@@ -3,7 +3,6 @@
 use super::CalibrateError;
 use super::session::{Session, difference, rim_px, smooth};
 use crate::calibration::response_pattern::{BAD_SHARE_MAX, EvenlyLit, ResponsePattern};
-use crate::calibration::surface::Surface;
 use crate::calibration::{Calibration, Layout, dark_corner};
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Work};
 use crate::patterns;
@@ -56,14 +55,14 @@ pub(super) fn pattern(
         let over = difference(light.plane(c), dark.plane(c));
         let surface = smooth(&over, &layout, rim, "response pattern")?;
         let (share, counts) = dark_corner::normalised(&surface, photo);
-        let (over, share) = (on_canvas(&over, &layout), everywhere(&share, &layout));
+        let (over, share) = (on_canvas(&over, &layout), layout.on_canvas(&share));
         let ratio = Plane::from_fn(layout.canvas(), |x, y| {
             over.at(x, y) / (share.at(x, y) * counts as f32)
         });
         ratios.push(ratio);
         shares.push(share);
-        let smooth_dark = everywhere(&calibration.black[c.index()], &layout);
-        columns.push(everywhere(&calibration.geometry[c.index()].work_to_panel.x, &layout));
+        let smooth_dark = layout.on_canvas(&calibration.black[c.index()]);
+        columns.push(layout.on_canvas(&calibration.geometry[c.index()].work_to_panel.x));
         darks.push(difference(&on_canvas(dark.plane(c), &layout), &smooth_dark));
     }
     let seen = EvenlyLit {
@@ -92,16 +91,6 @@ fn on_canvas(plane: &Plane, layout: &Layout) -> Plane {
             at(x, layout.photo_x_px, plane.width()).zip(at(y, layout.photo_y_px, plane.height()));
         place.map_or(f32::NAN, |(x, y)| plane.at(x, y))
     })
-}
-
-/// `surface` on the canvas.
-fn everywhere(surface: &Surface, layout: &Layout) -> Plane {
-    let margin = layout.margin_px as f64;
-    let mut plane = Plane::zeros(layout.canvas());
-    for y in 0..plane.height() {
-        surface.row(y as f64 - margin, -margin, 1.0, plane.row_mut(y));
-    }
-    plane
 }
 
 fn frame(planes: Vec<Plane>, layout: &Layout) -> Frame<Work> {

@@ -2,7 +2,7 @@
 //! the table of `tests/tables`, and what holds of it.
 
 use relens::chart::scenes::Scene;
-use relens::config::{self, Kind, Lens, Simulation};
+use relens::config::{self, Kind, Lens, Simulation, Subpixels};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, RawSites, Rect, Size, Work};
@@ -143,6 +143,24 @@ fn tried(
         });
     }
     Ok(all)
+}
+
+#[test]
+fn a_lens_that_sees_the_panel_s_stripes_is_measured_as_through_whole_pixels() {
+    let errors = |whole: bool| {
+        let mut rig = load("truthful.toml");
+        let Kind::Simulated(simulation) = &mut rig.kind else { panic!("a simulated rig") };
+        simulation.seed = 4;
+        assert_eq!(simulation.display.subpixels, Subpixels::Stripes);
+        if whole {
+            simulation.display.subpixels = Subpixels::Whole;
+        }
+        measured(&rig).unwrap().operator_error
+    };
+    let (whole, stripes) = (errors(true), errors(false));
+    for (whole, stripes) in whole.iter().zip(&stripes) {
+        assert!(*stripes < 1.25 * whole, "{stripes:?} grey levels, {whole:?} of whole pixels");
+    }
 }
 
 #[test]

@@ -95,7 +95,7 @@ pub fn without_halos(functions: &mut LensFunctions, channel: Channel, halos: &[H
 }
 
 /// Where all within half of `support_px` is one square of `shown`; not so near the border.
-fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
+pub fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
     let (size, reach) = (shown.size(), support_px / 2);
     let near = |n: usize, length: usize| n.saturating_sub(reach)..(n + reach + 1).min(length);
     let (least, largest) = (f32::INFINITY, f32::NEG_INFINITY);

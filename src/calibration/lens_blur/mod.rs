@@ -11,7 +11,7 @@ mod overlaps;
 mod plausibility;
 mod shape;
 
-pub use broad::{halos, without_halos};
+pub use broad::{halos, within_a_square, without_halos};
 pub use plausibility::{dominant, misfit};
 pub use shape::{centroid, displacement, moments, normalise};
 

@@ -63,6 +63,10 @@ impl ForwardConvolution for OpticsAtFocus<'_> {
         Ok(self.refocused(flat, seen))
     }
 
+    fn panel_columns(&self) -> Option<&Frame<Work>> {
+        self.inner.panel_columns()
+    }
+
     fn captures(&self) -> usize {
         self.inner.captures()
     }

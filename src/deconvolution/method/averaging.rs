@@ -45,6 +45,10 @@ impl ForwardConvolution for Averaging<'_> {
         Ok(mean)
     }
 
+    fn panel_columns(&self) -> Option<&Frame<Work>> {
+        self.optics.panel_columns()
+    }
+
     fn captures(&self) -> usize {
         self.optics.captures()
     }

@@ -13,6 +13,7 @@ use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
+use crate::deconvolution::panel_beat;
 use crate::deconvolution::refinement::{CaptureFinding, Learnt};
 use crate::deconvolution::registration::Registration;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
@@ -127,6 +128,10 @@ impl<'a> Problem<'a> {
             let found = Registration::of(&seen, &predicted, trust, rect, channels, blur_px);
             log::debug!("capture registered: {found:?}");
             found.undo(&mut seen, &predicted, channels);
+            if let Some(columns) = optics.panel_columns() {
+                let (known, mosaic) = ((trust, rect), self.capture_mosaic);
+                panel_beat::take_out(&mut seen, &predicted, known, columns, mosaic, channels);
+            }
         }
         Ok(seen)
     }
