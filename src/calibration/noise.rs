@@ -19,6 +19,12 @@ impl Noise {
     pub fn sigma(&self, light: f32) -> f32 {
         (self.at_black + self.per_level * light).max(0.0).sqrt()
     }
+
+    /// The light that adds as much noise as there is without light, grey levels; infinite where
+    /// noise does not depend on light.
+    pub fn dark_light(&self) -> f32 {
+        if self.per_level > 0.0 { self.at_black / self.per_level } else { f32::INFINITY }
+    }
 }
 
 /// The noise of two captures of the same picture (`first`, `second`: light, mixing undone), from

@@ -33,6 +33,20 @@ const CELLS_LEAST: f32 = 0.5;
 /// any scene.
 const GROWTH: f32 = 8.0;
 
+/// A channel of a photo, and its noise.
+#[derive(Debug, Clone, Copy)]
+pub struct NoisyPlane<'a> {
+    /// Its light, grey levels.
+    pub light: &'a Plane,
+    /// What each pixel is worth, see [`super::data_term`].
+    pub trust: &'a Plane<u8>,
+    /// Standard deviation of its noise at its mean light, grey levels.
+    pub noise: f32,
+    /// L₀, the light that adds as much noise as there is without light: at a light of L the noise
+    /// goes with √(L + L₀). Infinite where it is the same everywhere.
+    pub dark_light: f32,
+}
+
 /// How much the thresholds of each wavelet level grow, place by place.
 #[derive(Debug, Clone)]
 pub struct DetailMask {
@@ -43,15 +57,20 @@ pub struct DetailMask {
 }
 
 impl DetailMask {
-    /// The mask of a photo of `planes`, each with its trust and its noise in grey levels, for
-    /// `levels` levels of details. The channel with most details decides for a place. `raw` planes
-    /// are known at a mosaic's sites.
-    pub fn of(planes: &[(&Plane, &Plane<u8>, f32)], levels: usize, raw: bool) -> DetailMask {
-        let size = planes.first().map_or(Size::new(0, 0), |(plane, ..)| blocks(plane.size()));
-        let activities: Vec<Activity> = planes
+    /// The mask of a photo of `planes` for `levels` levels of details. The channel with most
+    /// details decides for a place; where the light is such that there is more noise than at its
+    /// mean, thresholds grow as it does. `raw` planes are known at a mosaic's sites.
+    pub fn of(planes: &[NoisyPlane<'_>], levels: usize, raw: bool) -> DetailMask {
+        let size = planes.first().map_or(Size::new(0, 0), |plane| blocks(plane.light.size()));
+        let (activities, all_ratios): (Vec<Activity>, Vec<Plane>) = planes
             .par_iter()
-            .map(|(plane, trust, noise)| activity(plane, trust, *noise, raw))
-            .collect();
+            .map(|plane| {
+                let ratios = noise_ratios(plane);
+                (activity(plane, &ratios, raw), ratios)
+            })
+            .unzip();
+        let mut ratios: Plane = Plane::zeros(size);
+        all_ratios.iter().for_each(|of| ratios.add_scaled(1.0 / planes.len() as f32, of));
         let mut largest: Plane = Plane::zeros(size);
         let mut peak = 0.0f32;
         for Activity { pixels, cells } in &activities {
@@ -63,12 +82,14 @@ impl DetailMask {
         let mut factors = Vec::with_capacity(levels);
         for level in 0..levels {
             if level > 0 {
-                largest = halved(&largest);
+                (largest, ratios) = (halved(&largest), means_of_four(&ratios));
             }
-            factors.push(largest.map(|activity: f32| {
+            let mut of_level = largest.map(|activity: f32| {
                 let flat = ((DETAILED - activity) / (DETAILED - FLAT)).clamp(0.0, 1.0);
                 1.0 + GROWTH * flat * flat * (3.0 - 2.0 * flat)
-            }));
+            });
+            of_level.data_mut().iter_mut().zip(ratios.data()).for_each(|(f, ratio)| *f *= ratio);
+            factors.push(of_level);
         }
         DetailMask { factors, peak }
     }
@@ -99,6 +120,44 @@ fn halved(plane: &Plane) -> Plane {
     })
 }
 
+/// The mean of each four blocks.
+fn means_of_four(plane: &Plane) -> Plane {
+    let size = plane.size();
+    Plane::from_fn(blocks(size), |x, y| {
+        let (right, below) = ((2 * x + 1).min(size.width - 1), (2 * y + 1).min(size.height - 1));
+        let upper = plane.at(2 * x, 2 * y) + plane.at(right, 2 * y);
+        (upper + plane.at(2 * x, below) + plane.at(right, below)) / 4.0
+    })
+}
+
+/// The noise in the surroundings of each block, against that at the mean light.
+fn noise_ratios(plane: &NoisyPlane<'_>) -> Plane {
+    let (size, blocks) = (plane.light.size(), blocks(plane.light.size()));
+    if plane.dark_light.is_infinite() {
+        return Plane::filled(blocks, 1.0);
+    }
+    let (mut light, mut count): (Plane, Plane) = (Plane::zeros(blocks), Plane::zeros(blocks));
+    for y in 0..size.height {
+        let (sums, pixels) = (light.row_mut(y / BLOCK_PX), count.row_mut(y / BLOCK_PX));
+        for (x, value) in plane.light.row(y).iter().enumerate() {
+            sums[x / BLOCK_PX] += value;
+            pixels[x / BLOCK_PX] += 1.0;
+        }
+    }
+    let [light, count] = [light, count].map(|plane| surroundings(&plane));
+    let power = |light: f32| (light.max(0.0) + plane.dark_light).max(f32::MIN_POSITIVE);
+    let at_mean = power(plane.light.mean() as f32);
+    Plane::from_fn(blocks, |x, y| {
+        let ratio = power(light.at(x, y) / count.at(x, y)) / at_mean;
+        ratio.sqrt().clamp(RATIO_LEAST, RATIO_MOST)
+    })
+}
+
+/// Noise differs over a photo by so much at the least and at the most. Guess: light of a tenth of
+/// the mean and of sixteen times it.
+const RATIO_LEAST: f32 = 0.3;
+const RATIO_MOST: f32 = 4.0;
+
 /// Variance of the surroundings of each block over the noise's there.
 struct Activity {
     /// Of single pixels; infinite where nothing of them can be trusted.
@@ -107,9 +166,11 @@ struct Activity {
     cells: Plane,
 }
 
-/// The activity of a plane. Of a `raw` plane the noise is told by sites of one phase, two pixels
-/// apart, where a scene has details, too: it is believed up to [`MOST_POWER`].
-fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32, raw: bool) -> Activity {
+/// The activity of a plane whose noise is `ratios` of what it is at its mean light. Of a `raw`
+/// plane the noise is told by sites of one phase, two pixels apart, where a scene has details, too:
+/// it is believed up to [`MOST_POWER`].
+fn activity(plane: &NoisyPlane<'_>, ratios: &Plane, raw: bool) -> Activity {
+    let NoisyPlane { light: photo, trust, noise, .. } = *plane;
     let (apart, most) =
         if raw { (2, MOST_POWER * noise.max(NOISE_MIN).powi(2)) } else { (1, f32::INFINITY) };
     let (size, width) = (photo.size(), photo.width());
@@ -154,7 +215,8 @@ fn activity(photo: &Plane, trust: &Plane<u8>, noise: f32, raw: bool) -> Activity
         |lower: f32, upper: f32, apart: usize| (upper - lower) / (BLOCK_PX * apart.max(1)) as f32;
     let noise_at = |x: usize, y: usize| {
         let finest = fine.at(x, y) / count.at(x, y).max(1.0);
-        finest.min(most).max(least).max(f32::MIN_POSITIVE)
+        let here = ratios.at(x, y).powi(2);
+        finest.min(most * here).max(least * here).max(f32::MIN_POSITIVE)
     };
     let pixels = Plane::from_fn(blocks, |x, y| {
         let pixels = count.at(x, y);
@@ -216,9 +278,9 @@ fn cells(count: &Plane, sum: &Plane) -> Plane {
     })
 }
 
-/// Noise is at least this share of the photo's anywhere.
+/// Noise is at least this share of what the light lets expect.
 const LEAST_SHARE: f32 = 0.5;
-/// Noise power of a mosaic's sites is at most so much of the photo's anywhere: white over grey.
+/// Noise power of a mosaic's sites is at most so much of what the light lets expect. Guess.
 const MOST_POWER: f32 = 2.0;
 
 /// Sums over squares of 2·[`REACH`] + 1 blocks.
@@ -263,6 +325,10 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
+    fn plane<'a>(light: &'a Plane, trust: &'a Plane<u8>, noise: f32) -> NoisyPlane<'a> {
+        NoisyPlane { light, trust, noise, dark_light: f32::INFINITY }
+    }
+
     /// Factors of the finest level for a scene with one grey level of noise, more where it is
     /// brighter.
     fn factors(scene: impl Fn(usize, usize) -> f32) -> Plane {
@@ -273,7 +339,7 @@ mod tests {
             scene(x, y) + noise * (scene(x, y) / 100.0).sqrt()
         });
         let trust = Plane::filled(size, TRUSTED);
-        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 3, false);
+        let mask = DetailMask::of(&[plane(&photo, &trust, 1.0)], 3, false);
         assert_eq!(mask.factors(2).unwrap().size(), Size::new(20, 15));
         assert!(mask.factors(3).is_none());
         mask.factors(0).unwrap().clone()
@@ -312,13 +378,38 @@ mod tests {
     }
 
     #[test]
+    fn thresholds_follow_the_light_as_its_noise_does() {
+        let size = Size::new(320, 120);
+        // A dark half, a bright half, and more of the dark; details everywhere.
+        let light = |x: usize| if x < 200 { 20.0 } else { 100.0 };
+        let photo = Plane::from_fn(size, |x, y| light(x) * (1.0 + 0.5 * (0.6 * y as f32).sin()));
+        let trust = Plane::filled(size, TRUSTED);
+        let factors = |dark_light: f32, x: usize| {
+            let plane = NoisyPlane { dark_light, ..plane(&photo, &trust, 0.1) };
+            let mask = DetailMask::of(&[plane], 2, false);
+            [0, 1].map(|level| mask.factors(level).unwrap().at(x >> level, 30 >> level))
+        };
+        let ratios = |of: f32| {
+            let (dark, bright) = (factors(of, 40), factors(of, 130));
+            [0, 1].map(|level| bright[level] / dark[level])
+        };
+        for ratio in ratios(0.0) {
+            assert!((ratio - 5.0f32.sqrt()).abs() < 0.05, "{ratio}");
+        }
+        for ratio in ratios(80.0) {
+            assert!((ratio - 1.8f32.sqrt()).abs() < 0.05, "{ratio}");
+        }
+        assert_eq!(ratios(f32::INFINITY), [1.0; 2]);
+    }
+
+    #[test]
     fn where_nothing_is_known_thresholds_stay() {
         let size = Size::new(64, 64);
         let (photo, trust) = (
             Plane::filled(size, 80.0),
             Plane::filled(size, crate::deconvolution::data_term::MISSING),
         );
-        let mask = DetailMask::of(&[(&photo, &trust, 1.0)], 1, false);
+        let mask = DetailMask::of(&[plane(&photo, &trust, 1.0)], 1, false);
         assert!(mask.factors(0).unwrap().data().iter().all(|&f| f == 1.0));
     }
 }

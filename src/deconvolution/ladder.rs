@@ -2,9 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::detail_mask::DetailMask;
+use super::detail_mask::{DetailMask, NoisyPlane};
 use super::method::Certificate;
-use crate::frame::Plane;
 
 /// How much model a photo needed; it stops at the first rung whose residual is at the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -45,10 +44,9 @@ impl Rung {
     }
 }
 
-/// Whether nothing in a photo of `planes`, each with its trust and its noise in grey levels, rises
-/// above its noise: flat everywhere, whatever its broad shading. `raw` planes are known at a
-/// mosaic's sites.
-pub fn is_blank(planes: &[(&Plane, &Plane<u8>, f32)], raw: bool) -> bool {
+/// Whether nothing in a photo of `planes` rises above its noise: flat everywhere, whatever its
+/// broad shading. `raw` planes are known at a mosaic's sites.
+pub fn is_blank(planes: &[NoisyPlane<'_>], raw: bool) -> bool {
     DetailMask::of(planes, 1, raw).is_flat()
 }
 
@@ -56,7 +54,7 @@ pub fn is_blank(planes: &[(&Plane, &Plane<u8>, f32)], raw: bool) -> bool {
 mod tests {
     use super::super::data_term::TRUSTED;
     use super::*;
-    use crate::frame::Size;
+    use crate::frame::{Plane, Size};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
@@ -70,12 +68,16 @@ mod tests {
         (photo, Plane::filled(size, TRUSTED))
     }
 
+    fn plane<'a>(light: &'a Plane, trust: &'a Plane<u8>) -> NoisyPlane<'a> {
+        NoisyPlane { light, trust, noise: 1.0, dark_light: f32::INFINITY }
+    }
+
     #[test]
     fn a_shaded_wall_is_blank_and_a_faint_disc_is_not() {
         let (wall, trust) = noisy(|x, y| 90.0 + 0.05 * (x + y) as f32);
-        assert!(is_blank(&[(&wall, &trust, 1.0)], false));
+        assert!(is_blank(&[plane(&wall, &trust)], false));
         let (disc, trust) =
             noisy(|x, y| if (x as f32 - 80.0).hypot(y as f32 - 60.0) < 20.0 { 94.0 } else { 90.0 });
-        assert!(!is_blank(&[(&wall, &trust, 1.0), (&disc, &trust, 1.0)], false));
+        assert!(!is_blank(&[plane(&wall, &trust), plane(&disc, &trust)], false));
     }
 }

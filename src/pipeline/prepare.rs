@@ -23,6 +23,7 @@ use super::stages::Prepared;
 use crate::calibration::{Noise, SiteGains};
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
+use crate::deconvolution::detail_mask::NoisyPlane;
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::ladder::{Rung, is_blank};
 use crate::deconvolution::rounded::Rounded;
@@ -120,6 +121,7 @@ impl Pipeline {
             rect,
             mosaic: None,
             noise,
+            dark_light: self.noise.map(|noise| noise.dark_light()),
             coded,
             filled_in: None,
             stated: None,
@@ -145,7 +147,7 @@ impl Pipeline {
             let of_code = |&bent: &f32| straight.as_ref().map_or(bent, |straight| straight(bent));
             let lights: [Vec<f32>; 3] =
                 Channel::ALL.map(|c| tone.lights(c).iter().map(of_code).collect());
-            let of_camera = |c| self.noise[Channel::index(c)].sigma(median(photo.plane(c)));
+            let of_camera = |c| self.noise[Channel::index(c)].sigma(photo.plane(c).mean() as f32);
             prepared.stated = JpegTerm::of(&Stated {
                 coding,
                 lights: lights.each_ref().map(Vec::as_slice),
@@ -238,7 +240,7 @@ impl Pipeline {
                 stated.max(AVERAGED_MIN.sqrt() * one)
             })
         };
-        let noise = Channel::ALL.map(|c| noise_at(c, median(photo.plane(c))));
+        let noise = Channel::ALL.map(|c| noise_at(c, photo.plane(c).mean() as f32));
         let mosaic = Some(mosaic);
         let mut prepared = Prepared { photo, trust, mosaic, noise, coded: false, ..prepared };
         prepared.focus = self.focus_of(&prepared, &noise_at);
@@ -246,10 +248,10 @@ impl Pipeline {
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera
-    /// has at the photo's median level, with what a JPEG's coding adds; and that alone. A JPEG's
+    /// has at the photo's mean light, with what a JPEG's coding adds; and that alone. A JPEG's
     /// noise is flattened where it is measured, and still in the picture.
     fn noise_and_coding_of(&self, channel: Channel, photo: &Plane) -> (f32, f32) {
-        let of_camera = self.noise[channel.index()].sigma(median(photo));
+        let of_camera = self.noise[channel.index()].sigma(photo.mean() as f32);
         let of_light = data_term::noise_of(photo).max(of_camera);
         let coding = blocking_of(photo);
         (of_light.hypot(coding), coding)
@@ -260,7 +262,7 @@ impl Pipeline {
     /// Why a photo [that is blank](Prepared::is_blank) is left as it is.
     pub(super) fn why_blank(&self, photo: &Prepared<'_>) -> &'static str {
         let is_not_its_cameras = |&c: &Channel| {
-            let of_camera = self.noise[c.index()].sigma(median(photo.photo.plane(c)));
+            let of_camera = self.noise[c.index()].sigma(photo.photo.plane(c).mean() as f32);
             photo.noise[c.index()] > NOT_ITS_CAMERAS * of_camera
         };
         match photo.channels.list().iter().any(is_not_its_cameras) {
@@ -288,7 +290,12 @@ pub(super) fn median(photo: &Plane) -> f32 {
 impl Prepared<'_> {
     /// Whether nothing in the photo rises above its noise.
     pub fn is_blank(&self) -> bool {
-        let of = |&c: &Channel| (self.placed.plane(c), self.trust.plane(c), self.noise[c.index()]);
+        let of = |&c: &Channel| NoisyPlane {
+            light: self.placed.plane(c),
+            trust: self.trust.plane(c),
+            noise: self.noise[c.index()],
+            dark_light: self.dark_light[c.index()],
+        };
         let planes: Vec<_> = self.channels.list().iter().map(of).collect();
         is_blank(&planes, self.mosaic.is_some())
     }

@@ -95,6 +95,7 @@ impl Pipeline {
             level_norms,
             learnt: if photo.focus.is_none() { self.learning.lens() } else { None },
             photo_noise: photo.noise,
+            dark_light: photo.dark_light,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,
             stopwatch: &*self.stopwatch,

@@ -32,8 +32,12 @@ pub struct Prepared<'a> {
     pub rect: Rect,
     /// The colours of the canvas's pixels, where the photo is a sensor's raw sites.
     pub mosaic: Option<Mosaic>,
-    /// The photo's noise per channel, grey levels; of raw sites that of the sites.
+    /// The photo's noise per channel, grey levels; of raw sites that of the sites. So much at its
+    /// mean light, which is what it has as a whole.
     pub noise: [f32; 3],
+    /// The light that adds as much noise as there is without light, per channel; infinite where
+    /// noise does not depend on light.
+    pub dark_light: [f32; 3],
     /// Whether the blocks of a JPEG are seen in it.
     pub coded: bool,
     /// The filters between which its camera filled in what it is, over the canvas.

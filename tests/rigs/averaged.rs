@@ -75,21 +75,19 @@ impl NoisyRig {
     }
 }
 
-fn median(photo: &Photo) -> f32 {
-    let mut light = photo.light.plane(Channel::Green).data().to_vec();
-    light.sort_by(f32::total_cmp);
-    light[light.len() / 2]
+fn mean_light(photo: &Photo) -> f32 {
+    photo.light.plane(Channel::Green).mean() as f32
 }
 
 /// The noise, grey levels, of the green of `photo`, of which `other` is another take: where its
-/// light is near its median.
+/// light is near its mean.
 fn noise_present(photo: &Photo, other: &Photo) -> f64 {
     let (green, mosaic) = (photo.light.plane(Channel::Green), photo.raw.unwrap().mosaic);
-    let (median, mut differences) = (median(photo), Vec::new());
+    let (mean_light, mut differences) = (mean_light(photo), Vec::new());
     for y in 0..green.height() {
         for x in (0..green.width()).filter(|&x| mosaic.colour_at(x, y) == Channel::Green) {
             let (one, two) = (green.at(x, y), other.light.plane(Channel::Green).at(x, y));
-            if (0.8..1.2).contains(&((one + two) / 2.0 / median)) {
+            if (0.8..1.2).contains(&((one + two) / 2.0 / mean_light)) {
                 differences.push(f64::from(one - two));
             }
         }
@@ -99,10 +97,10 @@ fn noise_present(photo: &Photo, other: &Photo) -> f64 {
     (differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / count / 2.0).sqrt()
 }
 
-/// The noise, grey levels, that the file of `photo` states at the green's median light.
+/// The noise, grey levels, that the file of `photo` states at the green's mean light.
 fn noise_stated(photo: &Photo) -> f64 {
     let [at_black, per_level] = photo.raw.unwrap().noise.unwrap()[Channel::Green.index()];
-    f64::from(at_black + per_level * median(photo)).sqrt()
+    f64::from(at_black + per_level * mean_light(photo)).sqrt()
 }
 
 /// The same photo, whose file says this of its noise, or nothing.

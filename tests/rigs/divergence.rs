@@ -168,6 +168,7 @@ fn no_method_runs_away_whatever_is_wrong() {
             level_norms: &norms,
             learnt: None,
             photo_noise: [0.3; 3],
+            dark_light: [f32::INFINITY; 3],
             capture_noise: [0.3; 3],
             is_hopeless: None,
             stopwatch: &|| 0.0,

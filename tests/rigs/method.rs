@@ -76,6 +76,7 @@ impl Case {
             level_norms: &self.level_norms,
             learnt: None,
             photo_noise: [self.noise; 3],
+            dark_light: [f32::INFINITY; 3],
             capture_noise: [self.noise; 3],
             is_hopeless: None,
             stopwatch: &|| 0.0,

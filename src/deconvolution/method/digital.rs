@@ -27,7 +27,7 @@ use super::{
 };
 use crate::deconvolution::colour_axis::ColourAxes;
 use crate::deconvolution::data_term;
-use crate::deconvolution::detail_mask::DetailMask;
+use crate::deconvolution::detail_mask::{DetailMask, NoisyPlane};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
@@ -141,8 +141,11 @@ impl Digital {
 
     /// Where the photo of `problem` has details.
     pub(super) fn mask(&self, problem: &Problem<'_>) -> DetailMask {
-        let of = |&c: &Channel| {
-            (problem.photo.plane(c), problem.trust.plane(c), problem.photo_noise[c.index()])
+        let of = |&c: &Channel| NoisyPlane {
+            light: problem.photo.plane(c),
+            trust: problem.trust.plane(c),
+            noise: problem.photo_noise[c.index()],
+            dark_light: problem.dark_light[c.index()],
         };
         let planes: Vec<_> = problem.channels.list().iter().map(of).collect();
         DetailMask::of(&planes, self.levels, problem.mosaic.is_some())
@@ -219,6 +222,8 @@ pub(super) struct ChannelSolve {
     looked_at: Plane,
     /// K̂ of it, then its residual.
     predicted: Plane,
+    /// Whether a pixel is kept where it is, at a bound of light.
+    held: Plane<bool>,
     /// The picture after the step.
     pub(super) stepped: Plane,
     momentum: Momentum,
@@ -233,6 +238,7 @@ impl ChannelSolve {
             channel,
             looked_at: start.clone(),
             predicted: Plane::zeros(start.size()),
+            held: Plane::zeros(start.size()),
             stepped: start.clone(),
             momentum: Momentum::new(start),
             residual: 0.0,
@@ -254,16 +260,46 @@ impl ChannelSolve {
         }
         data_term::count(&mut self.predicted, target.problem.weight(c));
         target.model.adjoint(c, &self.predicted, &mut self.stepped);
+        self.hold();
         let steps = target.norms[c.index()].steps();
         prior.lend(|scratch| {
             prior.shrinkage.scale_levels(&mut self.stepped, &steps, shift, scratch);
         });
-        let pairs = self
+        let stretches = self
             .stepped
             .data_mut()
             .par_chunks_mut(STRETCH)
-            .zip(self.looked_at.data().par_chunks(STRETCH));
-        pairs.for_each(|(s, y)| s.iter_mut().zip(y).for_each(|(s, y)| *s = y - *s));
+            .zip(self.looked_at.data().par_chunks(STRETCH))
+            .zip(self.held.data().par_chunks(STRETCH));
+        stretches.for_each(|((step, from), held)| {
+            for ((s, y), held) in step.iter_mut().zip(from).zip(held) {
+                *s = if *held { *y } else { y - *s };
+            }
+        });
+    }
+
+    /// Takes out of the gradient the pixels at a bound of light that it leads past.
+    ///
+    /// Each level has a step of its own, and the bound is one of pixels. Kept by a clamp alone,
+    /// such a step need not descend, however short it is: dark places of a channel whose finest
+    /// details hardly arrive fill with stripes. With these pixels held it does (two-metric
+    /// projection: Bertsekas 1982, "Projected Newton methods for optimization problems with simple
+    /// constraints").
+    fn hold(&mut self) {
+        let stretches = self
+            .stepped
+            .data_mut()
+            .par_chunks_mut(STRETCH)
+            .zip(self.looked_at.data().par_chunks(STRETCH))
+            .zip(self.held.data_mut().par_chunks_mut(STRETCH));
+        stretches.for_each(|((gradient, at), held)| {
+            for ((g, &y), held) in gradient.iter_mut().zip(at).zip(held) {
+                *held = (y <= 0.0 && *g > 0.0) || (y >= FULL_SCALE && *g < 0.0);
+                if *held {
+                    *g = 0.0;
+                }
+            }
+        });
     }
 
     /// Keeps the picture within what light can be, and goes on to the next point to look at.

@@ -49,8 +49,11 @@ pub struct Problem<'a> {
     pub level_norms: &'a [LevelNorms; 3],
     /// The lens as captures of other photos say it is.
     pub learnt: Option<&'a Learnt>,
-    /// Standard deviation of the photo's noise per channel, grey levels.
+    /// Standard deviation of the photo's noise per channel, grey levels, at its mean light.
     pub photo_noise: [f32; 3],
+    /// The light that adds as much noise as the photo has without light, per channel, grey levels;
+    /// infinite where its noise is the same everywhere.
+    pub dark_light: [f32; 3],
     /// The colours of the canvas's pixels where captures are known at a sensor's raw sites.
     pub capture_mosaic: Option<Mosaic>,
     /// Standard deviation of one capture's noise per channel, grey levels.

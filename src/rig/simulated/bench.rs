@@ -145,11 +145,13 @@ impl OpticalBench {
         self.now_s = self.now_s.max(moment.0);
     }
 
-    /// Exposures are `times` as long from now on.
+    /// Exposures are `times` as long from now on. Reading adds as many electrons to each, which are
+    /// so much less light.
     pub(super) fn expose_times(&mut self, times: f64) {
         let longer = times / self.exposure_times;
         self.camera.exposure_ms *= longer;
         self.sensor.config.white_share *= longer;
+        self.sensor.config.read_noise_levels /= longer;
         self.exposure_times = times;
     }
 
