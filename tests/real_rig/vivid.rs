@@ -65,7 +65,7 @@ fn held(title: &str) -> i64 {
 
 #[test]
 #[ignore = "needs vivid"]
-fn vivid_s_gain_is_set_for_a_photo_and_is_the_rig_file_s_again_when_it_is_opened() {
+fn vivid_s_gain_is_set_for_a_photo_and_is_as_before_when_it_is_opened() {
     let (name, value) = ("gain".to_owned(), 20);
     let controls = vec![(name.clone(), value)];
     // vivid's control goes to 255.
