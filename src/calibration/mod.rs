@@ -100,14 +100,14 @@ pub struct Calibration {
     /// ‖K‖², asked of the light: what the rig makes of the model's dominant picture; green.
     pub norm_squared_seen: f32,
     /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel;
-    /// capture noise included.
+    /// the capture registered, its beat taken out, its noise included.
     pub operator_error: [f32; 3],
     /// Captures the calibration took.
     pub captures: u32,
 }
 
-/// An operator error above which results are doubted, grey levels. Simulated rigs that restore well
-/// have 1 to 5.5; with one of 8.0 some results are worse than their photos. Guess in between.
+/// An operator error above which results are doubted, grey levels. Guess: the simulated rigs of
+/// the laboratory have 1 to 5.6, a lens that blurs by less than a pixel 8.8.
 const OPERATOR_ERROR_MOST: f32 = 7.0;
 
 impl Calibration {
@@ -140,9 +140,9 @@ impl Calibration {
             format!(
                 "the lens model misses a chart by {largest:.1} grey levels, allowed \
                  {OPERATOR_ERROR_MOST:.0}: results will be poor. Either the rig is out of focus, \
-                 which `relens align` tells; or the lens is so sharp that the camera sees the \
-                 panel's stripes: a panel with finer pixels, or farther away, has two of them to a \
-                 pixel of the sensor"
+                 which `relens align` tells; or the lens blurs by less than a pixel, and the \
+                 camera sees the panel's: a panel with finer pixels, or farther away, has two of \
+                 them to a pixel of the sensor"
             )
         })
     }

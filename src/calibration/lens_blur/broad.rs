@@ -94,7 +94,7 @@ pub fn without_halos(functions: &mut LensFunctions, channel: Channel, halos: &[H
     }
 }
 
-/// Where all within half of `support_px` is one square of `shown`; not so near the border.
+/// 1 where all within half of `support_px` is one square of `shown`, else 0, as near the border.
 pub fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
     let (size, reach) = (shown.size(), support_px / 2);
     let near = |n: usize, length: usize| n.saturating_sub(reach)..(n + reach + 1).min(length);

@@ -71,6 +71,7 @@ pub(super) struct OpticalBench {
     exposures: u64,
     /// How long exposures are against the rig file's.
     exposure_times: f64,
+    /// How high the gain is against the rig file's.
     gain_times: f64,
     sequence: u32,
     last: Option<Exposed>,
