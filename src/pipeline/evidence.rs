@@ -140,14 +140,25 @@ pub(super) fn sum(plane: &Plane, trust: &Plane<u8>) -> f64 {
 /// `trust` with nothing known within `reach` pixels of a saturated one: light from beyond full
 /// scale falls there.
 pub(super) fn away_from_saturated(trust: &Plane<u8>, reach: usize) -> Plane<u8> {
-    let (width, height) = (trust.width(), trust.height());
+    let mut known = trust.clone();
     let near = |at: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);
-    let in_rows: Plane<u8> = Plane::from_fn(trust.size(), |x, y| {
-        u8::from(near(x, width).any(|x| trust.at(x, y) == SATURATED))
-    });
-    Plane::from_fn(trust.size(), |x, y| {
-        if near(y, height).any(|y| in_rows.at(x, y) == 1) { MISSING } else { trust.at(x, y) }
-    })
+    let width = trust.width();
+    for y in 0..trust.height() {
+        // Runs of saturated pixels, each widened by its reach.
+        let mut from = 0;
+        for run in trust.row(y).chunk_by(|a, b| (*a == SATURATED) == (*b == SATURATED)) {
+            let columns = from..from + run.len();
+            from = columns.end;
+            if run[0] != SATURATED {
+                continue;
+            }
+            let columns = near(columns.start, width).start..near(columns.end - 1, width).end;
+            for y in near(y, trust.height()) {
+                known.row_mut(y)[columns.clone()].fill(MISSING);
+            }
+        }
+    }
+    known
 }
 
 #[cfg(test)]
@@ -158,11 +169,20 @@ mod tests {
 
     #[test]
     fn what_is_near_a_saturated_pixel_is_not_known() {
-        let size = Size::new(9, 7);
-        let trust = Plane::from_fn(size, |x, y| if (x, y) == (4, 3) { SATURATED } else { TRUSTED });
-        let known = away_from_saturated(&trust, 2);
-        let missing = known.data().iter().filter(|&&t| t == MISSING).count();
-        assert_eq!(missing, 25);
-        assert_eq!((known.at(2, 1), known.at(1, 1)), (MISSING, TRUSTED));
+        let size = Size::new(19, 17);
+        let saturated = [(4, 3), (5, 3), (18, 0), (0, 16), (9, 11)];
+        let trust = Plane::from_fn(size, |x, y| match (x, y) {
+            at if saturated.contains(&at) => SATURATED,
+            _ => TRUSTED,
+        });
+        for reach in [0, 2, 30] {
+            let known = away_from_saturated(&trust, reach);
+            for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
+                let near =
+                    |&(sx, sy): &(usize, usize)| x.abs_diff(sx) <= reach && y.abs_diff(sy) <= reach;
+                let is_known = known.at(x, y) == TRUSTED;
+                assert_eq!(is_known, !saturated.iter().any(near), "({x}, {y}) by {reach}");
+            }
+        }
     }
 }

@@ -1,5 +1,6 @@
-//! What a photo costs the box itself: computing time, where it goes, and peak memory of the default
-//! method on the default rig (1024×768, colour), the simulator not counted.
+//! What a photo costs the box itself: computing time, where it goes, and peak memory of 1024×768 in
+//! colour, the simulator not counted: by the method of a rig file that says nothing (on ideal.toml),
+//! and as the default rig's file says.
 //!
 //! One process photographs, calibrates and restores on the simulated rig and keeps every frame its
 //! camera delivered; a second one, which has no simulator, restores the same photo from the kept
@@ -30,17 +31,27 @@ use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger
 
 /// Names the folder of the kept frames to the second process.
 const KEPT: &str = "RELENS_BENCH_KEPT";
+/// Names its rig file.
+const RIG: &str = "RELENS_BENCH_RIG";
+
+/// Rig files by name.
+const RIGS: [(&str, &str); 2] = [
+    ("ideal.toml", include_str!("../../rig-config/ideal.toml")),
+    ("simulated.toml", include_str!("../../rig-config/simulated.toml")),
+];
 
 fn main() {
-    match std::env::var_os(KEPT) {
-        Some(folder) => alone(Path::new(&folder)),
-        None => [false, true].into_iter().for_each(whole),
+    if let Some(folder) = std::env::var_os(KEPT) {
+        return alone(Path::new(&folder), &std::env::var(RIG).unwrap());
+    }
+    for (name, _) in RIGS {
+        [false, true].into_iter().for_each(|is_touched| whole(name, is_touched));
     }
 }
 
-fn rig() -> config::RigFile {
-    config::parse(include_str!("../../rig-config/simulated.toml"), "simulated.toml", Path::new("."))
-        .unwrap()
+fn rig(name: &str) -> config::RigFile {
+    let (_, text) = RIGS.iter().find(|(of, _)| *of == name).unwrap();
+    config::parse(text, name, Path::new(".")).unwrap()
 }
 
 /// Seconds since the program began.
@@ -59,12 +70,12 @@ fn touched(mut rig: config::RigFile) -> config::RigFile {
     rig
 }
 
-fn whole(is_touched: bool) {
+fn whole(name: &str, is_touched: bool) {
     println!(
-        "\n{}:",
+        "\n{name}, {}:",
         if is_touched { "lens touched since it was measured" } else { "lens as it was measured" }
     );
-    let rig = rig();
+    let rig = rig(name);
     let folder = tempfile::tempdir().unwrap();
     let calibration =
         calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut to_the_end).unwrap();
@@ -92,12 +103,16 @@ fn whole(is_touched: bool) {
     }
     drop(devices);
     let program = std::env::current_exe().unwrap();
-    let ended = std::process::Command::new(program).env(KEPT, folder.path()).status().unwrap();
+    let ended = std::process::Command::new(program)
+        .env(KEPT, folder.path())
+        .env(RIG, name)
+        .status()
+        .unwrap();
     assert!(ended.success());
 }
 
-fn alone(folder: &Path) {
-    let rig = rig();
+fn alone(folder: &Path, name: &str) {
+    let rig = rig(name);
     let calibration: Calibration =
         postcard::from_bytes(&std::fs::read(folder.join("calibration")).unwrap()).unwrap();
     let photo = Frame::from_planes(kept(&folder.join("photo"), rig.photo.size()));
@@ -120,8 +135,13 @@ fn alone(folder: &Path) {
     );
     let before = memory();
     let (computing, captures, processor) = restore(&rig, &calibration, &photo, &mut devices);
-    println!("default method, {} in colour, {captures} captures, no simulator", rig.photo.size());
-    println!("computing          {computing:6.2} s ({processor:.2} s of processor time)");
+    let (size, method) = (rig.photo.size(), rig.restore.method.name());
+    println!("{method}, {size} in colour, {captures} captures, no simulator");
+    println!(
+        "computing          {computing:6.2} s ({processor:.2} s of processor time, {:.2} s a \
+         megapixel)",
+        processor / (size.area() as f64 / 1e6)
+    );
     println!(
         "peak memory        {:6.0} MiB ({before:.0} MiB with photo and frames read)",
         memory()

@@ -1,4 +1,4 @@
-//! Details of three channels shrunk along their axes, at a shift or at all shifts of the finest
+//! Details of three channels shrunk along their axes, at a shift or spun over those of the finest
 //! levels.
 //!
 //! The levels are transforms of one level each. A shift of the plane by s is one of its finest
@@ -65,8 +65,33 @@ impl Channelwise {
 enum SpinShift {
     /// This one of all levels together.
     Shift((usize, usize)),
-    /// All of the finest levels, and of the others those whose turn it is.
-    Everywhere(usize),
+    /// Of the finest level a quincunx, and at the next step the other one; all of the second; of
+    /// the others those whose turn it is.
+    Spun(usize),
+}
+
+impl SpinShift {
+    /// The shifts of `level`, each with what it leaves to the levels below.
+    fn of(self, level: usize) -> Vec<((usize, usize), SpinShift)> {
+        match self {
+            SpinShift::Shift((x, y)) => {
+                vec![((x & 1, y & 1), SpinShift::Shift((x >> 1, y >> 1)))]
+            }
+            SpinShift::Spun(step) if level == 0 => {
+                let quincunx = SHIFTS.len() / 2;
+                let first = quincunx * (step % 2);
+                SHIFTS[first..first + quincunx].iter().map(|&shift| (shift, self)).collect()
+            }
+            SpinShift::Spun(step) if level < EVERYWHERE => {
+                let next = |k| if level + 1 == EVERYWHERE { step + k } else { step };
+                let shifts = SHIFTS.iter().enumerate();
+                shifts.map(|(k, &shift)| (shift, SpinShift::Spun(next(k)))).collect()
+            }
+            SpinShift::Spun(step) => {
+                vec![(SHIFTS[(step >> (2 * (level - EVERYWHERE))) % SHIFTS.len()], self)]
+            }
+        }
+    }
 }
 
 impl AlongAxes {
@@ -101,30 +126,33 @@ impl AlongAxes {
         self.at_shift(planes, shift, &|level, bands| draw(bands, axes, thresholds, level));
     }
 
-    /// Replaces `planes` by the mean of their shrunk versions over all shifts of the finest levels
-    /// and, of the coarser ones, those whose turn it is at step `step_index`.
-    pub fn shrink_everywhere(
+    /// Replaces `planes` by the mean of their shrunk versions over shifts that leave no trace of
+    /// where the grid lies: of the finest level half of them, the other half at the next step, all
+    /// of the second, and of the coarser ones those whose turn it is at step `step_index`.
+    ///
+    /// All of the finest at each step take twice as long, and gain 0.0001 SSIM at the most.
+    pub fn shrink_spun(
         &mut self,
         planes: &mut [Plane; 3],
         axes: &ColourAxes,
         thresholds: Thresholds<'_>,
         step_index: usize,
     ) {
-        let turn = SpinShift::Everywhere(step_index);
+        let turn = SpinShift::Spun(step_index);
         through(&mut self.levels, 0, planes, turn, &|level, bands| {
             draw(bands, axes, thresholds, level);
         });
     }
 
-    /// The mean over all shifts of the finest levels, and of the coarser ones those whose turn it
-    /// is at step `step_index`, with `doing` done to the details of `planes`.
-    pub(in crate::deconvolution) fn at_all_shifts(
+    /// The mean over the shifts of [`AlongAxes::shrink_spun`] with `doing` done to the details of
+    /// `planes`.
+    pub(in crate::deconvolution) fn spun(
         &mut self,
         planes: &mut [Plane; 3],
         step_index: usize,
         doing: OnDetails<'_>,
     ) {
-        through(&mut self.levels, 0, planes, SpinShift::Everywhere(step_index), doing);
+        through(&mut self.levels, 0, planes, SpinShift::Spun(step_index), doing);
     }
 
     /// `doing` done to the details of `planes`, turned by `shift`.
@@ -148,22 +176,9 @@ fn through(
     doing: OnDetails<'_>,
 ) {
     let Some((here, deeper)) = levels.split_first_mut() else { return };
-    let (shifts, turns): (Vec<(usize, usize)>, Vec<SpinShift>) = match turn {
-        SpinShift::Shift((x, y)) => {
-            (vec![(x & 1, y & 1)], vec![SpinShift::Shift((x >> 1, y >> 1))])
-        }
-        SpinShift::Everywhere(step) if level < EVERYWHERE => {
-            let turns = (0..SHIFTS.len()).map(|k| {
-                SpinShift::Everywhere(if level + 1 == EVERYWHERE { step + k } else { step })
-            });
-            (SHIFTS.to_vec(), turns.collect())
-        }
-        SpinShift::Everywhere(step) => {
-            (vec![SHIFTS[(step >> (2 * (level - EVERYWHERE))) % SHIFTS.len()]], vec![turn])
-        }
-    };
+    let shifts = turn.of(level);
     let transform = &here.transform;
-    for (k, (&shift, &turn)) in shifts.iter().zip(&turns).enumerate() {
+    for (k, &(shift, turn)) in shifts.iter().enumerate() {
         here.channels.par_iter_mut().zip(&*planes).for_each(|(own, plane)| {
             transform.analyse_shifted(plane, shift, &mut own.coefficients, &mut own.scratch);
         });

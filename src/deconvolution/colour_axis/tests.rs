@@ -212,3 +212,32 @@ fn a_shift_level_by_level_is_that_of_the_whole_transform() {
         pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-3, "{shift:?}: {a} {b}"));
     }
 }
+
+#[test]
+fn two_steps_spin_over_all_shifts_of_the_finest_levels() {
+    let size = Size::new(48, 32);
+    let draw = |_: usize, bands: [&mut Plane; 3]| {
+        for band in bands {
+            band.data_mut().iter_mut().for_each(|v| *v -= v.clamp(-1.0, 1.0));
+        }
+    };
+    let mut along = AlongAxes::new(size, 2);
+    let mut mean_of = |times: usize, go: &dyn Fn(&mut AlongAxes, &mut [Plane; 3], usize)| {
+        let mut mean = Plane::zeros(size);
+        for n in 0..times {
+            let mut planes = details(size);
+            go(&mut along, &mut planes, n);
+            mean.add_scaled(1.0 / times as f32, &planes[1]);
+        }
+        mean
+    };
+    let all = mean_of(16, &|along, planes, n| along.at_shift(planes, (n % 4, n / 4), &draw));
+    let spun = mean_of(2, &|along, planes, step| along.spun(planes, 6 + step, &draw));
+    let alone = mean_of(1, &|along, planes, step| along.spun(planes, step, &draw));
+    let furthest = |from: &Plane| {
+        let pairs = from.data().iter().zip(all.data());
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    assert!(furthest(&spun) < 1e-3, "{}", furthest(&spun));
+    assert!(furthest(&alone) > 0.1, "the steps differ: {}", furthest(&alone));
+}

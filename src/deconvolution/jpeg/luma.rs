@@ -59,7 +59,7 @@ impl AlongLuma {
         AlongLuma { transforms: AlongAxes::new(size, thresholds.len()), levels, thresholds }
     }
 
-    /// Draws the details of `planes`, turned by `shift`, or the mean over all shifts whose turn it
+    /// Draws the details of `planes`, turned by `shift`, or the mean over the shifts whose turn it
     /// is at step `step` where there is none.
     pub(in crate::deconvolution) fn shrink(
         &mut self,
@@ -73,7 +73,7 @@ impl AlongLuma {
         };
         match shift {
             Some(shift) => self.transforms.at_shift(planes, shift, &draw),
-            None => self.transforms.at_all_shifts(planes, step, &draw),
+            None => self.transforms.spun(planes, step, &draw),
         }
     }
 }

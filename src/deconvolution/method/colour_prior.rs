@@ -236,7 +236,7 @@ impl<'a> ColourPrior<'a> {
                 let Along { axes, transforms, weights, passed, .. } = along;
                 let thresholds = Thresholds { weights, passed, mask };
                 match spun {
-                    true => transforms.shrink_everywhere(planes, axes, thresholds, step),
+                    true => transforms.shrink_spun(planes, axes, thresholds, step),
                     false => transforms.shrink(planes, axes, thresholds, shift),
                 }
             });

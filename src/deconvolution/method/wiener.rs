@@ -14,8 +14,8 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 /// Noise-to-signal power of a rig file's `wiener` at one grey level of noise: the study's best.
 pub const NOISE_TO_SIGNAL: f32 = 0.01;
 
-/// Wiener (1949), tile by tile with the function that holds in the tile's middle; the tiles are cut
-/// twice their size under a cosine and added up, so that no seam shows.
+/// Wiener (1949), tile by tile with the function that holds in the tile's middle; neighbours overlap
+/// under a cosine and are added up, so that no seam shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wiener {
     /// Noise power over signal power at one grey level of noise; grows with the square of the
@@ -91,21 +91,21 @@ fn filter_tiles(
         rect.size.width.div_ceil(functions.columns.max(1)),
         rect.size.height.div_ceil(functions.rows.max(1)),
     );
-    // Twice the tile for the cosine, and the blur's reach on both sides so that nothing wraps
-    // around.
+    // The tile and its overlap for the cosine, and the blur's reach on both sides so that nothing
+    // wraps around.
     let reach = functions.support_px / 2;
-    let length = |tile: usize| smooth_length(2 * tile + 2 * reach);
-    let transform = Transform2::new(Size::new(length(tile.width), length(tile.height)));
-    let along = |tile: usize| (0..2 * tile).map(|at| cosine(at, tile)).collect::<Vec<f32>>();
-    let (along_x, along_y) = (along(tile.width), along(tile.height));
-    let corner = |place: isize, first: usize, tile: usize| {
-        first as isize + place * tile as isize - (tile / 2) as isize
+    let [across, down] = [tile.width, tile.height].map(Window::of);
+    let length = |window: &Window| smooth_length(window.length() + 2 * reach);
+    let transform = Transform2::new(Size::new(length(&across), length(&down)));
+    let [along_x, along_y] = [&across, &down].map(Window::weights);
+    let corner = |place: isize, first: usize, window: &Window| {
+        first as isize + place * window.tile as isize - (window.overlap / 2) as isize
     };
     let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
-    // One row of tiles, which overlaps the next by half.
+    // One row of tiles, which overlaps the next.
     let filtered_row = |row: isize| {
-        let mut strip = Plane::zeros(Size::new(size.width, 2 * tile.height));
-        let y0 = corner(row, rect.y, tile.height);
+        let mut strip = Plane::zeros(Size::new(size.width, down.length()));
+        let y0 = corner(row, rect.y, &down);
         let [mut values, mut lens] =
             [(); 2].map(|()| vec![Complex32::default(); transform.size.area()]);
         let columns: Vec<isize> = (-1..=functions.columns as isize).collect();
@@ -113,7 +113,7 @@ fn filter_tiles(
             // Two tiles in one transform, the second one (the first again, where there is none) as
             // its imaginary part.
             let pair = [pair[0], pair[pair.len() - 1]];
-            let left = pair.map(|column| corner(column, rect.x, tile.width));
+            let left = pair.map(|column| corner(column, rect.x, &across));
             let columns_of = |x0: isize| -> Vec<usize> {
                 let place = |x: usize| clamped(x0 + x as isize - reach as isize, size.width);
                 (0..transform.size.width).map(place).collect()
@@ -138,7 +138,7 @@ fn filter_tiles(
                 for (y, weight) in along_y.iter().enumerate() {
                     let from = &values[(y + reach) * transform.size.width + reach..];
                     let to = strip.row_mut(y);
-                    for (x, value) in from[..2 * tile.width].iter().enumerate() {
+                    for (x, value) in from[..across.length()].iter().enumerate() {
                         let to_x = x0 + x as isize;
                         if (0..size.width as isize).contains(&to_x) {
                             to[to_x as usize] += weight * along_x[x] * value_of(value);
@@ -183,9 +183,34 @@ fn smooth_length(least: usize) -> usize {
     (least.max(1)..).find(|&n| smooth(n)).unwrap_or(least)
 }
 
-/// Raised cosine over two tiles; neighbours a tile apart add up to one.
-fn cosine(at: usize, tile: usize) -> f32 {
-    0.5 - 0.5 * (std::f32::consts::PI * (at as f32 + 0.5) / tile as f32).cos()
+/// What a tile is cut with along one side.
+struct Window {
+    tile: usize,
+    /// With the next tile, pixels.
+    overlap: usize,
+}
+
+/// Neighbours overlap by one over this of a tile: as functions differ little from one tile to the
+/// next, a whole tile shows no less of a seam, and takes twice as long.
+const OVERLAP: usize = 3;
+
+impl Window {
+    fn of(tile: usize) -> Window {
+        Window { tile, overlap: (tile / OVERLAP).max(1) }
+    }
+
+    fn length(&self) -> usize {
+        self.tile + self.overlap
+    }
+
+    /// One but for a raised cosine over the overlaps; neighbours a tile apart add up to one.
+    fn weights(&self) -> Vec<f32> {
+        let rising = |at: usize| {
+            let share = (at as f32 + 0.5) / self.overlap as f32;
+            0.5 - 0.5 * (std::f32::consts::PI * share.min(1.0)).cos()
+        };
+        (0..self.length()).map(|at| rising(at.min(self.length() - 1 - at))).collect()
+    }
 }
 
 /// Columns transformed together.
@@ -287,6 +312,17 @@ mod tests {
         let mut lens = values.clone();
         Transform2::new(size).filter(&mut values, taps, 3, ratio, &mut lens);
         [values.iter().map(|v| v.re).collect(), values.iter().map(|v| v.im).collect()]
+    }
+
+    #[test]
+    fn windows_a_tile_apart_add_up_to_one() {
+        for tile in [1, 2, 3, 7, 64] {
+            let weights = Window::of(tile).weights();
+            for at in 0..tile {
+                let sum = weights[at] + weights.get(at + tile).copied().unwrap_or(0.0);
+                assert!((sum - 1.0).abs() < 1e-6, "{tile}: {sum} at {at}");
+            }
+        }
     }
 
     #[test]
