@@ -160,7 +160,7 @@ fn lens_and_captures(rig: &config::RigFile, quick: bool) -> Vec<Contestant> {
     let by_captures = |set: Setting| of(set).on(counted(set.captures_max as usize, "capture"));
     let mut all = Vec::new();
     let filed = Setting::as_filed(rig, config::MethodName::Hybrid);
-    let steps = [(4, 4), (8, 6), (16, 10), (32, 20)];
+    let steps = [(4, 2), (8, 2), (16, 4), (32, 8)];
     for captures_max in [1, 2] {
         for (steps, correction_steps) in steps {
             all.push(by_captures(Setting { captures_max, steps, correction_steps, ..filed }));

@@ -36,8 +36,8 @@ fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
     };
     let mut all = vec![filed];
     all.extend([4, 8, 16, 32].map(digital));
-    all.extend([hybrid(8, 6, 1), hybrid(16, 10, 1), hybrid(16, 10, 2), hybrid(32, 20, 2)]);
-    all.extend([once(16, 10, 0), once(8, 4, 1), once(16, 10, 1)]);
+    all.extend([hybrid(8, 2, 1), hybrid(16, 4, 1), hybrid(16, 4, 2), hybrid(32, 8, 2)]);
+    all.extend([once(16, 4, 0), once(8, 4, 1), once(16, 4, 1)]);
     if wanted == OperatingPoint::Best {
         all.push(Setting { rounds: matched.rounds.max(MANY_ROUNDS), ..matched });
     }

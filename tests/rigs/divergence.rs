@@ -160,6 +160,7 @@ fn no_method_runs_away_whatever_is_wrong() {
             rect: Rect { x: 0, y: 0, size: SIZE },
             mosaic: None,
             coded: false,
+            white_noise: true,
             stated: None,
             capture_mosaic: None,
             channels: Channels::Green,

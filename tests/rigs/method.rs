@@ -68,6 +68,7 @@ impl Case {
             rect: Rect { x: 0, y: 0, size },
             mosaic: None,
             coded: false,
+            white_noise: true,
             stated: None,
             capture_mosaic: None,
             channels: Channels::Green,

@@ -1,6 +1,7 @@
 //! The prior over the channels of a photo: along the axes of its colours, in opponent colours, or
 //! each channel for itself.
 
+use std::borrow::Cow;
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
@@ -11,7 +12,7 @@ use super::problem::Target;
 use super::wiener::Wiener;
 use crate::deconvolution::colour_axis::{AlongAxes, ColourAxes, Thresholds, width_px};
 use crate::deconvolution::data_term;
-use crate::deconvolution::detail_mask::DetailMask;
+use crate::deconvolution::detail_mask::{DetailMask, NoisyPlane};
 use crate::deconvolution::jpeg::AlongLuma;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
@@ -27,6 +28,9 @@ const FINEST: usize = 2;
 /// through with the details; by the rule for all levels alone it was sharpened with them. Set on
 /// the scenes of the chart, small.toml, simulated.toml and three rigs of `lab judging`.
 const LEAST_NOISES: f32 = 0.65;
+/// The same where a faint texture was drawn away by that ([`DetailMask::spared`]). With 0.15 its
+/// noise is sharpened with it.
+const LEAST_NOISES_SPARED: f32 = 0.3;
 /// Of which noise: that of the data times this power of α, what the lens passes. A power of ½ is
 /// what a step adds to a detail, which costs wide lenses 0.2 dB; 1 is the photo's own, which costs
 /// narrow ones as much.
@@ -74,8 +78,19 @@ fn weights(
     noise: f32,
     passed: impl Fn(usize) -> f32,
 ) -> Vec<f32> {
+    weights_with(LEAST_NOISES, digital, levels, noise, passed)
+}
+
+/// The same with another least.
+fn weights_with(
+    least_noises: f32,
+    digital: &Digital,
+    levels: usize,
+    noise: f32,
+    passed: impl Fn(usize) -> f32,
+) -> Vec<f32> {
     let of_level = |(level, usual): (usize, f32)| {
-        let least = LEAST_NOISES * noise * passed(level).powf(NOISE_POWER);
+        let least = least_noises * noise * passed(level).powf(NOISE_POWER);
         if level < FINEST { usual.max(least) } else { usual }
     };
     usual_weights(digital, levels, noise).enumerate().map(of_level).collect()
@@ -95,7 +110,7 @@ pub(super) struct ColourPrior<'a> {
     together: bool,
     along: Option<Along<'a>>,
     luma: Option<AlongLuma>,
-    mask: &'a DetailMask,
+    mask: Cow<'a, DetailMask>,
     /// For spinning.
     scratch: ShrinkageScratch,
     /// For single shifts; there come to be as many as threads ask at once.
@@ -108,6 +123,8 @@ struct Along<'a> {
     transforms: AlongAxes,
     /// What is drawn by in a step, see [`Thresholds`].
     weights: Vec<f32>,
+    /// Of each of the finest levels the share of its weight that is left where texture is spared.
+    spared: Vec<f32>,
     passed: Vec<[f32; 3]>,
     starts: Starts,
 }
@@ -124,10 +141,14 @@ impl<'a> Along<'a> {
         let passed = |l: usize| Channel::ALL.map(|c| share(c) * norms[c.index()].at(l));
         let mean =
             |l: usize| Channel::ALL.map(|c| norms[c.index()].at(l)).iter().sum::<f32>() / 3.0;
+        let of = |least| weights_with(least, digital, digital.levels, noise, mean);
+        let weights = of(LEAST_NOISES);
+        let finest = of(LEAST_NOISES_SPARED).into_iter().zip(&weights).take(FINEST);
         Along {
             axes,
             transforms: AlongAxes::new(problem.size(), digital.levels),
-            weights: weights(digital, digital.levels, noise, mean),
+            spared: finest.map(|(least, w)| least / w.max(f32::MIN_POSITIVE)).collect(),
+            weights,
             passed: (0..digital.levels).map(passed).collect(),
             starts: match problem.mosaic {
                 Some(_) => Starts::between_sites(width_px(model.functions())),
@@ -181,10 +202,25 @@ impl<'a> ColourPrior<'a> {
             together,
             along,
             luma,
-            mask,
+            mask: Cow::Borrowed(mask),
             scratch: ShrinkageScratch::default(),
             free: Mutex::default(),
         }
+    }
+
+    /// Spares from now on the faint textures that are `left` of the photo of `problem`, grey
+    /// levels in each channel, by the picture as it is.
+    pub(super) fn spare(&mut self, problem: &Problem<'_>, left: &[Plane]) {
+        if let Some(along) = &self.along {
+            let planes = noisy_planes(problem);
+            self.mask = Cow::Owned(self.mask.spared(&planes, left, &along.spared));
+        }
+    }
+
+    /// Whether textures of the photo of `problem` may be spared: only along axes are its finest
+    /// details shrunk more than usual, and only white noise is told from a texture.
+    pub(super) fn spares(&self, problem: &Problem<'_>) -> bool {
+        self.along.is_some() && problem.white_noise
     }
 
     /// Lends memory to `work`.
@@ -205,7 +241,7 @@ impl<'a> ColourPrior<'a> {
 
     fn start_once(&mut self, target: Target<'_>, mut picture: Frame<Work>) -> Frame<Work> {
         let Target { problem, model, data, mask, .. } = target;
-        let Some(Along { axes, transforms, weights, passed, starts }) = &mut self.along else {
+        let Some(Along { axes, transforms, weights, passed, starts, .. }) = &mut self.along else {
             return picture;
         };
         axes.project(&mut picture, passed, transforms);
@@ -231,7 +267,7 @@ impl<'a> ColourPrior<'a> {
     /// Draws the stepped pictures towards the prior, spun or at the shift of the step.
     pub(super) fn apply(&mut self, solves: &mut [ChannelSolve], step: usize, spun: bool) {
         if let Some(along) = &mut self.along {
-            let (shift, mask) = (self.shrinkage.shift(step), self.mask);
+            let (shift, mask) = (self.shrinkage.shift(step), &*self.mask);
             in_colours(solves, |planes| {
                 let Along { axes, transforms, weights, passed, .. } = along;
                 let thresholds = Thresholds { weights, passed, mask };
@@ -243,7 +279,7 @@ impl<'a> ColourPrior<'a> {
             return;
         }
         if let Some(luma) = &mut self.luma {
-            let (shift, mask) = (self.shrinkage.shift(step), self.mask);
+            let (shift, mask) = (self.shrinkage.shift(step), &*self.mask);
             let shift = (!spun).then_some(shift);
             in_colours(solves, |planes| luma.shrink(planes, mask, (shift, step)));
             return;
@@ -258,7 +294,7 @@ impl<'a> ColourPrior<'a> {
                 self.shrinkage.shrink_everywhere(
                     &mut solve.stepped,
                     thresholds,
-                    Some(self.mask),
+                    Some(&*self.mask),
                     step,
                     &mut self.scratch,
                 );
@@ -267,7 +303,7 @@ impl<'a> ColourPrior<'a> {
             let shift = self.shrinkage.shift(step);
             solves.par_iter_mut().zip(&self.thresholds).for_each(|(solve, thresholds)| {
                 self.lend(|scratch| {
-                    let (plane, mask) = (&mut solve.stepped, Some(self.mask));
+                    let (plane, mask) = (&mut solve.stepped, Some(&*self.mask));
                     self.shrinkage.shrink_levels(plane, thresholds, mask, shift, scratch);
                 });
             });
@@ -289,6 +325,17 @@ fn in_colours(solves: &mut [ChannelSolve], change: impl FnOnce(&mut [Plane; 3]))
             solve.stepped = plane;
         }
     }
+}
+
+/// The channels of `problem`'s photo that are solved, with their noise.
+pub(super) fn noisy_planes<'a>(problem: &Problem<'a>) -> Vec<NoisyPlane<'a>> {
+    let of = |&c: &Channel| NoisyPlane {
+        light: problem.photo.plane(c),
+        trust: problem.trust.plane(c),
+        noise: problem.photo_noise[c.index()],
+        dark_light: problem.dark_light[c.index()],
+    };
+    problem.channels.list().iter().map(of).collect()
 }
 
 /// Root mean square of the channels' noise, grey levels.

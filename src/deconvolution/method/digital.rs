@@ -17,7 +17,7 @@
 use rayon::prelude::*;
 
 use super::blocks::{self, Blocks};
-use super::colour_prior::{ColourPrior, mean_noise};
+use super::colour_prior::{ColourPrior, mean_noise, noisy_planes};
 use super::problem::{Certificate, Target};
 use super::record::Course;
 use super::wiener::Wiener;
@@ -27,7 +27,7 @@ use super::{
 };
 use crate::deconvolution::colour_axis::ColourAxes;
 use crate::deconvolution::data_term;
-use crate::deconvolution::detail_mask::{DetailMask, NoisyPlane};
+use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
@@ -119,13 +119,13 @@ impl Digital {
         };
         let start = Wiener { noise_to_signal }.start(problem, model);
         if axes.is_none() {
-            return self.solve_for(target, &start, watch);
+            return self.solve_for(target, Begun::Start(&start), watch);
         }
         let start = ColourPrior::new(self, target).start(target, start);
         // Between a mosaic's sites steps are shorter, and as many are needed as without axes.
         let steps =
             if problem.mosaic.is_some() { self.steps } else { (3 * self.steps).div_ceil(4) };
-        Digital { steps, ..*self }.solve_for(target, &start, watch)
+        Digital { steps, ..*self }.solve_for(target, Begun::Start(&start), watch)
     }
 
     /// Along which axes the colours of `problem`'s photo lie, where they are solved so.
@@ -141,24 +141,22 @@ impl Digital {
 
     /// Where the photo of `problem` has details.
     pub(super) fn mask(&self, problem: &Problem<'_>) -> DetailMask {
-        let of = |&c: &Channel| NoisyPlane {
-            light: problem.photo.plane(c),
-            trust: problem.trust.plane(c),
-            noise: problem.photo_noise[c.index()],
-            dark_light: problem.dark_light[c.index()],
-        };
-        let planes: Vec<_> = problem.channels.list().iter().map(of).collect();
+        let planes = noisy_planes(problem);
         DetailMask::of(&planes, self.levels, problem.mosaic.is_some())
     }
 
-    /// All channels of `target` solved from `start`; the record is the green channel's.
+    /// All channels of `target` solved from what was `begun`; the record is the green channel's.
     pub(super) fn solve_for(
         &self,
         target: Target<'_>,
-        start: &Frame<Work>,
+        begun: Begun<'_>,
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let problem = target.problem;
+        let (start, sparing_step) = match begun {
+            Begun::Start(start) => (start, (self.steps / 2).max(1)),
+            Begun::Picture(picture) => (picture, 1),
+        };
         let mut course = Course::new(problem.stopwatch);
         let mut prior = ColourPrior::new(self, target);
         let mut solves: Vec<ChannelSolve> =
@@ -173,6 +171,10 @@ impl Digital {
                 decoded = Some(decoded_again(stated, target, &solves));
             }
             let target = Target { data: decoded.as_ref().unwrap_or(target.data), ..target };
+            if iteration == sparing_step && prior.spares(problem) {
+                let left: Vec<Plane> = solves.iter().map(|solve| solve.left(target)).collect();
+                prior.spare(problem, &left);
+            }
             solves.par_iter_mut().for_each(|solve| solve.descend(target, &prior, turn));
             prior.apply(&mut solves, iteration as usize, iteration + settling > self.steps);
             solves.par_iter_mut().for_each(ChannelSolve::look_ahead);
@@ -193,6 +195,16 @@ impl Digital {
         }
         (picture, course.record)
     }
+}
+
+/// What a solve goes on from.
+#[derive(Clone, Copy)]
+pub(super) enum Begun<'a> {
+    /// A first guess. Half of the steps are taken before it is asked which textures the prior drew
+    /// away.
+    Start(&'a Frame<Work>),
+    /// A picture that was solved already, and is asked at once.
+    Picture(&'a Frame<Work>),
 }
 
 /// The data of `target` as its photo's file states them, now that the photo of `solves` is known.
@@ -248,6 +260,14 @@ impl ChannelSolve {
     /// `predicted` = K̂ of the point looked at.
     fn predict(&mut self, target: Target<'_>) {
         target.model.forward(self.channel, &self.looked_at, &mut self.predicted);
+    }
+
+    /// What the point looked at leaves of the data, grey levels; before [`ChannelSolve::descend`].
+    fn left(&self, target: Target<'_>) -> Plane {
+        let mut left = self.predicted.clone();
+        let trust = target.problem.trust.plane(self.channel);
+        data_term::residual_in_place(&mut left, target.data.plane(self.channel), trust);
+        left
     }
 
     /// `stepped` = the point looked at less its gradient, each wavelet level of it as long as it

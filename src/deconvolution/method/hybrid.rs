@@ -21,7 +21,7 @@
 use rayon::prelude::*;
 
 use super::blocks::{self, Blocks};
-use super::digital::Digital;
+use super::digital::{Begun, Digital};
 use super::problem::{Certificate, Target};
 use super::record::Course;
 use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
@@ -34,8 +34,9 @@ use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
 
-/// Proximal steps of each correction; measured.
-pub const CORRECTION_STEPS: u32 = 10;
+/// Proximal steps of each correction. More gain nothing where the model is right, and build on its
+/// errors where it is not (`tests/tables/truthful-wrong-models.md`).
+pub const CORRECTION_STEPS: u32 = 4;
 /// Shrinkage of the measured defect, in standard deviations of its noise; measured.
 pub const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect below this share of the noise floor, in the channel where it is largest, counts as none.
@@ -193,7 +194,7 @@ impl Hybrid {
         let correction = Digital { steps: self.correction_steps, blocks, ..self.digital };
         let norms = &self.careful_norms(target, picture, defect);
         let careful = Target { data: &data, norms, ..target };
-        let (corrected, steps) = correction.solve_for(careful, picture, watch);
+        let (corrected, steps) = correction.solve_for(careful, Begun::Picture(picture), watch);
         let (captures, seconds) =
             course.record.steps().last().map_or((0, 0.0), |last| (last.captures, last.seconds));
         course.extend(&steps, captures, seconds);

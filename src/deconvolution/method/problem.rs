@@ -35,6 +35,9 @@ pub struct Problem<'a> {
     pub mosaic: Option<Mosaic>,
     /// Whether a JPEG's coding, which keeps colours coarser than brightness, is seen in the photo.
     pub coded: bool,
+    /// Whether its noise is each pixel's own: not where a camera filled in what is between its
+    /// filters, or coding took part of it.
+    pub white_noise: bool,
     /// What the photo's file states of it, where that is known: then the data, in place of `photo`.
     pub stated: Option<&'a JpegTerm>,
     /// Which channels are solved.

@@ -8,6 +8,8 @@
 //! noise hides from single pixels; means over cells of four by four see it, for the lens left it
 //! coarse.
 
+mod texture;
+
 use rayon::prelude::*;
 
 use super::data_term::{NOISE_MIN, TRUSTED};
@@ -52,6 +54,8 @@ pub struct NoisyPlane<'a> {
 pub struct DetailMask {
     /// Finest level first; as large as the level's details.
     factors: Vec<Plane>,
+    /// Variance of the surroundings of each block over the noise's, in the channel with most.
+    activity: Plane,
     /// Variance of pixels over the noise's where it is largest; 0 where nothing is known.
     peak: f32,
 }
@@ -79,6 +83,7 @@ impl DetailMask {
             }
             peak = pixels.data().iter().copied().filter(|p| p.is_finite()).fold(peak, f32::max);
         }
+        let activity = largest.clone();
         let mut factors = Vec::with_capacity(levels);
         for level in 0..levels {
             if level > 0 {
@@ -91,7 +96,7 @@ impl DetailMask {
             of_level.data_mut().iter_mut().zip(ratios.data()).for_each(|(f, ratio)| *f *= ratio);
             factors.push(of_level);
         }
-        DetailMask { factors, peak }
+        DetailMask { factors, activity, peak }
     }
 
     /// Whether no pixels anywhere differ by more than noise. Cells have no say: of a photo whose
