@@ -1,6 +1,6 @@
 //! What a photo costs the box itself: computing time, where it goes, and peak memory of 1024×768 in
-//! colour, the simulator not counted: by the method of a rig file that says nothing (on ideal.toml),
-//! and as the default rig's file says.
+//! colour, the simulator not counted: by the method of a rig file that says nothing (on
+//! ideal.toml), and as the default rig's file says.
 //!
 //! One process photographs, calibrates and restores on the simulated rig and keeps every frame its
 //! camera delivered; a second one, which has no simulator, restores the same photo from the kept

@@ -14,8 +14,8 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 /// Noise-to-signal power of a rig file's `wiener` at one grey level of noise: the study's best.
 pub const NOISE_TO_SIGNAL: f32 = 0.01;
 
-/// Wiener (1949), tile by tile with the function that holds in the tile's middle; neighbours overlap
-/// under a cosine and are added up, so that no seam shows.
+/// Wiener (1949), tile by tile with the function that holds in the tile's middle; neighbours
+/// overlap under a cosine and are added up, so that no seam shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wiener {
     /// Noise power over signal power at one grey level of noise; grows with the square of the
@@ -94,11 +94,11 @@ fn filter_tiles(
     // The tile and its overlap for the cosine, and the blur's reach on both sides so that nothing
     // wraps around.
     let reach = functions.support_px / 2;
-    let [across, down] = [tile.width, tile.height].map(Window::of);
-    let length = |window: &Window| smooth_length(window.length() + 2 * reach);
+    let [across, down] = [tile.width, tile.height].map(TileWindow::of);
+    let length = |window: &TileWindow| smooth_length(window.length() + 2 * reach);
     let transform = Transform2::new(Size::new(length(&across), length(&down)));
-    let [along_x, along_y] = [&across, &down].map(Window::weights);
-    let corner = |place: isize, first: usize, window: &Window| {
+    let [along_x, along_y] = [&across, &down].map(TileWindow::weights);
+    let corner = |place: isize, first: usize, window: &TileWindow| {
         first as isize + place * window.tile as isize - (window.overlap / 2) as isize
     };
     let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
@@ -184,7 +184,7 @@ fn smooth_length(least: usize) -> usize {
 }
 
 /// What a tile is cut with along one side.
-struct Window {
+struct TileWindow {
     tile: usize,
     /// With the next tile, pixels.
     overlap: usize,
@@ -194,9 +194,9 @@ struct Window {
 /// next, a whole tile shows no less of a seam, and takes twice as long.
 const OVERLAP: usize = 3;
 
-impl Window {
-    fn of(tile: usize) -> Window {
-        Window { tile, overlap: (tile / OVERLAP).max(1) }
+impl TileWindow {
+    fn of(tile: usize) -> TileWindow {
+        TileWindow { tile, overlap: (tile / OVERLAP).max(1) }
     }
 
     fn length(&self) -> usize {
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn windows_a_tile_apart_add_up_to_one() {
         for tile in [1, 2, 3, 7, 64] {
-            let weights = Window::of(tile).weights();
+            let weights = TileWindow::of(tile).weights();
             for at in 0..tile {
                 let sum = weights[at] + weights.get(at + tile).copied().unwrap_or(0.0);
                 assert!((sum - 1.0).abs() < 1e-6, "{tile}: {sum} at {at}");
