@@ -37,6 +37,9 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
 /// Proximal steps of each correction. More gain nothing where the model is right, and build on its
 /// errors where it is not (`tests/tables/truthful-wrong-models.md`).
 pub const CORRECTION_STEPS: u32 = 4;
+/// How much longer a correction of a photo is that its file states: its data are read anew as it
+/// goes. With as many steps as of others the demo's JPEG loses 0.001 SSIM.
+const STATED_LONGER: f32 = 2.5;
 /// Shrinkage of the measured defect, in standard deviations of its noise; measured.
 pub const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect below this share of the noise floor, in the channel where it is largest, counts as none.
@@ -191,7 +194,9 @@ impl Hybrid {
         };
         let doubtful = |blocks| Blocks { missed: Channel::ALL.map(missed), ..blocks };
         let blocks = self.digital.blocks.map(doubtful);
-        let correction = Digital { steps: self.correction_steps, blocks, ..self.digital };
+        let longer = if problem.stated.is_some() { STATED_LONGER } else { 1.0 };
+        let steps = (longer * self.correction_steps as f32).round() as u32;
+        let correction = Digital { steps, blocks, ..self.digital };
         let norms = &self.careful_norms(target, picture, defect);
         let careful = Target { data: &data, norms, ..target };
         let (corrected, steps) = correction.solve_for(careful, Begun::Picture(picture), watch);
