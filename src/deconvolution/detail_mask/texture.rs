@@ -30,7 +30,7 @@ const STRONG: f32 = 1000.0;
 impl DetailMask {
     /// The same with the thresholds of level l, 0 the finest, down to `least[l]` of themselves
     /// where a texture of the photo of `planes` was drawn away, of which a picture has `left` so
-    /// much in each.
+    /// much in each, grey levels; planes and residuals in one order.
     ///
     /// # Panics
     /// When planes differ in size, which is a bug of the caller.

@@ -190,8 +190,9 @@ struct TileWindow {
     overlap: usize,
 }
 
-/// Neighbours overlap by one over this of a tile: as functions differ little from one tile to the
-/// next, a whole tile shows no less of a seam, and takes twice as long.
+/// Neighbours overlap by one over this of a tile. A whole tile takes twice as long, and what is
+/// solved from it is better by 0.0005 SSIM at the most on the mean of a rig's photographs
+/// (`tests/tables/README.md`).
 const OVERLAP: usize = 3;
 
 impl TileWindow {
