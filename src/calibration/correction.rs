@@ -15,7 +15,7 @@ use super::surface::{Domain, Surface};
 use super::{Calibration, CameraCurve, Geometry, SiteGains};
 use crate::config;
 use crate::frame::resample::{Outside, warp};
-use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work};
+use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work, once};
 use crate::remedy::{Remediable, Remedy};
 
 /// Sizes of the devices and where the photo lies on the sensor; from the rig file.
@@ -196,7 +196,7 @@ impl Correction {
     /// The panel's column, in its pixels, that each channel sees at each of the canvas's pixels.
     pub fn panel_columns(&self) -> &Frame<Work> {
         let of = |c: Channel| self.layout.on_canvas(&self.geometry[c.index()].work_to_panel.x);
-        self.columns.get_or_init(|| Frame::from_fn(of))
+        once(&self.columns, || Frame::from_fn(of))
     }
 
     /// How the sensor's sites differ, on the canvas; `None` where it was not measured.

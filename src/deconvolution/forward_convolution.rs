@@ -3,11 +3,8 @@
 //! A method holds a `dyn` [`ForwardConvolution`] and nothing else of the rig. Behind it stands a
 //! rig ([`crate::light_path`], layer 5), or for tests a lens model that convolves by computing.
 
-use rayon::prelude::*;
-
 use super::data_term::TRUSTED;
-use super::lens_model::LensModel;
-use crate::frame::{Channel, Frame, Plane, Size, Work};
+use crate::frame::{Channel, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
 /// One look through the lens: FC(L)(i,j) = Σ L(m,n) K(i,j,m,n), in linear light, 0..255.
@@ -20,26 +17,17 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// What `model` leaves unexplained of this when `shown` was shown, y − K̂L, in the `channels`;
-    /// zero where the capture cannot be trusted.
-    pub fn unexplained(
-        &self,
-        model: &LensModel,
-        shown: &Frame<Work>,
-        channels: &[Channel],
-    ) -> Frame<Work> {
-        let left = channels.par_iter().map(|&c| {
-            let mut plane = Plane::zeros(shown.size());
-            model.forward(c, shown.plane(c), &mut plane);
-            let captured = self.light.plane(c).data().iter().zip(self.trusted.plane(c).data());
-            for (p, (&y, &t)) in plane.data_mut().iter_mut().zip(captured) {
-                *p = if t == TRUSTED { y - *p } else { 0.0 };
+    /// What a lens model that `predicted` K̂L of the picture shown leaves unexplained of this,
+    /// y − K̂L, in the `channels`; zero where the capture cannot be trusted.
+    pub fn unexplained(&self, predicted: &Frame<Work>, channels: &[Channel]) -> Frame<Work> {
+        let mut all = Frame::zeros(predicted.size());
+        for &c in channels {
+            let seen = self.light.plane(c).data().iter().zip(self.trusted.plane(c).data());
+            let values = all.plane_mut(c).data_mut().iter_mut().zip(predicted.plane(c).data());
+            for ((left, p), (&y, &t)) in values.zip(seen) {
+                *left = if t == TRUSTED { y - p } else { 0.0 };
             }
-            (c, plane)
-        });
-        let left: Vec<(Channel, Plane)> = left.collect();
-        let mut all = Frame::zeros(shown.size());
-        left.into_iter().for_each(|(c, plane)| *all.plane_mut(c) = plane);
+        }
         all
     }
 }

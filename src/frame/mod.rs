@@ -10,6 +10,7 @@ mod coding;
 pub mod instructions;
 mod mosaic;
 mod npy;
+mod once;
 mod plane;
 pub mod resample;
 mod space;
@@ -18,6 +19,7 @@ pub use channel::{Channel, Channels};
 pub use coding::{BLOCK_AREA, BLOCK_PX, BlockSteps, CodedComponent, Coding};
 pub use mosaic::{Mosaic, RawSites};
 pub use npy::{NpyError, npy_f32, read_npy_f32};
+pub use once::once;
 pub use plane::{PhotoGrid, Plane, Rect, Size};
 pub use space::{Codes, Counts, Frame, PanelSpace, SensorSpace, Work};
 

@@ -22,18 +22,21 @@ impl Pipeline {
     /// Whether `photo` was coded so coarsely that what the lens does lies within its steps.
     pub(super) fn is_coded_away(&self, photo: &Prepared<'_>) -> bool {
         photo.rounded.as_ref().is_some_and(|rounded| {
-            let left = self.beyond_steps(photo, rounded, self.lens_of(photo), &photo.placed);
+            let lens = self.lens_of(photo);
+            let seen = lens.seen(photo.channels.list(), &photo.placed);
+            let left = self.beyond_steps(photo, rounded, lens, &seen);
             left.untouched <= CODED_AWAY * rounded.half_step()
         })
     }
 
-    /// What `lens` leaves unexplained of the brightness of a lossy WebP, in codes.
+    /// What `lens` leaves unexplained of the brightness of a lossy WebP, in codes, where the
+    /// candidate is `seen` so through it.
     pub(super) fn beyond_steps(
         &self,
         photo: &Prepared<'_>,
         rounded: &Rounded,
         lens: &LensModel,
-        picture: &Frame<Work>,
+        seen: &Frame<Work>,
     ) -> Residuals {
         let channels = photo.channels.list();
         let reach = lens.functions().support_px / 2;
@@ -44,13 +47,8 @@ impl Pipeline {
         let known =
             |x: usize, y: usize| trusts.iter().all(|trust| trust.at(left + x, top + y) != MISSING);
         let pixels = (0..size.area()).filter(|n| known(n % size.width, n / size.width)).count();
-        let seen_of = |picture: &Frame<Work>| {
-            let mut seen = picture.clone();
-            channels.iter().for_each(|&c| lens.forward(c, picture.plane(c), seen.plane_mut(c)));
-            seen
-        };
-        let (seen, untouched) = rayon::join(|| seen_of(picture), || seen_of(&photo.placed));
-        let brightness = rounded.brightness(&seen);
+        let untouched = lens.seen(channels, &photo.placed);
+        let brightness = rounded.brightness(seen);
         let filled_in = photo.filled_in.map_or(0.0, |mosaic| {
             let filled = Frame::from_fn(|c| mosaic.filled(c, seen.plane(c)));
             let missed = rounded.brightness(&filled);
@@ -61,7 +59,7 @@ impl Pipeline {
         let sum_of = |of: &Frame<Work>| -> f64 {
             channels.iter().zip(&trusts).map(|(&c, trust)| sum(of.plane(c), trust)).sum()
         };
-        let (made, placed) = (sum_of(&seen), sum_of(&photo.placed));
+        let (made, placed) = (sum_of(seen), sum_of(&photo.placed));
         let (made, placed) = (made / pixels.max(1) as f64, placed / pixels.max(1) as f64);
         let has_a_say = pixels as f64 >= DATA_SHARE_MIN * size.area() as f64;
         Residuals {

@@ -20,7 +20,7 @@ use super::grain::Grain;
 use super::stages::{Evidence, Prepared, Residuals, Solved};
 use crate::deconvolution::data_term::{MISSING, SATURATED, residual_in_place, rms_over_data};
 use crate::deconvolution::lens_model::LensModel;
-use crate::frame::{Channel, Frame, Plane, Work};
+use crate::frame::{Channel, Frame, Plane, Work, once};
 
 /// A channel with less of its pixels away from saturated ones has no say. Guess.
 pub(super) const DATA_SHARE_MIN: f64 = 0.05;
@@ -34,79 +34,97 @@ impl Pipeline {
         let photo_seen = lightness(&photo.photo, photo.channels);
         let grain =
             Grain::of(&lightness(&solved.picture, photo.channels), &photo_seen, &photo_seen);
-        Evidence { channels: self.residuals(photo, &solved.lens, &solved.solution.picture), grain }
+        let channels = photo.channels.list();
+        let known = solved.solution.predicted.as_ref();
+        let made = known.is_none().then(|| solved.lens.seen(channels, &solved.solution.picture));
+        let seen = known.or(made.as_ref()).unwrap_or(&solved.solution.picture);
+        Evidence { channels: self.residuals(photo, &solved.lens, seen), grain }
     }
 
-    /// What `lens` leaves unexplained of `photo`, channel by channel, where `picture` is the
-    /// candidate on its canvas.
+    /// What `lens` leaves unexplained of `photo`, channel by channel, where the candidate is `seen`
+    /// so through it.
     pub(super) fn residuals(
         &self,
         photo: &Prepared<'_>,
         lens: &LensModel,
-        picture: &Frame<Work>,
+        seen: &Frame<Work>,
     ) -> Vec<Residuals> {
         if let Some(rounded) = &photo.rounded {
-            return vec![self.beyond_steps(photo, rounded, lens, picture)];
+            return vec![self.beyond_steps(photo, rounded, lens, seen)];
         }
         let channels = photo.channels.list();
         let Some(stated) = photo.stated.as_ref().filter(|stated| stated.is_data()) else {
-            let of = |&c: &Channel| self.residuals_of(photo, lens, c, picture.plane(c));
+            let of = |&c: &Channel| self.residuals_of(photo, lens, c, seen.plane(c));
             return channels.par_iter().map(of).collect();
         };
         // A JPEG is met by every picture that it may stand for.
-        let data_of = |picture: &Frame<Work>| {
-            let mut seen = picture.clone();
-            channels.iter().for_each(|&c| lens.forward(c, picture.plane(c), seen.plane_mut(c)));
-            stated.redecoded(&seen)
-        };
-        let (model, untouched) = rayon::join(|| data_of(picture), || data_of(&photo.placed));
+        let data = stated.redecoded(seen);
         let of = |&c: &Channel| {
-            let data = [model.plane(c), untouched.plane(c)];
-            self.left_of(photo, lens, c, (picture.plane(c), data, stated.noise(c)))
+            self.left_of(photo, lens, c, (seen.plane(c), data.plane(c), stated.noise(c)))
         };
         channels.par_iter().map(of).collect()
     }
 
-    /// What `lens` leaves unexplained of one channel of `photo`, where `plane` is the candidate's.
+    /// What `lens` leaves unexplained of one channel of `photo`, where the candidate is `seen` so
+    /// through it.
     pub(super) fn residuals_of(
         &self,
         photo: &Prepared<'_>,
         lens: &LensModel,
         c: Channel,
-        plane: &Plane,
+        seen: &Plane,
     ) -> Residuals {
-        let data = [photo.placed.plane(c); 2];
-        self.left_of(photo, lens, c, (plane, data, photo.noise[c.index()]))
+        self.left_of(photo, lens, c, (seen, photo.placed.plane(c), photo.noise[c.index()]))
     }
 
-    /// The same by what the data are for the candidate, and for the photo itself, and their noise.
+    /// RMS of what `lens` leaves of the untouched `photo`, K̂B − B, channel by channel. Of the
+    /// measured lens it is computed once.
+    fn untouched(&self, photo: &Prepared<'_>, lens: &LensModel) -> [f32; 3] {
+        let found = || {
+            let seen = lens.seen(photo.channels.list(), &photo.placed);
+            let stated = photo.stated.as_ref().filter(|stated| stated.is_data());
+            let stated = stated.map(|stated| stated.redecoded(&seen));
+            let data = stated.as_ref().unwrap_or(&photo.placed);
+            let mut left = [0.0; 3];
+            left.par_iter_mut().zip(Channel::ALL).for_each(|(left, c)| {
+                let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
+                let mut seen = seen.plane(c).clone();
+                residual_in_place(&mut seen, data.plane(c), &trust);
+                *left = rms_over_data(&seen, &trust);
+            });
+            left
+        };
+        match std::ptr::eq(lens, &raw const **self.lens_of(photo)) {
+            true => *once(&photo.untouched, found),
+            false => found(),
+        }
+    }
+
+    /// The same by what the `data` are for the candidate, and their noise.
     fn left_of(
         &self,
         photo: &Prepared<'_>,
         lens: &LensModel,
         c: Channel,
-        (plane, data, photo_noise): (&Plane, [&Plane; 2], f32),
+        (seen, data, photo_noise): (&Plane, &Plane, f32),
     ) -> Residuals {
-        let trust = away_from_saturated(photo.trust.plane(c), lens.functions().support_px / 2);
+        let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
         let known = trust.data().iter().filter(|&&t| t != MISSING).count();
-        let mut seen = Plane::zeros(plane.size());
-        lens.forward(c, plane, &mut seen);
         let left = |mut seen: Plane, data: &Plane| {
             residual_in_place(&mut seen, data, &trust);
             seen
         };
-        let mut of_untouched = Plane::zeros(plane.size());
-        lens.forward(c, photo.placed.plane(c), &mut of_untouched);
-        let of_untouched = rms_over_data(&left(of_untouched, data[1]), &trust);
+        let of_untouched = self.untouched(photo, lens)[c.index()];
         let filled_in = photo.filled_in.map_or(0.0, |mosaic| {
-            FILLED_IN * rms_over_data(&left(mosaic.filled(c, &seen), &seen), &trust)
+            FILLED_IN * rms_over_data(&left(mosaic.filled(c, seen), seen), &trust)
         });
         let placed = photo.placed.plane(c);
         let mean = |of: &Plane| (sum(of, &trust) / known.max(1) as f64) as f32;
         let (light, excess_light) = (mean(placed), mean(&left(seen.clone(), placed)));
         let has_a_say = known as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
+        let model = rms_over_data(&left(seen.clone(), data), &trust);
         Residuals {
-            model: if has_a_say { rms_over_data(&left(seen, data[0]), &trust) } else { 0.0 },
+            model: if has_a_say { model } else { 0.0 },
             untouched: of_untouched,
             photo_noise: photo_noise.hypot(filled_in),
             model_error: self.model_error.share(&self.model, photo.rect, c) * of_untouched,
@@ -116,17 +134,21 @@ impl Pipeline {
     }
 }
 
+/// As far as light from beyond a saturated pixel falls.
+fn reach(lens: &LensModel) -> usize {
+    lens.functions().support_px / 2
+}
+
 /// The same of `data` in place of the photo, where the rest is `known`.
 pub(super) fn residuals_on(
     photo: &Prepared<'_>,
     lens: &LensModel,
     c: Channel,
-    (plane, data): (&Plane, &Plane),
+    (seen, data): (&Plane, &Plane),
     known: Residuals,
 ) -> Residuals {
-    let trust = away_from_saturated(photo.trust.plane(c), lens.functions().support_px / 2);
-    let mut seen = Plane::zeros(plane.size());
-    lens.forward(c, plane, &mut seen);
+    let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
+    let mut seen = seen.clone();
     residual_in_place(&mut seen, data, &trust);
     Residuals { model: rms_over_data(&seen, &trust), ..known }
 }

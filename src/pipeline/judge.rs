@@ -68,7 +68,8 @@ impl Pipeline {
         }
         let as_measured = Arc::ptr_eq(&solved.lens, self.lens_of(photo));
         let by_lens_alone = (solved.about.starts_from_lens && solved.captures == 0)
-            .then_some(&solved.solution.picture);
+            .then_some(solved.solution.predicted.as_ref())
+            .flatten();
         let made;
         let said = match photo.lens_alone.get() {
             Some(before) if as_measured => before,
@@ -97,16 +98,16 @@ impl Pipeline {
         Ok(Outcome { verdict: Verdict::Replaced, rung, reason, captures, ..replaced })
     }
 
-    /// Whether no scene gives `photo` through the measured lens, where `picture` is what a method
-    /// makes of it with that lens alone: what [`Pipeline::judge`] would say after all captures.
-    pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, picture: &Frame<Work>) -> bool {
+    /// Whether no scene gives `photo` through the measured lens, by which what a method makes of it
+    /// with that lens alone is `seen` so: what [`Pipeline::judge`] would say after all captures.
+    pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let lens = self.lens_of(photo);
-        let channels = self.residuals(photo, lens, picture);
+        let channels = self.residuals(photo, lens, seen);
         if past(&channels) <= SUSPECT_UNEXPLAINED {
             return false;
         }
         let before = photo.lens_alone.get();
-        let left = Left { channels: &channels, by_lens_alone: Some(picture) };
+        let left = Left { channels: &channels, by_lens_alone: Some(seen) };
         let made = match before {
             Some(_) => None,
             None => self.lens_alone(photo, lens, left, &mut |_, _| {}).ok(),

@@ -47,8 +47,8 @@ const FIRST_TRY_SHARE: f32 = 1.25 * FOREIGN_SHARE;
 pub(super) struct Left<'a> {
     /// Channel by channel.
     pub(super) channels: &'a [Residuals],
-    /// The candidate on its canvas, where a method that starts from the lens model made it before
-    /// any capture.
+    /// How the candidate is seen through the lens, where a method that starts from the lens model
+    /// made it before any capture.
     pub(super) by_lens_alone: Option<&'a Frame<Work>>,
 }
 
@@ -82,7 +82,9 @@ impl Pipeline {
         }
         let said = std::cell::OnceCell::new();
         let is_enough = |plane: &Plane| {
-            let left = vec![self.residuals_of(photo, lens, worst, plane)];
+            let mut seen = Plane::zeros(plane.size());
+            lens.forward(worst, plane, &mut seen);
+            let left = vec![self.residuals_of(photo, lens, worst, &seen)];
             is_foreign(&left) && said.set(left).is_ok()
         };
         let first = (worst, &is_enough as _);
@@ -119,17 +121,17 @@ impl Pipeline {
         let Some(stated) = photo.stated.as_ref().filter(|stated| stated.is_data()) else {
             return Ok(None);
         };
-        let Some(picture) = left.by_lens_alone else { return Ok(None) };
+        let Some(seen) = left.by_lens_alone else { return Ok(None) };
         let channels = photo.channels.list();
         let known = channels.iter().zip(left.channels).find(|&(&c, _)| c == worst);
         let Some((_, &known)) = known else { return Ok(None) };
-        let mut seen = picture.clone();
-        channels.iter().for_each(|&c| lens.forward(c, picture.plane(c), seen.plane_mut(c)));
-        let data = stated.redecoded(&seen);
+        let data = stated.redecoded(seen);
         let found = std::cell::OnceCell::new();
         let is_enough = |plane: &Plane| {
             found.get_or_init(|| {
-                residuals_on(photo, lens, worst, (plane, data.plane(worst)), known)
+                let mut seen = Plane::zeros(plane.size());
+                lens.forward(worst, plane, &mut seen);
+                residuals_on(photo, lens, worst, (&seen, data.plane(worst)), known)
             });
             true
         };

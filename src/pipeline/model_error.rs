@@ -7,7 +7,7 @@ use crate::calibration::lens_blur::misfit;
 use crate::calibration::{Calibration, Noise};
 use crate::deconvolution::data_term::place_with_edges;
 use crate::deconvolution::lens_model::LensModel;
-use crate::frame::{Channel, Plane, Rect};
+use crate::frame::{Channel, Plane, Rect, once};
 use crate::patterns;
 
 /// Per channel, made when it is first asked for.
@@ -30,7 +30,7 @@ impl ModelError {
 
     /// The share that `model` misses of what the lens changes, where `photo` lies on its canvas.
     pub(super) fn share(&self, model: &LensModel, photo: Rect, channel: Channel) -> f32 {
-        let all = self.shares.get_or_init(|| {
+        let all = once(&self.shares, || {
             let chart = place_with_edges(&patterns::chart(photo.size), model.canvas(), photo);
             let trusted = Plane::filled(chart.size(), 1);
             let seen = |c: Channel, of: &Plane| {

@@ -111,7 +111,7 @@ impl Pipeline {
             || of(Channel::Red),
             || rayon::join(|| of(Channel::Green), || of(Channel::Blue)),
         );
-        let (noise, lens_alone) = ([red, green, blue].map(|(all, _)| all), OnceLock::new());
+        let noise = [red, green, blue].map(|(all, _)| all);
         let coded = [red, green, blue].iter().any(|&(_, coding)| coding > 0.0);
         Prepared {
             photo: alike,
@@ -127,7 +127,8 @@ impl Pipeline {
             stated: None,
             rounded: None,
             focus: None,
-            lens_alone,
+            lens_alone: OnceLock::new(),
+            untouched: OnceLock::new(),
         }
     }
 

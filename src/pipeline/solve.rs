@@ -9,7 +9,7 @@ use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use crate::frame::{Channels, Frame, Work};
+use crate::frame::{Channels, Frame, Work, once};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
@@ -72,7 +72,7 @@ impl Pipeline {
                     None => (&self.model, &self.at_sites),
                 };
                 let levels = self.level_norms[0].levels();
-                let of = at_sites.get_or_init(|| SiteNorms::of(model, levels));
+                let of = once(at_sites, || SiteNorms::of(model, levels));
                 (of.norm_squared, &of.level_norms)
             }
             (None, Some(focus)) => (focus.norm_squared, &focus.level_norms),
@@ -80,7 +80,7 @@ impl Pipeline {
         };
         // What is solved with another lens is judged by it.
         let as_measured = Arc::ptr_eq(lens, self.lens_of(photo));
-        let is_hopeless = |picture: &Frame<Work>| self.is_hopeless(photo, picture);
+        let is_hopeless = |seen: &Frame<Work>| self.is_hopeless(photo, seen);
         solve(&Problem {
             is_hopeless: as_measured.then_some(&is_hopeless as _),
             photo: &photo.placed,

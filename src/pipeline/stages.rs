@@ -50,6 +50,8 @@ pub struct Prepared<'a> {
     pub focus: Option<PhotoFocus>,
     /// What the measured lens alone says of it, asked when it is first needed.
     pub(super) lens_alone: OnceLock<LensAlone>,
+    /// What the measured lens leaves of the photo itself, likewise.
+    pub(super) untouched: OnceLock<[f32; 3]>,
 }
 
 /// The focus at which a photo was taken, where that is another than the panel's.
@@ -94,7 +96,8 @@ impl PhotoFocus {
 impl Prepared<'_> {
     /// The same photo as if it had been taken at the panel's focus.
     pub(super) fn at_panel(&self) -> Self {
-        Prepared { focus: None, lens_alone: OnceLock::new(), ..self.clone() }
+        let (lens_alone, untouched) = (OnceLock::new(), OnceLock::new());
+        Prepared { focus: None, lens_alone, untouched, ..self.clone() }
     }
 }
 

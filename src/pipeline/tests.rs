@@ -320,7 +320,8 @@ fn one_channel_that_no_scene_gives_is_enough() {
     let bed = Bed::new();
     let (sharp, lens) = (bed.scene(), bed.pipeline.model());
     let photo = bed.pipeline.prepare(&sharp, Channels::Colour);
-    let channels = bed.pipeline.residuals(&photo, lens, &photo.placed);
+    let seen = lens.seen(photo.channels.list(), &photo.placed);
+    let channels = bed.pipeline.residuals(&photo, lens, &seen);
     let left = lens_alone::Left { channels: &channels, by_lens_alone: None };
     let said = bed.pipeline.lens_alone(&photo, lens, left, &mut |_, _| {}).unwrap();
     assert!(matches!(&said, stages::LensAlone::Foreign(left) if left.len() == 1));

@@ -148,7 +148,8 @@ fn alone(folder: &Path, name: &str) {
     );
 }
 
-/// Restores and tells seconds of computing, captures and seconds of processor time.
+/// Restores and tells seconds of computing, captures and seconds of processor time, without those
+/// of judging the result, which it prints.
 fn restore(
     rig: &config::RigFile,
     calibration: &Calibration,
@@ -163,14 +164,16 @@ fn restore(
     let mut watch = |_: &relens::deconvolution::method::Step, _: Option<&Frame<Work>>| {};
     let prepared = pipeline.prepare(photo, Channels::Colour);
     let restored = pipeline.solve(devices, &prepared, &*solver, &mut watch).unwrap();
+    let (solved, solved_processor) = (seconds(), processor_seconds());
+    pipeline.judge(&prepared, &restored, &mut watch).unwrap();
+    println!(
+        "judging            {:6.2} s of processor time",
+        processor_seconds() - solved_processor
+    );
     if restored.solution.look.refined.is_some() {
         println!("the lens model was refined");
     }
-    (
-        seconds() - begun - restored.waited_seconds,
-        restored.captures,
-        processor_seconds() - processor,
-    )
+    (solved - begun - restored.waited_seconds, restored.captures, solved_processor - processor)
 }
 
 /// Peak resident memory so far, MiB.

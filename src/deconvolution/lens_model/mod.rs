@@ -23,7 +23,7 @@ pub use broad::{Beyond, Halo};
 pub use functions::LensFunctions;
 
 use crate::frame::instructions::run_fastest;
-use crate::frame::{Channel, Plane, Size};
+use crate::frame::{Channel, Frame, Plane, Size, Work};
 use crate::remedy::{Remediable, Remedy};
 use broad::Broad;
 use cells::{Cells, Spectrum};
@@ -257,6 +257,19 @@ impl LensModel {
         if let Some(broad) = &self.broad[channel.index()] {
             broad.add(x, out);
         }
+    }
+
+    /// K X in the `channels`, black in others: what is seen when the picture `x` is shown.
+    pub fn seen(&self, channels: &[Channel], x: &Frame<Work>) -> Frame<Work> {
+        let of = |&c: &Channel| {
+            let mut plane = Plane::zeros(self.canvas);
+            self.forward(c, x.plane(c), &mut plane);
+            plane
+        };
+        let planes: Vec<Plane> = channels.par_iter().map(of).collect();
+        let mut seen = Frame::zeros(self.canvas);
+        channels.iter().zip(planes).for_each(|(&c, plane)| *seen.plane_mut(c) = plane);
+        seen
     }
 
     /// `out` = Kᵀ y.

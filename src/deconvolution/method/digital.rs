@@ -95,9 +95,11 @@ impl Method for Digital {
         if let Some(&last) = record.steps().last() {
             watch(&Step { seconds: course.seconds(), ..last }, Some(&picture));
         }
-        let model_residual = problem.model_residual(&picture);
+        let predicted = model.seen(problem.channels.list(), &picture);
+        let model_residual = Some(problem.model_residual(&predicted));
         let certificate = Certificate { model_residual, ..Certificate::uncertified(problem) };
-        Ok(Solution::of(picture, record, certificate))
+        let predicted = Some(predicted);
+        Ok(Solution { predicted, ..Solution::of(picture, record, certificate) })
     }
 }
 
@@ -153,9 +155,9 @@ impl Digital {
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let problem = target.problem;
-        let (start, sparing_step) = match begun {
-            Begun::Start(start) => (start, (self.steps / 2).max(1)),
-            Begun::Picture(picture) => (picture, 1),
+        let (start, predicted, sparing_step) = match begun {
+            Begun::Start(start) => (start, None, (self.steps / 2).max(1)),
+            Begun::Picture { picture, predicted } => (picture, Some(predicted), 1),
         };
         let mut course = Course::new(problem.stopwatch);
         let mut prior = ColourPrior::new(self, target);
@@ -165,7 +167,10 @@ impl Digital {
         let mut decoded: Option<Frame<Work>> = None;
         for iteration in 1..=self.steps {
             let turn = prior.shrinkage.shift(iteration as usize);
-            solves.par_iter_mut().for_each(|solve| solve.predict(target));
+            match predicted.filter(|_| iteration == 1) {
+                Some(known) => solves.iter_mut().for_each(|solve| solve.is_predicted(known)),
+                None => solves.par_iter_mut().for_each(|solve| solve.predict(target)),
+            }
             let stated = problem.stated.filter(|stated| stated.is_data());
             if let Some(stated) = stated.filter(|_| DECODED_AT.contains(&iteration)) {
                 decoded = Some(decoded_again(stated, target, &solves));
@@ -204,7 +209,12 @@ pub(super) enum Begun<'a> {
     /// away.
     Start(&'a Frame<Work>),
     /// A picture that was solved already, and is asked at once.
-    Picture(&'a Frame<Work>),
+    Picture {
+        /// It.
+        picture: &'a Frame<Work>,
+        /// K̂ of it.
+        predicted: &'a Frame<Work>,
+    },
 }
 
 /// The data of `target` as its photo's file states them, now that the photo of `solves` is known.
@@ -260,6 +270,11 @@ impl ChannelSolve {
     /// `predicted` = K̂ of the point looked at.
     fn predict(&mut self, target: Target<'_>) {
         target.model.forward(self.channel, &self.looked_at, &mut self.predicted);
+    }
+
+    /// The same where K̂ of it is `known`.
+    fn is_predicted(&mut self, known: &Frame<Work>) {
+        self.predicted.clone_from(known.plane(self.channel));
     }
 
     /// What the point looked at leaves of the data, grey levels; before [`ChannelSolve::descend`].

@@ -16,7 +16,9 @@
 //!
 //! With a poor model the corrected candidate can overshoot. The next capture tells, and light is
 //! linear: the photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another
-//! capture, and the optical residual never grows.
+//! capture, and the optical residual never grows. A correction of a few steps may be followed
+//! further than it went; one by block matching may not, for its prior is another than the first
+//! candidate's, and what lies beyond it no prior has seen.
 
 use rayon::prelude::*;
 
@@ -43,8 +45,12 @@ const STATED_LONGER: f32 = 2.5;
 /// Shrinkage of the measured defect, in standard deviations of its noise; measured.
 pub const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect below this share of the noise floor, in the channel where it is largest, counts as none.
-/// Guess, from two trials.
-pub const DEFECT_FLOOR: f32 = 0.25;
+/// Measured: what is corrected at 0.16 of it and more gains, at 0.11 and less it loses
+/// (`tests/tables/README.md`).
+pub const DEFECT_FLOOR: f32 = 0.15;
+/// By how much larger a defect must be to be corrected once more: a second correction at 0.2 gains
+/// nothing.
+const ONCE_MORE: f32 = 1.7;
 /// How much shorter a wrong model makes the steps of a correction; measured.
 pub const CAREFULNESS: f32 = 25.0;
 
@@ -61,7 +67,8 @@ pub struct Hybrid {
     pub captures_max: u32,
     /// Soft threshold of the defect, in standard deviations of its noise.
     pub defect_threshold: f32,
-    /// Defect, as a share of the noise floor, below which the model counts as right.
+    /// Defect, as a share of the noise floor, below which the model counts as right; after the
+    /// first correction more is let pass.
     pub defect_floor: f32,
     /// How much shorter a wrong model makes the steps of a correction: each level's α is at least
     /// this often the defect's share of the picture's power.
@@ -73,9 +80,12 @@ pub struct Hybrid {
 
 /// Shrinkage of a defect at a mosaic's sites, in standard deviations of the sensor's noise there.
 const SITES_THRESHOLD: f32 = 1.0;
-/// Longest step along a correction. Beyond it the line through two captures says more about their
-/// noise.
+/// Longest step along a correction by wavelets: a few steps do not go all the way. Beyond it the
+/// line through two captures says more about their noise.
 const STEP_MAX: f64 = 1.5;
+/// The same of one by block matching. With 1.5, too, a second capture of a lens that was touched
+/// takes away half of what the first gained (`tests/tables/truthful-worth.md`).
+const STEP_MAX_BY_BLOCKS: f64 = 1.0;
 /// Levels of the defect's shrinkage: what stays unshrunk is averaged over 16×16 pixels, far below
 /// its noise.
 const DEFECT_LEVELS: usize = 4;
@@ -108,9 +118,10 @@ impl Method for Hybrid {
         let (picture, steps) = by_wavelets.solve_photo(problem, model, prior, watch);
         course.extend(&steps, 0, 0.0);
         let mut certificate = Certificate::uncertified(problem);
-        let seen = problem.seen(optics, Some(model), &picture)?;
-        let defect = Frame::zeros(problem.size());
-        let mut now = Candidate { picture, seen, defect };
+        let channels = problem.channels.list();
+        let predicted = model.seen(channels, &picture);
+        let seen = problem.seen(optics, Some(&predicted), &picture)?;
+        let mut now = Candidate { picture, predicted, seen, defect: None };
         let (mut look, mut refined) = (CaptureFinding::default(), None);
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.seen_rms(Channel::Green, now.seen.light.plane(Channel::Green));
@@ -121,23 +132,23 @@ impl Method for Hybrid {
             if last && self.captures_max > 1 {
                 break;
             }
-            let channels = problem.channels.list();
-            let mut unexplained =
-                now.seen.unexplained(refined.as_ref().unwrap_or(model), &now.picture, channels);
+            let mut unexplained = now.seen.unexplained(&now.predicted, channels);
             // The first picture is not yet the method's where block matching is still to come.
             let mut unsolved = capture == 1 && self.digital.blocks.is_some();
             if self.refine && capture == 1 {
                 (look, refined) =
                     measured(problem, model).look(&now.picture, &now.seen, &unexplained);
                 if let Some(refined) = &refined {
-                    unexplained = now.seen.unexplained(refined, &now.picture, channels);
+                    now.predicted = refined.seen(channels, &now.picture);
+                    unexplained = now.seen.unexplained(&now.predicted, channels);
                     unsolved = true;
                 }
             }
             // With another lens than the measured one it may be another matter.
             if capture == 1
                 && refined.is_none()
-                && problem.is_hopeless.is_some_and(|is_hopeless| is_hopeless(&now.picture))
+                && let Some(is_hopeless) = problem.is_hopeless
+                && is_hopeless(&now.predicted)
             {
                 break;
             }
@@ -147,36 +158,45 @@ impl Method for Hybrid {
             let over = |&c: &Channel| known.plane(c).rms() as f32 / problem.noise_floor(c);
             let size = channels.iter().map(over).fold(0.0, f32::max);
             // What a refined model leaves no defect of is still to be solved for.
-            if size <= self.defect_floor && !unsolved {
+            let floor = self.defect_floor * if capture == 1 { 1.0 } else { ONCE_MORE };
+            if size <= floor && !unsolved {
                 break;
             }
-            for &channel in channels {
-                known.plane_mut(channel).add_scaled(1.0, now.defect.plane(channel));
+            if let Some(before) = &now.defect {
+                for &c in channels {
+                    known.plane_mut(c).add_scaled(1.0, before.plane(c));
+                }
             }
             let (mask, axes) = prior;
             let target = Target { problem, model, data: problem.photo, mask, axes, norms };
-            let corrected = self.corrected(target, &now.picture, &known, &mut course, watch);
+            let picture = self.corrected(target, &now, &known, &mut course, watch);
+            let predicted = model.seen(channels, &picture);
             certificate.corrections += 1;
             if last {
-                now.picture = corrected;
+                (now.picture, now.predicted) = (picture, predicted);
                 certificate.optical_residual = None;
                 break;
             }
-            let seen = problem.seen(optics, Some(model), &corrected)?;
-            let corrected = Candidate { seen, picture: corrected, defect: known };
-            now.step_towards(&corrected, problem);
+            let seen = problem.seen(optics, Some(&predicted), &picture)?;
+            let corrected = Candidate { picture, predicted, seen, defect: Some(known) };
+            let longest = if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX };
+            now.step_towards(&corrected, problem, model, longest);
         }
-        certificate.model_residual = problem.model_residual(&now.picture);
-        Ok(Solution { picture: now.picture, record: course.record, certificate, look })
+        let by_measured = refined.map(|_| model.seen(&[Channel::Green], &now.picture));
+        let by_measured = by_measured.as_ref().unwrap_or(&now.predicted);
+        certificate.model_residual = Some(problem.model_residual(by_measured));
+        let Candidate { picture, predicted, .. } = now;
+        let predicted = Some(predicted);
+        Ok(Solution { picture, predicted, record: course.record, certificate, look })
     }
 }
 
 impl Hybrid {
-    /// The solution of K̂L = B − d, from `picture`.
+    /// The solution of K̂L = B − d, from the picture that there is `now`.
     fn corrected(
         &self,
         target: Target<'_>,
-        picture: &Frame<Work>,
+        now: &Candidate,
         defect: &Frame<Work>,
         course: &mut Course<'_>,
         watch: &mut Watch<'_>,
@@ -197,9 +217,10 @@ impl Hybrid {
         let longer = if problem.stated.is_some() { STATED_LONGER } else { 1.0 };
         let steps = (longer * self.correction_steps as f32).round() as u32;
         let correction = Digital { steps, blocks, ..self.digital };
-        let norms = &self.careful_norms(target, picture, defect);
+        let norms = &self.careful_norms(target, &now.picture, defect);
         let careful = Target { data: &data, norms, ..target };
-        let (corrected, steps) = correction.solve_for(careful, Begun::Picture(picture), watch);
+        let begun = Begun::Picture { picture: &now.picture, predicted: &now.predicted };
+        let (corrected, steps) = correction.solve_for(careful, begun, watch);
         let (captures, seconds) =
             course.record.steps().last().map_or((0, 0.0), |last| (last.captures, last.seconds));
         course.extend(&steps, captures, seconds);
@@ -220,9 +241,11 @@ impl Hybrid {
         // itself.
         for &channel in problem.channels.list() {
             let plane = unexplained.plane_mut(channel);
-            let values = plane.data_mut().iter_mut().zip(known.defect.plane(channel).data());
-            for ((v, d), &t) in values.zip(known.seen.trusted.plane(channel).data()) {
-                *v -= if t == TRUSTED { *d } else { 0.0 };
+            if let Some(defect) = &known.defect {
+                let values = plane.data_mut().iter_mut().zip(defect.plane(channel).data());
+                for ((v, d), &t) in values.zip(known.seen.trusted.plane(channel).data()) {
+                    *v -= if t == TRUSTED { *d } else { 0.0 };
+                }
             }
             if let Some(mosaic) = problem.capture_mosaic {
                 let noise = problem.capture_noise[channel.index()];
@@ -314,37 +337,59 @@ fn measured<'a>(problem: &'a Problem<'_>, model: &'a LensModel) -> Measured<'a> 
     }
 }
 
-/// A picture, what is seen of it, and the defect used for it.
+/// A picture, what the lens model predicts to be seen of it and what is, and the defect used for
+/// it.
 struct Candidate {
     picture: Frame<Work>,
+    predicted: Frame<Work>,
     seen: Seen,
-    defect: Frame<Work>,
+    /// None before the first correction.
+    defect: Option<Frame<Work>>,
 }
 
 impl Candidate {
     /// Moves towards `corrected`, channel by channel, as far as brings the seen nearest to the
-    /// photo.
-    fn step_towards(&mut self, corrected: &Candidate, problem: &Problem<'_>) {
+    /// photo, by at most the `longest` step. `model` is what both are predicted by.
+    fn step_towards(
+        &mut self,
+        corrected: &Candidate,
+        problem: &Problem<'_>,
+        model: &LensModel,
+        longest: f64,
+    ) {
         for &c in problem.channels.list() {
-            let alpha = best_step(problem, c, &self.seen.light, &corrected.seen.light) as f32;
-            let towards = |plane: &mut Plane, target: &Plane| {
-                let pairs = plane.data_mut().iter_mut().zip(target.data());
-                pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
-            };
-            let picture = self.picture.plane_mut(c);
-            towards(picture, corrected.picture.plane(c));
-            picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
-            towards(self.seen.light.plane_mut(c), corrected.seen.light.plane(c));
-            towards(self.defect.plane_mut(c), corrected.defect.plane(c));
-            let trusted = self.seen.trusted.plane_mut(c).data_mut().iter_mut();
-            trusted
-                .zip(corrected.seen.trusted.plane(c).data())
-                .for_each(|(t, &other)| *t = (*t).min(other));
+            let alpha = best_step(problem, c, &self.seen.light, &corrected.seen.light);
+            self.go(c, corrected, alpha.min(longest) as f32, model);
         }
+    }
+
+    /// Goes `alpha` of the way to `corrected` in one channel.
+    fn go(&mut self, c: Channel, corrected: &Candidate, alpha: f32, model: &LensModel) {
+        let towards = |plane: &mut Plane, target: &Plane| {
+            let pairs = plane.data_mut().iter_mut().zip(target.data());
+            pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
+        };
+        let picture = self.picture.plane_mut(c);
+        towards(picture, corrected.picture.plane(c));
+        picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
+        // Between two pictures nothing was clamped.
+        match alpha <= 1.0 {
+            true => towards(self.predicted.plane_mut(c), corrected.predicted.plane(c)),
+            false => model.forward(c, picture, self.predicted.plane_mut(c)),
+        }
+        towards(self.seen.light.plane_mut(c), corrected.seen.light.plane(c));
+        if let Some(defect) = &corrected.defect {
+            let none = || Frame::zeros(defect.size());
+            towards(self.defect.get_or_insert_with(none).plane_mut(c), defect.plane(c));
+        }
+        let trusted = self.seen.trusted.plane_mut(c).data_mut().iter_mut();
+        trusted
+            .zip(corrected.seen.trusted.plane(c).data())
+            .for_each(|(t, &other)| *t = (*t).min(other));
     }
 }
 
-/// The α that minimises ‖y + α(y′ − y) − B‖, the captures' own noise taken out of both sums; 1 when
+/// The α of at least 0 that minimises ‖y + α(y′ − y) − B‖, the captures' own noise taken out of both sums; 1 when
 /// the captures differ by no more than noise.
 fn best_step(
     problem: &Problem<'_>,
@@ -371,5 +416,44 @@ fn best_step(
     let noise = f64::from(problem.capture_noise[channel.index()]).powi(2) * f64::from(count);
     let (along, square) = (along - noise, square - 2.0 * noise);
     // A difference of captures below a tenth of their noise power says nothing about the step.
-    if square < 0.1 * noise { 1.0 } else { (along / square).clamp(0.0, STEP_MAX) }
+    if square < 0.1 * noise { 1.0 } else { (along / square).max(0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deconvolution::lens_model::LensFunctions;
+
+    #[test]
+    fn what_is_predicted_of_a_picture_on_the_way_is_what_the_lens_makes_of_it() {
+        let size = Size::new(24, 18);
+        let tap = vec![0.0, 0.1, 0.0, 0.1, 0.5, 0.2, 0.0, 0.1, 0.0];
+        let taps = [tap.clone(), tap.clone(), tap];
+        let functions = LensFunctions { rows: 1, columns: 1, support_px: 3, taps };
+        let model = LensModel::new(size, 0, &functions).unwrap();
+        let green = [Channel::Green];
+        let candidate = |of: fn(usize, usize) -> f32, defect: Option<f32>| {
+            let picture: Frame<Work> = Frame::from_fn(|_| Plane::from_fn(size, of));
+            let predicted = model.seen(&green, &picture);
+            let trusted = Frame::filled(size, TRUSTED);
+            let seen = Seen { light: predicted.clone(), trusted };
+            let defect = defect.map(|level| Frame::filled(size, level));
+            Candidate { picture, predicted, seen, defect }
+        };
+        let corrected =
+            candidate(|x, y| if (x / 3 + y / 2) % 2 == 0 { 250.0 } else { 5.0 }, Some(4.0));
+        for alpha in [0.25, 1.0, 1.5] {
+            let mut now = candidate(|x, y| (7 * x + 3 * y) as f32, None);
+            now.go(Channel::Green, &corrected, alpha, &model);
+            let picture = now.picture.plane(Channel::Green).data();
+            assert!(picture.iter().all(|v| (0.0..=FULL_SCALE).contains(v)), "{alpha}");
+            let expected = model.seen(&green, &now.picture);
+            let pairs = expected.plane(Channel::Green).data().iter();
+            let off = pairs.zip(now.predicted.plane(Channel::Green).data());
+            let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(off < 1e-3, "{alpha}: {off}");
+            let defect = now.defect.unwrap();
+            assert_eq!(defect.plane(Channel::Green).at(3, 3), 4.0 * alpha);
+        }
+    }
 }

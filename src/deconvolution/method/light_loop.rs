@@ -43,7 +43,8 @@ impl LightLoop {
         let (mut picture, mut looked_at) = (problem.photo.clone(), problem.photo.clone());
         let mut momentum = momenta(problem.photo);
         for iteration in 1..=self.iterations {
-            let seen = problem.seen(optics, problem.model, &looked_at)?.light;
+            let predicted = problem.predicted(&looked_at);
+            let seen = problem.seen(optics, predicted.as_ref(), &looked_at)?.light;
             let mut signed = problem.frame_of(|c| {
                 let mut plane = seen.plane(c).clone();
                 let (photo, trust) = (problem.photo.plane(c), problem.trust.plane(c));

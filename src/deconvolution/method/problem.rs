@@ -19,7 +19,7 @@ use crate::deconvolution::registration::Registration;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 
-/// Says of a picture whether more captures are for nothing.
+/// Says of K̂L of a picture whether more captures are for nothing.
 pub type Hopeless<'a> = &'a (dyn Fn(&Frame<Work>) -> bool + Sync);
 
 /// One photo to be solved.
@@ -61,8 +61,8 @@ pub struct Problem<'a> {
     pub capture_mosaic: Option<Mosaic>,
     /// Standard deviation of one capture's noise per channel, grey levels.
     pub capture_noise: [f32; 3],
-    /// Whether no scene gives the photo through the measured lens, asked with what that lens alone
-    /// makes of it: captures are for nothing then. `None` where nobody says.
+    /// Whether no scene gives the photo through the measured lens, asked with K̂L of what that lens
+    /// alone makes of it: captures are for nothing then. `None` where nobody says.
     pub is_hopeless: Option<Hopeless<'a>>,
     /// Seconds on the caller's clock.
     pub stopwatch: &'a (dyn Fn() -> f64 + Sync),
@@ -110,33 +110,28 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// What `optics` let be seen of `shown`, brought to where the lens, `model`, predicts it
-    /// ([`Registration`]); as it came where there is none.
+    /// What `optics` let be seen of `shown`, brought to where a lens model `predicted` it
+    /// ([`Registration`]); as it came where none did.
     ///
     /// # Errors
     /// When the capture fails.
     pub(super) fn seen(
         &self,
         optics: &mut dyn ForwardConvolution,
-        model: Option<&LensModel>,
+        predicted: Option<&Frame<Work>>,
         shown: &Frame<Work>,
     ) -> Result<Seen, MethodError> {
         let mut seen = optics.forward(shown)?;
-        if let Some(model) = model {
-            let predicted = self.frame_of(|c| {
-                let mut plane = Plane::zeros(self.size());
-                model.forward(c, shown.plane(c), &mut plane);
-                plane
-            });
-            let channels = self.channels.list();
+        if let (Some(predicted), Some(model)) = (predicted, self.model) {
             let blur_px = model.functions().support_px;
+            let channels = self.channels.list();
             let (trust, rect) = (self.trust, self.rect);
-            let found = Registration::of(&seen, &predicted, trust, rect, channels, blur_px);
+            let found = Registration::of(&seen, predicted, trust, rect, channels, blur_px);
             log::debug!("capture registered: {found:?}");
-            found.undo(&mut seen, &predicted, channels);
+            found.undo(&mut seen, predicted, channels);
             if let Some(columns) = optics.panel_columns() {
                 let (known, mosaic) = ((trust, rect), self.capture_mosaic);
-                panel_beat::take_out(&mut seen, &predicted, known, columns, mosaic, channels);
+                panel_beat::take_out(&mut seen, predicted, known, columns, mosaic, channels);
             }
         }
         Ok(seen)
@@ -168,12 +163,15 @@ impl<'a> Problem<'a> {
         rms_over_data(&difference, &trust)
     }
 
-    /// RMS(K̂L − B) of `picture` in the green channel, grey levels; none without a lens model.
-    pub(super) fn model_residual(&self, picture: &Frame<Work>) -> Option<f32> {
-        let model = self.model?;
-        let mut predicted = Plane::zeros(self.size());
-        model.forward(Channel::Green, picture.plane(Channel::Green), &mut predicted);
-        Some(self.residual_rms(Channel::Green, &predicted))
+    /// K̂ of `picture` in the channels that are solved; none without a lens model.
+    pub(super) fn predicted(&self, picture: &Frame<Work>) -> Option<Frame<Work>> {
+        Some(self.model?.seen(self.channels.list(), picture))
+    }
+
+    /// RMS(K̂L − B) of a picture that was `predicted` to be seen so, in the green channel, grey
+    /// levels.
+    pub(super) fn model_residual(&self, predicted: &Frame<Work>) -> f32 {
+        self.residual_rms(Channel::Green, predicted.plane(Channel::Green))
     }
 
     /// A frame whose solved channels are `of` them, black in others.
@@ -203,9 +201,10 @@ impl<'a> Problem<'a> {
         if let Some(last) = record.steps().last() {
             watch(last, Some(&picture));
         }
-        let model_residual = self.model_residual(&picture);
+        let predicted = self.predicted(&picture);
+        let model_residual = predicted.as_ref().map(|predicted| self.model_residual(predicted));
         let certificate = Certificate { model_residual, ..Certificate::uncertified(self) };
-        Solution::of(picture, record, certificate)
+        Solution { predicted, ..Solution::of(picture, record, certificate) }
     }
 }
 
@@ -231,6 +230,9 @@ pub(super) struct Target<'a> {
 pub struct Solution {
     /// L on the canvas, linear light.
     pub picture: Frame<Work>,
+    /// K̂L in the channels that are solved, where the method had it: by the measured lens, or as
+    /// `look` says that it is.
+    pub predicted: Option<Frame<Work>>,
     /// The iterations.
     pub record: IterationRecord,
     /// What was measured of the result.
@@ -242,7 +244,8 @@ pub struct Solution {
 impl Solution {
     /// One that says nothing of the lens.
     pub fn of(picture: Frame<Work>, record: IterationRecord, certificate: Certificate) -> Solution {
-        Solution { picture, record, certificate, look: CaptureFinding::default() }
+        let look = CaptureFinding::default();
+        Solution { picture, predicted: None, record, certificate, look }
     }
 }
 

@@ -1,7 +1,8 @@
 //! Wiener's filter with the measured lens: a baseline, and where the solver starts. No capture.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
+use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 
 use super::record::Course;
@@ -97,32 +98,29 @@ fn filter_tiles(
     let [across, down] = [tile.width, tile.height].map(TileWindow::of);
     let length = |window: &TileWindow| smooth_length(window.length() + 2 * reach);
     let transform = Transform2::new(Size::new(length(&across), length(&down)));
-    let [along_x, along_y] = [&across, &down].map(TileWindow::weights);
-    let corner = |place: isize, first: usize, window: &TileWindow| {
-        first as isize + place * window.tile as isize - (window.overlap / 2) as isize
-    };
+    let columns = across.places(rect.x, size.width);
+    let rows = down.places(rect.y, size.height);
     let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
     // One row of tiles, which overlaps the next.
     let filtered_row = |row: isize| {
         let mut strip = Plane::zeros(Size::new(size.width, down.length()));
-        let y0 = corner(row, rect.y, &down);
+        let (y0, along_y) = (down.corner(row, rect.y), down.weights(row, &rows));
         let [mut values, mut lens] =
             [(); 2].map(|()| vec![Complex32::default(); transform.size.area()]);
-        let columns: Vec<isize> = (-1..=functions.columns as isize).collect();
-        for pair in columns.chunks(2) {
+        let all: Vec<isize> = columns.clone().collect();
+        for pair in all.chunks(2) {
             // Two tiles in one transform, the second one (the first again, where there is none) as
             // its imaginary part.
             let pair = [pair[0], pair[pair.len() - 1]];
-            let left = pair.map(|column| corner(column, rect.x, &across));
+            let left = pair.map(|column| across.corner(column, rect.x));
             let columns_of = |x0: isize| -> Vec<usize> {
                 let place = |x: usize| clamped(x0 + x as isize - reach as isize, size.width);
                 (0..transform.size.width).map(place).collect()
             };
-            let columns = left.map(columns_of);
+            let from = left.map(columns_of);
             for (y, line) in values.chunks_exact_mut(transform.size.width).enumerate() {
                 let row = photo.row(clamped(y0 + y as isize - reach as isize, size.height));
-                for ((value, &first), &second) in line.iter_mut().zip(&columns[0]).zip(&columns[1])
-                {
+                for ((value, &first), &second) in line.iter_mut().zip(&from[0]).zip(&from[1]) {
                     *value = Complex32 { re: row[first], im: row[second] };
                 }
             }
@@ -134,7 +132,8 @@ fn filter_tiles(
                 )
             });
             transform.filter(&mut values, taps, functions.support_px, ratio, &mut lens);
-            let mut add = |x0: isize, value_of: fn(&Complex32) -> f32| {
+            let mut add = |n: usize, value_of: fn(&Complex32) -> f32| {
+                let (x0, along_x) = (left[n], across.weights(pair[n], &columns));
                 for (y, weight) in along_y.iter().enumerate() {
                     let from = &values[(y + reach) * transform.size.width + reach..];
                     let to = strip.row_mut(y);
@@ -146,16 +145,14 @@ fn filter_tiles(
                     }
                 }
             };
-            add(left[0], |value| value.re);
+            add(0, |value| value.re);
             if pair[1] != pair[0] {
-                add(left[1], |value| value.im);
+                add(1, |value| value.im);
             }
         }
         (y0, strip)
     };
-    // A ring of tiles around the photo's completes the cosines to one everywhere.
-    let rows: Vec<isize> = (-1..=functions.rows as isize).collect();
-    let strips: Vec<(isize, Plane)> = rows.into_par_iter().map(filtered_row).collect();
+    let strips: Vec<(isize, Plane)> = rows.clone().into_par_iter().map(filtered_row).collect();
     let mut picture: Plane = Plane::zeros(size);
     for (y0, strip) in &strips {
         for y in 0..strip.height() {
@@ -204,13 +201,32 @@ impl TileWindow {
         self.tile + self.overlap
     }
 
-    /// One but for a raised cosine over the overlaps; neighbours a tile apart add up to one.
-    fn weights(&self) -> Vec<f32> {
+    /// Where the window of the tile at `place` begins, if tile 0 begins at `first`.
+    fn corner(&self, place: isize, first: usize) -> isize {
+        first as isize + place * self.tile as isize - (self.overlap / 2) as isize
+    }
+
+    /// The tiles whose windows reach over a side of `length` pixels.
+    fn places(&self, first: usize, length: usize) -> Range<isize> {
+        let end = |place: isize| self.corner(place, first) + self.length() as isize;
+        let lowest = (0..).map(|n| -n).find(|&place| self.corner(place, first) <= 0);
+        let highest = (0..).find(|&place| end(place) >= length as isize);
+        lowest.unwrap_or_default()..highest.unwrap_or_default() + 1
+    }
+
+    /// One but for a raised cosine over the overlaps with other tiles of `places`; neighbours, a
+    /// tile apart, add up to one.
+    fn weights(&self, place: isize, places: &Range<isize>) -> Vec<f32> {
         let rising = |at: usize| {
             let share = (at as f32 + 0.5) / self.overlap as f32;
             0.5 - 0.5 * (std::f32::consts::PI * share.min(1.0)).cos()
         };
-        (0..self.length()).map(|at| rising(at.min(self.length() - 1 - at))).collect()
+        let weight = |at: usize| {
+            let from_end = self.length() - 1 - at;
+            let alone = if at < from_end { place == places.start } else { place == places.end - 1 };
+            if alone { 1.0 } else { rising(at.min(from_end)) }
+        };
+        (0..self.length()).map(weight).collect()
     }
 }
 
@@ -316,14 +332,26 @@ mod tests {
     }
 
     #[test]
-    fn windows_a_tile_apart_add_up_to_one() {
-        for tile in [1, 2, 3, 7, 64] {
-            let weights = TileWindow::of(tile).weights();
-            for at in 0..tile {
-                let sum = weights[at] + weights.get(at + tile).copied().unwrap_or(0.0);
-                assert!((sum - 1.0).abs() < 1e-6, "{tile}: {sum} at {at}");
+    fn windows_add_up_to_one_from_border_to_border() {
+        for (tile, first, length) in
+            [(1, 0, 1), (2, 3, 17), (3, 1, 20), (7, 5, 31), (64, 20, 424), (64, 40, 464), (9, 0, 4)]
+        {
+            let window = TileWindow::of(tile);
+            let places = window.places(first, length);
+            let mut sums = vec![0.0f32; length];
+            for place in places.clone() {
+                for (at, weight) in window.weights(place, &places).into_iter().enumerate() {
+                    let to = window.corner(place, first) + at as isize;
+                    if let Some(sum) = usize::try_from(to).ok().and_then(|to| sums.get_mut(to)) {
+                        *sum += weight;
+                    }
+                }
             }
+            let all = sums.iter().all(|sum| (sum - 1.0).abs() < 1e-6);
+            assert!(all, "tiles of {tile} from {first} over {length}: {sums:?}");
         }
+        // Six tiles of 64 with a margin of 10 on both sides need no others.
+        assert_eq!(TileWindow::of(64).places(10, 6 * 64 + 20), 0..6);
     }
 
     #[test]

@@ -85,7 +85,7 @@ impl Measured<'_> {
         });
         let learnt = self.learnt.and_then(|learnt| {
             let model = self.model_of(&learnt.functions)?;
-            let left = seen.unexplained(&model, shown, self.channels);
+            let left = seen.unexplained(&model.seen(self.channels, shown), self.channels);
             let holds =
                 fit::holds(&self.powers(unexplained, &looked_at), &self.powers(&left, &looked_at));
             Some((learnt, model, left, holds))

@@ -91,7 +91,11 @@ fn looked(
         capture_noise: [1.0; 3],
     };
     let seen = seen(lens, &shown, 1.0, 2 * number);
-    measured.look(&shown, &seen, &seen.unexplained(measured.model, &shown, channels))
+    measured.look(
+        &shown,
+        &seen,
+        &seen.unexplained(&measured.model.seen(channels, &shown), channels),
+    )
 }
 
 /// RMS of what `model` gets wrong of another picture through `lens`.

@@ -10,7 +10,7 @@ use super::point_spread::{Fan, Radial};
 use super::pose::PanelMap;
 use super::prescription::Focused;
 use crate::config::{BlurGrid, Glare, Lens, Pose, Prescription, Primaries, RigFile, Simulation};
-use crate::frame::{Channel, Plane, Rect, Size};
+use crate::frame::{Channel, Plane, Rect, Size, once};
 use crate::rig::RigError;
 
 /// More of a function's light than this outside its support is worth a warning (guess).
@@ -274,7 +274,7 @@ impl Optics {
     }
 
     fn convolution(&self, light: Light) -> &Convolution {
-        self.convolutions[light as usize].get_or_init(|| {
+        once(&self.convolutions[light as usize], || {
             Convolution::new(self.grid(), self.axes, self.support_px, |channel, column, row| {
                 let place = |axis: Axis, n: usize| axis.place(n) - self.pad as f64;
                 let at = [place(self.axes[0], column), place(self.axes[1], row)];
