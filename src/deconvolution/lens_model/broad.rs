@@ -68,8 +68,6 @@ struct HaloSide {
     lower: Vec<usize>,
     /// and how far it is on the way to the next.
     along: Vec<f32>,
-    /// Pixels with the same cell before them: that cell, the first pixel, the one after the last.
-    runs: Vec<(usize, usize, usize)>,
 }
 
 impl HaloSide {
@@ -102,12 +100,6 @@ impl HaloSide {
             (lower, place - lower as f32)
         };
         let (lower, along): (Vec<usize>, Vec<f32>) = (0..length).map(place).unzip();
-        let mut runs = Vec::new();
-        let mut start = 0;
-        for same in lower.chunk_by(|a, b| a == b) {
-            runs.push((same[0], start, start + same.len()));
-            start += same.len();
-        }
         HaloSide {
             cell,
             weights: (0..count).map(|n| 1.0 / pixels(n) as f32).collect(),
@@ -115,7 +107,6 @@ impl HaloSide {
             reach: reach as usize,
             lower,
             along,
-            runs,
         }
     }
 
@@ -149,8 +140,8 @@ impl Veil {
         Size::new(self.x.count(), self.y.count())
     }
 
-    /// `light` spread, on cells.
-    pub(crate) fn spread(&self, light: &Plane) -> Plane {
+    /// `light` spread, on rows of cells, pixel by pixel along them.
+    fn spread(&self, light: &Plane) -> Plane {
         let mut means: Plane = Plane::zeros(self.cells());
         let rows = means.data_mut().par_chunks_mut(self.x.count()).enumerate();
         rows.for_each_init(
@@ -168,36 +159,36 @@ impl Veil {
             },
         );
         let along_x = times(&means, &self.x, |spread, count, to, from| spread[to * count + from]);
-        times(&along_x, &self.y, |spread, count, to, from| spread[to * count + from])
+        let cells = times(&along_x, &self.y, |spread, count, to, from| spread[to * count + from]);
+        let x = &self.x;
+        self.on_rows(light.width(), |n, pixel| {
+            let (left, right) =
+                (cells.row(n)[x.lower[pixel]], cells.row(n)[x.after(x.lower[pixel])]);
+            left + x.along[pixel] * (right - left)
+        })
     }
 
-    /// Adds `share` of what is on `cells` to row `y` of a plane.
-    pub(crate) fn add_row(&self, cells: &Plane, share: f32, y: usize, row: &mut [f32]) {
+    /// A plane with a row for each row of cells, and a pixel for each of `width` along it.
+    fn on_rows(&self, width: usize, of: impl Fn(usize, usize) -> f32) -> Plane {
+        Plane::from_fn(Size::new(width, self.y.count()), |pixel, n| of(n, pixel))
+    }
+
+    /// Adds `share` of what is `spread` to row `y` of a plane.
+    fn add_row(&self, spread: &Plane, share: f32, y: usize, row: &mut [f32]) {
         let (above, ty) = (self.y.lower[y], self.y.along[y]);
-        let below = self.y.after(above);
-        let line: Vec<f32> = cells
-            .row(above)
-            .iter()
-            .zip(cells.row(below))
-            .map(|(a, b)| share * (a + ty * (b - a)))
-            .collect();
-        for &(lower, start, end) in &self.x.runs {
-            let left = line[lower];
-            let rise = line[self.x.after(lower)] - left;
-            let pixels = row[start..end].iter_mut().zip(&self.x.along[start..end]);
-            pixels.for_each(|(value, tx)| *value += left + tx * rise);
-        }
+        let near = spread.row(above).iter().zip(spread.row(self.y.after(above)));
+        row.iter_mut().zip(near).for_each(|(v, (a, b))| *v += share * (a + ty * (b - a)));
     }
 
     /// `light` spread, on pixels.
     pub(crate) fn on_pixels(&self, light: &Plane) -> Plane {
-        let (cells, mut out) = (self.spread(light), Plane::zeros(light.size()));
-        (0..light.height()).for_each(|y| self.add_row(&cells, 1.0, y, out.row_mut(y)));
+        let (spread, mut out) = (self.spread(light), Plane::zeros(light.size()));
+        (0..light.height()).for_each(|y| self.add_row(&spread, 1.0, y, out.row_mut(y)));
         out
     }
 
-    /// The transpose of all rows of [`Veil::add_row`] and of [`Veil::spread`]'s matrices: what each
-    /// cell's mean counts for.
+    /// The transpose of all rows of [`Veil::add_row`] and of [`Veil::spread`]: what each pixel of
+    /// a row of cells counts for.
     fn gathered(&self, seen: &Plane) -> Plane {
         let mut cells: Plane = Plane::zeros(self.cells());
         let rows = cells.data_mut().par_chunks_mut(self.x.count()).enumerate();
@@ -222,17 +213,18 @@ impl Veil {
             },
         );
         let along_x = times(&cells, &self.x, |spread, count, to, from| spread[from * count + to]);
-        times(&along_x, &self.y, |spread, count, to, from| spread[from * count + to])
+        let cells = times(&along_x, &self.y, |spread, count, to, from| spread[from * count + to]);
+        let (x, y) = (&self.x, &self.y);
+        self.on_rows(seen.width(), |n, pixel| {
+            let column = pixel / x.cell;
+            cells.row(n)[column] * x.weights[column] * y.weights[n]
+        })
     }
 
-    /// Adds `share` of what each pixel counts for, by its cell, to row `y` of a plane.
-    fn add_row_adjoint(&self, cells: &Plane, share: f32, y: usize, row: &mut [f32]) {
-        let n = y / self.y.cell;
-        let weights = cells.row(n).iter().zip(&self.x.weights);
-        for (part, (value, weight)) in row.chunks_mut(self.x.cell).zip(weights) {
-            let add = share * value * weight * self.y.weights[n];
-            part.iter_mut().for_each(|v| *v += add);
-        }
+    /// Adds `share` of what was `gathered` to row `y` of a plane.
+    fn add_row_adjoint(&self, gathered: &Plane, share: f32, y: usize, row: &mut [f32]) {
+        let gathered = gathered.row(y / self.y.cell).iter();
+        row.iter_mut().zip(gathered).for_each(|(v, add)| *v += share * add);
     }
 }
 
