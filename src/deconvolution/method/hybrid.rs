@@ -389,8 +389,8 @@ impl Candidate {
     }
 }
 
-/// The α of at least 0 that minimises ‖y + α(y′ − y) − B‖, the captures' own noise taken out of both sums; 1 when
-/// the captures differ by no more than noise.
+/// The α of at least 0 that minimises ‖y + α(y′ − y) − B‖, the captures' own noise taken out of
+/// both sums; 1 when the captures differ by no more than noise.
 fn best_step(
     problem: &Problem<'_>,
     channel: Channel,
