@@ -12,6 +12,9 @@
 //! ([`super::reference_solution`]): no capture goes into it, so nothing that happened to the rig
 //! since it was measured can, and what is flat stays flat in it.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::Pipeline;
@@ -34,11 +37,11 @@ impl Pipeline {
         let photo_seen = lightness(&photo.photo, photo.channels);
         let grain =
             Grain::of(&lightness(&solved.picture, photo.channels), &photo_seen, &photo_seen);
-        let channels = photo.channels.list();
-        let known = solved.solution.predicted.as_ref();
-        let made = known.is_none().then(|| solved.lens.seen(channels, &solved.solution.picture));
-        let seen = known.or(made.as_ref()).unwrap_or(&solved.solution.picture);
-        Evidence { channels: self.residuals(photo, &solved.lens, seen), grain }
+        let seen = match &solved.solution.predicted {
+            Some(predicted) => Cow::Borrowed(predicted),
+            None => Cow::Owned(solved.lens.seen(photo.channels.list(), &solved.solution.picture)),
+        };
+        Evidence { channels: self.residuals(photo, &solved.lens, &seen), grain }
     }
 
     /// What `lens` leaves unexplained of `photo`, channel by channel, where the candidate is `seen`
@@ -52,17 +55,19 @@ impl Pipeline {
         if let Some(rounded) = &photo.rounded {
             return vec![self.beyond_steps(photo, rounded, lens, seen)];
         }
-        let channels = photo.channels.list();
-        let Some(stated) = photo.stated.as_ref().filter(|stated| stated.is_data()) else {
-            let of = |&c: &Channel| self.residuals_of(photo, lens, c, seen.plane(c));
-            return channels.par_iter().map(of).collect();
-        };
+        let stated = photo.stated.as_ref().filter(|stated| stated.is_data());
         // A JPEG is met by every picture that it may stand for.
-        let data = stated.redecoded(seen);
+        let redecoded = stated.map(|stated| stated.redecoded(seen));
+        let data = redecoded.as_ref().unwrap_or(&photo.placed);
+        // Before the channels part: each would make them.
+        let untouched = self.untouched(photo, lens);
+        self.model_error.shares(&self.model, photo.rect);
         let of = |&c: &Channel| {
-            self.left_of(photo, lens, c, (seen.plane(c), data.plane(c), stated.noise(c)))
+            let noise = stated.map_or(photo.noise[c.index()], |stated| stated.noise(c));
+            let (seen, data) = (seen.plane(c), data.plane(c));
+            self.left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched })
         };
-        channels.par_iter().map(of).collect()
+        photo.channels.list().par_iter().map(of).collect()
     }
 
     /// What `lens` leaves unexplained of one channel of `photo`, where the candidate is `seen` so
@@ -74,39 +79,44 @@ impl Pipeline {
         c: Channel,
         seen: &Plane,
     ) -> Residuals {
-        self.left_of(photo, lens, c, (seen, photo.placed.plane(c), photo.noise[c.index()]))
+        let (data, noise) = (photo.placed.plane(c), photo.noise[c.index()]);
+        let untouched = self.untouched(photo, lens);
+        self.left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched })
     }
 
-    /// RMS of what `lens` leaves of the untouched `photo`, K̂B − B, channel by channel. Of the
-    /// measured lens it is computed once.
+    /// RMS of what `lens` leaves of the untouched `photo`, K̂B − B, grey levels in each channel that
+    /// it has. Of the measured lens it is computed once.
     fn untouched(&self, photo: &Prepared<'_>, lens: &LensModel) -> [f32; 3] {
         let found = || {
-            let seen = lens.seen(photo.channels.list(), &photo.placed);
+            let channels = photo.channels.list();
+            let seen = lens.seen(channels, &photo.placed);
             let stated = photo.stated.as_ref().filter(|stated| stated.is_data());
             let stated = stated.map(|stated| stated.redecoded(&seen));
             let data = stated.as_ref().unwrap_or(&photo.placed);
-            let mut left = [0.0; 3];
-            left.par_iter_mut().zip(Channel::ALL).for_each(|(left, c)| {
+            let left_of = |&c: &Channel| {
                 let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
                 let mut seen = seen.plane(c).clone();
                 residual_in_place(&mut seen, data.plane(c), &trust);
-                *left = rms_over_data(&seen, &trust);
-            });
+                rms_over_data(&seen, &trust)
+            };
+            let found: Vec<f32> = channels.par_iter().map(left_of).collect();
+            let mut left = [0.0; 3];
+            channels.iter().zip(found).for_each(|(c, found)| left[c.index()] = found);
             left
         };
-        match std::ptr::eq(lens, &raw const **self.lens_of(photo)) {
+        match std::ptr::eq(lens, Arc::as_ptr(self.lens_of(photo))) {
             true => *once(&photo.untouched, found),
             false => found(),
         }
     }
 
-    /// The same by what the `data` are for the candidate, and their noise.
+    /// What `lens` leaves unexplained of one channel of `photo` by the `candidate`.
     fn left_of(
         &self,
         photo: &Prepared<'_>,
         lens: &LensModel,
         c: Channel,
-        (seen, data, photo_noise): (&Plane, &Plane, f32),
+        &InOneChannel { seen, data, noise, untouched }: &InOneChannel<'_>,
     ) -> Residuals {
         let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
         let known = trust.data().iter().filter(|&&t| t != MISSING).count();
@@ -114,7 +124,7 @@ impl Pipeline {
             residual_in_place(&mut seen, data, &trust);
             seen
         };
-        let of_untouched = self.untouched(photo, lens)[c.index()];
+        let untouched = untouched[c.index()];
         let filled_in = photo.filled_in.map_or(0.0, |mosaic| {
             FILLED_IN * rms_over_data(&left(mosaic.filled(c, seen), seen), &trust)
         });
@@ -125,13 +135,25 @@ impl Pipeline {
         let model = rms_over_data(&left(seen.clone(), data), &trust);
         Residuals {
             model: if has_a_say { model } else { 0.0 },
-            untouched: of_untouched,
-            photo_noise: photo_noise.hypot(filled_in),
-            model_error: self.model_error.share(&self.model, photo.rect, c) * of_untouched,
+            untouched,
+            photo_noise: noise.hypot(filled_in),
+            model_error: self.model_error.shares(&self.model, photo.rect)[c.index()] * untouched,
             light: if has_a_say { light } else { 0.0 },
             excess_light: if has_a_say { excess_light } else { 0.0 },
         }
     }
+}
+
+/// What is known of a candidate in one channel.
+struct InOneChannel<'a> {
+    /// How it is seen through the lens.
+    seen: &'a Plane,
+    /// What the photo is for it.
+    data: &'a Plane,
+    /// The noise of that, grey levels.
+    noise: f32,
+    /// What the lens leaves of the photo itself, [`Pipeline::untouched`].
+    untouched: [f32; 3],
 }
 
 /// As far as light from beyond a saturated pixel falls.

@@ -28,9 +28,10 @@ impl ModelError {
         }
     }
 
-    /// The share that `model` misses of what the lens changes, where `photo` lies on its canvas.
-    pub(super) fn share(&self, model: &LensModel, photo: Rect, channel: Channel) -> f32 {
-        let all = once(&self.shares, || {
+    /// The share that `model` misses of what the lens changes in each channel, where `photo` lies
+    /// on its canvas.
+    pub(super) fn shares(&self, model: &LensModel, photo: Rect) -> &[f32; 3] {
+        once(&self.shares, || {
             let chart = place_with_edges(&patterns::chart(photo.size), model.canvas(), photo);
             let trusted = Plane::filled(chart.size(), 1);
             let seen = |c: Channel, of: &Plane| {
@@ -45,7 +46,6 @@ impl ModelError {
                 let missed = (self.held_out[c.index()].powi(2) - noise.powi(2)).max(0.0).sqrt();
                 missed / changed.max(f32::MIN_POSITIVE)
             })
-        });
-        all[channel.index()]
+        })
     }
 }
