@@ -84,8 +84,8 @@ impl Pipeline {
         self.left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched })
     }
 
-    /// RMS of what `lens` leaves of the untouched `photo`, K̂B − B, grey levels in each channel that
-    /// it has. Of the measured lens it is computed once.
+    /// RMS of what `lens` leaves of the untouched `photo`, K̂B − B, grey levels in each channel
+    /// that it has. Of the measured lens it is computed once.
     fn untouched(&self, photo: &Prepared<'_>, lens: &LensModel) -> [f32; 3] {
         let found = || {
             let channels = photo.channels.list();
