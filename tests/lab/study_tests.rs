@@ -93,6 +93,7 @@ fn with_one_grey_level_of_noise_the_default_beats_the_paper_with_a_tenth_of_its_
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn block_matching_reaches_what_no_wavelet_does_with_two_captures() {
     let mut test_rig = test_rig(&NOTHING, 0.0);
     let solver = named(&test_rig, config::MethodName::BlockMatching);

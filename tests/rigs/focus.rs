@@ -321,6 +321,7 @@ fn run(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn other_focuses_are_measured_kept_through_a_calibration_and_forgotten() {
     let folder = tempfile::tempdir().unwrap();
     let calibrate = |more: &[&str]| {

@@ -50,6 +50,7 @@ fn photos_that_are_ordinary_jpegs_come_back_better_in_luma_and_no_worse_in_colou
 }
 
 #[test]
+#[ignore = "a minute: the gate runs it"]
 fn what_a_camera_fills_in_between_its_filters_passes_for_no_other_lens() {
     let rig = crate::rig("truthful.toml").unwrap();
     let measured = calibration(&rig).unwrap();
