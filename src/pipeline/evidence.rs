@@ -61,11 +61,13 @@ impl Pipeline {
         let data = redecoded.as_ref().unwrap_or(&photo.placed);
         // Before the channels part: each would make them.
         let untouched = self.untouched(photo, lens);
-        self.model_error.shares(&self.model, photo.rect);
+        let missed = self.model_error.shares(&self.model, photo.rect);
         let of = |&c: &Channel| {
-            let noise = stated.map_or(photo.noise[c.index()], |stated| stated.noise(c));
+            let n = c.index();
+            let noise = stated.map_or(photo.noise[n], |stated| stated.noise(c));
             let (seen, data) = (seen.plane(c), data.plane(c));
-            self.left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched })
+            let (untouched, missed) = (untouched[n], missed[n]);
+            left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched, missed })
         };
         photo.channels.list().par_iter().map(of).collect()
     }
@@ -80,8 +82,9 @@ impl Pipeline {
         seen: &Plane,
     ) -> Residuals {
         let (data, noise) = (photo.placed.plane(c), photo.noise[c.index()]);
-        let untouched = self.untouched(photo, lens);
-        self.left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched })
+        let untouched = self.untouched(photo, lens)[c.index()];
+        let missed = self.model_error.shares(&self.model, photo.rect)[c.index()];
+        left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched, missed })
     }
 
     /// RMS of what `lens` leaves of the untouched `photo`, K̂B − B, grey levels in each channel
@@ -109,38 +112,36 @@ impl Pipeline {
             false => found(),
         }
     }
+}
 
-    /// What `lens` leaves unexplained of one channel of `photo` by the `candidate`.
-    fn left_of(
-        &self,
-        photo: &Prepared<'_>,
-        lens: &LensModel,
-        c: Channel,
-        &InOneChannel { seen, data, noise, untouched }: &InOneChannel<'_>,
-    ) -> Residuals {
-        let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
-        let known = trust.data().iter().filter(|&&t| t != MISSING).count();
-        let left = |mut seen: Plane, data: &Plane| {
-            residual_in_place(&mut seen, data, &trust);
-            seen
-        };
-        let untouched = untouched[c.index()];
-        let filled_in = photo.filled_in.map_or(0.0, |mosaic| {
-            FILLED_IN * rms_over_data(&left(mosaic.filled(c, seen), seen), &trust)
-        });
-        let placed = photo.placed.plane(c);
-        let mean = |of: &Plane| (sum(of, &trust) / known.max(1) as f64) as f32;
-        let (light, excess_light) = (mean(placed), mean(&left(seen.clone(), placed)));
-        let has_a_say = known as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
-        let model = rms_over_data(&left(seen.clone(), data), &trust);
-        Residuals {
-            model: if has_a_say { model } else { 0.0 },
-            untouched,
-            photo_noise: noise.hypot(filled_in),
-            model_error: self.model_error.shares(&self.model, photo.rect)[c.index()] * untouched,
-            light: if has_a_say { light } else { 0.0 },
-            excess_light: if has_a_say { excess_light } else { 0.0 },
-        }
+/// What `lens` leaves unexplained of one channel of `photo` by a candidate.
+fn left_of(
+    photo: &Prepared<'_>,
+    lens: &LensModel,
+    c: Channel,
+    &InOneChannel { seen, data, noise, untouched, missed }: &InOneChannel<'_>,
+) -> Residuals {
+    let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
+    let known = trust.data().iter().filter(|&&t| t != MISSING).count();
+    let left = |mut seen: Plane, data: &Plane| {
+        residual_in_place(&mut seen, data, &trust);
+        seen
+    };
+    let filled_in = photo.filled_in.map_or(0.0, |mosaic| {
+        FILLED_IN * rms_over_data(&left(mosaic.filled(c, seen), seen), &trust)
+    });
+    let placed = photo.placed.plane(c);
+    let mean = |of: &Plane| (sum(of, &trust) / known.max(1) as f64) as f32;
+    let (light, excess_light) = (mean(placed), mean(&left(seen.clone(), placed)));
+    let has_a_say = known as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
+    let model = rms_over_data(&left(seen.clone(), data), &trust);
+    Residuals {
+        model: if has_a_say { model } else { 0.0 },
+        untouched,
+        photo_noise: noise.hypot(filled_in),
+        model_error: missed * untouched,
+        light: if has_a_say { light } else { 0.0 },
+        excess_light: if has_a_say { excess_light } else { 0.0 },
     }
 }
 
@@ -152,8 +153,10 @@ struct InOneChannel<'a> {
     data: &'a Plane,
     /// The noise of that, grey levels.
     noise: f32,
-    /// What the lens leaves of the photo itself, [`Pipeline::untouched`].
-    untouched: [f32; 3],
+    /// What the lens leaves of the photo itself, [`Pipeline::untouched`], grey levels.
+    untouched: f32,
+    /// The share that the lens model is known to miss of what the lens changes.
+    missed: f32,
 }
 
 /// As far as light from beyond a saturated pixel falls.

@@ -6,7 +6,8 @@ use relens::pipeline::Verdict;
 use super::cases::{Kept, NONE};
 use super::groups::Group;
 use super::photos;
-use crate::harness::{Harness, calibration};
+use crate::change::NOTHING;
+use crate::harness::{Harness, calibrated, calibration};
 use crate::view::{Subject, View};
 use relens::rig::simulated::jpeg_coder::Quality;
 
@@ -60,5 +61,19 @@ fn what_a_camera_fills_in_between_its_filters_passes_for_no_other_lens() {
     for record in found.unwrap() {
         assert_eq!(record.verdict, Verdict::Sound, "{}", record.cells());
         assert!(record.delivered.ssim > record.photo.ssim + 0.02, "{}", record.cells());
+    }
+}
+
+#[test]
+#[ignore = "missed by 0.036 SSIM: the lens model holds what panel and sensor soften"]
+fn small_bright_things_through_a_narrow_lens_do_not_come_out_worse() {
+    let rig = Group::Limits.rigs()[0].load(Group::Limits.seed()).unwrap();
+    let (rig, measured) = calibrated(&rig, &NOTHING, 0.0).unwrap();
+    let mut harness = Harness::changed(&rig, &measured, &NONE.change, 0.0).unwrap();
+    let leaves = View { subject: Group::Limits.subjects()[5], quarter: None };
+    let of = [(leaves, Kept::Own)];
+    let found = photos(&mut harness, "narrow", (&NONE, 0.0, 0), &of, &[MethodName::Hybrid], 9);
+    for record in found.unwrap() {
+        assert!(!record.delivered.harms(record.photo), "{}", record.cells());
     }
 }
