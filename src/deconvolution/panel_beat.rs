@@ -18,8 +18,12 @@ use super::data_term::{MISSING, TRUSTED};
 use super::forward_convolution::Seen;
 use crate::frame::{Channel, Frame, Mosaic, Plane, Rect, Work};
 
-/// Parts of the photo along its width and height.
-const PARTS: (usize, usize) = (6, 4);
+/// Parts of the photo along its width and height, at most. Across a part the beat is taken for
+/// one wave between its neighbours': with half as many, half of a singlet's blue beat stayed,
+/// whose phase turns over the field.
+const PARTS: [usize; 2] = [12, 8];
+/// With fewer columns of parts than this, that would be worse still. Guess.
+const COLUMNS_MIN: usize = 6;
 /// A beat counts when it explains so many times what it would of noise alone: two numbers a part of
 /// all the pixels. Guess: what a prediction misses is not white.
 const CERTAIN: f64 = 10.0;
@@ -50,8 +54,16 @@ pub struct SeenChannel<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PanelBeat {
     /// The wave's cosine and sine, as shares of the light, part by part.
-    parts: Vec<[f64; 2]>,
+    shares: Vec<[f64; 2]>,
+    parts: BeatParts,
+}
+
+/// The photo in so many parts along its width and height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct BeatParts {
     photo: Rect,
+    columns: usize,
+    rows: usize,
 }
 
 /// Sums over a part: products of the prediction's two waves with each other and with what the
@@ -61,13 +73,9 @@ type WaveSums = [f64; 7];
 impl PanelBeat {
     /// The beat that `look` shows; `None` where there is none to speak of.
     pub fn of(look: &SeenChannel<'_>) -> Option<PanelBeat> {
-        let photo = look.photo;
-        let spacing = if look.at_sites { 2 } else { 1 };
-        if periods_in_a_part(look.column, photo, spacing) < PERIODS_MIN {
-            return None;
-        }
+        let parts = BeatParts::of(look)?;
         let of_part = |n: usize| {
-            let [columns, rows] = part(n, photo);
+            let [columns, rows] = parts.part(n);
             let mut sums: WaveSums = [0.0; 7];
             for y in rows {
                 let light = look.light.row(y);
@@ -89,16 +97,17 @@ impl PanelBeat {
             }
             sums
         };
-        let sums: Vec<WaveSums> = (0..PARTS.0 * PARTS.1).into_par_iter().map(of_part).collect();
-        let parts: Vec<[f64; 2]> = sums.iter().map(solved).collect();
+        let sums: Vec<WaveSums> =
+            (0..parts.columns * parts.rows).into_par_iter().map(of_part).collect();
+        let shares: Vec<[f64; 2]> = sums.iter().map(solved).collect();
         let explained: f64 =
-            sums.iter().zip(&parts).map(|(sums, [a, b])| a * sums[3] + b * sums[4]).sum();
+            sums.iter().zip(&shares).map(|(sums, [a, b])| a * sums[3] + b * sums[4]).sum();
         let of_all = |n: usize| sums.iter().map(|sums| sums[n]).sum::<f64>();
-        let by_chance = (2 * parts.len()) as f64 / of_all(6);
+        let by_chance = (2 * shares.len()) as f64 / of_all(6);
         let share = explained / of_all(5);
         (share > CERTAIN * by_chance).then(|| {
             log::debug!("the panel's beat with the sensor explains {share:.3} of what is left");
-            PanelBeat { parts, photo }
+            PanelBeat { shares, parts }
         })
     }
 
@@ -115,20 +124,49 @@ impl PanelBeat {
 
     /// The two shares at a pixel: between the parts' middles, and beyond them as at the next.
     fn at(&self, x: usize, y: usize) -> [f32; 2] {
+        let BeatParts { photo, columns, rows } = self.parts;
         let place = |at: usize, first: usize, length: usize, parts: usize| {
             let place = (at as f32 + 0.5 - first as f32) / length as f32 * parts as f32 - 0.5;
             let place = place.clamp(0.0, parts as f32 - 1.0);
             let before = (place as usize).min(parts - 2);
             (before, place - before as f32)
         };
-        let (i, across) = place(x, self.photo.x, self.photo.size.width, PARTS.0);
-        let (j, along) = place(y, self.photo.y, self.photo.size.height, PARTS.1);
+        let (i, across) = place(x, photo.x, photo.size.width, columns);
+        let (j, along) = place(y, photo.y, photo.size.height, rows);
         [0, 1].map(|n| {
-            let at = |i: usize, j: usize| self.parts[j * PARTS.0 + i][n] as f32;
+            let at = |i: usize, j: usize| self.shares[j * columns + i][n] as f32;
             let upper = at(i, j) * (1.0 - across) + at(i + 1, j) * across;
             let lower = at(i, j + 1) * (1.0 - across) + at(i + 1, j + 1) * across;
             upper * (1.0 - along) + lower * along
         })
+    }
+}
+
+impl BeatParts {
+    /// As many as the wave that `look`'s sites see is told in; `None` where that is too few, as it
+    /// is of a panel with whole columns from one site to the next.
+    fn of(look: &SeenChannel<'_>) -> Option<BeatParts> {
+        let photo = look.photo;
+        let spacing = if look.at_sites { 2 } else { 1 };
+        let [most, rows] = PARTS;
+        if photo.size.width < 2 * most * spacing || photo.size.height < rows {
+            return None;
+        }
+        let (x, y) = (photo.x + photo.size.width / 2, photo.y + photo.size.height / 2);
+        let a_step = look.column.at(x, y) - look.column.at(x - spacing, y);
+        let periods = (a_step - a_step.round()).abs() * (photo.size.width / spacing) as f32;
+        let columns = ((periods / PERIODS_MIN) as usize).min(most);
+        (columns >= COLUMNS_MIN).then_some(BeatParts { photo, columns, rows })
+    }
+
+    /// Columns and rows of the `n`-th part.
+    fn part(&self, n: usize) -> [Range<usize>; 2] {
+        let Rect { x, y, size } = self.photo;
+        let span = |n: usize, parts: usize, length: usize, first: usize| {
+            first + n * length / parts..first + (n + 1) * length / parts
+        };
+        let (columns, rows) = (self.columns, self.rows);
+        [span(n % columns, columns, size.width, x), span(n / columns, rows, size.height, y)]
     }
 }
 
@@ -157,25 +195,6 @@ pub fn take_out(
             beat.undo(seen.light.plane_mut(c), column);
         }
     }
-}
-
-/// Columns and rows of the photo's `n`-th part.
-fn part(n: usize, Rect { x, y, size }: Rect) -> [Range<usize>; 2] {
-    let span = |n: usize, parts: usize, length: usize, first: usize| {
-        first + n * length / parts..first + (n + 1) * length / parts
-    };
-    [span(n % PARTS.0, PARTS.0, size.width, x), span(n / PARTS.0, PARTS.1, size.height, y)]
-}
-
-/// How many periods of the wave sites so far apart see in a part: of a panel with whole columns
-/// from one to the next, none.
-fn periods_in_a_part(column: &Plane, photo: Rect, spacing: usize) -> f32 {
-    let (x, y) = (photo.x + photo.size.width / 2, photo.y + photo.size.height / 2);
-    if photo.size.width < 2 * PARTS.0 * spacing || photo.size.height < PARTS.1 {
-        return 0.0;
-    }
-    let a_step = column.at(x, y) - column.at(x - spacing, y);
-    (a_step - a_step.round()).abs() * (photo.size.width / PARTS.0 / spacing) as f32
 }
 
 /// The wave with one period a panel pixel: cosine and sine.
