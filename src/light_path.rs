@@ -1,19 +1,29 @@
 //! Forward convolution through a rig: the candidate goes out to the panel, its photograph comes
 //! back.
 //!
-//! L is resampled once, to the finer panel; captures are cropped and corrected pixel by pixel,
-//! never resampled.
+//! L is resampled once, to the panel; captures are cropped and corrected pixel by pixel, never
+//! resampled. What L loses of its details on the panel's square pixels
+//! ([`Correction::by_perfect_lens`]) no light can bring back; what the lens would make of that is
+//! added to the capture by the lens model.
+
+use rayon::prelude::*;
 
 use crate::calibration::correction::Correction;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
-use crate::frame::{Frame, Size, Work};
+use crate::deconvolution::lens_model::LensModel;
+use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
+
+/// RMS of the details that a panel cannot show which counts as none, grey levels: far below the
+/// rounding of a code.
+const LOST_MIN: f64 = 1e-3;
 
 /// A calibrated rig as an operator on Work frames.
 pub struct LightPath<'a> {
     rig: &'a mut Devices,
     correction: &'a Correction,
+    model: &'a LensModel,
     stopwatch: &'a (dyn Fn() -> f64 + Sync),
     waited_seconds: f64,
     pedestal: Option<(Frame<Work>, Seen)>,
@@ -36,16 +46,17 @@ impl Remediable for Interrupted {
 }
 
 impl<'a> LightPath<'a> {
-    /// The light path of `rig` under `correction`, which must have been made for it. `stopwatch`
-    /// tells how long captures keep the caller waiting.
+    /// The light path of `rig` under the correction and with the lens model that were made for it.
+    /// `stopwatch` tells how long captures keep the caller waiting.
     pub fn new(
         rig: &'a mut Devices,
-        correction: &'a Correction,
+        (correction, model): (&'a Correction, &'a LensModel),
         stopwatch: &'a (dyn Fn() -> f64 + Sync),
     ) -> Self {
         LightPath {
             rig,
             correction,
+            model,
             stopwatch,
             waited_seconds: 0.0,
             pedestal: None,
@@ -69,6 +80,27 @@ impl<'a> LightPath<'a> {
     }
 }
 
+impl LightPath<'_> {
+    /// Adds to what was `seen` of `shown` what the lens would make of the details that the panel
+    /// cannot show.
+    fn add_what_is_lost(&self, shown: &Frame<Work>, seen: &mut Seen) {
+        let of_light = |v: f32| v.clamp(0.0, FULL_SCALE);
+        let on_panel: Frame<Work> = Frame::from_fn(|c| shown.plane(c).map(of_light));
+        let by_perfect_lens = self.correction.by_perfect_lens(&Channel::ALL, &on_panel);
+        let pairs = Channel::ALL.into_iter().zip(seen.light.planes_mut());
+        pairs.collect::<Vec<_>>().into_par_iter().for_each(|(c, light)| {
+            let mut lost = on_panel.plane(c).clone();
+            lost.add_scaled(-1.0, by_perfect_lens.plane(c));
+            // Nothing is where the panel's pixels lie on the sensor's.
+            if lost.rms() > LOST_MIN {
+                let mut seen = Plane::zeros(lost.size());
+                self.model.forward(c, &lost, &mut seen);
+                light.add_scaled(1.0, &seen);
+            }
+        });
+    }
+}
+
 impl ForwardConvolution for LightPath<'_> {
     fn size(&self) -> Size {
         self.correction.layout().canvas()
@@ -83,7 +115,9 @@ impl ForwardConvolution for LightPath<'_> {
         let exposed = self.rig.capture(&codes).map_err(|e| Box::new(e) as AnyFailure)?;
         self.waited_seconds += (self.stopwatch)() - begun;
         let corrected = self.correction.see(&exposed.counts);
-        Ok(Seen { light: corrected.light, trusted: corrected.trusted })
+        let mut seen = Seen { light: corrected.light, trusted: corrected.trusted };
+        self.add_what_is_lost(shown, &mut seen);
+        Ok(seen)
     }
 
     fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {

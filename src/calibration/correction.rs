@@ -5,6 +5,8 @@
 //! never resampled, for Work *is* the camera's own pixel grid. Outside the canvas the panel goes on
 //! with the canvas's border pixels.
 
+mod perfect_lens;
+
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
@@ -245,37 +247,53 @@ impl Correction {
         Frame::from_fn(|_| made.next().unwrap_or_else(|| Plane::zeros(self.layout.panel)))
     }
 
-    fn show_plane(&self, channel: Channel, place: Channel, picture: &Plane) -> Plane<u8> {
+    /// The part of the panel that shows a canvas at the places of `place`, and a little around it.
+    fn shown_part(&self, place: Channel) -> Rect {
         let panel = self.layout.panel;
-        let padded = padded(picture);
-        let map = &self.geometry[place.index()].panel_to_work;
-        let seen = map.x.domain();
-        // Columns and rows that are warped.
+        let seen = self.geometry[place.index()].panel_to_work.x.domain();
         let first = |at: f64, limit: usize| ((at - FRINGE_PX).max(0.0) as usize).min(limit - 1);
         let past = |at: f64, limit: usize| ((at + FRINGE_PX).max(0.0) as usize + 1).min(limit);
-        let (left, top) = (first(seen.left, panel.width), first(seen.top, panel.height));
-        let right = past(seen.right, panel.width).max(left + 1);
-        let bottom = past(seen.bottom, panel.height).max(top + 1);
+        let (x, y) = (first(seen.left, panel.width), first(seen.top, panel.height));
+        let right = past(seen.right, panel.width).max(x + 1);
+        let bottom = past(seen.bottom, panel.height).max(y + 1);
+        Rect { x, y, size: Size::new(right - x, bottom - y) }
+    }
+
+    /// The light of the panel's pixels `part`, which show the canvas `padded` at the places of
+    /// `place`.
+    fn panel_light(&self, place: Channel, padded: &Plane, part: Rect) -> Plane {
+        let map = &self.geometry[place.index()].panel_to_work;
         let offset = (self.layout.margin_px + PAD_PX) as f32;
         // Places where all sixteen taps lie in the padded plane, so that the border pixels go on
         // outside.
         let limit = |side: usize| (side - PAD_PX) as f32 - 0.5;
         let (x_max, y_max) = (limit(padded.width()), limit(padded.height()));
         let least = PAD_PX as f32 - 1.5;
+        let (mut map_x, mut map_y) = (Plane::zeros(part.size), Plane::zeros(part.size));
+        for y in 0..part.size.height {
+            let panel_y = (part.y + y) as f64;
+            map.x.row(panel_y, part.x as f64, 1.0, map_x.row_mut(y));
+            map.y.row(panel_y, part.x as f64, 1.0, map_y.row_mut(y));
+        }
+        map_x.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(x_max));
+        map_y.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(y_max));
+        let mut light = Plane::zeros(part.size);
+        warp(padded, &map_x, &map_y, Outside::Edge, &mut light);
+        light
+    }
+
+    fn show_plane(&self, channel: Channel, place: Channel, picture: &Plane) -> Plane<u8> {
+        let panel = self.layout.panel;
+        let padded = padded(picture);
+        let shown = self.shown_part(place);
+        let Rect { x: left, y: top, .. } = shown;
+        let (right, bottom) = (left + shown.size.width, top + shown.size.height);
         let mut codes = Plane::zeros(panel);
         let rows = &mut codes.data_mut()[top * panel.width..bottom * panel.width];
         rows.par_chunks_mut(BAND_ROWS * panel.width).enumerate().for_each(|(band, rows)| {
             let size = Size::new(right - left, rows.len() / panel.width);
-            let (mut map_x, mut map_y) = (Plane::zeros(size), Plane::zeros(size));
-            for y in 0..size.height {
-                let panel_y = (top + band * BAND_ROWS + y) as f64;
-                map.x.row(panel_y, left as f64, 1.0, map_x.row_mut(y));
-                map.y.row(panel_y, left as f64, 1.0, map_y.row_mut(y));
-            }
-            map_x.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(x_max));
-            map_y.data_mut().iter_mut().for_each(|v| *v = (*v + offset).max(least).min(y_max));
-            let mut light = Plane::zeros(size);
-            warp(&padded, &map_x, &map_y, Outside::Edge, &mut light);
+            let part = Rect { x: left, y: top + band * BAND_ROWS, size };
+            let mut light = self.panel_light(place, &padded, part);
             self.inverse[channel.index()].apply(light.data_mut());
             let mut diffusion = Diffusion::new(size.width);
             for (y, row) in rows.chunks_mut(panel.width).enumerate() {

@@ -15,7 +15,7 @@ use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
 /// The format of slots; goes up with every change of [`Calibration`]'s layout.
-pub const VERSION: u32 = 6;
+pub const VERSION: u32 = 7;
 const HEADER_BYTES: usize = 28;
 const CRC_BYTES: usize = 4;
 const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];

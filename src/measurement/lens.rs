@@ -34,7 +34,7 @@ const AMPLITUDE: f32 = 80.0;
 /// Rounds of conjugate gradients for centring, where taps are many for the pixels there are.
 const CENTRING_ROUNDS: usize = 8;
 /// Rounds for the functions themselves.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 12;
 /// Squares for the broad light, in widths of a function: the last is held out. Guess.
 const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
 /// A capture farther from grey's brightness than this is left as it is. Guess: several times what a
@@ -188,6 +188,13 @@ fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
     Frame::from_fn(|c| picture.plane(c).map(|v| GREY + v))
 }
 
+/// `picture` on grey as a perfect lens would see it on the panel, less the grey: what the lens
+/// spreads.
+fn on_panel(correction: &Correction, picture: &Frame<Work>) -> Frame<Work> {
+    let seen = correction.by_perfect_lens(&Channel::ALL, &on_grey(picture));
+    Frame::from_fn(|c| seen.plane(c).map(|v: f32| v - GREY))
+}
+
 /// What was seen of a series of patterns.
 struct Series {
     /// Differences from grey, per channel, averaged to the pattern's squares.
@@ -243,7 +250,7 @@ fn shoot(
         }
         let gain = brightness(session, &seen, &shown, &flat);
         gains = (gain.min(gains.0), gain.max(gains.1));
-        for (c, shown) in Channel::ALL.iter().zip(shown.into_planes()) {
+        for (c, shown) in Channel::ALL.iter().zip(on_panel(correction, &shown).into_planes()) {
             let mut light = seen.light.plane(*c).clone();
             light.scale(1.0 / gain);
             let mut seen = difference(&light, &flat[c.index()]);
@@ -417,10 +424,8 @@ fn check(
     let chart = chart(session);
     let Corrected { light, trusted } = session.seen(correction, &chart)?;
     let mut seen = Seen { light, trusted };
-    let mut predicted = Frame::zeros(model.canvas());
-    for c in Channel::ALL {
-        model.forward(c, chart.plane(c), predicted.plane_mut(c));
-    }
+    let on_panel = correction.by_perfect_lens(&Channel::ALL, &chart);
+    let predicted = model.seen(&Channel::ALL, &on_panel);
     let margin = calibration.margin_px;
     let (photo, support_px) = (calibration.photo, calibration.functions.support_px);
     // As every later capture is, for the panel may have wandered and flickered.
@@ -452,6 +457,7 @@ fn check(
         _ => Plane::zeros(picture.size()),
     });
     let seen = session.seen(correction, &shown)?;
+    let shown = correction.by_perfect_lens(&[Channel::Green], &shown);
     let (shown, light) = (shown.plane(Channel::Green), seen.light.plane(Channel::Green));
     calibration.norm_squared_seen = (light.dot(light) / shown.dot(shown)) as f32;
     Ok(())

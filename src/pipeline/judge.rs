@@ -34,9 +34,8 @@ const CERTIFIED_RATIO: f32 = 1.5;
 /// harmful ones by 5.8 % at the least (`tests/tables/judging.md`).
 const EXCESS_LIGHT: f32 = 0.04;
 /// A method that starts from the lens model is compared with the reference solution only when it
-/// leaves more than this unexplained, measured as what the lens alone leaves is
-/// ([`super::lens_alone`]);
-const SUSPECT_UNEXPLAINED: f32 = 0.55;
+/// leaves more than this share of what no scene leaves ([`super::lens_alone`]);
+const SUSPECT_UNEXPLAINED: f32 = 0.764;
 /// or its certificate is this far above its floor;
 const SUSPECT_RATIO: f32 = 3.0;
 /// or where the photo is flat its grain is past this share of what harms where the reference
@@ -63,7 +62,7 @@ impl Pipeline {
         watch: &mut Watch<'_>,
     ) -> Result<Outcome, MethodError> {
         let evidence = self.evidence(photo, solved);
-        if !is_suspect(solved, &evidence) {
+        if !is_suspect(photo, solved, &evidence) {
             return Ok(Outcome::of(solved, evidence));
         }
         let as_measured = Arc::ptr_eq(&solved.lens, self.lens_of(photo));
@@ -83,7 +82,7 @@ impl Pipeline {
         let reference = match said {
             LensAlone::Fitting(reference) => reference,
             LensAlone::Foreign(left) => {
-                let untouched = Outcome::untouched(photo.photo.as_ref().clone(), foreign(left));
+                let untouched = Outcome::untouched(photo.photo.as_ref().clone(), foreign(photo, left));
                 let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
                 let evidence = Some(Evidence { channels: left.clone(), grain });
                 return Ok(Outcome { evidence, captures, ..untouched });
@@ -103,7 +102,7 @@ impl Pipeline {
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let lens = self.lens_of(photo);
         let channels = self.residuals(photo, lens, seen);
-        if past(&channels) <= SUSPECT_UNEXPLAINED {
+        if past(photo, &channels) <= SUSPECT_UNEXPLAINED {
             return false;
         }
         let before = photo.lens_alone.get();
@@ -119,9 +118,9 @@ impl Pipeline {
 
 /// Whether a result calls for a reference solution. What started from the lens model is believed
 /// while light and model say nothing against it.
-fn is_suspect(solved: &Solved, evidence: &Evidence) -> bool {
+fn is_suspect(photo: &Prepared<'_>, solved: &Solved, evidence: &Evidence) -> bool {
     let believed = solved.about.starts_from_lens
-        && past(&evidence.channels) <= SUSPECT_UNEXPLAINED
+        && past(photo, &evidence.channels) <= SUSPECT_UNEXPLAINED
         && solved.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
         && !evidence.grain.harms(SUSPECT_GRAIN)
         && evidence.excess_light() <= EXCESS_LIGHT;

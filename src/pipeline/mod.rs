@@ -176,7 +176,7 @@ impl Pipeline {
 
     /// Forward convolution through `rig`.
     pub fn light_path<'a>(&'a self, rig: &'a mut Devices) -> LightPath<'a> {
-        LightPath::new(rig, &self.correction, &*self.stopwatch)
+        LightPath::new(rig, (&self.correction, &self.model), &*self.stopwatch)
     }
 }
 

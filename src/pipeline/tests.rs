@@ -249,7 +249,7 @@ fn a_sharp_lossy_webp_is_told_from_the_rig_s_own() {
         let pipeline = Pipeline::new(&bed.config, small()).unwrap();
         let prepared = pipeline.prepare_rounded(&photo.light, photo.channels, steps);
         let outcome = bed.restore_prepared(&prepared, &*digital);
-        assert_eq!(outcome.verdict, wanted, "{name}: {}", outcome.reason);
+        assert_eq!(outcome.verdict, wanted, "{name}: {} {:?}", outcome.reason, outcome.evidence);
     }
 }
 

@@ -25,6 +25,8 @@ const SHARE_MIN: f32 = 0.002;
 /// Broad light is believed when it takes away at least so much of the squared misfit of the pattern
 /// held out. Guess.
 const BELIEVED: f64 = 0.2;
+/// Light of one square differs by no more than this where a panel shows it, grey levels.
+const EVEN: f32 = 0.01;
 /// Cells a radius of half a lens function has: what is compared are means over them. Guess.
 const CELLS: usize = 2;
 
@@ -109,7 +111,7 @@ pub fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
         let (columns, rows) = (near(x, size.width), near(y, size.height));
         let is_inside = columns.len().min(rows.len()) > 2 * reach;
         let (least, largest) = rows.map(|y| along.at(x, y)).fold((least, largest), widened);
-        u8::from(is_inside && least == largest)
+        u8::from(is_inside && largest - least <= EVEN)
     })
 }
 

@@ -1,0 +1,172 @@
+//! The panel as a perfect lens would see it: the light of its pixels over the footprint of each of
+//! the sensor's.
+//!
+//! A candidate is numbers on the Work grid. Shown, it is light from square pixels between which it
+//! was interpolated, and a pixel of the sensor gathers that light over its own square. Both soften
+//! it, and no scene's photo is softened so. A lens model that was fitted to the candidates' numbers
+//! would hold both, and what is solved with it overshoots. So the lens is measured by what is on
+//! the panel, and what a candidate loses there is added to its captures by computing
+//! ([`crate::light_path`]).
+
+use rayon::prelude::*;
+
+use super::{BAND_ROWS, Correction, padded};
+use crate::calibration::geometric::Map;
+use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
+
+impl Correction {
+    /// `picture` (light, 0..255, canvas-sized) in each of `channels` as a perfect lens would see it
+    /// on the panel, each of the panel's pixels an even square; zero in the others.
+    ///
+    /// # Panics
+    /// When the picture has not the canvas's size, which is a bug of the caller.
+    pub fn by_perfect_lens(&self, channels: &[Channel], picture: &Frame<Work>) -> Frame<Work> {
+        assert!(picture.size() == self.layout.canvas(), "what is shown has the canvas's size");
+        let mut seen = Frame::zeros(picture.size());
+        // One after the other: each needs a plane of the panel's size.
+        for &c in channels {
+            let shown = self.shown_part(c);
+            let panel = self.light_of(c, picture.plane(c), shown);
+            let margin = self.layout.margin_px as f64;
+            let map = &self.geometry[c.index()].work_to_panel;
+            let half = self.half_a_pixel(map);
+            let width = picture.size().width;
+            let rows = seen.plane_mut(c).data_mut().par_chunks_mut(width).enumerate();
+            rows.for_each_init(
+                || (vec![0.0; width], vec![0.0; width]),
+                |(at_x, at_y), (y, row)| {
+                    map.x.row(y as f64 - margin, -margin, 1.0, at_x);
+                    map.y.row(y as f64 - margin, -margin, 1.0, at_y);
+                    for ((value, &x), &y) in row.iter_mut().zip(&*at_x).zip(&*at_y) {
+                        *value = footprint(&panel, [x - shown.x as f32, y - shown.y as f32], half);
+                    }
+                },
+            );
+        }
+        seen
+    }
+
+    /// The light of all the panel's pixels of the part `shown`.
+    fn light_of(&self, c: Channel, picture: &Plane, shown: Rect) -> Plane {
+        let padded = padded(picture);
+        let mut panel = Plane::zeros(shown.size);
+        let bands = panel.data_mut().par_chunks_mut(BAND_ROWS * shown.size.width).enumerate();
+        bands.for_each(|(band, rows)| {
+            let size = Size::new(shown.size.width, rows.len() / shown.size.width);
+            let part = Rect { x: shown.x, y: shown.y + band * BAND_ROWS, size };
+            rows.copy_from_slice(self.panel_light(c, &padded, part).data());
+        });
+        panel
+    }
+
+    /// Half of the panel's pixels that a pixel of Work covers, across and down, in the middle: a
+    /// lens's distortion changes it by some hundredths. Between bounds that no panel reaches.
+    fn half_a_pixel(&self, map: &Map) -> [f32; 2] {
+        let Size { width, height } = self.layout.photo;
+        let (x, y) = (width as f64 / 2.0, height as f64 / 2.0);
+        let across = map.x.at(x + 0.5, y) - map.x.at(x - 0.5, y);
+        let down = map.y.at(x, y + 0.5) - map.y.at(x, y - 0.5);
+        [across, down].map(|whole| (whole.abs() / 2.0).min(16.0).max(1e-3) as f32)
+    }
+}
+
+/// Mean of `panel` over a rectangle around `centre`, `half` as long and high; pixel centres are
+/// whole numbers, and the pixels of the border go on outside.
+fn footprint(panel: &Plane, centre: [f32; 2], half: [f32; 2]) -> f32 {
+    let (columns, across) = covered(centre[0], half[0]);
+    let (rows, down) = covered(centre[1], half[1]);
+    let last = |side: usize| side as isize - 1;
+    let inside = |at: isize, side: usize| at.clamp(0, last(side)) as usize;
+    let mut sum = 0.0;
+    for row in rows.0..=rows.1 {
+        let line = panel.row(inside(row, panel.height()));
+        let mut along = 0.0;
+        for column in columns.0..=columns.1 {
+            along += across(column) * line[inside(column, panel.width())];
+        }
+        sum += down(row) * along;
+    }
+    sum
+}
+
+/// First and last pixel of a side that a stretch around `centre` covers, and of each the share of
+/// the stretch that lies in it.
+fn covered(centre: f32, half: f32) -> ((isize, isize), impl Fn(isize) -> f32) {
+    // From pixel borders, which lie half way between centres.
+    let (from, to) = (centre - half + 0.5, centre + half + 0.5);
+    let share = move |n: isize| {
+        let n = n as f32;
+        (to.min(n + 1.0) - from.max(n)).max(0.0) / (to - from)
+    };
+    ((from.floor() as isize, (to.ceil() as isize - 1).max(from.floor() as isize)), share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Layout;
+    use super::*;
+    use crate::calibration::Geometry;
+    use crate::calibration::example::calibration;
+    use crate::frame::resample::{Outside, sample};
+
+    fn layout() -> Layout {
+        Layout {
+            panel: Size::new(70, 60),
+            sensor: Size::new(48, 38),
+            photo: Size::new(40, 30),
+            photo_x_px: 4,
+            photo_y_px: 4,
+            margin_px: 4,
+            saturated: 1023,
+            mosaic: None,
+        }
+    }
+
+    fn picture() -> Frame<Work> {
+        let of = |x: usize, y: usize| ((37 * x + 91 * y + x * y) % 101) as f32;
+        Frame::from_fn(|c| Plane::from_fn(layout().canvas(), |x, y| of(x + c.index(), y)))
+    }
+
+    #[test]
+    fn of_pixels_that_lie_on_each_other_it_is_the_picture() {
+        let mut calibration = calibration();
+        calibration.geometry =
+            Channel::ALL.map(|_| Geometry::one_to_one(layout().domain(), 9.0, 11.0));
+        let correction = Correction::new(&calibration, layout()).unwrap();
+        let picture = picture();
+        let seen = correction.by_perfect_lens(&Channel::ALL, &picture);
+        for c in Channel::ALL {
+            let pairs = seen.plane(c).data().iter().zip(picture.plane(c).data());
+            let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(off < 0.01, "{off}");
+        }
+    }
+
+    #[test]
+    fn it_is_the_light_of_squares_over_squares() {
+        let correction = Correction::new(&calibration(), layout()).unwrap();
+        let picture = picture();
+        let seen = correction.by_perfect_lens(&[Channel::Blue], &picture);
+        assert_eq!(seen.plane(Channel::Green).rms(), 0.0);
+        let [.., map] = &calibration().geometry;
+        let blue = picture.plane(Channel::Blue);
+        // Light at a place of the panel: that of the pixel there, which shows what the picture has
+        // where its centre is seen.
+        let light = |x: f64, y: f64| {
+            let (x, y) = map.panel_to_work.at(x.round(), y.round());
+            sample(blue, x as f32 + 4.0, y as f32 + 4.0, Outside::Edge)
+        };
+        const FINE: usize = 80;
+        for (x, y) in [(12, 9), (20, 15), (23, 14), (31, 22)] {
+            let mut sum = 0.0;
+            for n in 0..FINE * FINE {
+                let within = |n: usize| (n as f64 + 0.5) / FINE as f64 - 0.5;
+                let (dx, dy) = (within(n % FINE), within(n / FINE));
+                let (x, y) = map.work_to_panel.at(x as f64 - 4.0 + dx, y as f64 - 4.0 + dy);
+                sum += light(x, y);
+            }
+            let (found, wanted) = (seen.plane(Channel::Blue).at(x, y), sum / (FINE * FINE) as f32);
+            assert!((found - wanted).abs() < 0.5, "({x}, {y}): {found} for {wanted}");
+        }
+    }
+}
