@@ -3,7 +3,7 @@
 //! | evidence | what it shows |
 //! |---|---|
 //! | model residual over the photo's noise | a photo that no scene gives, or a changed rig |
-//! | the same of the untouched photo | how much there was to gain |
+//! | the same of the untouched photo | how much there was to gain, and whether noise hides it |
 //! | distance from the reference solution, colours too | noise and ringing that the lens hides |
 //! | grain of the flat parts, as it looks | the same, at the finest scale |
 //! | light more or less than the photo's | captures of a panel that is not as bright as it was |

@@ -1,6 +1,7 @@
-//! No harm: a result is judged before it is delivered. What harms is replaced by the reference
-//! solution, what total variation makes of the photo with the measured lens, and where no scene
-//! gives the photo through that lens, by the photo itself.
+//! No harm: a result is judged before it is delivered. What harms is replaced by what the measured
+//! lens alone makes of the photo: `digital` where captures led astray, else the reference solution,
+//! which is total variation's. Where no scene gives the photo through that lens, or noise hides what
+//! the lens did, the photo itself is delivered.
 //!
 //! The limits were measured on `small.toml` under the laboratory's faults; what healthy and harmful
 //! results have is in `tests/tables/README.md`.
@@ -13,7 +14,7 @@ use super::lens_alone::{Left, foreign, past};
 use super::stages::{Evidence, LensAlone, Prepared, Solved};
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::ladder::Rung;
-use crate::deconvolution::method::{MethodError, Watch};
+use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
 use crate::frame::{Frame, Work};
 
 /// Distance from the reference solution past which a result harms.
@@ -41,6 +42,9 @@ const SUSPECT_RATIO: f32 = 3.0;
 /// or where the photo is flat its grain is past this share of what harms where the reference
 /// solution is flat. Guess.
 const SUSPECT_GRAIN: f32 = 0.9;
+/// Why a photo is left of which neither method nor reference solution makes more.
+const NOTHING_GAINED: &str = "what the lens did to this photo cannot be told from the photo's \
+                              noise; any restoration would be made of that noise";
 
 impl Verdict {
     /// Whether something else than the method's result is delivered.
@@ -82,19 +86,51 @@ impl Pipeline {
         let reference = match said {
             LensAlone::Fitting(reference) => reference,
             LensAlone::Foreign(left) => {
-                let untouched = Outcome::untouched(photo.photo.as_ref().clone(), foreign(photo, left));
+                let untouched =
+                    Outcome::untouched(photo.photo.as_ref().clone(), foreign(photo, left));
                 let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
                 let evidence = Some(Evidence { channels: left.clone(), grain });
                 return Ok(Outcome { evidence, captures, ..untouched });
             }
         };
+        if evidence.gains_nothing() && reference.evidence.gains_nothing() {
+            let untouched = Outcome::untouched(photo.photo.as_ref().clone(), NOTHING_GAINED);
+            let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
+            let evidence = Some(Evidence { grain, ..reference.evidence.clone() });
+            return Ok(Outcome { evidence, captures, ..untouched });
+        }
         let Some(reason) = harmful(photo, solved, &evidence, &reference.solved) else {
             return Ok(Outcome::of(solved, evidence));
         };
-        let replaced = Outcome::of(&reference.solved, reference.evidence.clone());
+        let replaced = match self.without_light(photo, solved, &reference.solved, watch)? {
+            Some(outcome) => outcome,
+            None => Outcome::of(&reference.solved, reference.evidence.clone()),
+        };
         // The lens is the measured one, or the one that captures say it is.
         let rung = if as_measured { Rung::LensModel } else { Rung::Captures };
         Ok(Outcome { verdict: Verdict::Replaced, rung, reason, captures, ..replaced })
+    }
+
+    /// What `digital` makes of `photo` with the lens of a result that harms, where captures made
+    /// that result and without them none does.
+    fn without_light(
+        &self,
+        photo: &Prepared<'_>,
+        harmful_result: &Solved,
+        reference: &Solved,
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Outcome>, MethodError> {
+        if harmful_result.captures == 0 {
+            return Ok(None);
+        }
+        let lens = &harmful_result.lens;
+        let mut none = NoOptics { size: photo.placed.size() };
+        let solution =
+            self.posed(lens, photo, |problem| self.digital.solve(problem, &mut none, watch))?;
+        let solved = self.finished(lens, photo, self.digital.about(), solution);
+        let evidence = self.evidence(photo, &solved);
+        let harms = harmful(photo, &solved, &evidence, reference).is_some();
+        Ok((!harms).then(|| Outcome::of(&solved, evidence)))
     }
 
     /// Whether no scene gives `photo` through the measured lens, by which what a method makes of it
@@ -123,7 +159,8 @@ fn is_suspect(photo: &Prepared<'_>, solved: &Solved, evidence: &Evidence) -> boo
         && past(photo, &evidence.channels) <= SUSPECT_UNEXPLAINED
         && solved.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
         && !evidence.grain.harms(SUSPECT_GRAIN)
-        && evidence.excess_light() <= EXCESS_LIGHT;
+        && evidence.excess_light() <= EXCESS_LIGHT
+        && !evidence.gains_nothing();
     !believed
 }
 
@@ -146,6 +183,14 @@ fn harmful(
         ));
     }
     let certified = solved.solution.certificate.ratio().is_some_and(|r| r <= CERTIFIED_RATIO);
+    if evidence.gains_nothing() {
+        return Some(
+            "the photo's noise hides what the lens did to it, and the result explained the photo \
+             less than the photo does itself; what the measured lens alone makes of it is returned \
+             in its place"
+                .to_owned(),
+        );
+    }
     if evidence.explains_less() && !certified {
         return Some(
             "the result explained the photo less than the photo does itself, and what the measured \

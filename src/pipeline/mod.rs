@@ -41,6 +41,7 @@ use crate::calibration::{Calibration, CrossChannel, Noise, SiteNorms};
 use crate::config;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
+use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::patches::PatchShape;
 use crate::frame::{Channel, FULL_SCALE, RawSites};
@@ -68,6 +69,7 @@ pub struct Pipeline {
     black_surround: bool,
     model_error: ModelError,
     reference: TotalVariation,
+    digital: Digital,
     patches: PatchShape,
     learning: Learning,
     stopwatch: Stopwatch,
@@ -107,6 +109,7 @@ impl Pipeline {
             black_surround: layout.margin_px == 0,
             model_error: ModelError::of(calibration),
             reference: reference_solution(rig),
+            digital: digital(rig),
             patches: config::methods::patches(&rig.paper),
             learning: Learning::default(),
             stopwatch: Arc::new(|| 0.0),

@@ -19,7 +19,7 @@ const CODED_AWAY: &str = "this WebP was coded so coarsely that what the lens did
 pub enum Verdict {
     /// The method's.
     Sound,
-    /// The reference solution, in place of a result that harms.
+    /// What the measured lens alone makes of the photo, in place of a result that harms.
     Replaced,
     /// The photo itself.
     Untouched,
