@@ -1,7 +1,7 @@
 //! No harm: a result is judged before it is delivered. What harms is replaced by what the measured
 //! lens alone makes of the photo: `digital` where captures led astray, else the reference solution,
-//! which is total variation's. Where no scene gives the photo through that lens, or noise hides what
-//! the lens did, the photo itself is delivered.
+//! which is total variation's. Where no scene gives the photo through that lens, or noise hides
+//! what the lens did, the photo itself is delivered.
 //!
 //! The limits were measured on `small.toml` under the laboratory's faults; what healthy and harmful
 //! results have is in `tests/tables/README.md`.

@@ -45,12 +45,9 @@ const STATED_LONGER: f32 = 2.5;
 /// Shrinkage of the measured defect, in standard deviations of its noise; measured.
 pub const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect below this share of the noise floor, in the channel where it is largest, counts as none.
-/// Measured: what is corrected at 0.16 of it and more gains, at 0.11 and less it loses
-/// (`tests/tables/README.md`).
-pub const DEFECT_FLOOR: f32 = 0.15;
-/// By how much larger a defect must be to be corrected once more: a second correction at 0.2 gains
-/// nothing.
-const ONCE_MORE: f32 = 1.7;
+/// Measured on the laboratory's group of limits: what is corrected below 0.26 of it loses, from 0.3
+/// on it gains (`tests/tables/README.md`).
+pub const DEFECT_FLOOR: f32 = 0.28;
 /// How much shorter a wrong model makes the steps of a correction; measured.
 pub const CAREFULNESS: f32 = 25.0;
 
@@ -157,10 +154,12 @@ impl Method for Hybrid {
             let mut known = self.new_defect(problem, unexplained, &now);
             let over = |&c: &Channel| known.plane(c).rms() as f32 / problem.noise_floor(c);
             let size = channels.iter().map(over).fold(0.0, f32::max);
-            // What a refined model leaves no defect of is still to be solved for.
-            let floor = self.defect_floor * if capture == 1 { 1.0 } else { ONCE_MORE };
-            if size <= floor && !unsolved {
-                break;
+            if size <= self.defect_floor {
+                // What a refined model leaves no defect of is still to be solved for.
+                if !unsolved {
+                    break;
+                }
+                known = Frame::zeros(problem.size());
             }
             if let Some(before) = &now.defect {
                 for &c in channels {
