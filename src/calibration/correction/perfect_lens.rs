@@ -66,7 +66,7 @@ impl Correction {
         let (x, y) = (width as f64 / 2.0, height as f64 / 2.0);
         let across = map.x.at(x + 0.5, y) - map.x.at(x - 0.5, y);
         let down = map.y.at(x, y + 0.5) - map.y.at(x, y - 0.5);
-        [across, down].map(|whole| (whole.abs() / 2.0).min(16.0).max(1e-3) as f32)
+        [across, down].map(|whole| (whole.abs() / 2.0).clamp(1e-3, 16.0) as f32)
     }
 }
 
