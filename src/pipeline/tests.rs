@@ -127,15 +127,16 @@ fn a_replaced_result_is_told_as_what_is_delivered_and_why() {
     assert_eq!((alone.verdict, alone.picture), (Verdict::Sound, outcome.picture));
 }
 
-/// The reference solution with a tint from column to column that no lightness shows: red and blue
-/// by turns, of equal luminance, and too fine for the lens.
-struct Tinter(Box<dyn Method>);
+/// The reference solution, changed.
+struct Changed {
+    about: &'static About,
+    reference: Box<dyn Method>,
+    change: fn(&mut Frame<Work>),
+}
 
-impl Method for Tinter {
+impl Method for Changed {
     fn about(&self) -> &'static About {
-        const ABOUT: About =
-            About { name: "tinter", starts_from_lens: false, by_patches: false, by_steps: false };
-        &ABOUT
+        self.about
     }
 
     fn solve(
@@ -144,13 +145,27 @@ impl Method for Tinter {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let mut solution = self.0.solve(problem, optics, watch)?;
-        // Rec. 709 weighs red 0.2126 and blue 0.0722.
-        for (plane, levels) in solution.picture.planes_mut().iter_mut().zip([10.0, 0.0, -29.4]) {
-            let turned = |x: usize| if x.is_multiple_of(2) { levels } else { -levels };
-            *plane = Plane::from_fn(plane.size(), |x, y| plane.at(x, y) + turned(x));
-        }
-        Ok(solution)
+        let mut solution = self.reference.solve(problem, optics, watch)?;
+        (self.change)(&mut solution.picture);
+        Ok(Solution { predicted: None, ..solution })
+    }
+}
+
+/// A tint from column to column that no lightness shows: red and blue by turns, of equal luminance,
+/// and too fine for the lens.
+fn tint(picture: &mut Frame<Work>) {
+    // Rec. 709 weighs red 0.2126 and blue 0.0722.
+    for (plane, levels) in picture.planes_mut().iter_mut().zip([10.0, 0.0, -29.4]) {
+        let turned = |x: usize| if x.is_multiple_of(2) { levels } else { -levels };
+        *plane = Plane::from_fn(plane.size(), |x, y| plane.at(x, y) + turned(x));
+    }
+}
+
+/// Broad waves, fainter than the photo's noise.
+fn wave(picture: &mut Frame<Work>) {
+    let wave = |x: usize, y: usize| 1.4 * (0.4 * x as f32).sin() * (0.4 * y as f32).sin();
+    for plane in picture.planes_mut() {
+        plane.add_scaled(1.0, &Plane::from_fn(plane.size(), wave));
     }
 }
 
@@ -158,8 +173,10 @@ impl Method for Tinter {
 fn a_tint_that_lightness_does_not_show_is_replaced() {
     let mut bed = Bed::new();
     let photo = bed.photo();
-    let plain: Box<dyn Method> = Box::new(reference_solution(&bed.config));
-    let outcome = bed.restore(&photo, &Tinter(plain));
+    const ABOUT: About =
+        About { name: "tinter", starts_from_lens: false, by_patches: false, by_steps: false };
+    let reference = Box::new(reference_solution(&bed.config));
+    let outcome = bed.restore(&photo, &Changed { about: &ABOUT, reference, change: tint });
     // No capture led it astray, so `digital` is not asked.
     assert_eq!((outcome.verdict, outcome.method), (Verdict::Replaced, "total-variation"));
     assert!(outcome.reason.contains("too far in colour"), "{}", outcome.reason);
@@ -208,40 +225,16 @@ fn the_reason_of_a_rung_speaks_of_captures_only_where_some_were_made() {
     assert!(looked.reason.contains("captures"), "{}", looked.reason);
 }
 
-/// The reference solution under broad waves, fainter than the photo's noise.
-struct Waver(Box<dyn Method>);
-
-impl Method for Waver {
-    fn about(&self) -> &'static About {
-        const ABOUT: About =
-            About { name: "waver", starts_from_lens: true, by_patches: false, by_steps: false };
-        &ABOUT
-    }
-
-    fn solve(
-        &self,
-        problem: &Problem<'_>,
-        optics: &mut dyn ForwardConvolution,
-        watch: &mut Watch<'_>,
-    ) -> Result<Solution, MethodError> {
-        let mut solution = self.0.solve(problem, optics, watch)?;
-        let wave = |x: usize, y: usize| 1.4 * (0.4 * x as f32).sin() * (0.4 * y as f32).sin();
-        for plane in solution.picture.planes_mut() {
-            plane.add_scaled(1.0, &Plane::from_fn(plane.size(), wave));
-        }
-        solution.predicted = None;
-        Ok(solution)
-    }
-}
-
 #[test]
 fn where_noise_hides_what_the_lens_did_a_result_that_adds_to_it_is_replaced() {
     let mut bed = Bed::new();
     let hill = |x: usize, y: usize| 120.0 + 50.0 * (0.05 * x as f32 + 0.03 * y as f32).sin();
     let scene = Frame::from_fn(|_| Plane::from_fn(bed.config.photo.size(), hill));
     let photo = bed.photo_of(&scene);
-    let plain: Box<dyn Method> = Box::new(reference_solution(&bed.config));
-    let outcome = bed.restore(&photo, &Waver(plain));
+    const ABOUT: About =
+        About { name: "waver", starts_from_lens: true, by_patches: false, by_steps: false };
+    let reference = Box::new(reference_solution(&bed.config));
+    let outcome = bed.restore(&photo, &Changed { about: &ABOUT, reference, change: wave });
     assert_eq!(outcome.verdict, Verdict::Replaced, "{:?}", outcome.evidence);
     assert!(outcome.reason.contains("noise hides"), "{}", outcome.reason);
 }

@@ -103,24 +103,11 @@ fn covered(centre: f32, half: f32) -> ((isize, isize), impl Fn(isize) -> f32) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Layout;
+    use super::super::tests::layout;
     use super::*;
     use crate::calibration::Geometry;
     use crate::calibration::example::calibration;
     use crate::frame::resample::{Outside, sample};
-
-    fn layout() -> Layout {
-        Layout {
-            panel: Size::new(70, 60),
-            sensor: Size::new(48, 38),
-            photo: Size::new(40, 30),
-            photo_x_px: 4,
-            photo_y_px: 4,
-            margin_px: 4,
-            saturated: 1023,
-            mosaic: None,
-        }
-    }
 
     fn picture() -> Frame<Work> {
         let of = |x: usize, y: usize| ((37 * x + 91 * y + x * y) % 101) as f32;

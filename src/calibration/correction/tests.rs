@@ -3,7 +3,7 @@
 use super::*;
 use crate::calibration::example::calibration;
 
-fn layout() -> Layout {
+pub(super) fn layout() -> Layout {
     Layout {
         panel: Size::new(70, 60),
         sensor: Size::new(48, 38),

@@ -45,8 +45,8 @@ const STATED_LONGER: f32 = 2.5;
 /// Shrinkage of the measured defect, in standard deviations of its noise; measured.
 pub const DEFECT_THRESHOLD: f32 = 2.0;
 /// Defect below this share of the noise floor, in the channel where it is largest, counts as none.
-/// Measured on the laboratory's group of limits: what is corrected below 0.26 of it loses, from 0.3
-/// on it gains (`tests/tables/README.md`).
+/// Measured on the laboratory's group of limits: what is corrected below 0.26 of it gains nothing
+/// or loses, from 0.3 on it gains (`tests/tables/README.md`).
 pub const DEFECT_FLOOR: f32 = 0.28;
 /// How much shorter a wrong model makes the steps of a correction; measured.
 pub const CAREFULNESS: f32 = 25.0;
