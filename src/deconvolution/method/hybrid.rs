@@ -154,6 +154,7 @@ impl Method for Hybrid {
             let mut known = self.new_defect(problem, unexplained, &now);
             let over = |&c: &Channel| known.plane(c).rms() as f32 / problem.noise_floor(c);
             let size = channels.iter().map(over).fold(0.0, f32::max);
+            let is_corrected = size > self.defect_floor || refined.is_some();
             if size <= self.defect_floor {
                 // What a refined model leaves no defect of is still to be solved for.
                 if !unsolved {
@@ -170,7 +171,8 @@ impl Method for Hybrid {
             let target = Target { problem, model, data: problem.photo, mask, axes, norms };
             let picture = self.corrected(target, &now, &known, &mut course, watch);
             let predicted = model.seen(channels, &picture);
-            certificate.corrections += 1;
+            // Block matching without a defect is none.
+            certificate.corrections += u32::from(is_corrected);
             if last {
                 (now.picture, now.predicted) = (picture, predicted);
                 certificate.optical_residual = None;
