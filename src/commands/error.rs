@@ -49,6 +49,9 @@ pub(super) enum CliError {
     /// A file that is to be written is there already.
     #[error("{0} exists already, allowed a new name")]
     Taken(PathBuf),
+    /// The same, or another mistake, of one photo of several.
+    #[error("{0}: {1}")]
+    OfPhoto(String, Box<CliError>),
     /// The folder of a file that is to be written is not there.
     #[error("cannot write {0}: its folder does not exist")]
     NoFolder(PathBuf),
@@ -138,6 +141,7 @@ impl CliError {
             CliError::Signals(_) | CliError::NothingScored | CliError::Unwell(_) => 3,
             CliError::Folder(error) => of(error.remedy()),
             CliError::Failed(error) => of(error.remedy()),
+            CliError::OfPhoto(_, error) => error.exit_code(),
         }
     }
 

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use relens::config::{self, LargerPhotos, MethodName, RigFile};
 use relens::daemon::{Report, Restorer, Watcher};
-use relens::picture::{Limits, Photo, bytes_of};
+use relens::picture::{Format, Limits, Photo, bytes_of, result_name};
 use relens::pipeline::Verdict;
 
 use super::error::CliError;
@@ -58,12 +58,34 @@ pub(super) struct RestoreOptions {
     report: Option<PathBuf>,
 }
 
-/// A photo and where its result goes.
-struct Errand<'a> {
-    photo: &'a Path,
-    /// `None` is standard output.
-    out: Option<PathBuf>,
+/// Where results go.
+enum ResultPlace {
+    StandardOutput,
+    File(PathBuf),
+    /// Each with its photo's name.
+    Folder(PathBuf),
 }
+
+impl ResultPlace {
+    /// The file of the result of `photo`, which must not exist yet, and its format.
+    fn of(&self, photo: &Photo) -> Result<(Option<PathBuf>, Format), CliError> {
+        let usual = photo.manner.format;
+        let out = match self {
+            ResultPlace::StandardOutput => return Ok((None, usual)),
+            ResultPlace::File(out) => out.clone(),
+            ResultPlace::Folder(folder) => {
+                let name = if photo.name == STANDARD_INPUT { "photo" } else { &photo.name };
+                folder.join(result_name(name.as_ref(), usual))
+            }
+        };
+        must_be_new(&out)?;
+        let format = format_of(&out)?;
+        Ok((Some(out), format))
+    }
+}
+
+/// The name of a photo that was piped in.
+const STANDARD_INPUT: &str = "standard input";
 
 /// `-`, in place of a file.
 fn is_dash(path: &Path) -> bool {
@@ -81,41 +103,32 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     if into_folder && !out.is_dir() {
         return Err(CliError::NoSuchFolder(out.clone()));
     }
-    let errands: Vec<Errand<'_>> = photos
-        .iter()
-        .map(|photo| {
-            let name = photo.file_name().filter(|_| !is_dash(photo));
-            let out = match name {
-                Some(name) if into_folder => developed(out.join(name)),
-                None if into_folder => out.join("photo.png"),
-                _ => out.clone(),
-            };
-            Errand { photo, out: (!is_dash(&out)).then_some(out) }
-        })
-        .collect();
-    // Said before the long work, not after it.
-    for out in errands.iter().filter_map(|errand| errand.out.as_ref()) {
-        format_of(out)?;
-        must_be_new(out)?;
+    let place = match () {
+        () if into_folder => ResultPlace::Folder(out.clone()),
+        () if is_dash(out) => ResultPlace::StandardOutput,
+        () => ResultPlace::File(out.clone()),
+    };
+    let restorer = || {
+        let (folder, method) = (&options.folder.folder, options.method);
+        opening::restorer(&rig, folder, method, None, opening::devices)
+    };
+    // A single photo, and the name of its result, are looked at before the rig.
+    if let [photo] = &photos[..] {
+        if let ResultPlace::File(out) = &place {
+            must_be_new(out)?;
+            format_of(out)?;
+        }
+        let (photo, bytes) = read(photo, &rig)?;
+        let to = place.of(&photo)?;
+        return one(options, &rig.name, (&photo, bytes), to, &mut *restorer()?);
     }
-    // A single photo is looked at before the rig.
-    if let [errand] = &errands[..] {
-        let (photo, bytes) = read(errand.photo, &rig)?;
-        let mut restorer = opening::restorer(
-            &rig,
-            &options.folder.folder,
-            options.method,
-            None,
-            opening::devices,
-        )?;
-        return one(options, &rig.name, errand, (&photo, bytes), &mut *restorer);
-    }
-    let mut restorer =
-        opening::restorer(&rig, &options.folder.folder, options.method, None, opening::devices)?;
+    let mut restorer = restorer()?;
     let mut failed = 0;
-    for errand in &errands {
-        let done = read(errand.photo, &rig).and_then(|(photo, bytes)| {
-            one(options, &rig.name, errand, (&photo, bytes), &mut *restorer)
+    for path in photos {
+        let done = read(path, &rig).and_then(|(photo, bytes)| {
+            let named = |error| CliError::OfPhoto(photo.name.clone(), Box::new(error));
+            let to = place.of(&photo).map_err(named)?;
+            one(options, &rig.name, (&photo, bytes), to, &mut *restorer)
         });
         match done {
             Err(error) if error.exit_code() == 3 => return Err(error),
@@ -128,18 +141,7 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     }
     match failed {
         0 => Ok(()),
-        failed => Err(CliError::SomeFailed { failed, all: errands.len() }),
-    }
-}
-
-/// The name of a result: that of a raw photo is a TIFF, and a PNG that of one of a kind that is
-/// read alone.
-fn developed(out: PathBuf) -> PathBuf {
-    let has = |ending: &str| out.extension().is_some_and(|has| has.eq_ignore_ascii_case(ending));
-    match has("dng") {
-        true => out.with_extension("tif"),
-        false if ["bmp", "gif", "webp"].into_iter().any(has) => out.with_extension("png"),
-        false => out,
+        failed => Err(CliError::SomeFailed { failed, all: photos.len() }),
     }
 }
 
@@ -153,7 +155,7 @@ fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
             .take(limits.bytes_max + 1)
             .read_to_end(&mut bytes)
             .map_err(CliError::StandardInput)?;
-        ("standard input".into(), bytes)
+        (STANDARD_INPUT.into(), bytes)
     } else {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
         (name, bytes_of(path, &limits).map_err(CliError::of)?)
@@ -172,8 +174,8 @@ fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
 fn one(
     options: &RestoreOptions,
     rig: &str,
-    errand: &Errand<'_>,
     (photo, bytes): (&Photo, Vec<u8>),
+    (out, format): (Option<PathBuf>, Format),
     restorer: &mut dyn Restorer,
 ) -> Result<(), CliError> {
     let mut line = PhotoProgress::default();
@@ -181,7 +183,6 @@ fn one(
     let outcome = restorer.restore(photo, &mut |progress| line.progress(progress));
     line.ended();
     let outcome = outcome?;
-    let format = errand.out.as_deref().map_or(Ok(photo.manner.format), format_of)?;
     // The file itself is returned where its result would be of the same format.
     let untouched = outcome.verdict == Verdict::Untouched;
     let is_returned = untouched && photo.file.format == Some(format);
@@ -189,8 +190,8 @@ fn one(
         true => bytes,
         false => photo.with_picture(&outcome.picture, format).map_err(CliError::of)?,
     };
-    let place = errand.out.as_deref().unwrap_or(Path::new("standard output"));
-    match &errand.out {
+    let place = out.as_deref().unwrap_or(Path::new("standard output"));
+    match &out {
         Some(out) => write_new(out, &bytes)?,
         None => {
             let mut stdout = std::io::stdout().lock();
@@ -214,17 +215,19 @@ fn one(
     let mut said =
         format!("{}: {smaller}{by}; captures: {captures}, {seconds:.1} s", place.display());
     let certificate = outcome.certificate.map(|certificate| certificate.meaning());
-    let notes = certificate.iter().chain(photo.told(is_returned)).chain(&outcome.notes);
+    let result = (!is_returned).then_some(format);
+    let of_file = photo.told(result);
+    let notes = certificate.iter().chain(&of_file).chain(&outcome.notes);
     for note in [&outcome.reason].into_iter().chain(notes) {
         said.push_str(&format!("\n  {note}"));
     }
-    match errand.out {
+    match out {
         Some(_) => say(&said),
         // Standard output is the picture's.
         None => note(&said),
     }
     if let Some(path) = &options.report {
-        let report = Report::single(rig, photo, &outcome, (place, is_returned));
+        let report = Report::single(rig, photo, &outcome, (place, result));
         let json =
             serde_json::to_vec_pretty(&report).map_err(|e| CliError::writing(path, e.into()))?;
         write_new(path, &json)?;

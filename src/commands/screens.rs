@@ -35,7 +35,7 @@ pub(super) fn run(options: &ScreensOptions) -> Result<(), CliError> {
     std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, e))?;
     let picture = Scene::Astronaut.codes(rig.photo.size());
     let picture: Frame<Work> =
-        Frame::from_fn(|c| picture.plane(c).map(|v| 255.0 * (v / 255.0).powf(2.2)));
+        Frame::from_fn(|c| picture.plane(c).map(|v| 255.0 * (v / 255.0).max(0.0).powf(2.2)));
     let manner = Manner::plain(Format::Png, 8, Curve::Linear);
     for (name, screen) in examples() {
         let codes = draw(&screen, rig.panel.size(), Some((&picture, &picture)));

@@ -31,12 +31,14 @@ pub enum ConfigError {
         names: String,
     },
     /// The text is not TOML.
-    #[error("{at}: {what}")]
+    #[error("{at}: found {found}, allowed {allowed}")]
     NotToml {
         /// Where.
         at: String,
-        /// What the parser says.
-        what: String,
+        /// What stands there.
+        found: String,
+        /// What may.
+        allowed: &'static str,
     },
     /// A key nobody knows.
     #[error("{at}: unknown key `{key}`; {nearest}")]

@@ -36,8 +36,9 @@ pub use parts::{
 };
 pub use rig::{Kind, RigFile};
 pub use simulation::{
-    DisplayTable, Faults, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription, Primaries,
-    SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest, Wavelength,
+    DisplayTable, Faults, GLASSES, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription,
+    Primaries, SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest,
+    Wavelength,
 };
 pub use written::edit_distance;
 
@@ -94,6 +95,10 @@ fn found<T>(
             read(&text, &path.display().to_string(), folder)
         }
         Err(source) => {
+            if source.kind() == std::io::ErrorKind::InvalidData {
+                let source = std::io::Error::other("found other bytes, allowed text in UTF-8");
+                return Err(ConfigError::Read { path: path.to_owned(), source });
+            }
             if source.kind() != std::io::ErrorKind::NotFound {
                 return Err(ConfigError::Read { path: path.to_owned(), source });
             }

@@ -220,8 +220,7 @@ words! {
     /// How the colours of a photo are solved.
     pub enum ColourChoice {
         /// Together: start and prior see details along the axes of the photo's colours, in three
-        /// quarters of `steps`; a raw photo's sites, and a JPEG whose blocks are seen, as
-        /// "together".
+        /// quarters of `steps`, or at a raw photo's sites in all of them; a JPEG as "together".
         AlongAxes = "along-axes",
         /// Together: the prior sees brightness and colour differences.
         Together = "together",

@@ -7,6 +7,12 @@ use toml::de::{DeTable, DeValue};
 
 use super::error::ConfigError;
 
+/// Characters of a line that are shown when it cannot be read.
+const SHOWN: usize = 60;
+/// What a line may be.
+const LINES: &str = "a table as [camera], or a key and its value as key = 1.5, key = \"words\", \
+                     key = true or key = [1, 2]";
+
 /// A rig file's name and the lines of its keys, for messages.
 pub(super) struct Places {
     pub(super) file: String,
@@ -74,8 +80,19 @@ impl Places {
     pub(super) fn not_toml(&self, error: &toml::de::Error, text: &str) -> ConfigError {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
         let line = 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count();
-        let (at, what) = (format!("{}:{line}", self.file), error.message().to_owned());
-        ConfigError::NotToml { at, what }
+        let at = format!("{}:{line}", self.file);
+        let named = error.span().and_then(|span| text.get(span)).unwrap_or_default();
+        // The parser's words are a programmer's.
+        if error.message().contains("duplicate key") {
+            let found = format!("`{named}` twice");
+            return ConfigError::NotToml { at, found, allowed: "each key once in its table" };
+        }
+        let written = text.lines().nth(line - 1).unwrap_or_default().trim();
+        let found = match written.char_indices().nth(SHOWN) {
+            Some((end, _)) => format!("`{} …`", &written[..end]),
+            None => format!("`{written}`"),
+        };
+        ConfigError::NotToml { at, found, allowed: LINES }
     }
 }
 

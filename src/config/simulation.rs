@@ -28,6 +28,9 @@ pub struct Simulation {
     pub unrest: Unrest,
 }
 
+/// What a lens may be made of; the simulator's catalogue has their indices.
+pub const GLASSES: [&str; 5] = ["air", "N-BK7", "F2", "N-SF11", "fused-silica"];
+
 table! {
     /// What a simulated rig is simulated with.
     pub(super) struct SimulationTable {
@@ -183,8 +186,10 @@ table! {
         /// To the next surface; for the last one it is not used, the image plane is found by
         /// focusing.
         thickness_mm: f64, Number(0.0, 1e4), Never;
-        /// What follows the surface: a glass of the catalogue, or `air`.
-        glass: String, Text, Never;
+        /// What follows the surface.
+        glass: String, Such("air, N-BK7, F2, N-SF11 or fused-silica", |value| {
+            value.as_str().is_some_and(|name| GLASSES.contains(&name))
+        }), Never;
         /// Rays beyond this diameter are lost.
         clear_diameter_mm: f64, MoreThan(0.0), Never;
     }

@@ -61,6 +61,26 @@ fn an_unknown_key_names_its_line_and_the_nearest_known_one() {
 }
 
 #[test]
+fn what_is_no_line_of_a_rig_file_is_told_without_the_parser_s_words() {
+    for (to, wanted) in [
+        ("exposure-ms = 50,0", "found `exposure-ms = 50,0"),
+        ("exposure-ms = fifty", "found `exposure-ms = fifty"),
+        ("exposure-ms = 99999999999999999999999", "found `exposure-ms = 9999"),
+        ("exposure-ms = \"50", "found `exposure-ms = \"50"),
+        ("exposure-ms = 50.0\nexposure-ms = 50.0", "found `exposure-ms` twice"),
+    ] {
+        let said = message(changed("exposure-ms = 50.0", to));
+        assert!(said.starts_with("small.toml:") && said.contains(wanted), "{said}");
+        assert!(said.contains("allowed"), "{said}");
+        for word in ["expected", "i128", "literal"] {
+            assert!(!said.contains(word), "{word}: {said}");
+        }
+    }
+    let said = message(changed("glass = \"N-BK7\"", "glass = \"N-BK8\""));
+    assert!(said.contains("found \"N-BK8\", allowed air, N-BK7, F2"), "{said}");
+}
+
+#[test]
 fn a_missing_quantity_is_never_made_up() {
     let said = message(changed("refresh-hz = 60.0", ""));
     assert!(said.contains("missing key `refresh-hz`"), "{said}");

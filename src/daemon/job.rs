@@ -74,12 +74,18 @@ enum JobError {
     WrongSize { photo: String, found: Size, allowed: Size },
     #[error("{photo}: a mistake of relens: found a panic while restoring, allowed none")]
     Panicked { photo: String },
-    #[error("{photo}: {}", full_message(&**failure))]
+    #[error("{}", named(photo, full_message(&**failure)))]
     Rig { photo: String, failure: AnyFailure },
     #[error("{}: {}", mending(&**failure), full_message(&**failure))]
     Mending { remedy: Remedy, failure: AnyFailure },
     #[error(transparent)]
     Files(#[from] FileError),
+}
+
+/// `words` with the `photo`'s name before them, once.
+fn named(photo: &str, words: String) -> String {
+    let has_name = words.strip_prefix(photo).is_some_and(|rest| rest.starts_with(": "));
+    if has_name { words } else { format!("{photo}: {words}") }
 }
 
 /// What became of putting the rig right.

@@ -18,6 +18,7 @@ use crate::frame::{BlockSteps, Coding, Size};
 use super::dng::{self, RawFile, Sites};
 use super::iptc::IPTC_LOST;
 use super::kind::{Content, Format, recognise};
+use super::losses::{DENSITY_LOST, EXIF_LOST, WORDS_LOST};
 use super::{Flaw, Orientation, jpeg, others, png, tiff, webp};
 
 /// How much one photo may ask of the box.
@@ -104,13 +105,6 @@ pub(super) struct Raster {
     pub(super) block_steps: Option<BlockSteps>,
 }
 
-/// Said of a photo with an artist, a description or other words in it.
-pub(super) const WORDS_LOST: &str = "words in the file outside its EXIF data, such as a comment, \
-                                     artist, description, date or camera, cannot be carried over \
-                                     into the result";
-/// Said of a photo that states at how many dots per inch it is printed.
-pub(super) const DENSITY_LOST: &str = "dots per inch cannot be carried over into the result";
-
 /// What a file says of itself, nothing decoded.
 pub(super) struct Heading {
     content: Content,
@@ -160,14 +154,13 @@ pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
                 losses.push("only the first picture of this TIFF file was restored".to_owned());
             }
             if exif {
-                losses.push("EXIF data cannot be carried into a TIFF result".to_owned());
+                losses.push(EXIF_LOST.to_owned());
             }
             size
         }
         Content::Bmp | Content::Gif | Content::Webp => {
             others::walk(bytes, content)?;
-            let written = content.written().name();
-            losses.push(format!("a restored {} comes back as {written}", content.name()));
+            losses.extend(others::losses(bytes, content));
             // Its decoder tells, before it allocates anything.
             Size::new(0, 0)
         }

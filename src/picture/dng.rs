@@ -201,8 +201,17 @@ impl Directory<'_> {
     fn raw_file(&self) -> Result<RawFile, Flaw> {
         for (tag, without, allowed, name) in ONLY {
             let found = self.number(tag)?.unwrap_or(without);
-            if found != allowed {
-                return Err(unsupported(format!("{name} {found} in place of {allowed}")));
+            // What most cameras write.
+            match (tag, found) {
+                _ if found == allowed => {}
+                (COMPRESSION, how) => {
+                    return Err(unsupported(format!("compressed counts (compression {how})")));
+                }
+                (PHOTOMETRIC, LINEAR_RAW) => {
+                    let found = "a picture that a program has begun to develop (linear DNG)";
+                    return Err(unsupported(found.to_owned()));
+                }
+                _ => return Err(unsupported(format!("{name} {found} in place of {allowed}"))),
             }
         }
         if let Some((_, what)) = NEVER.iter().find(|(tag, _)| self.find(*tag).is_some()) {
@@ -341,7 +350,8 @@ impl Directory<'_> {
 fn unsupported(found: String) -> Flaw {
     let allowed = "counts of a sensor's sites, of 8, 10, 12, 14 or 16 bits, behind filters of \
                    three colours that repeat by two, uncompressed; convert it so, or develop it \
-                   and save it as TIFF of 16 bits";
+                   with the camera maker's program, without sharpening and lens corrections, and \
+                   save it as TIFF of 16 bits; no preview in it is restored";
     Flaw::Unsupported { kind: "raw photo", found, allowed }
 }
 

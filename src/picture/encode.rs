@@ -48,6 +48,16 @@ impl Photo {
         let manner = Manner { format, ..self.manner.clone() };
         encode(&self.name, picture, &manner, self.channels == Channels::Green)
     }
+
+    /// `picture` (linear light, the photo's stored orientation) as it is looked at: upright, in the
+    /// colours of screens, a grey one grey.
+    pub fn as_looked_at(&self, picture: &Frame<Work>) -> Frame<Work> {
+        let developed = self.manner.colours.as_ref().map(|colours| colours.developed(picture));
+        let picture = developed.as_ref().unwrap_or(picture);
+        let grey = self.channels == Channels::Green || self.manner.layout.is_grey();
+        let source = |c: Channel| picture.plane(if grey { Channel::Green } else { c });
+        Frame::from_fn(|c| turn(source(c), self.manner.orientation))
+    }
 }
 
 /// A small JPEG of `picture`, upright, at most `longest_px` on its longer side.
@@ -181,6 +191,25 @@ mod tests {
         let mut exif = b"II*\0\x08\0\0\0\x01\0".to_vec();
         exif.extend_from_slice(&[0x12, 0x01, 3, 0, 1, 0, 0, 0, 6, 0, 0, 0, 0, 0, 0, 0]);
         exif
+    }
+
+    #[test]
+    fn a_photo_is_looked_at_upright_and_a_grey_one_is_grey() {
+        let size = Size::new(20, 14);
+        let mut manner = Manner::plain(Format::Png, 8, Curve::Srgb);
+        let mut photo = back(&encode("p", &scene(size), &manner, false).unwrap());
+        photo.manner.orientation = Orientation::Rotate90;
+        let seen = photo.as_looked_at(&photo.light);
+        assert_eq!(seen.size(), Size::new(14, 20));
+        assert_eq!(seen.plane(Channel::Red).at(13, 0), photo.light.plane(Channel::Red).at(0, 0));
+
+        manner.layout = PixelLayout::Grey;
+        let photo = back(&encode("p", &scene(size), &manner, true).unwrap());
+        // A solver of grey photos gives green alone.
+        let mut picture = Frame::zeros(size);
+        *picture.plane_mut(Channel::Green) = Plane::filled(size, 90.0);
+        let seen = photo.as_looked_at(&picture);
+        assert_eq!(seen.plane(Channel::Red), seen.plane(Channel::Green));
     }
 
     #[test]

@@ -7,6 +7,10 @@ use super::tiff::{EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH};
 
 const PIXEL_WIDTH: u16 = 0xa002;
 const PIXEL_HEIGHT: u16 = 0xa003;
+const INTEROPERABILITY: u16 = 0xa005;
+/// In the directory of that: the sizes as the camera first wrote them.
+const RELATED_WIDTH: u16 = 0x1001;
+const RELATED_HEIGHT: u16 = 0x1002;
 
 /// The block `exif`, from its TIFF header on, of a picture of `size` that was made anew: sizes that
 /// it states are those, and it holds no thumbnail of the old one. What of it cannot be read stays.
@@ -33,10 +37,19 @@ fn make_true(exif: &[u8], made: &mut [u8], size: Size) -> Result<(), Flaw> {
     if file.u32(next)? != 0 {
         made[next..next + 4].fill(0);
     }
+    let mut further = None;
     for entry in below.map_or(Ok(Vec::new()), |below| entries(&file, below))? {
         match file.u16(entry)? {
             PIXEL_WIDTH => write(&file, made, entry, size.width)?,
             PIXEL_HEIGHT => write(&file, made, entry, size.height)?,
+            INTEROPERABILITY => further = Some(file.first(entry)?),
+            _ => {}
+        }
+    }
+    for entry in further.map_or(Ok(Vec::new()), |further| entries(&file, further))? {
+        match file.u16(entry)? {
+            RELATED_WIDTH => write(&file, made, entry, size.width)?,
+            RELATED_HEIGHT => write(&file, made, entry, size.height)?,
             _ => {}
         }
     }
@@ -71,7 +84,8 @@ fn write(file: &File<'_>, made: &mut [u8], entry: usize, value: usize) -> Result
 mod tests {
     use super::*;
 
-    /// A block with a width in its first directory, a height in the EXIF one, and a thumbnail.
+    /// A block with a width in its first directory, a height in the EXIF one, a width in the one
+    /// below that, and a thumbnail.
     fn block(big: bool) -> Vec<u8> {
         let short = |v: u16| if big { v.to_be_bytes() } else { v.to_le_bytes() };
         let long = |v: u32| if big { v.to_be_bytes() } else { v.to_le_bytes() };
@@ -86,10 +100,13 @@ mod tests {
         all.extend(long(8).into_iter().chain(short(2)));
         entry(&mut all, IMAGE_WIDTH, 4, long(4000));
         entry(&mut all, EXIF_DIRECTORY, 4, long(38));
-        all.extend(long(56).into_iter().chain(short(1)));
+        all.extend(long(86).into_iter().chain(short(2)));
         entry(&mut all, PIXEL_HEIGHT, 3, of_short(3000));
+        entry(&mut all, INTEROPERABILITY, 4, long(68));
         all.extend(long(0));
-        all.resize(56, 0);
+        all.extend(short(1));
+        entry(&mut all, RELATED_WIDTH, 3, of_short(4000));
+        all.extend(long(0));
         all.extend(short(1));
         entry(&mut all, 0x0201, 4, long(0));
         all.extend(long(0));
@@ -103,6 +120,7 @@ mod tests {
             let file = File::new(&made);
             assert_eq!(file.first(10).unwrap(), 1024, "width");
             assert_eq!(file.first(40).unwrap(), 768, "height");
+            assert_eq!(file.first(70).unwrap(), 1024, "width in the directory of that");
             assert_eq!(file.u32(34).unwrap(), 0, "no way to the thumbnail");
             assert_eq!(made.len(), block(big).len(), "and all else stays where it is");
         }

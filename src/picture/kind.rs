@@ -1,5 +1,8 @@
 //! What a file is, told by its content and never by its name.
 
+use std::ffi::{OsStr, OsString};
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
 use super::Flaw;
@@ -87,11 +90,29 @@ impl Content {
 const RAW_ENDING: &str = "dng";
 
 /// Whether a file name's ending (without the dot, any case) is that of a photo that is read.
-pub(crate) fn is_photo_ending(extension: &str) -> bool {
+fn is_photo_ending(extension: &str) -> bool {
     let is_promised = |content: Content| content.is_promised_by(extension);
     Format::of_extension(extension).is_some()
         || [Content::Bmp, Content::Gif, Content::Webp].into_iter().any(is_promised)
         || extension.eq_ignore_ascii_case(RAW_ENDING)
+}
+
+/// The name of a result of `format` for a photo called `name`: the same, with an ending if it has
+/// none, or with the format's in place of another photo's.
+pub fn result_name(name: &OsStr, format: Format) -> OsString {
+    let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy());
+    match ending {
+        Some(ending) if Format::of_extension(&ending) == Some(format) => name.to_owned(),
+        Some(ending) if is_photo_ending(&ending) => {
+            Path::new(name).with_extension(format.extension()).into()
+        }
+        // `12.5.2024` has no ending: nothing of it is taken away.
+        _ => {
+            let mut wanted = name.to_owned();
+            wanted.push(format!(".{}", format.extension()));
+            wanted
+        }
+    }
 }
 
 /// What people are to do with a photo that their camera's maker alone understands.
@@ -191,7 +212,7 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
 /// A remark on a name whose ending contradicts the content, which is believed; a name without an
 /// ending promises nothing. `raw` of a sensor's sites, in a TIFF.
 pub(super) fn misnamed(name: &str, content: Content, raw: bool) -> Option<String> {
-    let extension = std::path::Path::new(name).extension()?.to_string_lossy().into_owned();
+    let extension = Path::new(name).extension()?.to_string_lossy().into_owned();
     let fits =
         content.is_promised_by(&extension) || raw && extension.eq_ignore_ascii_case(RAW_ENDING);
     let found = if raw { "DNG" } else { content.name() };

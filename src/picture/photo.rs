@@ -14,6 +14,7 @@ use crate::frame::{
 
 use super::decode::{Limits, Raster, decode, walk};
 use super::kind::{Content, Format, misnamed};
+use super::losses::EXIF_LOST;
 use super::{
     CameraColours, Flaw, Growth, Orientation, PhotoCamera, PictureError, PixelLayout, Tone, shape,
     tone, turn,
@@ -347,10 +348,22 @@ impl Photo {
             .push(format!("{kept} of the sensor's {all} are the rig's photo; the rest is cut"));
     }
 
-    /// What is to be said of it, where the file itself is what `is_returned`, or else a result.
-    pub fn told(&self, is_returned: bool) -> impl Iterator<Item = &String> {
-        let losses = if is_returned { &[][..] } else { &self.losses };
-        losses.iter().chain(&self.notes)
+    /// What is to be said of it beside a result of the format `result`; without one the file itself
+    /// is returned.
+    pub fn told(&self, result: Option<Format>) -> Vec<String> {
+        let Some(format) = result else { return self.notes.clone() };
+        let mut told = self.losses.clone();
+        if self.file.format.is_none() && self.raw.is_none() {
+            told.push(format!("a photo of this kind comes back as {}", format.name()));
+        }
+        if self.manner.exif.is_some() && format == Format::Tiff {
+            told.push(EXIF_LOST.to_owned());
+        }
+        if self.manner.alpha.is_some() && format == Format::Jpeg {
+            told.push("what is transparent in the photo cannot be so in a JPEG".to_owned());
+        }
+        told.extend(self.notes.clone());
+        told
     }
 
     /// How the result is turned, for the report; `None` when it is delivered as stored.

@@ -3,8 +3,8 @@
 use crate::frame::Size;
 
 use super::Flaw;
-use super::decode::{DENSITY_LOST, WORDS_LOST};
 use super::iptc::IPTC_LOST;
+use super::losses::{DENSITY_LOST, WORDS_LOST};
 
 /// Walks `bytes` from the signature to IEND and returns width and height by the header. What it
 /// holds that no result can is added to `losses`.

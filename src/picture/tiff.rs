@@ -23,9 +23,12 @@ pub(super) struct Walked {
 }
 
 pub(super) const NEW_SUBFILE_TYPE: u16 = 254;
+const SUBFILE_TYPE: u16 = 255;
 pub(super) const IMAGE_WIDTH: u16 = 256;
 pub(super) const IMAGE_LENGTH: u16 = 257;
+const BITS_PER_SAMPLE: u16 = 258;
 pub(super) const COMPRESSION: u16 = 259;
+const PHOTOMETRIC: u16 = 262;
 const DOCUMENT_NAME: u16 = 269;
 const DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
@@ -41,7 +44,33 @@ pub(super) const ROWS_PER_STRIP: u16 = 278;
 pub(super) const STRIP_BYTE_COUNTS: u16 = 279;
 pub(super) const TILE_OFFSETS: u16 = 324;
 pub(super) const TILE_BYTE_COUNTS: u16 = 325;
+const SUB_DIRECTORIES: u16 = 330;
+const SAMPLE_FORMAT: u16 = 339;
 pub(super) const EXIF_DIRECTORY: u16 = 34665;
+const GPS_DIRECTORY: u16 = 34853;
+
+/// What is not read, in words: of [`PHOTOMETRIC`] and of [`COMPRESSION`] (TIFF 6.0; the last three
+/// by LibTIFF).
+const INKS: [(usize, &str); 3] = [
+    (3, "a palette of colours"),
+    (5, "four inks (CMYK)"),
+    (6, "brightness and differences of colours (YCbCr)"),
+];
+const PACKED: [(usize, &str); 8] = [
+    (2, "a fax's compression"),
+    (3, "a fax's compression"),
+    (4, "a fax's compression"),
+    (6, "a JPEG's compression"),
+    (7, "a JPEG's compression"),
+    (34925, "compression by LZMA"),
+    (50000, "compression by Zstandard"),
+    (50001, "a WebP's compression"),
+];
+/// What is.
+const READ: &str = "grey and RGB of 8 or 16 bits, as they are or packed by LZW, Deflate or \
+                    PackBits; save it so in an image program";
+/// Pictures below one another that are looked at. Guess.
+const BELOW_MAX: usize = 32;
 
 /// More strips than this are no photo of ours but a file made to keep us busy. Guess.
 const STRIPS_MAX: usize = 1 << 20;
@@ -63,18 +92,25 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
         density: false,
         iptc: false,
     };
-    let (mut offsets, mut counts, mut plain) = (Vec::new(), Vec::new(), true);
+    let (mut offsets, mut counts, mut below) = (Vec::new(), Vec::new(), Vec::new());
+    // Without the fields: grey or RGB, plain, whole numbers.
+    let (mut inks, mut packing, mut bits, mut fractions) = (1, 1, 1, false);
     for n in 0..entries {
         let entry = directory + 2 + 12 * n;
         match file.u16(entry)? {
             IMAGE_WIDTH => walked.size.width = file.first(entry)?,
             IMAGE_LENGTH => walked.size.height = file.first(entry)?,
             // Bit 0: a smaller picture of another one in the file.
-            NEW_SUBFILE_TYPE => preview = file.first(entry)? & 1 == 1,
-            COMPRESSION => plain = file.first(entry)? == 1,
+            NEW_SUBFILE_TYPE => preview |= file.first(entry)? & 1 == 1,
+            SUBFILE_TYPE => preview |= file.first(entry)? == 2,
+            BITS_PER_SAMPLE => bits = file.first(entry)?,
+            COMPRESSION => packing = file.first(entry)?,
+            PHOTOMETRIC => inks = file.first(entry)?,
+            SUB_DIRECTORIES => below = file.numbers(entry)?,
+            SAMPLE_FORMAT => fractions = file.first(entry)? == 3,
             STRIP_OFFSETS | TILE_OFFSETS => offsets = file.numbers(entry)?,
             STRIP_BYTE_COUNTS | TILE_BYTE_COUNTS => counts = file.numbers(entry)?,
-            EXIF_DIRECTORY => walked.exif = true,
+            EXIF_DIRECTORY | GPS_DIRECTORY => walked.exif = true,
             DOCUMENT_NAME | DESCRIPTION | MAKE | MODEL | DATE_TIME | ARTIST | COPYRIGHT => {
                 walked.words = true;
             }
@@ -91,8 +127,17 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             _ => {}
         }
     }
-    if preview {
+    // A picture below this one that is larger is the photo, and this one its preview.
+    let larger = |&at: &usize| file.size(at).is_ok_and(|size| size.area() > walked.size.area());
+    if preview || below.iter().take(BELOW_MAX).any(larger) {
         return Err(tiff_of_a_camera());
+    }
+    let words = |of: &[(usize, &str)], number: usize| {
+        of.iter().find(|(one, _)| *one == number).map(|(_, words)| (*words).to_owned())
+    };
+    let deep = (bits > 16 && !fractions).then(|| format!("samples of {bits} bits"));
+    if let Some(found) = words(&INKS, inks).or(words(&PACKED, packing)).or(deep) {
+        return Err(Flaw::Unsupported { kind: "TIFF", found, allowed: READ });
     }
     walked.more_pages = file.u32(directory + 2 + 12 * entries)? != 0;
     if walked.size.area() == 0 || offsets.is_empty() || offsets.len() != counts.len() {
@@ -106,7 +151,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             "at least 1×1 and a length for every strip",
         ));
     }
-    file.strips(&offsets, &counts, plain)?;
+    file.strips(&offsets, &counts, packing == 1)?;
     Ok(walked)
 }
 
@@ -119,6 +164,20 @@ pub(super) struct File<'a> {
 impl<'a> File<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> File<'a> {
         File { bytes, big_endian: bytes.starts_with(b"MM") }
+    }
+
+    /// Width and height that the directory at `at` states.
+    fn size(&self, at: usize) -> Result<Size, Flaw> {
+        let mut size = Size::new(0, 0);
+        for n in 0..usize::from(self.u16(at)?) {
+            let entry = at + 2 + 12 * n;
+            match self.u16(entry)? {
+                IMAGE_WIDTH => size.width = self.first(entry)?,
+                IMAGE_LENGTH => size.height = self.first(entry)?,
+                _ => {}
+            }
+        }
+        Ok(size)
     }
 
     /// Sees that these strips or tiles, `plain` or packed, lie in the file and were filled.
@@ -285,5 +344,34 @@ mod tests {
         assert_eq!(walk(&file(0)).ok().map(|walked| walked.size), Some(Size::new(16, 12)));
         let words = walk(&file(1)).err().map(|flaw| flaw.to_string()).unwrap_or_default();
         assert!(words.contains("a camera raw photo") && words.contains("develop it"), "{words}");
+        // By the older field, and one whose photo is a larger picture below it.
+        assert!(walk(&with(SUBFILE_TYPE, 3, 2, &[])).is_err());
+        let file = |width: u8| {
+            let mut below = vec![2, 0];
+            for tag in [0, 1] {
+                below.extend([tag, 1, 4, 0, 1, 0, 0, 0, width, 0, 0, 0]);
+            }
+            let mut bytes = with(SUB_DIRECTORIES, 4, 0, &below);
+            // One directory, where the field's data lie.
+            bytes[14..18].copy_from_slice(&1u32.to_le_bytes());
+            bytes
+        };
+        assert!(walk(&file(12)).is_ok(), "a smaller one is a preview of this");
+        assert!(walk(&file(40)).is_err());
+    }
+
+    #[test]
+    fn what_is_not_read_is_told_by_its_reason() {
+        for (tag, value, words) in [
+            (PHOTOMETRIC, 5, "four inks (CMYK)"),
+            (PHOTOMETRIC, 3, "a palette"),
+            (COMPRESSION, 50000, "Zstandard"),
+            (COMPRESSION, 7, "a JPEG's compression"),
+            (BITS_PER_SAMPLE, 32, "samples of 32 bits"),
+        ] {
+            let told = walk(&with(tag, 4, value, &[])).err().map(|flaw| flaw.to_string());
+            assert!(told.as_ref().is_some_and(|told| told.contains(words)), "{words}: {told:?}");
+        }
+        assert!(walk(&with(GPS_DIRECTORY, 4, 20, &[])).is_ok_and(|walked| walked.exif));
     }
 }

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::Pipeline;
-use super::evidence::{DATA_SHARE_MIN, FILLED_IN, away_from_saturated, sum};
+use super::evidence::{DATA_SHARE_MIN, FILLED_IN, known_of, sum};
 use super::prepare::median;
 use super::stages::{Prepared, Residuals};
 use crate::deconvolution::data_term::MISSING;
@@ -39,10 +39,8 @@ impl Pipeline {
         seen: &Frame<Work>,
     ) -> Residuals {
         let channels = photo.channels.list();
-        let reach = lens.functions().support_px / 2;
-        let trusts: Vec<Plane<u8>> = (channels.par_iter())
-            .map(|&c| away_from_saturated(photo.trust.plane(c), reach))
-            .collect();
+        let trusts: Vec<Plane<u8>> =
+            channels.par_iter().map(|&c| known_of(photo, lens, c)).collect();
         let Rect { x: left, y: top, size } = photo.rect;
         let known =
             |x: usize, y: usize| trusts.iter().all(|trust| trust.at(left + x, top + y) != MISSING);

@@ -97,7 +97,7 @@ impl Pipeline {
             let stated = stated.map(|stated| stated.redecoded(&seen));
             let data = stated.as_ref().unwrap_or(&photo.placed);
             let left_of = |&c: &Channel| {
-                let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
+                let trust = known_of(photo, lens, c);
                 let mut seen = seen.plane(c).clone();
                 residual_in_place(&mut seen, data.plane(c), &trust);
                 rms_over_data(&seen, &trust)
@@ -121,7 +121,7 @@ fn left_of(
     c: Channel,
     &InOneChannel { seen, data, noise, untouched, missed }: &InOneChannel<'_>,
 ) -> Residuals {
-    let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
+    let trust = known_of(photo, lens, c);
     let known = trust.data().iter().filter(|&&t| t != MISSING).count();
     let left = |mut seen: Plane, data: &Plane| {
         residual_in_place(&mut seen, data, &trust);
@@ -159,9 +159,20 @@ struct InOneChannel<'a> {
     missed: f32,
 }
 
-/// As far as light from beyond a saturated pixel falls.
-fn reach(lens: &LensModel) -> usize {
-    lens.functions().support_px / 2
+/// Where a channel of `photo` tells of a candidate through `lens`: not where light from beyond
+/// saturated pixels falls. Where they lie everywhere, as clipped noise and a night's lights do, as
+/// far from them as leaves the channel a say.
+pub(super) fn known_of(photo: &Prepared<'_>, lens: &LensModel, c: Channel) -> Plane<u8> {
+    let trust = photo.trust.plane(c);
+    let mut reach = lens.functions().support_px / 2;
+    loop {
+        let known = away_from_saturated(trust, reach);
+        let count = known.data().iter().filter(|&&t| t != MISSING).count();
+        if reach == 0 || count as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64 {
+            return known;
+        }
+        reach /= 2;
+    }
 }
 
 /// The same of `data` in place of the photo, where the rest is `known`.
@@ -172,7 +183,7 @@ pub(super) fn residuals_on(
     (seen, data): (&Plane, &Plane),
     known: Residuals,
 ) -> Residuals {
-    let trust = away_from_saturated(photo.trust.plane(c), reach(lens));
+    let trust = known_of(photo, lens, c);
     let mut seen = seen.clone();
     residual_in_place(&mut seen, data, &trust);
     Residuals { model: rms_over_data(&seen, &trust), ..known }
@@ -186,7 +197,7 @@ pub(super) fn sum(plane: &Plane, trust: &Plane<u8>) -> f64 {
 
 /// `trust` with nothing known within `reach` pixels of a saturated one: light from beyond full
 /// scale falls there.
-pub(super) fn away_from_saturated(trust: &Plane<u8>, reach: usize) -> Plane<u8> {
+fn away_from_saturated(trust: &Plane<u8>, reach: usize) -> Plane<u8> {
     let mut known = trust.clone();
     let near = |at: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);
     let width = trust.width();

@@ -55,15 +55,48 @@ pub struct Outcome {
 
 /// The optical residual of a finished picture: is its photograph the photo?
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[serde(from = "WrittenResidual", into = "WrittenResidual")]
 pub struct OpticalResidual {
     /// RMS difference between the picture's photograph and the photo, grey levels of 255.
     pub residual_grey_levels: f64,
     /// What noise alone would leave, grey levels of 255.
     pub floor_grey_levels: f64,
     /// The focus it is of.
-    #[serde(default)]
     pub focus: CertifiedFocus,
+}
+
+/// The same in a report: one number of which the smaller is the better, and what it counts in.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+struct WrittenResidual {
+    times_noise: Option<f64>,
+    #[serde(alias = "floor-grey-levels")]
+    noise_grey_levels: f64,
+    /// Of a report from before `times-noise`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    residual_grey_levels: Option<f64>,
+    #[serde(default)]
+    focus: CertifiedFocus,
+}
+
+impl From<OpticalResidual> for WrittenResidual {
+    fn from(of: OpticalResidual) -> WrittenResidual {
+        WrittenResidual {
+            times_noise: Some(of.ratio()),
+            noise_grey_levels: of.floor_grey_levels,
+            residual_grey_levels: None,
+            focus: of.focus,
+        }
+    }
+}
+
+impl From<WrittenResidual> for OpticalResidual {
+    fn from(of: WrittenResidual) -> OpticalResidual {
+        let floor_grey_levels = of.noise_grey_levels;
+        let by_times = of.times_noise.map(|times| times * floor_grey_levels);
+        let residual_grey_levels = by_times.or(of.residual_grey_levels).unwrap_or_default();
+        OpticalResidual { residual_grey_levels, floor_grey_levels, focus: of.focus }
+    }
 }
 
 /// The focus at which the photograph of a finished picture is compared with the photo.

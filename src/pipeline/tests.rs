@@ -11,7 +11,7 @@ use crate::deconvolution::method::{
 };
 use crate::frame::{BlockSteps, Channels, Frame, Plane, Work};
 use crate::measurement::{calibrate, to_the_end};
-use crate::picture::{Format, Limits, Manner, Photo, encode};
+use crate::picture::{Format, Limits, Manner, Photo, Tone, encode};
 use crate::rig::simulated::{Witness, open};
 
 /// What the small rig is measured to be; once for all tests.
@@ -59,7 +59,7 @@ impl Bed {
 
     /// A photograph for a scene, in light: of few greys a JPEG passes for one that was coded twice.
     fn coffee(&self) -> Frame<Work> {
-        let tone = crate::picture::Tone::of_curve(self.config.photo.curve, 8);
+        let tone = Tone::of_curve(self.config.photo.curve, 8);
         let codes = crate::picture::embedded(include_bytes!("../../tests/scenes/coffee.png"));
         Frame::from_fn(|c| {
             let of = &codes[c.index()];
@@ -71,7 +71,7 @@ impl Bed {
     }
 
     fn photo_of(&self, scene: &Frame<Work>) -> Frame<Work> {
-        let tone = crate::picture::Tone::of_curve(self.config.photo.curve, 8);
+        let tone = Tone::of_curve(self.config.photo.curve, 8);
         let codes = self.witness.photograph(scene, 5);
         Frame::from_fn(|c| tone.plane(c, codes.plane(c)))
     }
@@ -370,9 +370,35 @@ fn a_refused_photo_is_returned_as_it_is() {
 }
 
 #[test]
+fn what_is_full_of_white_pixels_is_judged_all_the_same() {
+    let mut bed = Bed::new();
+    let (tone, size) = (Tone::of_curve(bed.config.photo.curve, 8), bed.config.photo.size());
+    let sharp = bed.scene();
+    for (what, share, noise) in [("noise", 0.0, 74.0f32), ("a sharp photo", 0.03, 0.0)] {
+        let mut seed = 7u32;
+        let mut next = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / 16_777_216.0
+        };
+        let photo = Frame::from_fn(|c| {
+            let seen = tone.display(c, sharp.plane(c));
+            let codes = Plane::from_fn(size, |x, y| {
+                let normal: f32 = (0..12).map(|_| next()).sum::<f32>() - 6.0;
+                let scene = if noise > 0.0 { 128.0 } else { seen.at(x, y) };
+                let code = (scene + noise * normal).round().clamp(0.0, 255.0) as u8;
+                if next() < share { 255 } else { code }
+            });
+            tone.plane(c, &codes)
+        });
+        let outcome = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
+        assert_eq!(outcome.verdict, Verdict::Untouched, "{what}: {}", outcome.reason);
+    }
+}
+
+#[test]
 fn what_a_coding_rounded_away_counts_as_noise() {
     let bed = Bed::new();
-    let (photo, tone) = (bed.photo(), crate::picture::Tone::of_curve(bed.config.photo.curve, 8));
+    let (photo, tone) = (bed.photo(), Tone::of_curve(bed.config.photo.curve, 8));
     let of = |step| {
         let steps = BlockSteps { step, first: (0, 0) };
         bed.pipeline.prepare_rounded(&photo, Channels::Colour, (steps, &tone))

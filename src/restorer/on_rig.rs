@@ -223,6 +223,8 @@ impl Restorer for OnRig {
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure> {
+        // Whatever comes of this photo, the last one's pictures are not its.
+        self.last = None;
         let config::methods::Numbers { steps, correction_steps, .. } = self.config.numbers();
         let captures_max = self.method.captures_max() as f32;
         // Every step counts, of computing as of light; what only captures do, captures count.
@@ -295,11 +297,8 @@ impl Restorer for OnRig {
         }
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
-            let developed = |light: &Frame<Work>| match &photo.manner.colours {
-                Some(colours) => colours.developed(light),
-                None => light.clone(),
-            };
-            self.last = Some((developed(&photo.light), developed(&outcome.picture)));
+            let pair = [&photo.light, &outcome.picture].map(|light| photo.as_looked_at(light));
+            self.last = Some(pair.into());
             let noise = prepared.noise[Channel::Green.index()];
             outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
         }

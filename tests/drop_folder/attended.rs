@@ -173,7 +173,7 @@ fn a_photo_returned_untouched_is_not_said_to_be_restored() {
     let (summary, screens, _) = attended(root.path(), Mode::Folder, inner, 30.0, &front, |_, _| {});
     assert_eq!((summary.restored.len(), summary.untouched.len()), (0, 1));
     let said = |s: &Screen| match s {
-        Screen::Result { untouched, words, .. } => *untouched && words == "told to",
+        Screen::Result { untouched, words, .. } => *untouched && words == "Told to.",
         _ => false,
     };
     assert!(screens.iter().any(said), "{screens:?}");

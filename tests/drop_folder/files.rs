@@ -141,11 +141,11 @@ fn content_is_believed_and_what_is_read_alone_comes_back_as_png() {
     image::codecs::gif::GifEncoder::new(&mut gif).encode(&rgb, 64, 48, as_rgb).unwrap();
     let png = file(Format::Png, 8, RIG);
     let photos: [(&str, &[u8], &str); 5] = [
-        ("a.webp", &webp, "WebP"),
-        ("b.BMP", &bmp, "BMP"),
-        ("c.gif", &gif, "GIF"),
-        ("d.jpg", &png, "PNG"),
-        ("12.5.2024", &png, "PNG"),
+        ("a.webp", &webp, "comes back as PNG"),
+        ("b.BMP", &bmp, "comes back as PNG"),
+        ("c.gif", &gif, "comes back as PNG"),
+        ("d.jpg", &png, "named .jpg and holds a PNG"),
+        ("12.5.2024", &png, "named .2024 and holds a PNG"),
     ];
     for (name, bytes, _) in photos {
         drop_in(root, name, bytes);

@@ -18,6 +18,7 @@ use relens::pipeline::method;
 use relens::rig::simulated::open;
 
 use crate::made::Made;
+use crate::view::{KEPT, Subject, View};
 use crate::{Failure, seconds as processor_seconds};
 
 /// Inks and papers of the charts, linear light; the last chart has one pair in each quarter.
@@ -31,12 +32,11 @@ const INKS: [(&str, [[f32; 3]; 2]); 4] = [
 /// Charts among the scenes, which come first.
 pub(crate) const INKED: usize = INKS.len() + 1;
 
-/// `looks` as a PNG.
-fn png(looks: &Looks) -> Result<Vec<u8>, Failure> {
-    let (mut file, size) = (Vec::new(), looks.size());
+/// Codes, red, green and blue of one pixel after the other, as a PNG.
+pub(crate) fn png(size: Size, codes: &[u8]) -> Result<Vec<u8>, Failure> {
+    let mut file = Vec::new();
     let (width, height) = (size.width as u32, size.height as u32);
-    let encoder = PngEncoder::new(&mut file);
-    encoder.write_image(&looks.bytes(), width, height, ExtendedColorType::Rgb8)?;
+    PngEncoder::new(&mut file).write_image(codes, width, height, ExtendedColorType::Rgb8)?;
     Ok(file)
 }
 
@@ -85,6 +85,20 @@ pub(crate) fn scenes(
     Ok(scenes)
 }
 
+/// [`scenes`], and the laboratory's own photographs after them.
+pub(crate) fn with_kept(size: Size, tone: &Tone) -> Result<Vec<(String, Frame<Work>)>, Failure> {
+    let mut scenes = scenes(size, tone, None)?;
+    scenes.extend((0..KEPT.len()).map(|n| {
+        let view = View { subject: Subject::Kept(n), quarter: None };
+        let codes = view.codes(size);
+        let light = Frame::from_fn(|c| {
+            tone.plane(c, &codes.plane(c).map(|v: f32| v.round().clamp(0.0, 255.0) as u8))
+        });
+        (view.name(), light)
+    }));
+    Ok(scenes)
+}
+
 /// The table on the simulated rig of `rig`, and the pictures.
 pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result<Made, Failure> {
     let (mut devices, witness) = open(rig)?;
@@ -127,8 +141,8 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
             cells.extend(cost);
             log::info!("{}", cells.join(" | "));
             table.row(cells);
-            made.files
-                .push((format!("{}-{method}.png", name.replace([' ', ','], "")), png(&looks)?));
+            let picture = png(looks.size(), &looks.bytes())?;
+            made.files.push((format!("{}-{method}.png", name.replace([' ', ','], "")), picture));
             Ok::<(), Failure>(())
         };
         told("scene", &witness.shaded(&light), ["".into(), "".into()])?;

@@ -4,6 +4,8 @@
 
 mod change;
 mod colour;
+mod colour_crops;
+mod colour_pairs;
 mod conditions;
 mod figures;
 mod harness;
@@ -16,6 +18,7 @@ mod made;
 mod mjpeg;
 mod peers;
 mod regimes;
+mod sized;
 mod sizes;
 mod stability;
 mod truths;
@@ -72,6 +75,11 @@ enum Experiment {
     Conditions,
     /// Whether colours hold together: charts in inks, and photographs
     Colour,
+    /// Twelve places by the rig's own method: the scene, the photo, the result
+    ColourCrops,
+    /// Colours in other sizes, noise, lenses, glare, and with a poor lens model: along the axes
+    /// beside brightness and colour differences
+    ColourPairs,
     /// What coding photos as JPEGs costs, taken as decoded and as what the files state
     Jpeg,
     /// What a camera costs that codes its frames as JPEG
@@ -111,8 +119,8 @@ fn main() -> ExitCode {
 
 fn run(words: &Words) -> Result<(), Failure> {
     use Experiment::{
-        Captures, Colour, Conditions, Figures, Jpeg, Judging, Ladder, Mjpeg, Peers, Regimes, Sizes,
-        Stability, Worth, WrongModels,
+        Captures, Colour, ColourCrops, ColourPairs, Conditions, Figures, Jpeg, Judging, Ladder,
+        Mjpeg, Peers, Regimes, Sizes, Stability, Worth, WrongModels,
     };
     let Words { what, out, quick, rows, pictures, .. } = words;
     if let Some(group) = words.group {
@@ -137,6 +145,8 @@ fn run(words: &Words) -> Result<(), Failure> {
     let made = match what {
         Conditions => conditions::run(&rig, *quick),
         Colour => colour::run(&rig, *quick, pictures.as_deref()),
+        ColourCrops => colour_crops::run(&rig),
+        ColourPairs => colour_pairs::run(&rig, *quick),
         Jpeg => jpeg::run(&rig, *quick, pictures.as_deref()),
         Mjpeg => mjpeg::run(&rig, *quick, pictures.as_deref()),
         Stability if !rows.is_empty() => Ok(stability::redrawn(&rig, &rows)),

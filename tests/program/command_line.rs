@@ -224,6 +224,16 @@ fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
     assert!(text(&output.stderr).contains("1 of 3 photos were not restored"));
     assert!(at("results/photo.png").is_file() && at("results/again.png").is_file());
     assert!(!at("results/bad.png").exists());
+    // Names tell nothing: a telephone's picture stops no other, and a PNG called so is one.
+    std::fs::write(at("phone.heic"), b"\0\0\0\x18ftypheic\0\0\0\0").unwrap();
+    std::fs::copy(at("photo.png"), at("really.heic")).unwrap();
+    let named = words(&["phone.heic", "really.heic", "photo.png", "-o", "results"]);
+    let output = relens(&named, folder.path());
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("phone.heic: this kind of photo is not read: found an HEIC"), "{said}");
+    assert!(said.contains("photo.png: results/photo.png exists already"), "{said}");
+    assert!(at("results/really.heic.png").is_file(), "{said}");
     // No scene gives a sharp picture: it is the same file, or as good as the format can say.
     let size = Size::new(512, 384);
     let sharp = Frame::from_fn(|_| {

@@ -103,6 +103,13 @@ pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
         );
     }
     let _ = writeln!(html, "<p class=\"state\">{}</p>", escape(&outcome_words(report)));
+    if report.outcome == ResultKind::Untouched && report.size.area() < report.stored.area() {
+        let _ = writeln!(
+            html,
+            "<p class=\"quiet\">Shown here at {}; the file is as it was, {} pixels.</p>",
+            report.size, report.stored,
+        );
+    }
     if let Some((class, words)) = confirmation_words(report) {
         let _ = writeln!(html, "<p class=\"certificate {class}\">{words}</p>");
     }
@@ -110,13 +117,15 @@ pub(super) fn card(html: &mut String, photo: &GalleryPhoto<'_>, up: &str) {
     if let Some(original) = original {
         let _ = write!(
             html,
-            "<a href=\"{up}{}\" download>Download original<span> of {name}</span></a>",
+            "<a href=\"{up}{}\" download target=\"_blank\">Download original<span> of \
+             {name}</span></a>",
             escape(original)
         );
     }
     let _ = writeln!(
         html,
-        "<a href=\"{up}{result}\" download>Download result<span> of {name}</span></a></p>\n\
+        "<a href=\"{up}{result}\" download target=\"_blank\">Download result<span> of \
+         {name}</span></a></p>\n\
          <details><summary>Numbers<span> of {name}</span></summary>\n{}</details>\n</article>",
         numbers(photo, up),
     );
@@ -184,6 +193,7 @@ fn numbers(photo: &GalleryPhoto<'_>, up: &str) -> String {
         ("size", format!("{width}×{height} pixels")),
         ("method", escape(&report.method)),
         ("photographs taken", report.captures.to_string()),
+        ("file", escape(&report.result)),
         ("why so", escape(&report.rung_reason)),
     ];
     if let Some(certificate) = &report.certificate {
@@ -318,6 +328,7 @@ mod tests {
         report.outcome = ResultKind::Untouched;
         let html = card_of(&report);
         assert!(html.contains("<dd>4000×3000 pixels</dd>") && !html.contains("Smaller"), "{html}");
+        assert!(html.contains("at 256×192; the file is as it was, 4000×3000"), "{html}");
     }
 
     #[test]
@@ -336,8 +347,8 @@ mod tests {
     fn original_and_result_are_a_click_away_and_the_slider_speaks() {
         let html = card_of(&report(1));
         for wanted in [
-            "<a href=\"../../done/a.jpg\" download>Download original",
-            "<a href=\"../photo%200001.jpg\" download>Download result",
+            "<a href=\"../../done/a.jpg\" download target=\"_blank\">Download original",
+            "<a href=\"../photo%200001.jpg\" download target=\"_blank\">Download result",
             "<figure class=\"scene\"><img src=\"../../scenes/a.jpg\"",
             "move <a href=\"../../done/a.jpg\">its original</a>",
             "aria-valuetext=\"50 %",

@@ -68,6 +68,10 @@ impl Reporter {
     /// A photo has a result.
     pub(super) fn add(&mut self, report: Report) {
         log::info!("{}", report.line());
+        // What the file was, and what its result has not of it.
+        for note in report.notes.iter().filter(|note| !note.starts_with("noise of the photo")) {
+            log::info!("{}: {note}", report.photo);
+        }
         self.gallery.add(&report);
         self.summary.add(report);
     }

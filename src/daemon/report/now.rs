@@ -1,5 +1,5 @@
 //! The line of the gallery that says what the box is doing: a page of its own within the page,
-//! written whole at each change, which fetches itself anew without scripts.
+//! written whole at each change, which fetches itself anew, also without scripts.
 
 use super::html::{escape, moment};
 use super::state::Doing;
@@ -29,12 +29,15 @@ fn line(doing: &Doing, now_unix_s: u64) -> String {
     let words = doing.to_string();
     let words = escape(words.trim_end_matches('.'));
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta \
-         http-equiv=\"refresh\" content=\"3\">\n<meta name=\"color-scheme\" content=\"light \
-         dark\">\n<title>What the box is doing</title>\n<style>body {{ margin: 0; font: 1rem \
-         system-ui, sans-serif; }}</style>\n</head>\n<body><p style=\"margin:0\">{words}. <small>\
-         ({})</small></p></body>\n</html>\n",
-        moment(now_unix_s)
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <noscript><meta http-equiv=\"refresh\" content=\"3\"></noscript>\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <title>What the box is doing</title>\n<style>body, h1 {{ margin: 0; font: 1rem/1.4 \
+         system-ui, sans-serif; overflow-wrap: anywhere; }}</style>\n</head>\n\
+         <body><main><h1>{words}. <small>({})</small></h1></main>\n\
+         <script>\n{}</script></body>\n</html>\n",
+        moment(now_unix_s),
+        include_str!("now.js"),
     )
 }
 
@@ -60,6 +63,8 @@ mod tests {
         ] {
             let page = line(&doing, 1_700_000_000);
             assert!(page.contains(words) && page.contains("2023-11-14"), "{page}");
+            // A page that reloads by itself while somebody reads it aloud: only without scripts.
+            assert!(page.contains("<noscript><meta http-equiv=\"refresh\""), "{page}");
         }
     }
 }

@@ -40,30 +40,50 @@ const addressOf = (number, prefix) => {
   return `${up}gallery/photos-${Math.floor(number / perPage) + 1}.html#${prefix}-${number}`;
 };
 
+// The line that says what the box is doing tells how high it is.
+const now = document.querySelector("iframe.now");
+addEventListener("message", (event) => {
+  if (now && event.source === now.contentWindow && event.data?.relensNow > 0) now.style.height = event.data.relensNow + 8 + "px";
+});
+
 const form = document.getElementById("find");
 if (form) {
   const input = form.querySelector("input"), found = document.getElementById("found");
-  const shownMax = 300;
-  let state = "";
-  const clear = () => { input.value = ""; choose(""); };
+  const oneMore = 300;
+  let state = "", shownMax = oneMore;
+  // Photos without a result are on this page alone; each is there if its name has the words.
+  const among = (list, wanted, active) => {
+    let shown = 0;
+    for (const item of list.querySelectorAll("li")) {
+      item.hidden = !item.firstElementChild.textContent.toLowerCase().includes(wanted);
+      shown += !item.hidden;
+    }
+    list.hidden = active && (state !== "" || shown === 0);
+    if (active && !list.hidden) list.open = true;
+  };
   const search = () => {
     const wanted = input.value.trim().toLowerCase();
     const active = wanted !== "" || state !== "";
+    history.replaceState(active ? { wanted: input.value, state, shownMax } : null, "");
     found.hidden = !active;
-    for (const other of document.querySelectorAll("main > :not(#found)")) other.hidden = active;
+    for (const other of document.querySelectorAll("main > :not(#found)")) {
+      if (other.matches(".failed, .waiting")) among(other, wanted, active);
+      else other.hidden = active;
+    }
     if (!active) return found.replaceChildren();
     const hits = [];
     names.forEach(([name, is], number) => { if (name.toLowerCase().includes(wanted) && (!state || is === state)) hits.push(number); });
     const count = document.createElement("p");
     count.setAttribute("role", "status");
-    count.textContent = `${hits.length} of ${names.length} photos` + (hits.length > shownMax ? `, the newest ${shownMax} are shown` : "");
+    count.textContent = `${hits.length} of ${names.length} photos with a result` + (hits.length > shownMax ? `, the newest ${shownMax} are shown` : "");
     const stamps = document.createElement("div");
     stamps.className = "stamps";
     for (const number of hits.reverse().slice(0, shownMax)) {
       const [name, , small] = names[number];
       const link = document.createElement("a"), picture = document.createElement("img");
       link.href = addressOf(number, "photo");
-      link.addEventListener("click", clear);
+      // On this page the cards come back; the search does by the browser's Back.
+      if (link.hash && link.getAttribute("href").startsWith("#")) link.addEventListener("click", leave);
       picture.src = up + small;
       picture.alt = "";
       picture.loading = "lazy";
@@ -71,13 +91,37 @@ if (form) {
       stamps.append(link);
     }
     found.replaceChildren(count, stamps);
+    if (hits.length <= shownMax) return;
+    const more = document.createElement("button");
+    more.type = "button";
+    more.textContent = `${Math.min(oneMore, hits.length - shownMax)} more`;
+    more.addEventListener("click", () => { shownMax += oneMore; search(); });
+    found.append(more);
   };
-  const choose = (which) => {
+  const press = (which) => {
     state = which;
     for (const button of form.querySelectorAll("button")) button.setAttribute("aria-pressed", String(button.dataset.state === which));
+  };
+  const again = (kept) => {
+    press(kept?.state ?? "");
+    input.value = kept?.wanted ?? "";
+    shownMax = kept?.shownMax ?? oneMore;
     withNames(search);
   };
+  const leave = (event) => {
+    event.preventDefault();
+    history.pushState(null, "", event.currentTarget.getAttribute("href"));
+    again(null);
+    document.querySelector(location.hash)?.scrollIntoView();
+  };
   form.addEventListener("submit", (event) => event.preventDefault());
-  form.addEventListener("click", (event) => { if (event.target.dataset.state !== undefined) choose(event.target.dataset.state); });
-  input.addEventListener("input", () => withNames(search));
+  form.addEventListener("click", (event) => {
+    if (event.target.dataset.state === undefined) return;
+    press(event.target.dataset.state);
+    shownMax = oneMore;
+    withNames(search);
+  });
+  input.addEventListener("input", () => { shownMax = oneMore; withNames(search); });
+  addEventListener("popstate", (event) => { if (event.state || !found.hidden) again(event.state); });
+  if (history.state?.shownMax) again(history.state);
 }

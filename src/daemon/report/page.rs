@@ -166,11 +166,15 @@ const HELP: &str = "<details class=\"aside\"><summary>What the words mean, how t
     undone that.</dd>\
     <dt>Corrected by light</dt><dd>It has shown the result on its panel, photographed it through \
     the lens, and mended what differed from your photo.</dd>\
-    <dt>Confirmed by light</dt><dd>The photograph of the result is your photo, but for noise.</dd>\
+    <dt>Confirmed by light</dt><dd>The photograph of the result is your photo, but for noise. \
+    Nearly confirmed: but for a little more. Not confirmed: it differs, or none was taken.</dd>\
     <dt>Left as it was</dt><dd>The box could not have made it better; the result is your file \
     itself.</dd>\
+    <dt>Full screen</dt><dd>Left and right lead to the next photo. + and \u{2212} zoom, 1 is its \
+    pixels, 0 the whole; up, down, and left and right with Shift move what is seen.</dd>\
     <dt>To fetch all</dt><dd>Every result is a file in the folder <code>outbox</code>, under the \
-    name of its photo: copy them from there, or mark them and let the file manager compress them \
+    name of its photo (a number is added where that is taken, and a raw photo's ends in \
+    <code>.tif</code>): copy them from there, or mark them and let the file manager compress them \
     into one archive.</dd>\
     <dt>To try again</dt><dd>Move the original from the folder <code>done</code>, or from \
     <code>failed</code>, back into <code>inbox</code>. The earlier result stays.</dd></dl>\

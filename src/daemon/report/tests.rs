@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::gallery::{Gallery, SCENES};
+use super::now;
 use super::page;
+use super::state::Doing;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
 use crate::daemon::store::report_file::{Failed, Report, ResultKind, address};
@@ -83,6 +85,8 @@ fn morning(root: &Path, count: u64) -> PathBuf {
         };
         pilots::add(&folders, entry).unwrap();
     }
+    let reason = "photos were put off: put the panel before the lens, and press the button";
+    now::write(&folders, &Doing::Paused { reason: reason.into() }, 1_700_030_000).unwrap();
     gallery.write(&folders, "small", &[], &[], 1_700_030_000).unwrap();
     folders.outbox().to_owned()
 }
@@ -274,10 +278,25 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
         "let box = document.querySelector('#find input'); box.value = 'photo 00';
                     box.dispatchEvent(new Event('input'));",
     );
-    assert!(dom.contains(">100 of 4000 photos</p>"), "the search finds photos of all pages");
+    assert!(
+        dom.contains(">100 of 4000 photos with a result</p>"),
+        "the search finds photos of all pages"
+    );
     assert!(dom.contains("href=\"gallery/photos-2.html#photo-99\""), "and leads to them");
     let dom = done("document.querySelector('#find [data-state=left]').click();");
-    assert!(dom.contains(">572 of 4000 photos, the newest 300 are shown</p>"), "and the states'");
+    let told = ">572 of 4000 photos with a result, the newest 300 are shown</p>";
+    assert!(dom.contains(told), "and the states'");
+    let dom = done(
+        "document.querySelector('#find [data-state=left]').click();
+         setTimeout(() => document.querySelector('#found button').click(), 500);",
+    );
+    assert!(dom.contains(">572 of 4000 photos with a result</p>"), "all, if they are asked for");
+    let dom = done(
+        "let box = document.querySelector('#find input'); box.value = 'cut';
+                    box.dispatchEvent(new Event('input'));",
+    );
+    assert!(dom.contains("<li hidden=\"\"><a href=\"../failed/empty.jpg\""), "not of this name");
+    assert!(dom.contains("<li><a href=\"../failed/cut.jpg\""), "what failed is found");
     let dom = done(
         "document.querySelector('#photo-3998 .links button').click();
          for (const key of ['ArrowLeft', 'ArrowRight', 'ArrowRight', '1', '+', '+'])

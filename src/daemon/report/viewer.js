@@ -66,6 +66,12 @@
   const step = (by) => zoom(next(by));
   const fitOr = (px, py) => isFit ? zoom(Math.max(pixel(), next(1)), px, py) : zoom(0);
   fitOrPixels.addEventListener("click", () => fitOr());
+  // By a quarter of what is seen; the whole photo stays where it is.
+  const pan = (dx, dy) => {
+    x += dx * stage.clientWidth / scale / 4;
+    y += dy * stage.clientHeight / scale / 4;
+    draw();
+  };
   // A picture of the card, and as soon as it has come the one with all pixels, if that is another.
   const put = (into, picture) => {
     [into.src, into.alt] = [picture.src, picture.alt];
@@ -115,7 +121,8 @@
   window.addEventListener("resize", draw);
   viewer.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const act = { ArrowLeft: () => go(-1), ArrowRight: () => go(1), "+": () => step(1), "-": () => step(-1), "0": () => zoom(0), "1": () => zoom(pixel()) }[event.key];
+    const across = (by) => event.shiftKey ? pan(by, 0) : go(by);
+    const act = { ArrowLeft: () => across(-1), ArrowRight: () => across(1), "+": () => step(1), "-": () => step(-1), "0": () => zoom(0), "1": () => zoom(isFit ? Math.max(pixel(), next(1)) : pixel()), ArrowUp: () => pan(0, -1), ArrowDown: () => pan(0, 1) }[event.key];
     if (!act || (event.target === slider && event.key.startsWith("Arrow"))) return;
     event.preventDefault();
     act();

@@ -16,7 +16,7 @@ use crate::daemon::store::folders::Folders;
 use crate::daemon::store::report_file::{Delivered, Report, ResultKind, plain};
 use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
-use crate::kiosk::screen::Screen;
+use crate::kiosk::screen::{Screen, sentence};
 use crate::pipeline::Interruption;
 use crate::remedy::{Remediable, Remedy, full_message};
 use crate::restorer::Restorer;
@@ -237,7 +237,7 @@ impl<'a> Attended<'a> {
     fn remember(&mut self, report: &Report) {
         let untouched = report.outcome == ResultKind::Untouched;
         let words = match &report.meaning {
-            _ if untouched => plain(&report.rung_reason).to_owned(),
+            _ if untouched => sentence(plain(&report.rung_reason)),
             Some(meaning) => meaning.clone(),
             None => "Restored; not photographed again.".to_owned(),
         };

@@ -12,7 +12,7 @@ use super::report_file::{Circumstances, Report, report_name};
 use crate::disk::FileError;
 use crate::disk::files::{json_in_lines, numbered};
 use crate::frame::{Channels, Size};
-use crate::picture::{Format, Photo, PictureError, encode, is_photo_ending, preview};
+use crate::picture::{Photo, PictureError, encode, preview, result_name};
 use crate::pipeline::{Outcome, Verdict};
 
 /// Longest side of the gallery's previews in pixels. Larger pictures lie beside them, for whoever
@@ -113,7 +113,7 @@ impl Delivery<'_> {
         let circumstances = Circumstances {
             rig: self.rig,
             result,
-            is_returned: encoded.result.is_none(),
+            format: encoded.result.as_ref().map(|_| photo.manner.format),
             before: format!("gallery/{before}"),
             after: format!("gallery/{after}"),
             finished_unix_s: self.finished_unix_s,
@@ -163,23 +163,10 @@ impl Delivery<'_> {
     /// The photo's name, with an ending if it has none or the result is in another format, and a
     /// number if result or report exist already.
     fn free_name(&self, name: &OsStr) -> Result<OsString, FileError> {
-        let mut wanted = name.to_owned();
+        // The photo's own file keeps the name it came with.
+        let keeps = self.encoded.result.is_none() && Path::new(name).extension().is_some();
         let format = self.photo.manner.format;
-        let has = Path::new(name).extension().map(|ending| ending.to_string_lossy().into_owned());
-        let fits = match &has {
-            None => false,
-            // The photo's own file keeps the name it came with.
-            Some(ending) => {
-                self.encoded.result.is_none() || Format::of_extension(ending) == Some(format)
-            }
-        };
-        if !fits {
-            // `12.5.2024` has no ending: nothing of it is taken away.
-            match has.filter(|ending| is_photo_ending(ending)) {
-                Some(_) => wanted = Path::new(name).with_extension(format.extension()).into(),
-                None => wanted.push(format!(".{}", format.extension())),
-            }
-        }
+        let wanted = if keeps { name.to_owned() } else { result_name(name, format) };
         let taken = self.folders.files().taken_names(self.folders.outbox())?;
         let mut names = numbered(&wanted);
         let free = names.find(|name| !taken.holds(name) && !taken.holds(&report_name(name)));

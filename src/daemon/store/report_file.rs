@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::disk::{FileError, Files};
 use crate::frame::{Channels, Size};
-use crate::picture::Photo;
+use crate::picture::{Format, Photo};
 use crate::pipeline::{Iteration, OpticalResidual, Outcome, Verdict};
 
 /// A longer file is no report of ours.
@@ -82,8 +82,8 @@ pub struct Report {
 pub(crate) struct Circumstances<'a> {
     pub(crate) rig: &'a str,
     pub(crate) result: &'a OsStr,
-    /// Whether that is the photo's file itself.
-    pub(crate) is_returned: bool,
+    /// The result's format; of the photo's file itself there is none.
+    pub(crate) format: Option<Format>,
     pub(crate) before: String,
     pub(crate) after: String,
     pub(crate) finished_unix_s: u64,
@@ -112,7 +112,7 @@ impl Report {
             curve: photo.manner.tone.origin().to_owned(),
             grey: photo.channels == Channels::Green,
             turned: photo.turned(),
-            notes: photo.told(about.is_returned).chain(&outcome.notes).cloned().collect(),
+            notes: photo.told(about.format).into_iter().chain(outcome.notes.clone()).collect(),
             iterations: outcome.iterations.clone(),
             photo_crc32: format!("{:08x}", photo.file.crc32),
             photo_bytes: photo.file.bytes,
@@ -122,20 +122,20 @@ impl Report {
         }
     }
 
-    /// The report of a photo restored outside a drop folder, with its result in `out`, or the
-    /// photo's file itself where that is what `is_returned`.
+    /// The report of a photo restored outside a drop folder, with its result of a `format` in
+    /// `out`; without a format that is the photo's file itself.
     pub fn single(
         rig: &str,
         photo: &Photo,
         outcome: &Outcome,
-        (out, is_returned): (&Path, bool),
+        (out, format): (&Path, Option<Format>),
     ) -> Report {
         let result = out.file_name().unwrap_or(out.as_os_str());
         let (before, after) = (String::new(), String::new());
         Report::new(
             photo,
             outcome,
-            Circumstances { rig, result, is_returned, before, after, finished_unix_s: 0 },
+            Circumstances { rig, result, format, before, after, finished_unix_s: 0 },
         )
     }
 
@@ -211,8 +211,8 @@ impl Failed {
     pub(crate) fn note(&self) -> String {
         let one_line = self.reason.replace(['\n', '\r'], " ");
         format!(
-            "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. Once \
-             that is mended, put it back into the inbox.\n",
+            "{} was not restored.\n\n{one_line}\n\nThe file lies beside this note, unchanged. To \
+             have it tried again, put it back into the inbox.\n",
             self.photo
         )
     }
@@ -246,6 +246,18 @@ mod tests {
     fn addresses_cannot_leave_the_folder_or_the_attribute() {
         assert_eq!(address(OsStr::new("a b\"><é.jpg")), "a%20b%22%3E%3C%C3%A9.jpg");
         assert_eq!(address(OsStr::new("javascript:x/../y")), "javascript%3Ax%2F..%2Fy");
+    }
+
+    #[test]
+    fn a_certificate_is_written_as_one_number_and_older_ones_are_read() {
+        let of: OpticalResidual =
+            serde_json::from_str("{\"residual-grey-levels\": 3.0, \"floor-grey-levels\": 2.0}")
+                .unwrap();
+        assert_eq!((of.residual_grey_levels, of.floor_grey_levels), (3.0, 2.0));
+        let written = serde_json::to_string(&of).unwrap();
+        let wanted = "{\"times-noise\":1.5,\"noise-grey-levels\":2.0,\"focus\":\"panel\"}";
+        assert_eq!(written, wanted);
+        assert_eq!(serde_json::from_str::<OpticalResidual>(&written).unwrap(), of);
     }
 
     #[test]

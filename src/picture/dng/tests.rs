@@ -228,7 +228,7 @@ fn the_sites_are_taken_and_never_the_preview() {
     assert_eq!(photo.light, read(&file(Mosaic::Grbg)).unwrap().light);
     assert_eq!(photo.turned(), Some(6), "as the first directory says");
     let packed = behind_a_preview(&with(COMPRESSION, 3, 1, [7, 0, 0, 0]));
-    assert!(words(&packed).contains("compression 7 in place of 1"), "{}", words(&packed));
+    assert!(words(&packed).contains("compressed counts (compression 7)"), "{}", words(&packed));
     let without = behind_a_preview(&with(PHOTOMETRIC, 3, 1, [1, 0, 0, 0]));
     assert!(words(&without).contains("no picture of a sensor's sites"), "{}", words(&without));
     // TIFF/EP says no version of DNG; its sites may not have come yet.
@@ -238,7 +238,7 @@ fn the_sites_are_taken_and_never_the_preview() {
     assert!(read(&lost).unwrap().raw.is_some());
     let end = lost.len() as u32;
     lost[below + 8..below + 12].copy_from_slice(&end.to_le_bytes());
-    for (bytes, wanted) in [(&packed, "compression 7"), (&lost, "cut short")] {
+    for (bytes, wanted) in [(&packed, "compressed counts (compression 7)"), (&lost, "cut short")] {
         let read = Photo::from_bytes("a.tif", bytes, Curve::Srgb, &Limits::default());
         let words = read.unwrap_err().to_string();
         assert!(words.contains(wanted), "by another name: {words}");
@@ -250,12 +250,12 @@ fn what_is_not_read_is_refused_with_what_it_is() {
     let mosaic_of = |pattern| with(CFA_PATTERN, 1, 4, pattern);
     let half_a_file = u32::MAX / 2;
     for (bytes, wanted) in [
-        (with(COMPRESSION, 3, 1, [7, 0, 0, 0]), "compression 7"),
+        (with(COMPRESSION, 3, 1, [7, 0, 0, 0]), "compressed counts (compression 7)"),
         (with(BITS_PER_SAMPLE, 3, 1, [12, 0, 0, 0]), "1 strips of 42×30 for 42×30"),
         (with(BITS_PER_SAMPLE, 3, 1, [24, 0, 0, 0]), "bits a sample 24"),
         (with(SAMPLES_PER_PIXEL, 3, 1, [3, 0, 0, 0]), "samples a pixel 3"),
         (with(CFA_LAYOUT, 3, 1, [2, 0, 0, 0]), "layout of the colour filters 2"),
-        (with(PHOTOMETRIC, 3, 1, [0x4c, 0x88, 0, 0]), "interpretation 34892"),
+        (with(PHOTOMETRIC, 3, 1, [0x4c, 0x88, 0, 0]), "begun to develop"),
         (renamed(EXPOSURE, LINEARIZATION), "a table"),
         (renamed(EXPOSURE, BLACK_DOWN), "each row"),
         (renamed(CFA_PATTERN, 40000), "no word of its colour filters"),

@@ -54,6 +54,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_rig_file_may_name_what_is_in_the_catalogue() {
+        let known = crate::config::GLASSES.map(|name| index(name, 550.0).is_some());
+        assert!(known.iter().all(|&known| known) && known.len() == CATALOGUE.len() + 1);
+    }
+
+    #[test]
     fn indices_at_the_helium_d_line_are_the_catalogue_s() {
         // n_d at 587.56 nm as the data sheets print it.
         for (name, printed) in

@@ -176,7 +176,7 @@ mod tests {
 
     /// The study's rig at half its size: 256×192.
     fn rig() -> RigFile {
-        stage::half(&crate::rig("study.toml").unwrap())
+        crate::sized::sized(&crate::rig("study.toml").unwrap(), 0.5)
     }
 
     fn cell(table: &Table, row: usize, column: &str) -> f64 {

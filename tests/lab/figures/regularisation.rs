@@ -6,11 +6,12 @@
 //! on the photo and the forward captures, with the backward convolution computed.
 
 use super::mosaic::{detail, mosaic};
-use super::stage::{Exact, Stage, half, printed};
+use super::stage::{Exact, Stage, printed};
 use super::{Figure, Finding, Picture};
 use crate::Failure;
 use crate::change::NO_NOISE;
 use crate::lines::{LineChart, PALETTE, Scale, Series};
+use crate::sized::sized;
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::config::RigFile;
@@ -62,7 +63,7 @@ impl Row {
 /// The figure, on the rig at half its size, since it takes so many runs.
 pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     // Calibrated in quiet, so that the noise is in the loop and nowhere else.
-    let mut stage = Stage::open(NO_NOISE.filed(&half(rig), 0.0))?;
+    let mut stage = Stage::open(NO_NOISE.filed(&sized(rig, 0.5), 0.0))?;
     let as_printed = printed(stage.harness.config());
     let lens = stage.truth.clone();
     let (mut rows, mut details) = (Vec::new(), Vec::new());

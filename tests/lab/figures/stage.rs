@@ -16,7 +16,6 @@ use relens::pipeline::paper;
 use relens::rig::simulated::{Light, Witness};
 
 use crate::Failure;
-use crate::change::lens;
 use crate::harness::Harness;
 
 /// Width that sizes in the paper refer to.
@@ -179,38 +178,6 @@ pub(super) fn printed(rig: &RigFile) -> Paper {
 pub(super) fn with_patches(rig: &RigFile, patch_px: usize) -> Paper {
     let shape = PatchShape { patch_px: scaled(rig, patch_px), margin_px: rig.paper.margin_px };
     Paper { backward: Backward::Light(shape), ..printed(rig) }
-}
-
-/// `rig` at half its size: the same field on pixels twice as large.
-pub(super) fn half(rig: &RigFile) -> RigFile {
-    let mut rig = rig.clone();
-    lens(&mut rig, |lens| {
-        lens.pixel_pitch_um *= 2.0;
-        lens.support_px = (lens.support_px / 2) | 1;
-        (lens.node_columns, lens.node_rows) = (lens.node_columns / 2, lens.node_rows / 2);
-    });
-    let photo = &mut rig.photo;
-    let sizes = [
-        &mut photo.width_px,
-        &mut photo.height_px,
-        &mut rig.panel.width_px,
-        &mut rig.panel.height_px,
-    ];
-    sizes.into_iter().for_each(|px| *px /= 2);
-    let camera = &mut rig.camera;
-    let places = [
-        &mut camera.width_px,
-        &mut camera.height_px,
-        &mut camera.photo_x_px,
-        &mut camera.photo_y_px,
-    ];
-    places.into_iter().for_each(|px| *px /= 2);
-    rig.calibration.checker_square_px /= 2;
-    rig.calibration.function_support_px = (rig.calibration.function_support_px / 2) | 1;
-    rig.paper.patch_px /= 2;
-    rig.paper.margin_px /= 2;
-    rig.canvas.margin_px /= 2;
-    rig
 }
 
 /// The paper's loop with the "accurate numerical calculation" of §4.1 for its backward step: the

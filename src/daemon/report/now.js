@@ -1,0 +1,9 @@
+"use strict";
+for (const time of document.querySelectorAll("time[data-unix]")) {
+  time.textContent = new Date(Number(time.dataset.unix) * 1000).toLocaleString();
+}
+// The page around it has as much room as is needed.
+const tell = () => parent.postMessage({ relensNow: document.body.offsetHeight }, "*");
+addEventListener("resize", tell);
+tell();
+setTimeout(() => location.replace(location.href), 3000);
