@@ -26,13 +26,15 @@ use super::{progress, status};
 pub(super) fn stop_flag(home: PathBuf) -> Result<Arc<AtomicBool>, CliError> {
     let stopped = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stopped);
+    let at_terminal = std::io::stderr().is_terminal();
     attend(&[SIGINT, SIGTERM, SIGHUP, SIGUSR1], move |signal| {
         if signal == SIGUSR1 {
             match status::of(&home) {
                 Ok(words) => words.lines().for_each(|line| log::info!("{line}")),
                 Err(error) => log::warn!("{}", full_message(&error)),
             }
-        } else if signal == SIGHUP && !std::io::stderr().is_terminal() {
+        } else if signal == SIGHUP && at_terminal == std::io::stderr().is_terminal() {
+            // A terminal that went away is none any more.
             log::info!(
                 "SIGHUP changes nothing: the rig file is read at the start alone; start relens \
                  again to have it read anew"

@@ -441,10 +441,8 @@ impl<'a> Daemon<'a> {
 
     /// Writes down that other photos wait, or for something else, than was told last.
     fn tell_who_waits(&mut self) {
-        if self.reporter.waiting() != self.inbox.waiting() {
-            let telling = self.telling();
-            self.reporter.tell(&self.folders, self.reporter.doing(), &telling);
-        }
+        let telling = self.telling();
+        self.reporter.tell_who_waits(&self.folders, &telling);
     }
 
     fn telling(&self) -> Telling {

@@ -1,9 +1,15 @@
 //! What a file system refused: what was tried, on which path, and what to do.
 
 use std::io::{self, ErrorKind};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::remedy::{Remediable, Remedy};
+
+/// "Operation not permitted" (errno(3)): what no mode bits forbid.
+const EPERM: i32 = rustix::io::Errno::PERM.raw_os_error();
+/// In such a folder everybody moves only what is his (chmod(1)).
+const STICKY: u32 = 0o1000;
 
 /// The file system refused something.
 #[derive(Debug, thiserror::Error)]
@@ -47,16 +53,51 @@ impl FileError {
         FileError { path, ..self }
     }
 
+    /// What keeps `user` from a file or folder, as far as that can be seen, and what to do.
+    fn denied(&self, user: u32) -> (String, String) {
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let (about, around) = (self.path.symlink_metadata(), folder.metadata());
+        let mine = about.as_ref().is_ok_and(|about| about.uid() == user);
+        let unread = about.as_ref().is_ok_and(|about| about.mode() & 0o400 == 0);
+        let is_locked = self.source.raw_os_error() == Some(EPERM);
+        let sticky = around
+            .as_ref()
+            .is_ok_and(|around| around.mode() & STICKY != 0 && around.uid() != user && !mine);
+        let give_folder = || {
+            let folder = folder.display();
+            format!("give the folder {folder} to that user (chown), or let its group write there")
+        };
+        let theirs = (
+            "a file of somebody else's".to_owned(),
+            "give it to that user (chown), or copy it in as one who shares the folder".to_owned(),
+        );
+        match self.what {
+            _ if around.is_err() => theirs,
+            _ if mine && unread => (
+                "a file that its owner may not read".to_owned(),
+                "let it be read (chmod u+r)".to_owned(),
+            ),
+            "move" if is_locked && !sticky => (
+                "a file or folder that is locked against changes".to_owned(),
+                "unlock it (chattr -i -a)".to_owned(),
+            ),
+            "move" if !sticky => {
+                ("a folder that lets nothing be moved out of it".to_owned(), give_folder())
+            }
+            _ => theirs,
+        }
+    }
+
     /// The same for the one who dropped the photo, or folder of photos, that it is about.
     pub fn of_photo(&self) -> String {
         let (path, source) = (self.path.display(), &self.source);
         match self.kind() {
             ErrorKind::PermissionDenied => {
                 let user = rustix::process::geteuid().as_raw();
+                let (found, to_do) = self.denied(user);
                 format!(
-                    "{path}: relens may not read or move it: found a file of somebody else's, \
-                     allowed files that user {user} may read and move; give it to that user \
-                     (chown), or copy it in as one who shares the folder"
+                    "{path}: relens may not read or move it: found {found}, allowed files that \
+                     user {user} may read and move; {to_do}"
                 )
             }
             _ => format!(

@@ -23,8 +23,9 @@ const SHIFT_MAX_PX: f64 = 0.25;
 /// Largest deviation of counts from what so many times the exposure should bring, as a share: twice
 /// what a sensor's knee near its full well does, a third of a webcam's gamma (guess).
 const BENT_MAX: f64 = 0.1;
-/// Most of the picture before that a frame may show, as `relens check` has it.
-const LEFT_MAX: f64 = 0.01;
+/// Most of the picture before that a frame may show: a grey level of 255; `relens check` allows
+/// half of it.
+const LEFT_MAX: f64 = 0.004;
 /// Least share of the corners expected in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 

@@ -207,21 +207,24 @@ fn a_photo_that_was_moved_in_is_under_way_within_two_seconds() {
     let bytes = file(Format::Png, 8, RIG);
     std::fs::create_dir_all(root.join("aside/sea")).unwrap();
     std::fs::create_dir_all(root.join("inbox")).unwrap();
-    for name in ["a.png", "sea/b.png"] {
+    // A folder that is there already is listened to as well.
+    std::fs::create_dir_all(root.join("inbox/hills")).unwrap();
+    for name in ["a.png", "sea/b.png", "c.png"] {
         std::fs::write(root.join("aside").join(name), &bytes).unwrap();
     }
     let (mut came, mut taken) = (None, f64::INFINITY);
     let mut come = |now: f64| {
         if now > 20.0 && came.is_none() {
             came = Some(now);
-            for name in ["a.png", "sea"] {
-                std::fs::rename(root.join("aside").join(name), root.join("inbox").join(name))
+            for (from, to) in [("a.png", "a.png"), ("sea", "sea"), ("c.png", "hills/c.png")] {
+                std::fs::rename(root.join("aside").join(from), root.join("inbox").join(to))
                     .unwrap();
             }
             // Copied: this one may not be all there yet.
             std::fs::write(root.join("inbox/copied.png"), &bytes).unwrap();
         }
-        if ["a.png", "sea-b.png"].iter().all(|name| root.join("done").join(name).exists()) {
+        let names = ["a.png", "sea-b.png", "hills-c.png"];
+        if names.iter().all(|name| root.join("done").join(name).exists()) {
             taken = now.min(taken);
         }
         assert!(
@@ -231,7 +234,7 @@ fn a_photo_that_was_moved_in_is_under_way_within_two_seconds() {
     };
     let (summary, restored) = watch(root, 60.0, setting(), &mut come);
     let came = came.unwrap();
-    assert_eq!(restored, 3, "{summary:?}");
+    assert_eq!(restored, 4, "{summary:?}");
     assert!(taken <= came + 2.0, "came at {came} s, done at {taken} s");
 }
 
@@ -300,6 +303,19 @@ fn who_waits_and_for_what_is_told_while_it_is_so() {
     watch(root, 10.0, deaf(), &mut |_| ());
     let counts = State::read(root).unwrap().unwrap().counts.to_string();
     assert_eq!(counts, format!("{one}, 1 waiting ({half})"), "after a restart");
+    // The page says the same while the box stands idle, and which photo it is and why.
+    let page = || std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
+    let mut pages = Vec::new();
+    let mut look = |now: f64| {
+        if (100.0..110.0).contains(&now) && root.join("inbox/half.jpg").exists() {
+            pages.push(page());
+            std::fs::remove_file(root.join("inbox/half.jpg")).unwrap();
+        }
+    };
+    watch(root, 140.0, deaf(), &mut look);
+    assert!(pages[0].contains(&format!("<b>1</b> waiting ({half})")), "{}", pages[0]);
+    assert!(pages[0].contains("<b>half.jpg</b> <span>"), "{}", pages[0]);
+    assert!(!page().contains("half.jpg") && !page().contains("waiting ("), "{}", page());
 }
 
 #[test]

@@ -16,6 +16,7 @@ mod nights;
 mod operating_point;
 mod raw_file;
 mod raw_sites;
+mod timing;
 mod truthful;
 mod whole_sensor;
 

@@ -28,6 +28,8 @@ pub(super) struct Reporter {
     written: Option<Moment>,
     /// The gallery shows results that were removed.
     stale: bool,
+    /// What it said of photos without a result when it was written.
+    shown: (Vec<Failed>, Waiting),
     summary: Summary,
     /// Who waits, as told last.
     waiting: Waiting,
@@ -58,6 +60,7 @@ impl Reporter {
             gallery: Gallery::load(folders)?,
             written: None,
             stale: false,
+            shown: (Vec::new(), Waiting::default()),
             summary: Summary::default(),
             waiting: Waiting::default(),
             doing: Doing::Waiting,
@@ -99,11 +102,6 @@ impl Reporter {
     /// What was done, while `left` stay in the inbox, of `waiting` in all.
     pub(super) fn summary(&self, left: Vec<Failed>, waiting: Waiting) -> Summary {
         Summary { left, waiting, ..self.summary.clone() }
-    }
-
-    /// Who waits, as told last.
-    pub(super) fn waiting(&self) -> Waiting {
-        self.waiting
     }
 
     /// Seconds that photos took of late.
@@ -151,6 +149,21 @@ impl Reporter {
         self.written.is_none_or(|at| now.0 - at.0 >= self.gallery.period_s())
     }
 
+    /// Tells who waits, where that changed; the page follows, which names them and says why.
+    pub(super) fn tell_who_waits(&mut self, folders: &Folders, telling: &Telling) {
+        if self.waiting != telling.waiting {
+            self.tell(folders, self.doing.clone(), telling);
+        }
+        let (left, waiting) = &self.shown;
+        let is_shown = *left == telling.left && *waiting == telling.waiting;
+        if !is_shown
+            && self.is_due(telling.moment)
+            && let Err(error) = self.show(folders, telling)
+        {
+            log::warn!("{}", full_message(&error));
+        }
+    }
+
     /// Whether the gallery shows what is no more.
     pub(super) fn is_stale(&self) -> bool {
         self.stale
@@ -159,6 +172,7 @@ impl Reporter {
     /// Writes the gallery.
     pub(super) fn show(&mut self, folders: &Folders, telling: &Telling) -> Result<(), FileError> {
         (self.written, self.stale) = (Some(telling.moment), false);
+        self.shown = (telling.left.clone(), telling.waiting);
         if folders.shared() {
             self.gallery = Gallery::load(folders)?;
         }

@@ -111,9 +111,11 @@ impl Inbox {
         patience: Patience,
     ) -> Result<Ready, FileError> {
         let (files, folder) = (folders.files(), folders.inbox());
-        self.hints.listen(folder);
-        let (mut found, mut staying) = (Vec::new(), BTreeMap::new());
-        collect(files, folder, Path::new(""), 0, &mut found, &mut staying)?;
+        self.hints.listen(folder, Path::new(""));
+        let mut all = Collected::default();
+        collect(files, folder, Path::new(""), 0, &mut all)?;
+        let Collected { found, mut staying, folders } = all;
+        folders.iter().for_each(|way| self.hints.listen(folder, way));
         let out_of_reach = staying.len();
         let mut before = std::mem::take(&mut self.seen);
         let mut ready = Vec::new();
@@ -127,7 +129,7 @@ impl Inbox {
                 _ => SeenFile { look, since: now, missing: None },
             };
             // What came whole from elsewhere need not settle.
-            if way.iter().next().is_some_and(|name| moved.contains(name)) {
+            if way.ancestors().any(|moved_there| moved.contains(moved_there)) {
                 seen.since = Moment(seen.since.0.min(now.0 - patience.quiet_s));
             }
             if now.0 - seen.since.0 < patience.quiet_s {
@@ -260,23 +262,30 @@ impl Inbox {
     }
 }
 
-/// Adds the files in `folder/way` and in the folders below it, and to `staying` what cannot be
-/// looked into. A folder moved in brings one event and none for its files, so its files are looked
-/// for and not waited for.
+/// What is in the inbox, by the way there.
+#[derive(Default)]
+struct Collected {
+    found: Vec<(PathBuf, Look)>,
+    /// What cannot be looked into, and why.
+    staying: BTreeMap<PathBuf, String>,
+    folders: Vec<PathBuf>,
+}
+
+/// Adds the files in `folder/way` and in the folders below it to `all`. A folder moved in brings
+/// one event and none for its files, so its files are looked for and not waited for.
 fn collect(
     files: &Files,
     folder: &Path,
     way: &Path,
     depth: usize,
-    found: &mut Vec<(PathBuf, Look)>,
-    staying: &mut BTreeMap<PathBuf, String>,
+    all: &mut Collected,
 ) -> Result<(), FileError> {
     let at = if depth == 0 { folder.to_owned() } else { folder.join(way) };
     let listed = match files.list(&at) {
         Err(error) if depth > 0 => {
             // Else gone again, or changed into a link, since it was seen.
             if error.kind() == ErrorKind::PermissionDenied {
-                staying.insert(way.to_owned(), error.of_photo());
+                all.staying.insert(way.to_owned(), error.of_photo());
             }
             return Ok(());
         }
@@ -289,16 +298,17 @@ fn collect(
         let way = way.join(&name);
         if kind == FileKind::Folder {
             if depth < DEPTH_MAX {
-                collect(files, folder, &way, depth + 1, found, staying)?;
+                collect(files, folder, &way, depth + 1, all)?;
+                all.folders.push(way);
             }
             continue;
         }
         match files.look(&folder.join(&way)) {
-            Ok(look) if look.kind != FileKind::Folder => found.push((way, look)),
+            Ok(look) if look.kind != FileKind::Folder => all.found.push((way, look)),
             Ok(_) => {}
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => {
-                staying.insert(way, error.of_photo());
+                all.staying.insert(way, error.of_photo());
             }
         }
     }

@@ -1,0 +1,31 @@
+//! A rig's timing, as `relens check` finds it, is enough to measure the rig by.
+
+use std::path::Path;
+
+use relens::measurement::{calibrate, to_the_end};
+use relens::rig::simulated;
+use relens::{config, diagnosis};
+
+#[test]
+#[ignore = "a minute: the gate runs it"]
+fn with_the_settle_time_that_check_tells_a_rig_is_measured_as_with_a_long_one() {
+    for (latency, response) in [(2, 5.0), (6, 20.0)] {
+        let text = include_str!("../../rig-config/small.toml")
+            .replacen("latency-refreshes = 2", &format!("latency-refreshes = {latency}"), 1)
+            .replacen("response-ms = 5.0", &format!("response-ms = {response:.1}"), 1);
+        let mut file = config::parse(&text, "small.toml", Path::new("")).unwrap();
+        file.panel.settle_ms = 10.0;
+        let mut devices = simulated::open(&diagnosis::patient(&file)).unwrap().0;
+        let timing = diagnosis::measure(&mut devices, &file).unwrap();
+        let error_with = |settle_ms: f64| {
+            let mut file = file.clone();
+            file.panel.settle_ms = settle_ms;
+            let mut devices = simulated::open(&file).unwrap().0;
+            let made = calibrate(&mut devices, &file, None, &mut to_the_end);
+            made.unwrap_or_else(|e| panic!("{settle_ms} ms: {e}")).operator_error
+        };
+        let (told, long) = (error_with(timing.settle_to_write_ms()), error_with(1000.0));
+        println!("{latency} refreshes, {response} ms: {timing}{told:?} for {long:?}");
+        assert!(told.iter().zip(long).all(|(told, long)| *told < 1.05 * long), "{timing}");
+    }
+}
