@@ -195,23 +195,17 @@ fn white_at(
     delay_ms: f64,
     ends: &Ends,
 ) -> Result<[Option<f64>; BANDS], RigError> {
-    flip_and_wait(rig, 0)?;
+    let flip = rig.panel.show(&Codes::filled(rig.panel.size(), 0))?;
+    rig.clock.wait_until(Moment(flip.at.0 + rig.timing.settle_ms / 1e3));
     Ok(ends.shares(&after(rig, 255, delay_ms)?))
 }
 
 /// Both flips.
 fn trial(rig: &mut Devices, delay_ms: f64, ends: &Ends) -> Result<BothFlips, RigError> {
     let white = white_at(rig, delay_ms, ends)?;
-    flip_and_wait(rig, 255)?;
+    rig.clock.wait_until(Moment(rig.clock.now().0 + rig.timing.settle_ms / 1e3));
     let left = ends.shares(&after(rig, 0, delay_ms)?);
     Ok(BothFlips { delay_ms, white, left })
-}
-
-/// Shows `code` until nothing else is left.
-fn flip_and_wait(rig: &mut Devices, code: u8) -> Result<(), RigError> {
-    let flip = rig.panel.show(&Codes::filled(rig.panel.size(), code))?;
-    rig.clock.wait_until(Moment(flip.at.0 + rig.timing.settle_ms / 1e3));
-    Ok(())
 }
 
 /// The shortest settle time, in half refreshes, at which a run of captures brings no wrong frame.

@@ -41,6 +41,8 @@ pub enum BoxState {
 pub struct Requests {
     /// Restore what is waiting, or take a photo.
     pub go: bool,
+    /// Try again what somebody was needed for.
+    pub again: bool,
     /// Do not wait for the panel, or do not take the photo that is counted down to.
     pub put_off: bool,
     /// Leave maintenance, or enter it (held at start).
@@ -129,6 +131,10 @@ impl FrontPanel {
                 inner.requests.go = true;
                 inner.state = BoxState::Heard;
             }
+            (Press::Down, BoxState::Trouble) => {
+                inner.requests.again = true;
+                inner.state = BoxState::Heard;
+            }
             (Press::Down | Press::Long, BoxState::Counting) => {
                 inner.requests.put_off = true;
                 inner.state = BoxState::Heard;
@@ -142,7 +148,7 @@ impl FrontPanel {
                 inner.requests.go = false;
                 inner.state = BoxState::Ready;
             }
-            // A press during a job, while resting or in trouble changes nothing.
+            // A press during a job or while resting changes nothing.
             (Press::Down | Press::Short | Press::Long, _) => {}
         }
     }
@@ -181,6 +187,18 @@ mod tests {
         }
         assert!(!panel.has_requests() && !panel.cancelled());
         assert_eq!(panel.state(), BoxState::Working);
+    }
+
+    #[test]
+    fn a_press_in_trouble_asks_to_try_again_and_for_no_photo() {
+        let panel = FrontPanel::default();
+        panel.set(BoxState::Trouble);
+        panel.press(Press::Down);
+        panel.press(Press::Short);
+        assert_eq!(panel.state(), BoxState::Heard);
+        assert_eq!(panel.take_requests(), Requests { again: true, ..Requests::default() });
+        panel.set(BoxState::Trouble);
+        assert_eq!(panel.state(), BoxState::Trouble, "it was no use");
     }
 
     #[test]

@@ -234,6 +234,25 @@ fn each_trouble_has_its_own_thing_to_do() {
 }
 
 #[test]
+fn a_press_tries_again_what_somebody_was_needed_for() {
+    let (root, front) = (fresh_root(), FrontPanel::default());
+    photos(root.path(), 1);
+    let failing = Brightener { failures: vec![Remedy::CallOperator], ..Brightener::default() };
+    let (mut press, mut done) = (press_at(20.0, Press::Down), f64::INFINITY);
+    let (summary, screens, _) =
+        attended(root.path(), Mode::Folder, failing, 120.0, &front, |now, front| {
+            press(now, front);
+            if !names(&root.path().join("done")).is_empty() {
+                done = done.min(now);
+            }
+        });
+    assert_eq!(summary.restored.len(), 1);
+    assert!((20.0..40.0).contains(&done), "done at {done} s");
+    let told = |s: &Screen| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains("A press"));
+    assert!(screens.iter().any(told), "{screens:?}");
+}
+
+#[test]
 fn trouble_is_on_the_panel_with_what_to_do_and_clears_itself() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);

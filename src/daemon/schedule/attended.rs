@@ -35,6 +35,9 @@ const RESULT_HINT: &str = "The result is in the outbox.";
 /// … and where they are taken.
 const AIM: &str = "Aim at what you want to keep, then press the button.";
 
+/// What ends a trouble.
+const AGAIN: &str = "A press of the button tries again at once.";
+
 /// What is said of it.
 const STILL: &str = "the button and the lamps do not answer";
 
@@ -132,12 +135,13 @@ impl<'a> Attended<'a> {
         if cancelled {
             self.asked_for = 0;
         }
-        if requests.go {
+        let pressed = requests.go || requests.again;
+        if pressed {
             self.inner.told(Event::Pressed, rig);
         }
         match &mut self.shooting {
             Some(shooting) => shooting.heard(requests.go, requests.put_off || cancelled),
-            None if requests.go => self.asked_for = waiting,
+            None if pressed => self.asked_for = waiting,
             None => {}
         }
         match requests.maintenance {
@@ -311,7 +315,8 @@ impl Schedule for Attended<'_> {
                 if let Some(shooting) = &mut self.shooting {
                     shooting.held();
                 }
-                let (what, to_do) = (full_message(error), error.what_to_do().to_owned());
+                let (what, to_do) = (full_message(error), error.what_to_do());
+                let to_do = format!("{to_do} {AGAIN}");
                 self.show(Screen::Trouble { what, to_do }, BoxState::Trouble, rig);
             }
             Event::KeptWaiting { .. } | Event::Pressed => {}
