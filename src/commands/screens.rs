@@ -30,15 +30,16 @@ pub(super) struct ScreensOptions {
 
 /// Draws one screen of each kind for the rig's panel.
 pub(super) fn run(options: &ScreensOptions) -> Result<(), CliError> {
-    let rig = config::load(&options.rig.rig)?;
+    // Also of a rig whose devices this program knows nothing of: its panel is looked at beforehand.
+    let [panel, camera] = config::sizes(&options.rig.rig)?;
     let out = &options.out;
     std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, e))?;
-    let picture = Scene::Astronaut.codes(rig.photo.size());
+    let picture = Scene::Astronaut.codes(camera);
     let picture: Frame<Work> =
         Frame::from_fn(|c| picture.plane(c).map(|v| 255.0 * (v / 255.0).max(0.0).powf(2.2)));
     let manner = Manner::plain(Format::Png, 8, Curve::Linear);
     for (name, screen) in examples() {
-        let codes = draw(&screen, rig.panel.size(), Some((&picture, &picture)));
+        let codes = draw(&screen, panel, Some((&picture, &picture)));
         // Codes as they are: the file's viewer is the panel.
         let light: Frame<Work> = Frame::from_fn(|c| codes.plane(c).map(f32::from));
         let path = out.join(format!("{name}.png"));
