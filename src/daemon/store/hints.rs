@@ -62,13 +62,11 @@ impl Hints {
         let mut heard = false;
         while let Ok(event) = events.next() {
             heard = true;
-            if let Some(name) =
-                event.file_name().filter(|_| event.events().contains(ReadFlags::MOVED_TO))
+            let moved = event.events().contains(ReadFlags::MOVED_TO);
+            if let Some(name) = event.file_name().filter(|_| moved)
+                && let Some(way) = self.ways.borrow().get(&event.wd())
             {
-                if let Some(way) = self.ways.borrow().get(&event.wd()) {
-                    let moved = way.join(OsStr::from_bytes(name.to_bytes()));
-                    self.moved.borrow_mut().insert(moved);
-                }
+                self.moved.borrow_mut().insert(way.join(OsStr::from_bytes(name.to_bytes())));
             }
         }
         heard
