@@ -68,6 +68,8 @@ impl Pipeline {
             model_error: 0.0,
             light: if has_a_say { placed as f32 } else { 0.0 },
             excess_light: if has_a_say { (made - placed) as f32 } else { 0.0 },
+            // In codes as all of it, and not asked.
+            contrast: f32::INFINITY,
         }
     }
 }

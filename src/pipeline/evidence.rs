@@ -142,6 +142,7 @@ fn left_of(
         model_error: missed * untouched,
         light: if has_a_say { light } else { 0.0 },
         excess_light: if has_a_say { excess_light } else { 0.0 },
+        contrast: rms_over_data(&placed.map(|v: f32| v - light), &trust),
     }
 }
 

@@ -35,6 +35,11 @@ impl Grain {
         Grain { result: grain(result, &flat), photo: grain(photo, &flat) }
     }
 
+    /// Whether the result is rid of grain that is seen in the photo.
+    pub(super) fn is_cleared(&self) -> bool {
+        self.photo > SEEN && TIMES_THE_PHOTO_S * self.result < self.photo
+    }
+
     /// Whether it harms, where limits are `share` of what they are.
     pub(super) fn harms(&self, share: f32) -> bool {
         let fine =

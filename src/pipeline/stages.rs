@@ -20,6 +20,8 @@ const FEW_NOISES: f32 = 2.0;
 /// itself. On the group of limits no harmless result without a fault leaves more than 0.85, and
 /// harmful ones that nothing else tells leave 1.25.
 const NO_GAIN: f32 = 1.05;
+/// A result that leaves this share of the photo's contrast found nothing but noise in it. Guess.
+const ALL_NOISE: f32 = 0.95;
 
 /// A photo as the solver takes it.
 #[derive(Clone)]
@@ -142,6 +144,8 @@ pub struct Residuals {
     pub light: f32,
     /// Mean of K̂L − B there.
     pub excess_light: f32,
+    /// RMS of B about its mean there.
+    pub contrast: f32,
 }
 
 impl Residuals {
@@ -179,7 +183,11 @@ impl Evidence {
     pub(super) fn gains_nothing(&self) -> bool {
         // Green, or the one channel of a grey photo.
         let luma = self.channels.get(self.channels.len() / 2);
-        luma.is_some_and(|of| of.model > NO_GAIN * of.untouched)
+        luma.is_some_and(|of| {
+            // A noisy photo is better for the noise that is taken out, if there is more in it.
+            let is_cleared = self.grain.is_cleared() && of.model <= ALL_NOISE * of.contrast;
+            of.model > NO_GAIN * of.untouched && !is_cleared
+        })
     }
 
     /// The model residual over its floor, and over the untouched photo's; of the channel
