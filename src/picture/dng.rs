@@ -10,8 +10,9 @@ mod write;
 
 use super::Flaw;
 use super::tiff::{
-    COMPRESSION, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH, NEW_SUBFILE_TYPE, ROWS_PER_STRIP,
-    STRIP_BYTE_COUNTS, STRIP_OFFSETS,
+    BITS_PER_SAMPLE, COMPRESSION, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH,
+    NEW_SUBFILE_TYPE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, STRIP_BYTE_COUNTS, STRIP_OFFSETS,
+    SUB_DIRECTORIES,
 };
 use crate::frame::{FULL_SCALE, Mosaic, Plane, Rect, Size};
 use blocks::SiteBlocks;
@@ -21,16 +22,12 @@ pub use colours::CameraColours;
 use directory::Directory;
 pub use write::Dng;
 
-const BITS_PER_SAMPLE: u16 = 258;
-const PHOTOMETRIC: u16 = 262;
 const FILL_ORDER: u16 = 266;
 const DESCRIPTION: u16 = 270;
 const MAKE: u16 = 271;
 const MODEL: u16 = 272;
 const ORIENTATION: u16 = 274;
 const SAMPLES_PER_PIXEL: u16 = 277;
-const SUB_DIRECTORIES: u16 = 330;
-const SAMPLE_FORMAT: u16 = 339;
 const CFA_REPEAT: u16 = 33421;
 const CFA_PATTERN: u16 = 33422;
 const DNG_VERSION: u16 = 50706;

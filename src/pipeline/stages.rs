@@ -232,3 +232,29 @@ pub(super) struct Reference {
     pub(super) solved: Solved,
     pub(super) evidence: Evidence,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_noisy_photo_gains_by_the_grain_that_is_taken_out_unless_it_is_nothing_but_noise() {
+        // A right result leaves the noise, which is more than the photo leaves itself.
+        let gains_nothing = |photo: f32, result: f32, contrast: f32| {
+            let luma = Residuals {
+                model: 2.3,
+                untouched: 2.1,
+                photo_noise: 2.2,
+                model_error: 0.1,
+                light: 90.0,
+                excess_light: 0.0,
+                contrast,
+            };
+            Evidence { channels: vec![luma], grain: Grain { result, photo } }.gains_nothing()
+        };
+        assert!(!gains_nothing(6.0, 1.0, 10.0), "a noisy sky");
+        assert!(gains_nothing(1.0, 0.3, 10.0), "of a calm photo there is no grain to take out");
+        assert!(gains_nothing(6.0, 4.0, 10.0), "and here it was not");
+        assert!(gains_nothing(6.0, 1.0, 2.4), "noise alone");
+    }
+}
