@@ -19,13 +19,22 @@ use crate::Failure;
 use crate::colour::{INKED, scenes};
 use crate::made::Made;
 
-/// The independent study's four, 4:4:4 and 4:2:0.
-const QUALITIES: [Quality; 4] = [
-    Quality { quality: 95, pixels: (1, 1) },
-    Quality { quality: 90, pixels: (2, 2) },
-    Quality { quality: 85, pixels: (2, 2) },
-    Quality { quality: 60, pixels: (2, 2) },
-];
+/// How a photo comes to be a file.
+pub(crate) struct FileCoding {
+    pub(crate) name: String,
+    /// The file of a camera's codes.
+    pub(crate) file: fn(&Self, &Frame<Work, u8>) -> Result<Vec<u8>, Failure>,
+    pub(crate) quality: Quality,
+}
+
+/// The independent study's four, 4:4:4 and 4:2:0, by the laboratory's own coder.
+fn studied() -> Vec<FileCoding> {
+    let of = |quality, pixels| {
+        let quality = Quality { quality, pixels: (pixels, pixels) };
+        FileCoding { name: quality.name(), file: |of, codes| Ok(coded(codes, of.quality)), quality }
+    };
+    vec![of(95, 1), of(90, 2), of(85, 2), of(60, 2)]
+}
 
 /// SSIM of luminance, RGB dB, ΔE.
 type Scores = [f64; 3];
@@ -35,8 +44,24 @@ fn scores(picture: &Looks, scene: &Looks) -> Scores {
     [found.ssim, found.rgb_db, found.difference]
 }
 
-/// The table on the simulated rig of `rig`.
+/// The table on the simulated rig of `rig`; `quick` takes `digital` alone.
 pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result<Made, Failure> {
+    let methods: &[MethodName] =
+        if quick { &[MethodName::Digital] } else { &[MethodName::Digital, MethodName::Hybrid] };
+    let tone = Tone::of_curve(rig.photo.curve, 8);
+    let mut scenes = scenes(rig.photo.size(), &tone, pictures)?;
+    // Photographs; a chart has hardly anything that coding keeps.
+    scenes.drain(..INKED);
+    costs(rig, "jpeg", (methods, &studied()), &scenes)
+}
+
+/// What `codings` cost photos of `scenes` by `methods` on the simulated rig of `rig`.
+pub(crate) fn costs(
+    rig: &RigFile,
+    stem: &str,
+    (methods, codings): (&[MethodName], &[FileCoding]),
+    scenes: &[(String, Frame<Work>)],
+) -> Result<Made, Failure> {
     let (mut devices, witness) = open(rig)?;
     let calibration = calibrate(&mut devices, rig, None, &mut to_the_end)?;
     let pipeline = Pipeline::new(rig, &calibration)?;
@@ -57,15 +82,10 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
         "stated",
     ];
     let mut means = Table::new(words, &head);
-    let methods: &[MethodName] =
-        if quick { &[MethodName::Digital] } else { &[MethodName::Digital, MethodName::Hybrid] };
-    let mut scenes = scenes(rig.photo.size(), &tone, pictures)?;
-    // Photographs; a chart has hardly anything that coding keeps.
-    scenes.drain(..INKED);
     for &which in methods {
         let solver = method(rig, which);
         // Photo, decoded and stated of each scene, one list a coding.
-        let mut all: Vec<Vec<[Scores; 3]>> = vec![Vec::new(); QUALITIES.len()];
+        let mut all: Vec<Vec<[Scores; 3]>> = vec![Vec::new(); codings.len()];
         let mut gain = 0.0;
         for (n, (name, light)) in scenes.iter().enumerate() {
             let codes = witness.photograph(light, PHOTO_SEED + n as u64);
@@ -90,29 +110,34 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
             };
             told("none", "photo", untouched, None);
             told("none", "decoded", best, None);
-            for (quality, all) in QUALITIES.into_iter().zip(&mut all) {
-                let file = coded(&codes, quality);
+            for (coding, all) in codings.iter().zip(&mut all) {
+                let file = (coding.file)(coding, &codes)?;
                 let curve = Curve::Srgb;
                 let photo = Photo::from_bytes("photo.jpg", &file, curve, &Limits::default())?;
-                let stated = photo.coding.as_ref().ok_or("a JPEG that states nothing")?;
                 let prepared = pipeline.prepare(&photo.light, Channels::Colour);
                 let decoded = solve(&mut devices, &prepared)?;
-                let both = (stated, &photo.manner.tone);
-                let prepared = pipeline.prepare_coded(&photo.light, Channels::Colour, both);
-                let stated = solve(&mut devices, &prepared)?;
+                // No other file states anything.
+                let stated = match &photo.coding {
+                    None => decoded,
+                    Some(stated) => {
+                        let both = (stated, &photo.manner.tone);
+                        let coded = pipeline.prepare_coded(&photo.light, Channels::Colour, both);
+                        solve(&mut devices, &coded)?
+                    }
+                };
                 let before = scored(&photo.light);
                 let kept = |of: Scores| Some((of[0] - before[0]) / (best[0] - untouched[0]));
-                let coding = quality.name();
-                told(&coding, "photo", before, None);
-                told(&coding, "decoded", decoded, kept(decoded));
-                told(&coding, "stated", stated, kept(stated));
+                let coding = &coding.name;
+                told(coding, "photo", before, None);
+                told(coding, "decoded", decoded, kept(decoded));
+                told(coding, "stated", stated, kept(stated));
                 all.push([before, decoded, stated]);
             }
         }
         let mean = |of: &dyn Fn(usize) -> f64| {
             (0..scenes.len()).map(of).sum::<f64>() / scenes.len().max(1) as f64
         };
-        for (quality, all) in QUALITIES.into_iter().zip(&all) {
+        for (coding, all) in codings.iter().zip(&all) {
             let kept =
                 |way: usize| mean(&|n| all[n][way][0] - all[n][0][0]) * scenes.len() as f64 / gain;
             let apart = |way: usize| format!("{:.2}", mean(&|n| all[n][way][2]));
@@ -120,7 +145,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
                 |way: usize| all.iter().filter(|of| of[way][2] > of[0][2]).count().to_string();
             means.row(vec![
                 which.name().to_owned(),
-                quality.name(),
+                coding.name.clone(),
                 format!("{:.2}", kept(1)),
                 format!("{:.2}", kept(2)),
                 apart(0),
@@ -131,6 +156,6 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
             ]);
         }
     }
-    let stem = format!("{}-jpeg", rig.name);
+    let stem = format!("{}-{stem}", rig.name);
     Ok(Made { tables: vec![(format!("{stem}-scenes"), table), (stem, means)], ..Made::default() })
 }

@@ -10,6 +10,7 @@ mod conditions;
 mod figures;
 mod harness;
 mod jpeg;
+mod jpeg_files;
 mod judging;
 mod ladder;
 mod likeness;
@@ -82,6 +83,8 @@ enum Experiment {
     ColourPairs,
     /// What coding photos as JPEGs costs, taken as decoded and as what the files state
     Jpeg,
+    /// The same of another coder's files, and of pictures that were coded before
+    JpegFiles,
     /// What a camera costs that codes its frames as JPEG
     Mjpeg,
     /// Every method under every fault: where it harms, and whether the box notices
@@ -119,8 +122,8 @@ fn main() -> ExitCode {
 
 fn run(words: &Words) -> Result<(), Failure> {
     use Experiment::{
-        Captures, Colour, ColourCrops, ColourPairs, Conditions, Figures, Jpeg, Judging, Ladder,
-        Mjpeg, Peers, Regimes, Sizes, Stability, Worth, WrongModels,
+        Captures, Colour, ColourCrops, ColourPairs, Conditions, Figures, Jpeg, JpegFiles, Judging,
+        Ladder, Mjpeg, Peers, Regimes, Sizes, Stability, Worth, WrongModels,
     };
     let Words { what, out, quick, rows, pictures, .. } = words;
     if let Some(group) = words.group {
@@ -148,6 +151,7 @@ fn run(words: &Words) -> Result<(), Failure> {
         ColourCrops => colour_crops::run(&rig),
         ColourPairs => colour_pairs::run(&rig, *quick),
         Jpeg => jpeg::run(&rig, *quick, pictures.as_deref()),
+        JpegFiles => jpeg_files::run(&rig, *quick),
         Mjpeg => mjpeg::run(&rig, *quick, pictures.as_deref()),
         Stability if !rows.is_empty() => Ok(stability::redrawn(&rig, &rows)),
         Stability => stability::run(&rig, *quick, out),
