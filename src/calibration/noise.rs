@@ -20,6 +20,11 @@ impl Noise {
         (self.at_black + self.per_level * light).max(0.0).sqrt()
     }
 
+    /// So many times the power: of that without light, and of what light adds.
+    pub fn times(&self, [black, light]: [f32; 2]) -> Noise {
+        Noise { at_black: black * self.at_black, per_level: light * self.per_level }
+    }
+
     /// The light that adds as much noise as there is without light, grey levels; infinite where
     /// noise does not depend on light.
     pub fn dark_light(&self) -> f32 {

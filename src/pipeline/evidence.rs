@@ -6,6 +6,7 @@
 //! | the same of the untouched photo | how much there was to gain, and whether noise hides it |
 //! | distance from the reference solution, colours too | noise and ringing that the lens hides |
 //! | grain of the flat parts, as it looks | the same, at the finest scale |
+//! | colours that alternate finer than lightness | channels that another lens blurred otherwise |
 //! | light more or less than the photo's | captures of a panel that is not as bright as it was |
 //!
 //! The *reference solution* is what total variation makes of the photo with the measured lens
@@ -19,6 +20,7 @@ use rayon::prelude::*;
 
 use super::Pipeline;
 use super::distance::lightness;
+use super::fine_colour::FineColour;
 use super::grain::Grain;
 use super::stages::{Evidence, Prepared, Residuals, Solved};
 use crate::deconvolution::data_term::{MISSING, SATURATED, residual_in_place, rms_over_data};
@@ -35,13 +37,16 @@ impl Pipeline {
     /// What can be known of what was `solved` for `photo`, by the lens as its captures say it is.
     pub(super) fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
         let photo_seen = lightness(&photo.photo, photo.channels);
-        let grain =
-            Grain::of(&lightness(&solved.picture, photo.channels), &photo_seen, &photo_seen);
+        let result = lightness(&solved.picture, photo.channels);
+        let grain = Grain::of(&result, &photo_seen, &photo_seen);
+        let cleared = Grain::of(&result, &photo_seen, &result);
+        let fine_colour = FineColour::of(&solved.picture, photo.channels);
         let seen = match &solved.solution.predicted {
             Some(predicted) => Cow::Borrowed(predicted),
             None => Cow::Owned(solved.lens.seen(photo.channels.list(), &solved.solution.picture)),
         };
-        Evidence { channels: self.residuals(photo, &solved.lens, &seen), grain }
+        let channels = self.residuals(photo, &solved.lens, &seen);
+        Evidence { channels, grain, cleared, fine_colour }
     }
 
     /// What `lens` leaves unexplained of `photo`, channel by channel, where the candidate is `seen`

@@ -64,15 +64,7 @@ impl Pipeline {
         noise: &(dyn Fn(Channel, f32) -> f32 + Sync),
     ) -> Option<PhotoFocus> {
         let series = self.focuses.series()?;
-        let found = series.find(&FocusData {
-            photo: &photo.placed,
-            trust: &photo.trust,
-            rect: photo.rect,
-            mosaic: photo.mosaic,
-            filled_in: photo.filled_in.is_some(),
-            channels: photo.channels,
-            noise,
-        })?;
+        let found = series.find(&photo.focus_data(noise))?;
         let FoundFocus { depths, of_place } = found;
         let measured = |n: usize| &self.focuses.0[n];
         let lenses: Vec<LensFunctions> = depths
@@ -100,6 +92,24 @@ impl Pipeline {
             level_norms,
             at_sites: at_sites.map_or_else(OnceLock::new, OnceLock::from),
         })
+    }
+}
+
+impl Prepared<'_> {
+    /// What its spectra are asked by, its noise at a light being `noise`.
+    pub(super) fn focus_data<'a>(
+        &'a self,
+        noise: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
+    ) -> FocusData<'a> {
+        FocusData {
+            photo: &self.placed,
+            trust: &self.trust,
+            rect: self.rect,
+            mosaic: self.mosaic,
+            filled_in: self.filled_in.is_some(),
+            channels: self.channels,
+            noise,
+        }
     }
 }
 

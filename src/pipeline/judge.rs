@@ -9,9 +9,10 @@
 use std::sync::Arc;
 
 use super::distance::{colour_distance, distance, lightness};
+use super::fine_colour::FineColour;
 use super::grain::Grain;
 use super::lens_alone::{Left, foreign, past};
-use super::stages::{Evidence, LensAlone, Prepared, Solved};
+use super::stages::{EXCESS_LIGHT, Evidence, LensAlone, Prepared, Solved};
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
@@ -30,10 +31,6 @@ const DISTANCE_CERTIFIED: f64 = 2.0;
 const DISTANCE_DOUBTED: f64 = 1.0;
 /// Optical residual over its floor that certifies a result.
 const CERTIFIED_RATIO: f32 = 1.5;
-/// By what share a result's light may differ from the photo's: captures of a panel that dims lead
-/// it astray. On the laboratory's group of limits sound results are off by 2.7 % at the most,
-/// harmful ones by 5.8 % at the least (`tests/tables/judging.md`).
-const EXCESS_LIGHT: f32 = 0.04;
 /// A method that starts from the lens model is compared with the reference solution only when it
 /// leaves more than this share of what no scene leaves ([`super::lens_alone`]);
 const SUSPECT_UNEXPLAINED: f32 = 0.764;
@@ -42,6 +39,10 @@ const SUSPECT_RATIO: f32 = 3.0;
 /// or where the photo is flat its grain is past this share of what harms where the reference
 /// solution is flat. Guess.
 const SUSPECT_GRAIN: f32 = 0.9;
+/// Why a photo of a sharper lens is left.
+pub(super) const SHARPER: &str = "the photo is far sharper than the measured lens makes any, as a \
+                                  lens stopped down or another one does; what would be made of it \
+                                  would overshoot";
 /// Why a photo is left of which neither method nor reference solution makes more.
 const NOTHING_GAINED: &str = "what the lens did to this photo cannot be told from the photo's \
                               noise; any restoration would be made of that noise";
@@ -66,6 +67,12 @@ impl Pipeline {
         watch: &mut Watch<'_>,
     ) -> Result<Outcome, MethodError> {
         let evidence = self.evidence(photo, solved);
+        if photo.is_sharper {
+            let untouched = Outcome::untouched(photo.photo.as_ref().clone(), SHARPER);
+            let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
+            let evidence = Some(Evidence { grain, ..evidence });
+            return Ok(Outcome { evidence, captures: solved.captures, ..untouched });
+        }
         if !is_suspect(photo, solved, &evidence) {
             return Ok(Outcome::of(solved, evidence));
         }
@@ -89,7 +96,7 @@ impl Pipeline {
                 let untouched =
                     Outcome::untouched(photo.photo.as_ref().clone(), foreign(photo, left));
                 let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
-                let evidence = Some(Evidence { channels: left.clone(), grain });
+                let evidence = Some(Evidence { channels: left.clone(), grain, ..evidence });
                 return Ok(Outcome { evidence, captures, ..untouched });
             }
         };
@@ -160,6 +167,7 @@ fn is_suspect(photo: &Prepared<'_>, solved: &Solved, evidence: &Evidence) -> boo
         && solved.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
         && !evidence.grain.harms(SUSPECT_GRAIN)
         && evidence.excess_light() <= EXCESS_LIGHT
+        && !evidence.fine_colour.is_dotted()
         && !evidence.gains_nothing();
     !believed
 }
@@ -214,6 +222,14 @@ fn harmful(
             100.0 * found,
             100.0 * allowed
         ));
+    }
+    if evidence.fine_colour.harms(FineColour::of(&reference.picture, photo.channels)) {
+        return Some(
+            "the result's colours alternated from pixel to pixel where its lightness did not, as \
+             of a photo out of focus, and what the measured lens alone makes of the photo is \
+             returned in its place"
+                .to_owned(),
+        );
     }
     let seen = |picture: &Frame<Work>| lightness(picture, photo.channels);
     let grain = Grain::of(&seen(&solved.picture), &seen(&photo.photo), &seen(&reference.picture));

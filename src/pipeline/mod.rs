@@ -8,6 +8,7 @@ mod beyond_steps;
 mod distance;
 mod dot_test;
 mod evidence;
+mod fine_colour;
 mod focus;
 mod grain;
 mod judge;
@@ -23,6 +24,7 @@ mod solve;
 mod stages;
 
 pub use dot_test::BackwardCheck;
+pub use fine_colour::FineColour;
 pub use grain::Grain;
 pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use outcome::{

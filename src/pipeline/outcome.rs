@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
+use super::judge::SHARPER;
 use super::stages::{Evidence, Prepared, Solved};
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
@@ -147,6 +148,8 @@ impl Pipeline {
         let begun = (self.stopwatch)();
         let (mut outcome, solved) = if photo.is_blank() {
             (Outcome::untouched(photo.photo.as_ref().clone(), self.why_blank(photo)), None)
+        } else if photo.is_sharper {
+            (Outcome::untouched(photo.photo.as_ref().clone(), SHARPER), None)
         } else if self.is_coded_away(photo) {
             (Outcome::untouched(photo.photo.as_ref().clone(), CODED_AWAY), None)
         } else {

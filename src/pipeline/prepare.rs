@@ -24,6 +24,7 @@ use crate::calibration::{Noise, SiteGains};
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::detail_mask::NoisyPlane;
+use crate::deconvolution::focus::{is_sharper, noise_powers};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::ladder::{Rung, is_blank};
 use crate::deconvolution::rounded::Rounded;
@@ -127,6 +128,8 @@ impl Pipeline {
             stated: None,
             rounded: None,
             focus: None,
+            times_noise: 1.0,
+            is_sharper: false,
             lens_alone: OnceLock::new(),
             untouched: OnceLock::new(),
         }
@@ -211,7 +214,8 @@ impl Pipeline {
     /// only; between them it holds something to begin with
     /// ([`Mosaic::interpolated`](crate::frame::Mosaic::interpolated)). The sites are divided by the
     /// sensor's pattern, and bad ones are missing. The noise is what is stated of the sites, if it
-    /// is not less than [`AVERAGED_MIN`] allows, or the sensor's.
+    /// is not less than [`AVERAGED_MIN`] allows, or the sensor's, or what their spectrum shows
+    /// where that is far more: the gain may have been another.
     pub fn prepare_raw<'a>(&self, photo: &'a Frame<Work>, raw: RawSites) -> Prepared<'a> {
         let (_, rect) = data_term::canvas_of(photo.size(), self.correction.layout().margin_px);
         let straight = self.straightened(photo, Some(FULL_SCALE * raw.counts_per_level));
@@ -232,7 +236,19 @@ impl Pipeline {
                     .for_each(|(_, trust)| *trust = MISSING);
             }
         }
-        let own = self.noise_at(&raw);
+        let mosaic = Some(mosaic);
+        let mut prepared = Prepared { photo, trust, mosaic, coded: false, ..prepared };
+        let mut own = self.noise_at(&raw);
+        if raw.noise.is_none()
+            && let Some(powers) = self.powers_of_noise(&prepared, &own)
+        {
+            let mean = |c: Channel| prepared.photo.plane(c).mean() as f32;
+            let green = mean(Channel::Green);
+            let before = own[Channel::Green.index()].sigma(green);
+            own = own.map(|noise| noise.times(powers));
+            prepared.times_noise = own[Channel::Green.index()].sigma(green) / before;
+            prepared.dark_light = own.map(|noise| noise.dark_light());
+        }
         let noise_at = |c: Channel, light: f32| {
             let one = own[c.index()].sigma(light);
             raw.noise.map_or(one, |stated| {
@@ -241,11 +257,21 @@ impl Pipeline {
                 stated.max(AVERAGED_MIN.sqrt() * one)
             })
         };
-        let noise = Channel::ALL.map(|c| noise_at(c, photo.plane(c).mean() as f32));
-        let mosaic = Some(mosaic);
-        let mut prepared = Prepared { photo, trust, mosaic, noise, coded: false, ..prepared };
+        prepared.noise = Channel::ALL.map(|c| noise_at(c, prepared.photo.plane(c).mean() as f32));
         prepared.focus = self.focus_of(&prepared, &noise_at);
+        // By a focus that is none it may look so, and by noise that is not quite the sensor's.
+        let lenses = [&self.model, self.lens_of(&prepared)];
+        let lenses = if prepared.focus.is_none() { &lenses[..1] } else { &lenses };
+        let data = prepared.focus_data(&noise_at);
+        prepared.is_sharper = prepared.times_noise == 1.0
+            && lenses.iter().all(|lens| is_sharper(lens.functions(), &data));
         prepared
+    }
+
+    /// How many times the power of its sensor's `own` noise `photo` has, where that shows.
+    fn powers_of_noise(&self, photo: &Prepared<'_>, own: &[Noise; 3]) -> Option<[f32; 2]> {
+        let noise_at = |c: Channel, light: f32| own[c.index()].sigma(light);
+        noise_powers(self.model.functions(), &photo.focus_data(&noise_at))
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera

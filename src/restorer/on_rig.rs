@@ -295,6 +295,13 @@ impl Restorer for OnRig {
                         taken as its decoder shows it, not as what its file states";
             outcome.notes.push(told.to_owned());
         }
+        if prepared.times_noise > 1.0 {
+            outcome.notes.push(format!(
+                "the photo has about {:.0} times the noise of this rig's sensor as it was \
+                 measured, as at a higher gain: it is restored by that",
+                prepared.times_noise
+            ));
+        }
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
             let pair = [&photo.light, &outcome.picture].map(|light| photo.as_looked_at(light));

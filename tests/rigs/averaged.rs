@@ -2,10 +2,11 @@
 //! and they are restored by that.
 
 use relens::chart::scenes::Scene;
-use relens::config::{Curve, RigFile};
+use relens::config::{Curve, Kind, Lens, RigFile};
 use relens::frame::{Channel, Frame, PhotoGrid, RawSites, Work};
 use relens::picture::{Limits, Photo};
 use relens::pipeline::AVERAGED_MIN;
+use relens::pipeline::Verdict;
 use relens::restorer::photo_file::{SensorFacts, raw_file};
 use relens::rig::exposure::Devices;
 use relens::rig::shoot::{CountRange, SiteNoise, shoot};
@@ -161,8 +162,37 @@ fn a_gain_that_the_rig_does_not_know_is_told_by_the_file_and_nonsense_is_not_bel
     let (photo, other) = (bed.take(1, 0), bed.take(1, 0));
     let present = noise_present(&photo, &other);
     let (_, used, scored) = bed.restored(&photo);
-    let (_, _, unstated) = bed.restored(&saying(&photo, None));
-    println!("16 times the gain: noise {present:.3}, used {used:.2}; {scored:.4?}, {unstated:.4?}");
+    let (outcome, found, unstated) = bed.restored(&saying(&photo, None));
+    println!("16 times the gain: noise {present:.3}");
+    println!("stated {used:.2}, {scored:.4?}; not stated {found:.2}, {unstated:.4?}");
     assert!(near(used, present), "{used} used, {present} present");
-    assert!(scored[0] > unstated[0] && scored[1] > unstated[1], "{scored:?} {unstated:?}");
+    // Where no file says it, the photo does.
+    assert!(near(found, present), "{found} found, {present} present");
+    assert!(outcome.notes.iter().any(|note| note.contains("as at a higher gain")), "{outcome:?}");
+    let alike = [0.003, 0.2].into_iter().zip(scored.into_iter().zip(unstated));
+    assert!(alike.into_iter().all(|(by, (a, b))| (a - b).abs() < by), "{scored:?} {unstated:?}");
+}
+
+#[test]
+#[ignore = "a minute: the gate runs it"]
+fn a_photo_through_the_lens_stopped_down_is_left_as_it_is() {
+    let slots = tempfile::tempdir().unwrap();
+    let mut bed = NoisyRig::new(slots.path());
+    let photo = bed.take(1, 0);
+    let (wide, _, wide_scored) = bed.restored(&saying(&photo, None));
+    assert_ne!(wide.verdict, Verdict::Untouched, "{}", wide.reason);
+    let mut stopped = bed.file.clone();
+    if let Kind::Simulated(simulation) = &mut stopped.kind
+        && let Lens::Prescription(lens, _) = &mut simulation.lens
+    {
+        lens.stop_diameter_mm /= 2.5;
+    }
+    (bed.devices, bed.witness) = simulated::open(&stopped).unwrap();
+    bed.witness.put_before_lens(Some(&bed.scene));
+    let photo = bed.take(1, 0);
+    let (outcome, _, scored) = bed.restored(&saying(&photo, None));
+    println!("wide open {wide_scored:.4?}, stopped down {scored:.4?}: {}", outcome.reason);
+    assert_eq!(outcome.verdict, Verdict::Untouched);
+    assert!(outcome.reason.contains("far sharper"), "{}", outcome.reason);
+    assert_eq!(outcome.captures, 0, "told before anything is shown");
 }

@@ -89,6 +89,26 @@ pub(super) fn likeliest(
     best
 }
 
+/// The power over that of the noise at the frequencies to which a `scene` behind a lens that lets
+/// `passed` through brings less than `share` of the noise.
+pub(super) fn noise_alone<'a>(
+    at: &'a Frequencies,
+    spectrum: &'a TileSpectrum,
+    passed: &'a [f32],
+    PowerLaw { ln_power, exponent }: PowerLaw,
+    share: f32,
+) -> impl Iterator<Item = f32> + 'a {
+    let brought = move |&n: &u32| {
+        let ln = f64::from(at.ln[n as usize]);
+        (ln_power - exponent * ln).exp() as f32 * passed[n as usize]
+    };
+    let each = at.aliases.chunks_exact(at.folds).zip(&spectrum.power);
+    each.filter_map(move |(aliases, &power)| {
+        let expected = at.share * aliases.iter().map(brought).sum::<f32>();
+        (expected < share * spectrum.noise).then_some(power / spectrum.noise)
+    })
+}
+
 /// −ln likelihood of a scene, and the change of ln A and b that Fisher's scoring calls for.
 struct Scored {
     cost: f64,

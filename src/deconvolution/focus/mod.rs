@@ -13,10 +13,12 @@
 mod likelihood;
 mod optics;
 mod spectra;
+mod spectral_doubt;
 mod two_depths;
 
 pub(crate) use optics::OpticsAtFocus;
 pub use spectra::FocusData;
+pub use spectral_doubt::{is_sharper, noise_powers};
 
 use rayon::prelude::*;
 

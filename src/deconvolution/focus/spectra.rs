@@ -84,6 +84,13 @@ pub(super) struct TileSpectrum {
     pub(super) folding: Folding,
 }
 
+impl TileSpectrum {
+    /// The same as of a sensor of so many times the noise power.
+    pub(super) fn noisier(&self, times: f32) -> TileSpectrum {
+        TileSpectrum { power: self.power.clone(), noise: times * self.noise, ..*self }
+    }
+}
+
 /// Where tiles lie, and their transforms.
 pub(super) struct Tiles {
     side: usize,
@@ -275,6 +282,28 @@ impl Transfers {
 
     pub(super) fn members(&self) -> usize {
         self.of[0].len()
+    }
+
+    /// The same by the first member's functions, `width` times as wide: what they let through at a
+    /// frequency so many times as high, which is nothing past the pixels' highest.
+    pub(super) fn as_wide(&self, channel: Channel, width: f32, out: &mut Vec<f32>) {
+        let (side, of) = (self.side, &self.of[channel.index()][0]);
+        let signed = |n: usize| if n > side / 2 { n as f32 - side as f32 } else { n as f32 };
+        let at = |fx: f32, fy: f32| {
+            if fx.abs().max(fy.abs()) > (side / 2) as f32 {
+                return 0.0;
+            }
+            let index = |f: f32| (f as i32).rem_euclid(side as i32) as usize;
+            of[index(fx) * side + index(fy)].norm_sqr()
+        };
+        let between = |n: usize| {
+            let (fx, fy) = (width * signed(n / side), width * signed(n % side));
+            let (left, top) = (fx.floor(), fy.floor());
+            let row = |y: f32| at(left, y) + (fx - left) * (at(left + 1.0, y) - at(left, y));
+            row(top) + (fy - top) * (row(top + 1.0) - row(top))
+        };
+        let power: Vec<f32> = (0..side * side).map(between).collect();
+        smeared(&power, side, out);
     }
 
     /// Power let through at every frequency by functions that are `share` of the way from member

@@ -58,13 +58,32 @@ fn scene(seed: u64) -> Frame<Work> {
 
 /// `scene` seen at `offset`, with noise.
 fn photo(scene: &Frame<Work>, offset: f32, seed: u64) -> Frame<Work> {
-    let model = LensModel::new(SIZE, 0, &bells(offset)).unwrap();
+    taken(scene, &bells(offset), NOISE, seed)
+}
+
+/// `scene` seen through a lens of `functions`, with `noise`, grey levels.
+fn taken(scene: &Frame<Work>, functions: &LensFunctions, noise: f32, seed: u64) -> Frame<Work> {
+    let model = LensModel::new(SIZE, 0, functions).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     Frame::from_fn(|c| {
         let mut seen = Plane::zeros(SIZE);
         model.forward(c, scene.plane(c), &mut seen);
-        seen.data_mut().iter_mut().for_each(|v| *v += NOISE * gaussian(&mut random));
+        seen.data_mut().iter_mut().for_each(|v| *v += noise * gaussian(&mut random));
         seen
+    })
+}
+
+/// What is `said` of `photo`, all of it and as a sensor's sites know it.
+fn both<T>(photo: &Frame<Work>, said: impl Fn(&FocusData<'_>) -> T) -> [T; 2] {
+    [None, Some(Mosaic::Rggb)].map(|mosaic| {
+        let known = |c, x, y| mosaic.is_none_or(|of: Mosaic| of.colour_at(x, y) == c);
+        let trust =
+            &Frame::from_fn(|c| Plane::from_fn(SIZE, |x, y| u8::from(known(c, x, y)) * TRUSTED));
+        let rect = Rect { x: 0, y: 0, size: SIZE };
+        let [at_black, per_level] = POWERS;
+        let noise = &|_, light: f32| (at_black + per_level * light).sqrt();
+        let (channels, filled_in) = (Channels::Colour, false);
+        said(&FocusData { photo, trust, rect, mosaic, filled_in, channels, noise })
     })
 }
 
@@ -199,5 +218,60 @@ fn the_likeliest_scene_is_the_one_that_made_the_spectrum() {
         let other = PowerLaw::at(ln_power + a, exponent + b);
         let cost = likelihood::cost(at, &spectrum, &passed, other);
         assert!(cost > best, "{a} {b}");
+    }
+}
+
+/// Power of noise without light, and what a grey level adds: so that it is [`NOISE`] in the middle.
+const POWERS: [f32; 2] = [0.16, 0.002];
+
+#[test]
+fn a_photo_tells_how_much_more_noise_than_its_sensor_s_it_has() {
+    // As wide as the panel's focus makes it, and much narrower.
+    for offset in [0.03, 0.0] {
+        let lens = bells(offset);
+        // Without light and by light: the sensor's, a little more, a gain, read out more noisily.
+        for (seed, [black, light]) in [
+            (21, [1.0, 1.0]),
+            (22, [2.0, 2.0]),
+            (23, [64.0, 8.0]),
+            (24, [9.0, 9.0]),
+            (25, [99.0, 1.0]),
+        ] {
+            let clean = taken(&scene(seed), &lens, 0.0, seed);
+            let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+            let [at_black, per_level] = POWERS;
+            let noise = |level: f32| (black * at_black + light * per_level * level).sqrt();
+            let photo = Frame::from_fn(|c| {
+                clean.plane(c).map(|v: f32| v + noise(v.max(0.0)) * gaussian(&mut random))
+            });
+            for found in both(&photo, |data| noise_powers(&lens, data)) {
+                let Some([found_black, found_light]) = found else {
+                    assert!(black < 3.0, "{black}, {light} through {offset}");
+                    continue;
+                };
+                assert!(black > 3.0, "{black}, {light} through {offset}");
+                for level in clean.planes().each_ref().map(|plane| plane.mean() as f32) {
+                    let told = found_black * at_black + found_light * per_level * level;
+                    let times = told.sqrt() / noise(level);
+                    assert!((times - 1.0).abs() < 0.1, "{black}, {light} at {level}: {times}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_photo_of_a_lens_stopped_down_is_sharper_and_one_out_of_focus_or_noisy_is_not() {
+    let (measured, narrow) = (bells(0.03), bells(0.0));
+    let (narrower, wider) = (bells(0.015), bells(0.06));
+    for seed in 31..35 {
+        let is = |lens: &LensFunctions, noise: f32| {
+            let photo = taken(&scene(seed), lens, noise, seed);
+            both(&photo, |data| is_sharper(&measured, data))
+        };
+        assert_eq!(is(&measured, NOISE), [false; 2], "{seed}");
+        assert_eq!(is(&wider, NOISE), [false; 2], "{seed}");
+        assert_eq!(is(&narrower, NOISE)[0], false, "{seed}: a little");
+        assert_eq!(is(&narrow, NOISE), [true; 2], "{seed}");
     }
 }
