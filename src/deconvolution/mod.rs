@@ -8,7 +8,7 @@
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
 //! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`], of a WebP [`rounded`] |
-//! | (a scene out of focus: not in the paper) | [`focus`] |
+//! | (not in the paper: another focus, aperture or gain) | [`focus`] |
 
 pub mod backward_convolution;
 pub mod block_matching;

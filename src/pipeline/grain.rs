@@ -18,6 +18,9 @@ const SHARE_MIN: f64 = 0.03;
 const SEEN: f32 = 3.0;
 /// and how many times the photo's it must be.
 const TIMES_THE_PHOTO_S: f32 = 2.0;
+/// A photo's grain that is worth taking out, codes. On the same group ordinary photos have at most
+/// 1.8, those with 8 grey levels of noise 2.6 and more.
+const WORTH_TAKING_OUT: f32 = 2.0;
 
 /// The grain of a result and of its photo in the same flat pixels, RMS in codes of 255.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -35,9 +38,9 @@ impl Grain {
         Grain { result: grain(result, &flat), photo: grain(photo, &flat) }
     }
 
-    /// Whether the result is rid of grain that is seen in the photo.
+    /// Whether the result is rid of grain that the photo has.
     pub(super) fn is_cleared(&self) -> bool {
-        self.photo > SEEN && TIMES_THE_PHOTO_S * self.result < self.photo
+        self.photo > WORTH_TAKING_OUT && TIMES_THE_PHOTO_S * self.result < self.photo
     }
 
     /// Whether it harms, where limits are `share` of what they are.

@@ -41,8 +41,8 @@ const SUSPECT_RATIO: f32 = 3.0;
 const SUSPECT_GRAIN: f32 = 0.9;
 /// Why a photo of a sharper lens is left.
 pub(super) const SHARPER: &str = "the photo is far sharper than the measured lens makes any, as a \
-                                  lens stopped down or another one does; what would be made of it \
-                                  would overshoot";
+                                  lens stopped down or another one does, and a restoration would \
+                                  overshoot; calibrate at the aperture that you photograph with";
 /// Why a photo is left of which neither method nor reference solution makes more.
 const NOTHING_GAINED: &str = "what the lens did to this photo cannot be told from the photo's \
                               noise; any restoration would be made of that noise";

@@ -9,6 +9,7 @@
 //! | placed on the canvas | light from outside the frame fell into it |
 //! | noise measured | the shrinkage follows the noise; nothing else is tuned per photo |
 //! | focus found, where the lens was measured at several | the scene may be nearer or farther |
+//! | a raw photo's spectrum asked for another lens | stopped down it is too sharp for this one |
 //!
 //! The photo's own shading V stays: B = V·K(L) is K(V·L) as far as V is smooth, so V·L is what is
 //! solved, shown and delivered. The flats of the captures hold the panel's shading, too, and no

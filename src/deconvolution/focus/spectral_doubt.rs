@@ -16,8 +16,8 @@ use crate::frame::Channel;
 
 /// Times the sensor's noise at the most: four stops of gain.
 const NOISE_MOST: f32 = 16.0;
-/// So many times it is told from it. Guess: on the laboratory's group of limits charts are likeliest
-/// with 1.5 times.
+/// So many times it is told from it. Guess: on the laboratory's group of limits charts are
+/// likeliest with 1.5 times.
 const NOISIER: f32 = 2.0;
 /// Of the noise, what a scene may bring where it is looked at.
 const LITTLE: f32 = 0.1;
