@@ -23,9 +23,11 @@ use crate::made::Made;
 pub(crate) struct FileCoding {
     pub(crate) name: String,
     /// The file of a camera's codes.
-    pub(crate) file: fn(&Self, &Frame<Work, u8>) -> Result<Vec<u8>, Failure>,
+    pub(crate) file: Coder,
     pub(crate) quality: Quality,
 }
+
+type Coder = fn(&FileCoding, &Frame<Work, u8>) -> Result<Vec<u8>, Failure>;
 
 /// The independent study's four, 4:4:4 and 4:2:0, by the laboratory's own coder.
 fn studied() -> Vec<FileCoding> {
