@@ -25,7 +25,7 @@ use crate::calibration::{Noise, SiteGains};
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
 use crate::deconvolution::detail_mask::NoisyPlane;
-use crate::deconvolution::focus::{is_sharper, noise_powers};
+use crate::deconvolution::focus::{SpectralDoubt, doubted};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::ladder::{Rung, is_blank};
 use crate::deconvolution::rounded::Rounded;
@@ -240,17 +240,7 @@ impl Pipeline {
         let mosaic = Some(mosaic);
         let mut prepared = Prepared { photo, trust, mosaic, coded: false, ..prepared };
         let mut own = self.noise_at(&raw);
-        if raw.noise.is_none()
-            && let Some(powers) = self.powers_of_noise(&prepared, &own)
-        {
-            let mean = |c: Channel| prepared.photo.plane(c).mean() as f32;
-            let green = mean(Channel::Green);
-            let before = own[Channel::Green.index()].sigma(green);
-            own = own.map(|noise| noise.times(powers));
-            prepared.times_noise = own[Channel::Green.index()].sigma(green) / before;
-            prepared.dark_light = own.map(|noise| noise.dark_light());
-        }
-        let noise_at = |c: Channel, light: f32| {
+        let stated = |own: &[Noise; 3], c: Channel, light: f32| {
             let one = own[c.index()].sigma(light);
             raw.noise.map_or(one, |stated| {
                 let [at_black, per_level] = stated[c.index()];
@@ -258,21 +248,28 @@ impl Pipeline {
                 stated.max(AVERAGED_MIN.sqrt() * one)
             })
         };
-        prepared.noise = Channel::ALL.map(|c| noise_at(c, prepared.photo.plane(c).mean() as f32));
+        let before = |c: Channel, light: f32| stated(&own, c, light);
+        let data = prepared.focus_data(&before);
+        let doubt = doubted(self.model.functions(), &data, raw.noise.is_none());
+        let mean = Channel::ALL.map(|c| prepared.photo.plane(c).mean() as f32);
+        if let Some(SpectralDoubt::Noisier(powers)) = doubt {
+            let green = Channel::Green.index();
+            let one = own[green].sigma(mean[green]);
+            own = own.map(|noise| noise.times(powers));
+            prepared.times_noise = own[green].sigma(mean[green]) / one;
+            prepared.dark_light = own.map(|noise| noise.dark_light());
+        }
+        let noise_at = |c: Channel, light: f32| stated(&own, c, light);
+        prepared.noise = Channel::ALL.map(|c| noise_at(c, mean[c.index()]));
         prepared.focus = self.focus_of(&prepared, &noise_at);
-        // By a focus that is none it may look so, and by noise that is not quite the sensor's.
-        let lenses = [&self.model, self.lens_of(&prepared)];
-        let lenses = if prepared.focus.is_none() { &lenses[..1] } else { &lenses };
-        let data = prepared.focus_data(&noise_at);
-        prepared.is_sharper = prepared.times_noise == 1.0
-            && lenses.iter().all(|lens| is_sharper(lens.functions(), &data));
+        prepared.is_sharper = doubt == Some(SpectralDoubt::Sharper);
+        // At another focus the lens may be sharper than at the panel's.
+        if prepared.is_sharper && prepared.focus.is_some() {
+            let data = prepared.focus_data(&noise_at);
+            let lens = self.lens_of(&prepared).functions();
+            prepared.is_sharper = doubted(lens, &data, false) == Some(SpectralDoubt::Sharper);
+        }
         prepared
-    }
-
-    /// How many times the power of its sensor's `own` noise `photo` has, where that shows.
-    fn powers_of_noise(&self, photo: &Prepared<'_>, own: &[Noise; 3]) -> Option<[f32; 2]> {
-        let noise_at = |c: Channel, light: f32| own[c.index()].sigma(light);
-        noise_powers(self.model.functions(), &photo.focus_data(&noise_at))
     }
 
     /// The photo's noise in one channel, grey levels: as measured, and at least what this camera

@@ -18,7 +18,7 @@ mod two_depths;
 
 pub(crate) use optics::OpticsAtFocus;
 pub use spectra::FocusData;
-pub use spectral_doubt::{is_sharper, noise_powers};
+pub use spectral_doubt::{SpectralDoubt, doubted};
 
 use rayon::prelude::*;
 

@@ -23,9 +23,10 @@ const NOISIER: f32 = 2.0;
 const LITTLE: f32 = 0.1;
 /// A tile with fewer such frequencies has no say in how much noise there is.
 const ALONE_MIN: usize = 32;
-/// Widths of the other lenses that are tried, of the measured one's: sharper, and one that is out
-/// of focus, which explains what neither does.
-const WIDTHS: [f32; 2] = [0.5, 1.5];
+/// Width of the sharper lens that is tried, of the measured one's.
+const SHARPER: f32 = 0.5;
+/// Width of one out of focus, which explains what neither of the two does.
+const BLURRED: f32 = 1.5;
 /// Standard errors of the tiles' mean by which twice the noise must be likelier. On the
 /// laboratory's group of limits it is by 4.1 at most of ordinary photos (a chart), by 8.0 and more
 /// of noisier ones.
@@ -35,34 +36,77 @@ const NOISE_ERRORS: f64 = 5.5;
 /// that this tells.
 const LENS_ERRORS: f64 = 4.0;
 
-/// How much more noise than its sensor's `photo` has, taken through a lens of `functions`: how many
-/// times the power that there is without light, and that which light adds. `None` where nothing
-/// says that it is twice the noise.
-pub fn noise_powers(functions: &LensFunctions, photo: &FocusData<'_>) -> Option<[f32; 2]> {
-    let with = |times: &[f32]| {
-        of_tiles(functions, photo, |tiles, spectra, transfers| {
-            let mut costs = vec![0.0; times.len()];
-            for (channel, spectrum) in spectra {
-                let (mut power, mut scene) = (Vec::new(), PowerLaw::of(spectrum));
-                transfers.power(*channel, 0, 0.0, &mut power);
-                for (cost, times) in costs.iter_mut().zip(times) {
-                    let at = tiles.frequencies(spectrum.folding);
-                    *cost += likeliest(at, &spectrum.noisier(times * times), &power, &mut scene);
-                }
-            }
-            costs
-        })
-    };
-    // Most photos have their sensor's.
-    if for_second(&with(&[1.0, NOISIER]), [0, 1]) <= NOISE_ERRORS {
+/// What the spectrum of a photo says against its sensor and its lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpectralDoubt {
+    /// It has more noise than its sensor: so many times the power that there is without light, and
+    /// that which light adds.
+    Noisier([f32; 2]),
+    /// It was taken through a lens much sharper than this one.
+    Sharper,
+}
+
+/// What is said against `photo`, taken through a lens of `functions`, if anything is. Noise is
+/// asked of where that is `noise_unknown`; what is noisier says nothing of its lens.
+pub fn doubted(
+    functions: &LensFunctions,
+    photo: &FocusData<'_>,
+    noise_unknown: bool,
+) -> Option<SpectralDoubt> {
+    let as_measured = TriedSource { width: 1.0, times: 1.0 };
+    let sharper = TriedSource { width: SHARPER, ..as_measured };
+    let noisier = TriedSource { times: NOISIER, ..as_measured };
+    let all = [as_measured, sharper, noisier];
+    let blurred = TriedSource { width: BLURRED, ..as_measured };
+    let with = |tried: &[TriedSource]| costs(functions, photo, tried);
+    let first = with(if noise_unknown { &all } else { &all[..2] });
+    if noise_unknown && for_second(&first, [0, 2]) > NOISE_ERRORS {
+        let stops = NOISE_MOST.log2() as i32;
+        let tried: Vec<TriedSource> = (0..=2 * stops)
+            .map(|n| TriedSource { times: (n as f32 / 2.0).exp2(), ..as_measured })
+            .collect();
+        let best = tried[least(&sums(&with(&tried), tried.len()))].times;
+        let found = fitted(&seen_alone(functions, photo, best));
+        log::debug!("noise: {best:.1} times the sensor's is likeliest: {found:?}");
+        return found.map(SpectralDoubt::Noisier);
+    }
+    let errors = for_second(&first, [0, 1]);
+    log::debug!("a lens half as wide is likelier by {errors:.1} standard errors");
+    if errors <= LENS_ERRORS {
         return None;
     }
-    let stops = NOISE_MOST.log2() as i32;
-    let tried: Vec<f32> = (0..=2 * stops).map(|n| (n as f32 / 2.0).exp2()).collect();
-    let best = tried[least(&sums(&with(&tried), tried.len()))];
-    let found = fitted(&seen_alone(functions, photo, best));
-    log::debug!("noise: {best:.1} times the sensor's is likeliest: {found:?}");
-    found
+    let blurred = sums(&with(&[as_measured, blurred]), 2)[1];
+    (sums(&first, 2)[1] < blurred).then_some(SpectralDoubt::Sharper)
+}
+
+/// What a photo may have come from: a lens so many times as wide as the measured one, and a sensor
+/// of so many times the noise.
+#[derive(Debug, Clone, Copy)]
+struct TriedSource {
+    width: f32,
+    times: f32,
+}
+
+/// −ln likelihood of each of the `tried`, tile by tile. The likeliest scene is sought from the
+/// first one's, for those of its width from that before.
+fn costs(functions: &LensFunctions, photo: &FocusData<'_>, tried: &[TriedSource]) -> Vec<Vec<f64>> {
+    of_tiles(functions, photo, |tiles, spectra, transfers| {
+        let mut costs = vec![0.0; tried.len()];
+        for (channel, spectrum) in spectra {
+            let (mut power, mut scene) = (Vec::new(), PowerLaw::of(spectrum));
+            let at = tiles.frequencies(spectrum.folding);
+            for (cost, TriedSource { width, times }) in costs.iter_mut().zip(tried) {
+                transfers.as_wide(*channel, *width, &mut power);
+                let noisier = spectrum.noisier(times * times);
+                if *width == 1.0 {
+                    *cost += likeliest(at, &noisier, &power, &mut scene);
+                } else {
+                    *cost += likeliest(at, &noisier, &power, &mut scene.clone());
+                }
+            }
+        }
+        costs
+    })
 }
 
 /// Noise power as it is seen in a tile.
@@ -124,26 +168,6 @@ fn fitted(seen: &[NoiseSeen]) -> Option<[f32; 2]> {
         _ => [alone(0), 0.0],
     };
     powers.iter().all(|power| power.is_finite()).then_some(powers)
-}
-
-/// Whether `photo` was taken through a lens much sharper than one of `functions`.
-pub fn is_sharper(functions: &LensFunctions, photo: &FocusData<'_>) -> bool {
-    let hypotheses = 1 + WIDTHS.len();
-    let costs = of_tiles(functions, photo, |tiles, spectra, transfers| {
-        let mut costs = vec![0.0; hypotheses];
-        for (channel, spectrum) in spectra {
-            let (mut power, mut scene) = (Vec::new(), PowerLaw::of(spectrum));
-            for (cost, width) in costs.iter_mut().zip([1.0].into_iter().chain(WIDTHS)) {
-                transfers.as_wide(*channel, width, &mut power);
-                let at = tiles.frequencies(spectrum.folding);
-                *cost += likeliest(at, spectrum, &power, &mut scene);
-            }
-        }
-        costs
-    });
-    let (errors, sums) = (for_second(&costs, [0, 1]), sums(&costs, hypotheses));
-    log::debug!("a lens half as wide is likelier by {errors:.1} standard errors: {sums:.0?}");
-    errors > LENS_ERRORS && sums[1] < sums[2]
 }
 
 /// What `of` makes of the tiles of `photo`, each with its spectra and what `functions` let through

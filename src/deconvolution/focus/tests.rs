@@ -244,8 +244,8 @@ fn a_photo_tells_how_much_more_noise_than_its_sensor_s_it_has() {
             let photo = Frame::from_fn(|c| {
                 clean.plane(c).map(|v: f32| v + noise(v.max(0.0)) * gaussian(&mut random))
             });
-            for found in both(&photo, |data| noise_powers(&lens, data)) {
-                let Some([found_black, found_light]) = found else {
+            for found in both(&photo, |data| doubted(&lens, data, true)) {
+                let Some(SpectralDoubt::Noisier([found_black, found_light])) = found else {
                     assert!(black < 3.0, "{black}, {light} through {offset}");
                     continue;
                 };
@@ -267,7 +267,7 @@ fn a_photo_of_a_lens_stopped_down_is_sharper_and_one_out_of_focus_or_noisy_is_no
     for seed in 31..35 {
         let is = |lens: &LensFunctions, noise: f32| {
             let photo = taken(&scene(seed), lens, noise, seed);
-            both(&photo, |data| is_sharper(&measured, data))
+            both(&photo, |data| doubted(&measured, data, true) == Some(SpectralDoubt::Sharper))
         };
         assert_eq!(is(&measured, NOISE), [false; 2], "{seed}");
         assert_eq!(is(&wider, NOISE), [false; 2], "{seed}");
