@@ -1,12 +1,11 @@
-//! Raw photos whose noise is not one exposure's at the rig's gain: their files state what it is,
-//! and they are restored by that.
+//! Raw photos whose noise is not one exposure's at the rig's gain: their files state what it is, or
+//! the photos show it, and they are restored by that; and one through the lens stopped down.
 
 use relens::chart::scenes::Scene;
 use relens::config::{Curve, Kind, Lens, RigFile};
 use relens::frame::{Channel, Frame, PhotoGrid, RawSites, Work};
 use relens::picture::{Limits, Photo};
-use relens::pipeline::AVERAGED_MIN;
-use relens::pipeline::Verdict;
+use relens::pipeline::{AVERAGED_MIN, Verdict};
 use relens::restorer::photo_file::{SensorFacts, raw_file};
 use relens::rig::exposure::Devices;
 use relens::rig::shoot::{CountRange, SiteNoise, shoot};
