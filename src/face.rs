@@ -195,8 +195,7 @@ pub struct Calibrated {
     pub scattered: [f32; 3],
 }
 
-/// A calibrated rig, photo after photo. With `refine-lens` in the rig file it learns from the
-/// photos and keeps what it learned beside the calibration.
+/// A calibrated rig, photo after photo.
 pub struct PhotoRestorer {
     file: config::RigFile,
     on_rig: OnRig,

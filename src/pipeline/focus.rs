@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use super::stages::{PhotoFocus, Prepared};
 use super::{Pipeline, norm_bound};
 use crate::calibration::{Calibration, OtherFocus, SiteNorms};
-use crate::deconvolution::focus::{FocusData, FocusDepth, FocusSeries, FoundFocus};
-use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::deconvolution::focus::{FocusData, FocusSeries, FoundFocus};
+use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Channel;
 
@@ -64,29 +64,21 @@ impl Pipeline {
         noise: &(dyn Fn(Channel, f32) -> f32 + Sync),
     ) -> Option<PhotoFocus> {
         let series = self.focuses.series()?;
-        let found = series.find(&photo.focus_data(noise))?;
-        let FoundFocus { depths, of_place } = found;
-        let measured = |n: usize| &self.focuses.0[n];
-        let lenses: Vec<LensFunctions> = depths
-            .iter()
-            .map(|&FocusDepth { between: (before, after), share, .. }| {
-                measured(before).functions.between(&measured(after).functions, share)
-            })
-            .collect();
+        let FoundFocus { offset, between: (before, after), share, at_end } =
+            series.find(&photo.focus_data(noise))?;
+        let [before, after] = [before, after].map(|n| &self.focuses.0[n]);
         let rect = photo.rect;
-        let functions = LensFunctions::of_places(&lenses, &of_place);
+        let functions = before.functions.between(&after.functions, share);
         let model = self.model.with_functions(rect.size, rect.x, &functions).ok()?;
-        let norms = |n: usize| FocusNorms {
-            norm_squared: measured(n).norm_squared,
-            level_norms: measured(n).level_norms.clone(),
-            at_sites: measured(n).at_sites.clone(),
-        };
-        let both = depths.iter().flat_map(|depth| [depth.between.0, depth.between.1]).map(norms);
-        let FocusNorms { norm_squared, level_norms, at_sites } =
-            both.reduce(FocusNorms::or_larger)?;
+        let [before, after] = [before, after].map(|focus| FocusNorms {
+            norm_squared: focus.norm_squared,
+            level_norms: focus.level_norms.clone(),
+            at_sites: focus.at_sites.clone(),
+        });
+        let FocusNorms { norm_squared, level_norms, at_sites } = before.or_larger(after);
         Some(PhotoFocus {
-            offsets: depths.iter().map(|depth| depth.offset).collect(),
-            at_end: depths.iter().any(|depth| depth.at_end),
+            offset,
+            at_end,
             model: Arc::new(model),
             norm_squared,
             level_norms,
@@ -106,7 +98,6 @@ impl Prepared<'_> {
             trust: &self.trust,
             rect: self.rect,
             mosaic: self.mosaic,
-            filled_in: self.filled_in.is_some(),
             channels: self.channels,
             noise,
         }
@@ -121,8 +112,7 @@ struct FocusNorms {
 }
 
 impl FocusNorms {
-    /// A norm is convex: between two lenses it is no more than the larger one's, and of one whose
-    /// places are of two it is taken for that.
+    /// The larger of both, a bound for every lens interpolated between the two: norms are convex.
     fn or_larger(self, other: FocusNorms) -> FocusNorms {
         let larger = |a: &[f32; 3], b: &[f32; 3]| [0, 1, 2].map(|c| a[c].max(b[c]));
         let levels = |a: &[LevelNorms; 3], b: &[LevelNorms; 3]| {

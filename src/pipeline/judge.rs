@@ -249,7 +249,7 @@ fn harmful(
 /// captures changed the lens, the reference solution has it, too: what misses it then is where they
 /// lie.
 fn distance_limit(solved: &Solved) -> f64 {
-    let as_measured = solved.solution.look.refined.is_none();
+    let as_measured = solved.solution.refined.is_none();
     match solved.solution.certificate.ratio() {
         _ if !solved.about.starts_from_lens => DISTANCE_OF_OTHERS,
         Some(ratio) if ratio <= CERTIFIED_RATIO && as_measured => DISTANCE_CERTIFIED,

@@ -12,7 +12,6 @@ mod fine_colour;
 mod focus;
 mod grain;
 mod judge;
-mod learning;
 mod lens_alone;
 mod methods;
 mod model_error;
@@ -41,7 +40,7 @@ use crate::calibration::correction::{Correction, CorrectionError, Layout};
 use crate::calibration::photo_side::PhotoSide;
 use crate::calibration::{Calibration, CrossChannel, Noise, SiteNorms};
 use crate::config;
-use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
+use crate::deconvolution::lens_model::{LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::total_variation::TotalVariation;
@@ -52,7 +51,6 @@ use crate::remedy::{Remediable, Remedy};
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::SiteNoise;
 use focus::Focuses;
-use learning::Learning;
 use model_error::ModelError;
 
 /// Everything that a calibrated rig needs to restore photos, made once and used for many.
@@ -73,7 +71,6 @@ pub struct Pipeline {
     reference: TotalVariation,
     digital: Digital,
     patches: PatchShape,
-    learning: Learning,
     stopwatch: Stopwatch,
     interruption: Option<Interruption>,
 }
@@ -113,7 +110,6 @@ impl Pipeline {
             reference: reference_solution(rig),
             digital: digital(rig),
             patches: config::methods::patches(&rig.paper),
-            learning: Learning::default(),
             stopwatch: Arc::new(|| 0.0),
             interruption: None,
             correction,
@@ -133,7 +129,7 @@ impl Pipeline {
         Pipeline { interruption: Some(interruption), ..self }
     }
 
-    /// The pipeline of the same rig and another calibration; what photos taught is forgotten.
+    /// The pipeline of the same rig and another calibration.
     ///
     /// # Errors
     /// When the calibration does not fit the rig file.
@@ -166,17 +162,6 @@ impl Pipeline {
     /// The measured lens.
     pub fn model(&self) -> &Arc<LensModel> {
         &self.model
-    }
-
-    /// Takes down what was learnt of the lens from `photo`, which was `solved`; the lens's
-    /// functions once enough other photos have proved them better than the measured ones.
-    pub fn learn(&mut self, photo: &Prepared<'_>, solved: &Solved) -> Option<LensFunctions> {
-        // What is learnt is the lens in the panel's focus.
-        if photo.focus.is_some() {
-            return None;
-        }
-        let proved = self.learning.learn(photo.photo.plane(Channel::Green), &solved.solution.look);
-        proved.map(|lens| lens.functions.clone())
     }
 
     /// Forward convolution through `rig`.

@@ -94,7 +94,6 @@ impl Pipeline {
             model: Some(lens),
             norm_squared,
             level_norms,
-            learnt: if photo.focus.is_none() { self.learning.lens() } else { None },
             photo_noise: photo.noise,
             dark_light: photo.dark_light,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
@@ -112,7 +111,7 @@ impl Pipeline {
         solution: Solution,
     ) -> Solved {
         let rect = photo.rect;
-        let refined = solution.look.refined.as_ref();
+        let refined = solution.refined.as_ref();
         let refined =
             refined.and_then(|of| lens.with_functions(rect.size, rect.x, &of.functions).ok());
         let picture = match photo.channels {

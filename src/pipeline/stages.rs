@@ -74,9 +74,8 @@ pub struct Prepared<'a> {
 /// The focus at which a photo was taken, where that is another than the panel's.
 #[derive(Clone)]
 pub struct PhotoFocus {
-    /// 1/distance of the scene − 1/distance of the panel, dioptres; positive is nearer. Two where
-    /// the scene has two depths, first that of the larger part.
-    pub offsets: Vec<f32>,
+    /// 1/distance of the scene − 1/distance of the panel, dioptres; positive is nearer.
+    pub offset: f32,
     /// Whether it is as near or far as the lens was measured: the photo may lie beyond.
     pub at_end: bool,
     /// The lens there.
@@ -89,22 +88,17 @@ pub struct PhotoFocus {
 impl PhotoFocus {
     /// What it means for the picture, for one who drops photos and picks results up.
     pub fn told(&self) -> String {
-        let one = |&offset: &f32| {
-            let side = if offset > 0.0 { "nearer" } else { "farther" };
-            match offset.abs() < 0.005 {
-                true => "as far as the panel".to_owned(),
-                false => format!("{side} than the panel by {:.2} dioptres (1/m)", offset.abs()),
-            }
+        let side = if self.offset > 0.0 { "nearer" } else { "farther" };
+        let distance = match self.offset.abs() < 0.005 {
+            true => "as far as the panel".to_owned(),
+            false => format!("{side} than the panel by {:.2} dioptres (1/m)", self.offset.abs()),
         };
-        let each: Vec<String> = self.offsets.iter().map(one).collect();
-        let part = if each.len() > 1 { "in part " } else { "" };
-        let scene = format!("the scene was {part}{}", each.join(", in part "));
         let beyond = match self.at_end {
             true => ", the most that the lens was measured for; it may be more",
             false => "",
         };
         format!(
-            "{scene}{beyond}: it was restored with the lens as measured for that focus, and its \
+            "the scene was {distance}{beyond}: it was restored with the lens as measured for that focus, and its \
              photograph was brought there by computing"
         )
     }

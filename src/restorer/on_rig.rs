@@ -8,17 +8,14 @@ use super::photo_file::{self, SensorFacts, TakenPhoto};
 use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, who_took};
 use crate::calibration::{Calibration, LensFlat, store};
 use crate::config;
-use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::method::{Method, Step};
 use crate::frame::{Channel, Frame, Size, Work};
 use crate::kiosk::screen::{Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::{Photo, PictureError};
-use crate::pipeline::{
-    Interruption, Outcome, Pipeline, Prepared, Restoration, Solved, Stopwatch, Verdict,
-};
-use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
+use crate::pipeline::{Interruption, Outcome, Pipeline, Restoration, Stopwatch, Verdict};
+use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
 use crate::rig::shoot::CountRange;
@@ -162,27 +159,6 @@ impl OnRig {
         OnRig { pipeline, interruption: Some(interruption), ..self }
     }
 
-    /// Takes down what the photo taught of the lens. What enough photos have proved takes the
-    /// measured lens's place, also on flash; says so then.
-    fn learn(&mut self, photo: &Prepared<'_>, solved: &Solved) -> Option<String> {
-        let functions = self.pipeline.learn(photo, solved)?;
-        match self.adopt(functions) {
-            Ok(calibration) => {
-                let told = format!(
-                    "the lens as this photo and those before it show it has taken the measured \
-                     one's place (generation {} of the calibration)",
-                    calibration.generation
-                );
-                log::info!("{told}");
-                Some(told)
-            }
-            Err(error) => {
-                log::warn!("what photos taught of the lens is not kept: {}", full_message(&*error));
-                None
-            }
-        }
-    }
-
     /// Takes the lens's dark corners out of a result, if the rig file asks for it; says what was
     /// done, or why not.
     fn remove_vignetting(&self, picture: &mut Frame<Work>) -> Option<String> {
@@ -201,19 +177,6 @@ impl OnRig {
 
     fn count_range(&self) -> CountRange {
         CountRange { black: self.black, max: self.config.camera.count_max() }
-    }
-
-    fn adopt(&mut self, functions: LensFunctions) -> Result<Calibration, AnyFailure> {
-        let before = store::load(&self.slots, self.config.identity).map_err(boxed)?;
-        let after = before.with_lens(functions).map_err(boxed)?;
-        let pipeline = self.pipeline.calibrated(&self.config, &after).map_err(boxed)?;
-        store::save(&self.slots, &after).map_err(boxed)?;
-        // The rig has not moved by this: what drifts, drifts from where it did.
-        if let Some(reading) = &self.baseline {
-            baseline::save(&self.slots, after.generation, reading);
-        }
-        self.pipeline = pipeline;
-        Ok(after)
     }
 }
 
@@ -278,13 +241,10 @@ impl Restorer for OnRig {
             .pipeline
             .restore(&mut self.devices, &prepared, &*self.method, &mut watch)
             .map_err(boxed)?;
-        if let Some(solved) = &solved {
-            if solved.solution.look.refined.is_some() {
-                let told = "the lens is another than was measured: it was refined by this photo's \
-                            captures";
-                outcome.notes.push(told.to_owned());
-            }
-            outcome.notes.extend(self.learn(&prepared, solved));
+        if solved.is_some_and(|solved| solved.solution.refined.is_some()) {
+            let note = "the lens is another than was measured: it was refined by this photo's \
+                        captures";
+            outcome.notes.push(note.to_owned());
         }
         if photo.raw.is_some() {
             outcome.notes.extend(who_took::told(&self.config, photo.camera.as_ref()));

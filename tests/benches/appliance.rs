@@ -170,7 +170,7 @@ fn restore(
         "judging            {:6.2} s of processor time",
         processor_seconds() - solved_processor
     );
-    if restored.solution.look.refined.is_some() {
+    if restored.solution.refined.is_some() {
         println!("the lens model was refined");
     }
     (solved - begun - restored.waited_seconds, restored.captures, solved_processor - processor)

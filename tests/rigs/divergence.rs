@@ -167,7 +167,6 @@ fn no_method_runs_away_whatever_is_wrong() {
             model: Some(&model),
             norm_squared: [1.0 / wrong.norms; 3],
             level_norms: &norms,
-            learnt: None,
             photo_noise: [0.3; 3],
             dark_light: [f32::INFINITY; 3],
             capture_noise: [0.3; 3],

@@ -9,10 +9,10 @@ use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestPhoto;
 use relens::config::{Curve, Kind, Lens, RigFile};
 use relens::deconvolution::quality::{psnr, ssim};
-use relens::frame::{Channel, Channels, Frame, Plane, Work};
+use relens::frame::{Channel, Channels, Frame, Work};
 use relens::picture::Tone;
 use relens::pipeline::{CertifiedFocus, Pipeline, hybrid};
-use relens::rig::simulated::{self, Depth, Witness};
+use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
 
@@ -87,10 +87,8 @@ fn taken(rig: &RigFile, witness: &Witness, scene: Scene, raw: bool) -> Taken {
 
 /// What is delivered for a photo: scores, the focus found, the certificate's ratio, the verdict.
 struct Delivered {
-    picture: Frame<Work>,
     score: [f64; 2],
-    /// One, or two where two depths were found.
-    offsets: Vec<f32>,
+    offset: f32,
     ratio: f64,
     verdict: String,
 }
@@ -100,7 +98,7 @@ fn delivered(rig: &RigFile, calibration: &Calibration, taken: &Taken) -> Deliver
     let (mut devices, _) = simulated::open(rig).unwrap();
     let pipeline = Pipeline::new(rig, calibration).unwrap();
     let prepared = taken.photo.prepared(&pipeline, Channels::Colour);
-    let offsets = prepared.focus.as_ref().map_or(vec![0.0], |focus| focus.offsets.clone());
+    let offset = prepared.focus.as_ref().map_or(0.0, |focus| focus.offset);
     let restored = pipeline.restore(&mut devices, &prepared, &hybrid(rig), &mut |_, _| {});
     let outcome = restored.unwrap().outcome;
     let of_panel = outcome.certificate.is_some_and(|of| of.focus == CertifiedFocus::Panel);
@@ -108,10 +106,9 @@ fn delivered(rig: &RigFile, calibration: &Calibration, taken: &Taken) -> Deliver
     assert_eq!(of_panel, certified && calibration.focuses.is_empty());
     Delivered {
         score: score(&outcome.picture, &taken.truth),
-        offsets,
+        offset,
         ratio: outcome.certificate.map_or(f64::NAN, |certificate| certificate.ratio()),
         verdict: format!("{:?}", outcome.verdict),
-        picture: outcome.picture,
     }
 }
 
@@ -149,8 +146,8 @@ fn gains(
         }
         gains.worst = gains.worst.min(each[1].score[0] - before[0]);
         let cell = |of: &Delivered| {
-            let Delivered { score: [ssim, db], offsets, ratio, verdict, .. } = of;
-            format!("{ssim:.3}/{db:.1} at {offsets:+.3?}, {ratio:.2}, {verdict}")
+            let Delivered { score: [ssim, db], offset, ratio, verdict } = of;
+            format!("{ssim:.3}/{db:.1} at {offset:+.3}, {ratio:.2}, {verdict}")
         };
         println!(
             "| {} m | {} | {:.3}/{:.1} | {} | {} | {} |",
@@ -206,91 +203,6 @@ fn a_photo_out_of_focus_gains_what_a_panel_at_its_distance_would_give() {
     }
 }
 
-/// The left half of `a`, the right one of `b`.
-fn halves(a: &Frame<Work>, b: &Frame<Work>) -> Frame<Work> {
-    let half = a.size().width / 2;
-    Frame::from_fn(|c| {
-        Plane::from_fn(a.size(), |x, y| if x < half { a } else { b }.plane(c).at(x, y))
-    })
-}
-
-/// Shares of the gain that each half's own panel gives, SSIM and dB, of photos whose left half is
-/// at `mm[0]` and whose right one is at `mm[1]`, the least gain of one, and how many were parted
-/// into their two depths.
-fn two_depths(
-    rig: &RigFile,
-    series: &Calibration,
-    mm: [f64; 2],
-    scenes: &[Scene],
-) -> ([f64; 2], f64, usize) {
-    let (_, witness) = simulated::open(rig).unwrap();
-    let own = mm.map(|mm| at(rig, mm, mm));
-    let measured = own.each_ref().map(|rig| measured(rig).unwrap());
-    let half = rig.photo.size().width / 2;
-    let parts = [0, 1].map(|n| Depth {
-        distance_mm: mm[n],
-        share: Plane::from_fn(rig.photo.size(), |x, _| f32::from(u8::from((x >= half) == (n > 0)))),
-    });
-    let (mut gained, mut possible, mut worst) = ([0.0; 2], [0.0; 2], f64::INFINITY);
-    let mut parted = 0;
-    for &scene in scenes {
-        let (light, seed) = (scene_light(rig, scene), 40 + scene as u64);
-        let tone = Tone::of_curve(rig.photo.curve, 8);
-        let codes = witness.photograph_in_depth(&light, &parts, seed).unwrap();
-        let photo = TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, codes.plane(c))));
-        let taken = Taken { photo, truth: witness.shaded(&light) };
-        let before = score(&taken.photo.light, &taken.truth);
-        let found = delivered(rig, series, &taken);
-        let [left, right] = [0, 1].map(|n| delivered(&own[n], &measured[n], &taken));
-        let best = score(&halves(&left.picture, &right.picture), &taken.truth);
-        for n in 0..2 {
-            gained[n] += found.score[n] - before[n];
-            possible[n] += best[n] - before[n];
-        }
-        worst = worst.min(found.score[0] - before[0]);
-        parted += usize::from(stand_at(&found.offsets, mm));
-        println!(
-            "| {} | {:.3}/{:.1} | {:.3}/{:.1} at {:+.3?}, {:.2}, {} | {:.3}/{:.1} |",
-            scene.name(),
-            before[0],
-            before[1],
-            found.score[0],
-            found.score[1],
-            found.offsets,
-            found.ratio,
-            found.verdict,
-            best[0],
-            best[1]
-        );
-    }
-    ([0, 1].map(|n| gained[n] / possible[n]), worst, parted)
-}
-
-/// Whether the `offsets` found are two, each within a quarter of the way of where things stood.
-fn stand_at(offsets: &[f32], mm: [f64; 2]) -> bool {
-    let mut found: Vec<f64> = offsets.iter().map(|&offset| f64::from(offset)).collect();
-    let mut true_offsets = mm.map(|mm| 1000.0 / mm - 1000.0 / 4000.0);
-    found.sort_by(f64::total_cmp);
-    true_offsets.sort_by(f64::total_cmp);
-    let near = (true_offsets[1] - true_offsets[0]) / 4.0;
-    found.len() == 2 && found.iter().zip(true_offsets).all(|(of, truth)| (of - truth).abs() < near)
-}
-
-#[test]
-#[ignore = "minutes: the long gate runs it"]
-fn a_scene_of_two_depths_gains_what_a_panel_at_each_would_give() {
-    let rig = rig();
-    let [_, series] = calibrations(&rig, &OFFSETS);
-    let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
-    for (mm, parted_least) in [([4000.0, 5000.0], 1), ([3200.0, 4000.0], 2)] {
-        let (shares, worst, parted) = two_depths(&rig, &series, mm, &scenes);
-        println!("| {mm:?} | {:.2}/{:.2} | {worst:+.3} | {parted} |", shares[0], shares[1]);
-        // One focus for both comes near the shares: the depths are asked for themselves.
-        assert!(parted >= parted_least, "{mm:?}: {parted} parted");
-        assert!(shares[0] >= 0.8 && shares[1] >= 0.8 && worst > 0.0, "{mm:?}: {shares:?}");
-    }
-}
-
 #[test]
 #[ignore = "a minute: the gate runs it"]
 fn a_photo_in_the_panel_s_focus_is_left_there() {
@@ -302,7 +214,7 @@ fn a_photo_in_the_panel_s_focus_is_left_there() {
     for scene in Scene::ALL {
         let taken = taken(&rig, &witness, scene, false);
         let found = taken.photo.prepared(&pipeline, Channels::Colour).focus;
-        let offset = found.map_or(0.0, |focus| focus.offsets[0]);
+        let offset = found.map_or(0.0, |focus| focus.offset);
         println!("{}: {offset:+.4}", scene.name());
         // Half of what costs a photo anything: at 3.6 m, 0.028 dioptres, it is 0.006 SSIM.
         assert!(offset.abs() < 0.014, "{}: {offset}", scene.name());

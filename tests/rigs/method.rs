@@ -75,7 +75,6 @@ impl Case {
             model,
             norm_squared: [1.0; 3],
             level_norms: &self.level_norms,
-            learnt: None,
             photo_noise: [self.noise; 3],
             dark_light: [f32::INFINITY; 3],
             capture_noise: [self.noise; 3],

@@ -7,14 +7,12 @@
 //! a scene's, which falls as a power of frequency (Field 1987, JOSA A 4:2379), times what the lens
 //! lets through at δ, plus noise. δ is where that is likeliest, by the likelihood of the spectra of
 //! tiles all over the photo ([`likelihood`]), all channels together: a lens with longitudinal
-//! colour shows by its colours on which side of the focus a scene lies. A scene of two depths has
-//! two focuses, each in its own part of the photo (`two_depths.rs`).
+//! colour shows by its colours on which side of the focus a scene lies.
 
 mod likelihood;
 mod optics;
 mod spectra;
 mod spectral_doubt;
-mod two_depths;
 
 pub(crate) use optics::OpticsAtFocus;
 pub use spectra::FocusData;
@@ -26,7 +24,6 @@ use super::lens_model::LensFunctions;
 use crate::frame::Channel;
 use likelihood::{PowerLaw, likeliest};
 use spectra::{TileSpectrum, Tiles, Transfers};
-use two_depths::two_depths;
 
 /// Steps between two measured offsets that are tried around the likeliest.
 const STEPS: usize = 4;
@@ -44,18 +41,9 @@ pub struct FocusSeries<'a> {
     members: Vec<(f32, &'a LensFunctions)>,
 }
 
-/// Where the things of a photo stand: at one focus, or at two.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FoundFocus {
-    /// The focuses; first that of most places.
-    pub depths: Vec<FocusDepth>,
-    /// Which of them each place of the functions' grid is at, row by row.
-    pub of_place: Vec<usize>,
-}
-
 /// A focus between two of a series' members.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FocusDepth {
+pub struct FoundFocus {
     /// The offset, dioptres.
     pub offset: f32,
     /// Numbers of the members before and behind it; the same where it is one of them.
@@ -92,10 +80,10 @@ impl<'a> FocusSeries<'a> {
         let tiles = Tiles::of(photo.rect.size, functions)?;
         let panel = self.members.iter().position(|member| member.0 == 0.0)?;
         // Every tile by itself: the transfer functions of its place are made once.
-        let of_place: Vec<Option<TileCosts>> = tiles
+        let costs: Vec<TileCosts> = tiles
             .places()
             .par_iter()
-            .map(|place| {
+            .filter_map(|place| {
                 let transfers = Transfers::of(&tiles, place, self.members.iter().map(|m| m.1));
                 let of = |&c: &Channel| Some((c, tiles.spectrum(photo, place, c)?));
                 let spectra: Vec<(Channel, TileSpectrum)> =
@@ -103,19 +91,10 @@ impl<'a> FocusSeries<'a> {
                 (!spectra.is_empty()).then(|| TileCosts::of(&tiles, &spectra, &transfers))
             })
             .collect();
-        let costs: Vec<&TileCosts> = of_place.iter().flatten().collect();
         if costs.len() < TILES_MIN {
             return None;
         }
         let all = self.candidates();
-        // What a camera fills in is blurred here and not there, as scenes of two depths are.
-        let two = match photo.filled_in {
-            true => None,
-            false => two_depths(&of_place, functions.columns),
-        };
-        if let Some(two) = two {
-            return Some(self.found_two(&of_place, &all, two.of_place));
-        }
         let sums = sums(&costs);
         let best = least(&sums);
         let at_panel = all.iter().position(|of| of.before == panel && of.step == 0)?;
@@ -126,28 +105,7 @@ impl<'a> FocusSeries<'a> {
             self.offset(all[best]),
             gains.len()
         );
-        (best != at_panel && errors > STANDARD_ERRORS).then(|| FoundFocus {
-            depths: vec![self.found(&sums, &all)],
-            of_place: vec![0; of_place.len()],
-        })
-    }
-
-    /// The focus of each of two parts.
-    fn found_two(
-        &self,
-        costs: &[Option<TileCosts>],
-        all: &[TriedFocus],
-        mut of_place: Vec<usize>,
-    ) -> FoundFocus {
-        if 2 * of_place.iter().sum::<usize>() > of_place.len() {
-            of_place.iter_mut().for_each(|n| *n = 1 - *n);
-        }
-        let depths = [0, 1].map(|part| {
-            let own = costs.iter().zip(&of_place).filter(|of| *of.1 == part);
-            let own: Vec<&TileCosts> = own.filter_map(|(tile, _)| tile.as_ref()).collect();
-            self.found(&sums(&own), all)
-        });
-        FoundFocus { depths: depths.to_vec(), of_place }
+        (best != at_panel && errors > STANDARD_ERRORS).then(|| self.found(&sums, &all))
     }
 
     /// What is tried: all members, and steps between neighbours.
@@ -164,7 +122,7 @@ impl<'a> FocusSeries<'a> {
     }
 
     /// The least of a parabola through the best candidate and its neighbours.
-    fn found(&self, sums: &[f64], all: &[TriedFocus]) -> FocusDepth {
+    fn found(&self, sums: &[f64], all: &[TriedFocus]) -> FoundFocus {
         let best = least(sums);
         let at_end = best == 0 || best + 1 == all.len();
         let mut offset = self.offset(all[best]);
@@ -182,7 +140,7 @@ impl<'a> FocusSeries<'a> {
         let after = (before + 1).min(self.members.len() - 1);
         let (from, to) = (self.members[before].0, self.members[after].0);
         let share = if after > before { (offset - from) / (to - from) } else { 0.0 };
-        FocusDepth { offset, between: (before, after), share, at_end }
+        FoundFocus { offset, between: (before, after), share, at_end }
     }
 }
 
@@ -222,7 +180,7 @@ impl TileCosts {
 }
 
 /// What each candidate costs all of `tiles`.
-fn sums(tiles: &[&TileCosts]) -> Vec<f64> {
+fn sums(tiles: &[TileCosts]) -> Vec<f64> {
     let tried = tiles.first().map_or(0, |tile| tile.0.len());
     (0..tried).map(|n| tiles.iter().map(|tile| tile.0[n]).sum()).collect()
 }

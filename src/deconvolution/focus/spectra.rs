@@ -33,8 +33,6 @@ pub struct FocusData<'a> {
     pub rect: Rect,
     /// The colours of the canvas's pixels where they are a sensor's raw sites.
     pub mosaic: Option<Mosaic>,
-    /// Whether its camera filled in what it is between the filters of its sensor.
-    pub filled_in: bool,
     /// The channels it has.
     pub channels: Channels,
     /// Standard deviation of the noise of a channel at a light, grey levels; of raw sites that of a

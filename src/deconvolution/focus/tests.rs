@@ -82,8 +82,8 @@ fn both<T>(photo: &Frame<Work>, said: impl Fn(&FocusData<'_>) -> T) -> [T; 2] {
         let rect = Rect { x: 0, y: 0, size: SIZE };
         let [at_black, per_level] = POWERS;
         let noise = &|_, light: f32| (at_black + per_level * light).sqrt();
-        let (channels, filled_in) = (Channels::Colour, false);
-        said(&FocusData { photo, trust, rect, mosaic, filled_in, channels, noise })
+        let channels = Channels::Colour;
+        said(&FocusData { photo, trust, rect, mosaic, channels, noise })
     })
 }
 
@@ -98,17 +98,14 @@ fn found_by(
     photo: &Frame<Work>,
     trust: &Frame<Work, u8>,
     mosaic: Option<Mosaic>,
-) -> Option<FocusDepth> {
+) -> Option<FoundFocus> {
     let series = FocusSeries::new(members.iter().map(|(o, f)| (*o, f)).collect()).unwrap();
     let (rect, channels) = (Rect { x: 0, y: 0, size: SIZE }, Channels::Colour);
-    let (filled_in, noise) = (false, &|_, _| NOISE);
-    let found =
-        series.find(&FocusData { photo, trust, rect, mosaic, filled_in, channels, noise })?;
-    assert_eq!(found.of_place, [0; 12]);
-    Some(found.depths[0])
+    let noise = &|_, _| NOISE;
+    series.find(&FocusData { photo, trust, rect, mosaic, channels, noise })
 }
 
-fn found(photo: &Frame<Work>) -> Option<FocusDepth> {
+fn found(photo: &Frame<Work>) -> Option<FoundFocus> {
     found_by(&members(), photo, &Frame::filled(SIZE, TRUSTED), None)
 }
 

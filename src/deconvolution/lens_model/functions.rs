@@ -52,27 +52,6 @@ impl LensFunctions {
         LensFunctions { taps: Channel::ALL.map(mix), ..*self }
     }
 
-    /// At each place of the grid the functions of one of `lenses`, which are on one grid:
-    /// `of_place` says which, row by row.
-    ///
-    /// # Panics
-    /// When there is no lens, or grids differ, or a place names no lens, which is a bug of the
-    /// caller.
-    #[must_use]
-    pub fn of_places(lenses: &[LensFunctions], of_place: &[usize]) -> LensFunctions {
-        let grid = |of: &LensFunctions| (of.rows, of.columns, of.support_px);
-        let first = &lenses[0];
-        assert!(lenses.iter().all(|lens| grid(lens) == grid(first)), "lenses are on one grid");
-        assert_eq!(of_place.len(), first.rows * first.columns, "every place has its lens");
-        let one = first.support_px * first.support_px;
-        let taps = Channel::ALL.map(|channel| {
-            let of =
-                |(n, &lens): (usize, &usize)| &lenses[lens].taps[channel.index()][n * one..][..one];
-            of_place.iter().enumerate().flat_map(of).copied().collect()
-        });
-        LensFunctions { taps, ..*first }
-    }
-
     /// The functions of an array of shape `[rows, columns, 3, k, k]`, as `blur = "grid.npy"` files
     /// hold them.
     ///

@@ -31,7 +31,7 @@ use crate::deconvolution::data_term::{self, MISSING, TRUSTED};
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::deconvolution::refinement::{CaptureFinding, Measured};
+use crate::deconvolution::refinement::Measured;
 use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
@@ -119,7 +119,7 @@ impl Method for Hybrid {
         let predicted = model.seen(channels, &picture);
         let seen = problem.seen(optics, Some(&predicted), &picture)?;
         let mut now = Candidate { picture, predicted, seen, defect: None };
-        let (mut look, mut refined) = (CaptureFinding::default(), None);
+        let (mut refined_lens, mut refined) = (None, None);
         for capture in 1..=self.captures_max.max(1) {
             let optical = problem.seen_rms(Channel::Green, now.seen.light.plane(Channel::Green));
             certificate.look(problem, &now.seen.light);
@@ -133,8 +133,8 @@ impl Method for Hybrid {
             // The first picture is not yet the method's where block matching is still to come.
             let mut unsolved = capture == 1 && self.digital.blocks.is_some();
             if self.refine && capture == 1 {
-                (look, refined) =
-                    measured(problem, model).look(&now.picture, &now.seen, &unexplained);
+                (refined_lens, refined) =
+                    measured(problem, model).refine(&now.picture, &now.seen, &unexplained).unzip();
                 if let Some(refined) = &refined {
                     now.predicted = refined.seen(channels, &now.picture);
                     unexplained = now.seen.unexplained(&now.predicted, channels);
@@ -150,7 +150,7 @@ impl Method for Hybrid {
                 break;
             }
             let model = refined.as_ref().unwrap_or(model);
-            let norms = look.refined.as_ref().map_or(problem.level_norms, |lens| &lens.level_norms);
+            let norms = refined_lens.as_ref().map_or(problem.level_norms, |lens| &lens.level_norms);
             let mut known = self.new_defect(problem, unexplained, &now);
             let over = |&c: &Channel| known.plane(c).rms() as f32 / problem.noise_floor(c);
             let size = channels.iter().map(over).fold(0.0, f32::max);
@@ -188,7 +188,13 @@ impl Method for Hybrid {
         certificate.model_residual = Some(problem.model_residual(by_measured));
         let Candidate { picture, predicted, .. } = now;
         let predicted = Some(predicted);
-        Ok(Solution { picture, predicted, record: course.record, certificate, look })
+        Ok(Solution {
+            picture,
+            predicted,
+            record: course.record,
+            certificate,
+            refined: refined_lens,
+        })
     }
 }
 
@@ -333,7 +339,6 @@ fn measured<'a>(problem: &'a Problem<'_>, model: &'a LensModel) -> Measured<'a> 
         trust: problem.trust,
         model,
         level_norms: problem.level_norms,
-        learnt: problem.learnt,
         capture_noise: problem.capture_noise,
     }
 }

@@ -14,7 +14,7 @@ use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::panel_beat;
-use crate::deconvolution::refinement::{CaptureFinding, Learnt};
+use crate::deconvolution::refinement::RefinedLens;
 use crate::deconvolution::registration::Registration;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
@@ -50,8 +50,6 @@ pub struct Problem<'a> {
     /// How much of each wavelet level arrives, per channel; sets the steps of solves with the
     /// model.
     pub level_norms: &'a [LevelNorms; 3],
-    /// The lens as captures of other photos say it is.
-    pub learnt: Option<&'a Learnt>,
     /// Standard deviation of the photo's noise per channel, grey levels, at its mean light.
     pub photo_noise: [f32; 3],
     /// The light that adds as much noise as the photo has without light, per channel, grey levels;
@@ -230,22 +228,21 @@ pub(super) struct Target<'a> {
 pub struct Solution {
     /// L on the canvas, linear light.
     pub picture: Frame<Work>,
-    /// K̂L in the channels that are solved, where the method had it: by the measured lens, or as
-    /// `look` says that it is.
+    /// K̂L in the channels that are solved, where the method had it: by the measured lens, or by the
+    /// refined one.
     pub predicted: Option<Frame<Work>>,
     /// The iterations.
     pub record: IterationRecord,
     /// What was measured of the result.
     pub certificate: Certificate,
-    /// What its captures say of the lens; nothing where none was looked at for that.
-    pub look: CaptureFinding,
+    /// The lens refined by the photo's captures, where they show another than was measured.
+    pub refined: Option<RefinedLens>,
 }
 
 impl Solution {
-    /// One that says nothing of the lens.
+    /// A solution by the measured lens.
     pub fn of(picture: Frame<Work>, record: IterationRecord, certificate: Certificate) -> Solution {
-        let look = CaptureFinding::default();
-        Solution { picture, predicted: None, record, certificate, look }
+        Solution { picture, predicted: None, record, certificate, refined: None }
     }
 }
 

@@ -97,17 +97,6 @@ pub(super) fn is_explained(power: f64) -> bool {
     (1.0 - EXPLAINED_MIN) * power <= 1.0
 }
 
-/// Whether another lens explains a capture that the measured one leaves powers `before` of, channel
-/// by channel in units of the captures' noise, and itself powers `after`. Where neither leaves more
-/// than noise, the capture cannot tell.
-pub(super) fn holds(before: &[f64], after: &[f64]) -> Option<bool> {
-    if before.iter().chain(after).all(|&power| is_explained(power)) {
-        return None;
-    }
-    let (before, after): (f64, f64) = (before.iter().sum(), after.iter().sum());
-    Some(after <= (1.0 - EXPLAINED_MIN) * before)
-}
-
 /// The change that `squares` call for, if they call for one; `noise` is the capture's, grey levels.
 pub(super) fn find(squares: &Squares, noise: f64) -> Option<Change> {
     let ridge = (noise / EXPECTED).powi(2);
@@ -232,14 +221,6 @@ mod tests {
             (weight((0.5, 0.5), 0) - 0.5).abs() < 1e-12
                 && (weight((0.5, 0.5), 1) - 0.5).abs() < 1e-12
         );
-    }
-
-    #[test]
-    fn another_lens_holds_where_it_explains_and_cannot_be_judged_where_all_is_noise() {
-        assert_eq!(holds(&[1.1, 1.0], &[1.0, 1.2]), None);
-        assert_eq!(holds(&[9.0, 1.0], &[1.5, 1.0]), Some(true));
-        assert_eq!(holds(&[9.0, 1.0], &[7.0, 1.0]), Some(false));
-        assert_eq!(holds(&[1.0, 1.0], &[4.0, 1.0]), Some(false));
     }
 
     #[test]

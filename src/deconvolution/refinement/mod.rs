@@ -5,10 +5,6 @@
 //! ([`bands`] says what a change is made of, [`squares`] what the capture says, [`fit`] how large a
 //! change it calls for), and K̂ with its functions so changed takes its place. It is a lens model
 //! like any other: its adjoint is exact, and it costs what K̂ costs.
-//!
-//! What one photo's capture says of the lens is held against the captures of the next photos
-//! ([`CaptureFinding::learnt_holds`]); what has proved itself there is good enough for the rig
-//! ([`crate::pipeline`]).
 
 mod banded;
 mod bands;
@@ -31,21 +27,11 @@ use squares::Squares;
 /// A lens as captures say it is, where it was measured to be: a panel that was knocked moves every
 /// capture, and no photo. See [`displacement`]. Functions and not a model, which takes tens of MiB.
 #[derive(Debug, Clone)]
-pub struct Learnt {
+pub struct RefinedLens {
     /// Its functions.
     pub functions: LensFunctions,
     /// Its level norms.
     pub level_norms: [LevelNorms; 3],
-}
-
-/// What a look at a capture says of the lens.
-#[derive(Debug, Clone, Default)]
-pub struct CaptureFinding {
-    /// The lens that this photo was taken through, where the measured one fails.
-    pub refined: Option<Learnt>,
-    /// Whether what captures of other photos say of the lens holds for this one, too. `None` when
-    /// nothing was learnt, or when this capture cannot tell.
-    pub learnt_holds: Option<bool>,
 }
 
 /// What a refinement starts from.
@@ -61,46 +47,27 @@ pub struct Measured<'a> {
     pub model: &'a LensModel,
     /// Its level norms.
     pub level_norms: &'a [LevelNorms; 3],
-    /// The lens as captures of other photos say it is.
-    pub learnt: Option<&'a Learnt>,
     /// Standard deviation of a capture's noise per channel, grey levels.
     pub capture_noise: [f32; 3],
 }
 
 impl Measured<'_> {
-    /// What a capture, `seen` when `shown` was shown, says of the lens, and the model by which this
-    /// photo's captures are explained from now on, where that is another; `unexplained` is what the
-    /// measured one leaves of it.
-    pub fn look(
+    /// The lens by which the photo is judged and the model that explains its captures, where
+    /// `unexplained`, the residual of the capture `seen` of `shown` under the measured model, calls
+    /// for another than the measured one.
+    pub fn refine(
         &self,
         shown: &Frame<Work>,
         seen: &Seen,
         unexplained: &Frame<Work>,
-    ) -> (CaptureFinding, Option<LensModel>) {
+    ) -> Option<(RefinedLens, LensModel)> {
         let looked_at: Frame<Work, u8> = Frame::from_fn(|c| {
             let photo = self.trust.plane(c).data();
             let mut at = seen.trusted.plane(c).map(|t| u8::from(t == TRUSTED));
             at.data_mut().iter_mut().zip(photo).for_each(|(t, &p)| *t &= u8::from(p != MISSING));
             at
         });
-        let learnt = self.learnt.and_then(|learnt| {
-            let model = self.model_of(&learnt.functions)?;
-            let left = seen.unexplained(&model.seen(self.channels, shown), self.channels);
-            let holds =
-                fit::holds(&self.powers(unexplained, &looked_at), &self.powers(&left, &looked_at));
-            Some((learnt, model, left, holds))
-        });
-        let learnt_holds = learnt.as_ref().and_then(|of| of.3);
-        let refined = match learnt {
-            Some((learnt, model, left, Some(true))) => {
-                let from = Measured { model: &model, level_norms: &learnt.level_norms, ..*self };
-                let further = from.fitted(self.model, shown, &left, &looked_at);
-                Some(further.unwrap_or_else(|| (learnt.clone(), model)))
-            }
-            _ => self.fitted(self.model, shown, unexplained, &looked_at),
-        };
-        let (refined, model) = refined.unzip();
-        (CaptureFinding { refined, learnt_holds }, model)
+        self.fitted(shown, unexplained, &looked_at)
     }
 
     /// The model of `functions` on the same canvas.
@@ -108,27 +75,18 @@ impl Measured<'_> {
         self.model.with_functions(self.photo.size, self.photo.x, functions).ok()
     }
 
-    /// Mean power of what is `unexplained`, channel by channel, in units of the captures' noise.
-    fn powers(&self, unexplained: &Frame<Work>, looked_at: &Frame<Work, u8>) -> Vec<f64> {
-        let of = |&c: &Channel| {
-            mean_power(unexplained.plane(c), looked_at.plane(c)) / self.noise(c).powi(2)
-        };
-        self.channels.iter().map(of).collect()
-    }
-
     fn noise(&self, channel: Channel) -> f64 {
         f64::from(self.capture_noise[channel.index()].max(NOISE_MIN))
     }
 
     /// The model changed so that it explains what it leaves `unexplained`; `None` when it explains
-    /// well enough what was `looked_at`. `registered` says where the lens was measured to be.
+    /// well enough what was `looked_at`.
     fn fitted(
         &self,
-        registered: &LensModel,
         shown: &Frame<Work>,
         unexplained: &Frame<Work>,
         looked_at: &Frame<Work, u8>,
-    ) -> Option<(Learnt, LensModel)> {
+    ) -> Option<(RefinedLens, LensModel)> {
         let functions = self.model.functions();
         let bands = Bands::within(functions.support_px);
         let find = |&c: &Channel| {
@@ -151,7 +109,7 @@ impl Measured<'_> {
                 add(&mut changed, *c, change, bands);
             }
         }
-        let moved = displacement::moved(registered.functions(), &changed, self.channels);
+        let moved = displacement::moved(functions, &changed, self.channels);
         let back = displacement::shifted(&changed, (-moved.0, -moved.1));
         let level_norms = Channel::ALL.map(|c| {
             let norms = &self.level_norms[c.index()];
@@ -159,7 +117,7 @@ impl Measured<'_> {
             if is_changed { steps::safe(norms, c, functions, &changed) } else { norms.clone() }
         });
         log::debug!("captures lie {:.2}, {:.2} px aside", moved.0, moved.1);
-        Some((Learnt { functions: back, level_norms }, self.model_of(&changed)?))
+        Some((RefinedLens { functions: back, level_norms }, self.model_of(&changed)?))
     }
 }
 
