@@ -7,7 +7,7 @@
 //! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
-//! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`], of a WebP [`rounded`] |
+//! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`] |
 //! | (not in the paper: another focus, aperture or gain) | [`focus`] |
 
 pub mod backward_convolution;
@@ -31,6 +31,5 @@ pub mod patches;
 pub mod quality;
 pub mod refinement;
 pub mod registration;
-pub mod rounded;
 pub mod wavelet;
 pub mod wavelet_shrinkage;

@@ -9,36 +9,6 @@ pub const BLOCK_PX: usize = 8;
 /// Coefficients of a block.
 pub const BLOCK_AREA: usize = BLOCK_PX * BLOCK_PX;
 
-/// How a lossy WebP rounds the coefficients of an orthonormal cosine transform of its brightness,
-/// in blocks of [`BlockSteps::SIDE`] pixels across and down.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct BlockSteps {
-    /// To what step, codes of 8 bits.
-    pub step: f32,
-    /// Column and row of the picture where its first whole block begins.
-    pub first: (usize, usize),
-}
-
-impl BlockSteps {
-    /// Side of a block (RFC 6386, 14.3).
-    pub const SIDE: usize = 4;
-
-    /// The same of the part of the picture that begins at column `x` and row `y`.
-    #[must_use]
-    pub fn from_place(self, x: usize, y: usize) -> BlockSteps {
-        let first = |at: usize, begun: usize| (at + Self::SIDE - begun % Self::SIDE) % Self::SIDE;
-        BlockSteps { first: (first(self.first.0, x), first(self.first.1, y)), ..self }
-    }
-
-    /// Whether it means something.
-    pub fn is_sound(self) -> bool {
-        let side = 0..Self::SIDE;
-        (0.0..=256.0).contains(&self.step)
-            && side.contains(&self.first.0)
-            && side.contains(&self.first.1)
-    }
-}
-
 /// A picture as a JPEG states it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Coding {

@@ -16,7 +16,7 @@ pub mod resample;
 mod space;
 
 pub use channel::{Channel, Channels};
-pub use coding::{BLOCK_AREA, BLOCK_PX, BlockSteps, CodedComponent, Coding};
+pub use coding::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding};
 pub use mosaic::{Mosaic, RawSites};
 pub use npy::{NpyError, npy_f32, read_npy_f32};
 pub use once::once;

@@ -13,13 +13,13 @@ use image::codecs::{
 use image::{ColorType, ImageDecoder};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{BlockSteps, Coding, Size};
+use crate::frame::{Coding, Size};
 
 use super::dng::{self, RawFile, Sites};
 use super::iptc::IPTC_LOST;
 use super::kind::{Content, Format, recognise};
 use super::losses::{DENSITY_LOST, EXIF_LOST, WORDS_LOST};
-use super::{Flaw, Orientation, jpeg, others, png, tiff, webp};
+use super::{Flaw, Orientation, jpeg, others, png, tiff};
 
 /// How much one photo may ask of the box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -101,8 +101,6 @@ pub(super) struct Raster {
     pub(super) noise: Option<[[f32; 2]; 3]>,
     /// What a JPEG states of them.
     pub(super) coding: Option<Coding>,
-    /// See [`super::Photo::block_steps`].
-    pub(super) block_steps: Option<BlockSteps>,
 }
 
 /// What a file says of itself, nothing decoded.
@@ -195,7 +193,6 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             colours: raw.colours,
             noise: raw.noise,
             coding: None,
-            block_steps: None,
         });
     }
     // Decoders may panic on hostile files, by their own notes.
@@ -219,12 +216,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
             }
             Content::Bmp => collect(BmpDecoder::new(input), content, limits, losses),
             Content::Gif => collect(GifDecoder::new(input), content, limits, losses),
-            Content::Webp => {
-                let mut raster = collect(WebPDecoder::new(input), content, limits, losses)?;
-                let step = webp::step(bytes);
-                raster.block_steps = step.map(|step| BlockSteps { step, first: (0, 0) });
-                Ok(raster)
-            }
+            Content::Webp => collect(WebPDecoder::new(input), content, limits, losses),
         }
     }));
     match decoded {
@@ -311,13 +303,27 @@ fn collect<D: ImageDecoder>(
         colours: None,
         noise: None,
         coding: None,
-        block_steps: None,
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 16×16 pixels by libwebp, quality 95.
+    #[rustfmt::skip]
+    const LOSSY_WEBP: [u8; 60] = [
+        82, 73, 70, 70, 52, 0, 0, 0, 87, 69, 66, 80, 86, 80, 56, 32, 40, 0, 0, 0, 176, 1, 0,
+        157, 1, 42, 16, 0, 16, 0, 0, 128, 8, 37, 148, 2, 116, 186, 0, 6, 61, 128, 0, 254,
+        241, 149, 143, 226, 218, 71, 66, 167, 87, 90, 22, 131, 224, 0, 0, 0,
+    ];
+
+    #[test]
+    fn a_lossy_webp_is_decoded() {
+        let raster = decode(&LOSSY_WEBP, &Limits::default()).unwrap();
+        assert_eq!((raster.size, raster.bits), (Size::new(16, 16), 8));
+        assert!(raster.coding.is_none());
+    }
 
     #[test]
     fn an_oversized_header_is_refused_before_decoding() {

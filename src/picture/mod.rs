@@ -42,7 +42,6 @@ mod shape;
 mod tiff;
 mod tone;
 mod turn;
-mod webp;
 pub mod worker;
 
 pub use camera_frame::camera_frame;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::resample::resize;
 use crate::frame::{
-    BlockSteps, Channel, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Rect, Size, Work,
+    Channel, Channels, Coding, Frame, PhotoGrid, Plane, RawSites, Rect, Size, Work,
 };
 
 use super::decode::{Limits, Raster, decode, walk};
@@ -84,8 +84,6 @@ pub struct Photo {
     pub raw: Option<RawSites>,
     /// What a JPEG states of the light, where it has the rig's own size and was not cut.
     pub coding: Option<Coding>,
-    /// To what steps a lossy WebP rounds its brightness, where it was not resampled.
-    pub block_steps: Option<BlockSteps>,
     /// The camera, as far as a raw photo says.
     pub camera: Option<PhotoCamera>,
     /// Whether all channels carry something of their own.
@@ -173,7 +171,6 @@ impl Photo {
                 light: raw.mosaic.interpolated(&sites.light(raster.size, &raster.samples)),
                 raw: Some(raw),
                 coding: None,
-                block_steps: None,
                 camera: raster.camera,
                 channels: Channels::Colour,
                 manner: Manner { orientation: raster.orientation, icc, colours, ..plain },
@@ -232,7 +229,6 @@ impl Photo {
             light,
             raw: None,
             coding: raster.coding,
-            block_steps: raster.block_steps,
             camera: None,
             channels: if grey { Channels::Green } else { Channels::Colour },
             manner: Manner {
@@ -296,7 +292,6 @@ impl Photo {
                 flaw: Flaw::Shape { found, held, allowed },
             });
         }
-        self.block_steps = None;
         self.light = Frame::from_fn(|channel| match self.channels.list().contains(&channel) {
             true => resize(self.light.plane(channel), allowed),
             false => Plane::zeros(allowed),
@@ -340,7 +335,6 @@ impl Photo {
         if let Some(raw) = &mut self.raw {
             raw.mosaic = raw.mosaic.from_place(rect.x, rect.y);
         }
-        self.block_steps = self.block_steps.map(|steps| steps.from_place(rect.x, rect.y));
         let kept = rect.size;
         // What is cut away is no resolution lost.
         self.stored = kept;

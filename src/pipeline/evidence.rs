@@ -28,10 +28,10 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, Frame, Plane, Work, once};
 
 /// A channel with less of its pixels away from saturated ones has no say. Guess.
-pub(super) const DATA_SHARE_MIN: f64 = 0.05;
+const DATA_SHARE_MIN: f64 = 0.05;
 /// What a camera fills in between its filters errs by so much of what means of the nearest sites
 /// err by. Guess: by directions and by the other colours, cameras do twice as well.
-pub(super) const FILLED_IN: f32 = 0.5;
+const FILLED_IN: f32 = 0.5;
 
 impl Pipeline {
     /// What can be known of what was `solved` for `photo`, by the lens as its captures say it is.
@@ -57,9 +57,6 @@ impl Pipeline {
         lens: &LensModel,
         seen: &Frame<Work>,
     ) -> Vec<Residuals> {
-        if let Some(rounded) = &photo.rounded {
-            return vec![self.beyond_steps(photo, rounded, lens, seen)];
-        }
         let stated = photo.stated.as_ref().filter(|stated| stated.is_data());
         // A JPEG is met by every picture that it may stand for.
         let redecoded = stated.map(|stated| stated.redecoded(seen));
@@ -168,7 +165,7 @@ struct InOneChannel<'a> {
 /// Where a channel of `photo` tells of a candidate through `lens`: not where light from beyond
 /// saturated pixels falls. Where they lie everywhere, as clipped noise and a night's lights do, as
 /// far from them as leaves the channel a say.
-pub(super) fn known_of(photo: &Prepared<'_>, lens: &LensModel, c: Channel) -> Plane<u8> {
+fn known_of(photo: &Prepared<'_>, lens: &LensModel, c: Channel) -> Plane<u8> {
     let trust = photo.trust.plane(c);
     let mut reach = lens.functions().support_px / 2;
     loop {
@@ -196,7 +193,7 @@ pub(super) fn residuals_on(
 }
 
 /// Sum of `plane` where something is known.
-pub(super) fn sum(plane: &Plane, trust: &Plane<u8>) -> f64 {
+fn sum(plane: &Plane, trust: &Plane<u8>) -> f64 {
     let known = plane.data().iter().zip(trust.data()).filter(|&(_, &t)| t != MISSING);
     known.map(|(&v, _)| f64::from(v)).sum()
 }

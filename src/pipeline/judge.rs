@@ -73,7 +73,7 @@ impl Pipeline {
             let evidence = Some(Evidence { grain, ..evidence });
             return Ok(Outcome { evidence, captures: solved.captures, ..untouched });
         }
-        if !is_suspect(photo, solved, &evidence) {
+        if !is_suspect(solved, &evidence) {
             return Ok(Outcome::of(solved, evidence));
         }
         let as_measured = Arc::ptr_eq(&solved.lens, self.lens_of(photo));
@@ -93,8 +93,7 @@ impl Pipeline {
         let reference = match said {
             LensAlone::Fitting(reference) => reference,
             LensAlone::Foreign(left) => {
-                let untouched =
-                    Outcome::untouched(photo.photo.as_ref().clone(), foreign(photo, left));
+                let untouched = Outcome::untouched(photo.photo.as_ref().clone(), foreign(left));
                 let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
                 let evidence = Some(Evidence { channels: left.clone(), grain, ..evidence });
                 return Ok(Outcome { evidence, captures, ..untouched });
@@ -145,7 +144,7 @@ impl Pipeline {
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let lens = self.lens_of(photo);
         let channels = self.residuals(photo, lens, seen);
-        if past(photo, &channels) <= SUSPECT_UNEXPLAINED {
+        if past(&channels) <= SUSPECT_UNEXPLAINED {
             return false;
         }
         let before = photo.lens_alone.get();
@@ -161,9 +160,9 @@ impl Pipeline {
 
 /// Whether a result calls for a reference solution. What started from the lens model is believed
 /// while light and model say nothing against it.
-fn is_suspect(photo: &Prepared<'_>, solved: &Solved, evidence: &Evidence) -> bool {
+fn is_suspect(solved: &Solved, evidence: &Evidence) -> bool {
     let believed = solved.about.starts_from_lens
-        && past(photo, &evidence.channels) <= SUSPECT_UNEXPLAINED
+        && past(&evidence.channels) <= SUSPECT_UNEXPLAINED
         && solved.solution.certificate.ratio().is_none_or(|ratio| ratio <= SUSPECT_RATIO)
         && !evidence.grain.harms(SUSPECT_GRAIN)
         && evidence.excess_light() <= EXCESS_LIGHT

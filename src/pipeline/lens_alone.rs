@@ -25,17 +25,12 @@ struct UnexplainedLimit {
 /// No scene gives a photo whose reference solution leaves more than this: a contrasty photo solved
 /// with a coarse lens model has a smaller share, and gains.
 const FOREIGN: UnexplainedLimit = UnexplainedLimit { product: 0.72, noises: 1.6, share: 0.32 };
-/// The same of a lossy WebP, of which any picture is data that rounds to its numbers: a lens
-/// explains more of a sharp one. Photographs of twelve scenes by `small.toml`'s camera left at most
-/// 0.08 of what they leave untouched, or 1.3 noises; 44 of 48 sharp ones more of both.
-const FOREIGN_WEBP: UnexplainedLimit = UnexplainedLimit { product: 0.16, noises: 1.6, share: 0.1 };
 /// The reference solution need not be asked where the lens model alone leaves more than this,
 /// measured as [`FOREIGN`] is. With its prior it leaves .65 to 1.6 times as much: of 176 photos of
 /// eight scenes on the small rigs all past 2.2 were foreign.
 const CLEAR: f32 = 4.0 * FOREIGN.product;
 /// The same of a JPEG: of 284 of eight scenes on the small rigs, of three qualities and eight kinds
-/// of blur, all past 4.3 were foreign. Of a lossy WebP, too, whose rounding is taken out as a
-/// JPEG's: of the rig's own photographs of three scenes none was past .2.
+/// of blur, all past 4.3 were foreign.
 const CLEAR_OF_JPEG: f32 = 8.0 * FOREIGN.product;
 /// Of the channels that have more noises
 const CLEAR_NOISES: f32 = 2.0 * FOREIGN.noises;
@@ -73,11 +68,10 @@ impl Pipeline {
         left: Left<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<LensAlone, MethodError> {
-        let is_coded = photo.stated.is_some() || photo.rounded.is_some();
         let clear = match photo.mosaic {
             // Not measured.
             Some(_) => f32::INFINITY,
-            None if is_coded => CLEAR_OF_JPEG,
+            None if photo.stated.is_some() => CLEAR_OF_JPEG,
             None => CLEAR,
         };
         if left.by_lens_alone.is_some() && is_clearly_foreign(left.channels, clear) {
@@ -94,12 +88,11 @@ impl Pipeline {
             let mut seen = Plane::zeros(plane.size());
             lens.forward(worst, plane, &mut seen);
             let left = vec![self.residuals_of(photo, lens, worst, &seen)];
-            is_foreign(photo, &left) && said.set(left).is_ok()
+            is_foreign(&left) && said.set(left).is_ok()
         };
         let first = (worst, &is_enough as _);
         // The channels of a coded photo are stated together, and none says it alone.
-        let stated = photo.stated.as_ref().is_some_and(|stated| stated.is_data());
-        let together = stated || photo.rounded.is_some();
+        let together = photo.stated.as_ref().is_some_and(|stated| stated.is_data());
         let mut none = NoOptics { size: photo.placed.size() };
         let solution = self.posed(lens, photo, |problem| match together {
             true => self.reference.solve(problem, &mut none, watch).map(Some),
@@ -110,7 +103,7 @@ impl Pipeline {
         };
         let solved = self.finished(lens, photo, self.reference.about(), solution);
         let evidence = self.evidence(photo, &solved);
-        Ok(match is_foreign(photo, &evidence.channels) {
+        Ok(match is_foreign(&evidence.channels) {
             true => LensAlone::Foreign(evidence.channels),
             false => LensAlone::Fitting(Box::new(Reference { solved, evidence })),
         })
@@ -158,24 +151,16 @@ impl Pipeline {
     }
 }
 
-impl UnexplainedLimit {
-    /// What is too much to be left of `photo`.
-    fn of(photo: &Prepared<'_>) -> UnexplainedLimit {
-        if photo.rounded.is_some() { FOREIGN_WEBP } else { FOREIGN }
-    }
+/// What is `left` of a photo, as a share of what no scene leaves.
+pub(super) fn past(left: &[Residuals]) -> f32 {
+    let (noises, share) = unexplained(left, FOREIGN.noises, FOREIGN.share);
+    noises * share / FOREIGN.product
 }
 
-/// What is `left` of `photo`, as a share of what no scene leaves.
-pub(super) fn past(photo: &Prepared<'_>, left: &[Residuals]) -> f32 {
-    let limit = UnexplainedLimit::of(photo);
-    let (noises, share) = unexplained(left, limit.noises, limit.share);
-    noises * share / limit.product
-}
-
-/// Whether no scene gives a `photo` of which the reference solution has so much `left`.
-fn is_foreign(photo: &Prepared<'_>, left: &[Residuals]) -> bool {
+/// Whether no scene gives a photo of which the reference solution has so much `left`.
+fn is_foreign(left: &[Residuals]) -> bool {
     // Not a number is past every limit.
-    let fine = past(photo, left) <= 1.0;
+    let fine = past(left) <= 1.0;
     !fine
 }
 
@@ -186,11 +171,10 @@ fn is_clearly_foreign(left: &[Residuals], clear: f32) -> bool {
     noises * share > clear
 }
 
-/// Why `photo`, of which so much is `left`, is not restored.
-pub(super) fn foreign(photo: &Prepared<'_>, left: &[Residuals]) -> String {
-    let limit = UnexplainedLimit::of(photo);
-    let (noises, share) = unexplained(left, limit.noises, limit.share);
-    let (percent, allowed) = (100.0 * share, limit.product / share);
+/// Why a photo of which so much is `left` is not restored.
+pub(super) fn foreign(left: &[Residuals]) -> String {
+    let (noises, share) = unexplained(left, FOREIGN.noises, FOREIGN.share);
+    let (percent, allowed) = (100.0 * share, FOREIGN.product / share);
     format!(
         "the measured lens does not explain the photo; it may come from another lens, be sharp \
          already, or have been sharpened or compressed (what is left is {noises:.1} times what its \

@@ -4,7 +4,6 @@
 //! method's own result beside what is delivered takes the same steps one by one:
 //! [`Pipeline::prepare`], [`Pipeline::solve`], [`Pipeline::judge`].
 
-mod beyond_steps;
 mod distance;
 mod dot_test;
 mod evidence;

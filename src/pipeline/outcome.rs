@@ -10,11 +10,6 @@ use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
 use crate::frame::{Frame, Work};
 use crate::rig::exposure::Devices;
 
-/// Why a photo of which coding has left too little is left.
-const CODED_AWAY: &str = "this WebP was coded so coarsely that what the lens did to the photo \
-                          cannot be told from what the coding did; save the photo at a higher \
-                          quality, or as JPEG";
-
 /// Whose picture is delivered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -150,8 +145,6 @@ impl Pipeline {
             (Outcome::untouched(photo.photo.as_ref().clone(), self.why_blank(photo)), None)
         } else if photo.is_sharper {
             (Outcome::untouched(photo.photo.as_ref().clone(), SHARPER), None)
-        } else if self.is_coded_away(photo) {
-            (Outcome::untouched(photo.photo.as_ref().clone(), CODED_AWAY), None)
         } else {
             let (outcome, solved) = self.restore_at_focus(rig, photo, method, watch)?;
             (outcome, Some(solved))

@@ -28,10 +28,7 @@ use crate::deconvolution::detail_mask::NoisyPlane;
 use crate::deconvolution::focus::{SpectralDoubt, doubted};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::ladder::{Rung, is_blank};
-use crate::deconvolution::rounded::Rounded;
-use crate::frame::{
-    BlockSteps, Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work,
-};
+use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work};
 use crate::picture::Tone;
 
 /// A photo value at or above this share of full scale counts as saturated (8-bit files clip at 255;
@@ -42,10 +39,6 @@ const SATURATION_SHARE: f32 = 0.998;
 /// measured lens misses does not average out with the noise. Measured with 4 and 16 exposures of
 /// two scenes on two rigs: with it SSIM and PSNR rise, with a half one of them loses PSNR.
 pub const AVERAGED_MIN: f32 = 0.75;
-
-/// Of so many pixels one is looked at for the photo's median level; prime, so that no pattern is
-/// met in step.
-const NOISE_SAMPLE: usize = 31;
 
 /// A photo of nothing but noise that has so many times its camera's is no blank one. Guess: a gain
 /// 64 times as high has that.
@@ -127,7 +120,6 @@ impl Pipeline {
             coded,
             filled_in: None,
             stated: None,
-            rounded: None,
             focus: None,
             times_noise: 1.0,
             is_sharper: false,
@@ -164,32 +156,6 @@ impl Pipeline {
                 once,
             });
         }
-        prepared
-    }
-
-    /// The same of a `photo` whose file is a lossy WebP that rounds by these `steps` of codes of
-    /// `tone`: noise that is flattened where it is measured, and still in the picture.
-    pub fn prepare_rounded<'a>(
-        &self,
-        photo: &'a Frame<Work>,
-        channels: Channels,
-        (steps, tone): (BlockSteps, &Tone),
-    ) -> Prepared<'a> {
-        let mut prepared = self.prepare(photo, channels);
-        let straight = self.photo_side.straightened(None);
-        let of_code = |&bent: &f32| straight.as_ref().map_or(bent, |straight| straight(bent));
-        let lights = Channel::ALL.map(|c| tone.lights(c).iter().map(of_code).collect());
-        let place = (channels, prepared.rect);
-        let rounded = Rounded::new(&prepared.placed, place, lights, steps);
-        let lost = rounded.lost();
-        for c in Channel::ALL {
-            let code = rounded.code_in_light(c.index(), median(prepared.photo.plane(c)));
-            let noise = &mut prepared.noise[c.index()];
-            *noise = noise.hypot(lost * code);
-        }
-        prepared.coded = true;
-        // Divided by its dark corner it is no longer what the file rounded.
-        prepared.rounded = (!self.black_surround).then_some(rounded);
         prepared
     }
 
@@ -303,13 +269,6 @@ pub fn power_share(stated: [f32; 2], own: &Noise) -> f32 {
     let middle = FULL_SCALE / 2.0;
     let [at_black, per_level] = stated;
     (Noise { at_black, per_level }.sigma(middle) / own.sigma(middle)).powi(2)
-}
-
-/// The median of a photo's light, of a sample of it.
-pub(super) fn median(photo: &Plane) -> f32 {
-    let mut sample: Vec<f32> = photo.data().iter().step_by(NOISE_SAMPLE).copied().collect();
-    let middle = sample.len() / 2;
-    *sample.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 impl Prepared<'_> {

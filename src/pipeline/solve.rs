@@ -88,7 +88,7 @@ impl Pipeline {
             rect: photo.rect,
             mosaic: photo.mosaic,
             coded: photo.coded,
-            white_noise: photo.filled_in.is_none() && photo.rounded.is_none(),
+            white_noise: photo.filled_in.is_none(),
             stated: photo.stated.as_ref(),
             channels: photo.channels,
             model: Some(lens),

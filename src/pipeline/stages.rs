@@ -11,7 +11,6 @@ use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::{About, Solution};
-use crate::deconvolution::rounded::Rounded;
 use crate::frame::{Channels, Frame, Mosaic, Rect, Work};
 
 /// Noises that a residual is seen to be more than. Guess.
@@ -56,8 +55,6 @@ pub struct Prepared<'a> {
     pub filled_in: Option<Mosaic>,
     /// What its file states of it, where it is a JPEG of this size.
     pub stated: Option<JpegTerm>,
-    /// What rounding its file did to it, where it is a lossy WebP of this size.
-    pub rounded: Option<Rounded>,
     /// The focus at which it was taken, where that is another than the panel's.
     pub focus: Option<PhotoFocus>,
     /// How many times its sensor's noise a raw photo has, of which nothing states its noise; 1 of

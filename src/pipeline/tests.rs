@@ -9,7 +9,7 @@ use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{
     About, Certificate, IterationRecord, Method, MethodError, Problem, Solution, Watch,
 };
-use crate::frame::{BlockSteps, Channels, Frame, Plane, Work};
+use crate::frame::{Channels, Frame, Plane, Work};
 use crate::measurement::{calibrate, to_the_end};
 use crate::picture::{Format, Limits, Manner, Photo, Tone, encode};
 use crate::rig::simulated::{Witness, open};
@@ -264,27 +264,6 @@ fn a_dithered_picture_is_not_called_blank() {
     assert!(!outcome.reason.contains("blank"), "{}", outcome.reason);
 }
 
-#[test]
-fn a_sharp_lossy_webp_is_told_from_the_rig_s_own() {
-    let mut bed = Bed::new();
-    let digital = method(&bed.config, Named::Digital);
-    for (name, bytes, wanted) in [
-        ("cat", &include_bytes!("../../tests/webps/cat-sharp.webp")[..], Verdict::Untouched),
-        ("retina", include_bytes!("../../tests/webps/retina-sharp.webp"), Verdict::Untouched),
-        ("rocket", include_bytes!("../../tests/webps/rocket-sharp.webp"), Verdict::Untouched),
-        ("own cat", include_bytes!("../../tests/webps/cat-own.webp"), Verdict::Sound),
-        ("own astronaut", include_bytes!("../../tests/webps/astronaut-own.webp"), Verdict::Sound),
-    ] {
-        let (srgb, limits) = (config::Curve::Srgb, Limits::default());
-        let photo = Photo::from_bytes("a.webp", bytes, srgb, &limits).unwrap();
-        let steps = (photo.block_steps.unwrap(), &photo.manner.tone);
-        let pipeline = Pipeline::new(&bed.config, small()).unwrap();
-        let prepared = pipeline.prepare_rounded(&photo.light, photo.channels, steps);
-        let outcome = bed.restore_prepared(&prepared, &*digital);
-        assert_eq!(outcome.verdict, wanted, "{name}: {} {:?}", outcome.reason, outcome.evidence);
-    }
-}
-
 /// A photo, and the file that it came in where that is a JPEG.
 enum Came {
     Plain(Frame<Work>),
@@ -392,24 +371,5 @@ fn what_is_full_of_white_pixels_is_judged_all_the_same() {
         });
         let outcome = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
         assert_eq!(outcome.verdict, Verdict::Untouched, "{what}: {}", outcome.reason);
-    }
-}
-
-#[test]
-fn what_a_coding_rounded_away_counts_as_noise() {
-    let bed = Bed::new();
-    let (photo, tone) = (bed.photo(), Tone::of_curve(bed.config.photo.curve, 8));
-    let of = |step| {
-        let steps = BlockSteps { step, first: (0, 0) };
-        bed.pipeline.prepare_rounded(&photo, Channels::Colour, (steps, &tone))
-    };
-    let (plain, exact, rounded) =
-        (bed.pipeline.prepare(&photo, Channels::Colour), of(0.0), of(10.0));
-    assert_eq!(exact.noise, plain.noise);
-    assert!(rounded.coded);
-    // A code of sRGB is half to two grey levels in a scene's middle.
-    for (more, noise) in rounded.noise.into_iter().zip(plain.noise) {
-        let added = (more.powi(2) - noise.powi(2)).sqrt();
-        assert!((1.0..6.0).contains(&added), "{added} grey levels of three codes");
     }
 }

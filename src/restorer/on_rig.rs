@@ -218,13 +218,7 @@ impl Restorer for OnRig {
                     let stated = (coding, &photo.manner.tone);
                     self.pipeline.prepare_coded(&photo.light, photo.channels, stated)
                 }
-                None => match photo.block_steps {
-                    Some(steps) => {
-                        let rounded = (steps, &photo.manner.tone);
-                        self.pipeline.prepare_rounded(&photo.light, photo.channels, rounded)
-                    }
-                    None => self.pipeline.prepare(&photo.light, photo.channels),
-                },
+                None => self.pipeline.prepare(&photo.light, photo.channels),
             },
             Some(raw) => {
                 let camera = photo.camera.as_ref();

@@ -14,9 +14,7 @@ use super::super::{
     CameraColours, FileFacts, Format, Limits, Manner, Orientation, Photo, PixelLayout, Tone,
 };
 use crate::config::Curve;
-use crate::frame::{
-    BLOCK_AREA, BlockSteps, Channels, Coding, Counts, Frame, PhotoGrid, Plane, RawSites, Size,
-};
+use crate::frame::{BLOCK_AREA, Channels, Coding, Counts, Frame, PhotoGrid, Plane, RawSites, Size};
 
 /// A question to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -73,7 +71,6 @@ pub(super) struct Header {
     raw: Option<RawSites>,
     /// Without its coefficients, which follow the planes.
     coding: Option<Coding>,
-    block_steps: Option<BlockSteps>,
     camera: Option<crate::picture::PhotoCamera>,
     stored: Size,
     file: FileFacts,
@@ -145,7 +142,6 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         light,
         raw,
         coding,
-        block_steps,
         camera,
         channels,
         // What goes along.
@@ -171,7 +167,6 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
         alpha: alpha.is_some(),
         raw: *raw,
         coding: coding.clone(),
-        block_steps: *block_steps,
         camera: camera.clone(),
         stored: *stored,
         file: *file,
@@ -232,9 +227,6 @@ pub(super) fn read_photo(
     if !header.colours.is_none_or(|colours| colours.are_sound() && header.raw.is_some()) {
         return Err("colours that mean nothing");
     }
-    if !header.block_steps.is_none_or(BlockSteps::is_sound) {
-        return Err("steps that mean nothing");
-    }
     let mut plane = || {
         let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
         *bytes = rest;
@@ -264,7 +256,6 @@ pub(super) fn read_photo(
         light,
         raw: header.raw,
         coding,
-        block_steps: header.block_steps,
         camera: header.camera,
         channels: header.channels,
         manner: Manner {
