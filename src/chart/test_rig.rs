@@ -12,7 +12,7 @@ use crate::deconvolution::quality::{psnr, ssim};
 use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Size, Work};
 use crate::measurement::{CalibrateError, calibrate, to_the_end};
 use crate::picture::Tone;
-use crate::pipeline::{Pipeline, PipelineError, Prepared, Solved};
+use crate::pipeline::{PhotoData, Pipeline, PipelineError, Prepared, Solved};
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
@@ -75,10 +75,10 @@ impl TestPhoto {
 
     /// Made ready for the methods of `pipeline`.
     pub fn prepared(&self, pipeline: &Pipeline, channels: Channels) -> Prepared<'_> {
-        match self.raw {
-            Some(raw) => pipeline.prepare_raw(&self.light, raw),
-            None => pipeline.prepare(&self.light, channels),
-        }
+        pipeline.prepare(match self.raw {
+            Some(raw) => PhotoData::raw(&self.light, raw),
+            None => PhotoData::developed(&self.light, channels),
+        })
     }
 }
 

@@ -22,8 +22,8 @@ pub fn residual(predicted: &Plane, photo: &Plane, trust: &Plane<u8>, out: &mut P
     residual_in_place(out, photo, trust);
 }
 
-/// Each value of `residual` counted `weight` times, as sites of a mosaic stand for several pixels.
-pub fn count(residual: &mut Plane, weight: f32) {
+/// Scales `residual` by `weight`: sites of a mosaic stand for several pixels.
+pub fn scale(residual: &mut Plane, weight: f32) {
     if weight != 1.0 {
         residual.scale(weight);
     }

@@ -7,7 +7,7 @@
 //! | Eq. 3: wavelet term, Symlets 8 | [`wavelet`] |
 //! | Eq. 6: shrinkage | [`wavelet_shrinkage`] |
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
-//! | Eq. 2: data term | [`data_term`]; of a JPEG [`jpeg`] |
+//! | Eq. 2: data term | [`data_term`]; the photo's data [`observation`], of a JPEG [`jpeg`] |
 //! | (not in the paper: another focus, aperture or gain) | [`focus`] |
 
 pub mod backward_convolution;
@@ -25,6 +25,7 @@ pub mod ladder;
 pub mod lens_model;
 pub mod level_norms;
 pub mod method;
+pub mod observation;
 pub mod opponent;
 pub mod panel_beat;
 pub mod patches;

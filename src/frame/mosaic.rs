@@ -36,6 +36,14 @@ impl RawSites {
     pub const fn new(mosaic: Mosaic, counts_per_level: f32) -> RawSites {
         RawSites { mosaic, counts_per_level, noise: None }
     }
+
+    /// The same sites in a camera's own unit, of `counts_per_level`: files shift a sensor's 10 bits
+    /// to 16, so units differ by a power of two; the rest is the file's white.
+    #[must_use]
+    pub fn in_units_of(self, counts_per_level: f32) -> RawSites {
+        let shift = (self.counts_per_level / counts_per_level).log2().round();
+        RawSites { counts_per_level: self.counts_per_level / shift.exp2(), ..self }
+    }
 }
 
 impl Mosaic {

@@ -36,14 +36,16 @@ const FILLED_IN: f32 = 0.5;
 impl Pipeline {
     /// What can be known of what was `solved` for `photo`, by the lens as its captures say it is.
     pub(super) fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
-        let photo_seen = lightness(&photo.photo, photo.channels);
-        let result = lightness(&solved.picture, photo.channels);
+        let photo_seen = lightness(&photo.photo, photo.observation.channels);
+        let result = lightness(&solved.picture, photo.observation.channels);
         let grain = Grain::of(&result, &photo_seen, &photo_seen);
         let cleared = Grain::of(&result, &photo_seen, &result);
-        let fine_colour = FineColour::of(&solved.picture, photo.channels);
-        let seen = match &solved.solution.predicted {
+        let fine_colour = FineColour::of(&solved.picture, photo.observation.channels);
+        let seen = match &solved.solution.prediction {
             Some(predicted) => Cow::Borrowed(predicted),
-            None => Cow::Owned(solved.lens.seen(photo.channels.list(), &solved.solution.picture)),
+            None => Cow::Owned(
+                solved.lens.seen(photo.observation.channels.list(), &solved.solution.picture),
+            ),
         };
         let channels = self.residuals(photo, &solved.lens, &seen);
         Evidence { channels, grain, cleared, fine_colour }
@@ -57,21 +59,20 @@ impl Pipeline {
         lens: &LensModel,
         seen: &Frame<Work>,
     ) -> Vec<Residuals> {
-        let stated = photo.stated.as_ref().filter(|stated| stated.is_data());
-        // A JPEG is met by every picture that it may stand for.
-        let redecoded = stated.map(|stated| stated.redecoded(seen));
-        let data = redecoded.as_ref().unwrap_or(&photo.placed);
+        let observation = &photo.observation;
+        let expected = observation.sampling.expected_data(seen);
+        let data = expected.as_ref().unwrap_or(&observation.light);
         // Before the channels part: each would make them.
         let untouched = self.untouched(photo, lens);
-        let missed = self.model_error.shares(&self.model, photo.rect);
+        let missed = self.model_error.shares(&self.model, photo.observation.rect);
         let of = |&c: &Channel| {
             let n = c.index();
-            let noise = stated.map_or(photo.noise[n], |stated| stated.noise(c));
+            let noise = observation.data_noise(c);
             let (seen, data) = (seen.plane(c), data.plane(c));
             let (untouched, missed) = (untouched[n], missed[n]);
             left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched, missed })
         };
-        photo.channels.list().par_iter().map(of).collect()
+        photo.observation.channels.list().par_iter().map(of).collect()
     }
 
     /// What `lens` leaves unexplained of one channel of `photo`, where the candidate is `seen` so
@@ -83,9 +84,9 @@ impl Pipeline {
         c: Channel,
         seen: &Plane,
     ) -> Residuals {
-        let (data, noise) = (photo.placed.plane(c), photo.noise[c.index()]);
+        let (data, noise) = (photo.observation.light.plane(c), photo.observation.noise[c.index()]);
         let untouched = self.untouched(photo, lens)[c.index()];
-        let missed = self.model_error.shares(&self.model, photo.rect)[c.index()];
+        let missed = self.model_error.shares(&self.model, photo.observation.rect)[c.index()];
         left_of(photo, lens, c, &InOneChannel { seen, data, noise, untouched, missed })
     }
 
@@ -93,11 +94,10 @@ impl Pipeline {
     /// that it has. Of the measured lens it is computed once.
     fn untouched(&self, photo: &Prepared<'_>, lens: &LensModel) -> [f32; 3] {
         let found = || {
-            let channels = photo.channels.list();
-            let seen = lens.seen(channels, &photo.placed);
-            let stated = photo.stated.as_ref().filter(|stated| stated.is_data());
-            let stated = stated.map(|stated| stated.redecoded(&seen));
-            let data = stated.as_ref().unwrap_or(&photo.placed);
+            let channels = photo.observation.channels.list();
+            let seen = lens.seen(channels, &photo.observation.light);
+            let expected = photo.observation.sampling.expected_data(&seen);
+            let data = expected.as_ref().unwrap_or(&photo.observation.light);
             let left_of = |&c: &Channel| {
                 let trust = known_of(photo, lens, c);
                 let mut seen = seen.plane(c).clone();
@@ -129,13 +129,13 @@ fn left_of(
         residual_in_place(&mut seen, data, &trust);
         seen
     };
-    let filled_in = photo.filled_in.map_or(0.0, |mosaic| {
+    let filled_in = photo.observation.sampling.interpolated().map_or(0.0, |mosaic| {
         FILLED_IN * rms_over_data(&left(mosaic.filled(c, seen), seen), &trust)
     });
-    let placed = photo.placed.plane(c);
+    let placed = photo.observation.light.plane(c);
     let mean = |of: &Plane| (sum(of, &trust) / known.max(1) as f64) as f32;
     let (light, excess_light) = (mean(placed), mean(&left(seen.clone(), placed)));
-    let has_a_say = known as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64;
+    let has_a_say = known as f64 >= DATA_SHARE_MIN * photo.observation.rect.size.area() as f64;
     let model = rms_over_data(&left(seen.clone(), data), &trust);
     Residuals {
         model: if has_a_say { model } else { 0.0 },
@@ -166,12 +166,13 @@ struct InOneChannel<'a> {
 /// saturated pixels falls. Where they lie everywhere, as clipped noise and a night's lights do, as
 /// far from them as leaves the channel a say.
 fn known_of(photo: &Prepared<'_>, lens: &LensModel, c: Channel) -> Plane<u8> {
-    let trust = photo.trust.plane(c);
+    let trust = photo.observation.trust.plane(c);
     let mut reach = lens.functions().support_px / 2;
     loop {
         let known = away_from_saturated(trust, reach);
         let count = known.data().iter().filter(|&&t| t != MISSING).count();
-        if reach == 0 || count as f64 >= DATA_SHARE_MIN * photo.rect.size.area() as f64 {
+        if reach == 0 || count as f64 >= DATA_SHARE_MIN * photo.observation.rect.size.area() as f64
+        {
             return known;
         }
         reach /= 2;

@@ -67,7 +67,7 @@ impl Pipeline {
         let FoundFocus { offset, between: (before, after), share, at_end } =
             series.find(&photo.focus_data(noise))?;
         let [before, after] = [before, after].map(|n| &self.focuses.0[n]);
-        let rect = photo.rect;
+        let rect = photo.observation.rect;
         let functions = before.functions.between(&after.functions, share);
         let model = self.model.with_functions(rect.size, rect.x, &functions).ok()?;
         let [before, after] = [before, after].map(|focus| FocusNorms {
@@ -94,11 +94,11 @@ impl Prepared<'_> {
         noise: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
     ) -> FocusData<'a> {
         FocusData {
-            photo: &self.placed,
-            trust: &self.trust,
-            rect: self.rect,
-            mosaic: self.mosaic,
-            channels: self.channels,
+            photo: &self.observation.light,
+            trust: &self.observation.trust,
+            rect: self.observation.rect,
+            mosaic: self.observation.sampling.mosaic(),
+            channels: self.observation.channels,
             noise,
         }
     }

@@ -67,7 +67,7 @@ impl Pipeline {
         watch: &mut Watch<'_>,
     ) -> Result<Outcome, MethodError> {
         let evidence = self.evidence(photo, solved);
-        if photo.is_sharper {
+        if photo.is_of_sharper_lens {
             let untouched = Outcome::untouched(photo.photo.as_ref().clone(), SHARPER);
             let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
             let evidence = Some(Evidence { grain, ..evidence });
@@ -78,7 +78,7 @@ impl Pipeline {
         }
         let as_measured = Arc::ptr_eq(&solved.lens, self.lens_of(photo));
         let by_lens_alone = (solved.about.starts_from_lens && solved.captures == 0)
-            .then_some(solved.solution.predicted.as_ref())
+            .then_some(solved.solution.prediction.as_ref())
             .flatten();
         let made;
         let said = match photo.lens_alone.get() {
@@ -130,7 +130,7 @@ impl Pipeline {
             return Ok(None);
         }
         let lens = &harmful_result.lens;
-        let mut none = NoOptics { size: photo.placed.size() };
+        let mut none = NoOptics { size: photo.observation.light.size() };
         let solution =
             self.posed(lens, photo, |problem| self.digital.solve(problem, &mut none, watch))?;
         let solved = self.finished(lens, photo, self.digital.about(), solution);
@@ -208,8 +208,8 @@ fn harmful(
     let allowed = distance_limit(solved);
     let pictures = [&*photo.photo, &solved.picture, &reference.picture];
     let distances = [
-        (Some(distance(pictures, photo.channels)), ""),
-        (colour_distance(pictures, photo.channels), " in colour"),
+        (Some(distance(pictures, photo.observation.channels)), ""),
+        (colour_distance(pictures, photo.observation.channels), " in colour"),
     ];
     for (found, by) in distances {
         let Some(found) = found.filter(|found| *found > allowed || found.is_nan()) else {
@@ -222,7 +222,7 @@ fn harmful(
             100.0 * allowed
         ));
     }
-    if evidence.fine_colour.harms(FineColour::of(&reference.picture, photo.channels)) {
+    if evidence.fine_colour.harms(FineColour::of(&reference.picture, photo.observation.channels)) {
         return Some(
             "the result's colours alternated from pixel to pixel where its lightness did not, as \
              of a photo out of focus, and what the measured lens alone makes of the photo is \
@@ -230,7 +230,7 @@ fn harmful(
                 .to_owned(),
         );
     }
-    let seen = |picture: &Frame<Work>| lightness(picture, photo.channels);
+    let seen = |picture: &Frame<Work>| lightness(picture, photo.observation.channels);
     let grain = Grain::of(&seen(&solved.picture), &seen(&photo.photo), &seen(&reference.picture));
     grain.harms(1.0).then(|| {
         format!(

@@ -9,6 +9,7 @@ use super::stages::{LensAlone, Prepared, Reference, Residuals, product, unexplai
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::method::{Method, MethodError, NoOptics, Problem, Watch};
+use crate::deconvolution::observation::DataKind;
 use crate::frame::{Channel, Frame, Plane, Work};
 
 /// What is too much to be left unexplained of a photo.
@@ -68,19 +69,19 @@ impl Pipeline {
         left: Left<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<LensAlone, MethodError> {
-        let clear = match photo.mosaic {
+        let clear = match photo.observation.sampling.kind() {
             // Not measured.
-            Some(_) => f32::INFINITY,
-            None if photo.stated.is_some() => CLEAR_OF_JPEG,
-            None => CLEAR,
+            DataKind::Raw => f32::INFINITY,
+            DataKind::Jpeg => CLEAR_OF_JPEG,
+            DataKind::Developed => CLEAR,
         };
         if left.by_lens_alone.is_some() && is_clearly_foreign(left.channels, clear) {
             return Ok(LensAlone::Foreign(left.channels.to_vec()));
         }
-        let listed = photo.channels.list().iter().zip(left.channels);
+        let listed = photo.observation.channels.list().iter().zip(left.channels);
         let worst = listed.max_by(|a, b| product(a.1).total_cmp(&product(b.1)));
         let worst = worst.map_or(Channel::Green, |(&c, _)| c);
-        if let Some(left) = self.first_try(photo, lens, left, worst)? {
+        if let Some(left) = self.first_try(photo, lens, left, worst) {
             return Ok(LensAlone::Foreign(vec![left]));
         }
         let said = std::cell::OnceCell::new();
@@ -90,13 +91,12 @@ impl Pipeline {
             let left = vec![self.residuals_of(photo, lens, worst, &seen)];
             is_foreign(&left) && said.set(left).is_ok()
         };
-        let first = (worst, &is_enough as _);
-        // The channels of a coded photo are stated together, and none says it alone.
-        let together = photo.stated.as_ref().is_some_and(|stated| stated.is_data());
-        let mut none = NoOptics { size: photo.placed.size() };
+        // A JPEG's channels are coded together, and none decides alone.
+        let together = photo.observation.sampling.follows_prediction();
+        let mut none = NoOptics { size: photo.observation.light.size() };
         let solution = self.posed(lens, photo, |problem| match together {
             true => self.reference.solve(problem, &mut none, watch).map(Some),
-            false => self.reference.solve_unless(problem, first, watch),
+            false => Ok(self.reference.solve_unless(problem, worst, &is_enough, watch)),
         })?;
         let Some(solution) = solution else {
             return Ok(LensAlone::Foreign(said.into_inner().unwrap_or_default()));
@@ -119,15 +119,13 @@ impl Pipeline {
         lens: &Arc<LensModel>,
         left: Left<'_>,
         worst: Channel,
-    ) -> Result<Option<Residuals>, MethodError> {
-        let Some(stated) = photo.stated.as_ref().filter(|stated| stated.is_data()) else {
-            return Ok(None);
-        };
-        let Some(seen) = left.by_lens_alone else { return Ok(None) };
-        let channels = photo.channels.list();
+    ) -> Option<Residuals> {
+        let observation = &photo.observation;
+        let Some(seen) = left.by_lens_alone else { return None };
+        let data = observation.sampling.expected_data(seen)?;
+        let channels = photo.observation.channels.list();
         let known = channels.iter().zip(left.channels).find(|&(&c, _)| c == worst);
-        let Some((_, &known)) = known else { return Ok(None) };
-        let data = stated.redecoded(seen);
+        let (_, &known) = known?;
         let found = std::cell::OnceCell::new();
         let is_enough = |plane: &Plane| {
             found.get_or_init(|| {
@@ -139,15 +137,16 @@ impl Pipeline {
         };
         let few = TotalVariation { steps: FIRST_TRY_STEPS, ..self.reference };
         self.posed(lens, photo, |problem| {
-            let photo_noise = Channel::ALL.map(|c| stated.noise(c));
-            let problem = Problem { photo: &data, photo_noise, ..*problem };
-            few.solve_unless(&problem, (worst, &is_enough), &mut |_, _| {})
-        })?;
+            let noise = Channel::ALL.map(|c| observation.data_noise(c));
+            let observation = observation.with_data(data.clone(), noise);
+            let problem = Problem { observation: &observation, ..*problem };
+            few.solve_unless(&problem, worst, &is_enough, &mut |_, _| {})
+        });
         let clear = |of: &Residuals| {
             let (noises, share) = unexplained(&[*of], FIRST_TRY_NOISES, FIRST_TRY_SHARE);
             noises * share > FIRST_TRY
         };
-        Ok(found.into_inner().filter(clear))
+        found.into_inner().filter(clear)
     }
 }
 

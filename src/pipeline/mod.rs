@@ -15,7 +15,9 @@ mod lens_alone;
 mod methods;
 mod model_error;
 mod outcome;
+mod photo_data;
 mod prepare;
+mod raw_noise;
 mod setting;
 mod shown;
 mod solve;
@@ -28,7 +30,8 @@ pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use outcome::{
     CertifiedFocus, Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict,
 };
-pub use prepare::{AVERAGED_MIN, power_share};
+pub use photo_data::{PhotoData, Recorded};
+pub use raw_noise::AVERAGED_MIN;
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
 pub use stages::{Evidence, PhotoFocus, Prepared, Residuals, Solved};
@@ -44,7 +47,7 @@ use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::patches::PatchShape;
-use crate::frame::{Channel, FULL_SCALE, RawSites};
+use crate::frame::{Channel, FULL_SCALE, RawSites, Size};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::exposure::Devices;
@@ -65,6 +68,8 @@ pub struct Pipeline {
     noise: [Noise; 3],
     site_noise: [Noise; 3],
     counts_per_level: [f32; 3],
+    /// Counts of the rig's camera for each grey level, from its black to its largest count.
+    own_counts_per_level: f32,
     black_surround: bool,
     model_error: ModelError,
     reference: TotalVariation,
@@ -103,6 +108,7 @@ impl Pipeline {
             noise: calibration.noise,
             site_noise: site_noise(calibration),
             counts_per_level: calibration.counts_per_level,
+            own_counts_per_level: own_counts_per_level(rig, calibration),
             capture_noise: calibration.noise.map(|noise| noise.sigma(FULL_SCALE / 2.0)),
             black_surround: layout.margin_px == 0,
             model_error: ModelError::of(calibration),
@@ -192,6 +198,13 @@ fn site_noise(calibration: &Calibration) -> [Noise; 3] {
         let grey: f32 = calibration.cross_channel.c.iter().map(|primary| primary[n]).sum();
         Noise { at_black: found.at_black / own, per_level: found.per_level / (own * grey) }
     })
+}
+
+fn own_counts_per_level(rig: &config::RigFile, calibration: &Calibration) -> f32 {
+    let Size { width, height } = rig.canvas_size();
+    let black = &calibration.black[Channel::Green.index()];
+    let black = black.at(width as f64 / 2.0, height as f64 / 2.0);
+    (f64::from(rig.camera.count_max()) - black) as f32 / FULL_SCALE
 }
 
 /// ‖K‖² of each channel with its uncertainty on top: by as much as the light's own ‖K‖² differs

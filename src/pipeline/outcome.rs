@@ -7,7 +7,7 @@ use super::judge::SHARPER;
 use super::stages::{Evidence, Prepared, Solved};
 use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
-use crate::frame::{Frame, Work};
+use crate::frame::{Channel, Frame, Work};
 use crate::rig::exposure::Devices;
 
 /// Whose picture is delivered.
@@ -141,9 +141,9 @@ impl Pipeline {
         watch: &mut Watch<'_>,
     ) -> Result<Restoration, MethodError> {
         let begun = (self.stopwatch)();
-        let (mut outcome, solved) = if photo.is_blank() {
+        let (mut outcome, solved) = if photo.observation.is_blank() {
             (Outcome::untouched(photo.photo.as_ref().clone(), self.why_blank(photo)), None)
-        } else if photo.is_sharper {
+        } else if photo.is_of_sharper_lens {
             (Outcome::untouched(photo.photo.as_ref().clone(), SHARPER), None)
         } else {
             let (outcome, solved) = self.restore_at_focus(rig, photo, method, watch)?;
@@ -222,6 +222,28 @@ impl Outcome {
             seconds: 0.0,
             notes: Vec::new(),
             iterations: iterations(solved),
+        }
+    }
+}
+
+/// Noise over the camera's own above which a photo of nothing but noise is no blank one. Guess: the
+/// noise at 64 times the gain.
+const NOISE_OVER_CAMERA: f32 = 8.0;
+/// Why a photo of nothing but noise is returned as it is.
+const NOTHING_BUT_NOISE: &str = "from pixel to pixel the photo changes as much as anywhere, which \
+                                 no lens lets through; it is dithered, screened as in print, or \
+                                 hardly anything but noise";
+
+impl Pipeline {
+    /// Why a photo [that is blank](crate::deconvolution::observation::Observation::is_blank) is returned as it is.
+    fn why_blank(&self, photo: &Prepared<'_>) -> &'static str {
+        let is_noisier = |&c: &Channel| {
+            let camera = self.noise[c.index()].sigma(photo.photo.plane(c).mean() as f32);
+            photo.observation.noise[c.index()] > NOISE_OVER_CAMERA * camera
+        };
+        match photo.observation.channels.list().iter().any(is_noisier) {
+            true => NOTHING_BUT_NOISE,
+            false => Rung::LeaveIt.reason(),
         }
     }
 }

@@ -65,37 +65,29 @@ impl Pipeline {
         photo: &Prepared<'_>,
         solve: impl FnOnce(&Problem<'_>) -> T,
     ) -> T {
-        let (norm_squared, level_norms) = match (photo.mosaic, &photo.focus) {
-            (Some(_), focus) => {
+        let is_raw = photo.observation.sampling.mosaic().is_some();
+        let (norm_squared, level_norms) = match (is_raw, &photo.focus) {
+            (true, focus) => {
                 let (model, at_sites) = match focus {
                     Some(focus) => (&focus.model, &focus.at_sites),
                     None => (&self.model, &self.at_sites),
                 };
                 let levels = self.level_norms[0].levels();
-                let of = once(at_sites, || SiteNorms::of(model, levels));
-                (of.norm_squared, &of.level_norms)
+                let norms = once(at_sites, || SiteNorms::of(model, levels));
+                (norms.norm_squared, &norms.level_norms)
             }
-            (None, Some(focus)) => (focus.norm_squared, &focus.level_norms),
-            (None, None) => (self.norm_squared, &self.level_norms),
+            (false, Some(focus)) => (focus.norm_squared, &focus.level_norms),
+            (false, None) => (self.norm_squared, &self.level_norms),
         };
-        // What is solved with another lens is judged by it.
+        // A solution with another lens is judged by that lens.
         let as_measured = Arc::ptr_eq(lens, self.lens_of(photo));
-        let is_hopeless = |seen: &Frame<Work>| self.is_hopeless(photo, seen);
+        let is_hopeless = |prediction: &Frame<Work>| self.is_hopeless(photo, prediction);
         solve(&Problem {
             is_hopeless: as_measured.then_some(&is_hopeless as _),
-            photo: &photo.placed,
-            trust: &photo.trust,
-            rect: photo.rect,
-            mosaic: photo.mosaic,
-            coded: photo.coded,
-            white_noise: photo.filled_in.is_none(),
-            stated: photo.stated.as_ref(),
-            channels: photo.channels,
-            model: Some(lens),
+            observation: &photo.observation,
+            model: lens,
             norm_squared,
             level_norms,
-            photo_noise: photo.noise,
-            dark_light: photo.dark_light,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
             capture_noise: self.capture_noise,
             stopwatch: &*self.stopwatch,
@@ -110,11 +102,11 @@ impl Pipeline {
         about: &'static About,
         solution: Solution,
     ) -> Solved {
-        let rect = photo.rect;
+        let rect = photo.observation.rect;
         let refined = solution.refined.as_ref();
         let refined =
             refined.and_then(|of| lens.with_functions(rect.size, rect.x, &of.functions).ok());
-        let picture = match photo.channels {
+        let picture = match photo.observation.channels {
             Channels::Colour => self.photo_side.line_up_colours(&solution.picture).crop(rect),
             Channels::Green => solution.picture.crop(rect),
         };

@@ -7,11 +7,11 @@ use super::fine_colour::FineColour;
 use super::grain::Grain;
 use crate::calibration::SiteNorms;
 use crate::deconvolution::data_term::NOISE_MIN;
-use crate::deconvolution::jpeg::JpegTerm;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::{About, Solution};
-use crate::frame::{Channels, Frame, Mosaic, Rect, Work};
+use crate::deconvolution::observation::Observation;
+use crate::frame::{Frame, Work};
 
 /// Noises that a residual is seen to be more than. Guess.
 const FEW_NOISES: f32 = 2.0;
@@ -27,44 +27,23 @@ const ALL_NOISE: f32 = 0.95;
 /// harmful ones by 5.8 % at the least (`tests/tables/judging.md`).
 pub(super) const EXCESS_LIGHT: f32 = 0.04;
 
-/// A photo as the solver takes it.
+/// A photo made ready for the methods.
 #[derive(Clone)]
 pub struct Prepared<'a> {
-    /// The photo, photo-sized, linear light 0..255; as alike sites would have taken it, where it is
-    /// raw and the sensor's pattern is known.
+    /// The photo, photo-sized, linear light 0..255; of raw sites divided by the sensor's gain
+    /// pattern.
     pub photo: Cow<'a, Frame<Work>>,
-    /// The channels it has.
-    pub channels: Channels,
-    /// B on its canvas.
-    pub placed: Frame<Work>,
-    /// What each pixel of B is worth, see [`crate::deconvolution::data_term`].
-    pub trust: Frame<Work, u8>,
-    /// Where the photo lies on the canvas.
-    pub rect: Rect,
-    /// The colours of the canvas's pixels, where the photo is a sensor's raw sites.
-    pub mosaic: Option<Mosaic>,
-    /// The photo's noise per channel, grey levels; of raw sites that of the sites. So much at its
-    /// mean light, which is what it has as a whole.
-    pub noise: [f32; 3],
-    /// The light that adds as much noise as there is without light, per channel; infinite where
-    /// noise does not depend on light.
-    pub dark_light: [f32; 3],
-    /// Whether the blocks of a JPEG are seen in it.
-    pub coded: bool,
-    /// The filters between which its camera filled in what it is, over the canvas.
-    pub filled_in: Option<Mosaic>,
-    /// What its file states of it, where it is a JPEG of this size.
-    pub stated: Option<JpegTerm>,
+    /// Its data on the canvas.
+    pub observation: Observation,
     /// The focus at which it was taken, where that is another than the panel's.
     pub focus: Option<PhotoFocus>,
-    /// How many times its sensor's noise a raw photo has, of which nothing states its noise; 1 of
-    /// others.
-    pub times_noise: f32,
-    /// Whether a raw photo was taken through a lens much sharper than the measured one.
-    pub is_sharper: bool,
-    /// What the measured lens alone says of it, asked when it is first needed.
+    /// Whether its spectrum shows a lens much sharper than the measured one; of raw photos.
+    pub is_of_sharper_lens: bool,
+    /// Notes for the report.
+    pub notes: Vec<String>,
+    /// The verdict of the measured lens alone, computed when first needed.
     pub(super) lens_alone: OnceLock<LensAlone>,
-    /// What the measured lens leaves of the photo itself, likewise.
+    /// RMS of K̂B − B by the measured lens, likewise.
     pub(super) untouched: OnceLock<[f32; 3]>,
 }
 

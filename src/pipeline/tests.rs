@@ -77,7 +77,7 @@ impl Bed {
     }
 
     fn restore(&mut self, photo: &Frame<Work>, method: &dyn Method) -> Outcome {
-        let prepared = self.pipeline.prepare(photo, Channels::Colour);
+        let prepared = self.pipeline.prepare(PhotoData::developed(photo, Channels::Colour));
         self.restore_prepared(&prepared, method)
     }
 
@@ -107,7 +107,7 @@ impl Method for Spoiler {
         let picture = Frame::from_fn(|_| Plane::from_fn(problem.size(), board));
         let seen = optics.forward(&picture)?;
         let mut certificate = Certificate { corrections: 1, ..Certificate::default() };
-        certificate.look(problem, &seen.light);
+        certificate.measure(problem, &seen.light);
         Ok(Solution::of(picture, IterationRecord::default(), certificate))
     }
 }
@@ -147,7 +147,7 @@ impl Method for Changed {
     ) -> Result<Solution, MethodError> {
         let mut solution = self.reference.solve(problem, optics, watch)?;
         (self.change)(&mut solution.picture);
-        Ok(Solution { predicted: None, ..solution })
+        Ok(Solution { prediction: None, ..solution })
     }
 }
 
@@ -290,10 +290,9 @@ fn work(photo: &Came, method: &dyn Method, bed: &mut Bed) -> (Verdict, usize, us
     let outcome = match photo {
         Came::Plain(light) => bed.restore(light, method),
         Came::Jpeg(photo) => {
-            let coding = (photo.coding.as_ref().unwrap(), &photo.manner.tone);
             let pipeline = Pipeline::new(&bed.config, small()).unwrap();
-            let prepared = pipeline.prepare_coded(&photo.light, photo.channels, coding);
-            assert!(prepared.stated.as_ref().is_some_and(|stated| stated.is_data()));
+            let prepared = pipeline.prepare(&**photo);
+            assert!(prepared.observation.sampling.follows_prediction());
             bed.restore_prepared(&prepared, method)
         }
     };
@@ -330,8 +329,8 @@ fn a_refusal_costs_no_more_than_a_restoration() {
 fn one_channel_that_no_scene_gives_is_enough() {
     let bed = Bed::new();
     let (sharp, lens) = (bed.scene(), bed.pipeline.model());
-    let photo = bed.pipeline.prepare(&sharp, Channels::Colour);
-    let seen = lens.seen(photo.channels.list(), &photo.placed);
+    let photo = bed.pipeline.prepare(PhotoData::developed(&sharp, Channels::Colour));
+    let seen = lens.seen(photo.observation.channels.list(), &photo.observation.light);
     let channels = bed.pipeline.residuals(&photo, lens, &seen);
     let left = lens_alone::Left { channels: &channels, by_lens_alone: None };
     let said = bed.pipeline.lens_alone(&photo, lens, left, &mut |_, _| {}).unwrap();

@@ -14,7 +14,8 @@ pub mod focus;
 pub mod on_rig;
 pub mod operating_point;
 pub mod photo_file;
-mod who_took;
+mod progress;
+mod provenance;
 
 use std::io::Read;
 use std::path::Path;

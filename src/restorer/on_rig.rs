@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::photo_file::{self, SensorFacts, TakenPhoto};
-use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, who_took};
+use super::progress::ProgressCounter;
+use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, provenance};
 use crate::calibration::{Calibration, LensFlat, store};
 use crate::config;
 use crate::deconvolution::method::{Method, Step};
@@ -14,7 +15,7 @@ use crate::kiosk::screen::{Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::{Photo, PictureError};
-use crate::pipeline::{Interruption, Outcome, Pipeline, Restoration, Stopwatch, Verdict};
+use crate::pipeline::{Interruption, Outcome, Pipeline, Restoration, Setting, Stopwatch, Verdict};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
@@ -27,6 +28,8 @@ pub struct OnRig {
     devices: Devices,
     slots: PathBuf,
     method: Box<dyn Method + Send + Sync>,
+    /// The numbers of that method: of the rig file, or of the operating point.
+    setting: Setting,
     pipeline: Pipeline,
     calibrating: fn(CalibrationProgress),
     interruption: Option<Interruption>,
@@ -135,11 +138,13 @@ impl OnRig {
         let calibration = store::load(&slots, config.identity).map_err(boxed)?;
         let pipeline = Pipeline::new(config, &calibration).map_err(boxed)?.timed_by(stopwatch);
         let asked = config.restore.remove_vignetting;
+        let setting = operating_point::setting(&slots, config, method);
         Ok(OnRig {
             lens_flat: if asked { diffuser::load(config, &slots) } else { None },
             config: config.clone(),
             devices,
-            method: operating_point::setting(&slots, config, method).method(config),
+            method: setting.method(config),
+            setting,
             pipeline,
             calibrating,
             interruption: None,
@@ -188,79 +193,36 @@ impl Restorer for OnRig {
     ) -> Result<Outcome, AnyFailure> {
         // Whatever comes of this photo, the last one's pictures are not its.
         self.last = None;
-        let config::methods::Numbers { steps, correction_steps, .. } = self.config.numbers();
-        let captures_max = self.method.captures_max() as f32;
-        // Every step counts, of computing as of light; what only captures do, captures count.
-        let by_computing = self.method.about().starts_from_lens;
-        // Most photos need one solve and one look; what corrects them has the last fifth.
-        let first = steps as f32 + 1.0;
-        let more = captures_max.max(1.0) * (1 + correction_steps) as f32;
-        let mut taken = 0.0;
-        let mut shown = Progress { done: 0.0, doing: "solving", captures: 0 };
-        progress(shown);
-        let mut watch = |step: &Step, _: Option<&Frame<Work>>| {
-            taken += 1.0;
-            let captures = shown.captures.max(step.captures as usize);
-            let share = match by_computing {
-                true if taken <= first => 0.8 * taken / first,
-                true => 0.8 + 0.2 * (taken - first) / more,
-                false => captures as f32 / captures_max,
-            };
-            let doing = if step.captures > 0 { "showing and seeing" } else { shown.doing };
-            // It is not done before it is judged.
-            shown = Progress { done: shown.done.max(share.min(0.99)), doing, captures };
-            progress(shown);
-        };
-        let mut of_noise = None;
-        let prepared = match photo.raw {
-            None => match &photo.coding {
-                Some(coding) => {
-                    let stated = (coding, &photo.manner.tone);
-                    self.pipeline.prepare_coded(&photo.light, photo.channels, stated)
-                }
-                None => self.pipeline.prepare(&photo.light, photo.channels),
-            },
-            Some(raw) => {
-                let camera = photo.camera.as_ref();
-                if let Some(flaw) = who_took::of_another_camera(&self.config, camera, raw) {
-                    return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
-                }
-                let raw = who_took::in_own_counts(&self.config, self.black, raw);
-                let (raw, told) = who_took::believed(raw, &self.pipeline.noise_at(&raw));
-                of_noise = told;
-                self.pipeline.prepare_raw(&photo.light, raw)
-            }
-        };
+        let (starts_from_lens, captures_max) =
+            (self.method.about().starts_from_lens, self.method.captures_max());
+        let mut counter = ProgressCounter::new(&self.setting, starts_from_lens, captures_max);
+        progress(counter.progress());
+        let mut watch = |step: &Step, _: Option<&Frame<Work>>| progress(counter.count(step));
+        let camera = photo.camera.as_ref();
+        if let Some(raw) = photo.raw
+            && let Some(flaw) = provenance::other_camera(&self.config, camera, raw)
+        {
+            return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
+        }
+        let prepared = self.pipeline.prepare(photo);
         let Restoration { mut outcome, solved } = self
             .pipeline
             .restore(&mut self.devices, &prepared, &*self.method, &mut watch)
             .map_err(boxed)?;
         if solved.is_some_and(|solved| solved.solution.refined.is_some()) {
-            let note = "the lens is another than was measured: it was refined by this photo's \
+            let note = "the lens is not as it was measured: its model was refined by this photo's \
                         captures";
             outcome.notes.push(note.to_owned());
         }
         if photo.raw.is_some() {
-            outcome.notes.extend(who_took::told(&self.config, photo.camera.as_ref()));
-            outcome.notes.extend(of_noise);
+            outcome.notes.extend(provenance::camera_note(&self.config, camera));
         }
-        if prepared.stated.as_ref().is_some_and(|stated| !stated.is_data()) {
-            let told = "this JPEG was made of another JPEG, in shorter steps: it is \
-                        taken as its decoder shows it, not as what its file states";
-            outcome.notes.push(told.to_owned());
-        }
-        if prepared.times_noise > 1.0 {
-            outcome.notes.push(format!(
-                "the photo has about {:.0} times the noise of this rig's sensor as it was \
-                 measured, as at a higher gain: it is restored by that",
-                prepared.times_noise
-            ));
-        }
+        outcome.notes.extend(prepared.notes);
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
             let pair = [&photo.light, &outcome.picture].map(|light| photo.as_looked_at(light));
             self.last = Some(pair.into());
-            let noise = prepared.noise[Channel::Green.index()];
+            let noise = prepared.observation.noise[Channel::Green.index()];
             outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));
         }
         Ok(outcome)

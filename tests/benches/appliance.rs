@@ -25,7 +25,7 @@ use relens::config::{self, Glare, Kind, Lens};
 use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
-use relens::pipeline::{Pipeline, method};
+use relens::pipeline::{PhotoData, Pipeline, method};
 use relens::rig::exposure::{Devices, Timing};
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
 
@@ -162,7 +162,7 @@ fn restore(
     let solver = method(rig, rig.restore.method);
     let (begun, processor) = (seconds(), processor_seconds());
     let mut watch = |_: &relens::deconvolution::method::Step, _: Option<&Frame<Work>>| {};
-    let prepared = pipeline.prepare(photo, Channels::Colour);
+    let prepared = pipeline.prepare(PhotoData::developed(photo, Channels::Colour));
     let restored = pipeline.solve(devices, &prepared, &*solver, &mut watch).unwrap();
     let (solved, solved_processor) = (seconds(), processor_seconds());
     pipeline.judge(&prepared, &restored, &mut watch).unwrap();

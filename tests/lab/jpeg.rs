@@ -10,7 +10,7 @@ use relens::config::{Curve, MethodName, RigFile};
 use relens::frame::{Channels, Frame, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::{Limits, Photo, Tone};
-use relens::pipeline::{Pipeline, Prepared, method};
+use relens::pipeline::{PhotoData, Pipeline, Prepared, method};
 use relens::rig::exposure::Devices;
 use relens::rig::simulated::jpeg_coder::{Quality, coded};
 use relens::rig::simulated::open;
@@ -99,7 +99,10 @@ pub(crate) fn costs(
             };
             let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
             let untouched = scored(&photo);
-            let best = solve(&mut devices, &pipeline.prepare(&photo, Channels::Colour))?;
+            let best = solve(
+                &mut devices,
+                &pipeline.prepare(PhotoData::developed(&photo, Channels::Colour)),
+            )?;
             gain += best[0] - untouched[0];
             let mut told = |coding: &str, taken: &str, of: Scores, kept: Option<f64>| {
                 let mut cells = vec![name.clone(), which.name().to_owned()];
@@ -116,16 +119,13 @@ pub(crate) fn costs(
                 let file = (coding.file)(coding, &codes)?;
                 let curve = Curve::Srgb;
                 let photo = Photo::from_bytes("photo.jpg", &file, curve, &Limits::default())?;
-                let prepared = pipeline.prepare(&photo.light, Channels::Colour);
+                let prepared =
+                    pipeline.prepare(PhotoData::developed(&photo.light, Channels::Colour));
                 let decoded = solve(&mut devices, &prepared)?;
                 // No other file states anything.
-                let stated = match &photo.coding {
+                let stated = match photo.coding {
                     None => decoded,
-                    Some(stated) => {
-                        let both = (stated, &photo.manner.tone);
-                        let coded = pipeline.prepare_coded(&photo.light, Channels::Colour, both);
-                        solve(&mut devices, &coded)?
-                    }
+                    Some(_) => solve(&mut devices, &pipeline.prepare(&photo))?,
                 };
                 let before = scored(&photo.light);
                 let kept = |of: Scores| Some((of[0] - before[0]) / (best[0] - untouched[0]));

@@ -10,7 +10,7 @@ use relens::config::{Curve, Kind, MethodName, RigFile};
 use relens::frame::{Channels, Frame, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::{Limits, Photo, Tone};
-use relens::pipeline::{Pipeline, method};
+use relens::pipeline::{PhotoData, Pipeline, method};
 use relens::rig::simulated::jpeg_coder::{Quality, coded};
 use relens::rig::simulated::open;
 
@@ -87,16 +87,14 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
                 let codes = witness.photograph(light, PHOTO_SEED + n as u64);
                 let scene = Looks::of(&tone, &witness.shaded(light));
                 let plain: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
-                let prepared = pipeline.prepare(&plain, Channels::Colour);
+                let prepared = pipeline.prepare(PhotoData::developed(&plain, Channels::Colour));
                 let solved = pipeline.solve(&mut devices, &prepared, &*solver, &mut |_, _| {})?;
                 sums[0][0].add(&plain, &tone, &scene);
                 sums[0][1].add(&solved.picture, &tone, &scene);
                 let Some(how) = how else { continue };
                 let file = coded(&codes, how);
                 let photo = Photo::from_bytes("photo.jpg", &file, Curve::Srgb, &Limits::default())?;
-                let stated = photo.coding.as_ref().ok_or("a JPEG that states nothing")?;
-                let both = (stated, &photo.manner.tone);
-                let prepared = pipeline.prepare_coded(&photo.light, Channels::Colour, both);
+                let prepared = pipeline.prepare(&photo);
                 let solved = pipeline.solve(&mut devices, &prepared, &*solver, &mut |_, _| {})?;
                 sums[1][0].add(&photo.light, &tone, &scene);
                 sums[1][1].add(&solved.picture, &tone, &scene);

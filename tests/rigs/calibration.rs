@@ -10,7 +10,7 @@ use relens::deconvolution::quality::psnr;
 use relens::frame::{Channel, Channels, Frame, Plane, Work};
 use relens::measurement::{CalibrateError, calibrate, captures, to_the_end};
 use relens::patterns;
-use relens::pipeline::{Pipeline, method};
+use relens::pipeline::{PhotoData, Pipeline, method};
 use relens::remedy::full_message;
 use relens::rig::exposure::Devices;
 use relens::rig::simulated::{self, Light, Witness};
@@ -408,7 +408,7 @@ fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
     let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
     let pipeline = Pipeline::new(&config, &calibration).expect("a pipeline");
     let solver = method(&config, config.restore.method);
-    let prepared = pipeline.prepare(&photo, Channels::Colour);
+    let prepared = pipeline.prepare(PhotoData::developed(&photo, Channels::Colour));
     let solved = pipeline.solve(&mut rig, &prepared, &*solver, &mut |_, _| {});
     let picture = solved.expect("a picture").picture;
     let green =

@@ -1,6 +1,7 @@
 //! Every method, led astray as far as a rig can lead it: nothing runs away.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -20,6 +21,7 @@ use relens::deconvolution::method::total_variation::TotalVariation;
 use relens::deconvolution::method::unmatched::Unmatched;
 use relens::deconvolution::method::wiener::Wiener;
 use relens::deconvolution::method::{Method, Problem, ResidualOf, Strength};
+use relens::deconvolution::observation::{Developed, Observation};
 use relens::deconvolution::patches::PatchShape;
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
 use relens::remedy::AnyFailure;
@@ -137,7 +139,15 @@ fn no_method_runs_away_whatever_is_wrong() {
     let (_, blurred) = golden("ist_b.npy");
     let mut photo = Frame::zeros(SIZE);
     *photo.plane_mut(GREEN) = Plane::from_vec(SIZE, blurred).unwrap();
-    let trust = Frame::filled(SIZE, TRUSTED);
+    let observation = Observation {
+        light: photo,
+        trust: Frame::filled(SIZE, TRUSTED),
+        rect: Rect { x: 0, y: 0, size: SIZE },
+        channels: Channels::Green,
+        noise: [0.3; 3],
+        dark_light: [f32::INFINITY; 3],
+        sampling: Arc::new(Developed { interpolated: None, has_blocks: false }),
+    };
     for wrong in [
         Wrong { norms: 16.0, ..right },
         Wrong { gain: 2.0, ..right },
@@ -155,21 +165,12 @@ fn no_method_runs_away_whatever_is_wrong() {
     ] {
         let norms = std::array::from_fn(|_| level_norms.scaled(1.0 / wrong.norms));
         let problem = Problem {
-            photo: &photo,
-            trust: &trust,
-            rect: Rect { x: 0, y: 0, size: SIZE },
-            mosaic: None,
-            coded: false,
-            white_noise: true,
-            stated: None,
-            capture_mosaic: None,
-            channels: Channels::Green,
-            model: Some(&model),
+            observation: &observation,
+            model: &model,
             norm_squared: [1.0 / wrong.norms; 3],
             level_norms: &norms,
-            photo_noise: [0.3; 3],
-            dark_light: [f32::INFINITY; 3],
-            capture_noise: [0.3; 3],
+            capture_mosaic: None,
+            capture_noise: observation.noise,
             is_hopeless: None,
             stopwatch: &|| 0.0,
         };

@@ -2,6 +2,7 @@
 //! leaves open.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use relens::deconvolution::backward_convolution::{Sign, backward_convolution};
 use relens::deconvolution::computed_optics::ComputedOptics;
@@ -14,7 +15,8 @@ use relens::deconvolution::method::digital::{Colours, Digital};
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::deconvolution::method::paper::{Backward, Paper};
 use relens::deconvolution::method::unmatched::Unmatched;
-use relens::deconvolution::method::{Method, NoOptics, Problem, Strength};
+use relens::deconvolution::method::{Method, Problem, Strength};
+use relens::deconvolution::observation::{Developed, Observation};
 use relens::deconvolution::patches::{PatchGrid, PatchShape};
 use relens::deconvolution::quality::ssim;
 use relens::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work, read_npy_f32};
@@ -45,39 +47,36 @@ static LEVEL_NORMS: std::sync::OnceLock<LevelNorms> = std::sync::OnceLock::new()
 
 /// A photo whose every pixel is trusted, solved in green.
 struct Case {
-    photo: Frame<Work>,
-    trust: Frame<Work, u8>,
-    noise: f32,
+    observation: Observation,
     level_norms: [LevelNorms; 3],
 }
 
 impl Case {
     fn new(photo: Plane, noise: f32) -> Self {
-        let trust = Frame::filled(photo.size(), TRUSTED);
+        let size = photo.size();
+        let observation = Observation {
+            light: green_only(photo),
+            trust: Frame::filled(size, TRUSTED),
+            rect: Rect { x: 0, y: 0, size },
+            channels: Channels::Green,
+            noise: [noise; 3],
+            dark_light: [f32::INFINITY; 3],
+            sampling: Arc::new(Developed { interpolated: None, has_blocks: false }),
+        };
         let level_norms =
             LEVEL_NORMS.get_or_init(|| LevelNorms::measure(&golden_model(), GREEN, 2, 12, 1));
         let level_norms = std::array::from_fn(|_| level_norms.clone());
-        Case { photo: green_only(photo), trust, noise, level_norms }
+        Case { observation, level_norms }
     }
 
-    fn problem<'a>(&'a self, model: Option<&'a LensModel>) -> Problem<'a> {
-        let size = self.photo.size();
+    fn problem<'a>(&'a self, model: &'a LensModel) -> Problem<'a> {
         Problem {
-            photo: &self.photo,
-            trust: &self.trust,
-            rect: Rect { x: 0, y: 0, size },
-            mosaic: None,
-            coded: false,
-            white_noise: true,
-            stated: None,
-            capture_mosaic: None,
-            channels: Channels::Green,
+            observation: &self.observation,
             model,
             norm_squared: [1.0; 3],
             level_norms: &self.level_norms,
-            photo_noise: [self.noise; 3],
-            dark_light: [f32::INFINITY; 3],
-            capture_noise: [self.noise; 3],
+            capture_mosaic: None,
+            capture_noise: self.observation.noise,
             is_hopeless: None,
             stopwatch: &|| 0.0,
         }
@@ -99,7 +98,7 @@ fn solve_golden(method: &dyn Method) -> Plane {
     let model = golden_model();
     let case = Case::new(golden("ist_b.npy"), 0.0);
     let mut optics = ComputedOptics::new(&model, false);
-    let solution = method.solve(&case.problem(Some(&model)), &mut optics, &mut |_, _| {}).unwrap();
+    let solution = method.solve(&case.problem(&model), &mut optics, &mut |_, _| {}).unwrap();
     solution.picture.plane(GREEN).clone()
 }
 
@@ -225,7 +224,7 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
     let model = golden_model();
     let truth = golden("operator_x.npy");
     let case = Case::new(golden("ist_b.npy"), 0.3);
-    let blurred = ssim(case.photo.plane(GREEN), &truth);
+    let blurred = ssim(case.observation.light.plane(GREEN), &truth);
     let hybrid = Hybrid {
         digital: digital(),
         correction_steps: 10,
@@ -248,7 +247,7 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
         let mut optics = ComputedOptics::new(&model, true);
         let mut signs = 0;
         let solution =
-            method.solve(&case.problem(Some(&model)), &mut optics, &mut |_, _| signs += 1).unwrap();
+            method.solve(&case.problem(&model), &mut optics, &mut |_, _| signs += 1).unwrap();
         let quality = ssim(solution.picture.plane(GREEN), &truth);
         assert!(quality > blurred + 0.05, "{}: {quality:.4}, blurred {blurred:.4}", method.name());
         assert_eq!(optics.captures(), captures, "{}", method.name());
@@ -281,8 +280,7 @@ fn a_right_model_is_left_alone_and_a_wrong_one_is_corrected() {
     };
     let run = |model: &LensModel, method: &dyn Method| {
         let mut optics = ComputedOptics::new(&right, true);
-        let solution =
-            method.solve(&case.problem(Some(model)), &mut optics, &mut |_, _| {}).unwrap();
+        let solution = method.solve(&case.problem(model), &mut optics, &mut |_, _| {}).unwrap();
         (ssim(solution.picture.plane(GREEN), &truth), solution.certificate)
     };
     let (_, untouched) = run(&right, &hybrid);
@@ -291,12 +289,4 @@ fn a_right_model_is_left_alone_and_a_wrong_one_is_corrected() {
     let (corrected, certificate) = run(&wrong, &hybrid);
     assert!(certificate.corrections > 0);
     assert!(corrected > alone + 0.01, "model alone {alone:.4}, corrected {corrected:.4}");
-}
-
-#[test]
-fn a_method_that_needs_the_lens_says_so_when_there_is_none() {
-    let case = Case::new(golden("ist_b.npy"), 0.3);
-    let mut nothing = NoOptics { size: Size::new(128, 96) };
-    let error = digital().solve(&case.problem(None), &mut nothing, &mut |_, _| {}).unwrap_err();
-    assert!(error.to_string().contains("digital"));
 }

@@ -6,7 +6,7 @@ use relens::config::{self, Kind, Lens};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, RawSites, Size, Work};
-use relens::pipeline::{Pipeline, Prepared, Verdict, digital, hybrid};
+use relens::pipeline::{PhotoData, Pipeline, Prepared, Verdict, digital, hybrid};
 use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
@@ -104,14 +104,14 @@ fn what_raw_sites_are_worth() {
             (own, format!("{:?}", restored.outcome.verdict))
         };
         // The noise of the noisier sensor is known as that of the sites is.
-        let mut noisier = pipeline.prepare(&full, Channels::Colour);
+        let mut noisier = pipeline.prepare(PhotoData::developed(&full, Channels::Colour));
         let counts_per_level = cameras.behind[3].1.counts_per_level() as f32;
-        let raw = pipeline.prepare_raw(&filled, RawSites::new(mosaic, counts_per_level));
-        noisier.noise =
-            Channel::ALL.map(|c| raw.noise[c.index()] * Mosaic::pixels_a_site(c).sqrt());
+        let raw =
+            pipeline.prepare(PhotoData::raw(&filled, RawSites::new(mosaic, counts_per_level)));
+        noisier.observation.noise = Channel::ALL.map(|c| raw.observation.pixel_noise(c));
         let (a, _) = by(&noisier);
         let (b, verdict) = by(&raw);
-        let (c, _) = by(&pipeline.prepare(&filled, Channels::Colour));
+        let (c, _) = by(&pipeline.prepare(PhotoData::developed(&filled, Channels::Colour)));
         let cell = |[ssim, db]: [f64; 2]| format!("{ssim:.4}/{db:.2}");
         println!("| {} | {} | {} | {} | {verdict} |", scene.name(), cell(a), cell(b), cell(c));
         // The chart is shown and does not count: it is no photograph.
@@ -158,7 +158,7 @@ fn dark_places_do_not_fill_with_stripes_where_a_channel_s_details_hardly_arrive(
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let light = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let filled = raw.mosaic.interpolated(&light);
-    let photo = pipeline.prepare_raw(&filled, RawSites::new(raw.mosaic, gain as f32));
+    let photo = pipeline.prepare(PhotoData::raw(&filled, RawSites::new(raw.mosaic, gain as f32)));
     let restored =
         pipeline.restore(&mut devices, &photo, &digital(&plano), &mut |_, _| {}).unwrap();
     assert_eq!(restored.outcome.verdict, Verdict::Sound, "{}", restored.outcome.reason);
@@ -195,11 +195,12 @@ fn captures_behind_filters_are_known_at_their_sites() {
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let filled: Frame<Work> = raw.mosaic.interpolated(&sites);
     let known = RawSites::new(raw.mosaic, gain as f32);
-    let prepared = pipeline.prepare_raw(&filled, known);
+    let prepared = pipeline.prepare(PhotoData::raw(&filled, known));
     // As a file with another white says it.
     let dim: Frame<Work> = Frame::from_fn(|c| filled.plane(c).map(|v: f32| v / 2.0));
     let by_half = RawSites { counts_per_level: 2.0 * known.counts_per_level, ..known };
-    for (whole, half) in prepared.noise.iter().zip(pipeline.prepare_raw(&dim, by_half).noise) {
+    let half = pipeline.prepare(PhotoData::raw(&dim, by_half)).observation.noise;
+    for (whole, half) in prepared.observation.noise.iter().zip(half) {
         assert!((half / whole - 0.5).abs() < 1e-4, "{half} {whole}");
     }
     let truth = witness.shaded(&truth);
@@ -207,7 +208,7 @@ fn captures_behind_filters_are_known_at_their_sites() {
         // The noise of the photo as a whole, which is that at its mean light.
         let mean = filled.plane(c).mean();
         let wanted = (witness.noise_levels(mean).powi(2) + 1.0 / 12.0 / gain / gain).sqrt();
-        let found = f64::from(prepared.noise[c.index()]);
+        let found = f64::from(prepared.observation.noise[c.index()]);
         println!("{c:?}: noise of the photo {found:.3}, {wanted:.3}");
         assert!((found / wanted - 1.0).abs() < 0.1, "{c:?}: {found} {wanted}");
     }

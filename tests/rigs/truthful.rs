@@ -7,7 +7,7 @@ use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, RawSites, Rect, Size, Work};
 use relens::picture::Tone;
-use relens::pipeline::{Pipeline, digital, hybrid};
+use relens::pipeline::{PhotoData, Pipeline, digital, hybrid};
 use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
@@ -124,8 +124,8 @@ fn tried(
         };
         let truth = witness.shaded(&truth);
         let prepared = match raw {
-            Some((_, raw)) => pipeline.prepare_raw(&photo, raw),
-            None => pipeline.prepare(&photo, Channels::Colour),
+            Some((_, raw)) => pipeline.prepare(PhotoData::raw(&photo, raw)),
+            None => pipeline.prepare(PhotoData::developed(&photo, Channels::Colour)),
         };
         let mut by = |method: &dyn Method| {
             pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap()
@@ -344,7 +344,7 @@ fn an_uneven_panel_leaves_the_photo_s_own_shading() {
     let scene = Frame::from_fn(|_| Plane::from_fn(rig.photo.size(), light));
     let codes = witness.photograph(&scene, 3);
     let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
-    let prepared = pipeline.prepare(&photo, Channels::Colour);
+    let prepared = pipeline.prepare(PhotoData::developed(&photo, Channels::Colour));
     let restored = pipeline.restore(&mut devices, &prepared, &hybrid(&rig), &mut |_, _| {});
     let outcome = restored.unwrap().outcome;
     assert!(outcome.captures > 0, "{}", outcome.reason);

@@ -6,7 +6,7 @@ use relens::config;
 use relens::deconvolution::quality::psnr;
 use relens::frame::{Channel, Frame, Plane, RawSites, Rect, Size, Work};
 use relens::measurement::{calibrate, to_the_end};
-use relens::pipeline::{Pipeline, hybrid};
+use relens::pipeline::{PhotoData, Pipeline, hybrid};
 use relens::rig::frame_mark::MarkPlace;
 use relens::rig::simulated;
 
@@ -51,7 +51,7 @@ fn no_strip_of_the_photo_is_given_up_to_marks() {
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let photo: Frame<Work> = raw.mosaic.interpolated(&sites);
     let known = RawSites::new(raw.mosaic, gain as f32);
-    let prepared = pipeline.prepare_raw(&photo, known);
+    let prepared = pipeline.prepare(PhotoData::raw(&photo, known));
     let restored =
         pipeline.restore(&mut devices, &prepared, &hybrid(&rig), &mut |_, _| {}).unwrap();
     let truth = witness.shaded(&scene);

@@ -38,7 +38,7 @@ pub(super) fn directions(curves: &[CodeCurve; 3], photo: &Frame<Work>) -> [Plane
 }
 
 /// The prior over the details of three planes.
-pub(in crate::deconvolution) struct AlongLuma {
+pub struct AlongLuma {
     transforms: AlongAxes,
     /// n of each level, finest first.
     levels: Vec<[Plane; 3]>,

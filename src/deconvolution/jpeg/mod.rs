@@ -37,7 +37,7 @@ use crate::frame::{
 use curve::CodeCurve;
 pub use history::coded_twice;
 use interval::truncated_mean;
-pub(super) use luma::AlongLuma;
+pub use luma::AlongLuma;
 
 /// R, G, B to Y', Cb, Cr (ITU-T T.871, clause 7).
 const TO_LUMA: [[f32; 3]; 3] =

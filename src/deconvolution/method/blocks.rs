@@ -60,15 +60,16 @@ impl Blocks {
         watch: &mut Watch<'_>,
     ) -> Frame<Work> {
         let problem = target.problem;
-        let channels = problem.channels.list();
-        let noise = |c: Channel| problem.solving_noise(c).max(NOISE_MIN);
+        let observation = problem.observation;
+        let channels = observation.channels.list();
+        let noise = |c: Channel| observation.pixel_noise(c).max(NOISE_MIN);
         let doubt = channels.par_iter().map(|&c| {
             let mut seen = Plane::zeros(problem.size());
             target.model.forward(c, start.plane(c), &mut seen);
-            let trust = problem.trust.plane(c);
+            let trust = observation.trust.plane(c);
             data_term::residual_in_place(&mut seen, target.data.plane(c), trust);
             // A residual above the noise is the model's fault.
-            let unexplained = data_term::rms_over_data(&seen, trust) * problem.weight(c).sqrt();
+            let unexplained = data_term::rms_over_data(&seen, trust) * observation.weight(c).sqrt();
             let unexplained = unexplained.max(noise(c));
             (c, unexplained.max(MISSED_COUNTS * self.missed[c.index()]))
         });
@@ -93,7 +94,7 @@ impl Blocks {
             }
             let noises = passed.iter().zip(&doubt).map(|(passed, &(c, doubt))| {
                 let undone = BlockNoise::undone(passed, doubt.powi(2), tau(c).powi(2));
-                undone.scaled(TOLD).within(problem.rect.x).masked(target.mask)
+                undone.scaled(TOLD).within(observation.rect.x).masked(target.mask)
             });
             let noises: Vec<BlockNoise<'_>> = noises.collect();
             filter_colours(channels, uncertain, &mut picture, &noises, round as usize);
@@ -147,7 +148,8 @@ fn filter_colours(
 /// B).
 fn towards_data(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Plane, f32) {
     let Target { problem, model, data, .. } = target;
-    let (data, trust, weight) = (data.plane(c), problem.trust.plane(c), problem.weight(c));
+    let observation = problem.observation;
+    let (data, trust, weight) = (data.plane(c), observation.trust.plane(c), observation.weight(c));
     let mut seen = Plane::zeros(near.size());
     model.forward(c, near, &mut seen);
     // A saturated pixel counts while it is predicted too dark.
@@ -156,7 +158,7 @@ fn towards_data(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Pl
     let counts: Vec<bool> = pixels.map(counts).collect();
     data_term::residual_in_place(&mut seen, data, trust);
     let residual = data_term::rms_over_data(&seen, trust);
-    data_term::count(&mut seen, weight);
+    data_term::scale(&mut seen, weight);
     // (KᵀK + ratio) correction = Kᵀ(B − K near).
     let mut left = Plane::zeros(near.size());
     model.adjoint(c, &seen, &mut left);

@@ -1,60 +1,42 @@
-//! The lens model alone: what the box does when the camera is unplugged, and a baseline.
+//! The solve with the lens model alone: the first stage of [`hybrid`](super::hybrid), and a method
+//! of its own without captures.
 //!
-//! Minimises ½‖K̂L − B‖² + μ‖W L‖ over 0 ≤ L ≤ 255 by proximal steps with momentum. Five things
-//! make it fast and good (measured, see `tests/tables/README.md`):
+//! Minimises ½‖K̂L − B‖² + μ‖W L‖₁ over 0 ≤ L ≤ 255 by proximal gradient steps with momentum. Five
+//! things make it fast and accurate (measured, see `tests/tables/README.md`):
 //!
-//! * it starts from Wiener's filter, which costs as much as a few steps and saves eight;
-//! * a step of its own for each wavelet level
+//! * a start from Wiener's filter, which costs as much as a few steps and saves eight;
+//! * a step length for each wavelet level
 //!   ([`LevelNorms`](crate::deconvolution::level_norms::LevelNorms)): less than half the steps;
-//! * details judged in clusters
+//! * shrinkage of details in clusters
 //!   ([`crate::deconvolution::wavelet_shrinkage::Shrinkage::in_clusters`]);
-//! * of a colour photo start and prior see details along its colours' axes ([`ColourAxes`]), which
-//!   saves a quarter of the steps;
+//! * start and prior along the axes of a photo's colours ([`ColourAxes`]): three quarters of the
+//!   steps;
 //! * cycle spinning (Coifman & Donoho 1995) in two gears. One shift a step, another at each, is
 //!   cheap but leaves a trace of the last shift; the mean over all shifts leaves none but costs
-//!   many transforms. So the first steps turn, and the last [`SETTLING_STEPS`] spin.
+//!   many transforms. The first steps shift, the last [`SETTLING_STEPS`] spin.
 
 use rayon::prelude::*;
 
 use super::blocks::{self, Blocks};
-use super::colour_prior::{ColourPrior, mean_noise, noisy_planes};
+use super::channel_solve::ChannelSolve;
+pub use super::colour_prior::Colours;
+use super::colour_prior::{ColourPrior, PriorSetting};
 use super::problem::{Certificate, Target};
 use super::record::Course;
 use super::wiener::Wiener;
 use super::{
-    About, IterationRecord, Method, MethodError, Momentum, Problem, ResidualOf, Solution, Step,
-    Strength, Watch,
+    About, IterationRecord, Method, MethodError, Problem, ResidualOf, Solution, Step, Strength,
+    Watch,
 };
 use crate::deconvolution::colour_axis::ColourAxes;
-use crate::deconvolution::data_term;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::jpeg::JpegTerm;
-use crate::deconvolution::lens_model::LensModel;
-use crate::frame::{Channel, FULL_SCALE, Frame, Plane, STRETCH, Work};
+use crate::frame::{Channel, Frame, Plane, Work};
 
-/// Noise-to-signal power of the start at one grey level of noise. With less, night comes out noisy.
+/// Noise-to-signal power of the start at one grey level of noise. Less makes night scenes noisy.
 const START_NOISE_TO_SIGNAL: f32 = 0.01;
-/// By how much more the noise of a JPEG counts there: its errors lie about edges, and what is
-/// made of them stays where the file does not speak. Set on coffee and rocket; between 3 and 8 it
-/// hardly matters.
-const START_OF_CODED: f32 = 6.0;
-/// Steps at which a photo that is a JPEG is decoded again: the independent study's.
-const DECODED_AT: [u32; 6] = [1, 2, 4, 7, 10, 13];
 /// Last steps of a solve, at most half of them, in which the shrinkage is averaged over shifts.
 pub const SETTLING_STEPS: u32 = 3;
-
-/// How the channels of a photo are solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Colours {
-    /// Together: start and prior see details along the axes of the photo's colours. Of a photo in
-    /// which a JPEG's blocks are seen, as `Together`.
-    AlongAxes,
-    /// Together: the prior sees opponent colours.
-    Together,
-    /// Each for itself.
-    Apart,
-}
 
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,13 +51,35 @@ pub struct Digital {
     pub cycle_spun: bool,
     /// How the channels are solved.
     pub colours: Colours,
-    /// How the picture is solved further with block matching, if it is.
+    /// A stage with block matching after the steps.
     pub blocks: Option<Blocks>,
 }
 
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "digital", starts_from_lens: true, by_patches: false, by_steps: true };
+
+/// What a solve starts from.
+#[derive(Clone, Copy)]
+pub(super) enum Start<'a> {
+    /// A first guess. Faint texture is looked for halfway.
+    Guess(&'a Frame<Work>),
+    /// A solved picture. Faint texture is looked for at once.
+    Picture {
+        /// The picture on the canvas.
+        picture: &'a Frame<Work>,
+        /// K̂ of it.
+        prediction: &'a Frame<Work>,
+    },
+}
+
+/// The structure that a solve takes from the photo before it starts.
+pub(super) struct PhotoStructure {
+    /// Where the photo has details.
+    pub(super) mask: DetailMask,
+    /// The axes of its colours, where it is solved along them.
+    pub(super) axes: Option<ColourAxes>,
+}
 
 impl Method for Digital {
     fn about(&self) -> &'static About {
@@ -88,260 +92,136 @@ impl Method for Digital {
         _optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model(self.name())?;
         let course = Course::new(problem.stopwatch);
-        let (mask, axes) = (self.mask(problem), self.axes(problem, model));
-        let (picture, record) = self.solve_photo(problem, model, (&mask, axes.as_ref()), watch);
+        let structure = self.analyse(problem);
+        let (picture, record) = self.solve_photo(problem, &structure, watch);
         if let Some(&last) = record.steps().last() {
             watch(&Step { seconds: course.seconds(), ..last }, Some(&picture));
         }
-        let predicted = model.seen(problem.channels.list(), &picture);
-        let model_residual = Some(problem.model_residual(&predicted));
-        let certificate = Certificate { model_residual, ..Certificate::uncertified(problem) };
-        let predicted = Some(predicted);
-        Ok(Solution { predicted, ..Solution::of(picture, record, certificate) })
+        let prediction = problem.predict(&picture);
+        let certificate = Certificate::of_model(problem, &prediction);
+        let prediction = Some(prediction);
+        Ok(Solution { prediction, ..Solution::of(picture, record, certificate) })
     }
 }
 
 impl Digital {
-    /// The photo of `problem` solved from Wiener's filter, and from the axes of its colours where
-    /// there are any.
+    /// The detail mask and the colour axes of the photo of `problem`.
+    pub(super) fn analyse(&self, problem: &Problem<'_>) -> PhotoStructure {
+        let observation = problem.observation;
+        let mask = observation.detail_mask(self.levels);
+        let has_axes = observation.channels.list().len() == Channel::ALL.len()
+            && observation.sampling.has_colour_axes()
+            && self.colours == Colours::AlongAxes;
+        let axes = has_axes.then(|| {
+            let noise = observation.mean_noise();
+            ColourAxes::of(problem.model, &observation.light, noise, self.levels)
+        });
+        PhotoStructure { mask, axes }
+    }
+
+    /// The photo of `problem` solved from Wiener's filter, refined along its colour axes if it has
+    /// any.
     pub(super) fn solve_photo(
         &self,
         problem: &Problem<'_>,
-        model: &LensModel,
-        (mask, axes): (&DetailMask, Option<&ColourAxes>),
+        PhotoStructure { mask, axes }: &PhotoStructure,
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
-        let norms = problem.level_norms;
-        let target = Target { problem, model, data: problem.photo, mask, axes, norms };
-        let noise_to_signal = match problem.stated {
-            Some(_) => START_OF_CODED * START_NOISE_TO_SIGNAL,
-            None => START_NOISE_TO_SIGNAL,
-        };
-        let start = Wiener { noise_to_signal }.start(problem, model);
+        let (observation, axes) = (problem.observation, axes.as_ref());
+        let (model, norms) = (problem.model, problem.level_norms);
+        let target = Target { problem, model, data: &observation.light, mask, axes, norms };
+        let noise_to_signal = observation.sampling.start_noise_factor() * START_NOISE_TO_SIGNAL;
+        let mut start = Wiener { noise_to_signal }.filter_photo(problem);
         if axes.is_none() {
-            return self.solve_for(target, Begun::Start(&start), watch);
+            return self.solve_from(target, Start::Guess(&start), watch);
         }
-        let start = ColourPrior::new(self, target).start(target, start);
-        // Between a mosaic's sites steps are shorter, and as many are needed as without axes.
-        let steps =
-            if problem.mosaic.is_some() { self.steps } else { (3 * self.steps).div_ceil(4) };
-        Digital { steps, ..*self }.solve_for(target, Begun::Start(&start), watch)
+        ColourPrior::new(&self.prior(), target).refine_start(target, &mut start);
+        let steps = observation.sampling.steps_along_axes(self.steps);
+        Digital { steps, ..*self }.solve_from(target, Start::Guess(&start), watch)
     }
 
-    /// Along which axes the colours of `problem`'s photo lie, where they are solved so.
-    pub(super) fn axes(&self, problem: &Problem<'_>, model: &LensModel) -> Option<ColourAxes> {
-        let colour = problem.channels.list().len() == Channel::ALL.len();
-        // What coding did to colours is no colour of the scene, and no axis to follow.
-        let along = colour
-            && !problem.coded
-            && problem.stated.is_none()
-            && self.colours == Colours::AlongAxes;
-        along.then(|| ColourAxes::of(model, problem.photo, mean_noise(problem), self.levels))
-    }
-
-    /// Where the photo of `problem` has details.
-    pub(super) fn mask(&self, problem: &Problem<'_>) -> DetailMask {
-        let planes = noisy_planes(problem);
-        DetailMask::of(&planes, self.levels, problem.mosaic.is_some())
-    }
-
-    /// All channels of `target` solved from what was `begun`; the record is the green channel's.
-    pub(super) fn solve_for(
+    /// All channels of `target` solved from `start`; the record is the green channel's.
+    pub(super) fn solve_from(
         &self,
         target: Target<'_>,
-        begun: Begun<'_>,
+        start: Start<'_>,
         watch: &mut Watch<'_>,
     ) -> (Frame<Work>, IterationRecord) {
         let problem = target.problem;
-        let (start, predicted, sparing_step) = match begun {
-            Begun::Start(start) => (start, None, (self.steps / 2).max(1)),
-            Begun::Picture { picture, predicted } => (picture, Some(predicted), 1),
+        let observation = problem.observation;
+        let channels = observation.channels.list();
+        let (picture, mut prediction, texture_step) = match start {
+            Start::Guess(guess) => (guess, None, (self.steps / 2).max(1)),
+            Start::Picture { picture, prediction } => (picture, Some(prediction), 1),
         };
         let mut course = Course::new(problem.stopwatch);
-        let mut prior = ColourPrior::new(self, target);
+        let mut prior = ColourPrior::new(&self.prior(), target);
+        let mut stepped: Vec<Plane> = channels.iter().map(|&c| picture.plane(c).clone()).collect();
+        let solves = channels.iter().zip(&stepped);
         let mut solves: Vec<ChannelSolve> =
-            problem.channels.list().iter().map(|&c| ChannelSolve::new(c, start)).collect();
+            solves.map(|(&c, start)| ChannelSolve::new(c, start)).collect();
         let settling = if self.cycle_spun { SETTLING_STEPS.min(self.steps / 2) } else { 0 };
-        let mut decoded: Option<Frame<Work>> = None;
-        for iteration in 1..=self.steps {
-            let turn = prior.shrinkage.shift(iteration as usize);
-            match predicted.filter(|_| iteration == 1) {
-                Some(known) => solves.iter_mut().for_each(|solve| solve.is_predicted(known)),
+        let mut expected: Option<Frame<Work>> = None;
+        for step in 1..=self.steps {
+            let shift = prior.shrinkage.shift(step as usize);
+            match prediction.take() {
+                Some(known) => {
+                    solves.iter_mut().for_each(|s| s.set_prediction(known.plane(s.channel)));
+                }
                 None => solves.par_iter_mut().for_each(|solve| solve.predict(target)),
             }
-            let stated = problem.stated.filter(|stated| stated.is_data());
-            if let Some(stated) = stated.filter(|_| DECODED_AT.contains(&iteration)) {
-                decoded = Some(decoded_again(stated, target, &solves));
+            if observation.sampling.updates_data_at(step) {
+                expected = expected_data(target, &solves).or(expected);
             }
-            let target = Target { data: decoded.as_ref().unwrap_or(target.data), ..target };
-            if iteration == sparing_step && prior.spares(problem) {
-                let left: Vec<Plane> = solves.iter().map(|solve| solve.left(target)).collect();
-                prior.spare(problem, &left);
+            let target = Target { data: expected.as_ref().unwrap_or(target.data), ..target };
+            if step == texture_step && prior.can_protect_texture(observation) {
+                let residuals: Vec<Plane> = solves.iter().map(|s| s.residual(target)).collect();
+                prior.protect_texture(observation, &residuals);
             }
-            solves.par_iter_mut().for_each(|solve| solve.descend(target, &prior, turn));
-            prior.apply(&mut solves, iteration as usize, iteration + settling > self.steps);
-            solves.par_iter_mut().for_each(ChannelSolve::look_ahead);
+            let pairs = solves.par_iter_mut().zip(&mut stepped);
+            pairs.for_each(|(solve, stepped)| solve.descend(stepped, target, &prior, shift));
+            prior.apply(&mut stepped, step as usize, step + settling > self.steps);
+            let pairs = solves.par_iter_mut().zip(&mut stepped);
+            pairs.for_each(|(solve, stepped)| solve.advance(stepped));
             if let Some(green) = solves.iter().find(|solve| solve.channel == Channel::Green) {
-                watch(&course.step(green.residual, ResidualOf::Model, 0), None);
+                watch(&course.step(green.residual_rms, ResidualOf::Model, 0), None);
             }
         }
         let mut picture = Frame::zeros(problem.size());
-        for solve in solves {
-            *picture.plane_mut(solve.channel) = solve.stepped;
-        }
-        let target = Target { data: decoded.as_ref().unwrap_or(target.data), ..target };
+        channels.iter().zip(stepped).for_each(|(&c, plane)| *picture.plane_mut(c) = plane);
+        let target = Target { data: expected.as_ref().unwrap_or(target.data), ..target };
         if let Some(blocks) = self.blocks {
             picture = blocks.solve(target, picture, &mut course, watch);
         }
-        if let Some(stated) = problem.stated {
-            stated.mix_colours(&mut picture, problem.photo);
-        }
+        observation.sampling.finish(&mut picture, &observation.light);
         (picture, course.record)
+    }
+
+    fn prior(&self) -> PriorSetting {
+        let Digital { strength, levels, cycle_spun, colours, .. } = *self;
+        PriorSetting { strength, levels, cycle_spun, colours }
     }
 }
 
-/// What a solve goes on from.
-#[derive(Clone, Copy)]
-pub(super) enum Begun<'a> {
-    /// A first guess. Half of the steps are taken before it is asked which textures the prior drew
-    /// away.
-    Start(&'a Frame<Work>),
-    /// A picture that was solved already, and is asked at once.
-    Picture {
-        /// It.
-        picture: &'a Frame<Work>,
-        /// K̂ of it.
-        predicted: &'a Frame<Work>,
-    },
-}
-
-/// The data of `target` as its photo's file states them, now that the photo of `solves` is known.
+/// The data of `target` to expect by the predictions of `solves`; `None` where the data do not
+/// depend on them.
 ///
-/// A correction solves for the photo less a defect that captures showed. What the camera saw has
-/// it, and so has what the file states.
-fn decoded_again(stated: &JpegTerm, target: Target<'_>, solves: &[ChannelSolve]) -> Frame<Work> {
-    let mut seen: Frame<Work> = target.problem.photo.clone();
+/// A correction's data are the photo less a defect that captures showed. The camera saw that
+/// defect, so it is added to the prediction and taken off the data again.
+fn expected_data(target: Target<'_>, solves: &[ChannelSolve]) -> Option<Frame<Work>> {
+    let observation = target.problem.observation;
+    let mut seen: Frame<Work> = observation.light.clone();
     for solve in solves {
         let plane = seen.plane_mut(solve.channel);
         plane.add_scaled(-1.0, target.data.plane(solve.channel));
-        plane.add_scaled(1.0, &solve.predicted);
+        plane.add_scaled(1.0, &solve.prediction);
     }
-    let mut data = stated.redecoded(&seen);
+    let mut data = observation.sampling.expected_data(&seen)?;
     for solve in solves {
         let c = solve.channel;
-        data.plane_mut(c).add_scaled(-1.0, target.problem.photo.plane(c));
+        data.plane_mut(c).add_scaled(-1.0, observation.light.plane(c));
         data.plane_mut(c).add_scaled(1.0, target.data.plane(c));
     }
-    data
-}
-
-/// One channel on its way.
-pub(super) struct ChannelSolve {
-    channel: Channel,
-    /// Where the gradient is taken.
-    looked_at: Plane,
-    /// K̂ of it, then its residual.
-    predicted: Plane,
-    /// Whether a pixel is kept where it is, at a bound of light.
-    held: Plane<bool>,
-    /// The picture after the step.
-    pub(super) stepped: Plane,
-    momentum: Momentum,
-    /// RMS of the residual before the step.
-    residual: f32,
-}
-
-impl ChannelSolve {
-    fn new(channel: Channel, start: &Frame<Work>) -> Self {
-        let start = start.plane(channel);
-        ChannelSolve {
-            channel,
-            looked_at: start.clone(),
-            predicted: Plane::zeros(start.size()),
-            held: Plane::zeros(start.size()),
-            stepped: start.clone(),
-            momentum: Momentum::new(start),
-            residual: 0.0,
-        }
-    }
-
-    /// `predicted` = K̂ of the point looked at.
-    fn predict(&mut self, target: Target<'_>) {
-        target.model.forward(self.channel, &self.looked_at, &mut self.predicted);
-    }
-
-    /// The same where K̂ of it is `known`.
-    fn is_predicted(&mut self, known: &Frame<Work>) {
-        self.predicted.clone_from(known.plane(self.channel));
-    }
-
-    /// What the point looked at leaves of the data, grey levels; before [`ChannelSolve::descend`].
-    fn left(&self, target: Target<'_>) -> Plane {
-        let mut left = self.predicted.clone();
-        let trust = target.problem.trust.plane(self.channel);
-        data_term::residual_in_place(&mut left, target.data.plane(self.channel), trust);
-        left
-    }
-
-    /// `stepped` = the point looked at less its gradient, each wavelet level of it as long as it
-    /// may be.
-    fn descend(&mut self, target: Target<'_>, prior: &ColourPrior<'_>, shift: (usize, usize)) {
-        let (c, trust) = (self.channel, target.problem.trust.plane(self.channel));
-        data_term::residual_in_place(&mut self.predicted, target.data.plane(c), trust);
-        if c == Channel::Green {
-            self.residual = data_term::rms_over_data(&self.predicted, trust);
-        }
-        data_term::count(&mut self.predicted, target.problem.weight(c));
-        target.model.adjoint(c, &self.predicted, &mut self.stepped);
-        self.hold();
-        let steps = target.norms[c.index()].steps();
-        prior.lend(|scratch| {
-            prior.shrinkage.scale_levels(&mut self.stepped, &steps, shift, scratch);
-        });
-        let stretches = self
-            .stepped
-            .data_mut()
-            .par_chunks_mut(STRETCH)
-            .zip(self.looked_at.data().par_chunks(STRETCH))
-            .zip(self.held.data().par_chunks(STRETCH));
-        stretches.for_each(|((step, from), held)| {
-            for ((s, y), held) in step.iter_mut().zip(from).zip(held) {
-                *s = if *held { *y } else { y - *s };
-            }
-        });
-    }
-
-    /// Takes out of the gradient the pixels at a bound of light that it leads past.
-    ///
-    /// Each level has a step of its own, and the bound is one of pixels. Kept by a clamp alone,
-    /// such a step need not descend, however short it is: dark places of a channel whose finest
-    /// details hardly arrive fill with stripes. With these pixels held it does (two-metric
-    /// projection: Bertsekas 1982, "Projected Newton methods for optimization problems with simple
-    /// constraints").
-    fn hold(&mut self) {
-        let stretches = self
-            .stepped
-            .data_mut()
-            .par_chunks_mut(STRETCH)
-            .zip(self.looked_at.data().par_chunks(STRETCH))
-            .zip(self.held.data_mut().par_chunks_mut(STRETCH));
-        stretches.for_each(|((gradient, at), held)| {
-            for ((g, &y), held) in gradient.iter_mut().zip(at).zip(held) {
-                *held = (y <= 0.0 && *g > 0.0) || (y >= FULL_SCALE && *g < 0.0);
-                if *held {
-                    *g = 0.0;
-                }
-            }
-        });
-    }
-
-    /// Keeps the picture within what light can be, and goes on to the next point to look at.
-    fn look_ahead(&mut self) {
-        let stretches = self.stepped.data_mut().par_chunks_mut(STRETCH);
-        stretches
-            .for_each(|stretch| stretch.iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE)));
-        self.momentum.next(&mut self.looked_at, &self.stepped);
-    }
+    Some(data)
 }

@@ -1,29 +1,28 @@
-//! The default: solve with the lens model, let a capture certify the result, and correct what the
-//! model missed while captures show that it missed something (defect correction, Böhmer & Stetter
+//! The default: solve with the lens model, certify the result by a capture, and correct what the
+//! model misses while captures show that it misses something (defect correction, Böhmer & Stetter
 //! 1984).
 //!
 //! A capture y of the candidate L shows the model's *defect* at L: d = y − K̂L, which is (K − K̂)L
 //! plus the capture's noise. The corrected problem is K̂L = B − d. Each capture adds to d what it
-//! shows beyond the d already known, shrunk by its noise: what light cannot tell from noise is not
-//! corrected, a right model is left alone, and when a capture shows nothing new, d is complete.
+//! shows beyond the known d, shrunk by its noise: a defect below the noise is not corrected, a right
+//! model is not changed, and when a capture shows nothing new, d is complete.
 //!
-//! Where the first capture shows that the lens is another than was measured, the model itself is
-//! refined by it ([`crate::deconvolution::refinement`]), and d is what even that leaves.
+//! Where the first capture shows a lens other than the measured one, the model itself is refined by
+//! it ([`crate::deconvolution::refinement`]), and d is the defect of the refined model.
 //!
-//! With block matching for the prior the first capture is of what wavelets alone make of the photo:
-//! the defect there hardly differs, and block matching, most of the cost, runs once and not twice.
-//! A scene of nothing but edges loses by it.
+//! With block matching as the prior the first capture is of the wavelet solution: its defect hardly
+//! differs, and block matching, most of the cost, runs once and not twice. A scene of nothing but
+//! edges loses by it.
 //!
-//! With a poor model the corrected candidate can overshoot. The next capture tells, and light is
-//! linear: the photograph of L + α(L′ − L) is y + α(y′ − y), so the best α is known without another
-//! capture, and the optical residual never grows. A correction of a few steps may be followed
-//! further than it went; one by block matching may not, for its prior is another than the first
-//! candidate's, and what lies beyond it no prior has seen.
+//! With a poor model the corrected candidate can overshoot. Light is linear: the photograph of
+//! L + α(L′ − L) is y + α(y′ − y), so the best α follows from the two captures, and the optical
+//! residual never grows. α may exceed 1 after a correction of a few steps; not after one by block
+//! matching, whose prior is another than the first candidate's.
 
 use rayon::prelude::*;
 
 use super::blocks::{self, Blocks};
-use super::digital::{Begun, Digital};
+use super::digital::{Digital, PhotoStructure, Start};
 use super::problem::{Certificate, Target};
 use super::record::Course;
 use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
@@ -31,7 +30,7 @@ use crate::deconvolution::data_term::{self, MISSING, TRUSTED};
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::deconvolution::refinement::Measured;
+use crate::deconvolution::refinement::{Measured, RefinedLens};
 use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
@@ -39,17 +38,25 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Size, Work};
 /// Proximal steps of each correction. More gain nothing where the model is right, and build on its
 /// errors where it is not (`tests/tables/truthful-wrong-models.md`).
 pub const CORRECTION_STEPS: u32 = 4;
-/// How much longer a correction of a photo is that its file states: its data are read anew as it
-/// goes. With as many steps as of others the demo's JPEG loses 0.001 SSIM.
-const STATED_LONGER: f32 = 2.5;
-/// Shrinkage of the measured defect, in standard deviations of its noise; measured.
+/// Soft threshold of the measured defect, in σ of its noise; measured.
 pub const DEFECT_THRESHOLD: f32 = 2.0;
-/// Defect below this share of the noise floor, in the channel where it is largest, counts as none.
-/// Measured on the laboratory's group of limits: what is corrected below 0.26 of it gains nothing
-/// or loses, from 0.3 on it gains (`tests/tables/README.md`).
+/// Defect, as a share of the noise floor in its largest channel, below which the model counts as
+/// right. Measured on the laboratory's group of limits: correcting less than 0.26 gains nothing or
+/// loses, from 0.3 on it gains (`tests/tables/README.md`).
 pub const DEFECT_FLOOR: f32 = 0.28;
-/// How much shorter a wrong model makes the steps of a correction; measured.
+/// Factor by which a wrong model shortens the steps of a correction; measured.
 pub const CAREFULNESS: f32 = 25.0;
+/// Soft threshold of a defect at a mosaic's sites, in σ of the sensor's noise there.
+const SITES_THRESHOLD: f32 = 1.0;
+/// Largest α along a correction by wavelets, whose few steps do not go all the way. Beyond it the
+/// line through two captures follows their noise.
+const STEP_MAX: f64 = 1.5;
+/// The same of a correction by block matching. With 1.5 a second capture of a lens that was touched
+/// loses half of the first one's gain (`tests/tables/truthful-worth.md`).
+const STEP_MAX_BY_BLOCKS: f64 = 1.0;
+/// Levels of the defect's shrinkage: the approximation, which is not shrunk, averages 16×16 pixels
+/// and is far below its noise.
+const DEFECT_LEVELS: usize = 4;
 
 /// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,32 +69,19 @@ pub struct Hybrid {
     /// Captures a photo may cost, at least 1. With 1 the first correction is not confirmed by
     /// light.
     pub captures_max: u32,
-    /// Soft threshold of the defect, in standard deviations of its noise.
+    /// Soft threshold of the defect, in σ of its noise.
     pub defect_threshold: f32,
-    /// Defect, as a share of the noise floor, below which the model counts as right; after the
-    /// first correction more is let pass.
+    /// Defect, as a share of the noise floor, below which the model counts as right.
     pub defect_floor: f32,
-    /// How much shorter a wrong model makes the steps of a correction: each level's α is at least
-    /// this often the defect's share of the picture's power.
+    /// Factor by which a wrong model shortens the steps of a correction: each level's α is at least
+    /// this times the defect's share of the picture's power.
     pub carefulness: f32,
     /// Whether the first capture may refine the lens model for this photo
     /// ([`crate::deconvolution::refinement`]).
     pub refine: bool,
 }
 
-/// Shrinkage of a defect at a mosaic's sites, in standard deviations of the sensor's noise there.
-const SITES_THRESHOLD: f32 = 1.0;
-/// Longest step along a correction by wavelets: a few steps do not go all the way. Beyond it the
-/// line through two captures says more about their noise.
-const STEP_MAX: f64 = 1.5;
-/// The same of one by block matching. With 1.5, too, a second capture of a lens that was touched
-/// takes away half of what the first gained (`tests/tables/truthful-worth.md`).
-const STEP_MAX_BY_BLOCKS: f64 = 1.0;
-/// Levels of the defect's shrinkage: what stays unshrunk is averaged over 16×16 pixels, far below
-/// its noise.
-const DEFECT_LEVELS: usize = 4;
-
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "hybrid", starts_from_lens: true, by_patches: false, by_steps: true };
 
@@ -106,151 +100,198 @@ impl Method for Hybrid {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model(self.name())?;
-        let mut course = Course::by(problem.stopwatch, optics);
-        let mask = self.digital.mask(problem);
-        let by_wavelets = Digital { blocks: None, ..self.digital };
-        let axes = self.digital.axes(problem, model);
-        let prior = (&mask, axes.as_ref());
-        let (picture, steps) = by_wavelets.solve_photo(problem, model, prior, watch);
-        course.extend(&steps, 0, 0.0);
-        let mut certificate = Certificate::uncertified(problem);
-        let channels = problem.channels.list();
-        let predicted = model.seen(channels, &picture);
-        let seen = problem.seen(optics, Some(&predicted), &picture)?;
-        let mut now = Candidate { picture, predicted, seen, defect: None };
-        let (mut refined_lens, mut refined) = (None, None);
-        for capture in 1..=self.captures_max.max(1) {
-            let optical = problem.seen_rms(Channel::Green, now.seen.light.plane(Channel::Green));
-            certificate.look(problem, &now.seen.light);
-            let step = course.step(optical, ResidualOf::Optics, optics.captures());
-            watch(&step, Some(&now.picture));
-            let last = capture >= self.captures_max;
-            if last && self.captures_max > 1 {
+        let mut run = Run::new(self, problem, optics);
+        let mut candidate = run.first_candidate(optics, watch)?;
+        let last = self.captures_max();
+        for capture in 1..=last {
+            run.record_capture(&candidate, optics, watch);
+            // The last of several captures only certifies.
+            if capture == last && last > 1 {
                 break;
             }
-            let mut unexplained = now.seen.unexplained(&now.predicted, channels);
-            // The first picture is not yet the method's where block matching is still to come.
-            let mut unsolved = capture == 1 && self.digital.blocks.is_some();
-            if self.refine && capture == 1 {
-                (refined_lens, refined) =
-                    measured(problem, model).refine(&now.picture, &now.seen, &unexplained).unzip();
-                if let Some(refined) = &refined {
-                    now.predicted = refined.seen(channels, &now.picture);
-                    unexplained = now.seen.unexplained(&now.predicted, channels);
-                    unsolved = true;
-                }
-            }
-            // With another lens than the measured one it may be another matter.
-            if capture == 1
-                && refined.is_none()
-                && let Some(is_hopeless) = problem.is_hopeless
-                && is_hopeless(&now.predicted)
-            {
+            let Some(defect) = run.find_defect(&mut candidate, capture == 1) else { break };
+            let (picture, prediction) = run.correct(&candidate, &defect, watch);
+            if capture == last {
+                // The only capture is spent: no light certifies the correction.
+                run.certificate.optical_residual = None;
+                (candidate.picture, candidate.prediction) = (picture, prediction);
                 break;
             }
-            let model = refined.as_ref().unwrap_or(model);
-            let norms = refined_lens.as_ref().map_or(problem.level_norms, |lens| &lens.level_norms);
-            let mut known = self.new_defect(problem, unexplained, &now);
-            let over = |&c: &Channel| known.plane(c).rms() as f32 / problem.noise_floor(c);
-            let size = channels.iter().map(over).fold(0.0, f32::max);
-            let is_corrected = size > self.defect_floor || refined.is_some();
-            if size <= self.defect_floor {
-                // What a refined model leaves no defect of is still to be solved for.
-                if !unsolved {
-                    break;
-                }
-                known = Frame::zeros(problem.size());
-            }
-            if let Some(before) = &now.defect {
-                for &c in channels {
-                    known.plane_mut(c).add_scaled(1.0, before.plane(c));
-                }
-            }
-            let (mask, axes) = prior;
-            let target = Target { problem, model, data: problem.photo, mask, axes, norms };
-            let picture = self.corrected(target, &now, &known, &mut course, watch);
-            let predicted = model.seen(channels, &picture);
-            // Block matching without a defect is none.
-            certificate.corrections += u32::from(is_corrected);
-            if last {
-                (now.picture, now.predicted) = (picture, predicted);
-                certificate.optical_residual = None;
-                break;
-            }
-            let seen = problem.seen(optics, Some(&predicted), &picture)?;
-            let corrected = Candidate { picture, predicted, seen, defect: Some(known) };
-            let longest = if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX };
-            now.step_towards(&corrected, problem, model, longest);
+            let seen = problem.capture(optics, &prediction, &picture)?;
+            let corrected = Candidate { picture, prediction, seen, defect: Some(defect.light) };
+            candidate.step_towards(&corrected, problem, run.model(), self.longest_step());
         }
-        let by_measured = refined.map(|_| model.seen(&[Channel::Green], &now.picture));
-        let by_measured = by_measured.as_ref().unwrap_or(&now.predicted);
-        certificate.model_residual = Some(problem.model_residual(by_measured));
-        let Candidate { picture, predicted, .. } = now;
-        let predicted = Some(predicted);
-        Ok(Solution {
-            picture,
-            predicted,
-            record: course.record,
-            certificate,
-            refined: refined_lens,
-        })
+        Ok(run.finish(candidate))
     }
 }
 
 impl Hybrid {
-    /// The solution of K̂L = B − d, from the picture that there is `now`.
-    fn corrected(
-        &self,
-        target: Target<'_>,
-        now: &Candidate,
-        defect: &Frame<Work>,
-        course: &mut Course<'_>,
-        watch: &mut Watch<'_>,
-    ) -> Frame<Work> {
-        let problem = target.problem;
-        let mut data: Frame<Work> = problem.photo.clone();
-        for &channel in problem.channels.list() {
-            data.plane_mut(channel).add_scaled(-1.0, defect.plane(channel));
+    /// Largest α along a correction.
+    fn longest_step(&self) -> f64 {
+        if self.digital.blocks.is_some() { STEP_MAX_BY_BLOCKS } else { STEP_MAX }
+    }
+
+    /// Power of the details of `plane`, level by level, finest first.
+    fn detail_powers(&self, plane: &Plane) -> Vec<f64> {
+        let transform = Sym8::new(plane.size(), self.digital.levels);
+        let mut coefficients = transform.zeros();
+        transform.analyse(plane, &mut coefficients, &mut Scratch::default());
+        let power =
+            |details: &mut Details| details.bands_mut().iter().map(|b| b.dot(b)).sum::<f64>();
+        coefficients.details.iter_mut().map(power).collect()
+    }
+}
+
+/// One photo on its way through the method.
+struct Run<'a> {
+    method: &'a Hybrid,
+    problem: &'a Problem<'a>,
+    structure: PhotoStructure,
+    course: Course<'a>,
+    certificate: Certificate,
+    /// The refined lens, where the first capture shows another than the measured one.
+    refined: Option<Refined>,
+}
+
+/// A lens refined by a capture.
+struct Refined {
+    lens: RefinedLens,
+    /// The model that explains the captures.
+    model: LensModel,
+}
+
+/// A defect to correct.
+struct Defect {
+    /// d on the canvas, linear light.
+    light: Frame<Work>,
+    /// Whether it, or the refined lens, changes the data term; else block matching alone follows.
+    is_correction: bool,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        method: &'a Hybrid,
+        problem: &'a Problem<'a>,
+        optics: &dyn ForwardConvolution,
+    ) -> Run<'a> {
+        let course = Course::by(problem.stopwatch, optics);
+        Run {
+            method,
+            problem,
+            structure: method.digital.analyse(problem),
+            course,
+            certificate: Certificate::uncertified(problem),
+            refined: None,
         }
-        // A coarse defect hardly changes with the picture; a fine one does, and is known only so
-        // far.
-        let missed = |c: Channel| {
-            let power: f64 = self.detail_powers(defect.plane(c)).iter().sum();
-            (power / problem.size().area() as f64).sqrt() as f32
+    }
+
+    /// The lens model: the refined one, or the measured one.
+    fn model(&self) -> &LensModel {
+        self.refined.as_ref().map_or(self.problem.model, |refined| &refined.model)
+    }
+
+    fn channels(&self) -> &'static [Channel] {
+        self.problem.observation.channels.list()
+    }
+
+    /// The solution by wavelets with the measured lens, and its capture.
+    fn first_candidate(
+        &mut self,
+        optics: &mut dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) -> Result<Candidate, MethodError> {
+        let by_wavelets = Digital { blocks: None, ..self.method.digital };
+        let (picture, steps) = by_wavelets.solve_photo(self.problem, &self.structure, watch);
+        self.course.extend(&steps, 0, 0.0);
+        let prediction = self.problem.predict(&picture);
+        let seen = self.problem.capture(optics, &prediction, &picture)?;
+        Ok(Candidate { picture, prediction, seen, defect: None })
+    }
+
+    /// Records the residual of the candidate's capture.
+    fn record_capture(
+        &mut self,
+        candidate: &Candidate,
+        optics: &dyn ForwardConvolution,
+        watch: &mut Watch<'_>,
+    ) {
+        let light = &candidate.seen.light;
+        let residual = self.problem.capture_rms(Channel::Green, light.plane(Channel::Green));
+        self.certificate.measure(self.problem, light);
+        let step = self.course.step(residual, ResidualOf::Optics, optics.captures());
+        watch(&step, Some(&candidate.picture));
+    }
+
+    /// The defect of the model at `candidate`, with the known one; `None` where the photo is solved
+    /// or hopeless. The first capture may refine the lens.
+    fn find_defect(&mut self, candidate: &mut Candidate, is_first: bool) -> Option<Defect> {
+        let (problem, channels) = (self.problem, self.channels());
+        let mut unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
+        if is_first {
+            if self.method.refine {
+                self.refine_lens(candidate, &mut unexplained);
+            }
+            // A refined lens may explain the photo.
+            let is_hopeless = problem.is_hopeless.filter(|_| self.refined.is_none());
+            if is_hopeless.is_some_and(|is_hopeless| is_hopeless(&candidate.prediction)) {
+                return None;
+            }
+        }
+        let mut light = self.measure_defect(unexplained, candidate);
+        let over_floor = |&c: &Channel| light.plane(c).rms() as f32 / problem.noise_floor(c);
+        let size = channels.iter().map(over_floor).fold(0.0, f32::max);
+        let is_significant = size > self.method.defect_floor;
+        let is_refined = self.refined.is_some();
+        if !is_significant {
+            // Block matching, or the refined lens, has not solved the first candidate yet.
+            let is_unsolved = is_first && (self.method.digital.blocks.is_some() || is_refined);
+            if !is_unsolved {
+                return None;
+            }
+            light = Frame::zeros(problem.size());
+        }
+        if let Some(known) = &candidate.defect {
+            for &c in channels {
+                light.plane_mut(c).add_scaled(1.0, known.plane(c));
+            }
+        }
+        Some(Defect { light, is_correction: is_significant || is_refined })
+    }
+
+    /// Refines the lens by the capture of `candidate`, if it shows another; the candidate's
+    /// prediction and what it leaves `unexplained` follow.
+    fn refine_lens(&mut self, candidate: &mut Candidate, unexplained: &mut Frame<Work>) {
+        let problem = self.problem;
+        let channels = self.channels();
+        let measured = Measured {
+            photo: problem.observation.rect,
+            channels,
+            trust: &problem.observation.trust,
+            model: problem.model,
+            level_norms: problem.level_norms,
+            capture_noise: problem.capture_noise,
         };
-        let doubtful = |blocks| Blocks { missed: Channel::ALL.map(missed), ..blocks };
-        let blocks = self.digital.blocks.map(doubtful);
-        let longer = if problem.stated.is_some() { STATED_LONGER } else { 1.0 };
-        let steps = (longer * self.correction_steps as f32).round() as u32;
-        let correction = Digital { steps, blocks, ..self.digital };
-        let norms = &self.careful_norms(target, &now.picture, defect);
-        let careful = Target { data: &data, norms, ..target };
-        let begun = Begun::Picture { picture: &now.picture, predicted: &now.predicted };
-        let (corrected, steps) = correction.solve_for(careful, begun, watch);
-        let (captures, seconds) =
-            course.record.steps().last().map_or((0, 0.0), |last| (last.captures, last.seconds));
-        course.extend(&steps, captures, seconds);
-        corrected
+        let refined = measured.refine(&candidate.picture, &candidate.seen, unexplained);
+        if let Some((lens, model)) = refined {
+            candidate.prediction = model.seen(channels, &candidate.picture);
+            *unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
+            self.refined = Some(Refined { lens, model });
+        }
     }
 
     /// What is `unexplained` beyond the known defect, (y − K̂L) − d, with its noise shrunk away;
-    /// zero where the capture cannot be trusted or the photo says nothing.
-    fn new_defect(
-        &self,
-        problem: &Problem<'_>,
-        mut unexplained: Frame<Work>,
-        known: &Candidate,
-    ) -> Frame<Work> {
+    /// zero where the capture is not trusted or the photo has no data.
+    fn measure_defect(&self, mut unexplained: Frame<Work>, candidate: &Candidate) -> Frame<Work> {
+        let problem = self.problem;
         let shrinkage = Shrinkage::new(problem.size(), DEFECT_LEVELS);
         let mut scratch = ShrinkageScratch::default();
         // One plane after the other: spinning needs much memory, and keeps all cores busy by
         // itself.
-        for &channel in problem.channels.list() {
+        for &channel in self.channels() {
             let plane = unexplained.plane_mut(channel);
-            if let Some(defect) = &known.defect {
+            if let Some(defect) = &candidate.defect {
                 let values = plane.data_mut().iter_mut().zip(defect.plane(channel).data());
-                for ((v, d), &t) in values.zip(known.seen.trusted.plane(channel).data()) {
+                for ((v, d), &t) in values.zip(candidate.seen.trusted.plane(channel).data()) {
                     *v -= if t == TRUSTED { *d } else { 0.0 };
                 }
             }
@@ -258,55 +299,98 @@ impl Hybrid {
                 let noise = problem.capture_noise[channel.index()];
                 shrink_sites(plane, channel, mosaic, SITES_THRESHOLD * noise, &mut scratch);
             } else {
-                let thresholds = [self.defect_threshold * data_term::noise_of(plane)];
+                let thresholds = [self.method.defect_threshold * data_term::noise_of(plane)];
                 shrinkage.shrink_everywhere(plane, &thresholds, None, 0, &mut scratch);
             }
-            problem.mask(channel, plane);
+            problem.observation.mask(channel, plane);
         }
         unexplained
     }
 
-    /// Power of the details of `plane`, level by level, finest first.
-    fn detail_powers(&self, plane: &Plane) -> Vec<f64> {
-        let transform = Sym8::new(plane.size(), self.digital.levels);
-        let mut found = transform.zeros();
-        transform.analyse(plane, &mut found, &mut Scratch::default());
-        let power =
-            |details: &mut Details| details.bands_mut().iter().map(|b| b.dot(b)).sum::<f64>();
-        found.details.iter_mut().map(power).collect()
+    /// The solution of K̂L = B − d from `candidate`, and its prediction.
+    fn correct(
+        &mut self,
+        candidate: &Candidate,
+        defect: &Defect,
+        watch: &mut Watch<'_>,
+    ) -> (Frame<Work>, Frame<Work>) {
+        let (method, problem) = (self.method, self.problem);
+        let observation = problem.observation;
+        let mut data: Frame<Work> = observation.light.clone();
+        for &channel in self.channels() {
+            data.plane_mut(channel).add_scaled(-1.0, defect.light.plane(channel));
+        }
+        // A coarse defect hardly changes with the picture; a fine one does, and its error counts as
+        // noise.
+        let missed = |c: Channel| {
+            let power: f64 = method.detail_powers(defect.light.plane(c)).iter().sum();
+            (power / problem.size().area() as f64).sqrt() as f32
+        };
+        let blocks = method.digital.blocks;
+        let blocks = blocks.map(|blocks| Blocks { missed: Channel::ALL.map(missed), ..blocks });
+        let steps = observation.sampling.correction_steps(method.correction_steps);
+        let correction = Digital { steps, blocks, ..method.digital };
+        let norms = &self.careful_norms(&candidate.picture, &defect.light);
+        let PhotoStructure { mask, axes } = &self.structure;
+        let (model, axes) = (self.model(), axes.as_ref());
+        let target = Target { problem, model, data: &data, mask, axes, norms };
+        let start =
+            Start::Picture { picture: &candidate.picture, prediction: &candidate.prediction };
+        let (picture, steps) = correction.solve_from(target, start, watch);
+        let prediction = model.seen(self.channels(), &picture);
+        let last = self.course.record.steps().last();
+        let (captures, seconds) = last.map_or((0, 0.0), |last| (last.captures, last.seconds));
+        self.course.extend(&steps, captures, seconds);
+        self.certificate.corrections += u32::from(defect.is_correction);
+        (picture, prediction)
     }
 
-    /// The level norms for a correction: `norms` raised where the defect's power says that the
-    /// model is wrong.
+    /// The level norms for a correction: raised where the defect's power shows that the model is
+    /// wrong.
     ///
     /// With a wrong model a correction overshoots in the levels where (K − K̂) is not small against
-    /// what K̂ lets through. The defect over the picture, level by level, is how large it is.
-    fn careful_norms(
-        &self,
-        Target { problem, norms, .. }: Target<'_>,
-        picture: &Frame<Work>,
-        defect: &Frame<Work>,
-    ) -> [LevelNorms; 3] {
-        let raised = problem.channels.list().par_iter().map(|&c| {
-            let (wrong, shown) =
-                (self.detail_powers(defect.plane(c)), self.detail_powers(picture.plane(c)));
-            let wrong = wrong.into_iter().zip(shown);
-            let least: Vec<f32> = wrong
+    /// what K̂ passes. The defect over the picture, level by level, measures it.
+    fn careful_norms(&self, picture: &Frame<Work>, defect: &Frame<Work>) -> [LevelNorms; 3] {
+        let method = self.method;
+        let refined = self.refined.as_ref();
+        let measured = self.problem.level_norms;
+        let mut norms = refined.map_or(measured, |of| &of.lens.level_norms).clone();
+        let raised = self.channels().par_iter().map(|&c| {
+            let wrong = method.detail_powers(defect.plane(c)).into_iter();
+            let shares = wrong.zip(method.detail_powers(picture.plane(c)));
+            let least: Vec<f32> = shares
                 .map(|(wrong, shown)| {
-                    self.carefulness * (wrong / shown.max(f64::MIN_POSITIVE)) as f32
+                    method.carefulness * (wrong / shown.max(f64::MIN_POSITIVE)) as f32
                 })
                 .collect();
             (c, norms[c.index()].at_least(&least))
         });
         let raised: Vec<(Channel, LevelNorms)> = raised.collect();
-        let mut norms = norms.clone();
         raised.into_iter().for_each(|(c, raised)| norms[c.index()] = raised);
         norms
     }
+
+    /// The solution that `candidate` is.
+    fn finish(mut self, candidate: Candidate) -> Solution {
+        let Candidate { picture, prediction, .. } = candidate;
+        let problem = self.problem;
+        // The model residual is the measured lens's.
+        let by_measured =
+            self.refined.is_some().then(|| problem.model.seen(&[Channel::Green], &picture));
+        let by_measured = by_measured.as_ref().unwrap_or(&prediction);
+        self.certificate.model_residual = Some(problem.model_residual(by_measured));
+        Solution {
+            picture,
+            prediction: Some(prediction),
+            record: self.course.record,
+            certificate: self.certificate,
+            refined: self.refined.map(|refined| refined.lens),
+        }
+    }
 }
 
-/// Shrinks what is known at the sites of one channel, each phase of the mosaic as a plane of its
-/// own, for noise is white there; between them what is left is interpolated.
+/// Shrinks `plane` at the sites of one channel, each phase of the mosaic as a plane of its own, in
+/// which noise is white; between them the result is interpolated.
 fn shrink_sites(
     plane: &mut Plane,
     channel: Channel,
@@ -331,31 +415,18 @@ fn shrink_sites(
     *plane = mosaic.filled(channel, plane);
 }
 
-/// What a refinement of `model` starts from.
-fn measured<'a>(problem: &'a Problem<'_>, model: &'a LensModel) -> Measured<'a> {
-    Measured {
-        photo: problem.rect,
-        channels: problem.channels.list(),
-        trust: problem.trust,
-        model,
-        level_norms: problem.level_norms,
-        capture_noise: problem.capture_noise,
-    }
-}
-
-/// A picture, what the lens model predicts to be seen of it and what is, and the defect used for
-/// it.
+/// A picture with its prediction and its capture.
 struct Candidate {
     picture: Frame<Work>,
-    predicted: Frame<Work>,
+    prediction: Frame<Work>,
     seen: Seen,
-    /// None before the first correction.
+    /// The defect it was solved with; `None` before the first correction.
     defect: Option<Frame<Work>>,
 }
 
 impl Candidate {
-    /// Moves towards `corrected`, channel by channel, as far as brings the seen nearest to the
-    /// photo, by at most the `longest` step. `model` is what both are predicted by.
+    /// Moves towards `corrected`, channel by channel, by the α that brings the photograph nearest to
+    /// the photo, at most `longest`. Both predictions are by `model`.
     fn step_towards(
         &mut self,
         corrected: &Candidate,
@@ -363,14 +434,14 @@ impl Candidate {
         model: &LensModel,
         longest: f64,
     ) {
-        for &c in problem.channels.list() {
+        for &c in problem.observation.channels.list() {
             let alpha = best_step(problem, c, &self.seen.light, &corrected.seen.light);
-            self.go(c, corrected, alpha.min(longest) as f32, model);
+            self.move_channel(c, corrected, alpha.min(longest) as f32, model);
         }
     }
 
-    /// Goes `alpha` of the way to `corrected` in one channel.
-    fn go(&mut self, c: Channel, corrected: &Candidate, alpha: f32, model: &LensModel) {
+    /// Moves `alpha` of the way to `corrected` in one channel.
+    fn move_channel(&mut self, c: Channel, corrected: &Candidate, alpha: f32, model: &LensModel) {
         let towards = |plane: &mut Plane, target: &Plane| {
             let pairs = plane.data_mut().iter_mut().zip(target.data());
             pairs.for_each(|(v, &t)| *v += alpha * (t - *v));
@@ -378,10 +449,10 @@ impl Candidate {
         let picture = self.picture.plane_mut(c);
         towards(picture, corrected.picture.plane(c));
         picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
-        // Between two pictures nothing was clamped.
+        // Between two pictures the clamp changes nothing.
         match alpha <= 1.0 {
-            true => towards(self.predicted.plane_mut(c), corrected.predicted.plane(c)),
-            false => model.forward(c, picture, self.predicted.plane_mut(c)),
+            true => towards(self.prediction.plane_mut(c), corrected.prediction.plane(c)),
+            false => model.forward(c, picture, self.prediction.plane_mut(c)),
         }
         towards(self.seen.light.plane_mut(c), corrected.seen.light.plane(c));
         if let Some(defect) = &corrected.defect {
@@ -395,17 +466,19 @@ impl Candidate {
     }
 }
 
-/// The α of at least 0 that minimises ‖y + α(y′ − y) − B‖, the captures' own noise taken out of
-/// both sums; 1 when the captures differ by no more than noise.
+/// The α ≥ 0 that minimises ‖y + α(y′ − y) − B‖, with the captures' noise subtracted from both
+/// sums; 1 where the captures differ by no more than noise.
 fn best_step(
     problem: &Problem<'_>,
     channel: Channel,
     seen: &Frame<Work>,
     corrected: &Frame<Work>,
 ) -> f64 {
+    let observation = problem.observation;
     let (mut along, mut square, mut count) = (0.0f64, 0.0f64, 0u32);
     let pairs = seen.plane(channel).data().iter().zip(corrected.plane(channel).data());
-    let photo = problem.photo.plane(channel).data().iter().zip(problem.trust.plane(channel).data());
+    let photo = observation.light.plane(channel).data().iter();
+    let photo = photo.zip(observation.trust.plane(channel).data());
     let width = problem.size().width;
     let is_site = |n: usize| {
         let own = |mosaic: Mosaic| mosaic.colour_at(n % width, n / width) == channel;
@@ -421,7 +494,7 @@ fn best_step(
     }
     let noise = f64::from(problem.capture_noise[channel.index()]).powi(2) * f64::from(count);
     let (along, square) = (along - noise, square - 2.0 * noise);
-    // A difference of captures below a tenth of their noise power says nothing about the step.
+    // A difference of captures below a tenth of their noise power determines no step.
     if square < 0.1 * noise { 1.0 } else { (along / square).max(0.0) }
 }
 
@@ -431,7 +504,7 @@ mod tests {
     use crate::deconvolution::lens_model::LensFunctions;
 
     #[test]
-    fn what_is_predicted_of_a_picture_on_the_way_is_what_the_lens_makes_of_it() {
+    fn the_prediction_of_an_interpolated_picture_is_its_forward_convolution() {
         let size = Size::new(24, 18);
         let tap = vec![0.0, 0.1, 0.0, 0.1, 0.5, 0.2, 0.0, 0.1, 0.0];
         let taps = [tap.clone(), tap.clone(), tap];
@@ -440,22 +513,22 @@ mod tests {
         let green = [Channel::Green];
         let candidate = |of: fn(usize, usize) -> f32, defect: Option<f32>| {
             let picture: Frame<Work> = Frame::from_fn(|_| Plane::from_fn(size, of));
-            let predicted = model.seen(&green, &picture);
+            let prediction = model.seen(&green, &picture);
             let trusted = Frame::filled(size, TRUSTED);
-            let seen = Seen { light: predicted.clone(), trusted };
+            let seen = Seen { light: prediction.clone(), trusted };
             let defect = defect.map(|level| Frame::filled(size, level));
-            Candidate { picture, predicted, seen, defect }
+            Candidate { picture, prediction, seen, defect }
         };
         let corrected =
             candidate(|x, y| if (x / 3 + y / 2) % 2 == 0 { 250.0 } else { 5.0 }, Some(4.0));
         for alpha in [0.25, 1.0, 1.5] {
             let mut now = candidate(|x, y| (7 * x + 3 * y) as f32, None);
-            now.go(Channel::Green, &corrected, alpha, &model);
+            now.move_channel(Channel::Green, &corrected, alpha, &model);
             let picture = now.picture.plane(Channel::Green).data();
             assert!(picture.iter().all(|v| (0.0..=FULL_SCALE).contains(v)), "{alpha}");
             let expected = model.seen(&green, &now.picture);
             let pairs = expected.plane(Channel::Green).data().iter();
-            let off = pairs.zip(now.predicted.plane(Channel::Green).data());
+            let off = pairs.zip(now.prediction.plane(Channel::Green).data());
             let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(off < 1e-3, "{alpha}: {off}");
             let defect = now.defect.unwrap();

@@ -35,30 +35,31 @@ impl LightLoop {
         backward: &AdjointBy<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let channels = problem.channels.list();
+        let observation = problem.observation;
+        let channels = observation.channels.list();
         let momenta = |start: &Frame<Work>| -> Vec<Momentum> {
             channels.iter().map(|&c| Momentum::new(start.plane(c))).collect()
         };
         let (mut scratch, mut brake) = (ShrinkageScratch::default(), Brake::new());
-        let (mut picture, mut looked_at) = (problem.photo.clone(), problem.photo.clone());
-        let mut momentum = momenta(problem.photo);
+        let (mut picture, mut looked_at) = (observation.light.clone(), observation.light.clone());
+        let mut momentum = momenta(&observation.light);
         for iteration in 1..=self.iterations {
-            let predicted = problem.predicted(&looked_at);
-            let seen = problem.seen(optics, predicted.as_ref(), &looked_at)?.light;
+            let prediction = problem.predict(&looked_at);
+            let seen = problem.capture(optics, &prediction, &looked_at)?.light;
             let mut signed = problem.frame_of(|c| {
                 let mut plane = seen.plane(c).clone();
-                let (photo, trust) = (problem.photo.plane(c), problem.trust.plane(c));
+                let (photo, trust) = (observation.light.plane(c), observation.trust.plane(c));
                 data_term::residual_in_place(&mut plane, photo, trust);
                 plane
             });
             let green = Channel::Green;
             let residual =
-                data_term::rms_over_data(signed.plane(green), problem.trust.plane(green));
+                data_term::rms_over_data(signed.plane(green), observation.trust.plane(green));
             if brake.turned_up(residual, &mut looked_at) {
                 momentum = momenta(&looked_at);
             } else {
                 for &c in channels {
-                    data_term::count(signed.plane_mut(c), problem.weight(c));
+                    data_term::scale(signed.plane_mut(c), observation.weight(c));
                 }
                 let gradient = backward(optics, &signed)?;
                 for (&c, momentum) in channels.iter().zip(&mut momentum) {
@@ -66,7 +67,7 @@ impl LightLoop {
                     stepped.clone_from(looked_at.plane(c));
                     let step = brake.step() / problem.norm_squared[c.index()];
                     stepped.add_scaled(-step, gradient.plane(c));
-                    let noise = problem.solving_noise(c);
+                    let noise = observation.pixel_noise(c);
                     let threshold = brake.step() * self.strength.threshold(noise);
                     self.shrinkage.apply(stepped, threshold, iteration as usize, &mut scratch);
                     stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));

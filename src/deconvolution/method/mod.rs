@@ -34,6 +34,7 @@ pub mod unmatched;
 pub mod wiener;
 
 mod brake;
+mod channel_solve;
 mod colour_prior;
 mod light_loop;
 mod momentum;
@@ -83,7 +84,7 @@ pub trait Method {
     /// Solves `problem`, asking `optics` for captures.
     ///
     /// # Errors
-    /// A failed capture, or a model that the method needs and the problem lacks.
+    /// When a capture fails.
     fn solve(
         &self,
         problem: &Problem<'_>,

@@ -61,18 +61,15 @@ impl Paper {
     ) -> Result<Frame<Work>, MethodError> {
         match self.backward {
             Backward::Light(shape) => {
-                let grid = PatchGrid::new(problem.size(), problem.rect, shape);
-                let (channels, sign) = (problem.channels, Sign::Unsigned);
+                let grid = PatchGrid::new(problem.size(), problem.observation.rect, shape);
+                let (channels, sign) = (problem.observation.channels, Sign::Unsigned);
                 Ok(backward_convolution(optics, picture, &grid, channels, sign, None)?)
             }
-            Backward::Model => {
-                let model = problem.needs_model("paper with computed backward convolution")?;
-                Ok(problem.frame_of(|c| {
-                    let mut back = Plane::zeros(problem.size());
-                    model.adjoint(c, picture.plane(c), &mut back);
-                    back
-                }))
-            }
+            Backward::Model => Ok(problem.frame_of(|c| {
+                let mut back = Plane::zeros(problem.size());
+                problem.model.adjoint(c, picture.plane(c), &mut back);
+                back
+            })),
         }
     }
 }
@@ -102,19 +99,20 @@ impl Method for Paper {
         let mut course = Course::by(problem.stopwatch, optics);
         let shrinkage = Shrinkage::new(problem.size(), self.levels);
         let mut scratch = ShrinkageScratch::default();
-        let channels = problem.channels;
-        let mut photo = problem.photo.clone();
-        channels.list().iter().for_each(|&c| problem.mask(c, photo.plane_mut(c)));
+        let observation = problem.observation;
+        let channels = observation.channels;
+        let mut photo = observation.light.clone();
+        channels.list().iter().for_each(|&c| observation.mask(c, photo.plane_mut(c)));
 
         let mut brake = Brake::new();
-        let mut picture: Frame<Work> = problem.photo.clone();
+        let mut picture: Frame<Work> = observation.light.clone();
         let backward_photo = self.backward(problem, optics, &photo)?;
         for _ in 0..self.iterations {
             let mut seen = optics.forward(&picture)?.light;
             let green = Channel::Green;
-            let residual = problem.residual_rms(green, seen.plane(green));
+            let residual = observation.residual_rms(green, seen.plane(green));
             if !(self.bounded && brake.turned_up(residual, &mut picture)) {
-                channels.list().iter().for_each(|&c| problem.mask(c, seen.plane_mut(c)));
+                channels.list().iter().for_each(|&c| observation.mask(c, seen.plane_mut(c)));
                 let backward = self.backward(problem, optics, &seen)?;
                 for &channel in channels.list() {
                     let tau = brake.step() * self.tau_of(problem.norm_squared[channel.index()]);

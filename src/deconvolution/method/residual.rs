@@ -61,12 +61,12 @@ impl Method for Residual {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let (size, channels) = (problem.size(), problem.channels);
+        let (size, channels) = (problem.size(), problem.observation.channels);
         let mut course = Course::by(problem.stopwatch, optics);
         let pedestal = problem.frame_of(|_| Plane::filled(size, PEDESTAL_LEVEL));
         let pedestal = optics.pedestal(&pedestal)?.light;
         course.captures_before = optics.captures();
-        let grid = PatchGrid::new(size, problem.rect, self.patches);
+        let grid = PatchGrid::new(size, problem.observation.rect, self.patches);
         let backward = |optics: &mut dyn ForwardConvolution, signed: &Frame<Work>| {
             let spans = channels.list().iter().map(|&c| high_quantile(signed.plane(c)).max(1e-3));
             let gain = spans.fold(GAIN_MAX, |gain, span| gain.min(RESIDUAL_SPAN / span));

@@ -32,10 +32,10 @@ impl Method for RichardsonLucy {
         _optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model(self.name())?;
-        let size = problem.size();
-        let of = |c: Channel| {
-            let (data, trust) = (problem.photo.plane(c), problem.trust.plane(c));
+        let (size, model) = (problem.size(), problem.model);
+        let solve = |c: Channel| {
+            let observation = problem.observation;
+            let (data, trust) = (observation.light.plane(c), observation.trust.plane(c));
             let mut course = Course::new(problem.stopwatch);
             // Kᵀ of the mask: what share of each pixel's light the photo saw.
             let mask = trust.map(|t| if t == MISSING { 0.0 } else { 1.0 });
@@ -62,6 +62,6 @@ impl Method for RichardsonLucy {
             }
             (picture, course.record)
         };
-        Ok(problem.solved_by_channel(of, watch))
+        Ok(problem.solve_by_channel(solve, watch))
     }
 }

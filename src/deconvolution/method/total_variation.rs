@@ -12,7 +12,6 @@ use super::{
 };
 use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, FULL_SCALE, Plane, Size};
 
 /// Steps of the reference solution, and its strength against the wavelets': the best of the chart
@@ -47,75 +46,64 @@ impl Method for TotalVariation {
         _optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model(self.name())?;
-        let mut solved = |problem: &Problem<'_>| {
-            problem.solved_by_channel(|c| self.solve_channel(problem, model, c), watch)
+        let solve = |problem: &Problem<'_>, watch: &mut Watch<'_>| {
+            problem.solve_by_channel(|c| self.solve_channel(problem, c), watch)
         };
-        let first = solved(problem);
-        let Some(stated) = problem.stated.filter(|stated| stated.is_data()) else {
-            return Ok(first);
-        };
-        // Once more, as the file may state it if the photo was of this.
-        let mut seen = problem.photo.clone();
-        for &c in problem.channels.list() {
-            model.forward(c, first.picture.plane(c), seen.plane_mut(c));
-        }
-        let photo = stated.redecoded(&seen);
-        let photo_noise = Channel::ALL.map(|c| stated.noise(c));
-        Ok(solved(&Problem { photo: &photo, photo_noise, ..*problem }))
+        let first = solve(problem, watch);
+        let observation = problem.observation;
+        // A JPEG's data depend on the prediction: once more with those of the first solution.
+        let prediction = first.prediction.as_ref();
+        let data = prediction.and_then(|of_first| observation.sampling.expected_data(of_first));
+        let Some(data) = data else { return Ok(first) };
+        let noise = Channel::ALL.map(|c| observation.data_noise(c));
+        let observation = observation.with_data(data, noise);
+        Ok(solve(&Problem { observation: &observation, ..*problem }, watch))
     }
 }
 
 impl TotalVariation {
-    /// All channels of `problem` solved, the channel `first` before the others; nothing where
-    /// `is_enough` says of that one that it is.
-    ///
-    /// # Errors
-    /// When there is no lens model.
+    /// All channels of `problem` solved, the channel `first` before the others; `None` if
+    /// `is_enough` holds for its plane.
     pub(crate) fn solve_unless(
         &self,
         problem: &Problem<'_>,
-        (first, is_enough): (Channel, &dyn Fn(&Plane) -> bool),
+        first: Channel,
+        is_enough: &dyn Fn(&Plane) -> bool,
         watch: &mut Watch<'_>,
-    ) -> Result<Option<Solution>, MethodError> {
-        let model = problem.needs_model(self.name())?;
-        let solved = self.solve_channel(problem, model, first);
+    ) -> Option<Solution> {
+        let solved = self.solve_channel(problem, first);
         if is_enough(&solved.0) {
-            return Ok(None);
+            return None;
         }
-        let of = |c: Channel| match c == first {
+        let solve = |c: Channel| match c == first {
             true => solved.clone(),
-            false => self.solve_channel(problem, model, c),
+            false => self.solve_channel(problem, c),
         };
-        Ok(Some(problem.solved_by_channel(of, watch)))
+        Some(problem.solve_by_channel(solve, watch))
     }
 
-    fn solve_channel(
-        &self,
-        problem: &Problem<'_>,
-        model: &LensModel,
-        c: Channel,
-    ) -> (Plane, IterationRecord) {
+    fn solve_channel(&self, problem: &Problem<'_>, c: Channel) -> (Plane, IterationRecord) {
         let mut course = Course::new(problem.stopwatch);
-        let (data, trust) = (problem.photo.plane(c), problem.trust.plane(c));
+        let (observation, model) = (problem.observation, problem.model);
+        let (data, trust) = (observation.light.plane(c), observation.trust.plane(c));
         let step = 1.0 / problem.norm_squared[c.index()];
-        let weight = step * self.strength.threshold(problem.solving_noise(c));
-        let (mut looked_at, mut stepped) = (data.clone(), data.clone());
-        let (mut predicted, mut gradient) = (data.clone(), data.clone());
+        let weight = step * self.strength.threshold(observation.pixel_noise(c));
+        let (mut point, mut stepped) = (data.clone(), data.clone());
+        let (mut residual, mut gradient) = (data.clone(), data.clone());
         let mut momentum = Momentum::new(data);
         let mut dual = Dual::new(data.size());
         for _ in 0..self.steps {
-            model.forward(c, &looked_at, &mut predicted);
-            data_term::residual_in_place(&mut predicted, data, trust);
-            let residual = data_term::rms_over_data(&predicted, trust);
-            data_term::count(&mut predicted, problem.weight(c));
-            model.adjoint(c, &predicted, &mut gradient);
-            stepped.clone_from(&looked_at);
+            model.forward(c, &point, &mut residual);
+            data_term::residual_in_place(&mut residual, data, trust);
+            let rms = data_term::rms_over_data(&residual, trust);
+            data_term::scale(&mut residual, observation.weight(c));
+            model.adjoint(c, &residual, &mut gradient);
+            stepped.clone_from(&point);
             stepped.add_scaled(-step, &gradient);
             dual.draw(&mut stepped, weight);
             stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
-            momentum.next(&mut looked_at, &stepped);
-            course.step(residual, ResidualOf::Model, 0);
+            momentum.next(&mut point, &stepped);
+            course.step(rms, ResidualOf::Model, 0);
         }
         (stepped, course.record)
     }

@@ -45,7 +45,7 @@ impl Method for Unmatched {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model(self.name())?;
+        let model = problem.model;
         let backward = |_: &mut dyn ForwardConvolution, signed: &Frame<Work>| {
             Ok(problem.frame_of(|c| {
                 let mut back = Plane::zeros(problem.size());

@@ -10,6 +10,7 @@ use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
 use crate::deconvolution::data_term::NOISE_MIN;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
+use crate::deconvolution::observation::Observation;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 
 /// Noise-to-signal power of a rig file's `wiener` at one grey level of noise: the study's best.
@@ -39,43 +40,44 @@ impl Method for Wiener {
         _optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let model = problem.needs_model(self.name())?;
-        let of = |c: Channel| {
+        let solve = |c: Channel| {
             let mut course = Course::new(problem.stopwatch);
-            let picture = self.filtered(problem, model, c);
-            let mut predicted = Plane::zeros(problem.size());
-            model.forward(c, &picture, &mut predicted);
-            course.step(problem.residual_rms(c, &predicted), ResidualOf::Model, 0);
+            let picture = self.filter_channel(problem, c);
+            let mut prediction = Plane::zeros(problem.size());
+            problem.model.forward(c, &picture, &mut prediction);
+            let residual = problem.observation.residual_rms(c, &prediction);
+            course.step(residual, ResidualOf::Model, 0);
             (picture, course.record)
         };
-        Ok(problem.solved_by_channel(of, watch))
+        Ok(problem.solve_by_channel(solve, watch))
     }
 }
 
 impl Wiener {
-    /// One channel of the photo filtered.
-    fn filtered(&self, problem: &Problem<'_>, model: &LensModel, channel: Channel) -> Plane {
-        let mut picture = self.undone(problem, model, channel, problem.photo.plane(channel));
+    /// The photo filtered in the solved channels; black in others.
+    pub(super) fn filter_photo(&self, problem: &Problem<'_>) -> Frame<Work> {
+        problem.frame_of(|c| self.filter_channel(problem, c))
+    }
+
+    fn filter_channel(&self, problem: &Problem<'_>, channel: Channel) -> Plane {
+        let observation = problem.observation;
+        let blurred = observation.light.plane(channel);
+        let mut picture = self.filter(observation, problem.model, channel, blurred);
         picture.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
         picture
     }
 
-    /// `blurred`, which may have either sign, filtered as a photo of the problem in `channel` is.
-    pub(super) fn undone(
+    /// `blurred`, which may have either sign, filtered by the noise of `channel`.
+    pub(super) fn filter(
         &self,
-        problem: &Problem<'_>,
+        observation: &Observation,
         model: &LensModel,
         channel: Channel,
         blurred: &Plane,
     ) -> Plane {
-        let noise = problem.solving_noise(channel).max(NOISE_MIN);
+        let noise = observation.pixel_noise(channel).max(NOISE_MIN);
         let ratio = self.noise_to_signal * noise * noise;
-        filter_tiles(model.functions(), channel, blurred, problem.rect, ratio)
-    }
-
-    /// The photo filtered in the channels that are solved; black in others.
-    pub(super) fn start(&self, problem: &Problem<'_>, model: &LensModel) -> Frame<Work> {
-        problem.frame_of(|c| self.filtered(problem, model, c))
+        filter_tiles(model.functions(), channel, blurred, observation.rect, ratio)
     }
 }
 

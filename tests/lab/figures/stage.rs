@@ -202,7 +202,7 @@ impl Method for Exact<'_> {
         optics: &mut dyn ForwardConvolution,
         watch: &mut Watch<'_>,
     ) -> Result<Solution, MethodError> {
-        let known = Problem { model: Some(self.lens), ..*problem };
+        let known = Problem { model: self.lens, ..*problem };
         Paper { backward: Backward::Model, ..self.paper }.solve(&known, optics, watch)
     }
 }

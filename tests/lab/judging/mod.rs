@@ -128,9 +128,8 @@ fn photos(
         let prepared = match taken {
             Taken::Plain(photo) => harness.prepare(photo),
             Taken::Coded(photo) => {
-                let coding = photo.coding.as_ref().ok_or("a JPEG that states nothing")?;
                 let (pipeline, _) = harness.test_rig.parts();
-                pipeline.prepare_coded(&photo.light, Channels::Colour, (coding, &photo.manner.tone))
+                pipeline.prepare(&**photo)
             }
         };
         for &which in methods {

@@ -1,0 +1,54 @@
+//! What the pipeline takes of a photo: its light, and how that was recorded.
+
+use crate::frame::{Channels, Coding, Frame, RawSites, Work};
+use crate::picture::{Photo, Tone};
+
+/// A photo's light with the kind of its data, from a file or from the laboratory.
+#[derive(Debug, Clone, Copy)]
+pub struct PhotoData<'a> {
+    /// Linear light 0..255, photo-sized. Of raw sites interpolated between them.
+    pub light: &'a Frame<Work>,
+    /// The channels it has.
+    pub channels: Channels,
+    /// The kind of data.
+    pub recorded: Recorded<'a>,
+}
+
+/// How light was recorded.
+#[derive(Debug, Clone, Copy)]
+pub enum Recorded<'a> {
+    /// As full-colour pixels.
+    Developed,
+    /// At the sites of the rig's sensor.
+    Raw(RawSites),
+    /// As quantised coefficients, whose codes `tone` maps to light.
+    Jpeg {
+        /// The file's coefficients.
+        coding: &'a Coding,
+        /// Its tone curve.
+        tone: &'a Tone,
+    },
+}
+
+impl<'a> PhotoData<'a> {
+    /// Full-colour light with its `channels`.
+    pub fn developed(light: &'a Frame<Work>, channels: Channels) -> PhotoData<'a> {
+        PhotoData { light, channels, recorded: Recorded::Developed }
+    }
+
+    /// The sites `raw` of the rig's sensor, in `light` interpolated between them.
+    pub fn raw(light: &'a Frame<Work>, raw: RawSites) -> PhotoData<'a> {
+        PhotoData { light, channels: Channels::Colour, recorded: Recorded::Raw(raw) }
+    }
+}
+
+impl<'a> From<&'a Photo> for PhotoData<'a> {
+    fn from(photo: &'a Photo) -> PhotoData<'a> {
+        let recorded = match (photo.raw, &photo.coding) {
+            (Some(raw), _) => Recorded::Raw(raw),
+            (None, Some(coding)) => Recorded::Jpeg { coding, tone: &photo.manner.tone },
+            (None, None) => Recorded::Developed,
+        };
+        PhotoData { light: &photo.light, channels: photo.channels, recorded }
+    }
+}

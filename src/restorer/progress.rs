@@ -1,0 +1,57 @@
+//! The progress of a restoration, from the steps and captures of its method.
+
+use super::Progress;
+use crate::deconvolution::method::Step;
+use crate::pipeline::Setting;
+
+/// Share of the solve before any correction: most photos need one solve and one capture.
+const FIRST_SHARE: f32 = 0.8;
+/// Largest share before the result is judged.
+const UNJUDGED_MAX: f32 = 0.99;
+
+/// Counts the steps of one photo.
+#[derive(Debug, Clone)]
+pub(super) struct ProgressCounter {
+    /// Steps of the first solve with its capture; 0 of a method that solves by captures alone.
+    first_steps: f32,
+    /// Steps of all corrections with their captures.
+    more_steps: f32,
+    captures_max: f32,
+    steps: f32,
+    shown: Progress,
+}
+
+impl ProgressCounter {
+    /// The counter for a method with the numbers of `setting`, of at most `captures_max` captures.
+    /// Steps count where the method starts from the lens model, captures elsewhere.
+    pub(super) fn new(setting: &Setting, starts_from_lens: bool, captures_max: u32) -> Self {
+        let captures_max = captures_max as f32;
+        ProgressCounter {
+            first_steps: if starts_from_lens { setting.steps as f32 + 1.0 } else { 0.0 },
+            more_steps: captures_max.max(1.0) * (1 + setting.correction_steps) as f32,
+            captures_max,
+            steps: 0.0,
+            shown: Progress { done: 0.0, doing: "solving", captures: 0 },
+        }
+    }
+
+    /// The progress now.
+    pub(super) fn progress(&self) -> Progress {
+        self.shown
+    }
+
+    /// The progress after `step`.
+    pub(super) fn count(&mut self, step: &Step) -> Progress {
+        self.steps += 1.0;
+        let captures = self.shown.captures.max(step.captures as usize);
+        let share = match self.first_steps {
+            0.0 => captures as f32 / self.captures_max,
+            first if self.steps <= first => FIRST_SHARE * self.steps / first,
+            first => FIRST_SHARE + (1.0 - FIRST_SHARE) * (self.steps - first) / self.more_steps,
+        };
+        let doing = if step.captures > 0 { "showing and seeing" } else { self.shown.doing };
+        let done = self.shown.done.max(share.min(UNJUDGED_MAX));
+        self.shown = Progress { done, doing, captures };
+        self.shown
+    }
+}
