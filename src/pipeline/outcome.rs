@@ -235,7 +235,7 @@ const NOTHING_BUT_NOISE: &str = "from pixel to pixel the photo changes as much a
                                  hardly anything but noise";
 
 impl Pipeline {
-    /// Why a photo [that is blank](crate::deconvolution::observation::Observation::is_blank) is returned as it is.
+    /// Why a blank photo is returned as it is.
     fn why_blank(&self, photo: &Prepared<'_>) -> &'static str {
         let is_noisier = |&c: &Channel| {
             let camera = self.noise[c.index()].sigma(photo.photo.plane(c).mean() as f32);

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | the camera's response curve undone | the operator is linear |
 //! | saturated pixels marked | a full pixel is only a lower bound |
-//! | raw sites divided by the sensor's gain pattern, bad ones marked missing | the lens did not cause it |
+//! | raw sites divided by the sensor's gain pattern, bad ones marked | the lens did not make it |
 //! | placed on the canvas | light from outside the frame reaches the photo |
 //! | noise estimated | the shrinkage follows it; nothing else is tuned per photo |
 //! | focus found, where the lens was measured at several | the scene may be nearer or farther |

@@ -6,8 +6,8 @@ use crate::calibration::Noise;
 use crate::frame::{FULL_SCALE, RawSites};
 
 /// Least noise power by which a raw photo is restored, as a share of one exposure's: the lens
-/// model's error does not average out with the noise. Measured with 4 and 16 exposures of two scenes
-/// on two rigs: with it SSIM and PSNR rise; with a half one of them loses PSNR.
+/// model's error does not average out with the noise. Measured with 4 and 16 exposures of two
+/// scenes on two rigs: with it SSIM and PSNR rise; with a half one of them loses PSNR.
 pub const AVERAGED_MIN: f32 = 0.75;
 
 /// Plausible noise power of a file, as a share of one exposure's: outside lies the mean of more

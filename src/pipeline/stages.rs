@@ -74,8 +74,8 @@ impl PhotoFocus {
             false => "",
         };
         format!(
-            "the scene was {distance}{beyond}: it was restored with the lens as measured for that focus, and its \
-             photograph was brought there by computing"
+            "the scene was {distance}{beyond}: it was restored with the lens as measured for that \
+             focus, and its photograph was computed for that focus"
         )
     }
 }

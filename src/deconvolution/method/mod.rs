@@ -34,6 +34,7 @@ pub mod unmatched;
 pub mod wiener;
 
 mod brake;
+mod candidate;
 mod channel_solve;
 mod colour_prior;
 mod light_loop;

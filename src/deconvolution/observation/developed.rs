@@ -1,6 +1,6 @@
 //! Full-colour light, developed by a camera or converter, of any file but a JPEG of the rig's size.
 
-use super::{DataKind, Sampling};
+use super::sampling::{DataKind, Sampling};
 use crate::frame::Mosaic;
 
 /// Developed light.

@@ -1,6 +1,6 @@
 //! The quantised coefficients of a JPEG of the rig's size ([`crate::deconvolution::jpeg`]).
 
-use super::{DataKind, Sampling};
+use super::sampling::{DataKind, Sampling};
 use crate::deconvolution::jpeg::{AlongLuma, JpegTerm};
 use crate::frame::{Channel, Frame, Mosaic, Size, Work};
 

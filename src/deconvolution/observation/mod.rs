@@ -10,16 +10,17 @@
 mod developed;
 mod jpeg;
 mod raw;
+mod sampling;
 
 use std::sync::Arc;
 
 pub use developed::Developed;
 pub use jpeg::Jpeg;
 pub use raw::Raw;
+pub use sampling::{AxisStarts, DataKind, Sampling};
 
 use super::data_term::{MISSING, residual_in_place, rms_over_data};
 use super::detail_mask::{DetailMask, NoisyPlane};
-use super::jpeg::AlongLuma;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 
 /// A photo's data on the canvas.
@@ -41,105 +42,6 @@ pub struct Observation {
     pub dark_light: [f32; 3],
     /// The kind of data.
     pub sampling: Arc<dyn Sampling>,
-}
-
-/// Kinds of data, for limits that differ between them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DataKind {
-    /// Full-colour light.
-    Developed,
-    /// Sites behind colour filters.
-    Raw,
-    /// Quantised coefficients.
-    Jpeg,
-}
-
-/// How the sensor and the file sampled the light; the defaults are those of full-colour pixels with
-/// white noise.
-pub trait Sampling: std::fmt::Debug + Send + Sync {
-    /// The kind of data.
-    fn kind(&self) -> DataKind;
-
-    /// The filters over the canvas, where each pixel is data of its filter's channel only.
-    fn mosaic(&self) -> Option<Mosaic> {
-        None
-    }
-
-    /// The filters between whose sites the camera interpolated full-colour data. Their noise is not
-    /// white.
-    fn interpolated(&self) -> Option<Mosaic> {
-        None
-    }
-
-    /// Whether the scene's colour axes can be estimated from the data.
-    fn has_colour_axes(&self) -> bool {
-        true
-    }
-
-    /// Noise σ of the data of `channel`, grey levels, where that of the pixels is `pixel_noise`.
-    fn data_noise(&self, _channel: Channel, pixel_noise: f32) -> f32 {
-        pixel_noise
-    }
-
-    /// Whether the data depend on the prediction, all channels together.
-    fn follows_prediction(&self) -> bool {
-        false
-    }
-
-    /// The data to expect where the forward model predicts `prediction` (on the canvas); `None`
-    /// where the data do not depend on it.
-    fn expected_data(&self, _prediction: &Frame<Work>) -> Option<Frame<Work>> {
-        None
-    }
-
-    /// Whether a solve updates its [expected data](Sampling::expected_data) before step `step`,
-    /// counted from 1.
-    fn updates_data_at(&self, _step: u32) -> bool {
-        false
-    }
-
-    /// Factor on the noise-to-signal ratio of Wiener's filter at the start of a solve.
-    fn start_noise_factor(&self) -> f32 {
-        1.0
-    }
-
-    /// Starts along the colour axes, for a lens whose functions are `lens_width_px` wide.
-    fn axis_starts(&self, _lens_width_px: f32) -> AxisStarts {
-        AxisStarts { count: 2, noise_to_signal: 0.05 }
-    }
-
-    /// Steps of a solve that starts along the colour axes, of the `steps` it takes otherwise.
-    fn steps_along_axes(&self, steps: u32) -> u32 {
-        (3 * steps).div_ceil(4)
-    }
-
-    /// Steps of a correction, of the `steps` that the method asks for.
-    fn correction_steps(&self, steps: u32) -> u32 {
-        steps
-    }
-
-    /// Factors on the thresholds of the two finest wavelet levels, for each opponent colour.
-    fn finest_thresholds(&self) -> [[f32; 2]; 3] {
-        [[1.0; 2]; 3]
-    }
-
-    /// A prior along the code's luma for planes of `size`, with the `thresholds` of each level,
-    /// grey levels, finest first; `None` where the data have no such direction.
-    fn luma_prior(&self, _size: Size, _thresholds: &[f32]) -> Option<AlongLuma> {
-        None
-    }
-
-    /// Finishes a solved `picture`; `photo` is the observed light, both on the canvas.
-    fn finish(&self, _picture: &mut Frame<Work>, _photo: &Frame<Work>) {}
-}
-
-/// Starts of a solve along the colour axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AxisStarts {
-    /// Their number.
-    pub count: usize,
-    /// Noise-to-signal power at one grey level of noise.
-    pub noise_to_signal: f32,
 }
 
 impl Observation {

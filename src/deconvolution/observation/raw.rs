@@ -1,6 +1,6 @@
 //! A sensor's sites behind colour filters, before any interpolation.
 
-use super::{AxisStarts, DataKind, Sampling};
+use super::sampling::{AxisStarts, DataKind, Sampling};
 use crate::frame::{Channel, Mosaic};
 
 /// Factors on the thresholds of the two finest levels, for each opponent colour: only the prior
