@@ -1,6 +1,5 @@
 //! `relens run`: the daemon over a drop folder.
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,7 +47,6 @@ const OPEN_AGAIN_S: f64 = 30.0;
 Examples:
   relens run --rig RIG.toml --folder DIR           until it is stopped
   relens run --rig RIG.toml --folder DIR --once
-  relens run --rig RIG.toml --folder /mnt/photos --box left
   relens run --rig truthful.toml --folder DIR --scene sharp.png")]
 pub(super) struct RunOptions {
     #[command(flatten)]
@@ -58,12 +56,6 @@ pub(super) struct RunOptions {
     /// Empty the inbox and end
     #[arg(long)]
     once: bool,
-    /// Work as one box of several with the same lens that share DIR, which may be a network folder
-    ///
-    /// A photo is restored by one of them, and taken over when that one dies. A box's own things
-    /// are in DIR/box-NAME; give that folder to `calibrate`, `check` and `status`.
-    #[arg(long = "box", value_name = "NAME")]
-    share_as: Option<OsString>,
     /// Take photos of PICTURE with a simulated rig, at each `relens press`
     ///
     /// As a rig of devices does with `[run] mode = "shoot"`. The scene is before the lens for the
@@ -77,22 +69,18 @@ pub(super) struct RunOptions {
     scene: Option<PathBuf>,
 }
 
-/// Watches the inbox, or empties it once; alone, or as one box of several.
+/// Watches the inbox, or empties it once.
 pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     let mut rig = config::load(&options.rig.rig)?;
     let scene = scene_of(&mut rig, options)?;
-    let folder = &options.folder.folder;
-    let folders = match &options.share_as {
-        None => Folders::open(folder)?,
-        Some(name) => Folders::open_shared(folder, name)?,
-    };
+    let folders = Folders::open(&options.folder.folder)?;
     let gallery = folders.outbox().join("index.html");
-    let stopped = signals::stop_flag(folders.home())?;
+    let stopped = signals::stop_flag(folders.root().to_owned())?;
     if options.once {
         let front = FrontPanel::default();
         let asked = interruption(front, Arc::clone(&stopped));
         let mut restorer =
-            opening::restorer(&rig, &folders.home(), None, Some(asked), opening::devices)?;
+            opening::restorer(&rig, folders.root(), None, Some(asked), opening::devices)?;
         let stop = || stopped.load(Ordering::Acquire);
         let summary = empty_inbox(&rig, folders, &mut *restorer, &stop)?;
         return conclude(&summary, &gallery);
@@ -110,13 +98,13 @@ pub(super) fn run(options: &RunOptions) -> Result<(), CliError> {
     };
     let mut night = rig.nights.as_ref().and_then(|nights| Nightly::new(nights, &folders, times));
     let mut open = |asked| match &scene {
-        Some(scene) => scene::restorer_before(scene, &rig, &folders.home(), asked),
+        Some(scene) => scene::restorer_before(scene, &rig, folders.root(), asked),
         None => {
             let devices = match rig.run.mode {
                 Mode::Shoot => opening::devices_without_panel,
                 Mode::Folder | Mode::Button => opening::devices,
             };
-            opening::restorer(&rig, &folders.home(), None, Some(asked), devices)
+            opening::restorer(&rig, folders.root(), None, Some(asked), devices)
         }
     };
     let Some(mut restorer) =
@@ -270,11 +258,9 @@ pub(super) fn empty_inbox(
 fn setting(rig: &RigFile) -> DaemonSetting {
     let reader = Reader::Worker(Worker::of_this_program());
     let floor_bytes = (rig.disk.floor_mib * f64::from(1 << 20)) as u64;
-    let lease_s = rig.share.lease_s;
     DaemonSetting {
         reader,
         floor_bytes,
-        lease_s,
         needs_button: rig.run.mode != Mode::Folder,
         larger_photos: rig.run.larger_photos,
         raw_results: rig.photo.raw_results,

@@ -1,5 +1,4 @@
-//! The tables of a box that is left alone: `[run]`, `[nights]`, `[disk]`, `[keep]`, `[share]`. Each
-//! may be left out.
+//! The tables of an unattended box: `[run]`, `[nights]`, `[disk]`, `[keep]`. Each may be left out.
 
 use super::keys::{table, words};
 
@@ -120,17 +119,6 @@ impl Default for Keep {
     }
 }
 
-table! {
-    /// Boxes that work on one set of folders (`relens run --box NAME`).
-    @[derive(Copy)]
-    pub struct Share {
-        /// A box that did not move for this long has lost its photos to the others. The same on
-        /// all of them, and longer than any restoration is silent. The default is a guess.
-        // A slow network may keep a lease from being changed for some seconds.
-        lease_s: f64, Number(30.0, 86_400.0), Means("300.0");
-    }
-}
-
 /// The night's first and last minute, counted from midnight; `None` for `always`.
 pub type NightMinutes = Option<(u16, u16)>;
 
@@ -173,7 +161,6 @@ mod tests {
     fn a_rig_file_without_them_takes_photos_as_they_come() {
         let rig = small_and("").unwrap();
         assert_eq!((rig.run.mode, rig.nights, rig.keep), (Mode::Folder, None, Keep::default()));
-        assert_eq!(rig.share.lease_s, 300.0);
     }
 
     #[test]
@@ -224,7 +211,6 @@ mod tests {
                 .unwrap_err()
                 .contains("300 to 10000")
         );
-        assert!(small_and("[share]\nlease-s = 5.0\n").unwrap_err().contains("30 to 86400"));
     }
 
     #[test]
@@ -237,6 +223,6 @@ mod tests {
             (rig.run.mode, rig.nights.is_some(), rig.disk.floor_mib),
             (Mode::Button, true, 256.0)
         );
-        assert_eq!((rig.keep.results_days_max, rig.share.lease_s), (90.0, 300.0));
+        assert_eq!(rig.keep.results_days_max, 90.0);
     }
 }

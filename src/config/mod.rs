@@ -20,7 +20,7 @@ mod simulation;
 mod written;
 
 pub use appliance::{
-    ClockSource, DiskTable, Keep, LargerPhotos, Mode, NightMinutes, Nights, RunTable, Share,
+    ClockSource, DiskTable, Keep, LargerPhotos, Mode, NightMinutes, Nights, RunTable,
 };
 pub use blur::BlurGrid;
 pub use error::ConfigError;

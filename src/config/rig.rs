@@ -1,6 +1,6 @@
 //! The rig as checked.
 
-use super::appliance::{DiskTable, Keep, Nights, RunTable, Share};
+use super::appliance::{DiskTable, Keep, Nights, RunTable};
 use super::hardware::{CameraDevice, Hardware};
 use super::methods::Numbers;
 use super::parts::{
@@ -41,8 +41,6 @@ pub struct RigFile {
     pub disk: DiskTable,
     /// How long results and originals are kept.
     pub keep: Keep,
-    /// How boxes that share folders tell which of them are dead.
-    pub share: Share,
     /// A hash of everything a calibration depends on: a calibration of another identity is not this
     /// rig's. Seeds, faults, and how photos are restored are not part of it; a default said and a
     /// default left out are the same.

@@ -74,7 +74,6 @@ pub(super) fn check(
         nights: written.nights,
         disk: written.disk,
         keep: written.keep.unwrap_or_default(),
-        share: written.share,
         identity: identity.0,
     })
 }

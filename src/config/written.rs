@@ -3,7 +3,7 @@
 
 use toml::Value;
 
-use super::appliance::{DiskTable, Keep, Nights, RunTable, Share};
+use super::appliance::{DiskTable, Keep, Nights, RunTable};
 use super::error::ConfigError;
 use super::hardware::Hardware;
 use super::keys::{Allowed, KindKeys, LeftOut, TableKeys, kind_words, table, words};
@@ -46,8 +46,6 @@ table! {
         disk: DiskTable, Table(&DiskTable::TABLE), Means("{}");
         /// How long results and originals are kept.
         keep: Option<Keep>, Table(&Keep::TABLE), Says("everything is kept for ever");
-        /// How boxes that share folders tell which of them are dead.
-        share: Share, Table(&Share::TABLE), Means("{}");
         /// The devices of a real rig.
         hardware: Option<Hardware>, Table(&Hardware::TABLE), Says(REAL);
         /// What a simulated rig is simulated with.

@@ -9,7 +9,6 @@ use super::setting::DaemonSetting;
 use super::store::claim::{Claim, Claimed, JobStep, claim};
 use super::store::deliver::{Delivery, Encoded};
 use super::store::folders::Folders;
-use super::store::lease::Lease;
 use super::store::ledger::ATTEMPTS_MAX;
 use super::store::recover::settle;
 use super::store::report_file::{Delivered, Failed, Report};
@@ -50,7 +49,7 @@ pub enum JobEnd {
         /// Why.
         left: Failed,
     },
-    /// It was gone before it could be claimed, or another box has taken it over.
+    /// It was removed from the inbox before it could be claimed.
     Gone,
 }
 
@@ -140,7 +139,6 @@ pub(super) struct Job<'a> {
     pub(super) watcher: &'a mut dyn Watcher,
     /// Told how far the restoration is.
     pub(super) further: &'a mut dyn FnMut(Progress),
-    pub(super) lease: &'a Lease,
     /// Photos that an error left in `working`: name, and whether their result was delivered.
     pub(super) unsettled: &'a mut Unsettled,
 }
@@ -198,14 +196,9 @@ impl Job<'_> {
         let result = self.attempt(&mut photo);
         *delivered = photo.delivered;
         let error = match result {
-            Ok(Some(report)) => {
+            Ok(report) => {
                 let delivered = photo.close(folders, &mut |step| self.watcher.step(step))?;
                 return Ok(JobEnd::Done { report: Box::new(report), delivered });
-            }
-            Ok(None) => {
-                log::warn!("{}: given up, for another box took it over meanwhile", photo.shown());
-                photo.give_up(folders)?;
-                return Ok(JobEnd::Gone);
             }
             Err(JobError::Files(error)) => return Err(error.into()),
             Err(error) => error,
@@ -225,8 +218,8 @@ impl Job<'_> {
         }
     }
 
-    /// The report; `None` when the photo has become another box's.
-    fn attempt(&mut self, photo: &mut Claimed) -> Result<Option<Report>, JobError> {
+    /// Reads, restores and delivers the photo.
+    fn attempt(&mut self, photo: &mut Claimed) -> Result<Report, JobError> {
         let attempts = photo.ledger.attempts();
         if attempts >= ATTEMPTS_MAX {
             return Err(JobError::Interrupted { photo: photo.shown(), attempts });
@@ -270,7 +263,6 @@ impl Job<'_> {
             encoded: &Encoded::of(&read, &outcome)?,
             rig: &self.setting.rig,
             finished_unix_s: (self.unix_s)(),
-            hold_on: &|| self.lease.make_good(self.folders, self.clock),
         };
         Ok(delivery.deliver(photo, &mut |step| self.watcher.step(step))?)
     }
@@ -308,9 +300,7 @@ impl Job<'_> {
         loop {
             let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
             let further = &mut self.further;
-            let (lease, folders, clock) = (self.lease, self.folders, self.clock);
             let mut told = |progress| {
-                lease.beat(folders, clock.now());
                 watcher.progress(progress);
                 further(progress);
             };

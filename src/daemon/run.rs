@@ -15,7 +15,6 @@ use super::setting::DaemonSetting;
 use super::store::folders::Folders;
 use super::store::hints::Hints;
 use super::store::inbox::{Inbox, Patience, Ready};
-use super::store::lease::{Lease, Neighbours};
 use super::store::limits::{Keeping, Now};
 use super::store::report_file::{Delivered, Failed};
 use super::store::withdraw::withdraw;
@@ -68,8 +67,6 @@ impl Clocks<'_> {
 
 /// What is looked after at each look at the inbox, beside the photos that wait there.
 struct Upkeep<'a> {
-    lease: Lease,
-    neighbours: Neighbours,
     keeping: Keeping<'a>,
     unsettled: Unsettled,
 }
@@ -108,8 +105,6 @@ impl<'a> Daemon<'a> {
             schedule: Box::new(()),
             inbox: Inbox::new(if setting.hints { Hints::new() } else { Hints::none() }),
             upkeep: Upkeep {
-                lease: Lease::new(setting.lease_s),
-                neighbours: Neighbours::default(),
                 keeping: Keeping::new(Keep::default(), &|| true),
                 unsettled: Unsettled::default(),
             },
@@ -330,13 +325,11 @@ impl<'a> Daemon<'a> {
     /// One look at the inbox, and at all that is to be looked after.
     fn look(&mut self, patience: Patience) -> Result<Ready, DaemonError> {
         let (folders, now) = (&self.folders, self.clocks.now());
-        let Upkeep { lease, neighbours, keeping, unsettled } = &mut self.upkeep;
-        lease.beat(folders, now.moment);
+        let Upkeep { keeping, unsettled } = &mut self.upkeep;
         unsettled.settle(folders)?;
         if keeping.sweep(folders, self.schedule.unproven(), now) {
             self.reporter.reload(folders);
         }
-        neighbours.look(folders, now.moment, self.setting.lease_s);
         Ok(self.inbox.look(folders, now.moment, patience)?)
     }
 
@@ -377,7 +370,6 @@ impl<'a> Daemon<'a> {
         let restoring = |done, left_s| Doing::Restoring { photo: photo.to_owned(), done, left_s };
         self.tell(restoring(0.0, None));
         self.watcher.begun(photo, number, of);
-        self.upkeep.lease.beat(&self.folders, self.clocks.moment());
         self.schedule.told(Event::Begun { photo, number, of }, &mut *self.restorer);
         let (begun, usual_s) = (self.clocks.moment(), self.reporter.usual_s());
         let (mut told, telling) = (begun, self.telling());
@@ -401,7 +393,6 @@ impl<'a> Daemon<'a> {
             clock: self.clocks.clock,
             unix_s: &|| self.clocks.unix_s(),
             watcher: &mut *self.watcher,
-            lease: &self.upkeep.lease,
             unsettled: &mut self.upkeep.unsettled,
         };
         let end = job.work(way);
@@ -490,7 +481,6 @@ impl<'a> Daemon<'a> {
         let clock = self.clocks.clock;
         let until = clock.now().0 + wait_s;
         while !stop() && !self.schedule.impatient() && clock.now().0 < until {
-            self.upkeep.lease.beat(&self.folders, clock.now());
             clock.wait_until(Moment((clock.now().0 + STEP_S).min(until)));
         }
     }

@@ -35,9 +35,6 @@ pub struct DaemonSetting {
     pub unfinished_s: f64,
     /// Bytes of the disk that are left free whatever happens.
     pub floor_bytes: u64,
-    /// Boxes that share the folders: one that did not move for this long has lost its photos to the
-    /// others. It must be longer than any restoration is silent.
-    pub lease_s: f64,
     /// Time after which a photo that was put back, or a rig that needed help, is tried again.
     pub retry_s: f64,
 }
@@ -45,9 +42,8 @@ pub struct DaemonSetting {
 impl DaemonSetting {
     /// The usual waits, which are guesses: 5 s quiet as paperless-ngx has it, a look every 5 s if
     /// nothing happens before, a minute until a retry, a quarter of an hour for an upload that was
-    /// broken off to be taken up again, five minutes until a silent box counts as dead; and a disk
-    /// that is never filled beyond its last 256 MiB, so that the system can still log in whoever is
-    /// to help.
+    /// broken off to be taken up again; and a disk that is never filled beyond its last 256 MiB, so
+    /// that the system can still log in whoever is to help.
     pub fn new(rig: &str, grid: impl Into<PhotoGrid>, curve: Curve) -> DaemonSetting {
         let (quiet_s, poll_s, retry_s) = (5.0, 5.0, 60.0);
         DaemonSetting {
@@ -61,7 +57,6 @@ impl DaemonSetting {
             reader: Reader::Here,
             unfinished_s: 900.0,
             floor_bytes: 256 << 20,
-            lease_s: 300.0,
             quiet_s,
             poll_s,
             hints: true,

@@ -240,9 +240,8 @@ impl Files {
         self.move_by(&|from, to| self.0.rename_new(from, to), from, folder, name)
     }
 
-    /// The same where nobody else puts files into `folder`: in one step on every disk, also where a
-    /// rename cannot be told to overwrite nothing (NFS). Of several who move the same file exactly
-    /// one succeeds.
+    /// The same for a `folder` in which only this process makes files: one step on every disk, also
+    /// where renaming cannot be asked not to overwrite (NFS).
     ///
     /// # Errors
     /// As [`Files::move_to`].
@@ -384,8 +383,8 @@ fn with_number(name: &OsStr, number: u32) -> OsString {
     OsString::from_vec(stem)
 }
 
-/// A name that nobody else has. Boxes that share a folder are alike down to the number of the
-/// process, so a number drawn by this one is part of it.
+/// A unique path. Processes in different containers share process numbers, so a random number is
+/// part of the name.
 fn temporary_in(folder: &Path) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     static DRAWN: LazyLock<u64> = LazyLock::new(drawn);

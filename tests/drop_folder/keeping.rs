@@ -2,6 +2,7 @@
 //! whatever the power does.
 
 use std::cell::Cell;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
@@ -132,37 +133,25 @@ fn beyond_the_size_the_oldest_go_and_what_is_under_way_or_may_be_asked_back_stay
     let originals_mib_max = 0.625 * mib(&root.join("done"), "");
     let keep = Keep { results_mib_max, originals_mib_max, ..Keep::default() };
     let unproven = vec![Delivered { kept: "a.png".into(), result: "a.png".into() }];
-    // Another box's job has delivered b.png and is not closed yet.
-    std::fs::create_dir_all(root.join("working/other")).unwrap();
-    let record = r#"{"photo":[98],"file":{"inode":1,"size":1,"changed":[0,0]},
-        "attempts":1,"result":[98,46,112,110,103]}"#;
-    std::fs::write(root.join("working/other/.ledger-1"), record).unwrap();
+    // A photo that waits in the inbox, whose interrupted job has reserved the name b.png.
+    drop_in(root, "b", b"Dear Sir or Madam");
+    let file = std::fs::metadata(root.join("inbox/b")).unwrap();
+    let record = serde_json::json!({
+        "photo": b"b", "attempts": 1, "result": b"b.png",
+        "file": {
+            "inode": file.ino(), "size": file.len(),
+            "changed": [file.mtime(), file.mtime_nsec()],
+        },
+    });
+    std::fs::write(root.join("working/.ledger-1"), record.to_string()).unwrap();
     Later { keep, unproven, believed: false, ..later(root, 9) }.live();
     let kept = set(&["a.png", "a.png.json", "b.png", "b.png.json"]);
     assert_eq!(names(&root.join("outbox")), kept, "may be asked back, and under way");
     assert_eq!(names(&root.join("done")), set(&["a.png", "d.png"]));
 
-    std::fs::remove_file(root.join("working/other/.ledger-1")).unwrap();
     let keep = Keep { results_mib_max: results_mib_max / 2.0, ..keep };
     Later { keep, believed: false, ..later(root, 9) }.live();
     assert_eq!(names(&root.join("outbox")), set(&["b.png", "b.png.json"]));
-}
-
-/// Another box's night may ask back as well, and says so on the disk alone.
-#[test]
-fn a_neighbour_s_night_is_heard() {
-    let root = fresh_root();
-    let root = root.path();
-    done(root, &[("a.png", 0), ("b.png", 0)]);
-    let _ = Folders::open_shared(root, "other".as_ref()).unwrap();
-    let delivered = Delivered { kept: "a.png".into(), result: "a.png".into() };
-    let record = serde_json::json!({
-        "floor_unix_s": 0.0, "unproven": [delivered], "doubted": false, "again": false
-    });
-    std::fs::write(root.join("box-other/.relens-night.json"), record.to_string()).unwrap();
-    later(root, 99).live();
-    assert_eq!(names(&root.join("outbox")), set(&["a.png", "a.png.json"]));
-    assert_eq!(names(&root.join("done")), set(&["a.png"]));
 }
 
 #[test]

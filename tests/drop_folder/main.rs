@@ -13,7 +13,6 @@ mod files;
 mod hostile;
 mod keeping;
 mod model_disk;
-mod neighbours;
 mod neighbours_of_bad;
 mod power;
 mod power_checks;

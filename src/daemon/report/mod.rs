@@ -173,9 +173,6 @@ impl Reporter {
     pub(super) fn show(&mut self, folders: &Folders, telling: &Telling) -> Result<(), FileError> {
         (self.written, self.stale) = (Some(telling.moment), false);
         self.shown = (telling.left.clone(), telling.waiting);
-        if folders.shared() {
-            self.gallery = Gallery::load(folders)?;
-        }
         self.gallery.waiting = telling.waiting;
         self.gallery.write(folders, &self.rig, &telling.left, &self.attention, telling.unix_s)
     }

@@ -9,18 +9,14 @@ use crate::disk::FileError;
 /// Its name beside the gallery's pictures.
 const NAME: &str = "now.html";
 
-/// Address of the line from the outbox, where there is one: boxes that share folders have none, for
-/// each would speak over the other.
+/// Address of the line from the outbox, once it was written.
 pub(super) fn address(folders: &Folders) -> Option<String> {
     let is_there = folders.files().look(&folders.previews().join(NAME)).is_ok();
-    (is_there && !folders.shared()).then(|| format!("gallery/{NAME}"))
+    is_there.then(|| format!("gallery/{NAME}"))
 }
 
 /// Writes the line.
 pub(super) fn write(folders: &Folders, doing: &Doing, now_unix_s: u64) -> Result<(), FileError> {
-    if folders.shared() {
-        return Ok(());
-    }
     let bytes = line(doing, now_unix_s);
     folders.files().replace_for_now(folders.previews(), NAME.as_ref(), bytes.as_bytes())
 }

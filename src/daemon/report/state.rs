@@ -110,9 +110,9 @@ impl State {
     /// # Errors
     /// When it cannot be written.
     pub fn write(&self, folders: &Folders) -> Result<(), FileError> {
-        let home = folders.home();
-        let bytes = json_in_lines(self, &home)?;
-        folders.files().replace_for_now(&home, NAME.as_ref(), &bytes)
+        let root = folders.root();
+        let bytes = json_in_lines(self, root)?;
+        folders.files().replace_for_now(root, NAME.as_ref(), &bytes)
     }
 
     /// The state last written under `root`; `None` when no daemon ever worked there.

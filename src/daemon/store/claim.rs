@@ -91,11 +91,6 @@ impl Claimed {
         self.name.to_string_lossy().into_owned()
     }
 
-    /// Whether it is still this box's.
-    pub(super) fn is_here(&self, folders: &Folders) -> Result<bool, FileError> {
-        folders.files().exists(&self.path)
-    }
-
     /// Closes the job of a photo whose result is safe: so is the original, and only then the record
     /// goes.
     pub(crate) fn close(
@@ -114,11 +109,6 @@ impl Claimed {
         Ok(Delivered { kept: kept.file_name().unwrap_or(&self.name).to_owned(), result })
     }
 
-    /// Gives the job up: another box has the photo.
-    pub(crate) fn give_up(&self, folders: &Folders) -> Result<(), FileError> {
-        self.ledger.close(folders)
-    }
-
     /// Sets the photo aside with its reason.
     pub(crate) fn set_aside(&self, folders: &Folders, reason: String) -> Result<Failed, FileError> {
         let failed = Failed { photo: self.shown(), reason };
@@ -131,7 +121,7 @@ impl Claimed {
             // The reason first: a photo set aside without one would be a riddle.
             files.replace_for_good(folder, &note, failed.note().as_bytes())?;
             match files.rename_new(&self.path, &folder.join(&name)) {
-                // Another box set a namesake aside since the look.
+                // The name was taken since the look.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 done => {
                     done?;

@@ -73,22 +73,19 @@ pub(crate) struct Delivery<'a> {
     /// Name of the rig.
     pub(crate) rig: &'a str,
     pub(crate) finished_unix_s: u64,
-    /// Makes sure that no other box takes the photo over from here on.
-    pub(crate) hold_on: &'a dyn Fn() -> Result<(), FileError>,
 }
 
 impl Delivery<'_> {
     /// Puts the result and all that belongs to it into the outbox; the result itself comes last.
-    /// The report; `None` when the photo has become another box's.
     pub(crate) fn deliver(
         &self,
         claimed: &mut Claimed,
         step: &mut dyn FnMut(JobStep),
-    ) -> Result<Option<Report>, FileError> {
+    ) -> Result<Report, FileError> {
         loop {
             let name = self.free_name(&claimed.name)?;
             match self.deliver_as(&name, claimed, step) {
-                // Another box took the name since the look.
+                // The name was taken since the look.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 delivered => return delivered,
             }
@@ -100,12 +97,8 @@ impl Delivery<'_> {
         result: &OsStr,
         claimed: &mut Claimed,
         step: &mut dyn FnMut(JobStep),
-    ) -> Result<Option<Report>, FileError> {
+    ) -> Result<Report, FileError> {
         let &Delivery { folders, photo, outcome, encoded, .. } = self;
-        let is_ours = |claimed: &Claimed| (self.hold_on)().and_then(|()| claimed.is_here(folders));
-        if !is_ours(claimed)? {
-            return Ok(None);
-        }
         claimed.ledger.name_result(folders, result)?;
         step(JobStep::Named);
         let (files, outbox, previews) = (folders.files(), folders.outbox(), folders.previews());
@@ -132,12 +125,6 @@ impl Delivery<'_> {
             files.replace_for_now(previews, name.as_ref(), bytes)?;
         }
         step(JobStep::Reported);
-        if !is_ours(claimed)? {
-            files.remove(&report_path)?;
-            // Or a cut brings it back, when nothing is known of it any more.
-            files.sync_folder(outbox)?;
-            return Ok(None);
-        }
         let (mut original, mut bytes);
         let content: &mut dyn Read = match &encoded.result {
             Some(encoded) => {
@@ -157,7 +144,7 @@ impl Delivery<'_> {
         })?;
         claimed.delivered = true;
         step(JobStep::Delivered);
-        Ok(Some(report))
+        Ok(report)
     }
 
     /// The photo's name, with an ending if it has none or the result is in another format, and a

@@ -13,21 +13,12 @@ pub enum FolderError {
     Files(#[from] FileError),
     /// Another daemon works on this folder.
     #[error(
-        "the folder {path} is in use: found a running relens, allowed one at a time, or several \
-         that share it; end that one first (the service: systemctl stop relens)"
+        "the folder {path} is in use: found a running relens, allowed one at a time; end that one \
+         first (the service: systemctl stop relens)"
     )]
     InUse {
         /// The root folder.
         path: PathBuf,
-    },
-    /// A box's name is to be the name of a folder.
-    #[error(
-        "a box cannot be called `{found}`, allowed is any name of a folder that does not begin \
-         with a dot"
-    )]
-    BoxName {
-        /// The name asked for.
-        found: String,
     },
     /// The disk is nearly full; photos wait until there is room.
     #[error(
@@ -58,9 +49,7 @@ impl Remediable for FolderError {
         match self {
             FolderError::Files(error) => error.remedy(),
             FolderError::Full { .. } => Remedy::RetryLater,
-            FolderError::BoxName { .. }
-            | FolderError::InUse { .. }
-            | FolderError::Nested { .. } => Remedy::CallOperator,
+            FolderError::InUse { .. } | FolderError::Nested { .. } => Remedy::CallOperator,
         }
     }
 
@@ -70,8 +59,7 @@ impl Remediable for FolderError {
             FolderError::Full { .. } => {
                 "Make room on the disk: take results out of the outbox and originals out of done."
             }
-            FolderError::InUse { .. } => "End the other relens, or give each box a name.",
-            FolderError::BoxName { .. } => "Give the box another name.",
+            FolderError::InUse { .. } => "End the other relens.",
             FolderError::Nested { .. } => "Move the folders apart.",
         }
     }

@@ -24,7 +24,6 @@ use super::error::FolderError;
 use super::folders::Folders;
 use super::inbox::is_hidden;
 use super::ledger::Ledger;
-use super::night_record::NightRecord;
 use super::report_file::{Delivered, read_report, report_name};
 use crate::config::Keep;
 use crate::disk::files::json;
@@ -206,13 +205,8 @@ impl Past {
         calendar: Option<i64>,
     ) -> Result<Past, FileError> {
         let mut promised: HashSet<OsString> = Ledger::promised(folders)?.into_iter().collect();
-        let mut unproven = unproven.to_vec();
-        for (_, theirs) in folders.others()? {
-            promised.extend(Ledger::promised(&theirs)?);
-            unproven.extend(NightRecord::load(&theirs)?.unproven);
-        }
         promised.extend(unproven.iter().map(|delivered| delivered.result.clone()));
-        let kept = unproven.into_iter().map(|delivered| delivered.kept).collect();
+        let kept = unproven.iter().map(|delivered| delivered.kept.clone()).collect();
         let of_results =
             Limit { days_max: keep.results_days_max, mib_max: keep.results_mib_max, calendar };
         let of_originals =

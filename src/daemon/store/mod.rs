@@ -18,7 +18,6 @@ pub(super) mod error;
 pub(super) mod folders;
 pub(super) mod hints;
 pub(super) mod inbox;
-pub(super) mod lease;
 pub(super) mod ledger;
 pub(super) mod limits;
 pub(super) mod night_record;

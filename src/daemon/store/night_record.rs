@@ -7,7 +7,7 @@ use super::report_file::Delivered;
 use crate::disk::FileError;
 use crate::disk::files::json;
 
-/// The file in a box's own folder.
+/// Name of the file in the root.
 const NAME: &str = ".relens-night.json";
 
 /// A longer file is not ours: room for the names of ten thousand photos.
@@ -54,16 +54,15 @@ impl WaitingRecord {
 }
 
 impl NightRecord {
-    /// The record of the box that has `folders`; an empty one when there is none that can be
-    /// understood.
+    /// The record in `folders`; an empty one when none is readable.
     pub(crate) fn load(folders: &Folders) -> Result<NightRecord, FileError> {
-        let found = folders.files().read_json(&folders.home().join(NAME), BYTES_MAX)?;
+        let found = folders.files().read_json(&folders.root().join(NAME), BYTES_MAX)?;
         Ok(found.unwrap_or_default())
     }
 
     /// Writes it down, to last.
     pub(crate) fn save(&self, folders: &Folders) -> Result<(), FileError> {
-        let home = folders.home();
-        folders.files().replace_for_good(&home, NAME.as_ref(), &json(self, &home)?)
+        let root = folders.root();
+        folders.files().replace_for_good(root, NAME.as_ref(), &json(self, root)?)
     }
 }

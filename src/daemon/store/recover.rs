@@ -26,14 +26,14 @@ pub(super) fn recover(folders: &Folders) -> Result<(), FileError> {
 }
 
 /// Names of the photos in `working`.
-pub(super) fn photos(folders: &Folders) -> Result<Vec<OsString>, FileError> {
+fn photos(folders: &Folders) -> Result<Vec<OsString>, FileError> {
     let found = folders.files().list(folders.working())?;
     let photo = |(name, kind): &(OsString, FileKind)| !is_hidden(name) && *kind != FileKind::Folder;
     Ok(found.into_iter().filter(photo).map(|(name, _)| name).collect())
 }
 
 /// Finishes or takes back the photo `name`.
-pub(super) fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), FileError> {
+fn recover_photo(folders: &Folders, name: &OsStr) -> Result<(), FileError> {
     let (files, path) = (folders.files(), folders.working().join(name));
     let mut ledger = Ledger::of(folders, name, files.look(&path)?)?;
     let shown = name.to_string_lossy();
