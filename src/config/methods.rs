@@ -94,7 +94,7 @@ methods! {
     Hybrid: hybrid::ABOUT, |n| Box::new(hybrid(n));
     /// `hybrid` with block matching for the prior: better, and slower.
     BlockMatching: blocks::ABOUT, |n| {
-        let blocks = Some(Blocks { rounds: n.rounds, missed: [0.0; 3] });
+        let blocks = Some(Blocks { rounds: n.rounds, model_error: [0.0; 3] });
         let digital = Digital { blocks, ..digital(n) };
         match n.captures_max {
             0 => Box::new(digital),

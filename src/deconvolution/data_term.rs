@@ -1,26 +1,19 @@
-//! The data term of Eq. 2 where data can be missing or clipped: what a pixel of the photo says
-//! about L.
+//! The data term of Eq. 2 with missing and clipped data: weight classes of pixels, residuals, and
+//! the noise of a photo.
 
 use rayon::prelude::*;
 
 use crate::frame::{Plane, Rect, STRETCH, Size};
 
-/// Nothing is known here (outside the photo, dead pixel).
+/// No data: outside the photo, between sites, a dead pixel.
 pub const MISSING: u8 = 0;
-/// The value is what the sensor saw.
+/// The value is the sensor's.
 pub const TRUSTED: u8 = 1;
-/// The value is a lower bound: the sensor was full.
+/// The value is a lower bound: the pixel was full.
 pub const SATURATED: u8 = 2;
 
-/// Noise assumed of any photo or capture at least, grey levels: rounding to 8 bits, 1/√12.
+/// Least noise σ of any photo or capture, grey levels: rounding to 8 bits, 1/√12.
 pub const NOISE_MIN: f32 = 0.29;
-
-/// (K L − B) pixel by pixel: zero where data is missing, and where a saturated pixel is predicted
-/// to be at least as bright as its bound.
-pub fn residual(predicted: &Plane, photo: &Plane, trust: &Plane<u8>, out: &mut Plane) {
-    out.data_mut().copy_from_slice(predicted.data());
-    residual_in_place(out, photo, trust);
-}
 
 /// Scales `residual` by `weight`: sites of a mosaic stand for several pixels.
 pub fn scale(residual: &mut Plane, weight: f32) {
@@ -29,7 +22,8 @@ pub fn scale(residual: &mut Plane, weight: f32) {
     }
 }
 
-/// [`residual`], with `predicted` overwritten.
+/// Replaces the prediction K L by the residual K L − B: zero where data are missing, and where a
+/// saturated pixel is predicted at least as bright as its bound.
 pub fn residual_in_place(predicted: &mut Plane, photo: &Plane, trust: &Plane<u8>) {
     let stretches = (predicted.data_mut().par_chunks_mut(STRETCH))
         .zip(photo.data().par_chunks(STRETCH))
@@ -55,8 +49,8 @@ pub fn rms_over_data(residual: &Plane, trust: &Plane<u8>) -> f32 {
     (residual.dot(residual) / count as f64).sqrt() as f32
 }
 
-/// `inner` placed at `photo` on a canvas, its edge pixels repeated outside: the best guess of a
-/// scene that goes on. With a black surround use [`place`].
+/// `inner` placed at `photo` on a canvas, its edge pixels repeated outside: a guess at a scene that
+/// continues. With a black surround use [`place`].
 pub fn place_with_edges(inner: &Plane, canvas: Size, photo: Rect) -> Plane {
     Plane::from_fn(canvas, |x, y| {
         let column = x.saturating_sub(photo.x).min(photo.size.width - 1);
@@ -79,19 +73,18 @@ pub fn place<T: Copy + Default>(
     plane
 }
 
-/// Where a photo of size `photo` lies on its canvas with `margin_px` on every side, and the canvas
-/// size.
+/// The canvas of a photo of size `photo` with `margin_px` on every side, and the photo's rectangle
+/// on it.
 pub fn canvas_of(photo: Size, margin_px: usize) -> (Size, Rect) {
     let canvas = Size::new(photo.width + 2 * margin_px, photo.height + 2 * margin_px);
     (canvas, Rect { x: margin_px, y: margin_px, size: photo })
 }
 
-/// The standard deviation of the noise in `photo`, in its own units: the median absolute diagonal
-/// second difference, scaled for Gaussian noise. A lens's blur leaves nothing else at that scale.
+/// Noise σ of `photo`, in its own units: the median absolute diagonal second difference, scaled for
+/// Gaussian noise. A lens's blur leaves nothing else at that scale.
 ///
-/// Source: Immerkær's idea of a difference operator blind to image structure (1996), with the
-/// median of Donoho & Johnstone (1994) in place of the mean, so that the few real edges do not
-/// count.
+/// Source: the difference operator of Immerkær (1996), blind to image structure, with the median of
+/// Donoho & Johnstone (1994) in place of the mean, so that few real edges do not count.
 pub fn noise_of(photo: &Plane) -> f32 {
     let (width, height) = (photo.width(), photo.height());
     if width < 3 || height < 3 {
@@ -111,8 +104,8 @@ pub fn noise_of(photo: &Plane) -> f32 {
     median_of_positive(&differences) / (6.0 * 0.674_5)
 }
 
-/// The upper median of numbers that are not negative. Such numbers are ordered as their bits are:
-/// the middle one's upper half is found by counting, and only those that share it are compared.
+/// The upper median of non-negative numbers. Their order is that of their bits: the upper half of
+/// the median's bits is found by counting, and only numbers that share it are compared.
 fn median_of_positive(values: &[f32]) -> f32 {
     let mut counts = vec![0usize; 1 << 16];
     values.iter().for_each(|value| counts[(value.to_bits() >> 16) as usize] += 1);
@@ -136,19 +129,19 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     #[test]
-    fn missing_pixels_say_nothing_and_saturated_ones_only_that_it_was_bright() {
+    fn missing_pixels_have_no_residual_and_saturated_ones_only_a_lower_bound() {
         let size = Size::new(4, 1);
         let predicted = Plane::from_vec(size, vec![10.0, 300.0, 200.0, 5.0]).unwrap();
         let photo = Plane::from_vec(size, vec![4.0, 255.0, 255.0, 9.0]).unwrap();
         let trust = Plane::from_vec(size, vec![TRUSTED, SATURATED, SATURATED, MISSING]).unwrap();
-        let mut out = Plane::zeros(size);
-        residual(&predicted, &photo, &trust, &mut out);
+        let mut out = predicted;
+        residual_in_place(&mut out, &photo, &trust);
         assert_eq!(out.data(), &[6.0, 0.0, -55.0, 0.0]);
         assert!((rms_over_data(&out, &trust) - ((36.0f32 + 3025.0) / 3.0).sqrt()).abs() < 1e-3);
     }
 
     #[test]
-    fn the_noise_of_a_smooth_noisy_picture_is_found() {
+    fn the_noise_of_a_smooth_noisy_picture_is_estimated() {
         let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(5);
         let noisy = Plane::from_fn(Size::new(200, 150), |x, y| {
             let noise: f32 = StandardNormal.sample(&mut random);
@@ -158,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_by_counting_is_the_median() {
+    fn the_median_by_counting_is_the_median_by_sorting() {
         let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(9);
         for count in [1, 2, 3, 10, 1001, 4096] {
             let number = |_| -> f32 { f32::abs(StandardNormal.sample(&mut random)) };

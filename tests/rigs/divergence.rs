@@ -108,7 +108,10 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
         Box::new(digital),
         Box::new(hybrid),
         Box::new(Hybrid {
-            digital: Digital { blocks: Some(Blocks { rounds: 8, missed: [0.0; 3] }), ..digital },
+            digital: Digital {
+                blocks: Some(Blocks { rounds: 8, model_error: [0.0; 3] }),
+                ..digital
+            },
             ..hybrid
         }),
         Box::new(Wiener { noise_to_signal: 1e-6 }),

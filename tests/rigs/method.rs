@@ -237,7 +237,7 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
     let unmatched =
         Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
     let matched = Hybrid {
-        digital: Digital { blocks: Some(Blocks { rounds: 4, missed: [0.0; 3] }), ..digital() },
+        digital: Digital { blocks: Some(Blocks { rounds: 4, model_error: [0.0; 3] }), ..digital() },
         ..hybrid
     };
     // Block matching comes after the first capture; the second certifies it.

@@ -1,36 +1,36 @@
-//! What codes a camera gives of light, noise included.
+//! The expected code of light with a camera's noise.
 //!
-//! A JPEG's steps are so long that noise is averaged before it is rounded, and what is averaged are
-//! codes. In the dark that is not the code of the average: noise below black is clipped, and the
-//! curve bends most there. So light has the code to expect of it,
-//! ē(l) = ∫ enc(max(l + σ(l) z, 0)) φ(z) dz.
+//! A JPEG's quantisation steps are so long that codes of noisy light are averaged before they are
+//! rounded. In the dark the mean code is not the code of the mean: noise below black is clipped, and
+//! the curve bends most there. The expected code is ē(l) = ∫ enc(max(l + σ(l) z, 0)) φ(z) dz.
 
-/// Places at which codes of light are kept; they lie as squares, dense in the dark.
+/// Samples of ē over light, spaced as squares: dense in the dark.
 const PLACES: usize = 4096;
-/// Places at which light of codes is kept.
+/// Samples of its inverse over codes.
 const CODES: usize = 2048;
 /// Largest code, and full scale of light.
 const TOP: f32 = 255.0;
-/// Standard deviations of noise that are summed over, on either side, in so many parts each.
+/// Range of the integral on either side, noise σ.
 const REACH: i32 = 4;
+/// Samples of the integral for each σ.
 const PARTS: i32 = 20;
-/// Places to either side over which the slope is taken.
+/// Samples to either side over which the slope is taken.
 const BESIDE: usize = 16;
 
-/// Codes 0..255 of light 0..255.
+/// ē: codes 0..255 of light 0..255, and its inverse.
 #[derive(Debug, Clone)]
 pub(super) struct CodeCurve {
-    /// ē at each place.
+    /// ē at each sample.
     codes: Vec<f32>,
-    /// Standard deviation of the code there.
+    /// σ of the code there.
     deviations: Vec<f32>,
-    /// Light of each part of a code; beyond black and full scale as the curve goes there.
+    /// Light of each sampled code, extrapolated beyond black and full scale.
     light: Vec<f32>,
 }
 
 impl CodeCurve {
-    /// The curve of a camera whose codes have the light `light`, which rises, and whose noise at a
-    /// light is `sigma`, both grey levels; none if there are not 256 codes.
+    /// The curve of a camera whose 256 codes decode to `light` (rising), with noise σ `sigma` at a
+    /// light, both grey levels; `None` for another number of codes.
     pub(super) fn new(light: &[f32], sigma: &dyn Fn(f32) -> f32) -> Option<CodeCurve> {
         if light.len() != TOP as usize + 1 {
             return None;
@@ -54,12 +54,12 @@ impl CodeCurve {
             deviations.push((square / total).sqrt());
         }
         let mut curve = CodeCurve { codes, deviations, light: Vec::new() };
-        curve.light = (0..=CODES).map(|n| curve.undone(TOP * n as f32 / CODES as f32)).collect();
+        curve.light = (0..=CODES).map(|n| curve.invert(TOP * n as f32 / CODES as f32)).collect();
         Some(curve)
     }
 
-    /// The light whose code to expect is `code`; beyond the ends along the slope there.
-    fn undone(&self, code: f32) -> f32 {
+    /// The light whose expected code is `code`, extrapolated along the slope beyond the ends.
+    fn invert(&self, code: f32) -> f32 {
         let [first, last] = [self.codes[0], self.codes[PLACES]];
         if code < first {
             return (code - first) / self.slope(0.0);
@@ -79,45 +79,45 @@ impl CodeCurve {
         between(&self.codes, place_of(light))
     }
 
-    /// The light of `code`, of which [`CodeCurve::encode`] makes it again.
+    /// The light of `code`: the inverse of [`CodeCurve::encode`].
     #[inline(always)]
     pub(super) fn decode(&self, code: f32) -> f32 {
         between(&self.light, code.clamp(0.0, TOP) * (CODES as f32 / TOP))
     }
 
-    /// Standard deviation of the code of `light`.
+    /// σ of the code of `light`.
     pub(super) fn deviation(&self, light: f32) -> f32 {
         between(&self.deviations, place_of(light))
     }
 
-    /// ē': codes a grey level of light at `light`.
+    /// ē′ at `light`: codes for each grey level of light.
     pub(super) fn slope(&self, light: f32) -> f32 {
         let place = place_of(light) as usize;
         let (low, high) = (place.saturating_sub(BESIDE), (place + BESIDE).min(PLACES));
-        // Where the curve is flat, no light is known of a code; a thousand levels are as none.
+        // On a flat part a code determines no light; a thousand levels bound the slope.
         ((self.codes[high] - self.codes[low]) / (light_at(high) - light_at(low))).max(1e-3)
     }
 }
 
-/// The light at a place.
+/// The light at a sample.
 fn light_at(place: usize) -> f32 {
     TOP * (place as f32 / PLACES as f32).powi(2)
 }
 
-/// The place of `light`, fractions kept.
+/// The sample of `light`, with its fraction.
 #[inline(always)]
 fn place_of(light: f32) -> f32 {
     (light.clamp(0.0, TOP) / TOP).sqrt() * PLACES as f32
 }
 
-/// What `table` has at a place between its entries.
+/// `table` interpolated at `at`.
 #[inline(always)]
 fn between(table: &[f32], at: f32) -> f32 {
     let below = (at as usize).min(table.len() - 2);
     table[below] + (at - below as f32) * (table[below + 1] - table[below])
 }
 
-/// The code of `wanted`, fractions kept, by the `light` of codes.
+/// The code of `wanted`, with its fraction, by the `light` of codes.
 fn code_of(light: &[f32], wanted: f32) -> f32 {
     let above = light.partition_point(|&v| v <= wanted);
     let (Some(below), Some(&high)) = (above.checked_sub(1), light.get(above)) else {
@@ -132,13 +132,13 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Light goes as the square of the code.
+    /// Light as the square of the code.
     fn squares() -> Vec<f32> {
         (0..256).map(|code| (code as f32).powi(2) / TOP).collect()
     }
 
     #[test]
-    fn codes_to_expect_are_the_mean_of_codes_with_noise() {
+    fn expected_codes_are_the_mean_of_noisy_codes() {
         let curve = CodeCurve::new(&squares(), &|light: f32| 0.8 + 0.01 * light).unwrap();
         let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(6);
         for light in [0.0f32, 0.3, 2.0, 20.0, 150.0] {
@@ -156,11 +156,11 @@ mod tests {
             assert!((f64::from(curve.deviation(light)) / deviation - 1.0).abs() < 0.03, "{light}");
             assert!((curve.decode(curve.encode(light)) - light).abs() < 0.05, "{light}");
         }
-        assert!(curve.decode(0.0) < -0.2, "darker than noise makes black");
+        assert!(curve.decode(0.0) < -0.2, "black is the code of light below the noise");
     }
 
     #[test]
-    fn without_noise_codes_are_the_curves() {
+    fn without_noise_expected_codes_are_the_curve() {
         let light = squares();
         let curve = CodeCurve::new(&light, &|_| 0.0).unwrap();
         for (code, &light) in light.iter().enumerate() {

@@ -1,12 +1,11 @@
-//! What is left to expect of a coefficient that a JPEG states to half a step.
+//! The expected value of a coefficient that a JPEG states to within half a step.
 
-/// Distances past which the two ends of a step say all there is to say, in standard deviations.
+/// Distance of an interval's end beyond which its tail is negligible, σ.
 const FAR: f32 = 8.0;
-/// Steps narrower than this, in standard deviations, are points.
+/// Width of an interval that counts as a point, σ.
 const NARROW: f32 = 0.05;
 
-/// Mean of a normal variable of mean 0 and standard deviation `spread` that is known to lie within
-/// `half` of `offset`.
+/// Mean of a normal variable of mean 0 and σ `spread`, truncated to `offset` ± `half`.
 #[inline(always)]
 pub(super) fn truncated_mean(offset: f32, half: f32, spread: f32) -> f32 {
     let distance = offset.abs();
@@ -47,11 +46,11 @@ fn mills(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// The mean by summing over the interval.
+    /// The mean by a sum over the interval.
     fn summed(offset: f64, half: f64, spread: f64) -> f64 {
         let (count, from) = (20_000, offset - half);
         let at = |n: usize| from + 2.0 * half * (n as f64 + 0.5) / count as f64;
-        // The least exponent first, lest all weights vanish.
+        // Relative to the least exponent, so that not all weights vanish.
         let least = (0..count).map(|n| (at(n) / spread).powi(2)).fold(f64::INFINITY, f64::min);
         let weight = |x: f64| (-0.5 * ((x / spread).powi(2) - least)).exp();
         let total: f64 = (0..count).map(|n| weight(at(n))).sum();
@@ -59,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_is_that_of_the_interval_near_and_far() {
+    fn the_truncated_mean_is_that_of_a_sum_over_the_interval() {
         for spread in [0.3f32, 1.0, 4.0] {
             for half in [0.5f32, 1.0, 5.0, 20.0] {
                 for offset in [-60.0f32, -9.0, -3.0, -0.4, 0.0, 0.2, 1.0, 5.0, 14.0, 40.0] {

@@ -1,8 +1,8 @@
-//! The prior along the code's luma: what a JPEG keeps of a detail is its brightness.
+//! The prior along the code's luma: a JPEG keeps the brightness of a detail.
 //!
-//! Chroma is stored in long steps and at half the size. Undone channel by channel, each by its own
-//! blur, what those steps left becomes noise of brightness. So details are read along the code's
-//! luma, and what is off it is shrunk together and more:
+//! Chroma is stored in long steps and at half the size. Deconvolved channel by channel, each with
+//! its own blur, its quantisation errors become noise of brightness. So the part of a detail along
+//! the code's luma is shrunk by itself, and the part off it together and more:
 //!
 //! ```text
 //! n_i = (.299, .587, .114)_i enc'(light about the place)_i,  n·u = 1,  u = (1, 1, 1)/√3
@@ -18,16 +18,15 @@ use crate::deconvolution::colour_axis::{AlongAxes, blurred, halved};
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::frame::{Frame, Plane, Size, Work};
 
-/// By how much more what is off luma is shrunk: the independent study has 3. Set on coffee and
-/// rocket, where 6 and 8 give 0.1 to 0.4 less of ΔE; more was not tried.
+/// Factor on the threshold off luma: the independent study has 3. Set on coffee and rocket, where 6
+/// and 8 reduce ΔE by 0.1 to 0.4; more was not tried.
 const LUMA_STRICTNESS: f32 = 8.0;
-/// Width in pixels of the Gaussian under which the photo says how bright a place is: the
-/// independent study's.
+/// σ of the Gaussian that gives the local brightness, pixels: the independent study's.
 const ABOUT_PX: f32 = 3.0;
-/// Darkest light whose slope of the curve counts, grey levels.
+/// Least light at which the curve's slope is taken, grey levels.
 const DARKEST: f32 = 0.8;
 
-/// How much each channel adds to luma about every four pixels of `photo`.
+/// Weight of each channel in luma around every four pixels of `photo`.
 pub(super) fn directions(curves: &[CodeCurve; 3], photo: &Frame<Work>) -> [Plane; 3] {
     let of = |n: usize| {
         let about = halved(&blurred(&photo.planes()[n], ABOUT_PX));
@@ -40,15 +39,15 @@ pub(super) fn directions(curves: &[CodeCurve; 3], photo: &Frame<Work>) -> [Plane
 /// The prior over the details of three planes.
 pub struct AlongLuma {
     transforms: AlongAxes,
-    /// n of each level, finest first.
+    /// n at each level, finest first.
     levels: Vec<[Plane; 3]>,
     /// The threshold of each level, grey levels.
     thresholds: Vec<f32>,
 }
 
 impl AlongLuma {
-    /// For planes of `size`, whose luma lies along `luma` and whose levels are shrunk by
-    /// `thresholds`, finest first.
+    /// The prior for planes of `size` with luma along `luma` and the `thresholds` of each level,
+    /// finest first.
     pub(super) fn new(size: Size, luma: &[Plane; 3], thresholds: Vec<f32>) -> AlongLuma {
         let mut of_level = luma.clone();
         let mut levels = Vec::with_capacity(thresholds.len());
@@ -59,8 +58,8 @@ impl AlongLuma {
         AlongLuma { transforms: AlongAxes::new(size, thresholds.len()), levels, thresholds }
     }
 
-    /// Draws the details of `planes`, turned by `shift`, or the mean over the shifts whose turn it
-    /// is at step `step` where there is none.
+    /// Shrinks the details of `planes` at `shift`, or averaged over the shifts of step `step` where
+    /// there is none.
     pub(in crate::deconvolution) fn shrink(
         &mut self,
         planes: &mut [Plane; 3],
@@ -89,8 +88,9 @@ fn of_unit_sum(mut n: [Plane; 3]) -> [Plane; 3] {
     n
 }
 
-/// Draws the details of one band, as the page above has it; powers are means with weights (1 2 1)/4
-/// both ways, of the band periodised. The threshold counts `factors` times, place by place.
+/// Shrinks the details of one band by the rule of the module's page; powers are means with weights
+/// (1 2 1)/4 in both directions, of the band periodised. The threshold is scaled by `factors`, place
+/// by place.
 pub(super) fn draw_band(
     bands: [&mut Plane; 3],
     n: &[Plane; 3],

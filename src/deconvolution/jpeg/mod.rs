@@ -1,12 +1,12 @@
-//! The data term of a photo that is a JPEG: not its decoded light, but what it states.
+//! The data term of a JPEG: its quantised coefficients in place of its decoded light.
 //!
-//! A JPEG states each coefficient to half a step. Taken for light with noise, its errors count as
-//! the scene's, even within a block and different in the next, and of colours, which have the long
-//! steps, hardly anything is right. So the photo is decoded again as the solve goes on: of all
-//! pictures that the file may stand for, the one to expect when the camera saw K L.
+//! A JPEG states each coefficient to within half a step. As noisy light, its errors would count as
+//! the scene's: alike within a block and different in the next, and large in chroma, which has long
+//! steps. So the photo is decoded again during the solve: of all pictures that the file may encode,
+//! the expected one where the camera saw K L.
 //!
 //! ```text
-//! e  = codes to expect of K L              within 0..255
+//! e  = expected codes of K L               within 0..255
 //! m  = D (M e) Dᵀ                          block by block; M: R, G, B to Y', Cb, Cr; chroma
 //!                                          averaged over its pixels first
 //! δ  = E[n | |c q − m − n| ≤ q/2]          n: the camera's noise in that coefficient
@@ -15,8 +15,8 @@
 //! ```
 //!
 //! (ITU-T T.81 and T.871 for D, q and M.) The gradient is Kᵀ(K L − B̃), B̃ kept between decodings.
-//! Where the camera's curve and chroma's pixels bend it, it is no gradient of one function; tests
-//! hold that it goes down.
+//! With the camera's curve and subsampled chroma it is no gradient of one function; tests hold that
+//! it descends.
 
 mod curve;
 mod history;
@@ -44,42 +44,42 @@ const TO_LUMA: [[f32; 3]; 3] =
     [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 /// Back, the first column being ones.
 const FROM_CHROMA: [[f32; 2]; 3] = [[0.0, 1.402], [-0.344_136, -0.714_136], [1.772, 0.0]];
-/// Width in pixels of the Gaussian under which the photo says how bright a place is.
+/// σ of the Gaussian that gives the local brightness, pixels.
 const ABOUT_PX: f32 = 1.0;
-/// Standard deviations that the camera's noise is given: what the solve has not yet explained of
-/// K L stands beside it. The independent study's.
+/// Factor on the camera's noise σ: the residual that the solve has not yet explained adds to it. The
+/// independent study's.
 const WIDENED: f32 = 2.0;
-/// The same in chroma: of the independent study.
+/// The same in chroma, from the independent study.
 const WIDENED_CHROMA: f32 = 0.5;
-/// Least spread of a coefficient, codes; keeps divisions whole.
+/// Least σ of a coefficient, codes, against division by zero.
 const SPREAD_MIN: f32 = 1e-2;
-/// Level of brightness's zero (ITU-T T.81, A.3.1).
+/// Level shift of luma (ITU-T T.81, A.3.1).
 const MIDDLE: f32 = 128.0;
-/// Pixels of the largest unit: blocks of chroma at half the width and height.
+/// Pixels of the largest coded unit: chroma at half the width and height.
 const UNIT_AREA: usize = 4 * BLOCK_AREA;
 
-/// What a photo's file states, and by how much the camera's noise moves it.
+/// A photo's coefficients with their intervals, and the σ that the camera's noise gives them.
 #[derive(Debug, Clone)]
 pub struct JpegTerm {
     coding: Coding,
-    /// Where the photo lies on the canvas.
+    /// The photo's rectangle on the canvas.
     rect: Rect,
     curves: [CodeCurve; 3],
-    /// Of each component, s of each coefficient, codes.
+    /// s of each coefficient of each component, codes.
     spread: Vec<Vec<f32>>,
-    /// The camera's noise in each channel, grey levels; of a photo that was coded before, with what
-    /// coding added.
+    /// Noise σ in each channel, grey levels: the camera's; of a photo that was coded before, with its
+    /// coding errors.
     noise: [f32; 3],
-    /// Whether the file states what the camera saw: it was coded once.
+    /// Whether the photo was coded once, and its coefficients are the camera's.
     once: bool,
-    /// n before it is brought to length: of every four pixels of the canvas, how much each channel
-    /// adds to the code's luma.
+    /// n before normalisation: the weight of each channel in luma, for every four pixels of the
+    /// canvas.
     luma: [Plane; 3],
     /// D and Dᵀ.
     cosines: ([[f32; BLOCK_PX]; BLOCK_PX], [[f32; BLOCK_PX]; BLOCK_PX]),
 }
 
-/// What a term is made of.
+/// What a term is built from.
 pub struct Stated<'a> {
     /// The file's coefficients.
     pub coding: &'a Coding,
@@ -91,18 +91,17 @@ pub struct Stated<'a> {
     pub photo: &'a Frame<Work>,
     /// Where it lies there.
     pub rect: Rect,
-    /// The camera's noise in each channel, what coding adds left out, grey levels.
+    /// The camera's noise σ in each channel, without coding errors, grey levels.
     pub noise: [f32; 3],
-    /// The same at a light, both grey levels.
+    /// The same σ at a light, both grey levels.
     pub noise_at: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
-    /// Whether the photo was coded once. What was coded before has errors that its file does not
-    /// state; then `noise` is all of the photo's, and only the prior is of use.
+    /// Whether the photo was coded once. Otherwise it has errors that its file does not show; then
+    /// `noise` is all of the photo's, and only the prior applies.
     pub once: bool,
 }
 
 impl JpegTerm {
-    /// The term of a photo; none when file and photo are not of one size, or the file has not its
-    /// channels.
+    /// The term of a photo; `None` where file and photo differ in size or channels.
     pub fn of(stated: &Stated<'_>) -> Option<JpegTerm> {
         let &Stated { coding, lights, channels, photo, rect, noise, noise_at, once } = stated;
         if coding.size != rect.size || !coding.is_whole() {
@@ -131,12 +130,12 @@ impl JpegTerm {
         Some(JpegTerm { coding, rect, curves, spread, noise, once, luma, cosines })
     }
 
-    /// Whether the data are what the file states.
+    /// Whether the data are the coefficients, and not the decoded light.
     pub fn is_data(&self) -> bool {
         self.once
     }
 
-    /// The noise in `channel`, grey levels, that steps are shrunk by.
+    /// Noise σ in `channel`, grey levels, which thresholds follow.
     pub fn noise(&self, channel: Channel) -> f32 {
         self.noise[channel.index()]
     }
@@ -147,9 +146,9 @@ impl JpegTerm {
         AlongLuma::new(size, &self.luma, thresholds.to_vec())
     }
 
-    /// `picture`, as bright as it is in the code's luma, in the mean of its own and the `photo`'s
-    /// chroma. Chroma was stored in long steps and often at half size: what is undone of it and
-    /// what it was have errors of their own, and the mean has less than either.
+    /// Sets the chroma of `picture` to the mean of its own and the `photo`'s, at its own luma. Chroma
+    /// was stored in long steps and often at half size: the solved and the stored chroma have
+    /// independent errors, and their mean has less.
     pub(super) fn mix_colours(&self, picture: &mut Frame<Work>, photo: &Frame<Work>) {
         if self.coding.components.len() == 1 {
             return;
@@ -177,12 +176,13 @@ impl JpegTerm {
         });
     }
 
-    /// Which channels are decoded together: all, or green alone.
+    /// The channels that are decoded together: all, or green alone.
     fn channels(&self) -> &'static [Channel] {
         if self.coding.components.len() == 1 { &[Channel::Green] } else { &Channel::ALL }
     }
 
-    /// `seen`, K L on the canvas, as the file may stand for it: B̃. Outside the photo it stays.
+    /// B̃: the picture that the file may encode nearest to `seen`, K L on the canvas; outside the
+    /// photo `seen` itself.
     ///
     /// # Panics
     /// When `seen` is not of the canvas's size, which is a bug of the caller.
@@ -201,13 +201,13 @@ impl JpegTerm {
         decoded
     }
 
-    /// Pixels of a unit across and down.
+    /// Size of a coded unit, pixels across and down.
     fn unit(&self) -> (usize, usize) {
         let (across, down) = self.coding.densest();
         (BLOCK_PX * usize::from(across), BLOCK_PX * usize::from(down))
     }
 
-    /// One row of units decoded again: the photo's pixels in it, of each of the channels.
+    /// One row of units decoded again: the photo's pixels in it, channel by channel.
     fn strip(&self, seen: &Frame<Work>, row: usize) -> [Vec<f32>; 3] {
         let (rect, (across, down)) = (self.rect, self.unit());
         let Size { width, height } = rect.size;
@@ -221,7 +221,7 @@ impl JpegTerm {
             for (codes, &c) in codes.iter_mut().zip(self.channels()) {
                 let curve = &self.curves[c.index()];
                 for (y, codes) in codes.chunks_exact_mut(across).take(down).enumerate() {
-                    // What fills up the last unit repeats the edge, as coders do.
+                    // The last unit is filled by repeating the edge, as coders do.
                     let from = seen.plane(c).row(rect.y + (row * down + y).min(height - 1));
                     let from = &from[rect.x..][..width];
                     for (x, code) in codes.iter_mut().enumerate() {
@@ -248,7 +248,7 @@ impl JpegTerm {
         strip
     }
 
-    /// By how much the `codes` of the unit in `column` and `row` are to change: M⁻¹ (Dᵀ δ D).
+    /// The change of the `codes` of the unit in `column` and `row`: M⁻¹ (Dᵀ δ D).
     fn change(
         &self,
         codes: &[[f32; UNIT_AREA]; 3],
@@ -301,7 +301,7 @@ impl JpegTerm {
         change
     }
 
-    /// Component `n` of the pixel `at`; a grey photo's is its code.
+    /// Component `n` of the pixel `at`; of a grey photo its code.
     #[inline(always)]
     fn component_of(&self, n: usize, codes: &[[f32; UNIT_AREA]; 3], at: usize) -> f32 {
         let middle = if n == 0 { MIDDLE } else { 0.0 };
@@ -344,7 +344,7 @@ fn spread(
             let (x, y) = (column * BLOCK_PX + k % BLOCK_PX, row * BLOCK_PX + k / BLOCK_PX);
             let pixels =
                 (0..across * down).map(|p| (x * across + p % across, y * down + p / across));
-            // The mean of so many pixels varies by so much less.
+            // The variance of the mean of `count` pixels.
             narrowed * pixels.map(|(x, y)| of_pixel(x, y)).sum::<f32>() / (count * count)
         });
         transform(&mut block, &squares);

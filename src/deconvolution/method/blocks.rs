@@ -1,13 +1,12 @@
-//! A picture solved further with block matching for the prior: by turns what the photo says and
-//! what like blocks say.
+//! The block-matching stage: a solved picture improved by turns of a data step and a block-matching
+//! filter.
 //!
-//! Minimises ‖K̂L − B‖²/ν² + ‖L − Z‖²/τ² for L by conjugate gradients, ν the photo's noise, then
-//! takes for Z what [`block_matching`](crate::deconvolution::block_matching) makes of L, told how
-//! uncertain L is at every frequency, with the Z before for its guide; τ shrinks from round to
-//! round (half-quadratic splitting with a filter for the prior: Venkatakrishnan, Bouman & Wohlberg
-//! 2013, "Plug-and-play priors"; Danielyan, Katkovnik & Egiazarian 2012, "BM3D frames and
-//! variational image deblurring").
-//! What was tried in its place is in `tests/tables/README.md`.
+//! Minimises ‖K̂L − B‖²/ν² + ‖L − Z‖²/τ² for L by conjugate gradients, ν being the photo's noise σ.
+//! The next Z is L filtered by [`block_matching`](crate::deconvolution::block_matching) with the
+//! noise spectrum of L, and with the previous Z as its guide. τ shrinks from round to round
+//! (half-quadratic splitting with a filter as the prior: Venkatakrishnan, Bouman & Wohlberg 2013,
+//! "Plug-and-play priors"; Danielyan, Katkovnik & Egiazarian 2012, "BM3D frames and variational
+//! image deblurring").
 
 use rayon::prelude::*;
 
@@ -19,39 +18,39 @@ use crate::deconvolution::data_term::{self, NOISE_MIN, SATURATED, TRUSTED};
 use crate::deconvolution::opponent::{from_opponent, to_opponent};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 
-/// τ of the first and of the last round over the photo's noise: the same τ for all loses where
-/// there is little noise. Measured, as all below.
+/// τ of the first round, in noise σ of the photo: a constant τ loses where there is little noise.
+/// Measured, as all below.
 const TAU_FIRST: f32 = 20.0;
+/// τ of the last round, in noise σ of the photo.
 const TAU_LAST: f32 = 6.0;
-/// And τ in grey levels at most: what the lens stops differs by as much as scenes do there, however
-/// noisy the photo is. More takes texture as faint as the noise for noise.
-const TAU_MOST: f32 = 14.0;
-/// How much of what the lens model misses counts as noise.
-const MISSED_COUNTS: f32 = 0.5;
-/// Share of what is uncertain that the filter is told. The guide has less power than the scene, and
-/// Wiener's rule with such a guide draws too much.
-const TOLD: f32 = 0.5;
-/// Steps of conjugate gradients a round.
+/// Largest τ, grey levels: the error of what the lens stops is as large as scenes are there,
+/// however noisy the photo. A larger τ removes texture as faint as the noise.
+const TAU_MAX: f32 = 14.0;
+/// Share of the lens model's error that counts as noise.
+const MODEL_ERROR_SHARE: f32 = 0.5;
+/// Factor on the noise that the filter assumes. The guide has less power than the scene, and
+/// Wiener's rule with such a guide shrinks too much.
+const ASSUMED_NOISE: f32 = 0.5;
+/// Steps of conjugate gradients in each round.
 const CONJUGATE_STEPS: u32 = 8;
-/// How like blocks are looked for.
+/// The search for similar blocks.
 const SEARCH: Search = Search { step_px: 4, reach_px: 12, group_max: 16, difference_max: 400.0 };
 
-/// What a method with block matching for its prior is: [`super::digital`] or [`super::hybrid`].
+/// The properties of [`super::digital`] or [`super::hybrid`] with block matching.
 pub const ABOUT: About =
     About { name: "block-matching", starts_from_lens: true, by_patches: false, by_steps: true };
 
-/// How a picture is solved with block matching.
+/// The parameters of the stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blocks {
-    /// Rounds of data and filter.
+    /// Rounds of data step and filter.
     pub rounds: u32,
-    /// What the lens model is known to miss in each channel, RMS in grey levels; counts as noise of
-    /// the photo.
-    pub missed: [f32; 3],
+    /// Known error of the lens model in each channel, RMS in grey levels; adds to the photo's noise.
+    pub model_error: [f32; 3],
 }
 
 impl Blocks {
-    /// `start` solved further for `target`; the green channel's residuals go to `course`.
+    /// Improves `start`, a solution of `target`; records the green channel's residuals in `course`.
     pub(super) fn solve(
         self,
         target: Target<'_>,
@@ -63,28 +62,28 @@ impl Blocks {
         let observation = problem.observation;
         let channels = observation.channels.list();
         let noise = |c: Channel| observation.pixel_noise(c).max(NOISE_MIN);
-        let doubt = channels.par_iter().map(|&c| {
+        let errors = channels.par_iter().map(|&c| {
             let mut seen = Plane::zeros(problem.size());
             target.model.forward(c, start.plane(c), &mut seen);
             let trust = observation.trust.plane(c);
             data_term::residual_in_place(&mut seen, target.data.plane(c), trust);
-            // A residual above the noise is the model's fault.
+            // A residual above the noise is the model's error.
             let unexplained = data_term::rms_over_data(&seen, trust) * observation.weight(c).sqrt();
             let unexplained = unexplained.max(noise(c));
-            (c, unexplained.max(MISSED_COUNTS * self.missed[c.index()]))
+            (c, unexplained.max(MODEL_ERROR_SHARE * self.model_error[c.index()]))
         });
-        let doubt: Vec<(Channel, f32)> = doubt.collect();
+        let errors: Vec<(Channel, f32)> = errors.collect();
         let passed =
             channels.iter().map(|&c| Passed::of(target.model.functions(), c)).collect::<Vec<_>>();
         let mut picture = start;
         for round in 0..self.rounds {
             let done = round as f32 / (self.rounds - 1).max(1) as f32;
             let over_noise = TAU_FIRST * (TAU_LAST / TAU_FIRST).powf(done);
-            let tau = |c: Channel| (noise(c) * over_noise).min(TAU_MOST);
-            let towards_data = |&(c, doubt): &(Channel, f32)| {
-                (c, towards_data(target, c, picture.plane(c), (doubt / tau(c)).powi(2)))
+            let tau = |c: Channel| (noise(c) * over_noise).min(TAU_MAX);
+            let data_step = |&(c, error): &(Channel, f32)| {
+                (c, data_step(target, c, picture.plane(c), (error / tau(c)).powi(2)))
             };
-            let solved: Vec<(Channel, (Plane, f32))> = doubt.par_iter().map(towards_data).collect();
+            let solved: Vec<(Channel, (Plane, f32))> = errors.par_iter().map(data_step).collect();
             let mut uncertain = Frame::zeros(problem.size());
             for (c, (plane, residual)) in solved {
                 *uncertain.plane_mut(c) = plane;
@@ -92,9 +91,9 @@ impl Blocks {
                     watch(&course.step(residual, ResidualOf::Model, 0), None);
                 }
             }
-            let noises = passed.iter().zip(&doubt).map(|(passed, &(c, doubt))| {
-                let undone = BlockNoise::undone(passed, doubt.powi(2), tau(c).powi(2));
-                undone.scaled(TOLD).within(observation.rect.x).masked(target.mask)
+            let noises = passed.iter().zip(&errors).map(|(passed, &(c, error))| {
+                let undone = BlockNoise::undone(passed, error.powi(2), tau(c).powi(2));
+                undone.scaled(ASSUMED_NOISE).within(observation.rect.x).masked(target.mask)
             });
             let noises: Vec<BlockNoise<'_>> = noises.collect();
             filter_colours(channels, uncertain, &mut picture, &noises, round as usize);
@@ -103,8 +102,8 @@ impl Blocks {
     }
 }
 
-/// `guide` = `picture` filtered with it, in the opponent colours when all three `channels` are
-/// solved.
+/// Replaces `guide` by `picture` filtered with it, in opponent colours where all three `channels`
+/// are solved.
 fn filter_colours(
     channels: &[Channel],
     picture: Frame<Work>,
@@ -124,7 +123,7 @@ fn filter_colours(
         let mut guides = Channel::ALL.map(|c| guide.plane(c).clone());
         to_opponent(&mut planes);
         to_opponent(&mut guides);
-        // What is alike in brightness is taken to be alike in colour, too.
+        // Blocks alike in brightness count as alike in colour.
         let groups = Groups::find(&guides[0], SEARCH, turn);
         for ((guide, plane), noise) in guides.iter_mut().zip(&planes).zip(&noises) {
             *guide = filter(&groups, plane, guide, noise);
@@ -144,15 +143,15 @@ fn filter_colours(
     }
 }
 
-/// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² by conjugate gradients from `near`, and RMS(K̂ near −
-/// B).
-fn towards_data(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Plane, f32) {
+/// argmin ‖K̂L − B‖² + `ratio` ‖L − `near`‖² by conjugate gradients from `near`, and
+/// RMS(K̂ near − B).
+fn data_step(target: Target<'_>, c: Channel, near: &Plane, ratio: f32) -> (Plane, f32) {
     let Target { problem, model, data, .. } = target;
     let observation = problem.observation;
     let (data, trust, weight) = (data.plane(c), observation.trust.plane(c), observation.weight(c));
     let mut seen = Plane::zeros(near.size());
     model.forward(c, near, &mut seen);
-    // A saturated pixel counts while it is predicted too dark.
+    // A saturated pixel has weight while its prediction is below its bound.
     let pixels = seen.data().iter().zip(data.data()).zip(trust.data());
     let counts = |((p, b), &t): ((&f32, &f32), &u8)| t == TRUSTED || (t == SATURATED && p < b);
     let counts: Vec<bool> = pixels.map(counts).collect();

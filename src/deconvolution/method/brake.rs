@@ -1,17 +1,16 @@
-//! Keeps an iteration that looks through the lens from running away.
+//! Keeps an iteration by captures from diverging.
 //!
-//! A step is bounded by the measured ‖K‖, but the rig may no longer be the one that was measured,
-//! and flip–FC–flip over patches too large is no adjoint at all. The light tells: when a picture's
-//! photograph is further from the photo than one before it, the iteration goes back to that one and
-//! on with half the step.
+//! A step is bounded by the measured ‖K‖, but the rig may have changed since, and flip–FC–flip over
+//! too large patches is no adjoint. When a picture's photograph is farther from the photo than an
+//! earlier one's, the iteration returns to that picture and halves the step.
 
 use crate::frame::{Frame, Work};
 
-/// Residual over the least one so far at which an iteration has turned up. Guess: noise and
-/// momentum move it by a few per cent, a step too long doubles it within a few iterations.
-const TURNED_UP: f32 = 1.25;
+/// Residual over the least one so far above which the iteration diverges. Guess: noise and momentum
+/// change it by a few per cent, too long a step doubles it within a few iterations.
+const DIVERGED: f32 = 1.25;
 
-/// The length of the steps, and the picture to go back to.
+/// The step length, and the best picture so far.
 #[derive(Debug, Clone)]
 pub(super) struct Brake {
     step: f32,
@@ -24,14 +23,14 @@ impl Brake {
         Brake { step: 1.0, least: f32::INFINITY, best: None }
     }
 
-    /// What the steps are multiplied by, at most 1.
+    /// Factor on the step length, at most 1.
     pub(super) fn step(&self) -> f32 {
         self.step
     }
 
-    /// Given a picture and the optical residual of it, tells whether the iteration turned up. Then
-    /// `picture` is the best one so far again, and steps are half as long.
-    pub(super) fn turned_up(&mut self, residual: f32, picture: &mut Frame<Work>) -> bool {
+    /// Whether the iteration diverged at `picture`, by its optical `residual`. If so, `picture` is
+    /// reset to the best one so far, and the step length is halved.
+    pub(super) fn has_diverged(&mut self, residual: f32, picture: &mut Frame<Work>) -> bool {
         if residual < self.least {
             self.least = residual;
             match &mut self.best {
@@ -40,8 +39,8 @@ impl Brake {
             }
             return false;
         }
-        // Not a number is past every limit.
-        if residual <= TURNED_UP * self.least {
+        // NaN counts as diverged.
+        if residual <= DIVERGED * self.least {
             return false;
         }
         if let Some(best) = &self.best {
@@ -58,14 +57,14 @@ mod tests {
     use crate::frame::Size;
 
     #[test]
-    fn a_runaway_goes_back_to_its_best_with_half_the_step() {
+    fn a_diverging_iteration_returns_to_its_best_picture_with_half_the_step() {
         let level = |v: f32| Frame::<Work>::filled(Size::new(4, 4), v);
         let mut brake = Brake::new();
         for (residual, expected) in
             [(10.0, false), (8.0, false), (9.0, false), (11.0, true), (f32::NAN, true)]
         {
             let mut picture = level(residual);
-            assert_eq!(brake.turned_up(residual, &mut picture), expected, "{residual}");
+            assert_eq!(brake.has_diverged(residual, &mut picture), expected, "{residual}");
             if expected {
                 assert_eq!(picture, level(8.0));
             }

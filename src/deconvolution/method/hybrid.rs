@@ -323,12 +323,13 @@ impl<'a> Run<'a> {
         }
         // A coarse defect hardly changes with the picture; a fine one does, and its error counts as
         // noise.
-        let missed = |c: Channel| {
+        let fine_power = |c: Channel| {
             let power: f64 = method.detail_powers(defect.light.plane(c)).iter().sum();
             (power / problem.size().area() as f64).sqrt() as f32
         };
         let blocks = method.digital.blocks;
-        let blocks = blocks.map(|blocks| Blocks { missed: Channel::ALL.map(missed), ..blocks });
+        let blocks =
+            blocks.map(|blocks| Blocks { model_error: Channel::ALL.map(fine_power), ..blocks });
         let steps = observation.sampling.correction_steps(method.correction_steps);
         let correction = Digital { steps, blocks, ..method.digital };
         let norms = &self.careful_norms(&candidate.picture, &defect.light);

@@ -55,7 +55,7 @@ impl LightLoop {
             let green = Channel::Green;
             let residual =
                 data_term::rms_over_data(signed.plane(green), observation.trust.plane(green));
-            if brake.turned_up(residual, &mut looked_at) {
+            if brake.has_diverged(residual, &mut looked_at) {
                 momentum = momenta(&looked_at);
             } else {
                 for &c in channels {

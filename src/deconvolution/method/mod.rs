@@ -1,4 +1,4 @@
-//! The named ways to solve, one file each.
+//! The methods, one file each.
 //!
 //! | name | captures a photo | what it is |
 //! |---|---|---|
@@ -6,12 +6,11 @@
 //! | [`residual`] | 5·n | optics only: signed residual on a pedestal, momentum with restart |
 //! | [`unmatched`] | n | lens model backward, optics forward |
 //! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; default |
-//! | block-matching | 1 + corrections | [`hybrid`] with block matching for the prior: [`blocks`] |
+//! | block-matching | 1 + corrections | [`hybrid`] with block matching as the prior: [`blocks`] |
 //! | [`digital`] | 0 | lens model only |
-//! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | what people use today |
+//! | [`wiener`], [`richardson_lucy`], [`total_variation`] | 0 | baselines |
 //!
-//! Where the paper leaves a choice, and what is done here (each held by a test in
-//! `tests/rigs/method.rs`):
+//! Choices that the paper leaves open (each held by a test in `tests/rigs/method.rs`):
 //!
 //! * **Factor 2 of Eq. 7** is kept in `paper`: the step on Kᵀ(KL − B) is 2τ, stable for τ < 1/‖K‖².
 //! * **Threshold λτ/2** of Eq. 6 is kept as printed, although the proximal step of Eq. 4 would be
@@ -53,36 +52,36 @@ use super::wavelet_shrinkage::Shrinkage;
 use crate::frame::{Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
-/// What a method is, whatever its numbers: rig files, lists and the judge go by it.
+/// A method's properties, whatever its parameters: for rig files, lists and the judge.
 #[derive(Debug, PartialEq, Eq)]
 pub struct About {
-    /// The word used in rig files, tables and reports.
+    /// Its name in rig files, tables and reports.
     pub name: &'static str,
-    /// Whether it starts from the lens model and its prior: what it makes is then near what the
-    /// lens alone says, unless captures lead it away.
+    /// Whether it starts from the lens model and its prior: its result is then near the solution by
+    /// the lens alone, unless captures lead it away.
     pub starts_from_lens: bool,
-    /// Whether it sends pictures backward through the lens, patch by patch.
+    /// Whether it uses backward convolution by light, patch by patch.
     pub by_patches: bool,
-    /// Whether it goes by steps that can be too long.
+    /// Whether it has a step length.
     pub by_steps: bool,
 }
 
-/// A named way to solve, with its parameters.
+/// A method with its parameters.
 pub trait Method {
-    /// What it is.
+    /// Its properties.
     fn about(&self) -> &'static About;
 
-    /// The word used in rig files, tables and reports.
+    /// Its name in rig files, tables and reports.
     fn name(&self) -> &'static str {
         self.about().name
     }
 
-    /// Captures a photo costs at the most.
+    /// Most captures of one photo.
     fn captures_max(&self) -> u32 {
         0
     }
 
-    /// Solves `problem`, asking `optics` for captures.
+    /// Solves `problem` with captures by `optics`; `watch` is called after each step.
     ///
     /// # Errors
     /// When a capture fails.
@@ -94,22 +93,22 @@ pub trait Method {
     ) -> Result<Solution, MethodError>;
 }
 
-/// The paper's prior, shifted from step to step when `cycle_spun`.
+/// The paper's prior, with a new shift at each step when `cycle_spun`.
 fn shrinkage(size: Size, levels: usize, cycle_spun: bool) -> Shrinkage {
     let plain = Shrinkage::new(size, levels);
     if cycle_spun { plain.cycle_spun() } else { plain }
 }
 
-/// The optics when there are none: every capture fails.
+/// Optics of a solve without captures: every capture fails.
 #[derive(Debug, Clone, Copy)]
 pub struct NoOptics {
     /// The Work grid.
     pub size: Size,
 }
 
-/// A capture was asked for where no camera is.
+/// A capture without a camera.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
-#[error("a capture was asked for, and there is no camera")]
+#[error("a capture was requested, and there is no camera")]
 pub struct NoCamera;
 
 impl crate::remedy::Remediable for NoCamera {

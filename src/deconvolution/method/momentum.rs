@@ -1,6 +1,5 @@
 //! Nesterov's momentum as in FISTA (Beck & Teboulle 2009), restarted when it points uphill
-//! (O'Donoghue & Candès 2015): the inner product of pictures already in memory decides, so no
-//! capture is spent on it.
+//! (O'Donoghue & Candès 2015), by the inner product of pictures in memory: no capture is spent.
 
 use rayon::prelude::*;
 
@@ -14,26 +13,25 @@ pub struct Momentum {
 }
 
 impl Momentum {
-    /// Starts from `start`.
+    /// No momentum, at `start`.
     pub fn new(start: &Plane) -> Self {
         Momentum { previous: start.clone(), t: 1.0 }
     }
 
-    /// Given the point `looked_at` where the gradient was taken and the `stepped` picture it led
-    /// to, turns `looked_at` into the next point to look at. Returns whether the momentum was
-    /// restarted.
-    pub fn next(&mut self, looked_at: &mut Plane, stepped: &Plane) -> bool {
-        let stretches = (looked_at.data().par_chunks(STRETCH))
+    /// Moves `point`, at which the gradient was taken and led to `stepped`, to the next point.
+    /// Returns whether the momentum was restarted.
+    pub fn next(&mut self, point: &mut Plane, stepped: &Plane) -> bool {
+        let stretches = (point.data().par_chunks(STRETCH))
             .zip(stepped.data().par_chunks(STRETCH))
             .zip(self.previous.data().par_chunks(STRETCH));
         let parts: Vec<f64> = stretches.map(|((y, x), x_old)| along(y, x, x_old)).collect();
-        // In their order, whoever computed them: the same sum on any number of threads.
+        // Summed in order: the same on any number of threads.
         let uphill: f64 = parts.iter().sum();
         let restart = uphill > 0.0;
         let t = if restart { 1.0 } else { self.t };
         let t_next = (1.0 + (1.0 + 4.0 * t * t).sqrt()) / 2.0;
         let weight = if restart { 0.0 } else { ((t - 1.0) / t_next) as f32 };
-        let stretches = (looked_at.data_mut().par_chunks_mut(STRETCH))
+        let stretches = (point.data_mut().par_chunks_mut(STRETCH))
             .zip(self.previous.data_mut().par_chunks_mut(STRETCH))
             .zip(stepped.data().par_chunks(STRETCH));
         stretches.for_each(|((y, x_old), x)| {
@@ -51,7 +49,7 @@ impl Momentum {
 fn along(y: &[f32], x: &[f32], x_old: &[f32]) -> f64 {
     let mut sum = 0.0;
     for ((y, x), x_old) in y.chunks(4096).zip(x.chunks(4096)).zip(x_old.chunks(4096)) {
-        // Sixteen sums side by side: one alone would wait for every addition.
+        // Sixteen sums side by side hide the latency of an addition.
         let mut parts = [0.0f32; 16];
         for ((y, x), x_old) in y.chunks(16).zip(x.chunks(16)).zip(x_old.chunks(16)) {
             for (((part, y), x), o) in parts.iter_mut().zip(y).zip(x).zip(x_old) {

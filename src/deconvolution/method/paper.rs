@@ -1,10 +1,9 @@
-//! The paper's loop as printed (Eqs. 4–7): iterative shrinkage with both convolutions done by the
-//! lens.
+//! The paper's loop as printed (Eqs. 4–7): iterative shrinkage with both convolutions by the lens.
 //!
 //! L⁰ = B; g = 2·BC(FC(L)) − 2·BC(B); L ← shrink(L − τ g, λτ/2). BC(B) is captured once, so a photo
-//! costs 4 + 5·n captures. What the study found (and the tests hold): without noise it works; with
-//! one grey level of noise in every capture it does harm, because the noise of the backward
-//! captures enters L unfiltered and that of BC(B) is added again in each iteration.
+//! costs 4 + 5·n captures. Without noise it works; with one grey level of noise in every capture it
+//! does harm, because the noise of the backward captures enters L unfiltered, and that of BC(B) is
+//! added again in each iteration (held by tests).
 
 use super::brake::Brake;
 use super::problem::Certificate;
@@ -16,13 +15,12 @@ use crate::deconvolution::patches::{PatchGrid, PatchShape};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, Frame, Plane, Work};
 
-/// Who computes the backward convolution.
+/// How the backward convolution is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Backward {
-    /// The light, by flip–FC–flip; the paper uses patches of 80 px at 1024×768.
+    /// By light: flip–FC–flip. The paper uses patches of 80 px at 1024×768.
     Light(PatchShape),
-    /// The problem's lens model, by its exact adjoint: the paper's "accurate numerical
-    /// calculation".
+    /// By the lens model's exact adjoint: the paper's "accurate numerical calculation".
     Model,
 }
 
@@ -35,20 +33,20 @@ pub struct Paper {
     pub tau: f32,
     /// λ of Eq. 4; the paper sets 3.
     pub lambda: f32,
-    /// Who computes the backward convolution.
+    /// How the backward convolution is computed.
     pub backward: Backward,
     /// Wavelet levels.
     pub levels: usize,
-    /// Whether τ is kept below 1/‖K‖², and a step that takes the light further from the photo taken
-    /// back. The paper has neither; with its own τ and patches neither comes into play.
+    /// Whether τ is limited to 1/‖K‖², and a step undone whose photograph is farther from the
+    /// photo. The paper has neither; with its own τ and patches neither applies.
     pub bounded: bool,
 }
 
-/// Share of 1/‖K‖², the limit with the factor 2 of Eq. 7 kept, that τ may have.
+/// Largest τ as a share of 1/‖K‖², the limit of stability with the factor 2 of Eq. 7.
 const STABLE_SHARE: f32 = 0.95;
 
 impl Paper {
-    /// τ, for a ‖K‖² of `norm_squared`.
+    /// τ for a ‖K‖² of `norm_squared`.
     fn tau_of(&self, norm_squared: f32) -> f32 {
         if self.bounded { self.tau.min(STABLE_SHARE / norm_squared) } else { self.tau }
     }
@@ -74,7 +72,7 @@ impl Paper {
     }
 }
 
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "paper", starts_from_lens: false, by_patches: true, by_steps: true };
 
@@ -111,7 +109,7 @@ impl Method for Paper {
             let mut seen = optics.forward(&picture)?.light;
             let green = Channel::Green;
             let residual = observation.residual_rms(green, seen.plane(green));
-            if !(self.bounded && brake.turned_up(residual, &mut picture)) {
+            if !(self.bounded && brake.has_diverged(residual, &mut picture)) {
                 channels.list().iter().for_each(|&c| observation.mask(c, seen.plane_mut(c)));
                 let backward = self.backward(problem, optics, &seen)?;
                 for &channel in channels.list() {

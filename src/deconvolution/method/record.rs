@@ -1,50 +1,50 @@
-//! What happened in each iteration: residual, captures, seconds.
+//! The record of a solve: residual, captures and seconds of each iteration.
 
 use serde::{Deserialize, Serialize};
 
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Frame, Work};
 
-/// Called after each step with the step's record and, where the method has it at hand, the picture
-/// as it is now. Whoever looks after the program knows by it that a long solve is alive.
+/// Called after each step with its record and, where the method has it at hand, the current
+/// picture: progress, and proof to a watchdog that a long solve is alive.
 pub type Watch<'a> = dyn FnMut(&Step, Option<&Frame<Work>>) + 'a;
 
-/// Steps kept; a longer run keeps its first ones.
+/// Steps recorded; of a longer run the first ones.
 pub(super) const STEPS_MAX: usize = 256;
 
-/// Which residual a step reports.
+/// The residual that a step reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResidualOf {
-    /// RMS(FC(L) − B): what the light says.
+    /// RMS(FC(L) − B), by a capture.
     Optics,
-    /// RMS(K̂L − B): what the lens model says.
+    /// RMS(K̂L − B), by the lens model.
     Model,
 }
 
 /// One iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// 1 for the first.
+    /// Number of the iteration, from 1.
     pub iteration: u32,
     /// Root mean square over the pixels with data, green channel, grey levels, *before* the step.
     pub residual: f32,
-    /// Which residual that is.
+    /// The kind of `residual`.
     pub of: ResidualOf,
-    /// Captures made for this photo so far.
+    /// Captures of this photo so far.
     pub captures: u32,
-    /// Seconds since the method began, computing and captures on the caller's stopwatch.
+    /// Seconds since the start of the method, computing and captures, on the caller's stopwatch.
     pub seconds: f64,
 }
 
-/// The steps of one photo, in fixed room.
+/// The steps of one photo, with a fixed capacity.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct IterationRecord {
     steps: heapless::Vec<Step, STEPS_MAX>,
 }
 
 impl IterationRecord {
-    /// Adds a step; past [`STEPS_MAX`] it is dropped.
+    /// Adds `step`; it is dropped past [`STEPS_MAX`].
     pub fn push(&mut self, step: Step) {
         // A full record loses late steps, whose residuals hardly differ, and never allocates.
         let _ = self.steps.push(step);
@@ -59,34 +59,34 @@ impl IterationRecord {
 /// The caller's clock.
 type Seconds<'a> = &'a (dyn Fn() -> f64 + Sync);
 
-/// The record of a solve under way, which numbers and times its steps.
+/// The record of a running solve: numbers and times its steps.
 pub(super) struct Course<'a> {
     stopwatch: Seconds<'a>,
     begun: f64,
-    /// Captures that were made before, or do not count.
+    /// Captures of the optics before the solve.
     pub(super) captures_before: usize,
     iterations: u32,
     pub(super) record: IterationRecord,
 }
 
 impl<'a> Course<'a> {
-    /// A solve that begins now, by the model alone.
+    /// Starts the record of a solve by the model alone.
     pub(super) fn new(stopwatch: Seconds<'a>) -> Self {
         let record = IterationRecord::default();
         Course { stopwatch, begun: stopwatch(), captures_before: 0, iterations: 0, record }
     }
 
-    /// One whose captures are those that `optics` makes from now on.
+    /// Starts the record of a solve that counts the captures of `optics` from now on.
     pub(super) fn by(stopwatch: Seconds<'a>, optics: &dyn ForwardConvolution) -> Self {
         Course { captures_before: optics.captures(), ..Course::new(stopwatch) }
     }
 
-    /// Seconds since it began.
+    /// Seconds since the start.
     pub(super) fn seconds(&self) -> f64 {
         (self.stopwatch)() - self.begun
     }
 
-    /// Takes down a step after so many `captures` of the optics.
+    /// Records a step after `captures` of the optics in all.
     pub(super) fn step(&mut self, residual: f32, of: ResidualOf, captures: usize) -> Step {
         self.iterations += 1;
         let captures = captures.saturating_sub(self.captures_before) as u32;
@@ -96,7 +96,7 @@ impl<'a> Course<'a> {
         step
     }
 
-    /// Takes down the steps of a solve within this one, which began after `captures` and `seconds`.
+    /// Appends the steps of an inner solve that started after `captures` and `seconds`.
     pub(super) fn extend(&mut self, steps: &IterationRecord, captures: u32, seconds: f64) {
         for step in steps.steps() {
             self.iterations += 1;

@@ -42,7 +42,7 @@ pub struct Residual {
     pub cycle_spun: bool,
 }
 
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "residual", starts_from_lens: false, by_patches: true, by_steps: true };
 

@@ -1,4 +1,4 @@
-//! What people use today, with the measured lens: Richardson–Lucy. No capture.
+//! Richardson–Lucy deconvolution with the measured lens: a baseline. No capture.
 
 use super::record::Course;
 use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
@@ -6,18 +6,17 @@ use crate::deconvolution::data_term::{self, MISSING};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Channel, FULL_SCALE, Plane};
 
-/// Steps of a rig file's `richardson-lucy`: where the study's quality peaks at one grey level of
-/// noise.
+/// Steps of the baseline: the study's best at one grey level of noise.
 pub const STEPS: u32 = 20;
 
-/// Richardson (1972) and Lucy (1974): multiplicative steps, light stays positive.
+/// Richardson (1972) and Lucy (1974): multiplicative steps, which keep light positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RichardsonLucy {
     /// Steps; noise grows with them.
     pub steps: u32,
 }
 
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "richardson-lucy", starts_from_lens: false, by_patches: false, by_steps: false };
 
@@ -37,7 +36,7 @@ impl Method for RichardsonLucy {
             let observation = problem.observation;
             let (data, trust) = (observation.light.plane(c), observation.trust.plane(c));
             let mut course = Course::new(problem.stopwatch);
-            // Kᵀ of the mask: what share of each pixel's light the photo saw.
+            // Kᵀ of the mask: the share of each pixel's light that reaches the photo.
             let mask = trust.map(|t| if t == MISSING { 0.0 } else { 1.0 });
             let (mut share, mut predicted, mut ratio) =
                 (Plane::zeros(size), Plane::zeros(size), Plane::zeros(size));

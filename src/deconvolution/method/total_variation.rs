@@ -1,4 +1,5 @@
-//! Total variation as the prior, with the measured lens: what people use today. No capture.
+//! Deconvolution with total variation as the prior and the measured lens: a baseline, and the
+//! reference solution that results are judged by. No capture.
 //!
 //! Minimises ½‖K̂L − B‖² + μ TV(L) over 0 ≤ L ≤ 255 by proximal steps with momentum; the proximal
 //! point of the isotropic total variation by its dual (Beck & Teboulle 2009, "Fast gradient-based
@@ -14,12 +15,11 @@ use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
 use crate::frame::{Channel, FULL_SCALE, Plane, Size};
 
-/// Steps of the reference solution, and its strength against the wavelets': the best of the chart
-/// of speed against accuracy.
+/// Steps of the reference solution: the best of the chart of speed against accuracy.
 pub const STEPS: u32 = 40;
-/// See [`STEPS`].
+/// Its strength over the wavelets' (likewise).
 pub const STRENGTH_FACTOR: f32 = 3.0;
-/// Dual steps a proximal step; they go on from the last step's, so few are enough. Guess.
+/// Dual steps in each proximal step; they continue from the last one's, so few suffice. Guess.
 const DUAL_STEPS: usize = 5;
 
 /// The method and its parameters.
@@ -31,7 +31,7 @@ pub struct TotalVariation {
     pub strength: Strength,
 }
 
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "total-variation", starts_from_lens: false, by_patches: false, by_steps: true };
 
@@ -100,7 +100,7 @@ impl TotalVariation {
             model.adjoint(c, &residual, &mut gradient);
             stepped.clone_from(&point);
             stepped.add_scaled(-step, &gradient);
-            dual.draw(&mut stepped, weight);
+            dual.shrink(&mut stepped, weight);
             stepped.data_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, FULL_SCALE));
             momentum.next(&mut point, &stepped);
             course.step(rms, ResidualOf::Model, 0);
@@ -120,8 +120,9 @@ impl Dual {
         Dual { across: Plane::zeros(size), down: Plane::zeros(size) }
     }
 
-    /// `plane` = its proximal point, the minimiser of ½‖x − plane‖² + `weight` TV(x), nearly.
-    fn draw(&mut self, plane: &mut Plane, weight: f32) {
+    /// Replaces `plane` by its proximal point, approximately the minimiser of
+    /// ½‖x − plane‖² + `weight` TV(x).
+    fn shrink(&mut self, plane: &mut Plane, weight: f32) {
         if weight <= 0.0 {
             return;
         }
@@ -135,8 +136,7 @@ impl Dual {
         }
     }
 
-    /// x = noisy + weight · div p. Written by rows without a branch in them: half of the time of a
-    /// solution passes here.
+    /// x = noisy + weight · div p. By rows and without branches: half of a solution's time is here.
     fn primal(&self, noisy: &Plane, weight: f32, out: &mut Plane) {
         let (width, height) = (noisy.width(), noisy.height());
         let nothing = vec![0.0; width];
@@ -154,7 +154,7 @@ impl Dual {
         }
     }
 
-    /// p ← (p + step · ∇x), each vector cut to length 1; no difference leads out of the plane.
+    /// p ← (p + step · ∇x), each vector cut to length 1; differences across the border are zero.
     fn ascend(&mut self, picture: &Plane, step: f32) {
         let (width, height) = (picture.width(), picture.height());
         let climb = |a: &mut f32, d: &mut f32, here: f32, right: f32, below: f32| {
@@ -180,22 +180,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_keeps_its_edge_and_loses_its_noise() {
+    fn shrinkage_keeps_an_edge_and_removes_noise() {
         let size = Size::new(40, 30);
         let noisy = Plane::from_fn(size, |x, y| {
             let noise = ((x * 7 + y * 13) % 5) as f32 - 2.0;
             noise + if x < 20 { 50.0 } else { 150.0 }
         });
-        let (mut drawn, mut dual) = (noisy, Dual::new(size));
-        let source = drawn.clone();
+        let (mut shrunk, mut dual) = (noisy, Dual::new(size));
+        let source = shrunk.clone();
         for _ in 0..40 {
-            drawn.clone_from(&source);
-            dual.draw(&mut drawn, 4.0);
+            shrunk.clone_from(&source);
+            dual.shrink(&mut shrunk, 4.0);
         }
         // A step of 100 between halves 20 wide sinks by weight/20 on either side, and the noise is
         // gone.
-        assert!((drawn.at(10, 15) - 50.2).abs() < 0.3, "{}", drawn.at(10, 15));
-        assert!((drawn.at(30, 15) - 149.8).abs() < 0.3, "{}", drawn.at(30, 15));
-        assert!((drawn.at(5, 5) - drawn.at(6, 6)).abs() < 0.2);
+        assert!((shrunk.at(10, 15) - 50.2).abs() < 0.3, "{}", shrunk.at(10, 15));
+        assert!((shrunk.at(30, 15) - 149.8).abs() < 0.3, "{}", shrunk.at(30, 15));
+        assert!((shrunk.at(5, 5) - shrunk.at(6, 6)).abs() < 0.2);
     }
 }

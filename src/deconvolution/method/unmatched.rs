@@ -26,7 +26,7 @@ pub struct Unmatched {
     pub cycle_spun: bool,
 }
 
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "unmatched", starts_from_lens: false, by_patches: false, by_steps: true };
 

@@ -1,4 +1,4 @@
-//! Wiener's filter with the measured lens: a baseline, and where the solver starts. No capture.
+//! Wiener's filter with the measured lens: a baseline, and the start of a solve. No capture.
 
 use std::ops::Range;
 
@@ -13,19 +13,18 @@ use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::deconvolution::observation::Observation;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 
-/// Noise-to-signal power of a rig file's `wiener` at one grey level of noise: the study's best.
+/// Noise-to-signal power of the baseline at one grey level of noise: the study's best.
 pub const NOISE_TO_SIGNAL: f32 = 0.01;
 
-/// Wiener (1949), tile by tile with the function that holds in the tile's middle; neighbours
-/// overlap under a cosine and are added up, so that no seam shows.
+/// Wiener (1949), tile by tile with the lens function at the tile's middle; neighbours overlap under
+/// a raised cosine and are summed, so that no seam shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wiener {
-    /// Noise power over signal power at one grey level of noise; grows with the square of the
-    /// noise.
+    /// Noise power over signal power at one grey level of noise; it grows with the noise squared.
     pub noise_to_signal: f32,
 }
 
-/// What it is.
+/// The method's properties.
 pub const ABOUT: About =
     About { name: "wiener", starts_from_lens: false, by_patches: false, by_steps: false };
 
@@ -81,7 +80,7 @@ impl Wiener {
     }
 }
 
-/// One channel of a photo at `rect` filtered tile by tile.
+/// One channel of a `photo` at `rect` filtered tile by tile.
 fn filter_tiles(
     functions: &LensFunctions,
     channel: Channel,
@@ -94,8 +93,7 @@ fn filter_tiles(
         rect.size.width.div_ceil(functions.columns.max(1)),
         rect.size.height.div_ceil(functions.rows.max(1)),
     );
-    // The tile and its overlap for the cosine, and the blur's reach on both sides so that nothing
-    // wraps around.
+    // The tile with its overlap, and the blur's reach on both sides, so that nothing wraps around.
     let reach = functions.support_px / 2;
     let [across, down] = [tile.width, tile.height].map(TileWindow::of);
     let length = |window: &TileWindow| smooth_length(window.length() + 2 * reach);
@@ -168,7 +166,7 @@ fn filter_tiles(
     picture
 }
 
-/// The next product of 2, 3 and 5: other lengths transform several times slower.
+/// The least product of 2, 3 and 5 from `least` on: other lengths transform several times slower.
 fn smooth_length(least: usize) -> usize {
     let smooth = |n: usize| {
         let without = |mut n: usize, factor: usize| {
@@ -182,16 +180,15 @@ fn smooth_length(least: usize) -> usize {
     (least.max(1)..).find(|&n| smooth(n)).unwrap_or(least)
 }
 
-/// What a tile is cut with along one side.
+/// The window of a tile along one side.
 struct TileWindow {
     tile: usize,
-    /// With the next tile, pixels.
+    /// Overlap with the next tile, pixels.
     overlap: usize,
 }
 
-/// Neighbours overlap by one over this of a tile. A whole tile takes twice as long, and what is
-/// solved from it is better by 0.0005 SSIM at the most on the mean of a rig's photographs
-/// (`tests/tables/README.md`).
+/// The overlap is one over this of a tile. An overlap of a whole tile takes twice as long and gains
+/// at most 0.0005 SSIM after the solve.
 const OVERLAP: usize = 3;
 
 impl TileWindow {
@@ -203,12 +200,12 @@ impl TileWindow {
         self.tile + self.overlap
     }
 
-    /// Where the window of the tile at `place` begins, if tile 0 begins at `first`.
+    /// Start of the window of the tile at `place`, where tile 0 starts at `first`.
     fn corner(&self, place: isize, first: usize) -> isize {
         first as isize + place * self.tile as isize - (self.overlap / 2) as isize
     }
 
-    /// The tiles whose windows reach over a side of `length` pixels.
+    /// The tiles whose windows cover a side of `length` pixels.
     fn places(&self, first: usize, length: usize) -> Range<isize> {
         let end = |place: isize| self.corner(place, first) + self.length() as isize;
         let lowest = (0..).map(|n| -n).find(|&place| self.corner(place, first) <= 0);
@@ -216,8 +213,8 @@ impl TileWindow {
         lowest.unwrap_or_default()..highest.unwrap_or_default() + 1
     }
 
-    /// One but for a raised cosine over the overlaps with other tiles of `places`; neighbours, a
-    /// tile apart, add up to one.
+    /// One, with a raised cosine over the overlaps with other tiles of `places`; neighbours sum to
+    /// one.
     fn weights(&self, place: isize, places: &Range<isize>) -> Vec<f32> {
         let rising = |at: usize| {
             let share = (at as f32 + 0.5) / self.overlap as f32;
@@ -295,8 +292,8 @@ impl Transform2 {
                 if there < here {
                     continue;
                 }
-                // A real picture's transform at −k is the conjugate of that at k, which tells the
-                // two apart.
+                // The transform of a real picture at −k is the conjugate of that at k, which
+                // separates the two.
                 let split = |z: &[Complex32]| {
                     let (z, mirrored) = (z[here], z[there].conj());
                     [(z + mirrored) * 0.5, (z - mirrored) * -0.5 * i]
@@ -357,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn two_tiles_in_one_transform_do_not_see_each_other() {
+    fn two_tiles_in_one_transform_do_not_mix() {
         for size in [Size::new(12, 10), Size::new(9, 15)] {
             let (pictures, taps) = pair(size);
             let black = vec![0.0; size.area()];
