@@ -1,8 +1,8 @@
 //! The expected code of light with a camera's noise.
 //!
 //! A JPEG's quantisation steps are so long that codes of noisy light are averaged before they are
-//! rounded. In the dark the mean code is not the code of the mean: noise below black is clipped, and
-//! the curve bends most there. The expected code is ē(l) = ∫ enc(max(l + σ(l) z, 0)) φ(z) dz.
+//! rounded. In the dark the mean code is not the code of the mean: noise below black is clipped,
+//! and the curve bends most there. The expected code is ē(l) = ∫ enc(max(l + σ(l) z, 0)) φ(z) dz.
 
 /// Samples of ē over light, spaced as squares: dense in the dark.
 const PLACES: usize = 4096;

@@ -1,9 +1,9 @@
 //! Detection of a JPEG made from another JPEG with coarser steps, on the same block grid.
 //!
 //! A coefficient rounded to long steps and then to short ones takes few of the short ones'
-//! multiples. The histogram of a natural coefficient falls with its value; where a value is far more
-//! frequent than a smaller one, the smaller one is a gap (Popescu & Farid 2004, "Statistical tools
-//! for digital forensics", find the same period in its spectrum).
+//! multiples. The histogram of a natural coefficient falls with its value; where a value is far
+//! more frequent than a smaller one, the smaller one is a gap (Popescu & Farid 2004, "Statistical
+//! tools for digital forensics", find the same period in its spectrum).
 
 use crate::frame::{BLOCK_AREA, Coding};
 

@@ -89,8 +89,8 @@ fn of_unit_sum(mut n: [Plane; 3]) -> [Plane; 3] {
 }
 
 /// Shrinks the details of one band by the rule of the module's page; powers are means with weights
-/// (1 2 1)/4 in both directions, of the band periodised. The threshold is scaled by `factors`, place
-/// by place.
+/// (1 2 1)/4 in both directions, of the band periodised. The threshold is scaled by `factors`,
+/// place by place.
 pub(super) fn draw_band(
     bands: [&mut Plane; 3],
     n: &[Plane; 3],

@@ -46,8 +46,8 @@ const TO_LUMA: [[f32; 3]; 3] =
 const FROM_CHROMA: [[f32; 2]; 3] = [[0.0, 1.402], [-0.344_136, -0.714_136], [1.772, 0.0]];
 /// σ of the Gaussian that gives the local brightness, pixels.
 const ABOUT_PX: f32 = 1.0;
-/// Factor on the camera's noise σ: the residual that the solve has not yet explained adds to it. The
-/// independent study's.
+/// Factor on the camera's noise σ: the residual that the solve has not yet explained adds to it.
+/// The independent study's.
 const WIDENED: f32 = 2.0;
 /// The same in chroma, from the independent study.
 const WIDENED_CHROMA: f32 = 0.5;
@@ -67,8 +67,8 @@ pub struct JpegTerm {
     curves: [CodeCurve; 3],
     /// s of each coefficient of each component, codes.
     spread: Vec<Vec<f32>>,
-    /// Noise σ in each channel, grey levels: the camera's; of a photo that was coded before, with its
-    /// coding errors.
+    /// Noise σ in each channel, grey levels: the camera's; of a photo that was coded before, with
+    /// its coding errors.
     noise: [f32; 3],
     /// Whether the photo was coded once, and its coefficients are the camera's.
     once: bool,
@@ -146,9 +146,9 @@ impl JpegTerm {
         AlongLuma::new(size, &self.luma, thresholds.to_vec())
     }
 
-    /// Sets the chroma of `picture` to the mean of its own and the `photo`'s, at its own luma. Chroma
-    /// was stored in long steps and often at half size: the solved and the stored chroma have
-    /// independent errors, and their mean has less.
+    /// Sets the chroma of `picture` to the mean of its own and the `photo`'s, at its own luma.
+    /// Chroma was stored in long steps and often at half size: the solved and the stored chroma
+    /// have independent errors, and their mean has less.
     pub(super) fn mix_colours(&self, picture: &mut Frame<Work>, photo: &Frame<Work>) {
         if self.coding.components.len() == 1 {
             return;

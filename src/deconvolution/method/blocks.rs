@@ -45,7 +45,8 @@ pub const ABOUT: About =
 pub struct Blocks {
     /// Rounds of data step and filter.
     pub rounds: u32,
-    /// Known error of the lens model in each channel, RMS in grey levels; adds to the photo's noise.
+    /// Known error of the lens model in each channel, RMS in grey levels; adds to the photo's
+    /// noise.
     pub model_error: [f32; 3],
 }
 

@@ -16,8 +16,8 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 /// Noise-to-signal power of the baseline at one grey level of noise: the study's best.
 pub const NOISE_TO_SIGNAL: f32 = 0.01;
 
-/// Wiener (1949), tile by tile with the lens function at the tile's middle; neighbours overlap under
-/// a raised cosine and are summed, so that no seam shows.
+/// Wiener (1949), tile by tile with the lens function at the tile's middle; neighbours overlap
+/// under a raised cosine and are summed, so that no seam shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wiener {
     /// Noise power over signal power at one grey level of noise; it grows with the noise squared.
