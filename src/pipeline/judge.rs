@@ -132,8 +132,8 @@ impl Pipeline {
         let lens = &harmful_result.lens;
         let mut none = NoOptics { size: photo.observation.light.size() };
         let solution =
-            self.posed(lens, photo, |problem| self.digital.solve(problem, &mut none, watch))?;
-        let solved = self.finished(lens, photo, self.digital.about(), solution);
+            self.pose(lens, photo, |problem| self.digital.solve(problem, &mut none, watch))?;
+        let solved = self.finish(lens, photo, self.digital.about(), solution);
         let evidence = self.evidence(photo, &solved);
         let harms = harmful(photo, &solved, &evidence, reference).is_some();
         Ok((!harms).then(|| Outcome::of(&solved, evidence)))

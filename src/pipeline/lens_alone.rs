@@ -94,14 +94,14 @@ impl Pipeline {
         // A JPEG's channels are coded together, and none decides alone.
         let together = photo.observation.sampling.follows_prediction();
         let mut none = NoOptics { size: photo.observation.light.size() };
-        let solution = self.posed(lens, photo, |problem| match together {
+        let solution = self.pose(lens, photo, |problem| match together {
             true => self.reference.solve(problem, &mut none, watch).map(Some),
             false => Ok(self.reference.solve_unless(problem, worst, &is_enough, watch)),
         })?;
         let Some(solution) = solution else {
             return Ok(LensAlone::Foreign(said.into_inner().unwrap_or_default()));
         };
-        let solved = self.finished(lens, photo, self.reference.about(), solution);
+        let solved = self.finish(lens, photo, self.reference.about(), solution);
         let evidence = self.evidence(photo, &solved);
         Ok(match is_foreign(&evidence.channels) {
             true => LensAlone::Foreign(evidence.channels),
@@ -136,7 +136,7 @@ impl Pipeline {
             true
         };
         let few = TotalVariation { steps: FIRST_TRY_STEPS, ..self.reference };
-        self.posed(lens, photo, |problem| {
+        self.pose(lens, photo, |problem| {
             let noise = Channel::ALL.map(|c| observation.data_noise(c));
             let observation = observation.with_data(data.clone(), noise);
             let problem = Problem { observation: &observation, ..*problem };

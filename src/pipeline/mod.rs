@@ -1,8 +1,8 @@
-//! One photo's way on a calibrated rig: prepare, solve, judge, [`Outcome`].
+//! The restoration of one photo on a calibrated rig: prepare, solve, judge, [`Outcome`].
 //!
-//! [`Pipeline::restore`] is the whole way, and what the box takes. A laboratory that wants a
-//! method's own result beside what is delivered takes the same steps one by one:
-//! [`Pipeline::prepare`], [`Pipeline::solve`], [`Pipeline::judge`].
+//! [`Pipeline::prepare`] makes the photo's data ready, whatever its file; [`Pipeline::restore`]
+//! does the rest, for the box, the charts and the laboratory alike. [`Pipeline::solve`] alone gives
+//! a method's result before it is judged.
 
 mod distance;
 mod dot_test;
@@ -55,7 +55,7 @@ use crate::rig::shoot::SiteNoise;
 use focus::Focuses;
 use model_error::ModelError;
 
-/// Everything that a calibrated rig needs to restore photos, made once and used for many.
+/// A calibrated rig's models, corrections and limits, made once for many photos.
 pub struct Pipeline {
     correction: Correction,
     photo_side: PhotoSide,
@@ -82,7 +82,7 @@ pub struct Pipeline {
 /// Seconds on a clock of the caller's.
 pub type Stopwatch = Arc<dyn Fn() -> f64 + Send + Sync>;
 
-/// Asked before each capture: whether the photo is to be given up.
+/// Asked before each capture: whether to cancel the photo.
 pub type Interruption = Arc<dyn Fn() -> bool + Send + Sync>;
 
 impl Pipeline {
@@ -121,14 +121,14 @@ impl Pipeline {
         })
     }
 
-    /// The same pipeline, whose seconds are those of `stopwatch`.
+    /// The same pipeline with the clock `stopwatch`.
     #[must_use]
     pub fn timed_by(self, stopwatch: Stopwatch) -> Self {
         Pipeline { stopwatch, ..self }
     }
 
-    /// The same pipeline, which gives a photo up before its next capture once `interruption` says
-    /// so.
+    /// The same pipeline, which cancels a photo before its next capture once `interruption` is
+    /// true.
     #[must_use]
     pub fn interruptible(self, interruption: Interruption) -> Self {
         Pipeline { interruption: Some(interruption), ..self }
@@ -148,13 +148,13 @@ impl Pipeline {
         Ok(Pipeline { interruption, ..fresh })
     }
 
-    /// The noise of one exposure's sites, in counts.
+    /// The noise of one exposure at the sensor's sites, in counts.
     pub fn site_noise(&self) -> SiteNoise {
         counted_noise(&self.site_noise, self.counts_per_level)
     }
 
-    /// The noise that one exposure has at the sites `raw`, in the photo's own grey levels: the
-    /// sensor is the same, and the photo's white is not the calibration's.
+    /// The noise of one exposure at the sites `raw`, in the photo's own grey levels, whose white is
+    /// not the calibration's.
     pub fn noise_at(&self, raw: &RawSites) -> [Noise; 3] {
         Channel::ALL.map(|c| {
             let noise = self.site_noise[c.index()];
@@ -175,7 +175,7 @@ impl Pipeline {
     }
 }
 
-/// The noise of one exposure's sites, in counts, on a rig with this `calibration`.
+/// The noise of one exposure at the sites of a rig with this `calibration`, in counts.
 pub fn site_noise_of(calibration: &Calibration) -> SiteNoise {
     counted_noise(&site_noise(calibration), calibration.counts_per_level)
 }
@@ -188,8 +188,8 @@ fn counted_noise(noise: &[Noise; 3], counts_per_level: [f32; 3]) -> SiteNoise {
     }
 }
 
-/// The noise of one channel of a photo that nothing has mixed. A capture's was measured on greys,
-/// whose light comes from all of the panel's primaries, and after its mixing was undone.
+/// The noise of each channel before unmixing. That of captures was measured after it, on greys,
+/// whose light comes from all of the panel's primaries.
 fn site_noise(calibration: &Calibration) -> [Noise; 3] {
     let unmix = calibration.cross_channel.inverse().unwrap_or(CrossChannel::IDENTITY.c);
     Channel::ALL.map(|channel| {
@@ -207,18 +207,18 @@ fn own_counts_per_level(rig: &config::RigFile, calibration: &Calibration) -> f32
     (f64::from(rig.camera.count_max()) - black) as f32 / FULL_SCALE
 }
 
-/// ‖K‖² of each channel with its uncertainty on top: by as much as the light's own ‖K‖² differs
-/// from the model's.
+/// An upper bound on ‖K‖² of each channel: the model's, with the difference of the measured ‖K‖²
+/// added.
 fn norm_bound(calibration: &Calibration) -> [f32; 3] {
     let of_model = calibration.norm_squared[Channel::Green.index()].max(f32::MIN_POSITIVE);
     let uncertainty = (calibration.norm_squared_seen / of_model - 1.0).abs();
     calibration.norm_squared.map(|norm| norm * (1.0 + uncertainty))
 }
 
-/// Why a rig and a calibration do not go together.
+/// Why a rig and a calibration do not fit.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
-    /// The lens was measured for another number of levels.
+    /// The lens was measured for another number of wavelet levels.
     #[error(
         "the calibration measured {found} wavelet levels of the lens; the rig file's [restore] \
          levels is {wanted}"
@@ -233,7 +233,7 @@ pub enum PipelineError {
     #[error("the calibration's lens functions cannot be used")]
     Lens(#[from] LensModelError),
     /// The corrections do not fit.
-    #[error("the calibration cannot be put to work")]
+    #[error("the calibration's corrections cannot be used")]
     Correction(#[from] CorrectionError),
 }
 

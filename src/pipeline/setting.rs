@@ -1,11 +1,11 @@
-//! A method with the numbers that are chosen for a rig, and what the choice was made by.
+//! A method with the numbers chosen for a rig, and the scores of that choice.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::methods::{Numbers, Solving};
 use crate::config::{self, OperatingPoint, RigFile};
 
-/// What is chosen for a rig; all else is as its file says.
+/// The numbers chosen for a rig; all others are its file's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Setting {
@@ -13,11 +13,11 @@ pub struct Setting {
     pub method: config::MethodName,
     /// Steps of the solve with the lens model.
     pub steps: u32,
-    /// Steps of each correction; only the hybrid corrects.
+    /// Steps of each correction of the hybrid method.
     pub correction_steps: u32,
-    /// Captures a photo may cost; the hybrid takes one at least, block matching may go without.
+    /// Most captures of a photo: at least one for the hybrid, any for block matching.
     pub captures_max: u32,
-    /// Rounds of block matching in each solve with it, where that is the method.
+    /// Rounds of block matching in each solve, where that is the method.
     pub rounds: u32,
 }
 
@@ -28,14 +28,13 @@ impl Setting {
         Setting { method, steps, correction_steps, captures_max, rounds }
     }
 
-    /// The method so set.
+    /// The method with these numbers.
     pub fn method(&self, rig: &RigFile) -> Solving {
         let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
         method.with(&Numbers { steps, correction_steps, captures_max, rounds, ..rig.numbers() })
     }
 
-    /// Whether the numbers are such as a choice can have: 1 to 10 000, and no capture only for what
-    /// may go without.
+    /// Whether the numbers are in range: 1 to 10 000, and captures from 0 for block matching.
     pub fn is_sane(&self) -> bool {
         let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
         let sane = |n: u32| (1..=10_000).contains(&n);
@@ -43,7 +42,7 @@ impl Setting {
         [steps, correction_steps, rounds].into_iter().all(sane) && (without || sane(captures_max))
     }
 
-    /// The numbers, in words; nothing for a method without any.
+    /// The numbers in words; empty for a method without any.
     pub fn numbers(&self) -> String {
         let Setting { method, steps, correction_steps, captures_max, rounds } = *self;
         let (captures, rounds) =
@@ -62,7 +61,7 @@ impl Setting {
     }
 }
 
-/// `count` things of which one is a `thing`.
+/// `count` with the noun `thing` in its singular or plural.
 pub(crate) fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
@@ -82,16 +81,15 @@ impl std::fmt::Display for Setting {
     }
 }
 
-/// A rig's operating point: what was asked for, what was chosen, and what it makes of scenes shown
-/// on that rig.
+/// A rig's operating point: the request, the choice, and its scores on scenes shown on that rig.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Chosen {
-    /// What the rig file asked for.
+    /// The rig file's request.
     pub operating_point: OperatingPoint,
-    /// What is restored with.
+    /// The chosen method and numbers.
     pub setting: Setting,
-    /// Seconds a photo, captures and computing.
+    /// Seconds for each photo, captures and computing.
     pub seconds: f64,
     /// Mean SSIM of the scenes.
     pub ssim: f64,

@@ -1,4 +1,4 @@
-//! A photo of a scene that the panel shows: how a rig of devices knows a truth to be scored by.
+//! A photo of a scene on the panel: how a rig of devices gets a truth to score results by.
 
 use super::Pipeline;
 use crate::deconvolution::data_term;
@@ -7,9 +7,9 @@ use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
-    /// What the camera of `rig` makes of `scene` (photo-sized, linear light 0..255) on its panel:
-    /// linear light as a photo has it, with blur, colour fringes and noise, the scene's
-    /// shading being what the panel shows. Its three primaries stand for the scene's light.
+    /// The photo that the camera of `rig` takes of `scene` (photo-sized, linear light 0..255) on
+    /// its panel: linear light with blur, colour fringes and noise. The panel's primaries stand for
+    /// the scene's light, and the panel's shading for the scene's.
     ///
     /// # Errors
     /// When the capture fails.

@@ -1,4 +1,4 @@
-//! A prepared photo solved by a method, the colours lined up, cut to the photo.
+//! A prepared photo solved by a method, its colours aligned and cropped to the photo.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::frame::{Channels, Frame, Work, once};
 use crate::rig::exposure::Devices;
 
 impl Pipeline {
-    /// What `method` makes of `photo` on `rig`; `watch` is called after every step.
+    /// Solves `photo` by `method` on `rig`; `watch` is called after each step.
     ///
     /// # Errors
     /// When a capture fails.
@@ -45,7 +45,7 @@ impl Pipeline {
         })
     }
 
-    /// What `method` makes of `photo` with `lens` for the measured one; captures are not counted.
+    /// Solves `photo` by `method` with `lens`; captures are not counted.
     fn solve_by(
         &self,
         optics: &mut dyn ForwardConvolution,
@@ -54,12 +54,12 @@ impl Pipeline {
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<Solved, MethodError> {
-        let solution = self.posed(lens, photo, |problem| method.solve(problem, optics, watch))?;
-        Ok(self.finished(lens, photo, method.about(), solution))
+        let solution = self.pose(lens, photo, |problem| method.solve(problem, optics, watch))?;
+        Ok(self.finish(lens, photo, method.about(), solution))
     }
 
-    /// What `solve` makes of the problem that `photo` is with `lens` for the measured one.
-    pub(super) fn posed<T>(
+    /// Poses `photo` with `lens` as a problem, and returns the result of `solve`.
+    pub(super) fn pose<T>(
         &self,
         lens: &Arc<LensModel>,
         photo: &Prepared<'_>,
@@ -94,8 +94,8 @@ impl Pipeline {
         })
     }
 
-    /// The `solution` of `photo` by `lens`, its colours lined up and cut to the photo.
-    pub(super) fn finished(
+    /// The `solution` of `photo` by `lens`, its colours aligned and cropped to the photo.
+    pub(super) fn finish(
         &self,
         lens: &Arc<LensModel>,
         photo: &Prepared<'_>,

@@ -1,4 +1,4 @@
-//! The pilot's reading right after a calibration, kept beside it: what drift is counted from.
+//! The pilot's reading right after a calibration, from which drift is measured, kept beside it.
 
 use std::path::Path;
 
@@ -12,22 +12,22 @@ const NAME: &str = "pilot.json";
 
 #[derive(Serialize, Deserialize)]
 struct Baseline {
-    /// Of the calibration it belongs to.
+    /// The generation of the calibration it belongs to.
     generation: u32,
     reading: Reading,
 }
 
-/// The reading that belongs to calibration `generation`, if there is one.
+/// The reading of calibration `generation`, if there is one.
 pub(super) fn load(slots: &Path, generation: u32) -> Option<Reading> {
     let baseline: Baseline = serde_json::from_slice(&kept(slots, NAME).ok()?).ok()?;
     (baseline.generation == generation).then_some(baseline.reading)
 }
 
-/// Keeps `reading`. One that cannot be kept is made again by the next pilot.
+/// Keeps `reading`; if that fails, the next pilot makes a new one.
 pub(super) fn save(slots: &Path, generation: u32, reading: &Reading) {
     let baseline = Baseline { generation, reading: *reading };
     let bytes = serde_json::to_vec(&baseline).map_err(std::io::Error::other);
     if let Err(error) = bytes.and_then(|bytes| keep(slots, NAME, &bytes)) {
-        log::warn!("the pilot's reading is not kept in {}: {error}", slots.display());
+        log::warn!("cannot keep the pilot's reading in {}: {error}", slots.display());
     }
 }

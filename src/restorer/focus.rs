@@ -1,4 +1,4 @@
-//! The lens measured at other focuses than the panel's, and kept beside the calibration.
+//! The lens measured at focuses other than the panel's, and kept in the calibration.
 
 use std::path::Path;
 
@@ -10,21 +10,20 @@ use crate::measurement::{CalibrationProgress, calibrate};
 use crate::remedy::{AnyFailure, Remediable};
 use crate::rig::exposure::Devices;
 
-/// Whether the lens can be measured at a focus `offset`, dioptres, of the rig whose calibration is
-/// in `slots`.
+/// Checks that the lens can be measured at a focus `offset`, dioptres, on the rig whose calibration
+/// is in `slots`.
 ///
 /// # Errors
-/// When the offset is none, too many others are kept, or nothing is there to keep it beside.
+/// When the offset is out of range, too many others are kept, or there is no calibration.
 pub fn check(config: &config::RigFile, slots: &Path, offset: f32) -> Result<(), AnyFailure> {
     store::load(slots, config.identity).map_err(boxed)?.check_offset(offset).map_err(boxed)
 }
 
-/// Measures the lens of `devices`, which see the panel as a scene `offset` dioptres nearer would be
-/// seen, and keeps it beside the calibration in `slots`.
+/// Measures the lens of `devices` at a focus `offset` dioptres nearer than the panel's, and keeps
+/// it in the calibration in `slots`.
 ///
 /// # Errors
-/// When the rig is not fit to be calibrated, or the result cannot be kept; what was kept before
-/// stays.
+/// When the rig cannot be calibrated, or the result not kept; the calibration then stays as it was.
 pub fn measure(
     config: &config::RigFile,
     devices: &mut Devices,
@@ -41,7 +40,7 @@ pub fn measure(
     Ok(after)
 }
 
-/// Forgets what was measured at other focuses; says how many there were.
+/// Removes the measurements at other focuses, and returns their number.
 ///
 /// # Errors
 /// When there is no calibration, or the rest cannot be kept.
@@ -56,8 +55,7 @@ pub fn forget(config: &config::RigFile, slots: &Path) -> Result<usize, AnyFailur
     Ok(forgotten)
 }
 
-/// Keeps `after` in `slots`; the panel has not moved by it, and what drifts, drifts from where it
-/// did.
+/// Keeps `after` in `slots`. The panel has not moved, so the baseline of drift is carried over.
 fn keep(slots: &Path, before: &Calibration, after: &Calibration) -> Result<(), AnyFailure> {
     store::save(slots, after).map_err(boxed)?;
     if let Some(reading) = baseline::load(slots, before.generation) {

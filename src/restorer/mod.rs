@@ -1,12 +1,14 @@
-//! What restores photos for the daemon: the seam to it, and the restorer that stands on a rig.
+//! The restorer: the daemon's interface to restorations, and its implementation on a rig.
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
 //! | [`diffuser`] | the lens's own dark corner, on flash |
-//! | [`on_rig`] | a rig, its [`Pipeline`](crate::pipeline::Pipeline) and what is kept beside it |
+//! | [`on_rig`] | a rig with its [`Pipeline`](crate::pipeline::Pipeline) and its files |
 //! | [`operating_point`] | the method and numbers chosen for the rig, on flash |
 //! | [`photo_file`] | a photo that the rig takes, as a file |
-//! | `baseline` | the pilot's reading that drift is counted from, on flash |
+//! | `baseline` | the pilot's reading from which drift is measured, on flash |
+//! | `progress` | how far a restoration is |
+//! | `provenance` | which camera took a raw photo |
 
 mod baseline;
 pub mod diffuser;
@@ -31,28 +33,28 @@ use photo_file::TakenPhoto;
 
 /// Restores photos with one rig.
 pub trait Restorer {
-    /// Restores `photo`, telling `progress` now and then.
+    /// Restores `photo`, and reports `progress`.
     ///
     /// # Errors
-    /// Whatever keeps this photo or the rig from it, with its remedy.
+    /// Any failure of the photo or the rig, with its remedy.
     fn restore(
         &mut self,
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure>;
 
-    /// Does what a failure asked for: [`Remedy::Recalibrate`] or [`Remedy::ReopenRig`].
+    /// Carries out a failure's remedy: [`Remedy::Recalibrate`] or [`Remedy::ReopenRig`].
     ///
     /// # Errors
-    /// When that fails, too; the daemon then calls the operator with this error's words.
+    /// When that fails, too; the daemon then calls the operator with this error's message.
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure>;
 
-    /// Shows `screen` until the next capture. A panel that cannot is told of by the next capture.
+    /// Shows `screen` until the next capture. A failure of the panel is reported by that capture.
     fn show(&mut self, screen: &Screen) {
         let _ = screen;
     }
 
-    /// Takes a photo of what is before the lens; `None` when it takes none.
+    /// Takes a photo of the scene before the lens; `None` if the restorer takes none.
     ///
     /// # Errors
     /// When an exposure brings no frame.
@@ -68,8 +70,8 @@ pub trait Restorer {
         Ok(PanelView::There)
     }
 
-    /// Shows the pilot picture and tells how far the rig has drifted since it was calibrated;
-    /// `None` when it has no way to tell.
+    /// Measures by the pilot picture how far the rig has drifted since its calibration; `None` if
+    /// it cannot.
     ///
     /// # Errors
     /// When a capture fails.
@@ -78,14 +80,14 @@ pub trait Restorer {
     }
 }
 
-/// What the camera sees of the panel.
+/// The panel as the camera sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PanelView {
-    /// Nothing.
+    /// Not in view.
     Absent,
-    /// Its light, but not so that captures can be told apart: why.
+    /// In view, but its frame marks are not found: why.
     Askew(String),
-    /// All that captures need.
+    /// In place for captures.
     There,
 }
 
@@ -94,13 +96,13 @@ pub enum PanelView {
 pub struct Progress {
     /// Share done, 0..1.
     pub done: f32,
-    /// What is being done, one word or two.
+    /// The present activity, one or two words.
     pub doing: &'static str,
     /// Captures so far.
     pub captures: usize,
 }
 
-/// What [`keep`] put there.
+/// Reads the file that [`keep`] wrote.
 fn kept(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let disk = LocalDisk::new(vec![folder.to_owned()]);
@@ -108,7 +110,7 @@ fn kept(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Puts `bytes` into `folder/name` in place of what is there, whole or not at all.
+/// Replaces `folder/name` by `bytes`, whole or not at all.
 fn keep(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     let folder = folder.canonicalize()?;
     let disk = LocalDisk::new(vec![folder.clone()]);

@@ -1,4 +1,4 @@
-//! The restorer that stands on a calibrated rig.
+//! The restorer on a calibrated rig.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ use crate::rig::frame_mark::MarkPlace;
 use crate::rig::shoot::CountRange;
 use crate::rig::{RigError, presence};
 
-/// A rig, its calibration on flash, and how its photos are restored.
+/// A rig, its calibration on flash, and the method for its photos.
 pub struct OnRig {
     config: config::RigFile,
     devices: Devices,
@@ -35,20 +35,21 @@ pub struct OnRig {
     interruption: Option<Interruption>,
     /// The pilot's reading right after the calibration.
     baseline: Option<Reading>,
-    /// What the camera counts in the dark, and what the panel's colours give in its channels.
+    /// Counts of the camera in the dark.
     black: f64,
+    /// Counts of its channels for each grey level of the panel's primaries.
     gains: Option<[[f64; 3]; 3]>,
-    /// What the lens alone darkens, where it is to be taken out and was measured.
+    /// The lens's own dark corner, where it is to be removed and was measured.
     lens_flat: Option<LensFlat>,
-    /// The photo restored last and its result, for the panel.
+    /// The photo restored last, and its result, for the panel.
     last: Option<(Frame<Work>, Frame<Work>)>,
 }
 
-/// Calibrates `devices` and keeps the result in `slots`, which is made if need be; what was kept
-/// before stays if this fails, or is given up because `interrupted` says so.
+/// Calibrates `devices` and keeps the result in `slots`, a folder made if need be. The calibration
+/// before stays if this fails, or is cancelled by `interrupted`.
 ///
 /// # Errors
-/// When the rig is not fit to be calibrated, the result cannot be kept, or it was given up.
+/// When the rig cannot be calibrated, the result not kept, or the calibration was cancelled.
 pub fn measure(
     config: &config::RigFile,
     devices: &mut Devices,
@@ -72,15 +73,16 @@ pub fn measure(
     Ok(measured)
 }
 
-/// Tells `calibrating` how a calibration goes on, and gives it up once `interrupted` says so.
+/// Passes the progress of a calibration to `calibrating`, and cancels it once `interrupted` is
+/// true.
 pub(super) fn watch(
     calibrating: fn(CalibrationProgress),
     interrupted: Option<&Interruption>,
 ) -> impl FnMut(CalibrationProgress) -> ControlFlow<()> {
-    let mut told = None;
+    let mut last = None;
     move |progress| {
-        // What does not go on is no sign of life.
-        if told.replace(progress) != Some(progress) {
+        // Only changed progress is a sign of life for the watchdog.
+        if last.replace(progress) != Some(progress) {
             calibrating(progress);
         }
         match interrupted {
@@ -96,9 +98,8 @@ pub fn black_of(config: &config::RigFile, calibration: &Calibration) -> f64 {
     calibration.black[Channel::Green.index()].at(width as f64 / 2.0, height as f64 / 2.0)
 }
 
-/// What light of the panel's red, green and blue, which are near to sRGB's, gives in each of the
-/// camera's channels: counts a grey level. `None` of a simulated rig, whose scenes give each
-/// channel light of its own.
+/// Counts of each of the camera's channels for each grey level of the panel's red, green and blue,
+/// which are near sRGB's. `None` for a simulated rig, whose scenes give each channel its own light.
 pub fn gains_of(config: &config::RigFile, calibration: &Calibration) -> Option<[[f64; 3]; 3]> {
     let of_unit = calibration.counts_per_level;
     let gain = |to: usize, from: usize| {
@@ -108,7 +109,7 @@ pub fn gains_of(config: &config::RigFile, calibration: &Calibration) -> Option<[
     config.simulation().is_none().then_some(gains)
 }
 
-/// One pilot, as it is.
+/// One reading of the pilot.
 fn read_pilot(
     config: &config::RigFile,
     devices: &mut Devices,
@@ -122,11 +123,11 @@ fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
 }
 
 impl OnRig {
-    /// The restorer of `devices`, described by `config`, with the calibration kept in `slots`; by
+    /// The restorer on `devices`, described by `config`, with the calibration in `slots`; by
     /// `method`, or by the operating point.
     ///
     /// # Errors
-    /// When there is no whole calibration of this rig.
+    /// When there is no valid calibration of this rig.
     pub fn new(
         config: &config::RigFile,
         devices: Devices,
@@ -156,28 +157,27 @@ impl OnRig {
         })
     }
 
-    /// The same restorer, which gives a photo, or a calibration, up before its next capture once
-    /// `interruption` says so.
+    /// The same restorer, which cancels a photo or a calibration before its next capture once
+    /// `interruption` is true.
     #[must_use]
     pub fn interruptible(self, interruption: Interruption) -> Self {
         let pipeline = self.pipeline.interruptible(Arc::clone(&interruption));
         OnRig { pipeline, interruption: Some(interruption), ..self }
     }
 
-    /// Takes the lens's dark corners out of a result, if the rig file asks for it; says what was
-    /// done, or why not.
+    /// Removes the lens's dark corners from a result, if the rig file asks for it; returns a note.
     fn remove_vignetting(&self, picture: &mut Frame<Work>) -> Option<String> {
         if !self.config.restore.remove_vignetting {
             return None;
         }
         let Some(flat) = &self.lens_flat else {
-            let told = "the dark corners are as in the photo: what the lens alone darkens was not \
-                        measured on this rig; run `relens calibrate --diffuser`";
-            return Some(told.to_owned());
+            let note = "the dark corners are as in the photo: those of the lens were not measured \
+                        on this rig; run `relens calibrate --diffuser`";
+            return Some(note.to_owned());
         };
         flat.take_out_of(picture);
         let most = 1.0 / flat.darkest();
-        Some(format!("the lens's dark corners were taken out: up to {most:.2} times the light"))
+        Some(format!("the lens's dark corners were removed: up to {most:.2} times the light"))
     }
 
     fn count_range(&self) -> CountRange {
@@ -191,7 +191,7 @@ impl Restorer for OnRig {
         photo: &Photo,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure> {
-        // Whatever comes of this photo, the last one's pictures are not its.
+        // The last photo's pictures do not belong to this one, whatever comes of it.
         self.last = None;
         let (starts_from_lens, captures_max) =
             (self.method.about().starts_from_lens, self.method.captures_max());
@@ -230,7 +230,7 @@ impl Restorer for OnRig {
 
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         if remedy == Remedy::Recalibrate {
-            // A box that takes photos is opened without its panel in view.
+            // A box that takes photos is opened without the panel in view.
             if let Some(place) = MarkPlace::of(&self.config)
                 && !self.devices.has_marks()
             {
@@ -257,7 +257,7 @@ impl Restorer for OnRig {
         let pictures = self.last.as_ref().map(|(before, after)| (before, after));
         let codes = draw(screen, self.devices.panel.size(), pictures);
         if let Err(error) = self.devices.panel.show(&codes) {
-            log::debug!("the panel does not show the screen: {error}");
+            log::debug!("cannot show the screen on the panel: {error}");
         }
     }
 
@@ -284,7 +284,7 @@ impl Restorer for OnRig {
     fn pilot(&mut self) -> Result<Option<Drift>, AnyFailure> {
         let reading = read_pilot(&self.config, &mut self.devices, &self.pipeline)?;
         if self.baseline.is_none() {
-            // A calibration from before there were pilots: drift counts from now on.
+            // The baseline was not kept: drift is measured from now on.
             let generation =
                 store::load(&self.slots, self.config.identity).map_err(boxed)?.generation;
             baseline::save(&self.slots, generation, &reading);

@@ -1,5 +1,4 @@
-//! The operating point chosen for a rig, kept beside its calibration as a small file that people
-//! can read.
+//! The operating point chosen for a rig, kept beside its calibration as a small TOML file.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +11,7 @@ use crate::remedy::{Remediable, Remedy, full_message};
 
 /// Name of the file beside the calibration's slots.
 const NAME: &str = "operating-point.toml";
-/// What it begins with.
+/// First lines of the file.
 const HEAD: &str = "# Chosen and written by `relens calibrate`, on scenes shown on this rig.\n\n";
 
 #[derive(Serialize, Deserialize)]
@@ -23,16 +22,16 @@ struct KeptPoint {
     chosen: Chosen,
 }
 
-/// Why an operating point cannot be used or kept.
+/// Why an operating point cannot be read or kept.
 #[derive(Debug, thiserror::Error)]
 pub enum OperatingPointError {
-    /// None was chosen.
+    /// There is no file.
     #[error("there is no {0}")]
     Missing(PathBuf),
     /// The file cannot be read or written.
     #[error("cannot {what} {path}")]
     File {
-        /// What was tried, as a verb.
+        /// The operation, as a verb.
         what: &'static str,
         /// The file.
         path: PathBuf,
@@ -40,7 +39,7 @@ pub enum OperatingPointError {
         #[source]
         source: std::io::Error,
     },
-    /// It is not as it was written.
+    /// It is not a valid file.
     #[error("{path} is damaged: {what}")]
     Damaged {
         /// The file.
@@ -48,14 +47,14 @@ pub enum OperatingPointError {
         /// What is wrong.
         what: String,
     },
-    /// It was chosen for something else.
+    /// It belongs to another rig or request.
     #[error("{path} is of {found}; allowed is {allowed}")]
     Other {
         /// The file.
         path: PathBuf,
-        /// What it was chosen for.
+        /// Its rig and request.
         found: String,
-        /// What this is.
+        /// Those of the rig file.
         allowed: String,
     },
 }
@@ -73,10 +72,10 @@ impl Remediable for OperatingPointError {
     }
 }
 
-/// What was chosen on `rig` for what its file asks; nothing when it asks for nothing.
+/// The choice for the request of `rig`; `None` without a request.
 ///
 /// # Errors
-/// Why nothing chosen can be used.
+/// When there is no valid choice for it.
 pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, OperatingPointError> {
     let Some(wanted) = rig.restore.operating_point else { return Ok(None) };
     let path = slots.join(NAME);
@@ -106,10 +105,10 @@ pub fn load(slots: &Path, rig: &config::RigFile) -> Result<Option<Chosen>, Opera
     Ok(Some(point.chosen))
 }
 
-/// Keeps what was `chosen` on `rig`, whole or not at all.
+/// Keeps the choice for `rig`, whole or not at all.
 ///
 /// # Errors
-/// When it cannot.
+/// When the file cannot be written.
 pub fn save(
     slots: &Path,
     rig: &config::RigFile,
@@ -122,8 +121,7 @@ pub fn save(
     })
 }
 
-/// What photos on `rig` are restored with: `method` if one is asked for, else what was chosen, else
-/// what its file says.
+/// The setting for photos on `rig`: `method` if given, else the choice, else the rig file's.
 pub fn setting(slots: &Path, rig: &config::RigFile, method: Option<MethodName>) -> Setting {
     let filed = Setting::as_filed(rig, method.unwrap_or(rig.restore.method));
     if method.is_some() {
@@ -133,8 +131,8 @@ pub fn setting(slots: &Path, rig: &config::RigFile, method: Option<MethodName>) 
         Ok(chosen) => chosen.map_or(filed, |chosen| chosen.setting),
         Err(reason) => {
             log::warn!(
-                "no operating point to use: {}; restoring with {filed}; `relens calibrate` \
-                 chooses one",
+                "no operating point: {}; restoring with {filed}; `relens calibrate` chooses \
+                 one",
                 full_message(&reason)
             );
             filed
@@ -174,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_chosen_is_what_is_restored_with_unless_a_method_is_asked_for() {
+    fn the_choice_is_used_unless_a_method_is_given() {
         let (folder, rig) = (tempfile::tempdir().unwrap(), rig());
         let slots = folder.path();
         assert_eq!(setting(slots, &rig, None), Setting::as_filed(&rig, rig.restore.method));
@@ -193,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_chosen_for_something_else_or_is_damaged_is_not_used() {
+    fn a_damaged_choice_or_one_for_another_rig_is_not_used() {
         let (folder, mut rig) = (tempfile::tempdir().unwrap(), rig());
         let slots = folder.path();
         save(slots, &rig, &chosen(&rig)).unwrap();

@@ -1,5 +1,5 @@
-//! A photo that the rig has taken, as a file: the sites behind colour filters as they are, or three
-//! planes with the rig's curve.
+//! A photo taken by the rig as a file: raw sites behind colour filters, or three planes with the
+//! rig's curve.
 
 use crate::config::RigFile;
 use crate::frame::{Frame, Mosaic, Work};
@@ -8,33 +8,33 @@ use crate::remedy::AnyFailure;
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::{CountRange, PhotoShot, SiteNoise, meter, shoot, sites_of};
 
-/// Exposures, as multiples of the rig file's, that are tried when one is proposed.
+/// Range of automatic exposures, as multiples of the rig file's.
 pub const PROPOSED: (f64, f64) = (1.0 / 32.0, 32.0);
 
-/// What is known of the sensor that takes a photo.
+/// The sensor that takes a photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorFacts {
-    /// What it counts.
+    /// Its range of counts.
     pub range: CountRange,
-    /// What light of red, green and blue gives in its channels, where that was measured.
+    /// Counts of its channels for each grey level of red, green and blue light, where measured.
     pub gains: Option<[[f64; 3]; 3]>,
-    /// The noise of one exposure, where that is known.
+    /// The noise of one exposure, where measured.
     pub noise: Option<SiteNoise>,
 }
 
-/// A photo, not yet on a disk.
+/// A photo in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TakenPhoto {
-    /// The whole file.
+    /// The file's bytes.
     pub bytes: Vec<u8>,
-    /// The ending of its name.
+    /// Its file extension.
     pub ending: &'static str,
-    /// Share of the data, 0..1, that is full.
+    /// Share of saturated data, 0..1.
     pub clipped_share: f64,
 }
 
-/// Takes one photo of what is before the lens, exposed so that next to nothing is full where the
-/// camera's exposure can be set.
+/// Takes one photo of the scene before the lens; where the camera's exposure can be set, so that
+/// hardly anything is saturated.
 ///
 /// # Errors
 /// When an exposure brings no frame, or the camera does not take its setting.
@@ -49,8 +49,8 @@ pub fn take(
         Ok((times, shoot(devices, mosaic, range, 1)?))
     };
     let taken = taken();
-    // The panel is exposed as the rig file says, whatever became of the photo; the first frame
-    // after a change may still be exposed as before.
+    // The exposure returns to the rig file's, whatever became of the photo; the first frame after a
+    // change may still have the old one.
     let back = devices.expose_times(1.0).and_then(|_| devices.expose());
     let (times, shot) = taken.map_err(boxed)?;
     back.map_err(boxed)?;
@@ -73,8 +73,7 @@ fn boxed(error: crate::rig::RigError) -> AnyFailure {
     Box::new(error)
 }
 
-/// The raw photo as a file. It states its noise, which is less than an exposure's where it is the
-/// mean of some.
+/// The raw photo as a DNG file, with the noise of the mean of its exposures.
 pub fn raw_file(
     rig: &RigFile,
     shot: &PhotoShot,
@@ -98,7 +97,7 @@ pub fn raw_file(
     .bytes()
 }
 
-/// Three planes of counts with the rig's curve, 16 bits but for JPEG.
+/// Three planes of counts encoded with the rig's curve; 16 bits, 8 for JPEG.
 ///
 /// # Errors
 /// When the format cannot hold it.
