@@ -1,10 +1,8 @@
-//! Forward convolution through a rig: the candidate goes out to the panel, its photograph comes
-//! back.
+//! Forward convolution by a rig: the candidate is shown on the panel and captured.
 //!
 //! L is resampled once, to the panel; captures are cropped and corrected pixel by pixel, never
-//! resampled. What L loses of its details on the panel's square pixels
-//! ([`Correction::by_perfect_lens`]) no light can bring back; what the lens would make of that is
-//! added to the capture by the lens model.
+//! resampled. The detail that L loses on the panel's square pixels
+//! ([`Correction::by_perfect_lens`]) is passed through the lens model and added to the capture.
 
 use rayon::prelude::*;
 
@@ -15,8 +13,7 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 use crate::rig::exposure::Devices;
 
-/// RMS of the details that a panel cannot show which counts as none, grey levels: far below the
-/// rounding of a code.
+/// Least RMS of lost detail that is added, grey levels: far below the rounding of a code.
 const LOST_MIN: f64 = 1e-3;
 
 /// A calibrated rig as an operator on Work frames.
@@ -30,9 +27,9 @@ pub struct LightPath<'a> {
     interrupted: Option<&'a (dyn Fn() -> bool + Send + Sync)>,
 }
 
-/// Somebody asked that no more captures be made for this photo.
+/// The photo was cancelled.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
-#[error("given up when asked to")]
+#[error("cancelled")]
 pub struct Interrupted;
 
 impl Remediable for Interrupted {
@@ -46,8 +43,8 @@ impl Remediable for Interrupted {
 }
 
 impl<'a> LightPath<'a> {
-    /// The light path of `rig` under the correction and with the lens model that were made for it.
-    /// `stopwatch` tells how long captures keep the caller waiting.
+    /// The light path of `rig` with its correction and lens model. `stopwatch` returns seconds, to
+    /// time captures.
     pub fn new(
         rig: &'a mut Devices,
         (correction, model): (&'a Correction, &'a LensModel),
@@ -64,7 +61,7 @@ impl<'a> LightPath<'a> {
         }
     }
 
-    /// The same path, which makes no capture once `interrupted` says so.
+    /// Makes captures fail once `interrupted` returns true.
     #[must_use]
     pub fn interruptible(
         mut self,
@@ -74,24 +71,24 @@ impl<'a> LightPath<'a> {
         self
     }
 
-    /// Seconds on the stopwatch between giving the panel a picture and having its frame, so far.
+    /// Total seconds from showing pictures to having their frames.
     pub fn waited_seconds(&self) -> f64 {
         self.waited_seconds
     }
 }
 
 impl LightPath<'_> {
-    /// Adds to what was `seen` of `shown` what the lens would make of the details that the panel
-    /// cannot show.
-    fn add_what_is_lost(&self, shown: &Frame<Work>, seen: &mut Seen) {
-        let of_light = |v: f32| v.clamp(0.0, FULL_SCALE);
-        let on_panel: Frame<Work> = Frame::from_fn(|c| shown.plane(c).map(of_light));
+    /// Adds to the capture `seen` of `shown` the detail that the panel cannot show, by the lens
+    /// model.
+    fn add_lost_detail(&self, shown: &Frame<Work>, seen: &mut Seen) {
+        let clamp = |v: f32| v.clamp(0.0, FULL_SCALE);
+        let on_panel: Frame<Work> = Frame::from_fn(|c| shown.plane(c).map(clamp));
         let by_perfect_lens = self.correction.by_perfect_lens(&Channel::ALL, &on_panel);
         let pairs = Channel::ALL.into_iter().zip(seen.light.planes_mut());
         pairs.collect::<Vec<_>>().into_par_iter().for_each(|(c, light)| {
             let mut lost = on_panel.plane(c).clone();
             lost.add_scaled(-1.0, by_perfect_lens.plane(c));
-            // Nothing is where the panel's pixels lie on the sensor's.
+            // Nothing is lost where panel and sensor pixels coincide.
             if lost.rms() > LOST_MIN {
                 let mut seen = Plane::zeros(lost.size());
                 self.model.forward(c, &lost, &mut seen);
@@ -108,15 +105,15 @@ impl ForwardConvolution for LightPath<'_> {
 
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
         if self.interrupted.is_some_and(|asked| asked()) {
-            return Err(Box::new(Interrupted));
+            return Err(Interrupted.into());
         }
         let codes = self.correction.show(shown);
         let begun = (self.stopwatch)();
-        let exposed = self.rig.capture(&codes).map_err(|e| Box::new(e) as AnyFailure)?;
+        let exposed = self.rig.capture(&codes)?;
         self.waited_seconds += (self.stopwatch)() - begun;
         let corrected = self.correction.see(&exposed.counts);
         let mut seen = Seen { light: corrected.light, trusted: corrected.trusted };
-        self.add_what_is_lost(shown, &mut seen);
+        self.add_lost_detail(shown, &mut seen);
         Ok(seen)
     }
 

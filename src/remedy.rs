@@ -1,67 +1,73 @@
-//! What to do about a failure: the question every error of relens answers.
+//! Remedies: what to do about a failure. Every error of relens has one.
 //!
-//! The daemon acts on the [`Remedy`] alone and never on the wording of a message.
+//! The daemon acts on the [`Remedy`] alone, never on a message.
 
 use std::error::Error;
 
-/// What the one who meets a failure should do next, from the mildest to the gravest.
+/// What to do next, from the mildest to the gravest.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum Remedy {
-    /// The frame was not the one asked for; the same picture shown again will most likely do.
+    /// The frame was the wrong one; show the same picture again.
     ShootAgain,
-    /// This photo cannot be restored whatever is done; set it aside with the reason and go on.
+    /// This photo cannot be restored; set it aside with the reason and go on.
     SkipPhoto,
-    /// The world is in the way for now (disk full, file still growing); try again by itself later.
+    /// A temporary obstacle (disk full, file still growing); try again later.
     RetryLater,
-    /// The rig no longer is what was calibrated; calibrate, then do it again.
+    /// The rig differs from its calibration; calibrate, then try again.
     Recalibrate,
-    /// A device went away; close and open it again, then do it again.
+    /// A device disappeared; reopen it, then try again.
     ReopenRig,
-    /// Nothing the box can do; tell the operator and hold.
+    /// The box can do nothing; report to the operator and wait.
     CallOperator,
 }
 
 impl Remedy {
-    /// What somebody who stands before the box may do, for its panel.
+    /// Instruction for the user, shown on the panel.
     pub fn what_to_do(self) -> &'static str {
         match self {
-            Remedy::SkipPhoto => "The photo lies in the folder failed, with the reason beside it.",
-            Remedy::RetryLater => "Nothing: the box tries again by itself.",
+            Remedy::SkipPhoto => "The photo is in the folder failed, with the reason beside it.",
+            Remedy::RetryLater => "Nothing: the box will try again.",
             Remedy::Recalibrate => {
-                "Measure the lens anew: hold the button while the box starts, then press it long."
+                "Recalibrate: hold the button while the box starts, then press it long."
             }
             Remedy::ShootAgain | Remedy::ReopenRig | Remedy::CallOperator => {
-                "Look after camera, panel and their cables. The box tries again every minute."
+                "Check the camera, the panel and their cables. The box tries again every minute."
             }
         }
     }
 }
 
-/// An error that knows its remedy.
+/// An error with a remedy.
 pub trait Remediable: Error {
-    /// What to do about this failure.
+    /// The remedy.
     fn remedy(&self) -> Remedy;
 
-    /// The same in words, for the one who stands before the box.
+    /// Instruction for the user.
     fn what_to_do(&self) -> &'static str {
         self.remedy().what_to_do()
     }
 
-    /// Whether this is no failure, but the end that somebody asked for.
+    /// Whether it is a cancellation and no failure.
     fn was_asked_for(&self) -> bool {
         false
     }
 }
 
-/// Any error with its remedy, for seams where the kinds of failure are open (the optics behind a
+/// Any error with a remedy, for interfaces with an open set of failures (the optics behind a
 /// method).
 pub type AnyFailure = Box<dyn Remediable + Send + Sync + 'static>;
 
-/// The message of `error` and of each of its causes, joined with `: `, without repeating a cause
-/// that is already spelled out by its parent.
+impl<E: Remediable + Send + Sync + 'static> From<E> for AnyFailure {
+    fn from(error: E) -> AnyFailure {
+        Box::new(error)
+    }
+}
+
+/// The messages of `error` and its causes joined with `: `, without causes that the text already
+/// contains.
 pub fn full_message(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -77,11 +83,11 @@ pub fn full_message(error: &dyn Error) -> String {
     text
 }
 
-/// What a system's error says, without its number, ` (os error 2)`, which no user needs.
+/// The message of a system error without its number, ` (os error 2)`.
 fn without_number(words: &str) -> &str {
     let numbered = words.strip_suffix(')').and_then(|rest| rest.rsplit_once(" (os error "));
     match numbered {
-        Some((said, number)) if number.parse::<i32>().is_ok() => said,
+        Some((message, number)) if number.parse::<i32>().is_ok() => message,
         _ => words,
     }
 }

@@ -1,4 +1,4 @@
-//! Someone who never built a rig follows `relens align`, one piece of advice after the other.
+//! A simulated builder follows the advice of `relens align` until the rig calibrates.
 
 // The functions below stop the test as it does itself.
 #![allow(clippy::unwrap_used)]
@@ -6,7 +6,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use relens::alignment::{Adjustment, AlignmentReport, FocusTurn, PictureSide, RigView};
+use relens::alignment::{Action, Advice, AlignmentReport, FocusTurn, PictureSide, RigView};
 use relens::config::{self, Kind, Lens, RigFile};
 use relens::frame::Mosaic;
 use relens::measurement;
@@ -22,9 +22,9 @@ fn filtered() -> RigFile {
     rig
 }
 
-/// The same, whose panel is too far away, turned, tilted and aside, the lens focused far before it,
-/// the exposure too short.
-fn bolted_by_eye() -> RigFile {
+/// The same with the panel too far away, rotated, tilted and off centre, the lens focused far in
+/// front of it, and the exposure too short.
+fn misaligned() -> RigFile {
     let mut rig = filtered();
     if let Kind::Simulated(simulation) = &mut rig.kind {
         simulation.sensor.white_share = 0.25;
@@ -46,7 +46,7 @@ fn calibrates(devices: &mut Devices, rig: &RigFile) -> Result<f32, String> {
     done.map(|calibration| calibration.operator_error[1]).map_err(|error| error.to_string())
 }
 
-/// Whose hands are nine tenths as good as they should be, and who knows no lens.
+/// A builder whose movements reach nine tenths of what was asked.
 struct Builder {
     witness: Witness,
     pose: config::Pose,
@@ -54,48 +54,48 @@ struct Builder {
     focus_dioptres: f64,
     white_share: f64,
     exposure_ms: f64,
-    /// The ring's next step in dioptres, and which way.
+    /// The focus ring's next step, dioptres.
     turn: f64,
-    turning_back: bool,
+    is_reversing: bool,
 }
 
 impl Builder {
-    fn do_it(&mut self, advice: &Adjustment) {
-        match advice {
-            Adjustment::Move([x, y]) => {
+    fn follow(&mut self, advice: &Advice) {
+        match advice.action {
+            Action::Move([x, y]) => {
                 self.pose.shift_x_px += 0.9 * x;
                 self.pose.shift_y_px += 0.9 * y;
             }
-            Adjustment::Turn(clockwise) => self.pose.rotation_deg += 0.9 * clockwise,
-            Adjustment::Distance { times, .. } => {
+            Action::Rotate(clockwise) => self.pose.rotation_deg += 0.9 * clockwise,
+            Action::Distance(times) => {
                 self.distance_mm *= times;
                 self.pose.sensor_px_per_panel_px /= times;
             }
-            // Nobody sees by how many degrees: two at a time, until it is no longer said.
-            Adjustment::Nearer { side, .. } => match side {
+            // The advice has no angle: two degrees at a time until it ceases.
+            Action::Nearer(side) => match side {
                 PictureSide::Right => self.pose.tilt_y_deg += 2.0,
                 PictureSide::Left => self.pose.tilt_y_deg -= 2.0,
                 PictureSide::Lower => self.pose.tilt_x_deg -= 2.0,
                 PictureSide::Upper => self.pose.tilt_x_deg += 2.0,
             },
-            Adjustment::Expose { exposure_ms, .. } => {
+            Action::Expose(exposure_ms) => {
                 self.white_share *= exposure_ms / self.exposure_ms;
-                self.exposure_ms = *exposure_ms;
+                self.exposure_ms = exposure_ms;
                 self.witness.set_white_share(self.white_share);
                 return;
             }
-            Adjustment::Focus(turn) => {
-                // Back is said until it gets sharper: one turns round once.
-                let back = *turn == FocusTurn::Back;
-                if back && !self.turning_back {
+            Action::Focus(turn) => {
+                // The advice repeats until the picture gets sharper: reverse once.
+                let back = turn == FocusTurn::Reverse;
+                if back && !self.is_reversing {
                     self.turn *= -0.5;
                 }
-                self.turning_back = back;
+                self.is_reversing = back;
                 self.focus_dioptres += self.turn;
                 self.witness.refocus(1000.0 / self.focus_dioptres).unwrap();
                 return;
             }
-            other => panic!("nothing was done to make it say: {other}"),
+            _ => panic!("unexpected advice: {advice}"),
         }
         self.witness.move_panel(self.pose.clone(), self.distance_mm).unwrap();
     }
@@ -103,10 +103,10 @@ impl Builder {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_rig_bolted_by_eye_calibrates_once_the_advice_was_followed_step_by_step() {
-    let rig = bolted_by_eye();
+fn a_misaligned_rig_calibrates_after_following_the_advice() {
+    let rig = misaligned();
     let (mut devices, witness) = simulated::open(&rig).unwrap();
-    let refused = calibrates(&mut devices, &rig).expect_err("it is out of focus and askew");
+    let refused = calibrates(&mut devices, &rig).expect_err("out of focus and tilted");
     println!("before: {refused}");
 
     let mut builder = Builder {
@@ -117,28 +117,28 @@ fn a_rig_bolted_by_eye_calibrates_once_the_advice_was_followed_step_by_step() {
         white_share: 0.25,
         exposure_ms: rig.camera.exposure_ms,
         turn: 0.02,
-        turning_back: false,
+        is_reversing: false,
     };
     let mut view = RigView::new(&mut devices, &rig).unwrap();
     let mut report = AlignmentReport::new(&rig, None);
     let mut steps = 0;
     loop {
-        let (aim, seen) = view.aim().unwrap();
-        report.aimed(aim, seen);
-        report.lit(view.brightness().unwrap());
-        report.looked(&view.look().unwrap(), view.now_s());
-        let advice = report.adjustments().remove(0);
+        let (aim, seen) = view.measure_aim().unwrap();
+        report.add_aim(aim, seen);
+        report.add_brightness(view.measure_brightness().unwrap());
+        report.add_focus(&view.measure_focus().unwrap(), view.now_s());
+        let advice = report.advice().remove(0);
         println!("{steps}: {advice}");
-        if advice == Adjustment::Focus(FocusTurn::There) {
+        if advice.action == Action::Focus(FocusTurn::Stay) {
             break;
         }
-        builder.do_it(&advice);
+        builder.follow(&advice);
         steps += 1;
-        assert!(steps < 60, "it never ends");
+        assert!(steps < 60, "the advice never ends");
     }
     println!("{}", report.lines().join("\n"));
-    // In dioptres, half the depth of focus of f/4 at 75 mm with sites of 40 µm: 0.16 mm behind the
-    // lens.
+    // Half the depth of focus of f/4 at 75 mm with sites of 40 µm, 0.16 mm behind the lens, in
+    // dioptres.
     let panel = 1000.0 / builder.distance_mm;
     assert!((builder.focus_dioptres - panel).abs() < 0.16 / 75.0 / 75.0 * 1000.0 + 0.002);
     let error = calibrates(&mut devices, &rig).unwrap_or_else(|error| panic!("{error}"));
@@ -146,5 +146,5 @@ fn a_rig_bolted_by_eye_calibrates_once_the_advice_was_followed_step_by_step() {
     let filed = filtered();
     let (mut devices, _) = simulated::open(&filed).unwrap();
     let well = calibrates(&mut devices, &filed).unwrap();
-    assert!(error < 1.3 * well, "{error} where the rig as filed has {well}");
+    assert!(error < 1.3 * well, "{error}, while a well aligned rig has {well}");
 }

@@ -1,5 +1,5 @@
-//! Results without the lens's dark corners, by the built program: measured behind a diffuser, taken
-//! out where the rig file asks for it, under a panel whose own corners are darker.
+//! Removal of the lens's vignetting by the built program: measured behind a diffuser, under a panel
+//! with darker corners of its own.
 
 // The functions below stop the test as it does itself.
 #![allow(clippy::unwrap_used)]
@@ -15,16 +15,16 @@ use relens::picture::{Format, Limits, Manner, Photo, encode};
 use relens::rig::simulated;
 
 const SIZE: Size = Size::new(256, 192);
-/// Side of a corner that is scored.
+/// Side of the corners compared.
 const CORNER_PX: usize = 24;
 
-/// Runs relens in `folder`; what it said.
+/// Runs relens in `folder`; returns its output.
 fn relens(words: &[&str], folder: &Path) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
     let output = command.args(words).current_dir(folder).output().unwrap();
-    let said = [output.stdout, output.stderr].map(|s| String::from_utf8_lossy(&s).into_owned());
-    assert!(output.status.success(), "{words:?}: {said:?}");
-    said.concat()
+    let text = [output.stdout, output.stderr].map(|s| String::from_utf8_lossy(&s).into_owned());
+    assert!(output.status.success(), "{words:?}: {text:?}");
+    text.concat()
 }
 
 fn light(folder: &Path, name: &str) -> Frame<Work> {
@@ -41,10 +41,11 @@ fn places(picture: &Frame<Work>, c: Channel) -> [f64; 5] {
 }
 
 #[test]
-fn delivered_corners_are_as_bright_as_the_scene_s() {
+fn results_have_the_scene_s_corner_brightness() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    // The lens loses a third in the corners; the panel loses 15 % there, which is not the photo's.
+    // The lens loses a third in the corners; the panel loses 15 % there, which does not affect
+    // photos.
     let small = include_str!("../rig-config/small.toml");
     assert!(small.contains("thickness-mm = 25.0") && small.contains("refine-lens = true"));
     let rig = small.replace("thickness-mm = 25.0", "thickness-mm = 80.0");
@@ -54,8 +55,8 @@ fn delivered_corners_are_as_bright_as_the_scene_s() {
     std::fs::write(folder.join("kept.toml"), &rig).unwrap();
     let asked = rig.replace("refine-lens = true", "refine-lens = true\nremove-vignetting = true");
     std::fs::write(folder.join("removed.toml"), &asked).unwrap();
-    // As the sensor sees it, the photo in its middle; grey, and nowhere near black, so that neither
-    // mixed colours nor the veil pass for shading.
+    // Sensor-sized with the photo in its middle; grey and far from black, so that neither mixed
+    // colours nor the veil pass for shading.
     let coffee = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes/coffee.png");
     let coffee = Photo::read(&coffee, Curve::Srgb, &Limits::default()).unwrap();
     let coffee = cut(&coffee.in_colour(), Size::new(288, 224));
@@ -68,7 +69,7 @@ fn delivered_corners_are_as_bright_as_the_scene_s() {
     relens(&["calibrate", "--rig", "kept.toml"], folder);
     let shoot = ["shoot", "--rig", "kept.toml", "--scene", "scene.png", "-o", "photo.dng"];
     relens(&shoot, folder);
-    // Asked for and not measured: said, and the corners stay.
+    // Requested but not measured: noted, and the corners stay.
     let restore = |rig: &str, more: &[&str]| {
         let words = ["restore", "--rig", rig, "--method", "digital", "photo.dng"];
         relens(&[&words, more].concat(), folder)
@@ -76,11 +77,11 @@ fn delivered_corners_are_as_bright_as_the_scene_s() {
     restore("removed.toml", &["--report", "early.json", "-o", "early.png"]);
     let early = std::fs::read_to_string(folder.join("early.json")).unwrap();
     assert!(early.contains("relens calibrate --diffuser"), "{early}");
-    let said = relens(&["calibrate", "--rig", "kept.toml", "--diffuser"], folder);
-    assert!(said.contains("% of the brightest place's light"), "{said}");
+    let text = relens(&["calibrate", "--rig", "kept.toml", "--diffuser"], folder);
+    assert!(text.contains("% of the brightest place's light"), "{text}");
     restore("kept.toml", &["-o", "kept.png"]);
     restore("removed.toml", &["-o", "removed.png"]);
-    // What was measured outlives another calibration.
+    // The measurement survives another calibration.
     relens(&["calibrate", "--rig", "removed.toml"], folder);
     restore("removed.toml", &["-o", "again.png"]);
 
@@ -91,7 +92,7 @@ fn delivered_corners_are_as_bright_as_the_scene_s() {
         ["kept.png", "removed.png", "again.png", "early.png"].map(|name| light(folder, name));
     assert_eq!(kept, early);
     for c in Channel::ALL {
-        // Against the middle, which a photo is exposed for.
+        // Relative to the middle, which a photo's exposure refers to.
         let against = |picture: &Frame<Work>, truth: &Frame<Work>| {
             let (found, wanted) = (places(picture, c), places(truth, c));
             [0, 1, 2, 3].map(|n| found[n] / wanted[n] / (found[4] / wanted[4]))
@@ -105,7 +106,7 @@ fn delivered_corners_are_as_bright_as_the_scene_s() {
         println!("  delivered without against the scene {delivered:.3?}");
         for n in 0..4 {
             assert!(lens[n] < 0.75, "the lens darkens: {lens:?}");
-            // The sensor's rim lacks some of the veil that a wider scene would throw there.
+            // The sensor's rim lacks some of a wider scene's veil.
             assert!((factor[n] / lens[n] - 1.0).abs() < 0.03, "{factor:?}, {lens:?}");
             for found in [delivered[0][n], delivered[1][n]] {
                 assert!((found - 1.0).abs() < 0.01, "{}: {delivered:?}", c.name());

@@ -1,10 +1,12 @@
-//! What to turn, move or set, in an order in which one does not undo the other, and in words.
+//! Advice of `relens align`: each row is a condition, an action and a sentence. Rows are ordered so
+//! that no action undoes an earlier one.
 
 use std::fmt;
 
-use super::steadiness::{Linearity, Steadiness};
+use super::steadiness::Steadiness;
 use super::{Aim, Brightness, PLACES};
 use crate::frame::Size;
+use crate::measurement::Linearity;
 
 /// Names of the nine places.
 const NAMES: [&str; PLACES] = [
@@ -18,47 +20,45 @@ const NAMES: [&str; PLACES] = [
     "lower middle",
     "lower right",
 ];
-/// A place with less of the brightest one's light sees no panel. Guess: no backlight is as uneven.
-const UNLIT_SHARE: f64 = 0.3;
-/// Where white should be, as a share of the camera's range: bright, and full nowhere.
+/// Least light of a place that sees the panel, as a share of the brightest place. Guess: no
+/// backlight is as uneven.
+const LIT_SHARE: f64 = 0.3;
+/// Allowed level of white, as a share of the camera's range.
 const WHITE: (f64, f64) = (0.5, 0.95);
-/// Where an exposure is proposed to put it.
+/// Level of white that a proposed exposure aims for.
 const WHITE_PROPOSED: f64 = 0.8;
-/// Share of full sites above which white is too bright.
+/// Largest share of saturated sites.
 const CLIPPED_MAX: f64 = 0.001;
-/// A light that changes by more from one exposure to the next is not exposed for whole periods.
-/// Guess: three times what a good backlight does.
+/// Largest change of light between exposures of whole refreshes. Guess: three times that of a good
+/// backlight.
 const FLICKER_MAX: f64 = 0.01;
-/// A light that goes by more over the captures has not warmed up. Guess.
+/// Largest change of light over all captures once the panel is warm. Guess.
 const DRIFT_MAX: f64 = 0.01;
-/// Counts this far from so many times the exposure's are refused by `relens calibrate`.
-const BENT_MAX: f64 = 0.1;
-/// A place that sees more light than in the dark, as a share of the range, sees a leak. Guess.
+/// Largest light in the dark, as a share of the range. Guess.
 const LEAK_MAX: f64 = 0.001;
-/// Sensor pixels a panel pixel, at most: the panel is to be finer than the sensor, so that it shows
-/// all that the sensor resolves.
+/// Most sensor pixels per panel pixel: the panel must resolve all that the sensor resolves.
 const MAGNIFICATION_MAX: f64 = 1.0;
-/// Where a panel that must come nearer or go away is put, and how much of it is spared all around.
-const SPARE: f64 = 1.03;
-/// Angles that the pose of a calibration takes up by itself. Guess.
-const TURNED_MAX_DEG: f64 = 3.0;
-/// Share of the sensor's width by which the panel may be off the middle. Guess.
+/// Size of a well-placed panel in the picture over the sensor's.
+const REACH: f64 = 1.03;
+/// Largest rotation, degrees; calibration corrects it. Guess.
+const ROTATION_MAX_DEG: f64 = 3.0;
+/// Largest offset of the panel's middle, as a share of the sensor's width. Guess.
 const OFFSET_MAX: f64 = 0.05;
-/// Sides of the panel that differ by more in distance, as a share of it, are not in focus together.
-/// Guess: of 25 mm at f/4 on 6 µm that is a fifth of a pixel of blur at the rims.
+/// Largest difference in distance between opposite sides of the panel, as a share of the distance.
+/// Guess: with 25 mm at f/4 on 6 µm it costs a fifth of a pixel of blur at the rims.
 const KEYSTONE_MAX: f64 = 0.01;
 
 /// What to do about the focus ring.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FocusTurn {
-    /// It gets sharper.
-    On,
-    /// The best was passed.
-    Back,
-    /// Whether this is the best shows only when it was passed on both sides.
-    PastTheBest,
-    /// This is the best.
-    There,
+    /// The picture gets sharper.
+    Continue,
+    /// The best focus was passed.
+    Reverse,
+    /// The best focus is known only after passing it on both sides.
+    PassBest,
+    /// The focus is at its best.
+    Stay,
 }
 
 /// A side of the picture.
@@ -74,298 +74,284 @@ pub enum PictureSide {
     Lower,
 }
 
-impl PictureSide {
-    fn name(self) -> &'static str {
-        match self {
-            PictureSide::Left => "left",
-            PictureSide::Right => "right",
-            PictureSide::Upper => "upper",
-            PictureSide::Lower => "lower",
-        }
-    }
-}
-
-/// One thing to do. Left, right, up, down and clockwise are the picture's.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Adjustment {
-    /// The panel's middle is not seen.
+/// The action that a piece of advice asks for. Directions are those of the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// Bring the panel's middle into view.
     Find,
-    /// These places see no panel.
-    Light(Vec<usize>),
-    /// Left and right are swapped.
+    /// Bring the panel before unlit places.
+    Cover,
+    /// Remove a mirror image.
     Unmirror,
-    /// The exposure time to set, in whole refreshes.
-    Expose {
-        /// It.
-        exposure_ms: f64,
-        /// White now, as a share of the range.
-        white: f64,
-        /// Share of the data that is full.
-        clipped_share: f64,
-    },
-    /// Even one refresh is too long: times the light.
-    Darken {
-        /// So many times the light that is there.
-        times: f64,
-    },
-    /// Bring the panel to so many times its distance.
-    Distance {
-        /// So many times the distance.
-        times: f64,
-        /// Why.
-        because: Because,
-    },
-    /// At no distance is the panel finer than the sensor and fills it.
-    OtherPanel {
-        /// Panel pixels that it should have, across and down.
-        pixels: [f64; 2],
-    },
-    /// Move the panel in the picture, sensor pixels to the right and down.
+    /// Set the exposure time, ms.
+    Expose(f64),
+    /// Multiply the light.
+    Dim(f64),
+    /// Multiply the panel's distance.
+    Distance(f64),
+    /// Use a panel with more pixels.
+    ReplacePanel,
+    /// Move the panel right and down, sensor pixels.
     Move([f64; 2]),
-    /// Turn the panel in the picture, degrees clockwise.
-    Turn(f64),
-    /// Turn this side of the panel nearer.
-    Nearer {
-        /// Which.
-        side: PictureSide,
-        /// By how much it is farther away than the opposite side, as a share of the distance.
-        share: f64,
-    },
-    /// The light changes from exposure to exposure by this share.
-    Flicker(f64),
-    /// Bands of light change by this share.
-    Bands(f64),
-    /// The light went by this share over the captures.
-    WarmUp(f64),
-    /// Twice and three times the exposure bring so many times the counts.
-    Straighten([f64; 2]),
-    /// Light comes in, seen at these places.
-    Seal(Vec<usize>),
+    /// Rotate the panel clockwise, degrees.
+    Rotate(f64),
+    /// Turn a side of the panel nearer.
+    Nearer(PictureSide),
+    /// Steady the light.
+    Steady,
+    /// Switch off what bends the camera's counts.
+    Straighten,
+    /// Seal a leak of light.
+    Seal,
     /// Turn the focus ring.
     Focus(FocusTurn),
 }
 
-/// Why the panel should stand at another distance.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Because {
-    /// The sensor sees past it.
-    SeesPast,
-    /// A panel pixel covers so many of the sensor's.
-    Coarse(f64),
+/// An action and the sentence for the user.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Advice {
+    /// The action.
+    pub action: Action,
+    sentence: String,
 }
 
-fn names(places: &[usize]) -> String {
-    places.iter().map(|&n| NAMES[n]).collect::<Vec<&str>>().join(", ")
+impl fmt::Display for Advice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence)
+    }
+}
+
+impl Advice {
+    /// One row: advice if `condition` holds.
+    fn when(condition: bool, action: Action, sentence: impl Into<String>) -> Option<Advice> {
+        condition.then(|| Advice { action, sentence: sentence.into() })
+    }
+
+    /// Advice for a panel whose middle is not in view.
+    pub fn find() -> Advice {
+        let sentence = "the panel's middle is not in view: aim the camera at it, or turn the \
+                        focus ring a good deal";
+        Advice { action: Action::Find, sentence: sentence.to_owned() }
+    }
+
+    /// Advice on the focus ring.
+    pub fn focus(turn: FocusTurn) -> Advice {
+        let sentence = match turn {
+            FocusTurn::Continue => "focus: getting sharper, keep turning",
+            FocusTurn::Reverse => "focus: past the best, turn back",
+            FocusTurn::PassBest => "focus: turn past the best on both sides, then back to it",
+            FocusTurn::Stay => "focus: this is the best; tape ring and aperture",
+        };
+        Advice { action: Action::Focus(turn), sentence: sentence.to_owned() }
+    }
+
+    /// Advice on a change of light between exposures, as a share.
+    pub fn flicker(share: f64) -> Option<Advice> {
+        Advice::when(
+            share > FLICKER_MAX,
+            Action::Steady,
+            format!(
+                "the light changes by {:.1} % from one exposure to the next: expose for whole \
+                 refreshes, and set the panel to its full brightness",
+                100.0 * share
+            ),
+        )
+    }
+
+    /// Advice on light in the dark at each place, as shares of the range.
+    pub fn leaks(light: &[f64; PLACES]) -> Option<Advice> {
+        let leaking = names(light, |light| light > LEAK_MAX);
+        Advice::when(
+            !leaking.is_empty(),
+            Action::Seal,
+            format!("light leaks in at the {leaking}: seal that seam with felt"),
+        )
+    }
+
+    /// Advice on counts that do not follow the exposure.
+    pub fn linearity(linearity: &Linearity) -> Option<Advice> {
+        let [twice, thrice] = linearity.ratios;
+        Advice::when(
+            !linearity.is_straight(),
+            Action::Straighten,
+            format!(
+                "2 and 3 times the exposure give {twice:.2} and {thrice:.2} times the counts: \
+                 switch off the camera's gamma, contrast and automatic gain"
+            ),
+        )
+    }
+}
+
+/// Names of the places where `condition` holds.
+fn names(values: &[f64; PLACES], condition: impl Fn(f64) -> bool) -> String {
+    let found = NAMES.iter().zip(values).filter(|(_, value)| condition(**value));
+    found.map(|(name, _)| *name).collect::<Vec<&str>>().join(", ")
 }
 
 impl Brightness {
-    /// What to do with a panel of `refresh_hz`.
-    pub fn adjustments(&self, refresh_hz: f64) -> Vec<Adjustment> {
-        let mut all = Vec::new();
+    /// Advice for a panel of `refresh_hz`.
+    pub fn advice(&self, refresh_hz: f64) -> Vec<Advice> {
         let refresh_ms = 1000.0 / refresh_hz;
-        let refreshes = |ms: f64| (ms / refresh_ms).round().max(1.0);
-        let (white, clipped_share) = (self.white, self.clipped_share);
-        if clipped_share > CLIPPED_MAX || white > WHITE.1 {
-            // What is clipped is brighter than it looks.
-            let times = WHITE_PROPOSED / if clipped_share > 0.1 { 2.0 } else { white.max(WHITE.1) };
-            let fewer = (self.exposed_ms * times / refresh_ms).floor().max(1.0);
-            all.push(match refreshes(self.exposed_ms) {
-                1.0 => Adjustment::Darken { times },
-                _ => Adjustment::Expose { exposure_ms: fewer * refresh_ms, white, clipped_share },
-            });
-        } else if white < WHITE.0 {
-            let more = refreshes(self.exposed_ms * WHITE_PROPOSED / white.max(0.01));
-            let exposure_ms = more * refresh_ms;
-            all.push(Adjustment::Expose { exposure_ms, white, clipped_share });
-        }
-        let unlit: Vec<usize> = (0..PLACES).filter(|&n| self.places[n] < UNLIT_SHARE).collect();
-        if !unlit.is_empty() {
-            all.push(Adjustment::Light(unlit));
-        }
-        all
+        let Brightness { white, clipped_share, exposed_ms, .. } = *self;
+        let is_bright = clipped_share > CLIPPED_MAX || white > WHITE.1;
+        let is_dark = !is_bright && white < WHITE.0;
+        // Clipped light is brighter than its counts.
+        let level = match (is_bright, clipped_share > 0.1) {
+            (true, true) => 2.0,
+            (true, false) => white.max(WHITE.1),
+            (false, _) => white.max(0.01),
+        };
+        let times = WHITE_PROPOSED / level;
+        let refreshes = exposed_ms * times / refresh_ms;
+        let refreshes = if is_bright { refreshes.floor() } else { refreshes.round() }.max(1.0);
+        let exposure_ms = refreshes * refresh_ms;
+        let is_shortest = (exposed_ms / refresh_ms).round() <= 1.0;
+        let fault = if is_dark { "white is too dark" } else { "white is too bright" };
+        let unlit = names(&self.places, |light| light < LIT_SHARE);
+        let rows = [
+            Advice::when(
+                is_bright && is_shortest,
+                Action::Dim(times),
+                format!(
+                    "white is too bright, and one refresh is the shortest exposure without \
+                     flicker: reduce the gain, or dim the panel to {:.0} %",
+                    100.0 * times
+                ),
+            ),
+            Advice::when(
+                is_dark || is_bright && !is_shortest,
+                Action::Expose(exposure_ms),
+                format!(
+                    "{fault} ({:.0} % of the range, {:.2} % of the sites saturated): set \
+                     exposure-ms = {exposure_ms:.2} (whole refreshes)",
+                    100.0 * white,
+                    100.0 * clipped_share
+                ),
+            ),
+            Advice::when(
+                !unlit.is_empty(),
+                Action::Cover,
+                format!("the panel is not in view at the {unlit}: move it there, or nearer"),
+            ),
+        ];
+        rows.into_iter().flatten().collect()
     }
 }
 
 impl Aim {
-    /// What to do about a `panel` on a `sensor`.
-    pub fn adjustments(&self, panel: Size, sensor: Size) -> Vec<Adjustment> {
-        let mut all = Vec::new();
-        if self.mirrored {
-            all.push(Adjustment::Unmirror);
-        }
-        if self.turned_deg.abs() > TURNED_MAX_DEG {
-            all.push(Adjustment::Turn(-self.turned_deg));
-        }
+    /// Advice for a `panel` on a `sensor`, both in pixels.
+    pub fn advice(&self, panel: Size, sensor: Size) -> Vec<Advice> {
+        let rotate = -self.rotation_deg;
+        let way = if rotate < 0.0 { "anticlockwise" } else { "clockwise" };
+        let mut rows = vec![
+            Advice::when(
+                self.mirrored,
+                Action::Unmirror,
+                "left and right are swapped: remove the mirror, or change the camera's setting",
+            ),
+            Advice::when(
+                rotate.abs() > ROTATION_MAX_DEG,
+                Action::Rotate(rotate),
+                format!("rotate the panel in the picture by {:.1}° {way}", rotate.abs()),
+            ),
+        ];
         let sides = [panel.width, panel.height].map(|pixels| pixels as f64);
-        // How many times larger the panel must be seen, to fill the sensor.
-        let larger = (0..2).map(|k| self.span_px[k] * SPARE / sides[k]).fold(0.0, f64::max);
-        let largest = MAGNIFICATION_MAX / self.magnification;
-        if larger > largest * SPARE {
-            let pixels = self.span_px.map(|span| span * self.magnification * SPARE);
-            all.push(Adjustment::OtherPanel { pixels });
-        } else if larger > SPARE {
-            all.push(Adjustment::Distance { times: 1.0 / larger, because: Because::SeesPast });
-        } else if largest < 1.0 {
-            let times = 1.0 / largest.max(larger);
-            let because = Because::Coarse(self.magnification);
-            all.push(Adjustment::Distance { times, because });
-        }
-        // As much to spare on one side as on the other.
-        let [left, right, top, bottom] = self.spare_px;
+        // Factors by which the panel must and may grow in the picture.
+        let needed = (0..2).map(|k| self.span_px[k] * REACH / sides[k]).fold(0.0, f64::max);
+        let most = MAGNIFICATION_MAX / self.magnification;
+        rows.extend(self.distance_advice(needed, most));
+        // The same reserve on opposite sides.
+        let [left, right, top, bottom] = self.reserve_px;
         let [x, y] = [left - right, top - bottom].map(|more| 0.5 * more * self.magnification);
-        if x.hypot(y) > OFFSET_MAX * sensor.width as f64 || !self.covers() && larger <= SPARE {
-            all.push(Adjustment::Move([x, y]));
+        let across = if x < 0.0 { "left" } else { "right" };
+        let down = if y < 0.0 { "up" } else { "down" };
+        rows.push(Advice::when(
+            x.hypot(y) > OFFSET_MAX * sensor.width as f64 || !self.covers() && needed <= REACH,
+            Action::Move([x, y]),
+            format!(
+                "move the panel in the picture by {:.0} px {across} and {:.0} px {down}",
+                x.abs(),
+                y.abs()
+            ),
+        ));
+        let [across, down] = self.keystone;
+        for (share, positive, negative) in [
+            (across, (PictureSide::Left, "left"), (PictureSide::Right, "right")),
+            (down, (PictureSide::Upper, "upper"), (PictureSide::Lower, "lower")),
+        ] {
+            let (side, name) = if share < 0.0 { negative } else { positive };
+            rows.push(Advice::when(
+                share.abs() > KEYSTONE_MAX,
+                Action::Nearer(side),
+                format!(
+                    "the {name} side of the panel in the picture is {:.1} % farther away than the \
+                     opposite one: turn it nearer",
+                    100.0 * share.abs()
+                ),
+            ));
         }
-        let farther =
-            [[PictureSide::Left, PictureSide::Right], [PictureSide::Upper, PictureSide::Lower]];
-        for (share, sides) in self.keystone.into_iter().zip(farther) {
-            if share.abs() > KEYSTONE_MAX {
-                let side = sides[usize::from(share < 0.0)];
-                all.push(Adjustment::Nearer { side, share: share.abs() });
-            }
-        }
-        all
+        rows.into_iter().flatten().collect()
+    }
+
+    /// Advice on the panel's distance, from the factor by which it needs to grow in the picture,
+    /// and the `most` by which it may.
+    fn distance_advice(&self, needed: f64, most: f64) -> [Option<Advice>; 2] {
+        let is_unsuitable = needed > most * REACH;
+        let sees_past = needed > REACH;
+        let times = if sees_past { 1.0 / needed } else { 1.0 / most.max(needed) };
+        let why = if sees_past {
+            "the sensor sees past the panel".to_owned()
+        } else {
+            format!(
+                "a panel pixel covers {:.2} of the sensor's, allowed {MAGNIFICATION_MAX}",
+                self.magnification
+            )
+        };
+        let way = if times < 1.0 { "nearer" } else { "away" };
+        let [across, down] = self.span_px.map(|span| span * self.magnification * REACH);
+        [
+            Advice::when(
+                is_unsuitable,
+                Action::ReplacePanel,
+                format!(
+                    "at no distance the panel both fills the sensor and is finer than it: use one \
+                     of {across:.0}×{down:.0} pixels or more"
+                ),
+            ),
+            Advice::when(
+                !is_unsuitable && (sees_past || most < 1.0),
+                Action::Distance(times),
+                format!("{why}: move the panel {way}, to {:.0} % of its distance", 100.0 * times),
+            ),
+        ]
     }
 }
 
 impl Steadiness {
-    /// What to do about it.
-    pub fn adjustments(&self) -> Vec<Adjustment> {
-        let flicker = (self.flicker > FLICKER_MAX).then_some(Adjustment::Flicker(self.flicker));
-        let bands = (self.bands > FLICKER_MAX).then_some(Adjustment::Bands(self.bands));
-        let drift = (self.drift.abs() > DRIFT_MAX).then_some(Adjustment::WarmUp(self.drift));
-        flicker.into_iter().chain(bands).chain(drift).collect()
-    }
-}
-
-impl Linearity {
-    /// What to do about it.
-    pub fn adjustments(&self) -> Vec<Adjustment> {
-        let [twice, thrice] = self.times;
-        let straight = |found: f64, times: f64| (found / times - 1.0).abs() <= BENT_MAX;
-        let bent = !(straight(twice, 2.0) && straight(thrice, 3.0));
-        bent.then_some(Adjustment::Straighten(self.times)).into_iter().collect()
-    }
-}
-
-/// What to do about a `flicker` seen from exposure to exposure.
-pub fn flickers(flicker: f64) -> Option<Adjustment> {
-    (flicker > FLICKER_MAX).then_some(Adjustment::Flicker(flicker))
-}
-
-/// What to do about places that see so much `more` than in the dark, as a share of the range.
-pub fn leaks(more: &[f64; PLACES]) -> Option<Adjustment> {
-    let leaking: Vec<usize> = (0..PLACES).filter(|&n| more[n] > LEAK_MAX).collect();
-    (!leaking.is_empty()).then_some(Adjustment::Seal(leaking))
-}
-
-impl fmt::Display for Adjustment {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Adjustment::Find => {
-                write!(
-                    f,
-                    "the panel's middle is not in view: aim the camera at it, or turn the \
-                           focus ring a good deal"
-                )
-            }
-            Adjustment::Light(places) => {
-                write!(
-                    f,
-                    "no panel is seen at the {}: move the panel there, or nearer",
-                    names(places)
-                )
-            }
-            Adjustment::Seal(places) => {
-                write!(f, "light comes in, seen at the {}: felt over that seam", names(places))
-            }
-            Adjustment::Unmirror => {
-                write!(f, "left and right are swapped: a mirror, or a setting of the camera")
-            }
-            Adjustment::Expose { exposure_ms, white, clipped_share } => {
-                let what = if *white < WHITE.0 { "white is dark" } else { "white is too bright" };
-                write!(
-                    f,
-                    "{what} ({:.0} % of the range, {:.2} % of the sites full): set exposure-ms = \
-                     {exposure_ms:.2} (whole refreshes)",
-                    100.0 * white,
-                    100.0 * clipped_share
-                )
-            }
-            Adjustment::Darken { times } => write!(
-                f,
-                "white is too bright, and one refresh is the shortest exposure without flicker: \
-                 set less gain, or the panel to {:.0} % of the light it gives",
-                100.0 * times
+    /// Advice on unsteady light.
+    pub fn advice(&self) -> Vec<Advice> {
+        let rows = [
+            Advice::flicker(self.flicker),
+            Advice::when(
+                self.bands > FLICKER_MAX,
+                Action::Steady,
+                format!(
+                    "bands across the picture change by {:.1} %: the exposure is no whole number \
+                     of the backlight's periods; set the panel to its full brightness",
+                    100.0 * self.bands
+                ),
             ),
-            Adjustment::Distance { times, because } => {
-                let way = if *times < 1.0 { "nearer" } else { "away" };
-                match because {
-                    Because::SeesPast => write!(f, "the sensor sees past the panel")?,
-                    Because::Coarse(found) => write!(
-                        f,
-                        "a panel pixel covers {found:.2} of the sensor's, allowed \
-                         {MAGNIFICATION_MAX}"
-                    )?,
-                }
-                write!(f, ": bring the panel {way}, to {:.0} % of its distance", 100.0 * times)
-            }
-            Adjustment::OtherPanel { pixels: [across, down] } => write!(
-                f,
-                "at no distance the panel both fills the sensor and is finer than it: take one of \
-                 {across:.0}×{down:.0} pixels or more"
+            Advice::when(
+                self.drift.abs() > DRIFT_MAX,
+                Action::Steady,
+                format!(
+                    "the light {} by {:.1} %: let the panel warm up, and switch off its automatic \
+                     brightness",
+                    if self.drift < 0.0 { "fell" } else { "rose" },
+                    100.0 * self.drift.abs()
+                ),
             ),
-            Adjustment::Move([x, y]) => {
-                let across = if *x < 0.0 { "left" } else { "right" };
-                let down = if *y < 0.0 { "up" } else { "down" };
-                let (x, y) = (x.abs(), y.abs());
-                write!(f, "move the panel in the picture {x:.0} px {across} and {y:.0} px {down}")
-            }
-            Adjustment::Turn(degrees) => {
-                let way = if *degrees < 0.0 { "anticlockwise" } else { "clockwise" };
-                write!(f, "turn the panel in the picture {:.1}° {way}", degrees.abs())
-            }
-            Adjustment::Nearer { side, share } => write!(
-                f,
-                "the picture's {} side of the panel is {:.1} % farther away than the opposite one: \
-                 turn it nearer",
-                side.name(),
-                100.0 * share
-            ),
-            Adjustment::Flicker(share) => write!(
-                f,
-                "the light changes by {:.1} % from one exposure to the next: expose for whole \
-                 refreshes, and set the panel's brightness to its largest",
-                100.0 * share
-            ),
-            Adjustment::Bands(share) => write!(
-                f,
-                "bands across the picture change by {:.1} %: the exposure is no whole number of \
-                 the backlight's periods; set the panel's brightness to its largest",
-                100.0 * share
-            ),
-            Adjustment::WarmUp(share) => write!(
-                f,
-                "the light went {} by {:.1} %: let the panel warm up, and switch its automatic \
-                 brightness off",
-                if *share < 0.0 { "down" } else { "up" },
-                100.0 * share.abs()
-            ),
-            Adjustment::Straighten([twice, thrice]) => write!(
-                f,
-                "2 and 3 times the exposure bring {twice:.2} and {thrice:.2} times the counts: \
-                 switch the camera's gamma, contrast and automatic gain off"
-            ),
-            Adjustment::Focus(FocusTurn::On) => write!(f, "focus: it gets sharper, turn on"),
-            Adjustment::Focus(FocusTurn::Back) => {
-                write!(f, "focus: less sharp than the best, turn back")
-            }
-            Adjustment::Focus(FocusTurn::PastTheBest) => {
-                write!(f, "focus: turn the ring past the best on both sides, then back to it")
-            }
-            Adjustment::Focus(FocusTurn::There) => {
-                write!(f, "focus: this is the best; tape ring and aperture")
-            }
-        }
+        ];
+        rows.into_iter().flatten().collect()
     }
 }

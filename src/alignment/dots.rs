@@ -1,31 +1,31 @@
-//! The picture that tells where a panel lies on the sensor: white dots on dark grey.
+//! White dots on dark grey, to locate a panel on the sensor.
 //!
-//! The middle dot is the largest, its right neighbour the second, and the one below is left out:
-//! that gives shift, turn, size and reflection, also to a camera that sees no colours.
+//! The middle dot is the largest, its right neighbour the second largest, and the one below is
+//! missing: this gives shift, rotation, size and reflection even without colours.
 
 use super::pose::SeenDot;
 use super::sites::GreenSites;
 use crate::frame::{Codes, Frame, Plane, Size};
 
-/// Dots on each side of the middle one, across and down.
+/// Dots to each side of the middle one, across and down.
 const AROUND: [i32; 2] = [3, 2];
-/// The dot below the middle one, which is not there.
-const LEFT_OUT: [i32; 2] = [0, 1];
-/// The grey between the dots, so that the panel's border can be seen.
+/// The missing dot, below the middle one.
+const MISSING_DOT: [i32; 2] = [0, 1];
+/// Code between the dots; keeps the panel's border visible.
 const GREY: u8 = 64;
-/// Light of a dot that counts, between the median's and the brightest. Guess: half of it is left at
-/// the rim of a dot, and corners are half as bright.
+/// Threshold of a dot between the median and the brightest light. Guess: the rim of a dot has half
+/// its light, and corners are half as bright.
 const DOT_SHARE: f32 = 0.25;
-/// A camera that sees no more than this share of its range sees no dots.
-const SEEN_SHARE: f32 = 0.02;
-/// A dot is its grid place's when it lies this near to it, in steps of the grid.
+/// Least contrast of the dots, as a share of the camera's range.
+const CONTRAST_MIN: f32 = 0.02;
+/// Largest distance of a dot from its grid position, in grid steps.
 const NEAR: f64 = 0.3;
-/// Fewer dots are chance.
+/// Fewest dots; fewer may be chance.
 const DOTS_MIN: usize = 6;
-/// Fewer sites are a hot site or two.
+/// Fewest sites of a dot; fewer may be hot sites.
 const AREA_MIN: usize = 5;
 
-/// Panel place of the dot so many columns and rows from the middle one.
+/// Panel position of the dot at a column and row relative to the middle one.
 fn place(panel: Size, [column, row]: [i32; 2]) -> [f64; 2] {
     let along = |pixels: usize, n: i32, around: i32| {
         0.5 * (pixels as f64 - 1.0) + f64::from(n) * pixels as f64 / f64::from(2 * around + 1)
@@ -42,14 +42,14 @@ fn radius_px(panel: Size, dot: [i32; 2]) -> f64 {
     times * panel.height as f64 / 32.0
 }
 
-/// All dots that are there.
+/// All dots of the picture.
 fn dots() -> impl Iterator<Item = [i32; 2]> {
     let rows = -AROUND[1]..=AROUND[1];
     rows.flat_map(|row| (-AROUND[0]..=AROUND[0]).map(move |column| [column, row]))
-        .filter(|dot| *dot != LEFT_OUT)
+        .filter(|dot| *dot != MISSING_DOT)
 }
 
-/// The picture for a panel of size `panel`.
+/// The picture of dots for a `panel`.
 pub(super) fn picture(panel: Size) -> Codes {
     let mut plane = Plane::filled(panel, GREY);
     for dot in dots() {
@@ -68,73 +68,68 @@ pub(super) fn picture(panel: Size) -> Codes {
     Frame::from_fn(|_| plane.clone())
 }
 
-/// The dots that were found.
+/// The dots found in a capture.
 pub(super) struct FoundDots {
-    /// Panel place and sensor place of each.
+    /// Panel and sensor positions.
     pub(super) pairs: Vec<SeenDot>,
     /// Whether left and right are swapped.
     pub(super) mirrored: bool,
 }
 
-/// The dots of a `panel` in `light`, the green `sites` of a camera that counts up to `range` over
-/// black; `None` when the middle ones are not seen.
+/// Finds the dots of a `panel` in `light`, the green `sites` of a camera with `range` counts above
+/// black; `None` if the middle ones are not in view.
 pub(super) fn find(light: &Plane, sites: GreenSites, range: f64, panel: Size) -> Option<FoundDots> {
-    let mut sorted = light.data().to_vec();
-    let last = sorted.len().checked_sub(1)?;
-    let mut rank = |share: f64| {
-        let n = (share * last as f64) as usize;
-        *sorted.select_nth_unstable_by(n, f32::total_cmp).1
-    };
-    // Hot sites are fewer than a dot's.
-    let (median, peak) = (rank(0.5), rank(0.998));
-    if peak - median < SEEN_SHARE * range as f32 {
-        return None;
-    }
-    let mut blobs = blobs(light, median + DOT_SHARE * (peak - median));
+    let mut blobs = blobs(light, threshold(light, range)?);
     blobs.sort_by(|a, b| b.flux.total_cmp(&a.flux));
     for blob in &mut blobs {
         blob.at = sites.on_sensor(blob.at);
     }
     let [middle, right] = [blobs.first()?.at, blobs.get(1)?.at];
     let across = [right[0] - middle[0], right[1] - middle[1]];
-    // The grid's step down is square to the one across, longer or shorter, and below or above it.
-    let [step_x, step_y] = [0, 1].map(|axis| {
-        let next = place(panel, [1, 1]);
-        next[axis] - place(panel, [0, 0])[axis]
-    });
-    let turned = [-across[1], across[0]].map(|v| v * step_y / step_x);
-    let is_near = |at: [f64; 2], wanted: [f64; 2]| {
-        (at[0] - wanted[0]).hypot(at[1] - wanted[1]) < NEAR * across[0].hypot(across[1])
-    };
-    let at = |[column, row]: [i32; 2], down: [f64; 2]| {
-        let [column, row] = [f64::from(column), f64::from(row)];
-        [0, 1].map(|k| middle[k] + column * across[k] + row * down[k])
-    };
-    let nearest = |wanted: [f64; 2]| {
+    // The grid's step down is perpendicular to the one across; its sign depends on mirroring.
+    let [step_x, step_y] =
+        [0, 1].map(|axis| place(panel, [1, 1])[axis] - place(panel, [0, 0])[axis]);
+    let down = [-across[1], across[0]].map(|v| v * step_y / step_x);
+    let nearest = |[column, row]: [i32; 2], down: [f64; 2]| {
+        let (column, row) = (f64::from(column), f64::from(row));
+        let wanted = [0, 1].map(|k| middle[k] + column * across[k] + row * down[k]);
         let off = |blob: &&Blob| (blob.at[0] - wanted[0]).hypot(blob.at[1] - wanted[1]);
         let nearest = blobs.iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
-        is_near(nearest.at, wanted).then_some(nearest.at)
+        (off(&nearest) < NEAR * across[0].hypot(across[1])).then_some(nearest.at)
     };
-    let matched = |down: [f64; 2]| -> Vec<SeenDot> {
-        let pair = |dot| Some((place(panel, dot), nearest(at(dot, down))?));
-        dots().filter_map(pair).collect()
-    };
-    let mirrored = match [turned, turned.map(|v| -v)].map(|down| nearest(at(LEFT_OUT, down))) {
+    let up = down.map(|v| -v);
+    let mirrored = match [down, up].map(|down| nearest(MISSING_DOT, down)) {
         [None, Some(_)] => false,
         [Some(_), None] => true,
         _ => return None,
     };
-    let pairs = matched(turned.map(|v| if mirrored { -v } else { v }));
+    let down = if mirrored { up } else { down };
+    let pair = |dot| Some(SeenDot { panel: place(panel, dot), sensor: nearest(dot, down)? });
+    let pairs: Vec<SeenDot> = dots().filter_map(pair).collect();
     (pairs.len() >= DOTS_MIN).then_some(FoundDots { pairs, mirrored })
 }
 
-/// Bright sites that touch each other.
+/// The least light of a dot; `None` without contrast.
+fn threshold(light: &Plane, range: f64) -> Option<f32> {
+    let mut sorted = light.data().to_vec();
+    let last = sorted.len().checked_sub(1)?;
+    let mut rank = |share: f64| {
+        let n = (share * last as f64) as usize;
+        *sorted.select_nth_unstable_by(n, f32::total_cmp).1
+    };
+    // Hot sites are fewer than those of the dots.
+    let (median, peak) = (rank(0.5), rank(0.998));
+    let has_contrast = peak - median >= CONTRAST_MIN * range as f32;
+    has_contrast.then_some(median + DOT_SHARE * (peak - median))
+}
+
+/// A connected group of bright sites.
 struct Blob {
     at: [f64; 2],
     flux: f64,
 }
 
-/// All of them that do not reach the picture's border, where they may be cut.
+/// All blobs of `light` above `threshold` that do not touch the border, where they may be cut.
 fn blobs(light: &Plane, threshold: f32) -> Vec<Blob> {
     let Size { width, height } = light.size();
     let mut seen = Plane::filled(light.size(), false);

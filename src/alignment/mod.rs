@@ -1,5 +1,5 @@
-//! What someone who bolts a rig together wants to see: how sharp the panel is at nine places, where
-//! it lies on the sensor, how bright it is, and what to do about it: `relens align`.
+//! `relens align`, for assembling a rig: sharpness at nine places, position of the panel on the
+//! sensor, brightness, and advice.
 
 mod advice;
 mod dots;
@@ -18,38 +18,38 @@ use crate::patterns::{self, Trial};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 
-pub use advice::{Adjustment, Because, FocusTurn, PictureSide, flickers, leaks};
+pub use advice::{Action, Advice, FocusTurn, PictureSide};
 pub use pose::Aim;
 pub use report::AlignmentReport;
 pub use sharpness::{FocusHistory, Sharpness};
 pub use sites::{GreenSites, Histogram, PLACES};
-pub use steadiness::{GREYS, Linearity, Steadiness};
+pub use steadiness::{GREYS, Steadiness};
 
-/// One look at the focus pattern.
+/// One reading of the focus pattern.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FocusLook {
-    /// How sharp it is.
+pub struct FocusReading {
+    /// Sharpness at nine places.
     pub sharpness: Sharpness,
-    /// Its mean counts over black.
+    /// Mean counts over black.
     pub light: f64,
 }
 
-/// How bright the white panel is.
+/// Brightness of the white panel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Brightness {
-    /// Share of the data that is full.
+    /// Share of saturated sites.
     pub clipped_share: f64,
     /// White at the brightest place, as a share of the camera's range over black.
     pub white: f64,
-    /// Light of each place over the brightest's.
+    /// Light of each place over that of the brightest.
     pub places: [f64; PLACES],
-    /// How many of the data are how bright.
+    /// Histogram of the counts.
     pub histogram: Histogram,
-    /// How long it was exposed.
+    /// Exposure time.
     pub exposed_ms: f64,
 }
 
-/// A rig that is being aligned.
+/// A rig under alignment.
 pub struct RigView<'a> {
     devices: &'a mut Devices,
     sites: GreenSites,
@@ -57,14 +57,14 @@ pub struct RigView<'a> {
     count_max: u16,
     pattern: Codes,
     dots: Codes,
-    /// The last exposure of the focus pattern, while that is on the panel.
+    /// The last exposure of the focus pattern, while the panel shows it.
     last: Option<Counts>,
-    /// Black is on the panel.
+    /// Whether the panel shows black.
     is_black: bool,
 }
 
 impl<'a> RigView<'a> {
-    /// Of `rig`, whose devices need no marks. Takes the camera's black by one capture.
+    /// Opens the view of `rig`, whose devices need no marks, and captures the camera's black.
     ///
     /// # Errors
     /// When a capture fails.
@@ -88,12 +88,12 @@ impl<'a> RigView<'a> {
         Ok(view)
     }
 
-    /// One more exposure of the focus pattern; two, and the time a picture takes to settle, when
-    /// something else was shown before.
+    /// Exposes the focus pattern once more; twice, after settling, if the panel showed another
+    /// picture.
     ///
     /// # Errors
     /// When a capture fails.
-    pub fn look(&mut self) -> Result<FocusLook, RigError> {
+    pub fn measure_focus(&mut self) -> Result<FocusReading, RigError> {
         let first = match self.last.take() {
             Some(counts) => counts,
             None => {
@@ -105,14 +105,14 @@ impl<'a> RigView<'a> {
         let (sharpness, light) = Sharpness::of(&first, &second, self.sites, self.black);
         self.devices.camera.give_back(first);
         self.last = Some(second);
-        Ok(FocusLook { sharpness, light })
+        Ok(FocusReading { sharpness, light })
     }
 
-    /// One capture of white.
+    /// Captures white.
     ///
     /// # Errors
-    /// When it fails.
-    pub fn brightness(&mut self) -> Result<Brightness, RigError> {
+    /// When the capture fails.
+    pub fn measure_brightness(&mut self) -> Result<Brightness, RigError> {
         let white = patterns::trial(self.devices.panel.size(), Trial::White);
         let counts = self.capture(&white)?;
         let (histogram, clipped_share) = self.sites.histogram(&counts, self.count_max);
@@ -129,14 +129,14 @@ impl<'a> RigView<'a> {
         })
     }
 
-    /// One capture of dots: where the panel lies, `None` when its middle is not seen; and what the
-    /// camera sees, as light from 0 to 1.
+    /// Captures the dots: the position of the panel (`None` if its middle is not in view) and the
+    /// captured light, 0..1.
     ///
     /// # Errors
     /// When the capture fails.
-    pub fn aim(&mut self) -> Result<(Option<Aim>, Plane), RigError> {
+    pub fn measure_aim(&mut self) -> Result<(Option<Aim>, Plane), RigError> {
         let panel = self.devices.panel.size();
-        (self.last, self.is_black) = (None, false);
+        self.forget_picture();
         let counts = self.devices.capture(&self.dots)?.counts;
         let mut light = self.sites.light(&counts, self.black);
         let found = dots::find(&light, self.sites, self.range(), panel);
@@ -146,11 +146,11 @@ impl<'a> RigView<'a> {
         Ok((aim, light))
     }
 
-    /// One more exposure of black: what each place sees, as a share of the range.
+    /// Exposes black: the light at each place, as a share of the range.
     ///
     /// # Errors
-    /// When it fails.
-    pub fn darkness(&mut self) -> Result<[f64; PLACES], RigError> {
+    /// When the capture fails.
+    pub fn measure_darkness(&mut self) -> Result<[f64; PLACES], RigError> {
         let counts = match self.is_black {
             true => self.devices.expose()?.counts,
             false => self.capture(&patterns::trial(self.devices.panel.size(), Trial::Black))?,
@@ -161,19 +161,24 @@ impl<'a> RigView<'a> {
         Ok(sites::means(&light).map(|mean| mean / self.range()))
     }
 
-    /// The rig's clock, in seconds.
+    /// Time on the rig's clock, seconds.
     pub fn now_s(&self) -> f64 {
         self.devices.clock.now().0
     }
 
-    /// Counts that light can add to black.
+    /// Counts between black and saturation.
     fn range(&self) -> f64 {
         (f64::from(self.count_max) - self.black).max(1.0)
     }
 
-    /// One capture of `codes` in place of the focus pattern.
-    fn capture(&mut self, codes: &Codes) -> Result<Counts, RigError> {
+    /// Notes that the panel no longer shows the focus pattern or black.
+    fn forget_picture(&mut self) {
         (self.last, self.is_black) = (None, false);
+    }
+
+    /// Captures `codes` in place of the focus pattern.
+    fn capture(&mut self, codes: &Codes) -> Result<Counts, RigError> {
+        self.forget_picture();
         Ok(self.devices.capture(codes)?.counts)
     }
 }

@@ -1,18 +1,18 @@
-//! Where panel and camera go for a lens, before anything is bolted down: the thin lens's formula.
+//! Distances of panel and camera for a lens, by the thin-lens formula.
 
 use crate::frame::Size;
 
 /// Millimetres of an inch.
 const INCH_MM: f64 = 25.4;
 
-/// What a rig is to be built of.
+/// The parts of a planned rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plan {
-    /// The lens's focal length.
+    /// Focal length of the lens.
     pub lens_mm: f64,
-    /// The panel's diagonal.
+    /// Diagonal of the panel.
     pub panel_inches: f64,
-    /// Its pixels, which are square.
+    /// Pixels of the panel, which are square.
     pub panel: Size,
     /// Side of a sensor pixel.
     pub pixel_um: f64,
@@ -20,21 +20,21 @@ pub struct Plan {
     pub sensor: Size,
 }
 
-/// How far apart things are for one magnification.
+/// Distances for one magnification.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distances {
     /// From the lens's middle to the panel.
     pub panel_mm: f64,
     /// From the lens's middle to the sensor.
     pub sensor_mm: f64,
-    /// Panel pixels that the sensor sees, across and down.
+    /// Panel pixels in the sensor's field of view, across and down.
     pub seen_px: [f64; 2],
-    /// Whether the panel has as many.
+    /// Whether the panel has that many.
     pub covers: bool,
 }
 
 impl Plan {
-    /// The distances at which a panel pixel is `magnification` sensor pixels.
+    /// The distances for `magnification` sensor pixels per panel pixel.
     pub fn at(&self, magnification: f64) -> Distances {
         let Size { width, height } = self.panel;
         let diagonal_px = (width as f64).hypot(height as f64);
@@ -52,17 +52,20 @@ impl Plan {
 }
 
 impl std::fmt::Display for Plan {
-    /// A row for each magnification that suits.
+    /// A table with a row for each suitable magnification.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "sensor px a panel px   lens to panel   lens to sensor   panel seen")?;
+        writeln!(f, "sensor px per panel px   lens to panel   lens to sensor   panel in view")?;
         for magnification in [0.8, 0.85, 0.9] {
             let Distances { panel_mm, sensor_mm, seen_px: [across, down], covers } =
                 self.at(magnification);
-            let remark = if covers { "" } else { "  more than there is" };
+            let remark = if covers { "" } else { "  more than the panel has" };
             let far = format!("{panel_mm:10.0} mm   {sensor_mm:11.2} mm");
-            writeln!(f, "{magnification:20.2}   {far}   {across:.0}×{down:.0} px{remark}")?;
+            writeln!(f, "{magnification:22.2}   {far}   {across:.0}×{down:.0} px{remark}")?;
         }
-        write!(f, "Distances are from the lens's middle, and a thin lens's: a few per cent off.")
+        write!(
+            f,
+            "Distances are from the middle of a thin lens; a real one differs by a few per cent."
+        )
     }
 }
 
@@ -74,7 +77,7 @@ mod tests {
         [("IMX174", 5.86, Size::new(1920, 1200)), ("IMX296", 3.45, Size::new(1456, 1088))];
 
     #[test]
-    fn a_lens_at_twice_its_focal_length_shows_things_as_large_as_they_are() {
+    fn a_lens_at_twice_its_focal_length_images_at_unit_magnification() {
         let panel = Size::new(3000, 4000);
         let plan = Plan {
             lens_mm: 50.0,
@@ -91,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_s_distances_are_the_program_s() {
+    fn distances_in_hardware_md_equal_the_computed_ones() {
         let page = include_str!("../../hardware.md");
         let table = page.split("| sensor | panel | 16 mm").nth(1).expect("the table of distances");
         let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
@@ -116,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn the_drawings_are_to_scale_and_have_the_program_s_distance() {
+    fn the_drawings_are_to_scale() {
         let drawings = [
             include_str!("../../tests/pictures/dock.svg"),
             include_str!("../../tests/pictures/window.svg"),
@@ -125,7 +128,7 @@ mod tests {
         let panel = Size::new(2560, 1440);
         let plan = Plan { lens_mm: 25.0, panel_inches: 27.0, panel, pixel_um, sensor };
         let wanted = plan.at(0.85);
-        // Where a line begins, and how long it is: one is across, the other up and down.
+        // Start and length of a line; one is horizontal, the other vertical.
         let line = |drawing: &str, id: &str| -> ([f64; 2], f64) {
             let (_, rest) = drawing.split_once(&format!("<path id=\"{id}\" d=\"M")).expect(id);
             let (path, _) = rest.split_once('"').expect("its end");
@@ -147,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_s_adapters_are_what_the_mounts_leave() {
+    fn adapters_in_hardware_md_fill_the_flange_distances() {
         let page = include_str!("../../hardware.md");
         let table = page.split("| lens with | flange").nth(1).expect("the table of mounts");
         let mut checked = 0;

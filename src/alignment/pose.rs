@@ -1,62 +1,67 @@
-//! Where the panel lies on the sensor, of dots that were found: shift, turn, size, keystone, and
-//! how far the panel reaches beyond the sensor.
+//! Position of the panel on the sensor from the dots found: shift, rotation, size, keystone, and
+//! the panel's reach beyond the sensor.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::frame::Size;
 
-/// A panel place and the sensor place that it is seen at, in pixels.
-pub(super) type SeenDot = ([f64; 2], [f64; 2]);
+/// Position of a dot on the panel and on the sensor, pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SeenDot {
+    pub(super) panel: [f64; 2],
+    pub(super) sensor: [f64; 2],
+}
 
-/// With fewer dots a lens's distortion is not told from keystone, and taken to be none.
+/// Fewest dots to fit the lens's distortion with; fewer do not separate it from keystone.
 const FOR_DISTORTION: usize = 12;
+/// Gauss–Newton steps.
 const STEPS: usize = 8;
-/// Dots lie this near to where the pose puts them, in sensor pixels; else it is none.
+/// Largest misfit of a dot, sensor pixels.
 const OFF_MAX_PX: f64 = 5.0;
 
-/// Where the panel lies on the sensor.
+/// Position of the panel on the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aim {
-    /// The panel's centre from the sensor's, sensor pixels, right and down.
+    /// Offset of the panel's centre from the sensor's, sensor pixels, right and down.
     pub offset_px: [f64; 2],
-    /// By how much the panel is turned clockwise in the picture, degrees.
-    pub turned_deg: f64,
-    /// Sensor pixels a panel pixel, in the sensor's middle.
+    /// Clockwise rotation of the panel in the picture, degrees.
+    pub rotation_deg: f64,
+    /// Sensor pixels per panel pixel, in the sensor's middle.
     pub magnification: f64,
     /// Whether left and right are swapped.
     pub mirrored: bool,
-    /// By which share of the middle's size the panel looks larger at the sensor's right edge than
-    /// at its left one, and at its lower edge than at its upper: that side is so much nearer.
+    /// Relative difference in the panel's scale between the sensor's right and left edges, and
+    /// between its lower and upper ones; positive where the right or lower side is nearer.
     pub keystone: [f64; 2],
     /// Panel pixels that the sensor spans, across and down.
     pub span_px: [f64; 2],
-    /// Panel pixels beyond what the sensor sees, at the panel's left, right, top and bottom; less
-    /// than nothing where the sensor sees past the panel.
-    pub spare_px: [f64; 4],
+    /// Panel pixels beyond the sensor's view at the panel's left, right, top and bottom; negative
+    /// where the sensor sees past the panel.
+    pub reserve_px: [f64; 4],
 }
 
 impl Aim {
-    /// Whether every pixel of the sensor sees panel.
+    /// Whether every sensor pixel sees the panel.
     pub fn covers(&self) -> bool {
-        self.spare_px.iter().all(|&spare| spare >= 0.0)
+        self.reserve_px.iter().all(|&reserve| reserve >= 0.0)
     }
 
-    /// Angles by which the panel's right and lower sides are nearer, in degrees, behind a lens
-    /// whose image is `image_distance_px` sensor pixels away, on a sensor of `size`.
+    /// Tilt that brings the panel's right and lower sides nearer, degrees, for an image
+    /// `image_distance_px` sensor pixels behind the lens on a sensor of `size`.
     pub fn tilt_deg(&self, image_distance_px: f64, size: Size) -> [f64; 2] {
         let across = [size.width, size.height].map(|pixels| pixels as f64);
         [0, 1].map(|k| (self.keystone[k] * image_distance_px / across[k]).atan().to_degrees())
     }
 
-    /// The pose in which `pairs` of a `panel` are seen on a `sensor`; `None` when there is none.
+    /// Fits the position of a `panel` on a `sensor` to `pairs`; `None` if none fits.
     pub(super) fn of(pairs: &[SeenDot], mirrored: bool, panel: Size, sensor: Size) -> Option<Aim> {
         let map = Perspective::fit(pairs, panel, sensor)?;
         let [sx, sy, a, b, c, d, px, py, _] = map.parameters;
         let unit = map.unit;
-        // Lengths are in `unit`s there, places in panel pixels over it too.
+        // The parameters are in units of `unit`.
         let determinant = a * d - b * c;
         let flip = if mirrored { -1.0 } else { 1.0 };
-        // w = 1 + p·q; q = A⁻¹(seen − s): how w grows over the sensor's sides. Sizes go with 1/w.
+        // w = 1 + p·q with q = A⁻¹(seen − s): the gradient of w over the sensor. Scale is 1/w.
         let gradient = [(px * d - py * c) / determinant, (py * a - px * b) / determinant];
         let sides = [sensor.width, sensor.height].map(|pixels| pixels as f64 / unit);
         let corners = map.corners()?;
@@ -70,18 +75,18 @@ impl Aim {
         let (top, bottom, high) = reach(1, panel.height);
         Some(Aim {
             offset_px: [sx * unit, sy * unit],
-            turned_deg: (c - flip * b).atan2(flip * a + d).to_degrees(),
+            rotation_deg: (c - flip * b).atan2(flip * a + d).to_degrees(),
             magnification: determinant.abs().sqrt(),
             mirrored,
             keystone: [0, 1].map(|k| -gradient[k] * sides[k]),
             span_px: [wide, high],
-            spare_px: [left, right, top, bottom],
+            reserve_px: [left, right, top, bottom],
         })
     }
 }
 
-/// Panel places to sensor places: affine, perspective, and a lens's distortion by the third order.
-/// Places are from the middles, over `unit`, half of the sensor's diagonal.
+/// Map from panel to sensor: affine, perspective, and third-order distortion. Coordinates are
+/// relative to the middles, in units of half the sensor's diagonal.
 struct Perspective {
     /// Shift (2), the matrix by rows (4), perspective (2), distortion.
     parameters: [f64; 9],
@@ -91,7 +96,7 @@ struct Perspective {
 }
 
 impl Perspective {
-    /// Least squares by Gauss and Newton, from the affine map on.
+    /// Least squares by the Gauss–Newton method, starting from the affine map.
     fn fit(pairs: &[SeenDot], panel: Size, sensor: Size) -> Option<Perspective> {
         let unit = 0.5 * (sensor.width as f64).hypot(sensor.height as f64);
         let mut map = Perspective { parameters: [0.0; 9], panel, sensor, unit };
@@ -99,13 +104,13 @@ impl Perspective {
         map.parameters[5] = 1.0;
         let free = if pairs.len() < FOR_DISTORTION { 8 } else { 9 };
         for step in 0..STEPS {
-            // The affine part alone first.
+            // The first step fits the affine part alone.
             let free = if step == 0 { 6 } else { free };
             let mut slopes = DMatrix::zeros(2 * pairs.len(), free);
             let mut off = DVector::zeros(2 * pairs.len());
-            for (n, &(shown, seen)) in pairs.iter().enumerate() {
+            for (n, dot) in pairs.iter().enumerate() {
                 let (shown, seen) =
-                    (map.about_middle(shown, panel), map.about_middle(seen, sensor));
+                    (map.about_middle(dot.panel, panel), map.about_middle(dot.sensor, sensor));
                 let here = map.at(shown);
                 for k in 0..2 {
                     off[2 * n + k] = seen[k] - here[k];
@@ -125,9 +130,9 @@ impl Perspective {
                 map.parameters[p] += change[p];
             }
         }
-        let off = |&(shown, seen): &SeenDot| {
-            let (there, seen) =
-                (map.at(map.about_middle(shown, panel)), map.about_middle(seen, sensor));
+        let off = |dot: &SeenDot| {
+            let there = map.at(map.about_middle(dot.panel, panel));
+            let seen = map.about_middle(dot.sensor, sensor);
             (there[0] - seen[0]).hypot(there[1] - seen[1]) * unit
         };
         pairs.iter().all(|pair| off(pair) < OFF_MAX_PX).then_some(map)
@@ -138,7 +143,7 @@ impl Perspective {
         [0, 1].map(|k| (place[k] - middle[k]) / self.unit)
     }
 
-    /// Where the panel's place `[x, y]` is seen.
+    /// Maps a position on the panel to the sensor.
     fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [sx, sy, a, b, c, d, px, py, distortion] = self.parameters;
         let w = 1.0 + px * x + py * y;
@@ -147,7 +152,7 @@ impl Perspective {
         ideal.map(|v| v * further)
     }
 
-    /// The panel pixels that the sensor's corners see.
+    /// The panel positions seen by the sensor's corners.
     fn corners(&self) -> Option<[[f64; 2]; 4]> {
         let (width, height) = (self.sensor.width as f64, self.sensor.height as f64);
         let (right, bottom) = (width - 0.5, height - 0.5);
@@ -158,7 +163,7 @@ impl Perspective {
         Some(all)
     }
 
-    /// The panel pixel that the sensor's place sees, by Newton's method.
+    /// Maps a position on the sensor to the panel, by Newton's method.
     fn seen_at(&self, place: [f64; 2]) -> Option<[f64; 2]> {
         const STEP: f64 = 1e-6;
         let wanted = self.about_middle(place, self.sensor);

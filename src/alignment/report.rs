@@ -1,44 +1,50 @@
-//! Everything that was seen of a rig last, as lines for a terminal and as a page with a picture.
+//! The latest readings of a rig, as lines for a terminal and as a page with a picture.
 
 use std::fmt::Write;
 
 use super::{
-    Adjustment, Aim, Brightness, FocusHistory, FocusLook, FocusTurn, PLACES, Sharpness, flickers,
+    Action, Advice, Aim, Brightness, FocusHistory, FocusReading, FocusTurn, PLACES, Sharpness,
 };
 use crate::config::RigFile;
 use crate::frame::{Frame, Plane, Size, Work};
 
-/// Looks over which flicker and the rate are counted.
+/// Readings that flicker and rate are computed from.
 const KEPT: usize = 200;
-/// A panel seen this much larger or smaller was moved: figures of focus are no longer comparable.
+/// Change of the panel's size in the picture that makes focus figures incomparable.
 const MOVED_SHARE: f64 = 0.02;
-/// Widest that the page's picture is.
+/// Largest width of the page's picture.
 const PICTURE_PX: usize = 640;
 
-/// The last of everything.
+/// The light of one reading.
+struct LightSample {
+    light: f64,
+    at_s: f64,
+}
+
+/// The latest readings of a rig.
 pub struct AlignmentReport {
     name: String,
     panel: Size,
     sensor: Size,
     refresh_hz: f64,
-    /// Sensor pixels from the lens to its image, where that is known.
+    /// Sensor pixels from the lens to its image, if known.
     image_distance_px: Option<f64>,
-    looks: u64,
+    readings: u64,
     sharpness: Sharpness,
     best: Sharpness,
     best_mean: f64,
-    focus: Adjustment,
+    focus: FocusTurn,
     history: FocusHistory,
-    /// Light of the last looks, and when they were.
-    light: Vec<(f64, f64)>,
+    /// The last [`KEPT`] readings.
+    light: Vec<LightSample>,
     brightness: Option<Brightness>,
     aim: Option<Aim>,
     seen: Option<Plane>,
 }
 
 impl AlignmentReport {
-    /// Of a rig nobody has looked at yet. The lens's image lies `image_distance_px` sensor pixels
-    /// behind it, if that is known.
+    /// An empty report. The lens's image lies `image_distance_px` sensor pixels behind it, if
+    /// known.
     pub fn new(rig: &RigFile, image_distance_px: Option<f64>) -> AlignmentReport {
         AlignmentReport {
             name: rig.name.clone(),
@@ -46,11 +52,11 @@ impl AlignmentReport {
             sensor: rig.photo_grid().sensor,
             refresh_hz: rig.panel.refresh_hz,
             image_distance_px,
-            looks: 0,
+            readings: 0,
             sharpness: Sharpness([0.0; PLACES]),
             best: Sharpness([0.0; PLACES]),
             best_mean: 0.0,
-            focus: Adjustment::Focus(FocusTurn::PastTheBest),
+            focus: FocusTurn::PassBest,
             history: FocusHistory::default(),
             light: Vec::new(),
             brightness: None,
@@ -59,26 +65,27 @@ impl AlignmentReport {
         }
     }
 
-    /// One more look, at `now_s` of the rig's clock.
-    pub fn looked(&mut self, look: &FocusLook, now_s: f64) {
-        self.looks += 1;
-        self.sharpness = look.sharpness;
-        self.best = self.best.or_better(&look.sharpness);
-        self.best_mean = self.best_mean.max(look.sharpness.mean());
-        self.focus = self.history.turned(look.sharpness.mean());
+    /// Adds a reading of the focus pattern, at `now_s` on the rig's clock.
+    pub fn add_focus(&mut self, reading: &FocusReading, now_s: f64) {
+        let mean = reading.sharpness.mean();
+        self.readings += 1;
+        self.sharpness = reading.sharpness;
+        self.best = self.best.or_better(&reading.sharpness);
+        self.best_mean = self.best_mean.max(mean);
+        self.focus = self.history.add(mean);
         if self.light.len() == KEPT {
             self.light.remove(0);
         }
-        self.light.push((look.light, now_s));
+        self.light.push(LightSample { light: reading.light, at_s: now_s });
     }
 
-    /// One more look at white.
-    pub fn lit(&mut self, brightness: Brightness) {
+    /// Adds a reading of white.
+    pub fn add_brightness(&mut self, brightness: Brightness) {
         self.brightness = Some(brightness);
     }
 
-    /// One more look at the dots, and what the camera saw.
-    pub fn aimed(&mut self, aim: Option<Aim>, seen: Plane) {
+    /// Adds a reading of the dots and the captured light.
+    pub fn add_aim(&mut self, aim: Option<Aim>, seen: Plane) {
         let moved = |(before, now): (Aim, Aim)| {
             (now.magnification / before.magnification - 1.0).abs() > MOVED_SHARE
         };
@@ -88,64 +95,64 @@ impl AlignmentReport {
         (self.aim, self.seen) = (aim, Some(seen));
     }
 
-    /// Figures from before are no longer comparable.
+    /// Drops focus figures that are no longer comparable.
     fn forget_focus(&mut self) {
         self.history = FocusHistory::default();
         (self.best, self.best_mean) = (Sharpness([0.0; PLACES]), 0.0);
         self.light.clear();
     }
 
-    /// What to do, most urgent first: nothing but "this is the best" where all is well.
-    pub fn adjustments(&self) -> Vec<Adjustment> {
+    /// Advice, most urgent first, ending with the focus ring.
+    pub fn advice(&self) -> Vec<Advice> {
         let mut all = Vec::new();
         match (&self.aim, &self.seen) {
-            (Some(aim), _) => all.extend(aim.adjustments(self.panel, self.sensor)),
-            (None, Some(_)) => all.push(Adjustment::Find),
+            (Some(aim), _) => all.extend(aim.advice(self.panel, self.sensor)),
+            (None, Some(_)) => all.push(Advice::find()),
             (None, None) => {}
         }
         if let Some(brightness) = &self.brightness {
-            let light = brightness.adjustments(self.refresh_hz);
-            // Where the panel lies says more than where no light comes from.
-            let known = self.aim.is_some();
-            all.extend(light.into_iter().filter(|a| !(known && matches!(a, Adjustment::Light(_)))));
+            let light = brightness.advice(self.refresh_hz);
+            // Advice on the aim is more precise than a list of unlit places.
+            let is_wanted = |advice: &Advice| self.aim.is_none() || advice.action != Action::Cover;
+            all.extend(light.into_iter().filter(is_wanted));
         }
-        all.extend(flickers(self.flicker()));
-        all.push(self.focus.clone());
+        all.extend(Advice::flicker(self.flicker()));
+        all.push(Advice::focus(self.focus));
         all
     }
 
-    /// Change of the light from one look to the next, as a share of it. The median's: a hand that
-    /// turns something is no flicker.
+    /// Standard deviation of the light between readings, as a share, from the median change:
+    /// a hand in the picture is no flicker.
     fn flicker(&self) -> f64 {
-        let changed = |pair: &[(f64, f64)]| (pair[1].0 / pair[0].0 - 1.0).abs();
-        let mut changes: Vec<f64> = self.light.windows(2).map(changed).collect();
+        let change = |pair: &[LightSample]| (pair[1].light / pair[0].light - 1.0).abs();
+        let mut changes: Vec<f64> = self.light.windows(2).map(change).collect();
         changes.sort_by(f64::total_cmp);
-        // The median of a bell's absolute values is 0.6745 of its standard deviation.
+        // The median of |x| is 0.6745 σ for a normal x.
         changes.get(changes.len() / 2).map_or(0.0, |median| median / 0.6745 / 2f64.sqrt())
     }
 
-    /// Looks a second on the rig's clock.
-    pub fn looks_a_second(&self) -> f64 {
+    /// Readings per second on the rig's clock.
+    pub fn rate(&self) -> f64 {
         match (self.light.first(), self.light.last()) {
-            (Some(first), Some(last)) if last.1 > first.1 => {
-                (self.light.len() - 1) as f64 / (last.1 - first.1)
+            (Some(first), Some(last)) if last.at_s > first.at_s => {
+                (self.light.len() - 1) as f64 / (last.at_s - first.at_s)
             }
             _ => 0.0,
         }
     }
 
-    /// Nine places: contrast in per cent, and how much of the best that is.
+    /// Contrast of place `n`, per cent, and the same relative to its best, per cent.
     fn cell(&self, n: usize) -> (f64, f64) {
         let (now, best) = (self.sharpness.0[n], self.best.0[n].max(f64::MIN_POSITIVE));
         (100.0 * now, 100.0 * now / best)
     }
 
-    /// The line on light, if it was looked at.
+    /// The line on light, if measured.
     fn light_line(&self) -> Option<String> {
         let light = self.brightness.as_ref()?;
         Some(format!(
-            "white {:.0} % of the range, {:.2} % full; exposed {:.2} ms, {:.2} refreshes; flicker \
-             {:.2} %",
+            "white {:.0} % of the range, {:.2} % saturated; exposed {:.2} ms, {:.2} refreshes; \
+             flicker {:.2} %",
             100.0 * light.white,
             100.0 * light.clipped_share,
             light.exposed_ms,
@@ -154,12 +161,12 @@ impl AlignmentReport {
         ))
     }
 
-    /// The lines on where the panel is, if it was looked for.
+    /// The lines on the panel's position, if measured.
     fn aim_lines(&self) -> Vec<String> {
         let Some(aim) = &self.aim else { return Vec::new() };
-        // Without a sign before a zero.
+        // Avoids −0.
         let [x, y] = aim.offset_px.map(|px| px.round() + 0.0);
-        let [left, right, top, bottom] = aim.spare_px;
+        let [left, right, top, bottom] = aim.reserve_px;
         let size = |larger: f64, side: &str, degrees: Option<f64>| {
             let tilt = degrees.map_or(String::new(), |deg| format!(" (tilt {:.1}°)", deg.abs()));
             let how = if larger < 0.0 { "farther" } else { "nearer" };
@@ -168,9 +175,9 @@ impl AlignmentReport {
         let tilt = self.image_distance_px.map(|distance| aim.tilt_deg(distance, self.sensor));
         vec![
             format!(
-                "panel {x:+.0} px right, {y:+.0} px down, {:+.1}° clockwise; {:.2} sensor px a \
+                "panel {x:+.0} px right, {y:+.0} px down, {:+.1}° clockwise; {:.2} sensor px per \
                  panel px",
-                aim.turned_deg, aim.magnification
+                aim.rotation_deg, aim.magnification
             ),
             format!(
                 "{}, {}; {} than the sensor",
@@ -179,21 +186,21 @@ impl AlignmentReport {
                 if aim.magnification > 1.0 { "coarser" } else { "finer" }
             ),
             format!(
-                "panel px to spare: {left:.0} left, {right:.0} right, {top:.0} above, {bottom:.0} \
+                "reserve of panel px: {left:.0} left, {right:.0} right, {top:.0} above, {bottom:.0} \
                  below: {}",
                 if aim.covers() { "it covers the sensor" } else { "the sensor sees past it" }
             ),
         ]
     }
 
-    /// Lines for a terminal.
+    /// The report as lines for a terminal.
     pub fn lines(&self) -> Vec<String> {
         let mut lines = vec![format!(
-            "focus {:5.1} %, best {:5.1} %   look {}, {:.1} a second",
+            "focus {:5.1} %, best {:5.1} %   reading {}, {:.1} per second",
             100.0 * self.sharpness.mean(),
             100.0 * self.best_mean,
-            self.looks,
-            self.looks_a_second()
+            self.readings,
+            self.rate()
         )];
         for row in 0..3 {
             let cells = (0..3).map(|column| {
@@ -207,12 +214,11 @@ impl AlignmentReport {
             lines.push(format!("white's histogram |{}|", light.histogram.line()));
         }
         lines.extend(self.aim_lines());
-        lines.extend(self.adjustments().iter().map(|todo| format!("-> {todo}")));
+        lines.extend(self.advice().iter().map(|advice| format!("-> {advice}")));
         lines
     }
 
-    /// What the camera saw of the dots, for the page: grey, linear light 0..255; `None` before the
-    /// first look.
+    /// The captured dots for the page: grey, linear light 0..255; `None` before the first reading.
     pub fn picture(&self) -> Option<Frame<Work>> {
         let seen = self.seen.as_ref()?;
         let every = seen.width().div_ceil(PICTURE_PX).max(1);
@@ -228,71 +234,80 @@ impl AlignmentReport {
         Some(Frame::from_fn(|_| plane.clone()))
     }
 
-    /// A page of it, which loads itself anew each second, with the picture `picture` beside it.
+    /// The report as an HTML page that reloads itself every second; `picture` is the picture's URL.
     pub fn page(&self, picture: &str) -> String {
         let mut page = String::from(HEAD);
+        let _ = write!(
+            page,
+            "<h1>{}</h1>\n<p class=\"figure\">focus {:.1} % <small>best {:.1} %</small></p>\n",
+            escape(&self.name),
+            100.0 * self.sharpness.mean(),
+            100.0 * self.best_mean
+        );
+        self.write_places(&mut page, picture);
+        page.push_str("<ol>\n");
+        for advice in self.advice() {
+            let _ = writeln!(page, "<li>{}</li>", escape(&advice.to_string()));
+        }
+        page.push_str("</ol>\n");
+        for line in self.light_line().into_iter().chain(self.aim_lines()) {
+            let _ = writeln!(page, "<p>{}</p>", escape(&line));
+        }
+        self.write_histogram(&mut page);
+        let _ = write!(
+            page,
+            "<p><small>reading {}, {:.1} per second; updated while relens align runs</small></p>\n\
+             </body></html>\n",
+            self.readings,
+            self.rate()
+        );
+        page
+    }
+
+    /// The picture with the sharpness of each place drawn over it.
+    fn write_places(&self, page: &mut String, picture: &str) {
         let (width, height) = (self.sensor.width, self.sensor.height);
         let _ = write!(
             page,
-            "<h1>{}</h1>\n<p class=\"figure\">focus {:.1} % <small>best {:.1} %</small></p>\n\
-             <svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"What the camera sees, \
-             and how sharp at nine places\"><image href=\"{picture}?{}\" width=\"{width}\" \
+            "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"Camera picture with \
+             sharpness at nine places\"><image href=\"{picture}?{}\" width=\"{width}\" \
              height=\"{height}\" preserveAspectRatio=\"none\"/>\n",
-            escaped(&self.name),
-            100.0 * self.sharpness.mean(),
-            100.0 * self.best_mean,
-            self.looks
+            self.readings
         );
         let (cell_width, cell_height) = (width as f64 / 3.0, height as f64 / 3.0);
         let letters = cell_height / 5.0;
         for n in 0..PLACES {
             let (now, of_best) = self.cell(n);
             let (x, y) = ((n % 3) as f64 * cell_width, (n / 3) as f64 * cell_height);
+            let (middle, centre) = (x + 0.5 * cell_width, y + 0.5 * cell_height);
             let _ = writeln!(
                 page,
                 "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{cell_width:.1}\" \
-                 height=\"{cell_height:.1}\"/><text x=\"{:.1}\" y=\"{:.1}\" \
-                 font-size=\"{letters:.1}\">{now:.1} %</text><text x=\"{:.1}\" y=\"{:.1}\" \
-                 font-size=\"{:.1}\">{of_best:.0} of 100</text>",
-                x + 0.5 * cell_width,
-                y + 0.5 * cell_height,
-                x + 0.5 * cell_width,
-                y + 0.5 * cell_height + letters,
+                 height=\"{cell_height:.1}\"/><text x=\"{middle:.1}\" y=\"{centre:.1}\" \
+                 font-size=\"{letters:.1}\">{now:.1} %</text><text x=\"{middle:.1}\" \
+                 y=\"{:.1}\" font-size=\"{:.1}\">{of_best:.0} of 100</text>",
+                centre + letters,
                 0.7 * letters
             );
         }
-        page.push_str("</svg>\n<ol>\n");
-        for todo in self.adjustments() {
-            let _ = writeln!(page, "<li>{}</li>", escaped(&todo.to_string()));
-        }
-        page.push_str("</ol>\n");
-        for line in self.light_line().into_iter().chain(self.aim_lines()) {
-            let _ = writeln!(page, "<p>{}</p>", escaped(&line));
-        }
-        if let Some(light) = &self.brightness {
-            page.push_str(
-                "<svg class=\"histogram\" viewBox=\"0 0 320 64\" role=\"img\" \
-                 aria-label=\"Histogram of white\">",
-            );
-            for (n, height) in light.histogram.heights().into_iter().enumerate() {
-                let high = (60.0 * height).max(if height > 0.0 { 1.0 } else { 0.0 });
-                let (x, y) = (10 * n, 62.0 - high);
-                let _ =
-                    write!(page, "<rect x=\"{x}\" y=\"{y:.1}\" width=\"9\" height=\"{high:.1}\"/>");
-            }
-            page.push_str(
-                "</svg>\n<p><small>white's histogram: black on the left, full on the \
-                           right</small></p>\n",
-            );
-        }
-        let _ = write!(
-            page,
-            "<p><small>look {}, {:.1} a second; written while relens align runs</small></p>\n\
-             </body></html>\n",
-            self.looks,
-            self.looks_a_second()
+        page.push_str("</svg>\n");
+    }
+
+    fn write_histogram(&self, page: &mut String) {
+        let Some(light) = &self.brightness else { return };
+        page.push_str(
+            "<svg class=\"histogram\" viewBox=\"0 0 320 64\" role=\"img\" \
+             aria-label=\"Histogram of white\">",
         );
-        page
+        for (n, height) in light.histogram.heights().into_iter().enumerate() {
+            let high = (60.0 * height).max(if height > 0.0 { 1.0 } else { 0.0 });
+            let (x, y) = (10 * n, 62.0 - high);
+            let _ = write!(page, "<rect x=\"{x}\" y=\"{y:.1}\" width=\"9\" height=\"{high:.1}\"/>");
+        }
+        page.push_str(
+            "</svg>\n<p><small>histogram of white: black on the left, saturated on the right\
+             </small></p>\n",
+        );
     }
 }
 
@@ -318,7 +333,7 @@ p { margin: .3rem 0; }
 </style></head><body>
 ";
 
-/// Text for HTML.
-fn escaped(text: &str) -> String {
+/// `text` with HTML's special characters escaped.
+fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -1,45 +1,45 @@
-//! How sharp a fine pattern is seen at nine places, and whether the focus ring was past the best.
+//! Sharpness of a fine pattern at nine places, and the search for the best focus.
 
+use super::FocusTurn;
 use super::sites::{GreenSites, PLACES, place_of};
-use super::{Adjustment, FocusTurn};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Size};
 use crate::patterns;
 
-/// Panel pixels of the focus pattern's squares: finer ones drown in noise, coarser ones stay sharp
-/// out of focus.
+/// Side of the focus pattern's squares, panel pixels: finer ones drown in noise, coarser ones stay
+/// sharp out of focus.
 const SQUARE_PX: usize = 2;
 const PATTERN_SEED: u64 = 29;
-/// Below this share of the best a figure is worse, and not only noisy.
+/// Least share of the best figure that counts as the best, given noise.
 const BEST_SHARE: f64 = 0.985;
-/// The figure rises or falls once it is off its last turn by this share: noise is less.
-const TURNED_SHARE: f64 = 0.0075;
-/// The best is known once the figure was down to this share of it on both of its sides.
+/// Change from the last extreme that counts as a reversal: more than noise.
+const REVERSED_SHARE: f64 = 0.0075;
+/// Share of the best figure reached on both sides before the best counts as found.
 const PASSED_SHARE: f64 = 0.95;
 
-/// Contrast of a fine pattern at nine places, row by row from the upper left, as the camera sees
-/// it: RMS of the differences between neighbouring sites of one colour over their mean. Two
-/// exposures are multiplied, so that noise adds nothing on average.
+/// Contrast of a fine pattern at nine places, row by row from the upper left: RMS difference of
+/// neighbouring sites of one colour over their mean. The product of two exposures removes the noise
+/// on average.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sharpness(pub [f64; PLACES]);
 
 impl Sharpness {
-    /// The mean of the nine.
+    /// The mean over the places.
     pub fn mean(&self) -> f64 {
         self.0.iter().sum::<f64>() / PLACES as f64
     }
 
-    /// The larger of both at each place.
+    /// The larger value at each place.
     #[must_use]
     pub fn or_better(&self, other: &Sharpness) -> Sharpness {
         Sharpness(std::array::from_fn(|n| self.0[n].max(other.0[n])))
     }
 
-    /// Of `first` and `second`, two exposures of one pattern, with a camera's `black`; and the mean
-    /// counts of the second over black.
+    /// The sharpness of two exposures of one pattern, and the mean counts of the second over
+    /// `black`.
     pub fn of(first: &Counts, second: &Counts, sites: GreenSites, black: f64) -> (Sharpness, f64) {
         let (first, second) = (first.plane(Channel::Green), second.plane(Channel::Green));
         let size = first.size();
-        // The next green site: the pixel to the right, or, behind filters, the diagonal one.
+        // The next green site is to the right, or diagonal behind filters.
         let down = usize::from(sites.are_filtered());
         let (mut sums, mut all) = ([PairSums::default(); PLACES], (0i64, 0i64));
         for y in sites.rows(size).filter(|y| y + down < size.height) {
@@ -59,7 +59,7 @@ impl Sharpness {
     }
 }
 
-/// PairSums over sites, whole numbers: exact, and quick on a board.
+/// Sums over pairs of sites, as integers: exact, and fast on a small board.
 #[derive(Clone, Copy, Default)]
 struct PairSums {
     count: i64,
@@ -94,7 +94,7 @@ impl PairSums {
     }
 }
 
-/// The pattern for a panel of `size`: random black and white squares.
+/// The focus pattern for a panel of `size`: random black and white squares.
 pub(super) fn pattern(size: Size) -> Codes {
     let squares = Size::new(size.width.div_ceil(SQUARE_PX), size.height.div_ceil(SQUARE_PX));
     let random = patterns::pseudo_random(squares, PATTERN_SEED);
@@ -108,23 +108,24 @@ pub(super) fn pattern(size: Size) -> Codes {
     Frame::from_fn(|_| plane.clone())
 }
 
-/// What the focus ring's turning has shown so far.
+/// The focus figures so far, as far as the search for the best needs them.
 #[derive(Debug, Clone, Default)]
 pub struct FocusHistory {
     best: f64,
     least: f64,
-    /// Whether the figure rises, and the most it was while it does, or the least while it falls.
+    /// Whether the figure rises.
     rises: bool,
+    /// The largest figure while rising, the least while falling.
     extreme: f64,
-    /// The best when it last rose by more than noise.
+    /// The best figure when it last rose by more than noise.
     risen: f64,
-    /// Whether the figure was clearly worse before that, and after it.
+    /// Whether the figure was clearly worse before and after that.
     worse: [bool; 2],
 }
 
 impl FocusHistory {
-    /// One more figure; what to do with the ring.
-    pub fn turned(&mut self, figure: f64) -> Adjustment {
+    /// Adds a figure; returns what to do with the ring.
+    pub fn add(&mut self, figure: f64) -> FocusTurn {
         if self.best == 0.0 {
             *self = FocusHistory { best: figure, least: figure, rises: true, ..Self::default() };
             (self.risen, self.extreme) = (figure, figure);
@@ -137,8 +138,8 @@ impl FocusHistory {
         self.least = self.least.min(figure);
         self.worse[1] |= figure < PASSED_SHARE * self.best;
         let turns = match self.rises {
-            true => figure < self.extreme * (1.0 - TURNED_SHARE),
-            false => figure > self.extreme * (1.0 + TURNED_SHARE),
+            true => figure < self.extreme * (1.0 - REVERSED_SHARE),
+            false => figure > self.extreme * (1.0 + REVERSED_SHARE),
         };
         self.rises ^= turns;
         let farther = if self.rises { figure > self.extreme } else { figure < self.extreme };
@@ -146,12 +147,12 @@ impl FocusHistory {
             self.extreme = figure;
         }
         let both = self.worse == [true, true];
-        Adjustment::Focus(match figure >= BEST_SHARE * self.best {
-            true if both => FocusTurn::There,
-            true => FocusTurn::PastTheBest,
-            false if self.rises => FocusTurn::On,
-            false if self.worse[1] => FocusTurn::Back,
-            false => FocusTurn::PastTheBest,
-        })
+        match figure >= BEST_SHARE * self.best {
+            true if both => FocusTurn::Stay,
+            true => FocusTurn::PassBest,
+            false if self.rises => FocusTurn::Continue,
+            false if self.worse[1] => FocusTurn::Reverse,
+            false => FocusTurn::PassBest,
+        }
     }
 }

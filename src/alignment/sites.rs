@@ -1,22 +1,22 @@
-//! The green sites of a sensor, and the nine places that it is divided into.
+//! The green sites of a sensor, and its division into nine places.
 
 use std::ops::RangeInclusive;
 
 use crate::frame::{Channel, Counts, Mosaic, Plane, Size};
 
-/// Places along each side of the sensor.
+/// Places along a side of the sensor.
 const SIDE: usize = 3;
-/// How many places are looked at.
+/// Number of places.
 pub const PLACES: usize = SIDE * SIDE;
 /// Bins of a histogram.
 pub(super) const BINS: usize = 32;
 
-/// The place of column `x` and row `y`.
+/// The place that contains column `x` and row `y`.
 pub(super) fn place_of(x: usize, y: usize, size: Size) -> usize {
     (y * SIDE / size.height.max(1)) * SIDE + (x * SIDE / size.width.max(1)).min(SIDE - 1)
 }
 
-/// Means of `light` at each place.
+/// Mean of `light` at each place.
 pub(super) fn means(light: &Plane) -> [f64; PLACES] {
     let (mut sums, mut count) = ([0.0; PLACES], [0.0f64; PLACES]);
     for y in 0..light.height() {
@@ -29,14 +29,14 @@ pub(super) fn means(light: &Plane) -> [f64; PLACES] {
     std::array::from_fn(|n| sums[n] / count[n].max(1.0))
 }
 
-/// Every site of a sensor without filters; behind filters one of green's two phases.
+/// All sites of a sensor without filters; one of green's two phases behind filters.
 #[derive(Debug, Clone, Copy)]
 pub struct GreenSites {
     mosaic: Option<Mosaic>,
 }
 
 impl GreenSites {
-    /// Those behind `mosaic`.
+    /// The green sites behind `mosaic`.
     pub fn behind(mosaic: Option<Mosaic>) -> GreenSites {
         GreenSites { mosaic }
     }
@@ -45,22 +45,22 @@ impl GreenSites {
         self.mosaic.is_some()
     }
 
-    /// From one of them to the next along a row or column.
+    /// Spacing along a row or column, pixels.
     pub(super) fn step(self) -> usize {
         1 + usize::from(self.are_filtered())
     }
 
-    /// Rows that have some.
+    /// Rows with green sites.
     pub(super) fn rows(self, size: Size) -> impl Iterator<Item = usize> {
         (0..size.height).step_by(self.step())
     }
 
-    /// The first column that has some.
+    /// The first column with green sites.
     pub(super) fn first_column(self) -> usize {
         usize::from(self.mosaic.is_some_and(|m| m.colour_at(0, 0) != Channel::Green))
     }
 
-    /// Columns of those in one third of row `y`.
+    /// Columns of the green sites in one third of row `y`.
     pub(super) fn part_of_row(
         self,
         y: usize,
@@ -69,12 +69,12 @@ impl GreenSites {
     ) -> std::iter::StepBy<std::ops::Range<usize>> {
         debug_assert!(y.is_multiple_of(self.step()));
         let end = |part: usize| part * size.width / SIDE;
-        // The first of their columns at or after `x`.
+        // The first such column at or after `x`.
         let from = |x: usize| x + (x + self.first_column()) % self.step();
         (from(end(part))..end(part + 1)).step_by(self.step())
     }
 
-    /// What they counted over `black`, as a plane of their own.
+    /// Their counts over `black`, as a plane of green sites alone.
     pub(super) fn light(self, counts: &Counts, black: f64) -> Plane {
         let (plane, step) = (counts.plane(Channel::Green), self.step());
         let size = Size::new(plane.width() / step, plane.height() / step);
@@ -84,14 +84,13 @@ impl GreenSites {
         })
     }
 
-    /// The sensor's pixel of place (x, y) of that plane.
+    /// The sensor pixel of pixel (x, y) of that plane.
     pub(super) fn on_sensor(self, [x, y]: [f64; 2]) -> [f64; 2] {
         let step = self.step() as f64;
         [self.first_column() as f64 + x * step, y * step]
     }
 
-    /// Hands `each` the counts that are data, row by row: the sites behind filters, or all of three
-    /// planes.
+    /// Calls `each` with every measured count: one per site behind filters, else three per pixel.
     fn data(self, counts: &Counts, mut each: impl FnMut(u16)) {
         let Some(mosaic) = self.mosaic else {
             counts.planes().iter().flat_map(|plane| plane.data()).for_each(|&count| each(count));
@@ -105,8 +104,7 @@ impl GreenSites {
         }
     }
 
-    /// How many of the data there are in each part of the range from 0 to `count_max`, and the
-    /// share of them that are full.
+    /// Histogram of the measured counts up to `count_max`, and the saturated share.
     pub fn histogram(self, counts: &Counts, count_max: u16) -> (Histogram, f64) {
         let mut bins = [0u64; BINS];
         let (mut full, mut all) = (0u64, 0u64);
@@ -120,18 +118,18 @@ impl GreenSites {
     }
 }
 
-/// Data in each of [`BINS`] equal parts of the camera's range.
+/// Number of counts in each of [`BINS`] equal parts of the camera's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Histogram(pub [u64; BINS]);
 
 impl Histogram {
-    /// Heights of the bins over the highest, 0..1.
+    /// Heights of the bins relative to the highest, 0..1.
     pub fn heights(&self) -> [f64; BINS] {
         let most = self.0.iter().copied().max().unwrap_or(0).max(1) as f64;
         self.0.map(|count| count as f64 / most)
     }
 
-    /// A line of it: a block a bin.
+    /// The histogram as a line of block characters, one per bin.
     pub fn line(&self) -> String {
         const BLOCKS: RangeInclusive<char> = '\u{2581}'..='\u{2588}';
         let block = |height: f64| match height {

@@ -1,59 +1,59 @@
-//! How a camera's counts bend: the straight counts that each stands for.
+//! Linearisation of a camera's counts.
 //!
-//! The same light exposed for longer brings more counts in a known ratio. Straight counts G(y) over
-//! black are a line broken at even steps of y; for readings y at t times the exposure under a light
-//! ℓ that is not known, G(y) = t·ℓ is linear in both. Least squares with a price on every change of
-//! slope, by its size and not its square, gives both: a sensor's curve has a knee and is calm
-//! elsewhere (least absolute deviations by reweighted least squares, Holland and Welsch 1977).
-//! Counts at full scale keep their value.
+//! The same light at different exposures gives counts in known ratios. The linear counts G(y) over
+//! black are a piecewise linear function at even steps of y; for readings y at t times the exposure
+//! of an unknown light ℓ, G(y) = t·ℓ is linear in G and ℓ. Least squares with an absolute penalty
+//! on changes of slope gives both: a sensor's curve has a knee and is smooth elsewhere (least
+//! absolute deviations by reweighted least squares, Holland and Welsch 1977). Counts at full scale
+//! keep their value.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Steps of the broken line. A knee within one of them is known to within a thousandth of full
+/// Segments of the piecewise linear function; a knee within one is known to a thousandth of full
 /// scale.
 const STEPS: usize = 32;
-/// Price of a change of slope by 1, against readings that are off by a share of themselves.
-/// Measured on drawn cameras with 0.2 % of flicker: less follows it, more rounds off a knee.
-const PRICE: f64 = 1e-4;
-/// Changes of slope below this are priced by their square.
+/// Penalty on a change of slope by 1, relative to squared relative misfits. Measured on synthetic
+/// cameras with 0.2 % of flicker: less follows the flicker, more rounds off a knee.
+const PENALTY: f64 = 1e-4;
+/// Changes of slope below this have a quadratic penalty.
 const SLOPE_LEAST: f64 = 3e-3;
-/// Times the weights are set anew.
+/// Rounds of reweighting.
 const ROUNDS: usize = 8;
-/// Below this share of full scale readings are not exact by their own share. Guess.
+/// Share of full scale below which a reading's error stops being proportional to it. Guess.
 const DARK_SHARE: f64 = 0.1;
 
-/// Counts over black that one light brought at several exposures.
+/// Counts over black of one light at several exposures.
 #[derive(Debug, Clone)]
 pub struct Exposures {
-    /// Multiples of the exposure, and the counts over black.
+    /// Multiple of the exposure, and counts over black.
     pub readings: Vec<(f64, f64)>,
 }
 
-/// The straight counts over black that a camera's counts over black stand for.
+/// Map from a camera's counts over black to linear ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraCurve {
     /// Mean counts of black.
     black: f32,
-    /// Counts over black at the last step.
+    /// Counts over black at the last segment's end.
     full: f32,
-    /// Straight counts over black at even steps from 0 to `full`; none where counts are straight.
+    /// Linear counts over black at even steps from 0 to `full`; empty for a linear camera.
     straight: Vec<f32>,
 }
 
 impl CameraCurve {
-    /// Of a camera whose counts are straight.
+    /// The curve of a linear camera.
     pub fn straight() -> CameraCurve {
         CameraCurve { black: 0.0, full: 1.0, straight: Vec::new() }
     }
 
-    /// The curve of a camera with so many counts of `black`, and `full` ones over black at the
-    /// most, that explains `lights`; `None` where no rising curve does.
+    /// Fits a curve to `lights` of a camera with `black` counts and at most `full` over black;
+    /// `None` if no increasing curve fits.
     pub fn fit(lights: &[Exposures], black: f64, full: f64) -> Option<CameraCurve> {
         let mut straight = Vec::new();
         let mut slopes = [1.0; STEPS - 1];
         for _ in 0..ROUNDS {
-            let line = broken_line(lights, full, &slopes.map(|s| PRICE / (s + SLOPE_LEAST)))?;
+            let line = broken_line(lights, full, &slopes.map(|s| PENALTY / (s + SLOPE_LEAST)))?;
             for (change, at) in slopes.iter_mut().zip(line.windows(3)) {
                 *change = (STEPS as f64 * (at[0] - 2.0 * at[1] + at[2])).abs();
             }
@@ -63,7 +63,7 @@ impl CameraCurve {
         curve.check().is_ok().then_some(curve)
     }
 
-    /// Whether it is as a curve must be, rising and with numbers only; what was found else.
+    /// Checks that the curve is finite and increasing; else describes it.
     pub fn check(&self) -> Result<(), String> {
         let rises = |pair: &[f32]| pair[1] > pair[0] && pair[1].is_finite();
         let sound = self.black.is_finite() && self.full.is_finite() && self.full > 0.0;
@@ -71,16 +71,16 @@ impl CameraCurve {
         if sound && length && self.straight.windows(2).all(rises) {
             return Ok(());
         }
-        Err(format!("a camera's curve of {:?}; rising numbers are allowed", self.straight))
+        Err(format!("a camera curve of {:?}; increasing numbers are allowed", self.straight))
     }
 
-    /// Whether it changes nothing.
+    /// Whether the camera is linear.
     pub fn is_straight(&self) -> bool {
         self.straight.is_empty()
     }
 
-    /// The straight counts of `over` counts over black. Below black and above full scale the first
-    /// and the last step go on.
+    /// Linear counts of `over` counts over black. The first and the last segment extend beyond the
+    /// ends.
     pub fn over_black(&self, over: f32) -> f32 {
         if self.straight.is_empty() {
             return over;
@@ -91,7 +91,7 @@ impl CameraCurve {
         below + (above - below) * (place - step as f32)
     }
 
-    /// The counts over black that stand for `straight` ones: the inverse.
+    /// The inverse of [`CameraCurve::over_black`].
     pub fn bent(&self, straight: f32) -> f32 {
         if self.straight.is_empty() {
             return straight;
@@ -101,25 +101,25 @@ impl CameraCurve {
         ((above - 1) as f32 + (straight - low) / (high - low)) * self.full / STEPS as f32
     }
 
-    /// A straight count, black and all, for `count`.
+    /// Linear count, black included, of `count`.
     pub fn count(&self, count: f32) -> f32 {
         self.black + self.over_black(count - self.black)
     }
 
-    /// How far the curve is from straight, as a share of full scale.
+    /// Largest deviation from a straight line, as a share of full scale.
     pub fn bend(&self) -> f32 {
-        let of = |(n, &s): (usize, &f32)| (s / self.full - n as f32 / STEPS as f32).abs();
-        self.straight.iter().enumerate().map(of).fold(0.0, f32::max)
+        let deviation = |(n, &s): (usize, &f32)| (s / self.full - n as f32 / STEPS as f32).abs();
+        self.straight.iter().enumerate().map(deviation).fold(0.0, f32::max)
     }
 }
 
-/// Shares of full scale at each step, from 0 to 1, by least squares; a change of slope at each
-/// inner step is weighed by `prices`. `None` where `lights` do not say.
-fn broken_line(lights: &[Exposures], full: f64, prices: &[f64]) -> Option<Vec<f64>> {
+/// Least-squares values at each step, from 0 to 1, with `penalties` on the change of slope at each
+/// inner step; `None` if `lights` do not determine them.
+fn broken_line(lights: &[Exposures], full: f64, penalties: &[f64]) -> Option<Vec<f64>> {
     let unknowns = STEPS - 1 + lights.len();
     let (mut normal, mut side) =
         (DMatrix::<f64>::zeros(unknowns, unknowns), DVector::<f64>::zeros(unknowns));
-    // Step 0 is nought, and the last is one: what it weighs goes to the right-hand side.
+    // Step 0 is 0 and the last is 1, whose terms go to the right-hand side.
     let unknown = |n: usize| match n {
         1..STEPS => Some(n - 1),
         0 | STEPS => None,
@@ -140,7 +140,7 @@ fn broken_line(lights: &[Exposures], full: f64, prices: &[f64]) -> Option<Vec<f6
     for (n, Exposures { readings }) in lights.iter().enumerate() {
         let sum: f64 = readings.iter().map(|&(times, count)| count / times).sum();
         let mean = sum / (full * readings.len().max(1) as f64);
-        // A light that flickers is wrong by a share of itself, and black a little, too.
+        // Flicker is proportional to light; black has a small error of its own.
         let weight = 1.0 / (mean * mean + DARK_SHARE * DARK_SHARE);
         for &(times, count) in readings {
             let place = (count / full * STEPS as f64).clamp(0.0, STEPS as f64);
@@ -151,8 +151,8 @@ fn broken_line(lights: &[Exposures], full: f64, prices: &[f64]) -> Option<Vec<f6
         }
     }
     let steps = STEPS as f64;
-    for (n, price) in (1..STEPS).zip(prices) {
-        add([(n - 1, steps), (n, -2.0 * steps), (n + 1, steps)], *price);
+    for (n, penalty) in (1..STEPS).zip(penalties) {
+        add([(n - 1, steps), (n, -2.0 * steps), (n + 1, steps)], *penalty);
     }
     let found = normal.cholesky()?.solve(&side);
     let inner = found.iter().take(STEPS - 1).copied();

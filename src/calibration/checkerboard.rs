@@ -1,11 +1,10 @@
-//! The corners of a displayed checkerboard, found in a photograph of it to a small part of a pixel.
+//! Detection of a displayed checkerboard's corners to a fraction of a pixel.
 //!
-//! Three bright spots ([`crate::patterns::locator_spots`]) give a first affine map. From the corner
-//! next to the sensor's middle the board is followed outwards, each corner predicted from its
-//! neighbours, then refined as the saddle of a quadratic fitted around it (after Lucchese and
-//! Mitra, "Using saddle points for subpixel feature detection in camera calibration targets",
-//! APCCAS 2002). The window grows with the squares, so that blur a good part of a square wide does
-//! no harm.
+//! Three bright spots ([`crate::patterns::locator_spots`]) give a first affine map. The board is
+//! then traced outwards from the corners next to the sensor's middle, each corner predicted from
+//! its neighbours and refined as the saddle of a fitted quadratic (Lucchese and Mitra, "Using
+//! saddle points for subpixel feature detection in camera calibration targets", APCCAS 2002). The
+//! window grows with the squares, so blur of a good part of a square is harmless.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -14,31 +13,29 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use super::geometric::Pair;
 use crate::frame::{Plane, Size};
 
-/// Why no board was found.
+/// Why no checkerboard was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CheckerboardError {
-    /// A spot of the locator does not stand out.
+    /// A spot of the locator is too dark.
     #[error(
-        "the {channel} spot does not stand out: it reaches {found:.0} counts over black, \
+        "the {channel} spot is too dark: it reaches {found:.0} counts over black, at least \
          {allowed:.0} are needed"
     )]
     NoSpot {
-        /// Which spot.
+        /// Channel of the spot.
         channel: &'static str,
         /// Brightest counts over black.
         found: f64,
         /// Least counts accepted.
         allowed: f64,
     },
-    /// The spots are in a line or at one place.
-    #[error(
-        "the three spots are seen in a line; the panel is seen edge-on or mirrored in something"
-    )]
+    /// The spots are collinear.
+    #[error("the three spots are in a line: the panel is seen edge-on or in a reflection")]
     SpotsInLine,
-    /// The board's middle shows no corners.
-    #[error("none of {tried} corners near the middle of the picture can be made out")]
+    /// No corner in the middle of the board.
+    #[error("none of the {tried} corners near the middle of the picture was found")]
     NoCorners {
-        /// How many places were tried.
+        /// Number of corners tried.
         tried: usize,
     },
 }
@@ -51,8 +48,7 @@ pub struct Affine {
 }
 
 impl Affine {
-    /// The map that takes the three `from` to the three `to`; `None` when `from` or `to` lie in a
-    /// line.
+    /// The map of the three points `from` to the three points `to`; `None` if either are collinear.
     pub fn through(from: [(f64, f64); 3], to: [(f64, f64); 3]) -> Option<Affine> {
         let f = Matrix3::from_fn(|i, j| [from[i].0, from[i].1, 1.0][j]).try_inverse()?;
         let row = |value: fn((f64, f64)) -> f64| {
@@ -60,7 +56,7 @@ impl Affine {
         };
         let (x, y) = (row(|p| p.0), row(|p| p.1));
         let matrix = Matrix2::new(x[0], x[1], y[0], y[1]);
-        // A panel magnified less than a thousandth is no panel in view.
+        // A panel magnified by less than a thousandth is not in view.
         (matrix.determinant().abs() > 1e-6)
             .then_some(Affine { matrix, origin: Vector2::new(x[2], y[2]) })
     }
@@ -71,13 +67,13 @@ impl Affine {
         (p[0], p[1])
     }
 
-    /// Sensor pixels a panel pixel is wide, the smaller of its two directions.
+    /// Sensor pixels per panel pixel along the smaller direction.
     pub fn magnification(&self) -> f64 {
         self.matrix.column(0).norm().min(self.matrix.column(1).norm())
     }
 }
 
-/// Centroid of the spot in `plane` (counts over black): of what is above half its peak.
+/// Centroid of the spot in `plane` (counts over black), above half its peak.
 ///
 /// # Errors
 /// When the peak is below `allowed` counts.
@@ -86,7 +82,7 @@ pub fn spot(
     channel: &'static str,
     allowed: f64,
 ) -> Result<(f64, f64), CheckerboardError> {
-    // The peak of a 3×3 mean, so that one hot pixel is no spot.
+    // The peak of 3×3 means, against hot pixels.
     let mut peak = (0.0f32, 0, 0);
     for y in 1..plane.height().saturating_sub(1) {
         for x in 1..plane.width().saturating_sub(1) {
@@ -117,104 +113,133 @@ pub fn spot(
     Ok((sx / sum, sy / sum))
 }
 
-/// A saddle found in the picture.
+/// A saddle point in the picture.
 #[derive(Debug, Clone, Copy)]
 struct Saddle {
     x: f64,
     y: f64,
-    /// Mixed second derivative along the board's two axes: positive where squares of even a + b are
+    /// Mixed second derivative along the board's axes: positive where squares of even a + b are
     /// bright.
     twist: f64,
 }
 
-/// The corners of a checkerboard of `square_px` panel pixels that can be made out in `plane`, as
-/// pairs (sensor, panel). `near` is a first guess of panel → sensor.
+/// Finds the corners of a checkerboard of `square_px` panel pixels in `plane`, as pairs (sensor,
+/// panel). `near` is a first guess of panel → sensor.
 ///
 /// # Errors
-/// When not one corner near the middle can be made out.
+/// When no corner near the middle is found.
 pub fn corners(
     plane: &Plane,
     panel: Size,
     square_px: usize,
     near: &Affine,
 ) -> Result<Vec<Pair>, CheckerboardError> {
-    let square = square_px as f64;
-    let on_panel = |a: i64, b: i64| (a as f64 * square - 0.5, b as f64 * square - 0.5);
-    let side = square * near.magnification();
+    let side = square_px as f64 * near.magnification();
     let finder = Finder {
         plane,
-        axes: near.matrix * square,
-        // Under half a square, so that the neighbouring corners stay out of the window.
+        axes: near.matrix * square_px as f64,
+        // Under half a square, so that the window excludes the neighbouring corners.
         radius: (0.38 * side).max(2.0),
         reach: 0.3 * side,
     };
-    let (last_a, last_b) = ((panel.width / square_px) as i64, (panel.height / square_px) as i64);
-    let middle = (plane.width() as f64 / 2.0, plane.height() as f64 / 2.0);
-    let mut starts: Vec<(f64, i64, i64)> = (1..last_a.max(1))
-        .flat_map(|a| (1..last_b.max(1)).map(move |b| (a, b)))
-        .map(|(a, b)| {
-            let (px, py) = on_panel(a, b);
-            let (x, y) = near.at(px, py);
-            ((x - middle.0).hypot(y - middle.1), a, b)
-        })
-        .collect();
-    starts.sort_by(|p, q| p.0.total_cmp(&q.0));
-    // The nine corners next to the middle: one of them must do.
-    starts.truncate(9);
-    let tried = starts.len();
+    let board = Board {
+        square: square_px as f64,
+        last: ((panel.width / square_px) as i64, (panel.height / square_px) as i64),
+    };
+    let starts = board.middle(plane.size(), near);
     let mut found: BTreeMap<(i64, i64), Saddle> = BTreeMap::new();
-    let mut queue: VecDeque<(i64, i64)> = VecDeque::new();
-    for (_, a, b) in starts {
-        let (px, py) = on_panel(a, b);
+    for &(a, b) in &starts {
+        let (px, py) = board.on_panel(a, b);
         let (x, y) = near.at(px, py);
-        if let Some(saddle) = finder.refine(x, y, parity(a, b)) {
-            found.insert((a, b), saddle);
-            queue.push_back((a, b));
-        }
+        found.extend(finder.refine(x, y, parity(a, b)).map(|saddle| ((a, b), saddle)));
     }
     if found.is_empty() {
-        return Err(CheckerboardError::NoCorners { tried });
+        return Err(CheckerboardError::NoCorners { tried: starts.len() });
     }
-    let mut missed: BTreeSet<(i64, i64)> = BTreeSet::new();
-    while let Some((a, b)) = queue.pop_front() {
-        for (da, db) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
-            let next = (a + da, b + db);
-            let on_board = (1..=last_a).contains(&next.0) && (1..=last_b).contains(&next.1);
-            if !on_board || found.contains_key(&next) || missed.contains(&next) {
-                continue;
-            }
-            let here = found[&(a, b)];
-            let (x, y) = match found.get(&(a - da, b - db)) {
-                Some(before) => (2.0 * here.x - before.x, 2.0 * here.y - before.y),
-                None => {
-                    let step = finder.axes * Vector2::new(da as f64, db as f64);
-                    (here.x + step[0], here.y + step[1])
-                }
-            };
-            match finder.refine(x, y, parity(next.0, next.1)) {
-                Some(saddle) => {
-                    found.insert(next, saddle);
-                    queue.push_back(next);
-                }
-                None => {
-                    missed.insert(next);
-                }
-            }
-        }
-    }
+    board.trace(&finder, &mut found, starts);
     let mut twists: Vec<f64> = found.values().map(|s| s.twist.abs()).collect();
     twists.sort_by(f64::total_cmp);
-    // Corners a fifth as strong as usual are at the panel's rim or in a reflection.
+    // Much weaker corners are at the panel's rim or in a reflection.
     let least = 0.2 * twists[twists.len() / 2];
     Ok(found
         .into_iter()
         .filter(|(_, s)| s.twist.abs() >= least)
-        .map(|((a, b), s)| Pair { from: (s.x, s.y), to: on_panel(a, b) })
+        .map(|((a, b), s)| Pair { from: (s.x, s.y), to: board.on_panel(a, b) })
         .collect())
 }
 
-/// How many corners of such a board lie in the sensor's view, by a first guess, a window's width
-/// from its border.
+/// A checkerboard; corner (a, b) is that of a × b squares from the panel's origin.
+struct Board {
+    /// Side of a square, panel pixels.
+    square: f64,
+    /// Largest indices of corners.
+    last: (i64, i64),
+}
+
+impl Board {
+    /// Panel position of a corner.
+    fn on_panel(&self, a: i64, b: i64) -> (f64, f64) {
+        (a as f64 * self.square - 0.5, b as f64 * self.square - 0.5)
+    }
+
+    /// The nine corners nearest to the middle of a `sensor`, by the first guess `near`.
+    fn middle(&self, sensor: Size, near: &Affine) -> Vec<(i64, i64)> {
+        let (middle_x, middle_y) = (sensor.width as f64 / 2.0, sensor.height as f64 / 2.0);
+        let distance = |&(a, b): &(i64, i64)| {
+            let (px, py) = self.on_panel(a, b);
+            let (x, y) = near.at(px, py);
+            (x - middle_x).hypot(y - middle_y)
+        };
+        let mut all: Vec<(i64, i64)> = (1..self.last.0.max(1))
+            .flat_map(|a| (1..self.last.1.max(1)).map(move |b| (a, b)))
+            .collect();
+        all.sort_by(|p, q| distance(p).total_cmp(&distance(q)));
+        all.truncate(9);
+        all
+    }
+
+    /// Extends `found` to neighbouring corners, from `starts` outwards.
+    fn trace(
+        &self,
+        finder: &Finder<'_>,
+        found: &mut BTreeMap<(i64, i64), Saddle>,
+        starts: Vec<(i64, i64)>,
+    ) {
+        let mut missed: BTreeSet<(i64, i64)> = BTreeSet::new();
+        let mut queue: VecDeque<(i64, i64)> =
+            starts.into_iter().filter(|start| found.contains_key(start)).collect();
+        while let Some((a, b)) = queue.pop_front() {
+            for (da, db) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
+                let next = (a + da, b + db);
+                let on_board =
+                    (1..=self.last.0).contains(&next.0) && (1..=self.last.1).contains(&next.1);
+                if !on_board || found.contains_key(&next) || missed.contains(&next) {
+                    continue;
+                }
+                let here = found[&(a, b)];
+                let (x, y) = match found.get(&(a - da, b - db)) {
+                    Some(before) => (2.0 * here.x - before.x, 2.0 * here.y - before.y),
+                    None => {
+                        let step = finder.axes * Vector2::new(da as f64, db as f64);
+                        (here.x + step[0], here.y + step[1])
+                    }
+                };
+                match finder.refine(x, y, parity(next.0, next.1)) {
+                    Some(saddle) => {
+                        found.insert(next, saddle);
+                        queue.push_back(next);
+                    }
+                    None => {
+                        missed.insert(next);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Number of the board's corners in the sensor's view, at least a square from its border, by the
+/// first guess `near`.
 pub fn in_view(sensor: Size, panel: Size, square_px: usize, near: &Affine) -> usize {
     let square = square_px.max(1) as f64;
     let rim = square * near.magnification();
@@ -228,12 +253,12 @@ pub fn in_view(sensor: Size, panel: Size, square_px: usize, near: &Affine) -> us
         .count()
 }
 
-/// +1 for corners with a full square right of and below them, −1 for the others.
+/// Sign of the twist at corner (a, b).
 fn parity(a: i64, b: i64) -> f64 {
     if (a + b).rem_euclid(2) == 0 { 1.0 } else { -1.0 }
 }
 
-/// Refines one corner.
+/// Refinement of corners.
 struct Finder<'a> {
     plane: &'a Plane,
     /// The board's axes, one square long, on the sensor.
@@ -243,11 +268,11 @@ struct Finder<'a> {
 }
 
 impl Finder<'_> {
-    /// The saddle near (`x`, `y`) whose twist has the sign of `parity`.
+    /// Finds the saddle near (`x`, `y`) whose twist has the sign of `parity`.
     fn refine(&self, x: f64, y: f64, parity: f64) -> Option<Saddle> {
         let (start_x, start_y) = (x, y);
         let (mut x, mut y) = (x, y);
-        // Converges in three or four; twenty stand for "does not".
+        // Converges in three or four rounds, if at all.
         for _ in 0..20 {
             let fit = self.quadratic(x, y)?;
             let hessian = Matrix2::new(2.0 * fit[3], fit[4], fit[4], 2.0 * fit[5]);
@@ -255,7 +280,7 @@ impl Finder<'_> {
                 return None;
             }
             let step = -(hessian.try_inverse()? * Vector2::new(fit[1], fit[2]));
-            // A long step leaves the window the fit is good for.
+            // The fit is valid only within the window.
             let step = step * (0.5 * self.radius / step.norm().max(1e-12)).min(1.0);
             x += step[0];
             y += step[1];
@@ -270,8 +295,8 @@ impl Finder<'_> {
         None
     }
 
-    /// c₀ + c₁u + c₂v + c₃u² + c₄uv + c₅v² around (`x`, `y`), weighted by a bell; `None` when the
-    /// window leaves the picture.
+    /// Fits c₀ + c₁u + c₂v + c₃u² + c₄uv + c₅v² around (`x`, `y`) with Gaussian weights; `None` if
+    /// the window leaves the picture.
     fn quadratic(&self, x: f64, y: f64) -> Option<SVector<f64, 6>> {
         let (left, right) = ((x - self.radius).ceil(), (x + self.radius).floor());
         let (top, bottom) = ((y - self.radius).ceil(), (y + self.radius).floor());
@@ -309,7 +334,7 @@ mod tests {
     const PANEL: Size = Size::new(640, 480);
     const SQUARE: usize = 40;
 
-    /// The panel place seen at a sensor place: rotated, tilted, distorted.
+    /// Panel position of a sensor position: rotated, tilted, distorted.
     fn truth(x: f64, y: f64) -> (f64, f64) {
         let (u, v) = (x - 200.0, y - 150.0);
         let (sin, cos) = 0.03f64.sin_cos();
@@ -319,13 +344,13 @@ mod tests {
         (scale * (cos * u - sin * v) + 322.0, scale * (sin * u + cos * v) + 236.0)
     }
 
-    /// A photograph of the board: edges smeared as by a Gaussian of `blur` sensor pixels, dark
-    /// corner, noise.
+    /// A capture of the board blurred by a Gaussian of `blur` sensor pixels, with dark corner and
+    /// noise.
     fn photograph(blur: f64, noise: f64) -> Plane {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
         let bell = Normal::new(0.0, noise).unwrap();
         let wave = |p: f64| {
-            // Square wave of period two squares, smeared: its Fourier series damped.
+            // Fourier series of a square wave, attenuated by the blur.
             let phase = (p + 0.5) * std::f64::consts::PI / SQUARE as f64;
             let damp = std::f64::consts::PI / SQUARE as f64 * 1.25 * blur;
             (0..12)
@@ -345,15 +370,15 @@ mod tests {
     }
 
     fn first_guess() -> Affine {
-        // Inverse of the affine part of `truth`, as three spots would give it.
+        // Inverse of the affine part of `truth`, as from three spots.
         let seen = [(120.0, 100.0), (280.0, 100.0), (200.0, 220.0)];
         Affine::through(seen.map(|(x, y)| truth(x, y)), seen).unwrap()
     }
 
     #[test]
-    fn corners_are_found_to_a_small_part_of_a_pixel_in_blur_and_noise() {
-        // RMS blur 0.5 to 8 px: what the cheapest lens gives (numbers.md: 3.9 px centre, 8.1 px
-        // corner).
+    fn corners_are_found_to_a_fraction_of_a_pixel_in_blur_and_noise() {
+        // RMS blur of 0.5 to 8 px, the range of the cheapest lens (3.9 px in the centre, 8.1 px in
+        // the corner).
         for (blur, bound) in [(0.5, 0.05), (4.0, 0.05), (8.0, 0.12)] {
             let photo = photograph(blur, 1.0);
             let pairs = corners(&photo, PANEL, SQUARE, &first_guess()).unwrap();

@@ -1,9 +1,9 @@
-//! A calibration put to work: a Work picture to panel codes, and sensor counts back to Work.
+//! Application of a calibration: a Work picture to panel codes, and sensor counts to Work light.
 //!
-//! Shown: warp to the panel per channel, response curve undone, diffused to 8 bits. Seen: black
-//! subtracted, sites made alike, mixing undone, dark corner divided out. Captures are cropped and
-//! never resampled, for Work *is* the camera's own pixel grid. Outside the canvas the panel goes on
-//! with the canvas's border pixels.
+//! Shown pictures are warped to the panel per channel, mapped through the inverse response curve
+//! and diffused to 8 bits. Captured counts lose black level, site differences, mixing and dark
+//! corner. Captures are cropped and never resampled, as Work is the camera's own pixel grid. Beyond
+//! the canvas the panel repeats its border pixels.
 
 mod perfect_lens;
 
@@ -20,7 +20,7 @@ use crate::frame::resample::{Outside, warp};
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Rect, Size, Work, once};
 use crate::remedy::{Remediable, Remedy};
 
-/// Sizes of the devices and where the photo lies on the sensor; from the rig file.
+/// Sizes of the devices and position of the photo on the sensor, from the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
     /// Panel pixels.
@@ -29,20 +29,20 @@ pub struct Layout {
     pub sensor: Size,
     /// The photo's grid.
     pub photo: Size,
-    /// Sensor column of the photo's first.
+    /// Sensor column of the photo's first column.
     pub photo_x_px: usize,
-    /// Sensor row of the photo's first.
+    /// Sensor row of the photo's first row.
     pub photo_y_px: usize,
     /// Canvas around the photo on every side.
     pub margin_px: usize,
     /// Counts at and above which a pixel is saturated.
     pub saturated: u16,
-    /// The colours of the sensor's sites, where it has colour filters.
+    /// Colour filters of the sensor, if any.
     pub mosaic: Option<Mosaic>,
 }
 
 impl Layout {
-    /// The sizes in a rig file.
+    /// The layout in a rig file.
     pub fn of(rig: &config::RigFile) -> Layout {
         Layout {
             panel: rig.panel.size(),
@@ -56,9 +56,9 @@ impl Layout {
         }
     }
 
-    /// The colours of the canvas's pixels.
+    /// Colour filters over the canvas.
     pub fn canvas_mosaic(&self) -> Option<Mosaic> {
-        // Less the margin is as well as more of it: a mosaic repeats by two.
+        // The period is two, so adding the margin equals subtracting it.
         let (x, y) = (self.photo_x_px + self.margin_px, self.photo_y_px + self.margin_px);
         self.mosaic.map(|mosaic| mosaic.from_place(x, y))
     }
@@ -78,7 +78,7 @@ impl Layout {
         plane
     }
 
-    /// The canvas in Work coordinates, centres of its outermost pixels.
+    /// The canvas in Work coordinates, bounded by the centres of its outermost pixels.
     pub fn domain(&self) -> Domain {
         let margin = self.margin_px as f64;
         Domain {
@@ -90,13 +90,13 @@ impl Layout {
     }
 }
 
-/// Why a calibration cannot be put to work.
+/// Why a calibration cannot be applied.
 #[derive(Debug, thiserror::Error)]
 pub enum CorrectionError {
-    /// It belongs to another photo or canvas.
+    /// It is for another photo or canvas size.
     #[error(
         "the calibration is for a photo of {found} with a margin of {found_margin_px} px; the rig \
-         file says {allowed} and {allowed_margin_px} px"
+         file has {allowed} and {allowed_margin_px} px"
     )]
     Sizes {
         /// Photo calibrated for.
@@ -108,10 +108,10 @@ pub enum CorrectionError {
         /// Margin of the rig file.
         allowed_margin_px: usize,
     },
-    /// The channels cannot be told apart.
-    #[error("the calibration's mixing of the channels cannot be undone: {found:?}")]
+    /// The mixing matrix is singular.
+    #[error("the calibration's mixing of channels cannot be inverted: {found:?}")]
     Mixing {
-        /// C as found.
+        /// The mixing matrix C.
         found: [[f32; 3]; 3],
     },
 }
@@ -122,48 +122,48 @@ impl Remediable for CorrectionError {
     }
 }
 
-/// What one capture says, in Work.
+/// A corrected capture in Work space.
 #[derive(Debug, Clone)]
 pub struct Corrected {
-    /// Light, 0..255, canvas-sized; 0 where the sensor does not reach.
+    /// Light, 0..255, canvas-sized; 0 beyond the sensor.
     pub light: Frame<Work>,
-    /// 1 where all three channels have a sensor value below saturation, else 0. Behind colour
-    /// filters each channel is known at its own sites.
+    /// 1 where all three channels are below saturation, else 0. Behind colour filters only a
+    /// channel's own sites are 1.
     pub trusted: Frame<Work, u8>,
 }
 
-/// The way from Work to the panel and from the sensor back, made ready.
+/// Precomputed maps from Work to the panel and from the sensor to Work.
 #[derive(Debug, Clone)]
 pub struct Correction {
     layout: Layout,
     geometry: [Geometry; 3],
     inverse: [Inverse; 3],
     unmix: [[f32; 3]; 3],
-    /// The straight count of each count, where the camera bends them.
+    /// Linearised value of each count; `None` if the camera is linear.
     straight: Option<Vec<f32>>,
-    /// Straight counts with a black panel, canvas-sized.
+    /// Linear counts of a black panel, canvas-sized.
     black: [Plane; 3],
     /// Light per unmixed count, canvas-sized: 1 / (counts per level · dark corner).
     gain: [Plane; 3],
-    /// The panel's column that each channel sees, canvas-sized; made when it is first asked for.
+    /// The panel column seen by each channel, canvas-sized; computed on first use.
     columns: OnceLock<Frame<Work>>,
-    /// How the sensor's sites differ, where it was measured.
+    /// Response of the sensor's sites, if measured.
     sites: Option<SiteGains>,
 }
 
-/// Rows of the panel made at a time: one band a task, errors diffused within it.
+/// Panel rows per task; errors are diffused within it.
 const BAND_ROWS: usize = 40;
-/// Panel pixels beyond the canvas that are still warped; farther out the last code goes on. Wider
-/// than any blur that can be worked with.
+/// Panel pixels beyond the canvas that are still warped; farther out the last code repeats. Wider
+/// than any workable blur.
 const FRINGE_PX: f64 = 64.0;
-/// Border pixels added to a canvas before it is warped, so that the sixteen taps never leave it.
+/// Border pixels added to a canvas before warping, so that the sixteen taps stay inside.
 const PAD_PX: usize = 4;
 
 impl Correction {
-    /// `calibration` made ready for devices of `layout`.
+    /// Prepares `calibration` for devices of `layout`.
     ///
     /// # Errors
-    /// When the calibration is for other sizes, or its mixing cannot be undone.
+    /// When the calibration is for other sizes, or its mixing cannot be inverted.
     pub fn new(calibration: &Calibration, layout: Layout) -> Result<Correction, CorrectionError> {
         if (calibration.photo, calibration.margin_px) != (layout.photo, layout.margin_px) {
             return Err(CorrectionError::Sizes {
@@ -195,50 +195,49 @@ impl Correction {
         })
     }
 
-    /// The panel's column, in its pixels, that each channel sees at each of the canvas's pixels.
+    /// The panel column, in panel pixels, that each channel sees at each canvas pixel.
     pub fn panel_columns(&self) -> &Frame<Work> {
-        let of = |c: Channel| self.layout.on_canvas(&self.geometry[c.index()].work_to_panel.x);
-        once(&self.columns, || Frame::from_fn(of))
+        let column = |c: Channel| self.layout.on_canvas(&self.geometry[c.index()].work_to_panel.x);
+        once(&self.columns, || Frame::from_fn(column))
     }
 
-    /// How the sensor's sites differ, on the canvas; `None` where it was not measured.
+    /// Response of the sensor's sites on the canvas; `None` if not measured.
     pub fn sites(&self) -> Option<&SiteGains> {
         self.sites.as_ref()
     }
 
-    /// The same, for which what lies between a channel's sites is as good as they are: where means
-    /// over several pixels are looked at.
+    /// The same correction with interpolated pixels counted as valid, for means over several
+    /// pixels.
     #[must_use]
     pub fn between_sites(&self) -> Correction {
         Correction { layout: Layout { mosaic: None, ..self.layout }, ..self.clone() }
     }
 
-    /// The sizes it was made for.
+    /// The layout it was prepared for.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// The codes that put `picture` (light, 0..255, canvas-sized) on the panel.
+    /// The codes that show `picture` (light, 0..255, canvas-sized) on the panel.
     ///
     /// # Panics
-    /// When the picture has not the canvas's size, which is a bug of the caller.
+    /// When the picture's size is not the canvas's.
     pub fn show(&self, picture: &Frame<Work>) -> Codes {
         self.show_by(picture, |channel| channel)
     }
 
-    /// The codes that put a `scene` (light, 0..255, canvas-sized) on the panel as an object is in
-    /// the world: its colours lie on each other there, and the lens pulls them apart. Green is seen
-    /// where the scene has it.
+    /// The codes that show `scene` (light, 0..255, canvas-sized) as an object: all channels at one
+    /// place, in green's geometry, so that the lens separates its colours.
     ///
     /// # Panics
-    /// When the scene has not the canvas's size, which is a bug of the caller.
+    /// When the scene's size is not the canvas's.
     pub fn show_scene(&self, scene: &Frame<Work>) -> Codes {
         self.show_by(scene, |_| Channel::Green)
     }
 
-    /// The codes of `picture`, each channel at the places of the channel that `place` gives.
+    /// The codes of `picture`, each channel in the geometry of channel `place`(channel).
     fn show_by(&self, picture: &Frame<Work>, place: impl Fn(Channel) -> Channel + Sync) -> Codes {
-        assert!(picture.size() == self.layout.canvas(), "what is shown has the canvas's size");
+        assert!(picture.size() == self.layout.canvas(), "a shown picture has the canvas's size");
         let made: Vec<Plane<u8>> = Channel::ALL
             .par_iter()
             .map(|&c| self.show_plane(c, place(c), picture.plane(c)))
@@ -247,7 +246,7 @@ impl Correction {
         Frame::from_fn(|_| made.next().unwrap_or_else(|| Plane::zeros(self.layout.panel)))
     }
 
-    /// The part of the panel that shows a canvas at the places of `place`, and a little around it.
+    /// The part of the panel that shows a canvas in the geometry of `place`, with a fringe.
     fn shown_part(&self, place: Channel) -> Rect {
         let panel = self.layout.panel;
         let seen = self.geometry[place.index()].panel_to_work.x.domain();
@@ -259,13 +258,12 @@ impl Correction {
         Rect { x, y, size: Size::new(right - x, bottom - y) }
     }
 
-    /// The light of the panel's pixels `part`, which show the canvas `padded` at the places of
+    /// The light of the panel pixels in `part`, which show the canvas `padded` in the geometry of
     /// `place`.
     fn panel_light(&self, place: Channel, padded: &Plane, part: Rect) -> Plane {
         let map = &self.geometry[place.index()].panel_to_work;
         let offset = (self.layout.margin_px + PAD_PX) as f32;
-        // Places where all sixteen taps lie in the padded plane, so that the border pixels go on
-        // outside.
+        // Limits that keep all sixteen taps in the padded plane, so that border pixels repeat.
         let limit = |side: usize| (side - PAD_PX) as f32 - 0.5;
         let (x_max, y_max) = (limit(padded.width()), limit(padded.height()));
         let least = PAD_PX as f32 - 1.5;
@@ -309,10 +307,10 @@ impl Correction {
         codes
     }
 
-    /// The light that `counts` (sensor-sized) mean, on the canvas.
+    /// Converts `counts` (sensor-sized) to light on the canvas.
     ///
     /// # Panics
-    /// When the counts have not the sensor's size, which is a bug of the caller.
+    /// When the counts' size is not the sensor's.
     pub fn see(&self, counts: &Counts) -> Corrected {
         assert!(counts.size() == self.layout.sensor, "counts have the sensor's size");
         let canvas = self.layout.canvas();
@@ -335,7 +333,7 @@ impl Correction {
         });
         drop(rows);
         let mosaic = self.layout.canvas_mosaic();
-        // Where means over several pixels are looked at, what a bad site was patched with is good.
+        // For means over several pixels, patched bad sites count as good.
         let sites = self.sites.as_ref().filter(|sites| sites.mosaic() == mosaic);
         let trusted = |c: Channel| match (mosaic, sites) {
             (None, None) => good.clone(),
@@ -348,16 +346,15 @@ impl Correction {
         Corrected { light, trusted: Frame::from_fn(trusted) }
     }
 
-    /// Canvas columns or rows that lie on a sensor of so many, the photo's first being number
-    /// `photo`: the first, and how many.
-    fn reach(&self, photo: usize, of_canvas: usize, of_sensor: usize) -> (usize, usize) {
+    /// First canvas column (or row) on the sensor, and their number; `photo` is the sensor column
+    /// of the photo's first.
+    fn reach(&self, photo: usize, canvas: usize, sensor: usize) -> (usize, usize) {
         let skip = self.layout.margin_px.saturating_sub(photo);
         let start = (photo + skip).saturating_sub(self.layout.margin_px);
-        (skip, of_canvas.saturating_sub(skip).min(of_sensor.saturating_sub(start)))
+        (skip, canvas.saturating_sub(skip).min(sensor.saturating_sub(start)))
     }
 
-    /// Counts over black as alike sites would have given them, and the part of the canvas that they
-    /// are of; `None` where it is empty.
+    /// Counts over black as of uniform sites, and their part of the canvas; `None` if it is empty.
     fn evened(&self, sites: &SiteGains, counts: &Counts) -> Option<(Rect, Frame<Work>)> {
         let (layout, canvas) = (&self.layout, self.layout.canvas());
         let (x, width) = self.reach(layout.photo_x_px, canvas.width, layout.sensor.width);
@@ -410,7 +407,7 @@ impl Correction {
         self.unmixed(y, skip, light, |x| [over(0, x), over(1, x), over(2, x)]);
     }
 
-    /// The straight count of `count`.
+    /// The linearised value of `count`.
     fn count(&self, count: u16) -> f32 {
         match &self.straight {
             Some(straight) => straight[usize::from(count)],
@@ -418,7 +415,7 @@ impl Correction {
         }
     }
 
-    /// The light of row `y` of the canvas from its column `skip` on, of counts over black.
+    /// Unmixes counts over black into the light of canvas row `y`, from column `skip`.
     fn unmixed(
         &self,
         y: usize,
@@ -442,14 +439,13 @@ impl Correction {
     }
 }
 
-/// The straight count of every count that there can be; `None` where they are straight.
+/// The linearised value of every count; `None` if the camera is linear.
 fn straight_counts(curve: &CameraCurve) -> Option<Vec<f32>> {
     let all = || (0..=u16::MAX).map(|count| curve.count(f32::from(count))).collect();
     (!curve.is_straight()).then(all)
 }
 
-/// Least share of light a dark corner is divided by: below a fiftieth there is no picture to
-/// brighten.
+/// Least dark-corner share divided by; below it there is no usable picture.
 const LEAST_LIGHT: f32 = 0.02;
 
 /// `picture` with [`PAD_PX`] more pixels on every side, repeating its border.

@@ -1,4 +1,4 @@
-//! The mixing of the panel's primaries in the camera's channels (paper Eq. 13).
+//! Mixing of the panel's primaries in the camera's channels (paper Eq. 13).
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 /// own light has gain 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CrossChannel {
-    /// `c[from][to]`: what one unit of the displayed channel `from` adds to the camera's channel
-    /// `to`.
+    /// `c[from][to]`: response of camera channel `to` to one unit of the displayed channel `from`.
     pub c: [[f32; 3]; 3],
 }
 
@@ -17,8 +16,8 @@ impl CrossChannel {
     pub const IDENTITY: CrossChannel =
         CrossChannel { c: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
 
-    /// C⁻¹, laid out the same: `light[to] = Σ seen[from] · inverse[from][to]`. `None` when the
-    /// channels cannot be told apart.
+    /// C⁻¹ in the same layout: `light[to] = Σ seen[from] · inverse[from][to]`; `None` if C is
+    /// singular.
     pub fn inverse(&self) -> Option<[[f32; 3]; 3]> {
         let m = Matrix3::from_fn(|i, j| f64::from(self.c[i][j])).try_inverse()?;
         let inverse = [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)] as f32));
@@ -26,23 +25,22 @@ impl CrossChannel {
     }
 }
 
-/// One block of a gradation shown in one channel, as the camera saw it.
+/// Capture of one block of a gradation shown in one channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlockReading {
-    /// Its code.
+    /// Code of the block.
     pub code: u8,
     /// Codes of the blocks around it.
     pub around: Vec<u8>,
     /// Squared distance from the middle of the field, 1 in its corners.
     pub field: f64,
-    /// Mean counts of its middle in the camera's three channels, black subtracted, divided by the
-    /// dark corner of the channel shown.
+    /// Mean counts of its middle in the three channels over black, divided by the dark corner of
+    /// the channel shown.
     pub counts: [f64; 3],
 }
 
-/// Row `from` of C: what the channel shown adds to each camera channel, by the slope of that
-/// channel's readings against its own. A slope, for glare lifts all blocks alike. `None` when there
-/// is no contrast.
+/// Row `from` of C: slopes of the camera channels' readings against that of the channel shown.
+/// Slopes are insensitive to glare, which lifts all blocks alike. `None` without contrast.
 pub fn row(from: usize, readings: &[BlockReading]) -> Option<[f32; 3]> {
     let count = readings.len() as f64;
     let mean = |k: usize| readings.iter().map(|r| r.counts[k]).sum::<f64>() / count;
@@ -63,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slopes_are_the_mixing_whatever_is_added_to_all() {
+    fn slopes_give_the_mixing_despite_added_light() {
         let readings: Vec<BlockReading> = (0..=255u8)
             .map(|code| {
                 let light = 700.0 * (f64::from(code) / 255.0).powf(2.2) + 30.0;
@@ -81,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn the_inverse_undoes_the_mixing() {
+    fn the_inverse_removes_the_mixing() {
         let mixing = CrossChannel { c: [[1.0, 0.1, 0.02], [0.07, 1.0, 0.11], [0.01, 0.15, 1.0]] };
         let inverse = mixing.inverse().unwrap();
         for (i, row) in mixing.c.iter().enumerate() {

@@ -1,8 +1,8 @@
-//! One channel's panel response: code ↦ light, as a table, and back exactly.
+//! Panel response of one channel: a table code ↦ light, and its exact inverse.
 
 use serde::{Deserialize, Serialize};
 
-/// Why a table is no response curve.
+/// Why a table is not a response curve.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CurveError {
     /// The table has another length.
@@ -11,9 +11,9 @@ pub enum CurveError {
         /// Entries found.
         found: usize,
     },
-    /// Light does not grow with the code.
+    /// Light does not increase with the code.
     #[error(
-        "light does not grow from code {code} to the next ({from} to {to}); a panel's response \
+        "light does not increase from code {code} to the next ({from} to {to}); a panel's response \
          must rise"
     )]
     NotRising {
@@ -26,7 +26,7 @@ pub enum CurveError {
     },
 }
 
-/// A strictly rising table of the light (0..255, black subtracted) of each of the 256 codes.
+/// Strictly increasing light (0..255, black subtracted) of the 256 codes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<f32>", into = "Vec<f32>")]
 pub struct ResponseCurve {
@@ -41,7 +41,7 @@ impl TryFrom<Vec<f32>> for ResponseCurve {
             return Err(CurveError::Length { found: light.len() });
         }
         for (code, pair) in light.windows(2).enumerate() {
-            // Written so that a NaN fails too.
+            // Negated so that NaN fails too.
             let rises = pair[1] > pair[0];
             if !rises || !pair[1].is_finite() {
                 return Err(CurveError::NotRising { code, from: pair[0], to: pair[1] });
@@ -58,7 +58,7 @@ impl From<ResponseCurve> for Vec<f32> {
 }
 
 impl ResponseCurve {
-    /// The curve of a panel whose codes are light.
+    /// The curve of a panel whose light equals its code.
     pub fn linear() -> ResponseCurve {
         ResponseCurve { light: (0..256).map(|c| c as f32).collect() }
     }
@@ -73,8 +73,8 @@ impl ResponseCurve {
         self.light[usize::from(code)]
     }
 
-    /// The code whose light is `light`, fractional between codes (0.0..=255.0), the ends beyond
-    /// them: the exact inverse of the table joined by straight lines.
+    /// The fractional code (0.0..=255.0) of `light`, clamped to the ends: the exact inverse of
+    /// linear interpolation.
     pub fn code(&self, light: f32) -> f32 {
         let above = self.light.partition_point(|&l| l <= light);
         if above == 0 {
@@ -88,9 +88,8 @@ impl ResponseCurve {
     }
 }
 
-/// [`ResponseCurve::code`] for many values at once, by a table even in the square root of light,
-/// which spreads a panel's codes about evenly. Within a fiftieth of a code of the exact inverse,
-/// and without a branch.
+/// [`ResponseCurve::code`] for many values, by a table uniform in the square root of light, which
+/// spaces codes about evenly. Accurate to a fiftieth of a code, without branches.
 #[derive(Debug, Clone)]
 pub struct Inverse {
     /// Fractional code at each step of √light.
@@ -99,7 +98,7 @@ pub struct Inverse {
     last: f32,
 }
 
-/// Steps of the table: about sixteen a code.
+/// Steps of the table, about sixteen per code.
 const STEPS: usize = 4096;
 
 impl Inverse {
@@ -113,12 +112,11 @@ impl Inverse {
         Inverse { codes: (0..=STEPS).map(code).collect(), last }
     }
 
-    /// The fractional code of each of `values` (light) in its place. What is not a number becomes
-    /// code 0.
+    /// Replaces each light in `values` by its fractional code; NaN becomes code 0.
     pub fn apply(&self, values: &mut [f32]) {
         let per_light = 1.0 / self.last;
         for value in values {
-            // `max` first: it turns NaN into no light.
+            // `max` comes first: it turns NaN into zero.
             let place = (value.max(0.0) * per_light).min(1.0).sqrt() * STEPS as f32;
             let step = (place as usize).min(STEPS - 1);
             let (below, above) = (self.codes[step], self.codes[step + 1]);
@@ -146,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fast_inverse_is_the_plain_one() {
+    fn the_fast_inverse_equals_the_exact_one() {
         for power in [1.0f32, 1.8, 2.4] {
             let table: Vec<f32> = (0..256)
                 .map(|c| 255.0 * (c as f32 / 255.0).powf(power) + 0.002 * c as f32)

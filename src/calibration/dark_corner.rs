@@ -1,20 +1,19 @@
-//! Dark corner and black level: smooth surfaces through flat captures, so that dividing by the one
-//! and subtracting the other adds no noise.
+//! Dark corner and black level: smooth surfaces through flat captures, whose division and
+//! subtraction add no noise.
 
 use super::surface::{Domain, Sample, Surface, SurfaceError};
 use crate::frame::{Plane, Rect};
 
-/// Pixels averaged to one sample, in each direction.
+/// Side of the cell averaged to one sample, pixels.
 const CELL_PX: usize = 8;
-/// Knot intervals. Vignetting goes with even powers of the field; six by five intervals follow cos⁴
-/// and a clipped pupil. Measured, see tests/tables/README.md.
+/// Knot intervals. Vignetting has even powers of the field; six by five intervals follow cos⁴ and a
+/// clipped pupil. Measured, see tests/tables/README.md.
 const INTERVALS: (usize, usize) = (6, 5);
-/// Penalty on bending: cells carry little noise, so little is needed (guess).
+/// Penalty on bending; small, as cells have little noise (guess).
 const BENDING: f64 = 1e-3;
 
-/// The smooth surface through `flat` (sensor pixels) over `domain` in Work coordinates, where
-/// sensor pixel (`origin`) is Work (0, 0). Cells outside the domain, or within `rim_px` of its
-/// border, are left out.
+/// Fits a smooth surface to `flat` (sensor pixels) over `domain` in Work coordinates; sensor pixel
+/// `origin` is Work (0, 0). Cells outside the domain or within `rim_px` of its border are omitted.
 ///
 /// # Errors
 /// When the flat has too few cells within the domain.
@@ -30,7 +29,7 @@ pub fn smooth(
         .flat_map(|j| (0..flat.width() / cell).map(move |i| (i * cell, j * cell)))
         .filter_map(|(x, y)| {
             let work = (x as f64 + middle - origin.0 as f64, y as f64 + middle - origin.1 as f64);
-            // A whole cell, not only its middle, stays clear of the rim.
+            // The whole cell, not only its middle, must be clear of the rim.
             let rim = if rim_px > 0 { rim_px as f64 + middle } else { 0.0 };
             let inside = (domain.left + rim..=domain.right - rim).contains(&work.0)
                 && (domain.top + rim..=domain.bottom - rim).contains(&work.1);
@@ -66,7 +65,7 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
 
     #[test]
-    fn vignetting_is_followed_through_noise_to_a_thousandth() {
+    fn vignetting_is_fitted_to_a_thousandth_despite_noise() {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
         let bell = Normal::new(0.0, 4.0).unwrap();
         let cos4 = |x: f64, y: f64| {
@@ -87,7 +86,7 @@ mod tests {
             }
         }
         let rms = (squared / (256.0 * 192.0)).sqrt();
-        println!("dark corner {:.5} RMS", rms);
+        println!("dark corner {rms:.5} RMS");
         assert!(rms < 0.001, "{rms}");
     }
 }

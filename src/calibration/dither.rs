@@ -1,24 +1,23 @@
-//! Fractional codes to whole ones by error diffusion, so that the lens, which blurs several panel
-//! pixels together, sees the light that was meant and not steps.
+//! Error diffusion of fractional codes, so that the lens, whose blur covers several panel pixels,
+//! sees the intended light without steps.
 
-/// Error diffusion after Floyd and Steinberg (Proc. SID 17, 1976), a row at a time. Errors are
-/// handed on in codes: neighbouring pixels have nearly one slope of the response curve, so light
-/// comes out right as well.
+/// Error diffusion by Floyd and Steinberg (Proc. SID 17, 1976), row by row. Errors are in codes:
+/// neighbouring pixels have nearly the same slope of the response curve, so light is preserved too.
 #[derive(Debug, Clone)]
 pub struct Diffusion {
-    /// What the row above handed down; two more places, so that no pixel is a border.
+    /// Error from the row above, with one element more at each end.
     from_above: Vec<f32>,
-    /// What this row hands down.
+    /// Error for the row below.
     below: Vec<f32>,
 }
 
 impl Diffusion {
-    /// For rows of `width` pixels, without any error yet.
+    /// Starts with rows of `width` pixels and no error.
     pub fn new(width: usize) -> Diffusion {
         Diffusion { from_above: vec![0.0; width + 2], below: vec![0.0; width + 2] }
     }
 
-    /// The next row: whole `codes` for the fractional `wanted` (0..=255, else cut off).
+    /// Rounds the next row of fractional codes `wanted`, clamped to 0..=255, into `codes`.
     pub fn row(&mut self, wanted: &[f32], codes: &mut [u8]) {
         self.below.fill(0.0);
         let mut ahead = 0.0f32;
@@ -41,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_mean_is_kept_and_blocks_of_pixels_have_it() {
+    fn blocks_of_pixels_keep_the_mean() {
         let (width, height) = (64, 64);
         let mut diffusion = Diffusion::new(width);
         let mut codes = vec![vec![0u8; width]; height];
@@ -59,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_codes_stay_and_the_ends_hold() {
+    fn whole_codes_are_unchanged_including_the_ends() {
         let mut diffusion = Diffusion::new(4);
         let mut codes = [9u8; 4];
         diffusion.row(&[0.0, 255.0, 17.0, 128.0], &mut codes);

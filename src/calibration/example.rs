@@ -1,4 +1,4 @@
-//! A small made-up calibration for tests.
+//! A small synthetic calibration for tests.
 
 use super::geometric::Map;
 use super::surface::{Domain, Surface};
@@ -10,8 +10,8 @@ use crate::deconvolution::lens_model::{Halo, LensFunctions};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Size;
 
-/// Photo of 40×30 with a margin of 4; the panel shows it enlarged by 1.25 and shifted; curves of
-/// power two, some mixing, a dark corner towards the right.
+/// A photo of 40×30 with a margin of 4, shown enlarged by 1.25 and shifted; curves of power two,
+/// some mixing, and a dark corner towards the right.
 pub(crate) fn calibration() -> Calibration {
     let canvas = Domain { left: -4.0, top: -4.0, right: 43.0, bottom: 33.0 };
     let panel = Domain { left: 2.0, top: 2.0, right: 60.75, bottom: 48.25 };

@@ -1,7 +1,7 @@
-//! Where on the panel the lens sees each place of the Work grid, channel by channel, and back.
+//! Geometric maps between the Work grid and the panel, per channel.
 //!
-//! Work coordinates are the photo's: pixel (0, 0) is the photo's first pixel, centre of a pixel at
-//! whole numbers; the canvas margin has negative coordinates. Panel coordinates likewise.
+//! Work coordinates are the photo's: (0, 0) is the centre of its first pixel, and the canvas margin
+//! has negative coordinates. Panel coordinates likewise.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,7 @@ impl Map {
         Map { x: Surface::plane(domain, dx, 1.0, 0.0), y: Surface::plane(domain, dy, 0.0, 1.0) }
     }
 
-    /// The smooth map nearest to `pairs` of (from, to).
+    /// Fits a smooth map to `pairs` of (from, to).
     ///
     /// # Errors
     /// When the pairs do not determine a map.
@@ -46,7 +46,7 @@ impl Map {
     }
 }
 
-/// Two points that belong together.
+/// Two corresponding points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pair {
     /// The point mapped.
@@ -58,25 +58,25 @@ pub struct Pair {
 /// Work ↔ panel for one channel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Geometry {
-    /// Where to show what shall be seen at a Work place.
+    /// Panel position seen at a Work position.
     pub work_to_panel: Map,
-    /// Where in Work a panel place is seen.
+    /// Work position of a panel position.
     pub panel_to_work: Map,
 }
 
-/// Work and panel points, RMS misfit beyond which a pair of corners is thrown out: five times the
-/// median. A corner in a reflection is off by much more, a good one never is (guess).
+/// Largest misfit of a pair of corners, in median misfits. A corner in a reflection is off by much
+/// more, a good one never (guess).
 const OUTLIER: f64 = 5.0;
-/// Knot intervals of the maps. A cheap lens's distortion is a cubic over the field; eight by six
-/// intervals follow it (0.05 to 0.12 px RMS in all on `ideal.toml`, November 2026).
+/// Knot intervals of the maps. A cheap lens's distortion is cubic over the field, which eight by
+/// six intervals follow (0.05 to 0.12 px RMS on `ideal.toml`, November 2026).
 const INTERVALS: (usize, usize) = (8, 6);
-/// Penalty on bending of the maps; small, for corners are good to a few hundredths of a pixel
+/// Penalty on bending of the maps; small, as corners are accurate to a few hundredths of a pixel
 /// (guess).
 const BENDING: f64 = 1e-4;
 
 impl Geometry {
-    /// The geometry of a rig whose panel pixels are seen by one sensor pixel each: the panel place
-    /// of Work (x, y) is (x + `dx`, y + `dy`).
+    /// The geometry of a rig with one sensor pixel per panel pixel: Work (x, y) maps to the panel's
+    /// (x + `dx`, y + `dy`).
     pub fn one_to_one(canvas: Domain, dx: f64, dy: f64) -> Geometry {
         let on_panel = Domain {
             left: canvas.left + dx,
@@ -90,8 +90,8 @@ impl Geometry {
         }
     }
 
-    /// The geometry over `canvas` nearest to `pairs` of (Work, panel), and their RMS misfit in
-    /// panel pixels. Pairs far off the rest are left out.
+    /// Fits the geometry over `canvas` to `pairs` of (Work, panel) without outliers; returns it
+    /// with its RMS misfit, panel pixels.
     ///
     /// # Errors
     /// When the pairs do not determine a map.
@@ -109,19 +109,18 @@ impl Geometry {
         let work_to_panel = Map::fit(canvas, INTERVALS, &kept, BENDING)?;
         let squared: f64 = kept.iter().map(|p| misfit(&work_to_panel, p).powi(2)).sum();
         let rms = (squared / kept.len() as f64).sqrt();
-        Ok((Geometry::of(canvas, |x, y| work_to_panel.at(x, y))?, rms))
+        Ok((Geometry::from_map(canvas, |x, y| work_to_panel.at(x, y))?, rms))
     }
 
-    /// This geometry after the lens functions have shown that what is shown for Work place q is
-    /// seen centred at q + `displacement`(q): what is shown for a place is then seen centred
-    /// *there*.
+    /// Corrects the geometry for lens functions by which Work position q is seen centred at q +
+    /// `displacement`(q): afterwards it is centred at q.
     ///
     /// # Errors
     /// When the moved points do not determine a map.
     pub fn recentred(&self, displacement: &Map) -> Result<Geometry, SurfaceError> {
-        Geometry::of(self.work_to_panel.x.domain(), |x, y| {
-            // Solves q + displacement(q) = (x, y); displacements are a few pixels and vary slowly,
-            // so that each round gains two digits.
+        Geometry::from_map(self.work_to_panel.x.domain(), |x, y| {
+            // Solves q + displacement(q) = (x, y). Displacements are small and vary slowly: each
+            // round gains two digits.
             let (mut qx, mut qy) = (x, y);
             for _ in 0..4 {
                 let (dx, dy) = displacement.at(qx, qy);
@@ -131,12 +130,12 @@ impl Geometry {
         })
     }
 
-    /// Both maps fitted to Work → panel as `to_panel` gives it.
-    fn of(
+    /// Fits both maps to Work → panel given by `to_panel`.
+    fn from_map(
         canvas: Domain,
         to_panel: impl Fn(f64, f64) -> (f64, f64),
     ) -> Result<Geometry, SurfaceError> {
-        // Eight samples a knot interval in both directions: the fit adds nothing of its own.
+        // Eight samples per knot interval in each direction make the fit error negligible.
         let (across, down) = (8 * INTERVALS.0, 8 * INTERVALS.1);
         let mut pairs = Vec::with_capacity((across + 1) * (down + 1));
         for j in 0..=down {
@@ -153,7 +152,7 @@ impl Geometry {
         }
         let on_panel = Domain { left, top, right, bottom };
         let back: Vec<Pair> = pairs.iter().map(|p| Pair { from: p.to, to: p.from }).collect();
-        // Only against rounding: the samples carry no noise.
+        // Only against rounding: the samples have no noise.
         let bending = 1e-9;
         Ok(Geometry {
             work_to_panel: Map::fit(canvas, INTERVALS, &pairs, bending)?,
@@ -180,7 +179,7 @@ mod tests {
         for j in 0..24 {
             for i in 0..31 {
                 let from = (-20.0 + 35.0 * f64::from(i), -20.0 + 35.0 * f64::from(j));
-                // Errors of a few hundredths of a pixel, as corners have.
+                // Errors of a few hundredths of a pixel, like real corners.
                 let wrong = 0.03 * f64::from((i * 7 + j * 13) % 11 - 5) / 3.0;
                 let (x, y) = truth(from.0, from.1);
                 pairs.push(Pair { from, to: (x + wrong, y - wrong) });
@@ -191,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_distorted_tilted_board_is_followed_and_its_stray_corner_left_out() {
+    fn a_distorted_tilted_board_is_fitted_without_its_outlier() {
         let (geometry, rms) = Geometry::fit(CANVAS, &pairs()).unwrap();
         assert!(rms < 0.06, "{rms}");
         let (mut worst, mut squared) = (0.0f64, 0.0f64);
@@ -212,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn recentring_takes_the_displacement_out() {
+    fn recentring_removes_the_displacement() {
         let (geometry, _) = Geometry::fit(CANVAS, &pairs()).unwrap();
         let displacement = Map {
             x: Surface::plane(CANVAS, 0.3, 1e-3, 0.0),

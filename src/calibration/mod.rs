@@ -1,5 +1,5 @@
-//! What a rig's captures say about it, fitted and kept: everything between a Work picture and its
-//! photograph.
+//! Calibration of a rig: fits to its captures, their storage and their application. It covers
+//! everything between a Work picture and its capture.
 //!
 //! | paper §3 | here |
 //! |---|---|
@@ -10,8 +10,8 @@
 //! | (the lens out of focus: not in the paper) | [`OtherFocus`] |
 //! | (how the sensor's sites differ: not in the paper) | [`response_pattern`], [`site_gains`] |
 //!
-//! The fits are pure: numbers in, numbers out. [`correction`] applies them, [`store`] keeps them on
-//! flash, and the procedure on a rig is [`crate::measurement`] (layer 5).
+//! The fits are pure functions. [`correction`] applies them, [`store`] stores them, and
+//! [`crate::measurement`] is the procedure on a rig.
 
 pub mod camera_curve;
 pub mod checkerboard;
@@ -39,7 +39,7 @@ use serde::{Deserialize, Serialize};
 use crate::deconvolution::lens_model::broad::check_halos;
 use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions, LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::frame::Size;
+use crate::frame::{Channel, Size};
 pub use camera_curve::CameraCurve;
 pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
@@ -53,12 +53,12 @@ pub use site_gains::SiteGains;
 pub use site_norms::SiteNorms;
 use surface::Surface;
 
-/// Everything measured on one rig, at one time.
+/// All results of one calibration of a rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// Identity of the rig it was measured on: hash of the geometry-relevant parts of its rig file.
+    /// Identity of the rig: hash of the geometry-relevant parts of its rig file.
     pub rig: u64,
-    /// Counts up by one with each calibration kept.
+    /// Number of the stored calibration, increasing by one.
     pub generation: u32,
     /// The photo's grid.
     pub photo: Size,
@@ -66,11 +66,11 @@ pub struct Calibration {
     pub margin_px: usize,
     /// Work ↔ panel, per channel.
     pub geometry: [Geometry; 3],
-    /// Share of the light that arrives, over Work coordinates, per channel; mean 1 over the photo.
+    /// Relative illumination over Work coordinates, per channel; mean 1 over the photo.
     pub dark_corner: [Surface; 3],
-    /// The mixing of the channels, Eq. 13.
+    /// Mixing of the channels, Eq. 13.
     pub cross_channel: CrossChannel,
-    /// How the camera's counts bend; all else here is of straight counts.
+    /// Linearisation of the camera's counts; all other fields refer to linear counts.
     pub camera_curve: CameraCurve,
     /// Light 0..255 of each panel code, per channel, black subtracted.
     pub curves: [ResponseCurve; 3],
@@ -79,75 +79,79 @@ pub struct Calibration {
     pub black: [Surface; 3],
     /// Sensor counts per unit of light (0..255) where the dark corner is 1, per channel.
     pub counts_per_level: [f32; 3],
-    /// How the sensor's sites differ, on the canvas.
+    /// Response of the sensor's sites, on the canvas.
     pub pattern: ResponsePattern,
-    /// Noise of one capture in units of light, per channel, mixing undone.
+    /// Noise of one unmixed capture in units of light, per channel.
     pub noise: [Noise; 3],
-    /// The lens functions, each about sum 1: light to light, dark corner taken out.
+    /// Lens functions, each of sum about 1, without the dark corner.
     pub functions: LensFunctions,
-    /// What the lens scatters wider than that, per channel; nothing where nothing was found, or not
-    /// looked for.
+    /// Light scattered beyond the functions' support, per channel; empty if none was found or
+    /// measured.
     pub broad: [Vec<Halo>; 3],
     /// Largest squared singular value of the lens model, per channel.
     pub norm_squared: [f32; 3],
-    /// How much of each wavelet level the lens model lets through, per channel; for the rig file's
-    /// levels.
+    /// Norm of the lens model on each wavelet level of the rig file, per channel.
     pub level_norms: [LevelNorms; 3],
-    /// The same norms at the sites of the camera's colour filters, if it has them.
+    /// The same norms at the sites of the camera's colour filters, if any.
     pub at_sites: Option<SiteNorms>,
-    /// The lens at other focus offsets, rising.
+    /// The lens at other focus offsets, in increasing order.
     pub focuses: Vec<OtherFocus>,
-    /// ‖K‖², asked of the light: what the rig makes of the model's dominant picture; green.
+    /// ‖K‖² of green measured by the rig's capture of the model's dominant picture.
     pub norm_squared_seen: f32,
-    /// RMS of (held-out capture of a chart − the model's prediction), grey levels, per channel;
-    /// the capture registered, its beat taken out, its noise included.
+    /// RMS of (held-out capture of a chart − prediction), grey levels, per channel; the capture is
+    /// registered and its beat removed, its noise included.
     pub operator_error: [f32; 3],
-    /// Captures the calibration took.
+    /// Number of captures.
     pub captures: u32,
 }
 
-/// An operator error above which results are doubted, grey levels. Guess: the simulated rigs of
-/// the laboratory have 1 to 5.6, a lens that blurs by less than a pixel 8.8.
+/// Largest operator error without a warning, grey levels. Guess: the simulated rigs have 1 to 5.6,
+/// a lens that blurs by less than a pixel 8.8.
 const OPERATOR_ERROR_MOST: f32 = 7.0;
 
 impl Calibration {
-    /// What lies beyond the canvas: without margin everything outside the photo is dark; with one,
-    /// light goes on.
+    /// Light beyond the canvas: none without a margin, else that of the border.
     pub fn beyond(&self) -> Beyond {
         if self.margin_px == 0 { Beyond::Dark } else { Beyond::LikeTheBorder }
     }
 
-    /// K as measured, broad light included.
+    /// Counts of a black panel in the middle of the canvas.
+    pub fn black_level(&self, channel: Channel) -> f64 {
+        let middle = |side: usize| (side + 2 * self.margin_px) as f64 / 2.0;
+        self.black[channel.index()].at(middle(self.photo.width), middle(self.photo.height))
+    }
+
+    /// The lens model K, broad light included.
     ///
     /// # Errors
-    /// When the functions or the broad light are none.
+    /// When the functions or the broad light are invalid.
     pub fn lens_model(&self) -> Result<LensModel, LensModelError> {
         LensModel::new(self.photo, self.margin_px, &self.functions)?
             .with_broad_light(&self.broad, self.beyond())
     }
 
-    /// Share of the light that the lens scatters wider than its functions reach, per channel.
+    /// Share of the light scattered beyond the functions' support, per channel.
     pub fn scattered(&self) -> [f32; 3] {
         let side = self.functions.support_px;
-        // Not by `sum`, which makes −0.0 of nothing.
+        // Not by `sum`, which is −0.0 for an empty iterator.
         self.broad.each_ref().map(|halos| halos.iter().fold(0.0, |sum, h| sum + h.beyond(side)))
     }
 
-    /// What its own captures say against it, in a sentence with what to do.
-    pub fn doubt(&self) -> Option<String> {
+    /// A warning if the lens model is inaccurate, with advice.
+    pub fn warning(&self) -> Option<String> {
         let largest = self.operator_error.into_iter().fold(0.0, f32::max);
         (largest > OPERATOR_ERROR_MOST).then(|| {
             format!(
-                "the lens model misses a chart by {largest:.1} grey levels, allowed \
-                 {OPERATOR_ERROR_MOST:.0}: results will be poor. Either the rig is out of focus, \
-                 which `relens align` tells; or the lens blurs by less than a pixel, and the \
-                 camera sees the panel's: a panel with finer pixels, or farther away, has two of \
-                 them to a pixel of the sensor"
+                "the lens model deviates from a chart by {largest:.1} grey levels, allowed \
+                 {OPERATOR_ERROR_MOST:.0}: results will be poor. Either the rig is out of focus: \
+                 run `relens align`. Or the lens blurs by less than a pixel, and the camera \
+                 resolves the panel's pixels: use a panel with finer pixels, or move it \
+                 away, until two of them fall on a sensor pixel"
             )
         })
     }
 
-    /// Whether all parts are whole and fit together, in words when not.
+    /// Checks that all parts are valid and consistent; else describes the fault.
     fn check(&self) -> Result<(), String> {
         let surfaces =
             self.dark_corner.iter().chain(&self.black).chain(self.geometry.iter().flat_map(|g| {
@@ -155,7 +159,7 @@ impl Calibration {
             }));
         if surfaces.into_iter().any(|s| !s.is_whole()) {
             return Err(
-                "a surface has the wrong number of coefficients, or one that is not finite"
+                "a surface has the wrong number of coefficients, or a coefficient that is not finite"
                     .to_owned(),
             );
         }
@@ -193,15 +197,15 @@ mod tests {
     use super::example::calibration;
 
     #[test]
-    fn a_lens_model_that_misses_much_is_doubted_and_told_what_to_do() {
-        assert_eq!(calibration().doubt(), None);
+    fn an_inaccurate_lens_model_gives_a_warning_with_advice() {
+        assert_eq!(calibration().warning(), None);
         let poor = Calibration { operator_error: [3.0, 16.4, 4.5], ..calibration() };
-        let doubt = poor.doubt().unwrap();
-        assert!(doubt.contains("16.4") && doubt.contains("relens align"), "{doubt}");
+        let warning = poor.warning().unwrap();
+        assert!(warning.contains("16.4") && warning.contains("relens align"), "{warning}");
     }
 
     #[test]
-    fn a_lens_that_scatters_nothing_scatters_no_less_than_nothing() {
+    fn a_lens_without_scatter_has_positive_zero_scatter() {
         let clear = Calibration { broad: Default::default(), ..calibration() };
         assert!(clear.scattered().iter().all(|share| share.to_bits() == 0));
     }

@@ -1,16 +1,16 @@
-//! Noise of one capture against the level of light, from repeated captures.
+//! Noise of one capture as a function of light, from repeated captures.
 
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{Plane, Rect};
 
-/// Variance = `at_black` + `per_level` · light: read noise and shot noise of one channel of one
-/// capture, in light (0..255), as an average over the field.
+/// Variance = `at_black` + `per_level` · light: read and shot noise of one channel of one capture,
+/// in light (0..255), averaged over the field.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Variance without light, squared grey levels.
     pub at_black: f32,
-    /// Variance added by each grey level.
+    /// Variance per grey level.
     pub per_level: f32,
 }
 
@@ -25,20 +25,19 @@ impl Noise {
         Noise { at_black: black * self.at_black, per_level: light * self.per_level }
     }
 
-    /// The light that adds as much noise as there is without light, grey levels; infinite where
-    /// noise does not depend on light.
+    /// Light whose shot noise equals the read noise, grey levels; infinite if noise does not depend
+    /// on light.
     pub fn dark_light(&self) -> f32 {
         if self.per_level > 0.0 { self.at_black / self.per_level } else { f32::INFINITY }
     }
 }
 
-/// The noise of two captures of the same picture (`first`, `second`: light, mixing undone), from
-/// pixels with `trusted` = 1 in places where the picture is `flat`, by a line through the variance
-/// in 32 bins of light. `None` without enough pixels.
+/// Fits the noise to two captures of one picture (`first`, `second`: unmixed light), from pixels
+/// with `trusted` = 1 in `flat` areas, by a line through the variance in 32 bins of light. `None`
+/// without enough pixels.
 ///
-/// A panel that wanders changes what is seen of an edge, and one that flickers all of a place
-/// alike: neither is noise. So only flat places are looked at, and what changes a place as a whole
-/// is taken out.
+/// Drift of the panel changes edges, and its flicker a whole area; neither is noise. Hence only
+/// flat areas count, and the mean difference of each area is removed.
 pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>, flat: &[Rect]) -> Option<Noise> {
     const BINS: usize = 32;
     let mut bins = [(0.0f64, 0.0f64, 0.0f64); BINS];
@@ -60,14 +59,14 @@ pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>, flat: &[Rect]) ->
         let mean = pairs.iter().map(|(_, difference)| difference).sum::<f64>() / count;
         let squares = pairs.iter().map(|(_, difference)| (difference - mean).powi(2)).sum::<f64>();
         let bin = &mut bins[((light / count + 32.0) / 320.0 * BINS as f64) as usize % BINS];
-        // Of so many squares one went with the mean.
+        // The mean takes one degree of freedom.
         let variance = squares / (2.0 * (count - 1.0));
         *bin = (bin.0 + count, bin.1 + light, bin.2 + count * variance);
     }
     // Weighted line: the variance of a variance from n pixels is 2·variance²/n.
     let (mut n, mut sx, mut sy, mut sxx, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for (count, light, squared) in bins {
-        // Thirty pixels tell a variance to a quarter; less is not worth a place in the line.
+        // Thirty pixels give a variance to a quarter.
         if count < 30.0 || squared <= 0.0 {
             continue;
         }
@@ -77,10 +76,9 @@ pub fn fit(first: &Plane, second: &Plane, trusted: &Plane<u8>, flat: &[Rect]) ->
         (sxx, sxy) = (sxx + weight * x * x, sxy + weight * x * y);
     }
     if n <= 0.0 {
-        // Captures that agree to the last bit have no noise of their own; too few pixels say
-        // nothing.
-        let told = bins.iter().any(|bin| bin.0 >= 30.0);
-        return told.then_some(Noise { at_black: 0.0, per_level: 0.0 });
+        // Identical captures have no noise; too few pixels give no estimate.
+        let is_measured = bins.iter().any(|bin| bin.0 >= 30.0);
+        return is_measured.then_some(Noise { at_black: 0.0, per_level: 0.0 });
     }
     let spread = sxx - sx * sx / n;
     let slope = if spread > 1e-9 * sxx { ((sxy - sx * sy / n) / spread).max(0.0) } else { 0.0 };
@@ -96,8 +94,8 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
-    /// Two captures of columns of light, the second brighter by a share and moved by half a pixel,
-    /// with known noise; and the places between the steps from column to column.
+    /// Two captures of columns of light with known noise, the second brighter and moved by half a
+    /// pixel; and the areas between the columns' edges.
     fn captures(brighter: f32, moved: bool) -> ([Plane; 2], Vec<Rect>) {
         let size = Size::new(256, 256);
         let mut random = Xoshiro256PlusPlus::seed_from_u64(11);
@@ -116,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn read_and_shot_noise_are_told_apart() {
+    fn read_and_shot_noise_are_separated() {
         for (brighter, moved) in [(0.0, false), (0.006, true)] {
             let ([first, second], flat) = captures(brighter, moved);
             let noise = fit(&first, &second, &Plane::filled(first.size(), 1), &flat).unwrap();

@@ -1,5 +1,4 @@
-//! How strong the measured lens is: ‖K‖² and the wavelet levels' norms, and another lens in its
-//! place.
+//! Norms of the measured lens: ‖K‖² and those of the wavelet levels.
 
 use rayon::prelude::*;
 
@@ -9,14 +8,14 @@ use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError}
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::{Channel, Plane};
 
-/// Rounds of the power method from grey, which nearly is the dominant picture.
+/// Rounds of the power method, started from grey, which is close to the dominant picture.
 const POWER_ROUNDS: usize = 12;
-/// The seed of the picture that the search for each wavelet level begins with.
+/// Seed of the initial picture for each wavelet level.
 const LEVEL_SEED: u64 = 17;
 
 impl Calibration {
-    /// Measures the norms of `model`, which is this calibration's, for so many wavelet `levels`,
-    /// and `at_sites` where the camera has colour filters; green's dominant picture.
+    /// Computes the norms of this calibration's `model` for `levels` wavelet levels, and at sites
+    /// if `at_sites`; returns green's dominant picture.
     pub fn measure_norms(&mut self, model: &LensModel, levels: usize, at_sites: bool) -> Plane {
         self.at_sites = at_sites.then(|| SiteNorms::of(model, levels));
         let dominant = |&c: &Channel| lens_blur::dominant(model, c, POWER_ROUNDS);
@@ -31,18 +30,17 @@ impl Calibration {
         pictures.swap_remove(Channel::Green.index())
     }
 
-    /// The same calibration, one generation on, with the lens that photos have proved to be there
-    /// in place of the measured one. All else is as it was measured; the operator error is the
-    /// measured lens's.
+    /// The next generation with other lens functions and their norms; all else, including the
+    /// operator error, as measured.
     ///
     /// # Errors
-    /// When the functions are none.
+    /// When the functions are invalid.
     pub fn with_lens(&self, functions: LensFunctions) -> Result<Calibration, LensModelError> {
         let generation = self.generation.wrapping_add(1);
         let mut changed = Calibration { functions, generation, ..self.clone() };
         let (model, levels) = (changed.lens_model()?, self.level_norms[0].levels());
         changed.measure_norms(&model, levels, self.at_sites.is_some());
-        // By as much as the light differed from the measured lens, it may differ from this one.
+        // The measured ‖K‖² scales with the computed one.
         let green = Channel::Green.index();
         let ratio = changed.norm_squared[green] / self.norm_squared[green].max(f32::MIN_POSITIVE);
         changed.norm_squared_seen *= ratio;

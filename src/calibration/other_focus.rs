@@ -1,4 +1,4 @@
-//! The lens at other focus offsets than the panel's, measured and kept beside it.
+//! The lens at focus offsets other than the panel's.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,19 +9,19 @@ use crate::deconvolution::lens_model::LensFunctions;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::remedy::{Remediable, Remedy};
 
-/// Focuses that a calibration keeps beside the panel's: some five on each side, and room for two.
+/// Most focuses besides the panel's: about five on each side, and two in reserve.
 const FOCUSES_MAX: usize = 12;
-/// The largest offset, dioptres: a scene at a hand's width before a lens focused far away.
+/// Largest offset, dioptres: a scene at a hand's width from a lens focused far away.
 const OFFSET_MAX: f32 = 10.0;
-/// Offsets that differ by less are the same, dioptres: a thousandth turns no ring.
+/// Offsets closer than this are the same, dioptres: below the precision of a focus ring.
 const SAME_OFFSET: f32 = 0.001;
 
 /// The lens at one focus offset.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OtherFocus {
-    /// 1/distance − 1/(the panel's distance), dioptres; positive is nearer.
+    /// 1/distance − 1/(panel distance), dioptres; positive is nearer.
     pub offset: f32,
-    /// Its functions, on the grid of the panel's.
+    /// The functions, on the grid of the panel's.
     pub functions: LensFunctions,
     /// As [`Calibration::norm_squared`].
     pub norm_squared: [f32; 3],
@@ -31,35 +31,35 @@ pub struct OtherFocus {
     pub at_sites: Option<SiteNorms>,
 }
 
-/// Why a focus is not kept.
+/// Why a focus cannot be added.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FocusError {
-    /// The offset is none.
+    /// The offset is out of range.
     #[error(
-        "found a focus offset of {found}, allowed {SAME_OFFSET} to {OFFSET_MAX} dioptres, nearer \
+        "found a focus offset of {found}, allowed {SAME_OFFSET} to {OFFSET_MAX} dioptres nearer \
          or farther (negative)"
     )]
     Offset {
         /// The offset.
         found: f32,
     },
-    /// There are too many.
+    /// Too many focuses are stored.
     #[error(
-        "{FOCUSES_MAX} other focuses are kept already; `relens calibrate --forget-focuses` \
-         forgets them"
+        "{FOCUSES_MAX} other focuses are stored already; `relens calibrate --forget-focuses` \
+         deletes them"
     )]
     TooMany,
-    /// The functions were measured on another grid.
+    /// The functions are on another grid.
     #[error(
-        "the lens was measured as {found} functions of {found_px} px; {allowed} of {allowed_px} \
-         px, as in the panel's focus, are allowed"
+        "the lens was measured with {found} functions of {found_px} px; allowed {allowed} of {allowed_px} \
+         px, as in the panel's focus"
     )]
     Grid {
-        /// Functions found.
+        /// Number of functions.
         found: usize,
         /// Their width.
         found_px: usize,
-        /// Functions of the panel's focus.
+        /// Number of functions in the panel's focus.
         allowed: usize,
         /// Their width.
         allowed_px: usize,
@@ -73,11 +73,11 @@ impl Remediable for FocusError {
 }
 
 impl Calibration {
-    /// The same calibration, one generation on, with the lens that `measured` at `offset` dioptres
-    /// from the panel's focus found; in place of what was kept for that offset, if anything was.
+    /// The next generation with the lens of `measured` at `offset` dioptres from the panel's focus,
+    /// replacing a previous one at that offset.
     ///
     /// # Errors
-    /// When the offset is none, the grid another, or too many are kept.
+    /// When the offset is out of range, the grid differs, or too many are stored.
     pub fn with_focus(
         &self,
         offset: f32,
@@ -108,8 +108,8 @@ impl Calibration {
         Ok(after)
     }
 
-    /// The same calibration with the other focuses of `before`, whose panel stood as this one's
-    /// does; without those that do not fit this one's grid.
+    /// The same calibration with the other focuses of `before`, which had the panel in the same
+    /// place, as far as they fit this grid.
     #[must_use]
     pub fn with_focuses_of(mut self, before: &Calibration) -> Calibration {
         let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
@@ -122,10 +122,10 @@ impl Calibration {
         self
     }
 
-    /// Whether another focus can be kept at `offset` dioptres from the panel's.
+    /// Checks that a focus at `offset` dioptres from the panel's can be added.
     ///
     /// # Errors
-    /// When the offset is none, or too many others are kept.
+    /// When the offset is out of range, or too many others are stored.
     pub fn check_offset(&self, offset: f32) -> Result<(), FocusError> {
         focus_offset(offset)?;
         let is_other = |focus: &&OtherFocus| (focus.offset - offset).abs() >= SAME_OFFSET;
@@ -133,13 +133,13 @@ impl Calibration {
         (others < FOCUSES_MAX).then_some(()).ok_or(FocusError::TooMany)
     }
 
-    /// The lens at all focuses; `None` where it was measured at the panel's alone.
+    /// The lens at all focuses; `None` if measured at the panel's alone.
     fn focus_series(&self) -> Option<FocusSeries<'_>> {
         let others = self.focuses.iter().map(|focus| (focus.offset, &focus.functions));
         FocusSeries::new(others.chain([(0.0, &self.functions)]).collect())
     }
 
-    /// Whether the other focuses are whole and fit, in words when not.
+    /// Checks that the other focuses are valid; else describes the fault.
     pub(super) fn check_focuses(&self) -> Result<(), String> {
         if self.focuses.len() > FOCUSES_MAX {
             return Err(format!("{} focuses; {FOCUSES_MAX} are allowed", self.focuses.len()));
@@ -164,10 +164,10 @@ impl Calibration {
     }
 }
 
-/// `offset`, dioptres, as another focus than the panel's.
+/// Checks that `offset`, dioptres, is another focus than the panel's.
 ///
 /// # Errors
-/// [`FocusError::Offset`] when it is none.
+/// [`FocusError::Offset`] if not.
 pub fn focus_offset(offset: f32) -> Result<f32, FocusError> {
     is_offset(offset).then_some(offset).ok_or(FocusError::Offset { found: offset })
 }
@@ -182,7 +182,7 @@ mod tests {
     use crate::calibration::example;
 
     #[test]
-    fn a_focus_is_kept_beside_the_panel_s_and_takes_the_place_of_the_same() {
+    fn a_focus_is_added_or_replaces_the_same_one() {
         let calibration = example::calibration();
         let mut sharper = example::calibration();
         sharper.functions.taps[1][0] = 0.9;
@@ -199,25 +199,25 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_focus_is_refused_in_a_sentence() {
+    fn an_invalid_focus_is_refused_with_a_message() {
         let calibration = example::calibration();
         for offset in [0.0, 0.0005, 11.0, -10.5, f32::NAN, f32::INFINITY] {
-            let told = calibration.with_focus(offset, &calibration).unwrap_err().to_string();
-            assert!(told.contains("dioptres") && told.contains("allowed"), "{told}");
+            let message = calibration.with_focus(offset, &calibration).unwrap_err().to_string();
+            assert!(message.contains("dioptres") && message.contains("allowed"), "{message}");
         }
         let mut wide = calibration.clone();
         wide.functions.columns += 1;
-        let told = calibration.with_focus(0.1, &wide).unwrap_err().to_string();
-        assert!(told.contains("2 functions of 1 px; 1 of 1 px"), "{told}");
+        let message = calibration.with_focus(0.1, &wide).unwrap_err().to_string();
+        assert!(message.contains("2 functions of 1 px; allowed 1 of 1 px"), "{message}");
         let full = (1..=FOCUSES_MAX as u32)
             .fold(calibration.clone(), |c, n| c.with_focus(0.01 * n as f32, &calibration).unwrap());
-        let told = full.with_focus(-0.1, &calibration).unwrap_err().to_string();
-        assert!(told.contains("--forget-focuses"), "{told}");
+        let message = full.with_focus(-0.1, &calibration).unwrap_err().to_string();
+        assert!(message.contains("--forget-focuses"), "{message}");
         assert!(full.with_focus(0.01, &calibration).is_ok());
     }
 
     #[test]
-    fn focuses_of_another_grid_are_not_taken_over_and_are_no_calibration() {
+    fn focuses_of_another_grid_are_neither_kept_nor_valid() {
         let with = example::calibration().with_focus(0.1, &example::calibration()).unwrap();
         assert_eq!(example::calibration().with_focuses_of(&with).focuses, with.focuses);
         let mut wide = example::calibration();

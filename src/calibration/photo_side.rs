@@ -1,5 +1,4 @@
-//! What a calibration says about the photo itself: how the camera bent its light, its dark corner,
-//! and its colour fringes.
+//! The photo's part of a calibration: camera curve, dark corner and colour fringes.
 
 use rayon::prelude::*;
 
@@ -9,29 +8,28 @@ use super::{Calibration, CameraCurve};
 use crate::frame::resample::{Outside, warp};
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 
-/// Share of light below which a corner is too dark to be worth dividing by; what is darker is left
-/// dark.
+/// Least dark-corner share divided by; darker parts stay dark.
 const DARKEST: f32 = 0.05;
-/// Rows between which displacements are interpolated: they vary by hundredths of a pixel over that.
+/// Spacing of the displacements' grid; they vary by hundredths of a pixel over it.
 const COARSE_PX: usize = 16;
 
-/// Rows of a picture lined up at a time, one band a task.
+/// Rows of a picture per task.
 const BAND_ROWS: usize = 32;
 
-/// The photo's side of a calibration, made ready.
+/// The photo's part of a calibration, prepared.
 #[derive(Debug, Clone)]
 pub struct PhotoSide {
     curve: CameraCurve,
-    /// Counts over black that a developed photo's white stands for, as shown on the panel.
+    /// Counts over black of the panel's white, which a developed photo's white stands for.
     white: f32,
-    /// Share of light that arrives, over the photo.
+    /// Relative illumination over the photo.
     dark_corner: [Surface; 3],
-    /// Where red (first) and blue (second) have what green has at a canvas place.
+    /// Displacements of red and blue against green.
     fringes: [Fringe; 2],
 }
 
 impl PhotoSide {
-    /// The photo's side of `calibration` on a rig of `layout`.
+    /// Prepares `calibration` on a rig of `layout`.
     pub fn new(calibration: &Calibration, layout: &Layout) -> PhotoSide {
         let curve = calibration.camera_curve.clone();
         let white = FULL_SCALE * calibration.counts_per_level[Channel::Green.index()];
@@ -43,8 +41,8 @@ impl PhotoSide {
         }
     }
 
-    /// Light of which a photo has `bent`; `None` where the camera is straight. Its white, which
-    /// stays white, is `white` counts over black, else what a camera's developing takes for it.
+    /// The map from a photo's values to linear light; `None` for a linear camera. White stays white
+    /// and is `white` counts over black, else that of a camera's development.
     pub fn straightened(&self, white: Option<f32>) -> Option<impl Fn(f32) -> f32 + Sync + '_> {
         let counts = white.unwrap_or(self.white);
         let scale = FULL_SCALE / self.curve.over_black(counts);
@@ -52,24 +50,24 @@ impl PhotoSide {
         (!self.curve.is_straight()).then_some(straight)
     }
 
-    /// Divides the dark corner of the flats out of `photo` (photo-sized), as the light path does
-    /// with captures: for photos of what stands before darkness, as the panel does.
+    /// Divides `photo` (photo-sized) by the dark corner of the flats, as for captures: for photos
+    /// of scenes in front of darkness, like the panel.
     pub fn undo_dark_corner(&self, photo: &mut Frame<Work>) {
         self.scale_by_corner(photo, |v, share| v / share);
     }
 
-    /// Puts the dark corner into `light` (photo-sized), as a photo has it.
+    /// Multiplies `light` (photo-sized) by the dark corner.
     pub fn put_dark_corner(&self, light: &mut Frame<Work>) {
         self.scale_by_corner(light, |v, share| v * share);
     }
 
-    /// Each value of `photo` changed by the share of light that arrives there against the middle.
+    /// Applies `change` to each value of `photo` and its illumination relative to the middle.
     fn scale_by_corner(&self, photo: &mut Frame<Work>, change: impl Fn(f32, f32) -> f32 + Sync) {
         for c in Channel::ALL {
             let (surface, plane) = (&self.dark_corner[c.index()], photo.plane_mut(c));
             let (width, height) = (plane.width(), plane.height());
-            // The calibration's surface has mean 1 over the photo; a photo is exposed for its
-            // middle, which must keep its light.
+            // The surface has mean 1 over the photo; a photo's exposure refers to its middle, which
+            // must keep its light.
             let middle = surface.at(width as f64 / 2.0, height as f64 / 2.0) as f32;
             plane
                 .data_mut()
@@ -89,8 +87,8 @@ impl PhotoSide {
         }
     }
 
-    /// `picture` (canvas-sized) with red and blue brought to where green is: lateral colour, which
-    /// the paper's loop leaves in.
+    /// Aligns red and blue of `picture` (canvas-sized) with green: removes lateral colour, which
+    /// the paper's loop keeps.
     #[must_use]
     pub fn line_up_colours(&self, picture: &Frame<Work>) -> Frame<Work> {
         let mut lined_up = picture.clone();
@@ -101,17 +99,17 @@ impl PhotoSide {
     }
 }
 
-/// Displacements of one channel against green, at every [`COARSE_PX`]-th canvas pixel; bilinear
-/// between: splines twice a pixel are slow, and the displacement is smooth.
+/// Displacements of one channel against green on a grid of [`COARSE_PX`], interpolated bilinearly:
+/// evaluating splines per pixel is slow.
 #[derive(Debug, Clone)]
 struct Fringe {
     columns: usize,
-    /// Columns and rows, in canvas pixels, row by row.
+    /// Horizontal and vertical displacements, canvas pixels, row by row.
     displacements: Vec<(f32, f32)>,
 }
 
 impl Fringe {
-    /// Where `channel` has what green has: through the panel point that green sees there.
+    /// Computes the displacements of `channel` via the panel point that green sees.
     fn new(calibration: &Calibration, layout: &Layout, channel: Channel) -> Fringe {
         let (canvas, margin) = (layout.canvas(), layout.margin_px as f64);
         let green = &calibration.geometry[Channel::Green.index()].work_to_panel;
@@ -122,15 +120,14 @@ impl Fringe {
             let (there_x, there_y) = back.at(panel_x, panel_y);
             ((there_x - work_x) as f32, (there_y - work_y) as f32)
         };
-        // One more on each side than needed: the last pixels have neighbours on both sides.
+        // One more than needed, so that the last pixels have neighbours on both sides.
         let (columns, rows) =
             (canvas.width.div_ceil(COARSE_PX) + 1, canvas.height.div_ceil(COARSE_PX) + 1);
         let place = |k: usize| displacement((k % columns) * COARSE_PX, (k / columns) * COARSE_PX);
         Fringe { columns, displacements: (0..rows * columns).map(place).collect() }
     }
 
-    /// Where row `y` of the canvas is found, column by column: columns into `to_x`, rows into
-    /// `to_y`.
+    /// Source positions of canvas row `y`: columns into `to_x`, rows into `to_y`.
     fn row(&self, y: usize, to_x: &mut [f32], to_y: &mut [f32]) {
         let (j, v) = (y / COARSE_PX, (y % COARSE_PX) as f32 / COARSE_PX as f32);
         let (above, rest) = self.displacements[j * self.columns..].split_at(self.columns);
@@ -145,7 +142,7 @@ impl Fringe {
         }
     }
 
-    /// `lined_up` = `plane` (both canvas-sized) as it would be without this fringe.
+    /// Writes `plane` without the fringe into `lined_up`, both canvas-sized.
     fn undo(&self, plane: &Plane, lined_up: &mut Plane) {
         let width = plane.width();
         let bands = lined_up.data_mut().par_chunks_mut(BAND_ROWS * width.max(1));

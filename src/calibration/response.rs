@@ -1,32 +1,31 @@
-//! A response curve through the readings of gradations: smooth, rising, from 0 to 255.
+//! Fit of a response curve to readings of gradations: smooth, increasing, from 0 to 255.
 
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix, SVector};
 
 use super::cross_channel::BlockReading;
 use super::curve::{CurveError, ResponseCurve};
-use super::surface::{basis, place};
+use super::surface::{KnotPosition, basis, place};
 
-/// Knot intervals over the codes: a gamma curve with a toe is followed within 0.15 of 255 through
-/// readings wrong by up to 0.2 (tested below).
+/// Knot intervals over the codes: they follow a gamma curve with a toe to 0.15 of 255 for readings
+/// with errors of up to 0.2 (tested below).
 const INTERVALS: usize = 16;
 /// Penalty on the squared second differences, relative to one reading per coefficient (guess).
 const BENDING: f64 = 1e-3;
-/// Least rise from one code to the next, so that there is an inverse even where a panel crushes its
-/// blacks.
+/// Least increase from one code to the next, for an inverse even where a panel crushes blacks.
 const RISE_MIN: f32 = 1e-3;
 
-/// The curve nearest to `readings` of (code, counts, in any unit), scaled to 0 at code 0 and 255 at
+/// Fits the curve to `readings` of (code, counts in any unit), scaled to 0 at code 0 and 255 at
 /// code 255.
 ///
 /// # Errors
-/// When the readings do not rise from code 0 to code 255.
+/// When the readings do not increase from code 0 to code 255.
 pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurve, CurveError> {
     let unknowns = INTERVALS + 3;
     let mut matrix = DMatrix::<f64>::zeros(unknowns, unknowns);
     let mut side = DVector::<f64>::zeros(unknowns);
     let mut count = 0usize;
     for (code, value) in readings {
-        let (segment, t, _) = place(f64::from(code), 0.0, 255.0, INTERVALS);
+        let KnotPosition { segment, t, .. } = place(f64::from(code), 0.0, 255.0, INTERVALS);
         let weights = basis(t);
         for (p, a) in weights.iter().enumerate() {
             side[segment + p] += a * value;
@@ -47,11 +46,11 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurv
     let flat = CurveError::NotRising { code: 0, from: 0.0, to: 0.0 };
     let coefficients = Cholesky::new(matrix).ok_or(flat)?.solve(&side);
     let at = |code: f64| {
-        let (segment, t, _) = place(code, 0.0, 255.0, INTERVALS);
+        let KnotPosition { segment, t, .. } = place(code, 0.0, 255.0, INTERVALS);
         basis(t).iter().enumerate().map(|(k, b)| b * coefficients[segment + k]).sum::<f64>()
     };
     let (first, last) = (at(0.0), at(255.0));
-    // Written so that a NaN fails too.
+    // Negated so that NaN fails too.
     let rises = last > first;
     if !rises {
         return Err(CurveError::NotRising { code: 0, from: first as f32, to: last as f32 });
@@ -64,16 +63,16 @@ pub fn fit(readings: impl IntoIterator<Item = (u8, f64)>) -> Result<ResponseCurv
     ResponseCurve::try_from(table)
 }
 
-/// Rounds of [`among_neighbours`]: each takes out most of what the curve before left wrong.
+/// Rounds of [`among_neighbours`]; each removes most of the remaining error.
 const NEIGHBOUR_ROUNDS: usize = 3;
 
-/// The curve of `channel` by readings of shuffled blocks, the light that blur and glare bring from
-/// the blocks around taken out: counts are fitted by the block's own light, that around it, and
-/// both times the squared field, for a lens blurs its corners more; all but the first is
-/// subtracted. Shuffling alone leaves that light as noise.
+/// Fits the curve of `channel` to readings of shuffled blocks without the light that blur and glare
+/// add from neighbouring blocks: counts are regressed on the block's own light, the neighbours'
+/// light, and both times the squared field, as a lens blurs its corners more; all but the first
+/// term are subtracted. Shuffling alone turns that light into noise.
 ///
 /// # Errors
-/// When the readings do not rise from code 0 to code 255.
+/// When the readings do not increase from code 0 to code 255.
 pub fn among_neighbours(
     channel: usize,
     readings: &[BlockReading],
@@ -110,7 +109,7 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
 
     #[test]
-    fn light_from_the_blocks_around_is_taken_out() {
+    fn light_from_neighbouring_blocks_is_removed() {
         let truth = |c: u8| 255.0 * (f64::from(c) / 255.0).powf(2.2);
         let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
         let readings: Vec<BlockReading> = (0..800u64)
@@ -131,14 +130,14 @@ mod tests {
         let plain = fit(readings.iter().map(|r| (r.code, r.counts[0]))).unwrap();
         let cleared = among_neighbours(0, &readings).unwrap();
         println!("worst {:.3} before, {:.3} after", worst(&plain), worst(&cleared));
-        // Half of what a calibration may be off.
+        // Half the allowed error of a calibration.
         assert!(worst(&cleared) < 0.25 && worst(&cleared) < worst(&plain) / 4.0);
     }
 
     #[test]
-    fn a_gamma_curve_with_a_toe_is_followed() {
+    fn a_gamma_curve_with_a_toe_is_fitted() {
         let truth = |c: f64| 255.0 * (0.98 * (c / 255.0).powf(2.2) + 0.02 * c / 255.0);
-        // Errors of up to 0.2 of 255, as blocks in glare have.
+        // Errors of up to 0.2 of 255, as in glare.
         let wrong = |n: u64| (n * 2_654_435_761 % 1000) as f64 / 2500.0 - 0.2;
         let readings = (0..3 * 52u64).map(|n| {
             let code = (n % 52 * 5) as u8;
@@ -152,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panel_that_does_not_answer_has_no_curve() {
+    fn a_panel_that_does_not_respond_has_no_curve() {
         assert!(fit((0..=255).map(|c| (c, 7.0))).is_err());
         assert!(fit((0..=255).map(|c| (c, -f64::from(c)))).is_err());
         assert!(fit(std::iter::empty()).is_err());

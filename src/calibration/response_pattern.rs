@@ -1,14 +1,12 @@
-//! How the sensor's sites differ: each one's response against its surroundings, and those that are
-//! hot or dead.
+//! Response of each sensor site relative to its surroundings, and hot and dead sites.
 //!
-//! Flats pixel by pixel, divided by their smooth part. A flat of light L_f adds to a photo of light
-//! L the noise of N flats' mean: variance s·L_f / N of L_f, where s·L is the photo's. Of the
-//! photo's noise that is √(L / (L_f·N)): a tenth with N = 100 where photo and flat are equally
-//! bright, and less where the photo is darker or the sensor has read noise as well.
+//! Flats are divided by their smooth part pixel by pixel. The mean of N flats of light L_f adds
+//! relative noise to a photo of light L: √(L / (L_f·N)) of the photo's own, a tenth for N = 100 and
+//! L = L_f, and less for darker photos or with read noise.
 //!
-//! A flat is not evenly lit where the lens passes the panel's own pixels: their grating beats with
-//! the sensor's. A wave in step with the panel's columns, along which the stripes of three colours
-//! lie, is therefore part of what is smooth.
+//! A flat is uneven where the lens resolves the panel's pixels, whose grating beats with the
+//! sensor's. So the smooth part includes a wave in phase with the panel's columns, along which the
+//! stripes of three colours lie.
 
 use std::f64::consts::TAU;
 
@@ -16,58 +14,56 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 
-/// The step in which a response is kept: 0.1 %, which rounds by 0.03 %, a twentieth of a usual
-/// sensor's noise in white.
+/// Quantisation of a response: 0.1 %, with an RMS error of 0.03 %, a twentieth of a usual sensor's
+/// noise in white.
 pub const STEP: f32 = 1.0 / 1024.0;
-/// Kept of a site that is not to be used.
+/// Marks a bad site.
 pub(super) const BAD: i8 = i8::MIN;
-/// A response further from its surroundings, 12 %, is no fit site's: industrial sensors differ by
-/// 1 % (EMVA 1288 data sheets).
+/// Largest deviation of a good site, in steps (12 %): industrial sensors differ by 1 % (EMVA 1288
+/// data sheets).
 const STEPS_MAX: f32 = 127.0;
-/// A dark site that rises so many standard deviations above the others is hot: of a million sites
-/// none by chance.
+/// Threshold of a hot site in the dark, in σ: none by chance among a million sites.
 const HOT_SIGMAS: f32 = 6.0;
-/// Half the side of the square over which surroundings are taken: 156 sites of red for the three
-/// numbers that are fitted, so that a seventh of a site's own difference is in them. What the lens
-/// passes of the panel's pixels changes over a wider square.
+/// Half the side of the square of surroundings: 156 sites of red for three parameters, so that a
+/// seventh of a site's own deviation enters. The visibility of the panel's pixels varies over a
+/// wider square.
 const AROUND_PX: usize = 12;
-/// Of a wave with less variance than this, where one of a beat has a half, nothing is told.
+/// Regularisation of the wave's variance, which is a half for a beat.
 const STILL: f64 = 1e-3;
-/// Of light below this share of the middle's nothing is told: guess.
+/// Least relative light of a measured site. Guess.
 const LEAST_SHARE: f32 = 0.05;
-/// Largest share of sites that may be bad: guess, ten times what a worn sensor has.
+/// Largest share of bad sites. Guess: ten times that of a worn sensor.
 pub const BAD_SHARE_MAX: f64 = 0.02;
 
-/// The responses of a sensor's sites, on the canvas.
+/// Responses of the sensor's sites, on the canvas.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ResponsePattern {
-    /// Steps of [`STEP`] from 1, row by row: one plane of sites behind colour filters, three of a
-    /// sensor that sees every colour at each pixel, none where no pattern was measured.
+    /// Deviations from 1 in units of [`STEP`], row by row: one plane behind colour filters, three
+    /// without, none if not measured.
     planes: Vec<Vec<i8>>,
 }
 
-/// What was seen of something evenly lit and of darkness; canvas-sized, not a number beyond the
-/// sensor.
+/// Flats and darks, canvas-sized; NaN beyond the sensor.
 pub struct EvenlyLit<'a> {
-    /// Mean counts over the dark's, over their smooth part; about 1.
+    /// Mean counts over dark relative to their smooth part; about 1.
     pub ratio: &'a Frame<Work>,
-    /// Share of light that arrives, against the mean.
+    /// Illumination relative to the mean.
     pub share: &'a Frame<Work>,
-    /// The panel's column, in panel pixels, that each channel sees; for the wave of its pixels.
+    /// Panel column seen by each channel, panel pixels, for the phase of the wave.
     pub panel: &'a Frame<Work>,
-    /// Mean counts of the dark over their smooth part.
+    /// Mean counts of the dark minus their smooth part.
     pub dark: &'a Frame<Work>,
-    /// The canvas's colours; `None` where every pixel sees all.
+    /// Colour filters over the canvas, if any.
     pub mosaic: Option<Mosaic>,
-    /// So wide a border of the canvas tells nothing, for the panel ends with it.
+    /// Width of the canvas's unmeasured border, where the panel ends.
     pub rim_px: usize,
 }
 
 impl ResponsePattern {
-    /// The pattern that `seen` shows.
+    /// Fits the pattern to `seen`.
     ///
     /// # Errors
-    /// The share of bad sites, where it is above [`BAD_SHARE_MAX`].
+    /// The share of bad sites if above [`BAD_SHARE_MAX`].
     pub fn fit(seen: &EvenlyLit<'_>) -> Result<ResponsePattern, f64> {
         let size = seen.ratio.size();
         let mut planes: Vec<Vec<i8>> = match seen.mosaic {
@@ -78,7 +74,7 @@ impl ResponsePattern {
         for c in Channel::ALL {
             let own = |x: usize, y: usize| seen.mosaic.is_none_or(|m| m.colour_at(x, y) == c);
             let to = if seen.mosaic.is_some() { 0 } else { c.index() };
-            for (n, steps) in of_channel(seen, c, &own).into_iter().enumerate() {
+            for (n, steps) in fit_channel(seen, c, &own).into_iter().enumerate() {
                 let Some(steps) = steps else { continue };
                 planes[to][n] = steps;
                 (bad, all) = (bad + usize::from(steps == BAD), all + 1);
@@ -91,17 +87,17 @@ impl ResponsePattern {
         Ok(ResponsePattern { planes })
     }
 
-    /// Whether none was measured.
+    /// Whether it was not measured.
     pub fn is_none(&self) -> bool {
         self.planes.is_empty()
     }
 
-    /// Its planes: none, one, or three.
+    /// The planes: none, one, or three.
     pub(super) fn planes(&self) -> &[Vec<i8>] {
         &self.planes
     }
 
-    /// Whether it is a pattern of a canvas of this size, in words when not.
+    /// Checks that the pattern fits a canvas of this size; else describes the fault.
     pub(super) fn check(&self, canvas: Size) -> Result<(), String> {
         let sites = canvas.width.checked_mul(canvas.height);
         let fits = |plane: &Vec<i8>| Some(plane.len()) == sites;
@@ -113,8 +109,8 @@ impl ResponsePattern {
     }
 }
 
-/// Steps of one channel's sites, row by row; `None` of sites of others and beyond the sensor.
-fn of_channel(
+/// Deviations of one channel's sites, row by row; `None` at other sites and beyond the sensor.
+fn fit_channel(
     seen: &EvenlyLit<'_>,
     channel: Channel,
     own: &dyn Fn(usize, usize) -> bool,
@@ -124,12 +120,12 @@ fn of_channel(
     let size = ratio.size();
     let there = |x: usize, y: usize| own(x, y) && !ratio.at(x, y).is_nan();
     let hot = hot_above(size, dark, &there);
-    let told = |x: usize, y: usize| {
+    let is_measured = |x: usize, y: usize| {
         let to_border = x.min(y).min(size.width - 1 - x).min(size.height - 1 - y);
         to_border >= seen.rim_px && share.at(x, y) > LEAST_SHARE
     };
-    let fit = |x: usize, y: usize| there(x, y) && told(x, y) && dark.at(x, y).abs() <= hot;
-    // Twice, so that what is dead is no part of its neighbours' surroundings.
+    let fit = |x: usize, y: usize| there(x, y) && is_measured(x, y) && dark.at(x, y).abs() <= hot;
+    // Two rounds, to exclude dead sites from their neighbours' surroundings.
     let mut good = Plane::from_fn(size, fit);
     let mut response = Plane::zeros(size);
     for _ in 0..2 {
@@ -141,13 +137,13 @@ fn of_channel(
     let steps = |x: usize, y: usize| match (there(x, y), good.at(x, y)) {
         (false, _) => None,
         (true, true) => Some((response.at(x, y) / STEP).round() as i8),
-        (true, false) if !told(x, y) && dark.at(x, y).abs() <= hot => Some(0),
+        (true, false) if !is_measured(x, y) && dark.at(x, y).abs() <= hot => Some(0),
         (true, false) => Some(BAD),
     };
     (0..size.area()).map(|n| steps(n % size.width, n / size.width)).collect()
 }
 
-/// How far a dark site may be from the smooth dark, counts.
+/// Largest deviation of a good site in the dark, counts.
 fn hot_above(size: Size, dark: &Plane, there: &dyn Fn(usize, usize) -> bool) -> f32 {
     let mut off: Vec<f32> = (0..size.area())
         .filter(|n| there(n % size.width, n / size.width))
@@ -157,13 +153,13 @@ fn hot_above(size: Size, dark: &Plane, there: &dyn Fn(usize, usize) -> bool) -> 
         return f32::INFINITY;
     }
     let middle = off.len() / 2;
-    // 0.6745 is the median of |N(0, 1)|; counts are whole, which adds a twelfth of one squared.
+    // The median of |N(0, 1)| is 0.6745; rounding of counts adds a variance of 1/12.
     let sigma = *off.select_nth_unstable_by(middle, f32::total_cmp).1 / 0.674_5;
     HOT_SIGMAS * sigma.hypot(12.0f32.sqrt().recip())
 }
 
-/// What is smooth in `plane` around each of its places, of what is `good`: a constant and a wave in
-/// step with `panel`, by least squares over a square.
+/// Smooth part of `plane` from its `good` sites: a constant and a wave in phase with `panel`, by
+/// least squares over a square.
 fn surroundings(plane: &Plane, good: &Plane<bool>, panel: &Plane) -> Plane {
     let size = plane.size();
     let add = |columns: &mut [Moments], y: usize, weight: f64| {
@@ -171,7 +167,7 @@ fn surroundings(plane: &Plane, good: &Plane<bool>, panel: &Plane) -> Plane {
             column.add(f64::from(plane.at(x, y)), wave(panel.at(x, y)), weight);
         }
     };
-    // Sums over the square's rows, moved down row by row, and along the row from its beginning.
+    // Running sums over the square's rows, and cumulative sums along the row.
     let mut columns = vec![Moments::default(); size.width];
     let mut before = vec![Moments::default(); size.width + 1];
     (0..AROUND_PX.min(size.height)).for_each(|y| add(&mut columns, y, 1.0));
@@ -195,13 +191,13 @@ fn surroundings(plane: &Plane, good: &Plane<bool>, panel: &Plane) -> Plane {
     smooth
 }
 
-/// Cosine and sine of the wave with one period a panel pixel.
+/// Cosine and sine of the wave with one period per panel pixel.
 fn wave(panel_px: f32) -> [f64; 2] {
     let (sine, cosine) = (TAU * f64::from(panel_px)).sin_cos();
     [cosine, sine]
 }
 
-/// Sums of least squares of values by 1, a cosine and a sine.
+/// Least-squares sums of values on 1, a cosine and a sine.
 #[derive(Debug, Clone, Copy, Default)]
 struct Moments([f64; 9]);
 
@@ -215,13 +211,13 @@ impl Moments {
         Moments(std::array::from_fn(|n| self.0[n] + weight * other.0[n]))
     }
 
-    /// What was fitted, where the wave has these values; 1 where nothing was.
+    /// The fitted value at these values of the wave; 1 without data.
     fn at(&self, [c, s]: [f64; 2]) -> f64 {
         let [n, c1, s1, cc, cs, ss, v, vc, vs] = self.0;
         if n < 0.5 {
             return 1.0;
         }
-        // In means and about them; where the wave stands still, the mean is all there is.
+        // Centred means; a constant wave leaves the mean alone.
         let (c1, s1, v) = (c1 / n, s1 / n, v / n);
         let (cc, ss) = (cc / n - c1 * c1 + STILL, ss / n - s1 * s1 + STILL);
         let (cs, vc, vs) = (cs / n - c1 * s1, vc / n - v * c1, vs / n - v * s1);
@@ -250,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn responses_are_found_and_hot_and_dead_sites_with_them() {
+    fn responses_and_hot_and_dead_sites_are_found() {
         let truth = normal(1).map(|v: f32| 1.0 + 0.01 * v);
         let noise = normal(2);
         let column = Plane::from_fn(SIZE, |x, y| 1.163 * x as f32 + 0.01 * y as f32);
@@ -280,14 +276,14 @@ mod tests {
                 let off = |n: usize| f64::from(STEP * f32::from(steps[n]) + 1.0 - truth.data()[n]);
                 let good = (0..SIZE.area()).filter(|n| !expected.contains(n));
                 let rms = (good.map(|n| off(n).powi(2)).sum::<f64>() / SIZE.area() as f64).sqrt();
-                // The flat's noise, the step's rounding, and what is in the surroundings.
+                // Noise of the flat, rounding, and the site's share in its surroundings.
                 assert!(rms < 0.0016, "{rms}");
             }
         }
     }
 
     #[test]
-    fn a_sensor_full_of_bad_sites_is_refused_and_a_dark_border_is_let_be() {
+    fn too_many_bad_sites_are_refused_and_a_dark_border_is_accepted() {
         let ratio = Plane::from_fn(SIZE, |x, y| if (x + 3 * y) % 25 == 0 { 0.2 } else { 1.0 });
         let (ratio, dark) = (all(&ratio), all(&Plane::zeros(SIZE)));
         let light = all(&Plane::filled(SIZE, 1.0));

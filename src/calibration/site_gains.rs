@@ -1,13 +1,11 @@
-//! A response pattern put to work: what sites gave, as sites that are all alike would have given
-//! it.
+//! Correction of counts by a response pattern, as if all sites were alike.
 
 use rayon::prelude::*;
 
 use super::response_pattern::{BAD, ResponsePattern, STEP};
 use crate::frame::{Channel, Frame, Mosaic, Plane, Rect, Size, Work};
 
-/// How far good sites are looked for around a bad one; so many bad ones side by side stay what they
-/// are.
+/// Search range for good sites around a bad one; larger clusters stay unpatched.
 const REACH_PX: usize = 6;
 
 /// The sites of the canvas.
@@ -15,12 +13,12 @@ const REACH_PX: usize = 6;
 pub struct SiteGains {
     mosaic: Option<Mosaic>,
     planes: Vec<Plane<i8>>,
-    /// What a site's value is multiplied by, by the steps of its response as a byte.
+    /// Factor by the deviation of a site's response as a byte.
     gains: [f32; 256],
 }
 
 impl SiteGains {
-    /// `pattern` for a `canvas` of these colours; `None` where none was measured, or one of
+    /// Prepares `pattern` for a `canvas` with `mosaic`; `None` if it was not measured or is of
     /// another kind of sensor.
     pub fn new(
         pattern: &ResponsePattern,
@@ -38,18 +36,18 @@ impl SiteGains {
         Some(SiteGains { mosaic, planes, gains })
     }
 
-    /// The canvas's colours.
+    /// Colour filters over the canvas.
     pub fn mosaic(&self) -> Option<Mosaic> {
         self.mosaic
     }
 
-    /// Whether what `channel` has in column `x`, row `y` of the canvas is a bad site's.
+    /// Whether `channel`'s site at (`x`, `y`) of the canvas is bad.
     pub fn is_bad(&self, channel: Channel, x: usize, y: usize) -> bool {
         self.steps(channel).at(x, y) == BAD
     }
 
-    /// Whether a picture that was developed from these sites holds a bad one's light in column `x`,
-    /// row `y` of the canvas: behind colour filters also where neighbours were filled from it.
+    /// Whether a picture developed from these sites contains a bad site's light at (`x`, `y`) of
+    /// the canvas, directly or by demosaicing.
     pub fn reaches(&self, channel: Channel, x: usize, y: usize) -> bool {
         if self.mosaic.is_none() {
             return self.is_bad(channel, x, y);
@@ -59,7 +57,7 @@ impl SiteGains {
         near(y, plane.height()).any(|v| plane.row(v)[near(x, plane.width())].contains(&BAD))
     }
 
-    /// The response of `channel`'s site in a column and row of the canvas; `None` of a bad one.
+    /// Response of `channel`'s site at (`x`, `y`) of the canvas; `None` if bad.
     pub fn response(&self, channel: Channel, x: usize, y: usize) -> Option<f32> {
         let steps = self.steps(channel).at(x, y);
         (steps != BAD).then(|| 1.0 + STEP * f32::from(steps))
@@ -70,9 +68,9 @@ impl SiteGains {
         &self.planes[n]
     }
 
-    /// The light of the part `place` of the canvas, where `at` says what a channel's site in a
-    /// column and row of that part gave: divided by its response, bad sites patched with their
-    /// neighbours' mean, and between the sites of a mosaic filled anew.
+    /// Corrects the part `place` of the canvas, whose sites have the values `at`(channel, column,
+    /// row): divides by the responses, patches bad sites with their neighbours' mean, and
+    /// interpolates a mosaic.
     pub fn evened(
         &self,
         place: Rect,
@@ -81,13 +79,13 @@ impl SiteGains {
         let Some(mosaic) = self.mosaic.map(|mosaic| mosaic.from_place(place.x, place.y)) else {
             return Frame::from_fn(|c| self.alike(place, self.steps(c), 1, |x, y| at(c, x, y)));
         };
-        // Two to the side are sites of the same colour.
+        // Sites of one colour are two apart.
         let value = |x: usize, y: usize| at(mosaic.colour_at(x, y), x, y);
         mosaic.interpolated(&self.alike(place, &self.planes[0], 2, value))
     }
 
-    /// One plane of values, each divided by its site's response. Of bad ones, the mean of the
-    /// nearest good ones `apart` from each other.
+    /// Divides one plane of values by the responses; bad sites get the mean of the nearest good
+    /// ones on a grid of spacing `apart`.
     fn alike(
         &self,
         place: Rect,
@@ -121,8 +119,7 @@ impl SiteGains {
     }
 }
 
-/// The mean of the good values around a place, on the narrowest square that has one; 0 where none
-/// has.
+/// Mean of the good values in the smallest square around (`x`, `y`) that has any; else 0.
 fn patch(plane: &Plane, x: usize, y: usize, apart: usize) -> f32 {
     for reach in (apart..=REACH_PX).step_by(apart) {
         let near = |at: usize, end: usize| {
@@ -147,8 +144,7 @@ mod tests {
 
     const CANVAS: Size = Size::new(40, 30);
 
-    /// A pattern of every mosaic's sites, or of all channels' pixels: one hot, and one dead at the
-    /// border.
+    /// A pattern with one hot site, and one dead site at the border.
     fn gains(mosaic: Option<Mosaic>) -> SiteGains {
         let ratio = Plane::from_fn(CANVAS, |x, y| match (x, y) {
             (0, 7) => 0.0,
@@ -169,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_by_its_sites_is_even_again_wherever_it_is_cut_out() {
+    fn uneven_sites_are_evened_in_any_part_of_the_canvas() {
         for mosaic in [None, Some(Mosaic::Gbrg), Some(Mosaic::Rggb)] {
             let gains = gains(mosaic);
             for (x, y) in [(21, 12), (0, 7)] {
@@ -183,7 +179,7 @@ mod tests {
                     gains.response(c, x + u, y + v).map_or(999.0, |response| 80.0 * response)
                 });
                 let off = |v: &f32| (v - 80.0).abs() > 1e-3;
-                // Two by two sites with a bad one have no other of its colour to patch it with.
+                // Two by two sites with a bad one have no other of its colour.
                 if width > 2 || mosaic.is_none() {
                     assert!(!even.planes().iter().any(|p| p.data().iter().any(off)), "{place:?}");
                 }
@@ -192,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pattern_of_another_kind_of_sensor_or_canvas_is_none() {
+    fn a_pattern_of_another_sensor_or_canvas_is_refused() {
         assert!(SiteGains::new(&ResponsePattern::default(), CANVAS, None).is_none());
         let ratio = Frame::filled(CANVAS, 1.0);
         let dark = Frame::zeros(CANVAS);

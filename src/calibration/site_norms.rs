@@ -1,4 +1,4 @@
-//! How strong the measured lens is at the sites of colour filters.
+//! Norms of the measured lens at the sites of colour filters.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -7,23 +7,23 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::{Channel, Mosaic};
 
-/// Rounds of Lanczos's method for each wavelet level: at sites many pictures come through nearly as
-/// well as the best, and after 8 rounds the norms are up to a tenth too small.
+/// Rounds of Lanczos's method for each wavelet level: at sites many singular values are close, and
+/// after 8 rounds the norms are up to a tenth too small.
 pub(super) const ROUNDS: usize = 16;
 
-/// The norms of √weight · K at the sites of colour filters, as
-/// [`crate::deconvolution::method::Problem`] wants them for a raw photo.
+/// Norms of √weight · K at the sites of colour filters, for raw photos
+/// ([`crate::deconvolution::method::Problem`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SiteNorms {
     /// Largest squared singular value, per channel.
     pub norm_squared: [f32; 3],
-    /// What each wavelet level lets through, per channel.
+    /// Norm on each wavelet level, per channel.
     pub level_norms: [LevelNorms; 3],
 }
 
 impl SiteNorms {
-    /// Measured of `model` for so many wavelet `levels`. Which colour the first site has does not
-    /// matter: all mosaics have the same norms.
+    /// Computes the norms of `model` for `levels` wavelet levels. All Bayer mosaics have the same
+    /// norms.
     pub fn of(model: &LensModel, levels: usize) -> SiteNorms {
         let at_sites = |&c: &Channel| LevelNorms::at_sites(model, c, Mosaic::Rggb, levels, ROUNDS);
         let measured: Vec<(LevelNorms, f32)> = Channel::ALL.par_iter().map(at_sites).collect();
@@ -45,7 +45,7 @@ mod tests {
     use crate::deconvolution::lens_model::LensFunctions;
     use crate::frame::Size;
 
-    /// A lens whose functions widen from place to place, each channel's by its own factor.
+    /// A lens whose functions widen over the field, by a factor per channel.
     fn lens() -> LensModel {
         let taps = |factor: f32| {
             let mut taps = Vec::new();
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     #[ignore = "a minute: the gate runs it"]
-    fn more_rounds_would_hardly_find_larger_norms() {
+    fn more_rounds_hardly_increase_the_norms() {
         let model = lens();
         for channel in Channel::ALL {
             let after = |rounds| LevelNorms::at_sites(&model, channel, Mosaic::Rggb, 4, rounds);

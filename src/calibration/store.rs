@@ -1,10 +1,10 @@
-//! The calibration on flash: two slots, of which at most one is ever being written.
+//! Storage of the calibration: two slots, of which at most one is being written.
 //!
 //! A slot is, in little-endian: magic (8 bytes), version (u32), rig identity (u64), generation
-//! (u32), length of the payload (u32), payload (postcard), CRC-32 over all that comes before it
-//! (u32). The newer whole slot of this rig wins. A new calibration goes to a temporary file in the
-//! same folder, is synchronised, renamed over the *other* slot, and the folder is synchronised:
-//! whenever the power goes, the old slot is whole.
+//! (u32), length of the payload (u32), payload (postcard), CRC-32 of all preceding bytes (u32). The
+//! newer valid slot of this rig is used. A new calibration is written to a temporary file in the
+//! same folder, synchronised, and renamed over the other slot; then the folder is synchronised. One
+//! valid slot survives a power cut at any time.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::disk::{Disk, LocalDisk, Unsynced};
 use crate::remedy::{Remediable, Remedy};
 
 const MAGIC: [u8; 8] = *b"relenscl";
-/// The format of slots; goes up with every change of [`Calibration`]'s layout.
+/// Format of slots; incremented with every change of [`Calibration`]'s layout.
 pub const VERSION: u32 = 7;
 const HEADER_BYTES: usize = 28;
 const CRC_BYTES: usize = 4;
@@ -24,67 +24,65 @@ const SLOTS: [&str; 2] = ["calibration-a.slot", "calibration-b.slot"];
 /// functions 18 MB.
 const SLOT_BYTES_MAX: u64 = 128 << 20;
 
-/// Why one slot is not good.
+/// Why a slot is not valid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SlotFault {
-    /// There is no such file.
-    #[error("not there")]
+    /// The file does not exist.
+    #[error("missing")]
     Missing,
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(String),
-    /// It is shorter or longer than it says.
+    /// The file has the wrong length.
     #[error("{found} bytes long; {allowed} are allowed")]
     Length {
-        /// Its length.
+        /// Length of the file.
         found: u64,
-        /// The length its header asks for, or the least or greatest there can be.
+        /// Length in the header, or the least or greatest possible.
         allowed: u64,
     },
-    /// It does not begin as a slot does.
+    /// The magic is wrong.
     #[error("not a calibration of relens")]
     Magic,
-    /// It was written by another version.
+    /// The format is another version's.
     #[error("written in format {found}; this program reads {VERSION}")]
     Version {
-        /// Its format.
+        /// The version found.
         found: u32,
     },
-    /// Checksum and bytes do not agree.
-    #[error("damaged: its checksum is {found:08x}, its bytes give {computed:08x}")]
+    /// The checksum is wrong.
+    #[error("damaged: stored checksum {found:08x}, computed {computed:08x}")]
     Checksum {
         /// Stored checksum.
         found: u32,
         /// Checksum of the bytes.
         computed: u32,
     },
-    /// The bytes are whole and still make no calibration: a bug of the writer.
-    #[error("whole, but no calibration: {0}")]
+    /// The payload is no calibration although the checksum is right: a bug of the writer.
+    #[error("undamaged, but no calibration: {0}")]
     Contents(String),
 }
 
-/// Why there is no calibration from flash, or none went there.
+/// Why a calibration was not loaded or stored.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// No calibration was ever kept here.
+    /// The folder has no calibration.
     #[error("no calibration in {folder}; run `relens calibrate`")]
     Empty {
         /// The folder.
         folder: PathBuf,
     },
-    /// Neither slot is good.
-    #[error(
-        "no whole calibration in {folder}: slot a is {a}, slot b is {b}; run `relens calibrate`"
-    )]
+    /// Neither slot is valid.
+    #[error("no valid calibration in {folder}: slot a: {a}, slot b: {b}; run `relens calibrate`")]
     BothBad {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong with slot a.
+        /// Fault of slot a.
         a: SlotFault,
-        /// What is wrong with slot b.
+        /// Fault of slot b.
         b: SlotFault,
     },
-    /// All whole slots belong to another rig.
+    /// All valid slots belong to another rig.
     #[error(
         "the calibration in {folder} is of rig {found:016x}; this is rig {allowed:016x}; run \
          `relens calibrate`"
@@ -92,13 +90,13 @@ pub enum StoreError {
     OtherRig {
         /// The folder.
         folder: PathBuf,
-        /// Identity found.
+        /// Identity in the slot.
         found: u64,
         /// Identity of this rig.
         allowed: u64,
     },
     /// The calibration could not be written.
-    #[error("cannot keep the calibration in {path}")]
+    #[error("cannot store the calibration in {path}")]
     Write {
         /// File or folder.
         path: PathBuf,
@@ -106,10 +104,10 @@ pub enum StoreError {
         #[source]
         source: std::io::Error,
     },
-    /// The calibration could not be put into bytes.
-    #[error("the calibration cannot be put into bytes: {found}")]
+    /// The calibration could not be encoded.
+    #[error("the calibration cannot be encoded: {found}")]
     Encode {
-        /// What the encoder says.
+        /// Message of the encoder.
         found: String,
     },
 }
@@ -126,7 +124,7 @@ impl Remediable for StoreError {
     }
 }
 
-/// Makes `folder` for a calibration to be kept in, and what lies above it.
+/// Creates `folder` and its parents.
 ///
 /// # Errors
 /// [`StoreError::Write`].
@@ -135,15 +133,15 @@ pub fn make_folder(folder: &Path) -> Result<(), StoreError> {
         .map_err(|source| StoreError::Write { path: folder.to_owned(), source })
 }
 
-/// The newer whole calibration of the rig `rig` in `folder`.
+/// Loads the newer valid calibration of `rig` from `folder`.
 ///
 /// # Errors
-/// When there is none, and why.
+/// When there is no valid calibration of this rig.
 pub fn load(folder: &Path, rig: u64) -> Result<Calibration, StoreError> {
     load_from(&LocalDisk::new(vec![folder.to_owned()]), folder, rig)
 }
 
-/// The same from any `disk`.
+/// [`load`] from any `disk`.
 ///
 /// # Errors
 /// As [`load`].
@@ -169,20 +167,20 @@ pub fn load_from(disk: &dyn Disk, folder: &Path, rig: u64) -> Result<Calibration
     match slots {
         [Err(SlotFault::Missing), Err(SlotFault::Missing)] => Err(StoreError::Empty { folder }),
         [Err(a), Err(b)] => Err(StoreError::BothBad { folder, a, b }),
-        // A whole slot is ours or another's.
+        // A valid slot was handled above.
         _ => Err(StoreError::Empty { folder }),
     }
 }
 
-/// Keeps `calibration` in `folder`, in place of the slot that is bad, another rig's, or the older.
+/// Stores `calibration` in `folder`, replacing the slot that is invalid, another rig's, or older.
 ///
 /// # Errors
-/// When it cannot be written; the other slot is then untouched.
+/// When it cannot be written; the other slot then stays as it was.
 pub fn save(folder: &Path, calibration: &Calibration) -> Result<(), StoreError> {
     save_to(&LocalDisk::new(vec![folder.to_owned()]), folder, calibration)
 }
 
-/// The same to any `disk`.
+/// [`save`] to any `disk`.
 ///
 /// # Errors
 /// As [`save`].
@@ -192,13 +190,13 @@ pub fn save_to(
     calibration: &Calibration,
 ) -> Result<(), StoreError> {
     let bytes = encode(calibration)?;
-    // Worth of what a slot holds now: bad, another rig's, then by generation.
-    let worth = |name: &str| match read_slot(disk, &folder.join(name)) {
+    // Rank of a slot's contents: invalid, another rig's, then by generation.
+    let rank = |name: &str| match read_slot(disk, &folder.join(name)) {
         Ok(c) if c.rig == calibration.rig => (2, c.generation),
         Ok(_) => (1, 0),
         Err(_) => (0, 0),
     };
-    let slot = if worth(SLOTS[0]) <= worth(SLOTS[1]) { SLOTS[0] } else { SLOTS[1] };
+    let slot = if rank(SLOTS[0]) <= rank(SLOTS[1]) { SLOTS[0] } else { SLOTS[1] };
     let (path, fresh) = (folder.join(slot), folder.join(format!("{slot}.new")));
     let failed = |path: &Path| {
         let path = path.to_owned();
@@ -209,7 +207,7 @@ pub fn save_to(
     disk.sync_folder(folder).map_err(failed(folder))
 }
 
-/// The bytes of a slot.
+/// Encodes a slot.
 fn encode(calibration: &Calibration) -> Result<Vec<u8>, StoreError> {
     let payload = postcard::to_allocvec(calibration)
         .map_err(|e| StoreError::Encode { found: e.to_string() })?;
@@ -245,7 +243,7 @@ fn read_slot(disk: &dyn Disk, path: &Path) -> Result<Calibration, SlotFault> {
     decode(&bytes)
 }
 
-/// The calibration in the bytes of a slot.
+/// Decodes a slot.
 fn decode(bytes: &[u8]) -> Result<Calibration, SlotFault> {
     let found = bytes.len() as u64;
     let short = SlotFault::Length { found, allowed: (HEADER_BYTES + CRC_BYTES) as u64 };

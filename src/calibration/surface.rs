@@ -1,10 +1,10 @@
 //! Smooth functions of two variables: tensor-product cubic B-splines, fitted by least squares with
-//! a penalty on bending. Geometry, dark corner and black level are all made of them.
+//! a penalty on bending. Used for geometry, dark corner and black level.
 //!
-//! Uniform knots; the penalty is the sum of squared second differences of the coefficients (the
-//! "P-spline" of Eilers and Marx, Statistical Science 11, 1996), which leaves planes untouched.
-//! Beyond its domain a surface goes on along its tangent, so that an extrapolated map cannot run
-//! away.
+//! Knots are uniform; the penalty is the sum of squared second differences of the coefficients
+//! (P-splines, Eilers and Marx, Statistical Science 11, 1996), which leaves planes unchanged.
+//! Beyond its domain a surface continues along its tangent, so that an extrapolated map stays
+//! bounded.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
@@ -25,11 +25,11 @@ pub struct Domain {
 /// One sample of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Where, horizontally.
+    /// Horizontal coordinate.
     pub x: f64,
-    /// Where, vertically.
+    /// Vertical coordinate.
     pub y: f64,
-    /// The value found there.
+    /// Value at that point.
     pub value: f64,
 }
 
@@ -65,9 +65,8 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The surface on `columns` × `rows` knot intervals over `domain` with the least sum of squared
-    /// misfits plus `bending` × (squared second differences), `bending` relative to one sample per
-    /// coefficient.
+    /// Fits a surface on `columns` × `rows` knot intervals over `domain` by minimising the squared
+    /// misfits plus `bending` × squared second differences, relative to one sample per coefficient.
     ///
     /// # Errors
     /// When the samples are too few (below nine) or do not determine a surface.
@@ -85,7 +84,7 @@ impl Surface {
         system.solve(bending)
     }
 
-    /// `value` everywhere.
+    /// The constant surface `value`.
     pub fn constant(domain: Domain, value: f64) -> Surface {
         Surface { domain, columns: 1, rows: 1, coefficients: vec![value; 16] }
     }
@@ -93,7 +92,7 @@ impl Surface {
     /// The plane `origin` + `per_x`·x + `per_y`·y.
     pub fn plane(domain: Domain, origin: f64, per_x: f64, per_y: f64) -> Surface {
         let (dx, dy) = (domain.right - domain.left, domain.bottom - domain.top);
-        // A cubic B-spline whose coefficients are the values at the Greville points is that plane.
+        // A cubic B-spline reproduces a plane from its values at the Greville points.
         let coefficients = (0..16)
             .map(|n| {
                 let x = domain.left + dx * ((n % 4) as f64 - 1.0);
@@ -117,10 +116,10 @@ impl Surface {
         self.domain
     }
 
-    /// Whether the parts fit together; data read from flash is checked with it.
+    /// Whether the parts are consistent; checks data read from flash.
     pub fn is_whole(&self) -> bool {
         let d = self.domain;
-        // No panel or sensor reaches as far, and no fit has as many intervals.
+        // Beyond any device's coordinates and any fit's intervals.
         let on_a_device = |at: f64| at.abs() <= f64::from(1 << 16);
         [d.left, d.top, d.right, d.bottom].into_iter().all(on_a_device)
             && (1..=1 << 10).contains(&self.columns)
@@ -134,7 +133,8 @@ impl Surface {
     /// The value at (`x`, `y`).
     pub fn at(&self, x: f64, y: f64) -> f64 {
         let curve = self.along(y);
-        let (segment, t, beyond) = place(x, self.domain.left, self.domain.right, self.columns);
+        let KnotPosition { segment, t, beyond } =
+            place(x, self.domain.left, self.domain.right, self.columns);
         let c = &curve[segment..segment + 4];
         let (b, d) = (basis(t), slope(t));
         let value: f64 = (0..4).map(|k| b[k] * c[k]).sum();
@@ -150,16 +150,17 @@ impl Surface {
         let mut n = 0;
         while n < out.len() {
             let x = x_first + x_step * n as f64;
-            let (segment, t, beyond) = place(x, self.domain.left, self.domain.right, self.columns);
-            // How many of the coming points lie on the same cubic (or the same tangent).
-            let left = if beyond < 0.0 {
+            let KnotPosition { segment, t, beyond } =
+                place(x, self.domain.left, self.domain.right, self.columns);
+            // Number of following points on the same cubic or tangent.
+            let remaining = if beyond < 0.0 {
                 (self.domain.left - x) / x_step
             } else if beyond > 0.0 {
                 out.len() as f64
             } else {
                 (self.domain.left + width * (segment + 1) as f64 - x) / x_step
             };
-            let count = (left.ceil().max(1.0) as usize).min(out.len() - n);
+            let count = (remaining.ceil().max(1.0) as usize).min(out.len() - n);
             let part = &mut out[n..n + count];
             let dt = (x_step / width) as f32;
             if beyond == 0.0 {
@@ -183,7 +184,8 @@ impl Surface {
 
     /// The coefficients of the curve x ↦ surface(x, `y`).
     fn along(&self, y: f64) -> Vec<f64> {
-        let (segment, t, beyond) = place(y, self.domain.top, self.domain.bottom, self.rows);
+        let KnotPosition { segment, t, beyond } =
+            place(y, self.domain.top, self.domain.bottom, self.rows);
         let (b, d) = (basis(t), slope(t));
         let width = self.columns + 3;
         (0..width)
@@ -196,16 +198,25 @@ impl Surface {
     }
 }
 
-/// The knot interval of `at`, the place in it (0..1), and how many intervals `at` lies beyond the
-/// ends.
-pub(super) fn place(at: f64, first: f64, last: f64, intervals: usize) -> (usize, f64, f64) {
+/// A position among uniform knots.
+pub(super) struct KnotPosition {
+    /// Index of the interval.
+    pub(super) segment: usize,
+    /// Position in the interval, 0..1.
+    pub(super) t: f64,
+    /// Intervals beyond the ends; 0 inside.
+    pub(super) beyond: f64,
+}
+
+/// The position of `at` among the knots of `intervals` from `first` to `last`.
+pub(super) fn place(at: f64, first: f64, last: f64, intervals: usize) -> KnotPosition {
     let u = (at - first) / (last - first) * intervals as f64;
     let inside = u.clamp(0.0, intervals as f64);
     let segment = (inside as usize).min(intervals - 1);
-    (segment, inside - segment as f64, u - inside)
+    KnotPosition { segment, t: inside - segment as f64, beyond: u - inside }
 }
 
-/// The four uniform cubic B-splines that do not vanish, at place `t` in 0..1.
+/// The four non-zero uniform cubic B-splines at `t` in 0..1.
 pub(super) fn basis(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
     [
@@ -216,13 +227,13 @@ pub(super) fn basis(t: f64) -> [f64; 4] {
     ]
 }
 
-/// Their derivatives.
+/// Derivatives of [`basis`].
 fn slope(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
     [-s * s / 2.0, t * (3.0 * t - 4.0) / 2.0, -s * (3.0 * s - 4.0) / 2.0, t * t / 2.0]
 }
 
-/// The same curve as a cubic in t: a + b·t + c·t² + d·t³.
+/// The segment's polynomial coefficients: a + b·t + c·t² + d·t³.
 fn cubic(c: &[f64]) -> [f32; 4] {
     [
         ((c[0] + 4.0 * c[1] + c[2]) / 6.0) as f32,
@@ -232,7 +243,7 @@ fn cubic(c: &[f64]) -> [f32; 4] {
     ]
 }
 
-/// The normal equations of a fit, built sample by sample.
+/// Normal equations of a fit.
 struct NormalEquations {
     shape: Surface,
     matrix: DMatrix<f64>,
@@ -255,8 +266,10 @@ impl NormalEquations {
 
     fn add(&mut self, sample: Sample) {
         let s = &self.shape;
-        let (i, tx, _) = place(sample.x, s.domain.left, s.domain.right, s.columns);
-        let (j, ty, _) = place(sample.y, s.domain.top, s.domain.bottom, s.rows);
+        let KnotPosition { segment: i, t: tx, .. } =
+            place(sample.x, s.domain.left, s.domain.right, s.columns);
+        let KnotPosition { segment: j, t: ty, .. } =
+            place(sample.y, s.domain.top, s.domain.bottom, s.rows);
         let (bx, by) = (basis(tx), basis(ty));
         let mut terms = [(0usize, 0.0f64); 16];
         for (n, term) in terms.iter_mut().enumerate() {
@@ -272,7 +285,7 @@ impl NormalEquations {
     }
 
     fn solve(mut self, bending: f64) -> Result<Surface, SurfaceError> {
-        // Nine samples: three by three, the least that shows bending in both directions.
+        // Three by three samples are the least that determine bending in both directions.
         if self.samples < 9 {
             return Err(SurfaceError::TooFewSamples { found: self.samples, allowed: 9 });
         }
@@ -338,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cubic_is_met_between_the_samples() {
+    fn a_cubic_is_reproduced_between_the_samples() {
         let s = Surface::fit(DOMAIN, 6, 5, grid(7.0), 1e-9).unwrap();
         for &(x, y) in &[(0.0, 0.0), (33.3, 71.2), (-20.0, 90.0), (119.0, -9.5)] {
             assert!((s.at(x, y) - bump(x, y)).abs() < 1e-4, "{} {}", s.at(x, y), bump(x, y));
@@ -346,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_is_the_surface_point_by_point_also_beyond_the_domain() {
+    fn a_row_equals_the_surface_inside_and_beyond_the_domain() {
         let s = Surface::fit(DOMAIN, 6, 5, grid(7.0), 1e-9).unwrap();
         for y in [-30.0, 17.0, 95.0] {
             let mut row = vec![0.0f32; 400];
@@ -362,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_is_a_plane_and_goes_on_beyond() {
+    fn a_plane_extends_beyond_the_domain() {
         let s = Surface::plane(DOMAIN, 1.5, 0.25, -2.0);
         for &(x, y) in &[(0.0, 0.0), (200.0, -50.0), (-70.0, 300.0)] {
             assert!((s.at(x, y) - (1.5 + 0.25 * x - 2.0 * y)).abs() < 1e-9);
@@ -370,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_whose_numbers_mean_harm_is_not_whole() {
+    fn a_surface_with_implausible_numbers_is_not_whole() {
         let whole = Surface::plane(DOMAIN, 1.5, 0.25, -2.0);
         assert!(whole.is_whole());
         let far = Domain { right: f64::INFINITY, ..DOMAIN };

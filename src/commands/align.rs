@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueHint};
 use console::Term;
 use relens::alignment::plan::Plan;
-use relens::alignment::{Adjustment, AlignmentReport, GREYS, PLACES, RigView, leaks};
+use relens::alignment::{Advice, AlignmentReport, GREYS, PLACES, RigView};
 use relens::config::{self, Curve, RigFile};
 use relens::disk::Files;
 use relens::picture::{self, Format, Manner};
@@ -119,7 +119,7 @@ fn look_for_leaks(view: &mut RigView<'_>, options: &AlignOptions) -> Result<(), 
     let (mut least, mut most) = ([f64::INFINITY; PLACES], 0.0f64);
     let mut terminal = Redrawn::new();
     for _ in 0..options.looks.unwrap_or(u64::MAX) {
-        let seen = view.darkness().map_err(CliError::of)?;
+        let seen = view.measure_darkness().map_err(CliError::of)?;
         least = std::array::from_fn(|n| least[n].min(seen[n]));
         let more: [f64; PLACES] = std::array::from_fn(|n| seen[n] - least[n]);
         most = more.iter().copied().fold(most, f64::max);
@@ -130,7 +130,7 @@ fn look_for_leaks(view: &mut RigView<'_>, options: &AlignOptions) -> Result<(), 
                 row.iter().map(|more| format!("{:6.2} %", 100.0 * more)).collect();
             lines.push(format!("  {}", cells.join("  ")));
         }
-        lines.extend(leaks(&more).map(|todo| format!("-> {todo}")));
+        lines.extend(Advice::leaks(&more).map(|advice| format!("-> {advice}")));
         terminal.draw(&lines);
     }
     Ok(())
@@ -151,17 +151,17 @@ fn live(view: &mut RigView<'_>, rig: &RigFile, options: &AlignOptions) -> Result
     for look in 0..looks {
         match look % (2 * FOCUS_LOOKS) {
             0 => {
-                let (aim, seen) = view.aim().map_err(CliError::of)?;
-                report.aimed(aim, seen);
+                let (aim, seen) = view.measure_aim().map_err(CliError::of)?;
+                report.add_aim(aim, seen);
                 if look == 0 {
-                    report.lit(view.brightness().map_err(CliError::of)?);
+                    report.add_brightness(view.measure_brightness().map_err(CliError::of)?);
                 }
             }
-            FOCUS_LOOKS => report.lit(view.brightness().map_err(CliError::of)?),
+            FOCUS_LOOKS => report.add_brightness(view.measure_brightness().map_err(CliError::of)?),
             _ => {}
         }
-        let seen = view.look().map_err(CliError::of)?;
-        report.looked(&seen, view.now_s());
+        let seen = view.measure_focus().map_err(CliError::of)?;
+        report.add_focus(&seen, view.now_s());
         terminal.draw(&report.lines());
         if let Some(page) = &page
             && (look + 1 == looks || written.is_none_or(|then| then.elapsed() >= PAGE_EVERY))
@@ -219,15 +219,15 @@ impl Page {
 
 /// Measures what a live look cannot, says it, and what to do.
 fn measure_light(view: &mut RigView<'_>, rig: &RigFile) -> Result<(), CliError> {
-    let white = view.brightness().map_err(CliError::of)?;
-    let mut todo = white.adjustments(rig.panel.refresh_hz);
+    let white = view.measure_brightness().map_err(CliError::of)?;
+    let mut todo = white.advice(rig.panel.refresh_hz);
     say(&format!(
         "white is {:.0} % of the range, {:.2} % of the sites full",
         100.0 * white.white,
         100.0 * white.clipped_share
     ));
-    let steady = view.steadiness(&mut |_| {}).map_err(CliError::of)?;
-    todo.extend(steady.adjustments());
+    let steady = view.measure_steadiness(&mut |_| {}).map_err(CliError::of)?;
+    todo.extend(steady.advice());
     say(&format!(
         "over {GREYS} captures of grey: {:.2} % of change from one to the next, {:.2} % in bands, \
          {:+.2} % from first to last",
@@ -235,10 +235,10 @@ fn measure_light(view: &mut RigView<'_>, rig: &RigFile) -> Result<(), CliError> 
         100.0 * steady.bands,
         100.0 * steady.drift
     ));
-    match view.linearity(white.white).map_err(CliError::of)? {
+    match view.measure_linearity(rig).map_err(CliError::of)? {
         Some(linear) => {
-            let [twice, thrice] = linear.times;
-            todo.extend(linear.adjustments());
+            let [twice, thrice] = linear.ratios;
+            todo.extend(Advice::linearity(&linear));
             say(&format!("2 and 3 times the exposure bring {twice:.2} and {thrice:.2} times"));
         }
         None => say("linearity: this camera's exposure cannot be set by program"),
@@ -247,5 +247,5 @@ fn measure_light(view: &mut RigView<'_>, rig: &RigFile) -> Result<(), CliError> 
         say("the light is well");
         return Ok(());
     }
-    Err(CliError::Unwell(todo.iter().map(Adjustment::to_string).collect()))
+    Err(CliError::Unwell(todo.iter().map(Advice::to_string).collect()))
 }

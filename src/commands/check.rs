@@ -54,7 +54,7 @@ pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
         Ok(calibration) => {
             let (generation, captures) = (calibration.generation, calibration.captures);
             row("calibration", &format!("generation {generation}, {captures} captures"));
-            complaints.extend(calibration.doubt());
+            complaints.extend(calibration.warning());
             let pipeline = Pipeline::new(rig, &calibration).map_err(CliError::of)?;
             match pipeline.check_backward(&mut devices) {
                 Ok(check) => {

@@ -7,9 +7,9 @@ use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint, value_parser};
 use relens::calibration::store;
 use relens::config::{self, RigFile};
-use relens::frame::{Frame, Mosaic, Plane};
+use relens::frame::{Channel, Frame, Mosaic, Plane};
 use relens::pipeline::site_noise_of;
-use relens::restorer::on_rig::{black_of, gains_of};
+use relens::restorer::on_rig::gains_of;
 use relens::restorer::photo_file::{PROPOSED, SensorFacts, developed, raw_file};
 use relens::rig;
 use relens::rig::exposure::Devices;
@@ -174,7 +174,7 @@ fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, Cl
             let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
             let devices = rig::open_without_marks(file).map_err(CliError::of)?;
             let sensor = SensorFacts {
-                range: range(black_of(file, &calibration)),
+                range: range(calibration.black_level(Channel::Green)),
                 gains: gains_of(file, &calibration),
                 noise: Some(site_noise_of(&calibration)),
             };

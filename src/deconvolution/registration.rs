@@ -1,78 +1,101 @@
-//! Where a capture lies against what the lens model predicts of it, and how bright it is.
+//! Registration of a capture to its prediction: shift, gain and, on request, added light.
 //!
-//! A panel that wanders, was knocked or flickers moves and dims whole captures, in all colours
-//! alike; the photo was taken without it. So y is taken for g·P(x − s) with P = K̂L, and what s and
-//! g make of the prediction is taken out of the capture. The prediction is moved, never the
-//! capture, whose noise stays as it is.
+//! A panel that is knocked, drifts or flickers moves and dims whole captures, all colours alike;
+//! the photo was taken without it. The capture y is modelled as g·P(x − s) + o with the prediction
+//! P = K̂L. The prediction is moved, never the capture, so the capture's noise stays as it is.
 //!
-//! s comes from linear least squares on the gradients of P, repeated with P moved (Lucas & Kanade
-//! 1981), both as means over cells as wide as half a lens function: a lens that came off its axis
-//! throws fine detail aside and leaves the centroid of its light, and is no shift.
+//! All fits solve the same normal equations of y − P on P, 1 and −∇P (Lucas & Kanade 1981), over
+//! means of square cells. Cells half a lens function wide make s a shift of centroids: a lens that
+//! came off its axis throws fine detail aside without moving the centroid of its light.
 //!
-//! g comes from the sums of y and P: a lens that scatters more than was measured keeps them, and
-//! least squares on P would take its veil for less light. Either counts only where it stands out of
-//! its own uncertainty, which is what parts of the photo say without each other (the jackknife,
-//! Quenouille 1956): what a wrong lens pretends differs from part to part.
+//! Without o, g is the ratio of sums: a lens that scatters more than measured keeps them, and least
+//! squares on P would mistake its veil for less light. Shift and gain count only where they exceed
+//! their own standard error, taken from parts of the photo (the jackknife, Quenouille 1956): errors
+//! of the lens model differ from part to part.
 
-use std::ops::Range;
-
+use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 
 use super::data_term::{MISSING, TRUSTED};
 use super::forward_convolution::Seen;
 use crate::frame::resample::{Outside, warp};
-use crate::frame::{Channel, Frame, Plane, Rect, Work};
+use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 /// Parts of the photo along its width and height.
 const PARTS: (usize, usize) = (6, 4);
-/// By how many of its standard errors a shift or a gain must stand out.
-const CERTAIN: f64 = 3.0;
-/// Farther than this, in pixels, no capture is believed to be the prediction moved. Guess.
+/// Least ratio of a shift or gain to its standard error.
+const SIGNIFICANT: f64 = 3.0;
+/// Largest shift of a capture, pixels; a larger one is another fault. Guess.
 const SHIFT_MAX_PX: f64 = 2.5;
-/// What a backlight's unsteadiness can change a capture's light by; more is another fault, and not
-/// hidden. Guess.
+/// Largest change of light by an unsteady backlight; a larger one is another fault and must stay
+/// visible. Guess.
 const GAIN_MAX: f64 = 0.01;
-/// Rounds of least squares at the most, and the step, pixels and share of the light, that ends
-/// them.
+/// Most rounds of least squares; a step below both sizes (pixels, share of the light) ends them.
 const ROUNDS: usize = 6;
 const ENOUGH_PX: f64 = 5e-4;
 const ENOUGH_GAIN: f64 = 1e-4;
 
-/// A capture as a whole, against its prediction.
+/// A capture beside its prediction.
+pub struct Comparison<'a> {
+    /// The captured light.
+    pub seen: &'a Frame<Work>,
+    /// The light predicted for it.
+    pub predicted: &'a Frame<Work>,
+    /// [`TRUSTED`] at the pixels to compare.
+    pub mask: &'a Frame<Work, u8>,
+    /// The part of the canvas to compare.
+    pub area: Rect,
+    /// The channels to compare, taken together.
+    pub channels: &'a [Channel],
+}
+
+/// Shift and gain of a capture against its prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Registration {
-    /// How far to the right and down the capture lies, pixels.
+    /// Displacement of the capture to the right and down, pixels.
     pub shift_px: (f64, f64),
-    /// Its light over the prediction's.
+    /// Light of the capture over that of the prediction.
     pub gain: f64,
 }
 
+/// A registration and the light added to the capture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OffsetRegistration {
+    /// Shift and gain.
+    pub registration: Registration,
+    /// Added light, grey levels.
+    pub offset_levels: f64,
+}
+
+/// [`TRUSTED`] where `trust` has data and `seen` is trusted.
+pub fn common_mask(trust: &Frame<Work, u8>, seen: &Frame<Work, u8>) -> Frame<Work, u8> {
+    Frame::from_fn(|c| {
+        let mut mask = trust.plane(c).clone();
+        for (mask, &seen) in mask.data_mut().iter_mut().zip(seen.plane(c).data()) {
+            *mask = if *mask != MISSING && seen == TRUSTED { TRUSTED } else { MISSING };
+        }
+        mask
+    })
+}
+
 impl Registration {
-    /// A capture that lies where it should.
+    /// The registration of a capture that equals its prediction.
     pub const IN_PLACE: Registration = Registration { shift_px: (0.0, 0.0), gain: 1.0 };
 
-    /// How `seen` lies against what was `predicted` of it, by what is known of the photo (`trust`,
-    /// `photo`) in the `channels`; the lens blurs over `blur_px` pixels.
-    pub fn of(
-        seen: &Seen,
-        predicted: &Frame<Work>,
-        trust: &Frame<Work, u8>,
-        photo: Rect,
-        channels: &[Channel],
-        blur_px: usize,
-    ) -> Registration {
+    /// Fits the significant shift and gain; the lens blurs over `blur_px` pixels.
+    pub fn fit(comparison: &Comparison<'_>, blur_px: usize) -> Registration {
+        let cell_px = (blur_px / 2).max(1);
         let mut found = Registration::IN_PLACE;
         for _ in 0..ROUNDS {
-            let moved = found.prediction(predicted, channels);
-            let known = Known { seen, trust, photo, channels, cell_px: (blur_px / 2).max(1) };
-            let sums = known.sums(moved.as_ref().unwrap_or(predicted));
-            let (step, uncertain) = step(&sums);
+            let moved = found.apply(comparison.predicted, comparison.channels);
+            let predicted = moved.as_ref().unwrap_or(comparison.predicted);
+            let parts = Comparison { predicted, ..*comparison }.parts(cell_px);
             let before = found;
-            found = found.and(step).certain(uncertain);
+            found = found.and(total(&parts).shift_and_gain()).significant(jackknife(&parts));
             let (x, y) = found.shift_px;
-            // Written so that a number that is none fails too.
-            let believed = x.hypot(y) <= SHIFT_MAX_PX;
-            if !believed {
+            // Negated so that NaN is rejected too.
+            let plausible = x.hypot(y) <= SHIFT_MAX_PX;
+            if !plausible {
                 return Registration::IN_PLACE;
             }
             let (dx, dy) = (x - before.shift_px.0, y - before.shift_px.1);
@@ -83,39 +106,71 @@ impl Registration {
         found
     }
 
-    /// This and a further `step`.
+    /// Fits shift, gain and added light to first order, pixel by pixel. All NaN without data.
+    pub fn fit_with_offset(comparison: &Comparison<'_>) -> OffsetRegistration {
+        let Sums { normal, right } = total(&comparison.parts(1));
+        let found = normal.lu().solve(&right).unwrap_or(Vector4::from_element(f64::NAN));
+        let gain = 1.0 + found[0];
+        // g·P(x − s) has the gradient term g·s.
+        let registration = Registration { shift_px: (found[2] / gain, found[3] / gain), gain };
+        OffsetRegistration { registration, offset_levels: found[1] }
+    }
+
+    /// Fits the gain alone, by sums of light; 1 if it differs from 1 by more than `most`.
+    pub fn fit_gain(comparison: &Comparison<'_>, most: f64) -> f64 {
+        let Rect { x, y, size } = comparison.area;
+        let (mut seen, mut predicted) = (0.0f64, 0.0f64);
+        for &c in comparison.channels {
+            for row in y..y + size.height {
+                let columns = x..x + size.width;
+                let light = &comparison.seen.plane(c).row(row)[columns.clone()];
+                let expected = &comparison.predicted.plane(c).row(row)[columns.clone()];
+                let mask = &comparison.mask.plane(c).row(row)[columns];
+                for ((&light, &expected), &mask) in light.iter().zip(expected).zip(mask) {
+                    if mask == TRUSTED {
+                        (seen, predicted) =
+                            (seen + f64::from(light), predicted + f64::from(expected));
+                    }
+                }
+            }
+        }
+        let gain = seen / predicted;
+        if (gain - 1.0).abs() <= most { gain } else { 1.0 }
+    }
+
+    /// Combines `self` with a further `step`.
     fn and(self, step: Registration) -> Registration {
         let shift_px = (self.shift_px.0 + step.shift_px.0, self.shift_px.1 + step.shift_px.1);
         Registration { shift_px, gain: self.gain * step.gain }
     }
 
-    /// What of it stands out of its uncertainty.
-    fn certain(self, uncertain: Registration) -> Registration {
+    /// Resets shift or gain where they are not significant against the standard `error`.
+    fn significant(self, error: Registration) -> Registration {
         let length = |(x, y): (f64, f64)| x.hypot(y);
-        let mut certain = Registration::IN_PLACE;
-        if length(self.shift_px) > CERTAIN * length(uncertain.shift_px) {
-            certain.shift_px = self.shift_px;
+        let mut significant = Registration::IN_PLACE;
+        if length(self.shift_px) > SIGNIFICANT * length(error.shift_px) {
+            significant.shift_px = self.shift_px;
         }
         let off = (self.gain - 1.0).abs();
-        if off > CERTAIN * uncertain.gain && off <= GAIN_MAX {
-            certain.gain = self.gain;
+        if off > SIGNIFICANT * error.gain && off <= GAIN_MAX {
+            significant.gain = self.gain;
         }
-        certain
+        significant
     }
 
-    /// What was `predicted`, moved and scaled; nothing of a capture in place.
-    fn prediction(&self, predicted: &Frame<Work>, channels: &[Channel]) -> Option<Frame<Work>> {
+    /// Moves and scales `predicted`; `None` if that changes nothing.
+    fn apply(&self, predicted: &Frame<Work>, channels: &[Channel]) -> Option<Frame<Work>> {
         if *self == Registration::IN_PLACE {
             return None;
         }
         let mut all = Frame::zeros(predicted.size());
-        let moved = channels.par_iter().map(|&c| (c, self.moved(predicted.plane(c))));
+        let moved = channels.par_iter().map(|&c| (c, self.apply_to_plane(predicted.plane(c))));
         let moved: Vec<(Channel, Plane)> = moved.collect();
         moved.into_iter().for_each(|(c, plane)| *all.plane_mut(c) = plane);
         Some(all)
     }
 
-    fn moved(&self, plane: &Plane) -> Plane {
+    fn apply_to_plane(&self, plane: &Plane) -> Plane {
         let ((x, y), gain) = (self.shift_px, self.gain as f32);
         let mut out = plane.clone();
         if (x, y) != (0.0, 0.0) {
@@ -123,13 +178,13 @@ impl Registration {
             let map_y = Plane::from_fn(plane.size(), |_, v| (v as f64 - y) as f32);
             warp(plane, &map_x, &map_y, Outside::Edge, &mut out);
         }
-        out.data_mut().iter_mut().for_each(|v| *v *= gain);
+        out.scale(gain);
         out
     }
 
-    /// Takes what shift and gain make of what was `predicted` out of `seen`.
+    /// Removes from `seen` the change that shift and gain make to `predicted`.
     pub fn undo(&self, seen: &mut Seen, predicted: &Frame<Work>, channels: &[Channel]) {
-        let Some(moved) = self.prediction(predicted, channels) else { return };
+        let Some(moved) = self.apply(predicted, channels) else { return };
         for &c in channels {
             let light = seen.light.plane_mut(c);
             light.add_scaled(1.0, predicted.plane(c));
@@ -138,120 +193,122 @@ impl Registration {
     }
 }
 
-/// Sums over a part of the photo: products of the gradient (x, y) with itself, with the residual
-/// and with the prediction; residual and prediction. Of means over cells.
-type PartSums = [f64; 9];
-
-/// What a prediction is held against.
-struct Known<'a> {
-    seen: &'a Seen,
-    trust: &'a Frame<Work, u8>,
-    photo: Rect,
-    channels: &'a [Channel],
-    cell_px: usize,
+/// Normal equations of y − P on P, 1, −∂P/∂x and −∂P/∂y, in means over cells.
+#[derive(Clone, Copy)]
+struct Sums {
+    normal: Matrix4<f64>,
+    right: Vector4<f64>,
 }
 
-impl Known<'_> {
-    /// The sums part by part.
-    fn sums(&self, predicted: &Frame<Work>) -> Vec<PartSums> {
-        let Rect { x, y, size } = self.photo;
-        let cells = (size.width.div_ceil(self.cell_px), size.height.div_ceil(self.cell_px));
-        let of_part = |n: usize| {
-            let (i, j) = (n % PARTS.0, n / PARTS.0);
-            let span =
-                |n: usize, parts: usize, cells: usize| n * cells / parts..(n + 1) * cells / parts;
-            let mut sums = [0.0; 9];
-            for row in span(j, PARTS.1, cells.1) {
-                for column in span(i, PARTS.0, cells.0) {
-                    let (left, top) = (column * self.cell_px, row * self.cell_px);
-                    let columns = x + left..x + (left + self.cell_px).min(size.width);
-                    let rows = y + top..y + (top + self.cell_px).min(size.height);
-                    for &c in self.channels {
-                        self.add_cell(predicted, c, columns.clone(), rows.clone(), &mut sums);
-                    }
-                }
-            }
-            sums
-        };
-        (0..PARTS.0 * PARTS.1).into_par_iter().map(of_part).collect()
+impl Sums {
+    fn zero() -> Sums {
+        Sums { normal: Matrix4::zeros(), right: Vector4::zeros() }
     }
 
-    fn add_cell(
-        &self,
-        predicted: &Frame<Work>,
-        c: Channel,
-        columns: Range<usize>,
-        rows: Range<usize>,
-        sums: &mut PartSums,
-    ) {
-        let (p, y) = (predicted.plane(c), self.seen.light.plane(c));
-        let (known, trusted) = (self.trust.plane(c), self.seen.trusted.plane(c));
+    /// Adds one cell of a comparison.
+    fn add_cell(&mut self, comparison: &Comparison<'_>, channel: Channel, cell: Rect) {
+        let (predicted, seen) =
+            (comparison.predicted.plane(channel), comparison.seen.plane(channel));
+        let mask = comparison.mask.plane(channel);
+        let Rect { x, y, size } = cell;
         let (mut gx, mut gy, mut r, mut light, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for v in rows.start.max(1)..rows.end.min(p.height() - 1) {
-            let (above, here, below) = (p.row(v - 1), p.row(v), p.row(v + 1));
-            let (y, known, trusted) = (y.row(v), known.row(v), trusted.row(v));
-            for u in columns.start.max(1)..columns.end.min(p.width() - 1) {
-                if known[u] != MISSING && trusted[u] == TRUSTED {
+        for v in y.max(1)..(y + size.height).min(predicted.height().saturating_sub(1)) {
+            let (above, here, below) =
+                (predicted.row(v - 1), predicted.row(v), predicted.row(v + 1));
+            let (seen, mask) = (seen.row(v), mask.row(v));
+            for u in x.max(1)..(x + size.width).min(predicted.width().saturating_sub(1)) {
+                if mask[u] == TRUSTED {
                     gx += f64::from(here[u + 1] - here[u - 1]) / 2.0;
                     gy += f64::from(below[u] - above[u]) / 2.0;
-                    r += f64::from(y[u] - here[u]);
+                    r += f64::from(seen[u] - here[u]);
                     light += f64::from(here[u]);
                     count += 1.0;
                 }
             }
         }
         if count > 0.0 {
-            let more = [gx * gx, gx * gy, gy * gy, gx * r, gy * r, gx * light, gy * light];
-            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more / count);
-            (sums[7], sums[8]) = (sums[7] + r, sums[8] + light);
+            let row = Vector4::new(light, count, -gx, -gy);
+            self.normal += row * row.transpose() / count;
+            self.right += row * r / count;
         }
     }
-}
 
-/// What the sums of all parts say, and its standard errors.
-fn step(parts: &[PartSums]) -> (Registration, Registration) {
-    let mut all = [0.0; 9];
-    parts.iter().for_each(|part| all.iter_mut().zip(part).for_each(|(a, p)| *a += p));
-    let whole = solved(&all);
-    let n = parts.len() as f64;
-    let mut squares = (0.0, 0.0, 0.0);
-    for part in parts {
-        let mut others = all;
-        others.iter_mut().zip(part).for_each(|(a, p)| *a -= p);
-        let one = solved(&others);
-        squares.0 += (one.shift_px.0 - whole.shift_px.0).powi(2);
-        squares.1 += (one.shift_px.1 - whole.shift_px.1).powi(2);
-        squares.2 += (one.gain - whole.gain).powi(2);
+    fn shift_and_gain(&self) -> Registration {
+        let Sums { normal, right } = self;
+        let (light, residual) = (normal[(0, 1)], right[1]);
+        let more = if light > 0.0 { residual / light } else { 0.0 };
+        let (bx, by) = (right[2] - more * normal[(0, 2)], right[3] - more * normal[(0, 3)]);
+        let (xx, xy, yy) = (normal[(2, 2)], normal[(2, 3)], normal[(3, 3)]);
+        let determinant = xx * yy - xy * xy;
+        let shift_px = if determinant > 1e-9 * xx * yy {
+            ((yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant)
+        } else {
+            (0.0, 0.0)
+        };
+        Registration { shift_px, gain: 1.0 + more }
     }
-    let error = |square: f64| ((n - 1.0) / n * square).sqrt();
-    let shift_px = (error(squares.0), error(squares.1));
-    (whole, Registration { shift_px, gain: error(squares.2) })
 }
 
-fn solved(&[xx, xy, yy, xr, yr, xp, yp, r, p]: &PartSums) -> Registration {
-    let more = if p > 0.0 { r / p } else { 0.0 };
-    // y(x − s) is y less s times its gradient.
-    let (bx, by) = (more * xp - xr, more * yp - yr);
-    let determinant = xx * yy - xy * xy;
-    let shift_px = if determinant > 1e-9 * xx * yy {
-        ((yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant)
-    } else {
-        (0.0, 0.0)
-    };
-    Registration { shift_px, gain: 1.0 + more }
+impl Comparison<'_> {
+    /// The sums of each part of the area, in cells of `cell_px`.
+    fn parts(&self, cell_px: usize) -> Vec<Sums> {
+        let Rect { x, y, size } = self.area;
+        let cells = (size.width.div_ceil(cell_px), size.height.div_ceil(cell_px));
+        let span =
+            |n: usize, parts: usize, cells: usize| n * cells / parts..(n + 1) * cells / parts;
+        let add_part = |n: usize| {
+            let mut sums = Sums::zero();
+            for row in span(n / PARTS.0, PARTS.1, cells.1) {
+                for column in span(n % PARTS.0, PARTS.0, cells.0) {
+                    let (left, top) = (column * cell_px, row * cell_px);
+                    let size =
+                        Size::new(cell_px.min(size.width - left), cell_px.min(size.height - top));
+                    let cell = Rect { x: x + left, y: y + top, size };
+                    for &c in self.channels {
+                        sums.add_cell(self, c, cell);
+                    }
+                }
+            }
+            sums
+        };
+        (0..PARTS.0 * PARTS.1).into_par_iter().map(add_part).collect()
+    }
+}
+
+fn total(parts: &[Sums]) -> Sums {
+    parts.iter().fold(Sums::zero(), |all, part| Sums {
+        normal: all.normal + part.normal,
+        right: all.right + part.right,
+    })
+}
+
+/// Standard errors of shift and gain, from leaving out each part in turn.
+fn jackknife(parts: &[Sums]) -> Registration {
+    let all = total(parts);
+    let whole = all.shift_and_gain();
+    let (mut x, mut y, mut gain) = (0.0, 0.0, 0.0);
+    for part in parts {
+        let others = Sums { normal: all.normal - part.normal, right: all.right - part.right };
+        let one = others.shift_and_gain();
+        x += (one.shift_px.0 - whole.shift_px.0).powi(2);
+        y += (one.shift_px.1 - whole.shift_px.1).powi(2);
+        gain += (one.gain - whole.gain).powi(2);
+    }
+    let n = parts.len() as f64;
+    let error = |square: f64| ((n - 1.0) / n * square).sqrt();
+    Registration { shift_px: (error(x), error(y)), gain: error(gain) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Size;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
     const SIZE: Size = Size { width: 256, height: 192 };
     const PHOTO: Rect = Rect { x: 8, y: 8, size: Size { width: 240, height: 176 } };
 
-    /// A soft picture, (x, y) pixels aside.
+    /// A soft picture, displaced by (x, y) pixels.
     fn picture(x: f64, y: f64) -> Frame<Work> {
         let light = |u: usize, v: usize| {
             let (u, v) = (u as f64 - x, v as f64 - y);
@@ -274,12 +331,18 @@ mod tests {
     }
 
     fn found(seen: &Seen) -> Registration {
-        let trust = Frame::filled(SIZE, TRUSTED);
-        Registration::of(seen, &picture(0.0, 0.0), &trust, PHOTO, &Channel::ALL, 13)
+        let comparison = Comparison {
+            seen: &seen.light,
+            predicted: &picture(0.0, 0.0),
+            mask: &seen.trusted,
+            area: PHOTO,
+            channels: &Channel::ALL,
+        };
+        Registration::fit(&comparison, 13)
     }
 
     #[test]
-    fn a_capture_moved_and_dimmed_is_found_and_brought_back() {
+    fn shift_and_gain_of_a_capture_are_found_and_removed() {
         for (x, y, gain) in [(0.3, -0.4, 1.0), (0.04, 0.03, 0.997), (-0.9, 0.6, 1.004)] {
             for seed in 0..5 {
                 let mut seen = seen(&picture(x, y), gain, 1.0, seed);
@@ -288,16 +351,16 @@ mod tests {
                 assert!(off < 0.005, "{x} {y}: {found:?}");
                 assert!((found.gain - f64::from(gain)).abs() < 5e-4, "{gain}: {found:?}");
                 found.undo(&mut seen, &picture(0.0, 0.0), &Channel::ALL);
-                let mut left = seen.light.plane(Channel::Green).clone();
-                left.add_scaled(-1.0, picture(0.0, 0.0).plane(Channel::Green));
-                let left = left.crop(PHOTO).rms();
-                assert!((left - 1.0).abs() < 0.02, "{left}");
+                let mut residual = seen.light.plane(Channel::Green).clone();
+                residual.add_scaled(-1.0, picture(0.0, 0.0).plane(Channel::Green));
+                let noise = residual.crop(PHOTO).rms();
+                assert!((noise - 1.0).abs() < 0.02, "{noise}");
             }
         }
     }
 
     #[test]
-    fn a_capture_in_place_stays_to_the_bit() {
+    fn a_capture_in_place_is_left_unchanged() {
         let out_of = 40;
         let moved = (0..out_of).filter(|&seed| {
             found(&seen(&picture(0.0, 0.0), 1.0, 1.0, seed)) != Registration::IN_PLACE
@@ -306,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn light_that_is_scattered_is_no_gain() {
+    fn scattered_light_does_not_change_the_gain() {
         let grey: Frame<Work> = Frame::from_fn(|_| Plane::filled(SIZE, 110.0));
         let veiled = Frame::from_fn(|c| {
             let mut plane = picture(0.0, 0.0).plane(c).map(|v: f32| 0.9 * v);

@@ -1,10 +1,10 @@
-//! The cosine transform of a JPEG's blocks (ITU-T T.81, A.3.3): orthonormal, so its inverse is its
-//! transpose.
+//! Cosine transform of JPEG blocks (ITU-T T.81, A.3.3); orthonormal, so its transpose is its
+//! inverse.
 
 use super::{BLOCK_AREA, BLOCK_PX};
 
-/// The transform's matrix D, row by row of frequencies: `D[u][x]` = cos((2x + 1)uπ/16)/2, the first
-/// row over √2.
+/// The transform's matrix D, one row per frequency: `D[u][x]` = cos((2x + 1)uπ/16)/2, the first row
+/// divided by √2.
 pub fn cosines() -> [[f32; BLOCK_PX]; BLOCK_PX] {
     let mut matrix = [[0.0; BLOCK_PX]; BLOCK_PX];
     for (u, row) in matrix.iter_mut().enumerate() {
@@ -17,8 +17,8 @@ pub fn cosines() -> [[f32; BLOCK_PX]; BLOCK_PX] {
     matrix
 }
 
-/// `rows` · block · `rows`ᵀ, in place of the block: with [`cosines`] samples to coefficients, with
-/// their [`transposed`] back.
+/// Replaces `block` by `rows` · block · `rows`ᵀ: from samples to coefficients with [`cosines`],
+/// back with their [`transposed`].
 pub fn transform(block: &mut [f32; BLOCK_AREA], rows: &[[f32; BLOCK_PX]; BLOCK_PX]) {
     let mut half = [0.0f32; BLOCK_AREA];
     for (u, row) in rows.iter().enumerate() {
@@ -38,7 +38,7 @@ pub fn transform(block: &mut [f32; BLOCK_AREA], rows: &[[f32; BLOCK_PX]; BLOCK_P
     }
 }
 
-/// Rows as columns.
+/// The transpose.
 pub fn transposed(rows: &[[f32; BLOCK_PX]; BLOCK_PX]) -> [[f32; BLOCK_PX]; BLOCK_PX] {
     std::array::from_fn(|x| std::array::from_fn(|u| rows[u][x]))
 }
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_transform_back_is_its_transpose_and_its_inverse() {
+    fn the_transpose_is_the_adjoint_and_the_inverse() {
         let (there, samples) = (cosines(), |k: usize| {
             std::array::from_fn::<f32, BLOCK_AREA, _>(|n| ((n * k + n * n % 7) % 19) as f32 - 9.0)
         });
@@ -63,7 +63,7 @@ mod tests {
         assert!((dot(&seen, &y) - dot(&x, &shown)).abs() < 1e-2);
         transform(&mut seen, &back);
         assert!(seen.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-4));
-        // A block of ones is eight times the first coefficient's.
+        // A block of ones has a first coefficient of eight.
         let mut even = [1.0; BLOCK_AREA];
         transform(&mut even, &there);
         assert!((even[0] - 8.0).abs() < 1e-5 && even[1..].iter().all(|v| v.abs() < 1e-5));

@@ -1,4 +1,5 @@
-//! The three colour channels, by name and never by a bare index: channel order *is* a calibration.
+//! The three colour channels, by name and never by a bare index, as channel order is part of a
+//! calibration.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,15 +16,15 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// All three, in storage order.
+    /// All channels in storage order.
     pub const ALL: [Channel; 3] = [Channel::Red, Channel::Green, Channel::Blue];
 
-    /// Place of this channel in storage order, 0..3.
+    /// Index in storage order, 0..3.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The word for messages and tables.
+    /// Name for messages and tables.
     pub const fn name(self) -> &'static str {
         match self {
             Channel::Red => "red",
@@ -33,7 +34,7 @@ impl Channel {
     }
 }
 
-/// Which channels a job works on: all three, or green alone for a grey photo.
+/// The channels of a job: all three, or green alone for a grey photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Channels {
@@ -44,7 +45,7 @@ pub enum Channels {
 }
 
 impl Channels {
-    /// The channels worked on, in storage order.
+    /// The channels in storage order.
     pub const fn list(self) -> &'static [Channel] {
         match self {
             Channels::Colour => &Channel::ALL,

@@ -26,5 +26,5 @@ pub use space::{Codes, Counts, Frame, PanelSpace, SensorSpace, Work};
 /// Full scale of linear light in Work space (the paper's 0..255).
 pub const FULL_SCALE: f32 = 255.0;
 
-/// Numbers of a plane that one task takes where a pass over it is divided among the cores.
+/// Pixels per task in parallel passes over a plane.
 pub const STRETCH: usize = 1 << 15;

@@ -1,11 +1,11 @@
-//! The colour filter mosaic of a sensor: which colour each of its sites sees.
+//! The colour filter mosaic of a sensor.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Channel, Frame, Plane};
 
-/// Which colours the first two pixels of the first two rows have.
+/// A Bayer mosaic, named by its first two rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mosaic {
@@ -19,20 +19,20 @@ pub enum Mosaic {
     Rggb,
 }
 
-/// What is known of a picture whose data are a sensor's raw sites.
+/// Properties of a raw picture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RawSites {
-    /// The colours of its pixels.
+    /// Colour filters of its pixels.
     pub mosaic: Mosaic,
-    /// Sensor counts that one grey level (of 255) is.
+    /// Sensor counts per grey level (of 255).
     pub counts_per_level: f32,
-    /// The noise of its sites, where it is stated: of each channel the variance without light and
-    /// what each grey level adds, squared grey levels.
+    /// Stated noise of each channel, if any: variance without light, and variance per grey level,
+    /// squared grey levels.
     pub noise: Option<[[f32; 2]; 3]>,
 }
 
 impl RawSites {
-    /// Sites of whose noise nothing is stated.
+    /// Raw sites without a stated noise.
     pub const fn new(mosaic: Mosaic, counts_per_level: f32) -> RawSites {
         RawSites { mosaic, counts_per_level, noise: None }
     }
@@ -47,10 +47,10 @@ impl RawSites {
 }
 
 impl Mosaic {
-    /// All of them.
+    /// All mosaics.
     pub const ALL: [Mosaic; 4] = [Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg, Mosaic::Rggb];
 
-    /// The colours of the first four sites, row by row.
+    /// Colours of the first four sites, row by row.
     pub const fn name(self) -> &'static str {
         match self {
             Mosaic::Bggr => "BGGR",
@@ -60,7 +60,7 @@ impl Mosaic {
         }
     }
 
-    /// The column and row, each 0 or 1, of the red site of the first four.
+    /// Column and row, each 0 or 1, of the first red site.
     const fn red_at(self) -> (usize, usize) {
         match self {
             Mosaic::Rggb => (0, 0),
@@ -70,7 +70,7 @@ impl Mosaic {
         }
     }
 
-    /// The colour of the site in column `x`, row `y`.
+    /// Colour of the site in column `x`, row `y`.
     pub fn colour_at(self, x: usize, y: usize) -> Channel {
         let (red_x, red_y) = self.red_at();
         match ((x + red_x) % 2, (y + red_y) % 2) {
@@ -80,7 +80,7 @@ impl Mosaic {
         }
     }
 
-    /// How many pixels each site of `channel` stands for: 2 of green, 4 of red and blue.
+    /// Pixels per site of `channel`: 2 for green, 4 for red and blue.
     pub const fn pixels_a_site(channel: Channel) -> f32 {
         match channel {
             Channel::Green => 2.0,
@@ -88,9 +88,8 @@ impl Mosaic {
         }
     }
 
-    /// Three planes of `sites`: a channel's own as they are, the others the mean of that channel's
-    /// sites among the eight neighbours. Something to begin with and to look at; data are the
-    /// sites.
+    /// Bilinear demosaicing: each channel's missing pixels are the mean of its sites among the
+    /// eight neighbours. For initial values and display; data are the sites.
     pub fn interpolated<S>(self, sites: &Plane) -> Frame<S> {
         Frame::from_fn(|channel| self.filled(channel, sites))
     }
@@ -103,7 +102,7 @@ impl Mosaic {
         plane
     }
 
-    /// Row `y` of one channel of [`Mosaic::interpolated`], by tables.
+    /// Fills row `y` of one channel of [`Mosaic::interpolated`], by tables.
     fn fill_row(self, channel: Channel, sites: &Plane, y: usize, row: &mut [f32]) {
         let (width, height) = (sites.width(), sites.height());
         if y == 0 || y + 1 >= height || width < 3 {
@@ -124,8 +123,7 @@ impl Mosaic {
         }
     }
 
-    /// Places of `channel`'s nearest sites around the pixel in column `x`, row `y`, as offsets 0..3
-    /// from that pixel's upper left neighbour.
+    /// Nearest sites of `channel` around (`x`, `y`), as offsets 0..3 from the upper left neighbour.
     pub fn nearest(self, channel: Channel, x: usize, y: usize) -> &'static [(usize, usize)] {
         const SELF: [(usize, usize); 1] = [(1, 1)];
         const SIDES: [(usize, usize); 2] = [(0, 1), (2, 1)];
@@ -145,7 +143,7 @@ impl Mosaic {
         }
     }
 
-    /// One value of [`Mosaic::interpolated`], by its definition.
+    /// One pixel of [`Mosaic::interpolated`], by its definition.
     fn fill(self, channel: Channel, sites: &Plane, x: usize, y: usize) -> f32 {
         if self.colour_at(x, y) == channel {
             return sites.at(x, y);
@@ -160,8 +158,7 @@ impl Mosaic {
         sum / count.max(1.0)
     }
 
-    /// The mosaic that a camera's pixel format says, by its four-character code; none of a format
-    /// that is not raw.
+    /// The mosaic of a camera's raw pixel format by its four-character code; `None` if not raw.
     pub fn of_format(code: &str) -> Option<Mosaic> {
         match code {
             "BA81" | "BG10" | "pBAA" | "BG12" | "pBCC" | "BYR2" => Some(Mosaic::Bggr),
@@ -172,7 +169,7 @@ impl Mosaic {
         }
     }
 
-    /// The mosaic of the part of a sensor that begins in column `x`, row `y`.
+    /// The mosaic of the part of a sensor that starts at column `x`, row `y`.
     pub fn from_place(self, x: usize, y: usize) -> Mosaic {
         let (red_x, red_y) = self.red_at();
         match ((x + red_x) % 2, (y + red_y) % 2) {
@@ -190,7 +187,7 @@ mod tests {
     use crate::frame::{Size, Work};
 
     #[test]
-    fn tables_interpolate_as_the_definition_does() {
+    fn tables_agree_with_the_definition() {
         for size in [Size::new(9, 7), Size::new(8, 6), Size::new(2, 2), Size::new(1, 3)] {
             let sites =
                 Plane::from_fn(size, |x, y| ((x * 977 + y * 3571 + x * y * 31) % 256) as f32);

@@ -1,5 +1,5 @@
-//! `f32` arrays in NumPy's format: a measured blur grid and the golden arrays of the tests are
-//! read, photos for programs from outside are written.
+//! `f32` arrays in NumPy's format, for measured blur grids, golden arrays of tests, and photos for
+//! other programs.
 
 use std::path::{Path, PathBuf};
 
@@ -15,20 +15,20 @@ pub enum NpyError {
         #[source]
         source: std::io::Error,
     },
-    /// The array has another element type or order than wanted.
-    #[error("{path} holds {found}; little-endian f32 or f64 in C order is allowed")]
+    /// The array has an unsupported element type or order.
+    #[error("{path} contains {found}; allowed are little-endian f32 or f64 in C order")]
     Kind {
         /// The file.
         path: PathBuf,
-        /// What it holds.
+        /// Its contents.
         found: String,
     },
 }
 
-/// The shape and the values of the array in `path` (`f32` or `f64`, C order), as `f32`.
+/// Reads shape and values of the array in `path` (`f32` or `f64`, C order), as `f32`.
 ///
 /// # Errors
-/// When the file cannot be read, or is not such an array.
+/// When the file cannot be read or is no such array.
 pub fn read_npy_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>), NpyError> {
     let read = |source| NpyError::Read { path: path.to_owned(), source };
     let bytes = std::fs::read(path).map_err(read)?;
@@ -49,14 +49,14 @@ pub fn read_npy_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>), NpyError> {
     }
 }
 
-/// An array file of `values` with `shape` (`f32`, C order).
+/// Encodes `values` with `shape` as an array file (`f32`, C order).
 pub fn npy_f32(shape: &[usize], values: &[f32]) -> Vec<u8> {
     use npyz::WriterBuilder;
     let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
     let mut bytes = Vec::new();
     let written =
         npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd();
-    // Writing to memory does not fail, and a caller whose values do not fill the shape has a bug.
+    // Writing to memory cannot fail; `values` must fill the shape.
     let written = written.and_then(|mut array| {
         array.extend(values)?;
         array.finish()
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_again() {
+    fn a_written_array_is_read_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npy");
         let values = [0.0, 1.5, -2.0, 1e9, 5.0, 6.0];

@@ -1,12 +1,12 @@
-//! A value that is computed when it is first asked for, on all cores.
+//! A value computed on first use, by several threads.
 
 use std::sync::OnceLock;
 
-/// What `lock` holds, made by `make` where it is empty.
+/// The value in `lock`, initialised by `make`.
 ///
-/// Not by `get_or_init`: while a thread waits for what other threads do for `make`, rayon gives it
-/// other work, which may ask for the same value and would wait for that very thread. Here it is
-/// made twice then, and one of the two is kept.
+/// `get_or_init` could deadlock: while a thread waits for others within `make`, rayon may run
+/// another job on it that needs the same value. Here the value is computed twice in that case, and
+/// one result is kept.
 pub fn once<T>(lock: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
     match lock.get() {
         Some(made) => made,
@@ -25,7 +25,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn threads_that_ask_while_it_is_made_on_all_of_them_do_not_wait_for_each_other() {
+    fn threads_needing_the_value_during_its_computation_do_not_deadlock() {
         let (done, all) = channel();
         std::thread::spawn(move || {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
@@ -41,6 +41,6 @@ mod tests {
             done.send(pool.install(asked)).unwrap();
         });
         let made = all.recv_timeout(Duration::from_mins(1));
-        assert_eq!(made, Ok(Some(63 * 64 / 2)), "they wait for each other");
+        assert_eq!(made, Ok(Some(63 * 64 / 2)), "deadlock");
     }
 }

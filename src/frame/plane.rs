@@ -1,4 +1,4 @@
-//! One channel's grid of numbers, row-major.
+//! A row-major grid of numbers.
 
 use serde::{Deserialize, Serialize};
 
@@ -40,12 +40,12 @@ pub struct Rect {
     pub size: Size,
 }
 
-/// Where a rig's photos lie on its sensor.
+/// Position of a rig's photos on its sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PhotoGrid {
     /// The whole sensor.
     pub sensor: Size,
-    /// The part of it that is restored, inside the sensor.
+    /// The restored part, inside the sensor.
     pub photo: Rect,
 }
 
@@ -110,12 +110,12 @@ impl<T: Copy + Default> Plane<T> {
         &self.data
     }
 
-    /// All pixels, row-major, to be changed in place.
+    /// All pixels, row-major, mutable.
     pub fn data_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
-    /// The pixels themselves.
+    /// Returns the pixels.
     pub fn into_vec(self) -> Vec<T> {
         self.data
     }
@@ -125,7 +125,7 @@ impl<T: Copy + Default> Plane<T> {
         &self.data[y * self.size.width..][..self.size.width]
     }
 
-    /// Row `y`, to be changed in place.
+    /// Row `y`, mutable.
     pub fn row_mut(&mut self, y: usize) -> &mut [T] {
         &mut self.data[y * self.size.width..][..self.size.width]
     }
@@ -140,12 +140,12 @@ impl<T: Copy + Default> Plane<T> {
         self.data[y * self.size.width + x] = value;
     }
 
-    /// A plane of the same size with each pixel changed by `change`.
+    /// Applies `change` to each pixel.
     pub fn map<U>(&self, change: impl FnMut(T) -> U) -> Plane<U> {
         Plane { size: self.size, data: self.data.iter().copied().map(change).collect() }
     }
 
-    /// The pixels inside `rect`, which must lie inside the plane.
+    /// Copies the pixels in `rect`, which must lie inside the plane.
     pub fn crop(&self, rect: Rect) -> Plane<T> {
         let mut data = Vec::with_capacity(rect.size.area());
         for y in rect.y..rect.y + rect.size.height {
@@ -169,7 +169,7 @@ impl Plane<f32> {
         self.data.iter_mut().for_each(|value| *value *= factor);
     }
 
-    /// Sum of products with `other`, accumulated in `f64`.
+    /// Dot product with `other`, accumulated in `f64`.
     pub fn dot(&self, other: &Plane<f32>) -> f64 {
         debug_assert_eq!(self.size, other.size);
         let mut total = 0.0f64;
@@ -217,14 +217,14 @@ mod tests {
     }
 
     #[test]
-    fn crop_takes_the_named_pixels() {
+    fn crop_copies_the_rectangle() {
         let p = Plane::from_fn(Size::new(8, 6), |x, y| (10 * y + x) as f32);
         let c = p.crop(Rect { x: 2, y: 3, size: Size::new(2, 2) });
         assert_eq!(c.data(), &[32.0, 33.0, 42.0, 43.0]);
     }
 
     #[test]
-    fn a_vector_of_the_wrong_length_is_no_plane() {
+    fn a_vector_of_the_wrong_length_is_refused() {
         assert!(Plane::from_vec(Size::new(2, 2), vec![0.0f32; 3]).is_none());
     }
 }

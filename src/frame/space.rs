@@ -1,4 +1,4 @@
-//! Frames of three channels, marked with the space they live in so that spaces cannot be mixed.
+//! Frames of three channels, typed by their space.
 
 use std::marker::PhantomData;
 
@@ -21,9 +21,9 @@ pub struct Frame<S, T = f32> {
     space: PhantomData<S>,
 }
 
-/// What the panel is given: 8-bit codes per panel pixel.
+/// Input of the panel: 8-bit codes per panel pixel and channel.
 pub type Codes = Frame<PanelSpace, u8>;
-/// What the sensor returned: raw counts per camera pixel and channel.
+/// Output of the sensor: raw counts per camera pixel and channel.
 pub type Counts = Frame<SensorSpace, u16>;
 
 impl<S, T: Copy + Default> Frame<S, T> {
@@ -37,15 +37,15 @@ impl<S, T: Copy + Default> Frame<S, T> {
         Self::from_fn(|_| Plane::filled(size, value))
     }
 
-    /// A frame made channel by channel. The planes must have one size.
+    /// A frame computed channel by channel. The planes must have one size.
     pub fn from_fn(mut plane: impl FnMut(Channel) -> Plane<T>) -> Self {
         Self::from_planes(Channel::ALL.map(&mut plane))
     }
 
-    /// A frame of the planes red, green, blue.
+    /// A frame from the planes red, green, blue.
     ///
     /// # Panics
-    /// When the planes differ in size, which is a bug of the caller.
+    /// When the planes differ in size.
     pub fn from_planes(planes: [Plane<T>; 3]) -> Self {
         assert!(
             planes.iter().all(|p| p.size() == planes[0].size()),
@@ -64,12 +64,12 @@ impl<S, T: Copy + Default> Frame<S, T> {
         &self.planes
     }
 
-    /// All three planes in storage order, to be changed in place.
+    /// All three planes in storage order, mutable.
     pub fn planes_mut(&mut self) -> &mut [Plane<T>; 3] {
         &mut self.planes
     }
 
-    /// The planes themselves.
+    /// Returns the planes.
     pub fn into_planes(self) -> [Plane<T>; 3] {
         self.planes
     }
@@ -79,12 +79,12 @@ impl<S, T: Copy + Default> Frame<S, T> {
         &self.planes[channel.index()]
     }
 
-    /// The plane of one channel, to be changed in place.
+    /// The plane of one channel, mutable.
     pub fn plane_mut(&mut self, channel: Channel) -> &mut Plane<T> {
         &mut self.planes[channel.index()]
     }
 
-    /// The pixels inside `rect`, which must lie inside the frame.
+    /// Copies the pixels in `rect`, which must lie inside the frame.
     pub fn crop(&self, rect: Rect) -> Self {
         Self::from_fn(|c| self.plane(c).crop(rect))
     }

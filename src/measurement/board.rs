@@ -1,5 +1,4 @@
-//! Where the panel is: the geometry of each channel by checkerboards, and whether the rig stands
-//! still.
+//! Geometry of each channel from checkerboards, and the check that the rig has not moved.
 
 use super::session::{Session, difference};
 use super::{CalibrateError, judge};
@@ -9,14 +8,14 @@ use crate::config;
 use crate::frame::{Channel, Frame, Plane, SensorSpace};
 use crate::patterns::{self, Trial};
 
-/// The green board as it was found, to see later whether it still is there.
+/// The green checkerboard as found, for the later check.
 pub(super) struct Board {
     near: Affine,
     corners: Vec<Pair>,
     black: Plane,
 }
 
-/// Work ↔ panel of each channel, and the green board.
+/// Measures Work ↔ panel for each channel; also returns the green board.
 pub(super) fn geometry(
     session: &mut Session<'_>,
     black: &Frame<SensorSpace>,
@@ -30,7 +29,7 @@ pub(super) fn geometry(
     let locator = session.counts(&patterns::trial(layout.panel, Trial::Locator))?;
     let mut spots = [(0.0, 0.0); 3];
     for c in Channel::ALL {
-        // A spot is white of one channel: judged bright enough already, wherever it is seen.
+        // A spot is white of one channel, whose brightness was checked before.
         let allowed = 0.02 * f64::from(layout.saturated);
         let over = difference(locator.plane(c), black.plane(c));
         spots[c.index()] = checkerboard::spot(&over, c.name(), allowed).map_err(judge::board)?;
@@ -68,7 +67,7 @@ pub(super) fn geometry(
     }
 }
 
-/// The corners of the checkerboard in `channel`, (sensor, panel).
+/// Captures the checkerboard in `channel` and finds its corners, (sensor, panel).
 fn corners(
     session: &mut Session<'_>,
     near: &Affine,
@@ -85,7 +84,7 @@ fn corners(
     Ok(corners)
 }
 
-/// Judges whether the green board still is where it was.
+/// Checks that the green board has not moved.
 pub(super) fn still(session: &mut Session<'_>, board: &Board) -> Result<(), CalibrateError> {
     let again = corners(session, &board.near, Channel::Green, &board.black)?;
     judge::still(&board.corners, &again)

@@ -1,4 +1,4 @@
-//! Why a rig could not be calibrated, told apart by what the operator has to do.
+//! Errors of a calibration, by what the operator has to do.
 
 use crate::calibration::CorrectionError;
 use crate::calibration::lens_blur::LensBlurError;
@@ -6,17 +6,17 @@ use crate::calibration::surface::SurfaceError;
 use crate::remedy::{Remediable, Remedy};
 use crate::rig::RigError;
 
-/// Why a calibration was given up. The calibration kept before stays.
+/// Why a calibration failed. The stored calibration stays.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrateError {
-    /// Somebody asked that it be given up.
-    #[error("given up when asked to")]
+    /// The calibration was cancelled.
+    #[error("cancelled")]
     GivenUp,
-    /// The system gives no thread.
-    #[error("the system has no thread left to compute with")]
+    /// No thread could be started.
+    #[error("cannot start a thread to compute")]
     NoThread(#[source] std::io::Error),
-    /// The rig brought no capture.
-    #[error("calibration step `{step}` got no capture")]
+    /// A capture failed.
+    #[error("a capture failed in calibration step `{step}`")]
     Rig {
         /// The step.
         step: &'static str,
@@ -24,108 +24,109 @@ pub enum CalibrateError {
         #[source]
         source: RigError,
     },
-    /// The camera does not see the panel, or not everywhere.
+    /// The panel does not fill the camera's view.
     #[error(
-        "panel not in view: {found}; aim the camera so that the panel fills its picture, and \
-         switch the panel on"
+        "panel not in view: {found}; switch the panel on, and aim the camera so that the panel \
+         fills its picture"
     )]
     NotInView {
-        /// What was seen instead.
+        /// The finding.
         found: String,
     },
     /// White saturates the sensor.
     #[error(
-        "over-exposed: {found_percent:.0} % of the pixels of the brightest part of white are \
-         saturated, {allowed_percent:.0} % are allowed; shorten the exposure, dim the panel, or \
-         keep other light away"
+        "over-exposed: {found_percent:.0} % of the pixels in the brightest part of white are \
+         saturated, allowed {allowed_percent:.0} %; shorten the exposure, dim the panel, or keep \
+         other light away"
     )]
     OverExposed {
-        /// Saturated share there.
+        /// Saturated share in the brightest cell.
         found_percent: f64,
-        /// Largest share allowed.
+        /// Largest allowed share.
         allowed_percent: f64,
     },
-    /// White is hardly brighter than black.
+    /// White has too little contrast to black.
     #[error(
-        "too dark: white is {found_percent:.1} % of full scale above black, {allowed_percent:.0} \
-         % are needed; lengthen the exposure, brighten the panel, or see in the rig file whether \
-         camera.bits is more than the sensor has"
+        "too dark: white is {found_percent:.1} % of full scale above black, at least \
+         {allowed_percent:.0} % are needed; lengthen the exposure, brighten the panel, or check \
+         that camera.bits in the rig file is not more than the sensor has"
     )]
     TooDark {
-        /// White over black.
+        /// White over black, of full scale.
         found_percent: f64,
-        /// Least share allowed.
+        /// Least allowed share.
         allowed_percent: f64,
     },
-    /// Frames show the picture before their own.
+    /// Frames still show the previous picture.
     #[error(
-        "panel.settle-ms is too short: {found_percent:.1} % of the picture before is left in a \
-         frame, {allowed_percent:.0} % is allowed; `relens check` says what to set it to"
+        "panel.settle-ms is too short: a frame still shows {found_percent:.1} % of the previous \
+         picture, allowed {allowed_percent:.1} %; run `relens check` for the right value"
     )]
     TooSoon {
-        /// What was left of white in black.
+        /// Residual of white in black.
         found_percent: f64,
-        /// Largest share allowed.
+        /// Largest allowed share.
         allowed_percent: f64,
     },
-    /// Two captures of one picture disagree.
+    /// Two captures of one picture differ.
     #[error(
-        "moving: {found} between two captures of the same picture; {allowed} allowed; bolt panel \
+        "moving: {found} between two captures of the same picture, allowed {allowed}; bolt panel \
          and camera down and let the table rest"
     )]
     Moving {
-        /// What moved and how far.
+        /// The motion found.
         found: String,
-        /// What is allowed.
+        /// The allowed value.
         allowed: String,
     },
-    /// The picture is blurred beyond what can be worked with.
-    #[error("wrong focus: {found}; {allowed} allowed; focus the camera on the panel")]
+    /// The picture is too blurred.
+    #[error("wrong focus: {found}, allowed {allowed}; focus the camera on the panel")]
     WrongFocus {
-        /// What was found.
+        /// The finding.
         found: String,
-        /// What is allowed.
+        /// The allowed value.
         allowed: String,
     },
-    /// The response of a channel cannot be a panel's.
+    /// A channel does not respond to the panel.
     #[error(
-        "the {channel} channel does not answer to the panel: {found}; `relens check` says whether \
-         panel.settle-ms is too short, or the camera does not see the panel"
+        "the {channel} channel does not respond to the panel: {found}; run `relens check` to see \
+         whether panel.settle-ms is too short or the panel is out of view"
     )]
     Response {
         /// The channel.
         channel: &'static str,
-        /// What was found.
+        /// The finding.
         found: String,
     },
-    /// The camera bends its counts.
+    /// The camera's counts are not linear in light.
     #[error(
-        "the camera's counts are not straight in light: in the {channel} channel {found}, \
-         {allowed} are allowed; switch its gamma and its contrast off, or take its raw pictures"
+        "the camera's counts are not linear in light: in the {channel} channel {found}, allowed \
+         {allowed}; switch off its gamma and contrast, or use its raw pictures"
     )]
     NotLinear {
         /// The channel.
         channel: &'static str,
-        /// What was found.
+        /// The finding.
         found: String,
-        /// What is allowed.
+        /// The allowed value.
         allowed: String,
     },
-    /// The sensor has more bad sites than can be done without.
+    /// The sensor has too many bad sites.
     #[error(
-        "{found_percent:.1} % of the sensor's sites are hot or dead, {allowed_percent:.0} % are \
-         allowed; clean the sensor's window, cool the camera, or shorten the exposure"
+        "{found_percent:.1} % of the sensor's sites are hot or dead, allowed \
+         {allowed_percent:.0} %; clean the sensor's window, cool the camera, or shorten the \
+         exposure"
     )]
     BadSites {
-        /// Share found.
+        /// Share of bad sites.
         found_percent: f64,
-        /// Largest share allowed.
+        /// Largest allowed share.
         allowed_percent: f64,
     },
-    /// A smooth surface does not fit.
+    /// A smooth surface cannot be fitted.
     #[error(
-        "calibration step `{step}` cannot be fitted; `relens check` says whether panel.settle-ms \
-         is too short"
+        "the fit of calibration step `{step}` failed; run `relens check` to see whether \
+         panel.settle-ms is too short"
     )]
     Fit {
         /// The step.
@@ -135,10 +136,10 @@ pub enum CalibrateError {
         source: SurfaceError,
     },
     /// The lens functions cannot be fitted.
-    #[error("the lens functions cannot be measured; `relens check` looks at panel and camera")]
+    #[error("the lens functions cannot be measured; run `relens check` on panel and camera")]
     Lens(#[source] LensBlurError),
-    /// What was measured contradicts itself.
-    #[error("what was measured cannot be put to work")]
+    /// The measurements are inconsistent.
+    #[error("the measurements are inconsistent")]
     Correction(#[source] CorrectionError),
 }
 
@@ -146,7 +147,7 @@ impl Remediable for CalibrateError {
     fn remedy(&self) -> Remedy {
         match self {
             CalibrateError::Rig { source, .. } => source.remedy(),
-            // Someone may have knocked at the table: it is worth another try by itself.
+            // The table may have been knocked: worth another try.
             CalibrateError::Moving { .. }
             | CalibrateError::GivenUp
             | CalibrateError::NoThread(_) => Remedy::RetryLater,
@@ -170,20 +171,20 @@ mod tests {
 
     #[test]
     #[ignore = "a minute: the gate runs it"]
-    fn a_settle_time_that_is_too_short_leads_to_the_check_that_finds_it() {
-        let tried = |settle_ms: f64| {
+    fn too_short_a_settle_time_points_to_relens_check() {
+        let calibrate_with = |settle_ms: f64| {
             let mut hasty = config::load(Path::new("small.toml")).unwrap();
             hasty.panel.settle_ms = settle_ms;
             let mut rig = open(&hasty).unwrap().0;
             calibrate(&mut rig, &hasty, None, &mut to_the_end)
         };
-        // At 40 ms little of the picture before is left, and all else can be fitted.
+        // At 40 ms little of the previous picture remains, and all else can be fitted.
         for settle_ms in [10.0, 25.0, 40.0] {
-            let said = full_message(&tried(settle_ms).unwrap_err());
-            assert!(said.contains("panel.settle-ms is too short"), "{settle_ms} ms: {said}");
-            assert!(said.contains("`relens check` says what"), "{settle_ms} ms: {said}");
+            let message = full_message(&calibrate_with(settle_ms).unwrap_err());
+            assert!(message.contains("panel.settle-ms is too short"), "{settle_ms} ms: {message}");
+            assert!(message.contains("run `relens check`"), "{settle_ms} ms: {message}");
         }
-        // What the check says to write is taken.
-        assert!(tried(50.0).is_ok());
+        // The value that the check proposes works.
+        assert!(calibrate_with(50.0).is_ok());
     }
 }

@@ -1,35 +1,32 @@
-//! Can this rig be calibrated at all? Judged from a few trial captures, each failure told apart.
+//! Checks of a rig by trial captures, each failure with its own error.
 
 use super::CalibrateError;
+use super::linearity::{Bend, Linearity};
 use crate::calibration::checkerboard::CheckerboardError;
 use crate::calibration::geometric::{Geometry, Pair};
 use crate::frame::{Channel, Counts, Plane, Size};
 
-/// Cells the sensor is divided into, in each direction, to see where light is missing or too much.
+/// Cells along each side of the sensor in which exposure and view are checked.
 const CELLS: usize = 16;
-/// Largest share of saturated pixels in the brightest cell of white. White may end at the largest
-/// count: then noise alone saturates half of the pixels (and rounding some more).
+/// Largest share of saturated pixels in the brightest cell of white. White may reach the largest
+/// count; noise then saturates half of the pixels, and rounding some more.
 const SATURATED_MAX: f64 = 0.98;
-/// Least white over black, of full scale: an 8-bit camera then still has 38 counts (guess).
+/// Least white over black, as a share of full scale: 38 counts of an 8-bit camera. Guess.
 const CONTRAST_MIN: f64 = 0.15;
-/// Below this share of full scale there is no light of the panel at all (guess).
+/// Least share of full scale that counts as light of the panel. Guess.
 const LIGHT_MIN: f64 = 0.005;
-/// A cell is lit when it has this share of the brightest one's light; dark corners are brighter
-/// (guess).
+/// Least light of a lit cell, as a share of the brightest; vignetting is weaker. Guess.
 const LIT_SHARE: f64 = 0.2;
-/// Farthest that a corner may move between two captures, sensor pixels: registration off by half a
-/// pixel does harm (study).
+/// Largest motion of a corner between two captures, sensor pixels: a registration error of half a
+/// pixel is harmful (study).
 const SHIFT_MAX_PX: f64 = 0.25;
-/// Largest deviation of counts from what so many times the exposure should bring, as a share: twice
-/// what a sensor's knee near its full well does, a third of a webcam's gamma (guess).
-const BENT_MAX: f64 = 0.1;
-/// Most of the picture before that a frame may show: a grey level of 255; `relens check` allows
-/// half of it.
-const LEFT_MAX: f64 = 0.004;
-/// Least share of the corners expected in view that must be found.
+/// Largest residual of the previous picture in a frame, as a share: one grey level of 255;
+/// `relens check` allows half.
+const RESIDUAL_MAX: f64 = 0.004;
+/// Least share of the corners in view that must be found.
 const CORNERS_MIN: f64 = 0.5;
 
-/// Judges exposure and view by a capture of white and one of black, in the rows that are `seen`:
+/// Checks exposure and view by captures of white and black, in the rows where `is_used` holds;
 /// others are never white.
 ///
 /// # Errors
@@ -38,9 +35,9 @@ pub(super) fn exposure(
     white: &Counts,
     black: &Counts,
     count_max: u16,
-    seen: &dyn Fn(usize) -> bool,
+    is_used: &dyn Fn(usize) -> bool,
 ) -> Result<(), CalibrateError> {
-    let rows: Vec<usize> = (0..white.size().height).filter(|&row| seen(row)).collect();
+    let rows: Vec<usize> = (0..white.size().height).filter(|&row| is_used(row)).collect();
     let full = f64::from(count_max);
     let mut saturated = 0.0f64;
     let mut contrast = vec![0.0f64; CELLS * CELLS];
@@ -48,7 +45,7 @@ pub(super) fn exposure(
         let share = cells(white, &rows, |_, c| f64::from(u8::from(c >= count_max)));
         saturated = share.into_iter().fold(saturated, f64::max);
         let over = cells(white, &rows, |n, c| (f64::from(c) - f64::from(black.data()[n])) / full);
-        // The brightest channel says whether a cell is lit.
+        // A cell is lit if its brightest channel is.
         contrast.iter_mut().zip(over).for_each(|(a, b)| *a = a.max(b));
     }
     let brightest = contrast.iter().copied().fold(0.0, f64::max);
@@ -59,8 +56,7 @@ pub(super) fn exposure(
         });
     }
     if brightest < LIGHT_MIN {
-        let found =
-            format!("white is {:.2} % of full scale above black anywhere", 100.0 * brightest);
+        let found = format!("white is only {:.2} % of full scale above black", 100.0 * brightest);
         return Err(CalibrateError::NotInView { found });
     }
     if brightest < CONTRAST_MIN {
@@ -74,44 +70,44 @@ pub(super) fn exposure(
         let share = 100.0 * unlit as f64 / contrast.len() as f64;
         return Err(CalibrateError::NotInView {
             found: format!(
-                "{share:.0} % of the camera's picture stay dark when the panel is white"
+                "{share:.0} % of the camera's picture stays dark when the panel is white"
             ),
         });
     }
     Ok(())
 }
 
-/// Judges whether black shown after white is as dark as black was before, in the rows `seen`.
+/// Checks that black after white is as dark as black before it, in the rows where `is_used` holds.
 ///
 /// # Errors
-/// Too soon.
+/// [`CalibrateError::TooSoon`].
 pub(super) fn settled(
     white: &Counts,
     blacks: [&Counts; 2],
-    seen: &dyn Fn(usize) -> bool,
+    is_used: &dyn Fn(usize) -> bool,
 ) -> Result<(), CalibrateError> {
     let mean = |counts: &Counts, c: Channel| {
         let plane = counts.plane(c);
-        let rows = (0..plane.height()).filter(|&row| seen(row)).map(|row| plane.row(row));
+        let rows = (0..plane.height()).filter(|&row| is_used(row)).map(|row| plane.row(row));
         let (sum, count) =
             rows.flatten().fold((0.0, 0.0), |(sum, count), &v| (sum + f64::from(v), count + 1.0));
         sum / f64::max(count, 1.0)
     };
-    let left = Channel::ALL.map(|c| {
+    let residual = Channel::ALL.map(|c| {
         let [before, after] = blacks.map(|black| mean(black, c));
         (after - before) / f64::max(mean(white, c) - before, 1.0)
     });
-    let left = left.into_iter().fold(0.0, f64::max);
-    if left > LEFT_MAX {
+    let residual = residual.into_iter().fold(0.0, f64::max);
+    if residual > RESIDUAL_MAX {
         return Err(CalibrateError::TooSoon {
-            found_percent: 100.0 * left,
-            allowed_percent: 100.0 * LEFT_MAX,
+            found_percent: 100.0 * residual,
+            allowed_percent: 100.0 * RESIDUAL_MAX,
         });
     }
     Ok(())
 }
 
-/// Means of `value`(place, count) over [`CELLS`]² cells of the rows `rows`.
+/// Means of `value`(index, count) over [`CELLS`]² cells of `rows`.
 fn cells(plane: &Plane<u16>, rows: &[usize], value: impl Fn(usize, u16) -> f64) -> Vec<f64> {
     let size = plane.size();
     let mut sums = vec![(0.0, 0.0); CELLS * CELLS];
@@ -124,7 +120,7 @@ fn cells(plane: &Plane<u16>, rows: &[usize], value: impl Fn(usize, u16) -> f64) 
     sums.into_iter().map(|(sum, count)| sum / f64::max(count, 1.0)).collect()
 }
 
-/// A board that cannot be made out, in words for the operator.
+/// The calibration error for a checkerboard that was not found.
 pub(super) fn board(error: CheckerboardError) -> CalibrateError {
     match error {
         CheckerboardError::NoSpot { .. } | CheckerboardError::SpotsInLine => {
@@ -132,30 +128,29 @@ pub(super) fn board(error: CheckerboardError) -> CalibrateError {
         }
         CheckerboardError::NoCorners { .. } => CalibrateError::WrongFocus {
             found: error.to_string(),
-            allowed: "blur narrower than half a square is".to_owned(),
+            allowed: "blur narrower than half a square".to_owned(),
         },
     }
 }
 
-/// Judges focus by the corners found among those `expected` in view: where there is contrast but no
-/// corners, they are blurred away.
+/// Checks the focus by the number of corners found: contrast without corners means blur.
 ///
 /// # Errors
-/// Wrong focus.
+/// [`CalibrateError::WrongFocus`].
 pub(super) fn corners(found: usize, expected: usize) -> Result<(), CalibrateError> {
     if (found as f64) < CORNERS_MIN * expected as f64 {
         return Err(CalibrateError::WrongFocus {
-            found: format!("{found} of {expected} corners of the checkerboard can be made out"),
-            allowed: format!("{:.0} % or more are", 100.0 * CORNERS_MIN),
+            found: format!("{found} of {expected} corners of the checkerboard were found"),
+            allowed: format!("{:.0} % or more", 100.0 * CORNERS_MIN),
         });
     }
     Ok(())
 }
 
-/// Judges whether the rig stands still, by the same corners found in two captures.
+/// Checks that the same corners did not move between two captures.
 ///
 /// # Errors
-/// Moving.
+/// [`CalibrateError::Moving`].
 pub(super) fn still(first: &[Pair], second: &[Pair]) -> Result<(), CalibrateError> {
     let mut shifts: Vec<f64> = first
         .iter()
@@ -169,67 +164,57 @@ pub(super) fn still(first: &[Pair], second: &[Pair]) -> Result<(), CalibrateErro
     if median > SHIFT_MAX_PX {
         return Err(CalibrateError::Moving {
             found: format!("the picture moved by {median:.2} px"),
-            allowed: format!("{SHIFT_MAX_PX} px are"),
+            allowed: format!("{SHIFT_MAX_PX} px"),
         });
     }
     Ok(())
 }
 
-/// Judges whether the rig stood still from the first to the last pattern, by the RMS difference of
-/// two captures of it, grey levels, and the noise it should have.
+/// Checks that a pattern's capture repeats: its RMS `difference` against the expected `noise` of
+/// one capture, both in grey levels.
 ///
 /// # Errors
-/// Moving.
+/// [`CalibrateError::Moving`].
 pub(super) fn repeats(difference: f64, noise: f64) -> Result<(), CalibrateError> {
-    // √2 for the noise of both, half as much again for what noise varies with light.
+    // √2 for the noise of both captures, and half as much again for its variation with light.
     let allowed = 1.5 * std::f64::consts::SQRT_2 * noise;
     if difference > allowed {
         return Err(CalibrateError::Moving {
             found: format!("light changed by {difference:.2} grey levels RMS"),
-            allowed: format!("{allowed:.2} are"),
+            allowed: format!("{allowed:.2}"),
         });
     }
     Ok(())
 }
 
-/// Judges whether counts are straight in light, by what one code brings in `channel` over black at
-/// `times` the exposure.
+/// Judges the linearity of `channel`.
 ///
 /// # Errors
-/// Not linear.
-pub(super) fn straight(
-    channel: Channel,
-    times: [f64; 3],
-    counts: [f64; 3],
-) -> Result<(), CalibrateError> {
-    for (times, found) in times.into_iter().zip(counts).skip(1) {
-        let found = found / counts[0];
-        let (least, most) = (times * (1.0 - BENT_MAX), times * (1.0 + BENT_MAX));
-        // Written so that a number that is none fails too.
-        if !(least..=most).contains(&found) {
-            return Err(CalibrateError::NotLinear {
-                channel: channel.name(),
-                found: format!("{times} times the exposure brings {found:.2} times the counts"),
-                allowed: format!("{least:.2} to {most:.2}"),
-            });
-        }
+/// [`CalibrateError::NotLinear`].
+pub(super) fn straight(channel: Channel, linearity: &Linearity) -> Result<(), CalibrateError> {
+    match linearity.bend() {
+        None => Ok(()),
+        Some(Bend { times, found, allowed: [least, most] }) => Err(CalibrateError::NotLinear {
+            channel: channel.name(),
+            found: format!("{times} times the exposure gives {found:.2} times the counts"),
+            allowed: format!("{least:.2} to {most:.2}"),
+        }),
     }
-    Ok(())
 }
 
-/// What a camera is told whose counts no rising curve explains.
+/// The error for counts that no rising curve explains.
 pub(super) fn no_curve() -> CalibrateError {
     CalibrateError::NotLinear {
         channel: Channel::Green.name(),
-        found: "no rising curve explains what longer exposures bring".to_owned(),
+        found: "no rising curve fits the counts of longer exposures".to_owned(),
         allowed: "counts that rise with light".to_owned(),
     }
 }
 
-/// Judges whether the whole canvas can be shown.
+/// Checks that the panel covers the whole canvas.
 ///
 /// # Errors
-/// Not in view.
+/// [`CalibrateError::NotInView`].
 pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), CalibrateError> {
     let d = geometry.work_to_panel.x.domain();
     for (x, y) in [(d.left, d.top), (d.right, d.top), (d.left, d.bottom), (d.right, d.bottom)] {
@@ -239,8 +224,8 @@ pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), Calibrate
         if off > 0.0 {
             return Err(CalibrateError::NotInView {
                 found: format!(
-                    "place ({x:.0}, {y:.0}) of the photo's canvas lies {off:.0} panel pixels off \
-                     the panel"
+                    "point ({x:.0}, {y:.0}) of the photo's canvas lies {off:.0} panel pixels \
+                     outside the panel"
                 ),
             });
         }
@@ -248,23 +233,23 @@ pub(super) fn on_panel(geometry: &Geometry, panel: Size) -> Result<(), Calibrate
     Ok(())
 }
 
-/// Judges focus by the sharpest lens function: its RMS radius must fit the `support_px` it was
-/// looked for in. The rig file has functions of `written_px`.
+/// Checks the focus by the RMS radius of the sharpest lens function, fitted on a support of
+/// `support_px`; the rig file's is `written_px`.
 ///
 /// # Errors
-/// Wrong focus.
+/// [`CalibrateError::WrongFocus`].
 pub(super) fn focus(
     radius_px: f64,
     support_px: f64,
     written_px: usize,
 ) -> Result<(), CalibrateError> {
-    // A bell of this RMS radius has 98 % of its light within half the support.
+    // A Gaussian of this RMS radius has 98 % of its light within half the support.
     let allowed = support_px / 2.0 / 1.98;
     if radius_px > allowed {
         return Err(CalibrateError::WrongFocus {
             found: format!("the lens blurs to {radius_px:.1} px RMS where it is sharpest"),
             allowed: format!(
-                "{allowed:.1} px are (function-support-px of the rig file is {written_px})"
+                "{allowed:.1} px (function-support-px of the rig file is {written_px})"
             ),
         });
     }
@@ -277,20 +262,8 @@ mod tests {
     use crate::frame::Frame;
 
     #[test]
-    fn counts_that_follow_the_exposure_are_straight_and_a_gamma_is_not() {
-        let counts = |gamma: f64| [1.0, 2.0, 3.0].map(|times: f64| 250.0 * times.powf(gamma));
-        let times = [1.0, 2.0, 3.0];
-        for gamma in [0.95, 0.98, 1.0, 1.05] {
-            straight(Channel::Green, times, counts(gamma)).unwrap();
-        }
-        for gamma in [0.45, 0.6, 0.8, 1.2, 2.2, f64::NAN] {
-            assert!(straight(Channel::Green, times, counts(gamma)).is_err(), "{gamma}");
-        }
-    }
-
-    #[test]
-    fn rows_kept_for_marks_are_not_asked_to_be_white() {
-        // A sixteenth of the rows on either side is kept.
+    fn rows_of_frame_marks_need_not_be_white() {
+        // A sixteenth of the rows on either side has marks.
         let (size, kept) = (Size::new(64, 48), |row: usize| !(3..45).contains(&row));
         let level = |inside: u16, edge: u16| -> Counts {
             Frame::from_fn(|_| Plane::from_fn(size, |_, y| if kept(y) { edge } else { inside }))

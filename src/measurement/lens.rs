@@ -1,4 +1,4 @@
-//! The lens: functions, norm, noise and the operator error, by pictures in light.
+//! The lens: functions, norm, noise and operator error, from pictures in linear light.
 
 use rayon::prelude::*;
 
@@ -10,38 +10,44 @@ use crate::calibration::{Calibration, Corrected, Correction, dark_corner, noise}
 use crate::config;
 use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::Seen;
-use crate::deconvolution::lens_model::LensFunctions;
+use crate::deconvolution::lens_model::{LensFunctions, LensModel};
 use crate::deconvolution::panel_beat::{self, PanelBeat, SeenChannel};
-use crate::deconvolution::registration::Registration;
+use crate::deconvolution::registration::{Comparison, Registration};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::patterns;
 
 /// Rough measurements whose centroids are folded into the geometry. A border function stands for a
-/// wide strip and so moves a little wrongly; the second round takes out what the first left.
+/// wide strip and moves slightly wrongly; the second round removes the remaining error.
 pub(super) const CENTRINGS: usize = 2;
 /// Patterns of each.
 pub(super) const CENTRING_PATTERNS: usize = 5;
-/// Pixels of the patterns for centring are this wide, and captures are averaged to them: a centroid
-/// wants the whole function, also where the rig file asks for its middle only, and no fine detail.
+/// Side of the pixels of centring patterns; captures are averaged to them. A centroid needs the
+/// whole function, even where the rig file limits it to the middle, but no fine detail.
 const CENTRING_PIXEL_PX: usize = 2;
-/// Width of the functions then, as a share of the rig file's, in such pixels: 1.7 times as wide a
-/// piece of the sensor. Measured, see tests/tables/README.md.
+/// Width of the functions during centring as a share of the rig file's, in such pixels: 1.7 times
+/// as wide on the sensor. Measured, see tests/tables/README.md.
 const CENTRING_SHARE: f64 = 0.85;
-/// Grey around which patterns go up and down.
+/// Grey level that patterns oscillate about.
 const GREY: f32 = 127.5;
-/// How far they go. The bicubic warp overshoots by up to 1.5; this stays within the panel's light.
+/// Amplitude of the patterns. The bicubic warp overshoots by up to 1.5; this stays within the
+/// panel's range.
 const AMPLITUDE: f32 = 80.0;
-/// Rounds of conjugate gradients for centring, where taps are many for the pixels there are.
+/// Rounds of conjugate gradients for centring, with many taps for few pixels.
 const CENTRING_ROUNDS: usize = 8;
 /// Rounds for the functions themselves.
 const ROUNDS: usize = 12;
-/// Squares for the broad light, in widths of a function: the last is held out. Guess.
+/// Sides of the squares for the broad light, in function widths; the last is held out. Guess.
 const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
-/// A capture farther from grey's brightness than this is left as it is. Guess: several times what a
-/// backlight flickers.
+/// Largest gain of a capture against grey that is corrected; a larger one is no flicker. Guess:
+/// several times a backlight's flicker.
 const GAIN_MAX: f64 = 0.03;
-/// Patterns of them.
+/// Patterns for the broad light.
 pub(super) const BROAD_PATTERNS: usize = 4;
+/// Border of the canvas that stays grey in a pattern. The panel repeats the canvas's border, so all
+/// beyond it is grey and no light enters that the model does not have.
+const GREY_BORDER_PX: usize = 2;
+/// Brightest level of the dominant picture shown to measure ‖K‖.
+const DOMINANT_LEVEL: f32 = 220.0;
 
 /// Measures functions, norm, noise and operator error, and folds centroids into the geometry.
 pub(super) fn measure(
@@ -50,32 +56,7 @@ pub(super) fn measure(
     board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
     if session.config.calibration.geometry == config::Alignment::Checkerboard {
-        session.step("centring");
-        let layout = session.layout;
-        let even = [layout.photo.width, layout.photo.height, layout.margin_px]
-            .iter()
-            .all(|side| side.is_multiple_of(CENTRING_PIXEL_PX));
-        let pixel_px = if even { CENTRING_PIXEL_PX } else { 1 };
-        let support_px =
-            (CENTRING_SHARE * session.config.calibration.function_support_px as f64) as usize | 1;
-        for round in 0..CENTRINGS {
-            // Means over two by two pixels: sites alone would pull a function towards them.
-            let correction = correction(session, calibration)?.between_sites();
-            let series = shoot(
-                session,
-                &correction,
-                CENTRING_PATTERNS,
-                &random(100 + round as u64, pixel_px),
-                pixel_px,
-            )?;
-            let functions = functions(session, series, CENTRING_ROUNDS, pixel_px, support_px)?;
-            // Far out of focus centroids are noise, and whatever is fitted to them would be blamed
-            // instead.
-            let (pixel, support) =
-                (pixel_px as f64, session.config.calibration.function_support_px);
-            judge::focus(pixel * sharpest_px(&functions), pixel * support_px as f64, support)?;
-            recentre(session, calibration, &functions, pixel_px)?;
-        }
+        centre(session, calibration)?;
     }
     session.step("lens functions");
     let correction = correction(session, calibration)?;
@@ -85,7 +66,7 @@ pub(super) fn measure(
     let first = series.first.clone();
     let mut functions = functions(session, series, ROUNDS, 1, support_px)?;
     let sums = lens_blur::normalise(&mut functions);
-    log::debug!("lens functions sum to {sums:?} before they are scaled to 1");
+    log::debug!("lens functions sum to {sums:?} before normalisation");
     judge::focus(sharpest_px(&functions), support_px as f64, support_px)?;
     calibration.functions = functions;
     if session.config.calibration.broad_term {
@@ -93,10 +74,39 @@ pub(super) fn measure(
         broad_light(session, calibration, &correction)?;
     }
     session.step("checks");
-    check(session, calibration, &correction, &first, board)
+    let model =
+        calibration.lens_model().map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
+    measure_noise(session, calibration, &correction)?;
+    check_rest(session, calibration, &correction, &first, board)?;
+    measure_operator_error(session, calibration, &correction, &model)?;
+    measure_norms(session, calibration, &correction, model)
 }
 
-/// What the lens scatters wider than its functions reach.
+/// Folds the centroids of roughly measured functions into the geometry.
+fn centre(session: &mut Session<'_>, calibration: &mut Calibration) -> Result<(), CalibrateError> {
+    session.step("centring");
+    let layout = session.layout;
+    let even = [layout.photo.width, layout.photo.height, layout.margin_px]
+        .iter()
+        .all(|side| side.is_multiple_of(CENTRING_PIXEL_PX));
+    let pixel_px = if even { CENTRING_PIXEL_PX } else { 1 };
+    let written_px = session.config.calibration.function_support_px;
+    let support_px = (CENTRING_SHARE * written_px as f64) as usize | 1;
+    for round in 0..CENTRINGS {
+        // Means of two by two pixels: sites alone would bias a function towards themselves.
+        let correction = correction(session, calibration)?.between_sites();
+        let patterns = random(100 + round as u64, pixel_px);
+        let series = shoot(session, &correction, CENTRING_PATTERNS, &patterns, pixel_px)?;
+        let functions = functions(session, series, CENTRING_ROUNDS, pixel_px, support_px)?;
+        // Far out of focus, centroids are noise and a later fit would take the blame.
+        let pixel = pixel_px as f64;
+        judge::focus(pixel * sharpest_px(&functions), pixel * support_px as f64, written_px)?;
+        recentre(session, calibration, &functions, pixel_px)?;
+    }
+    Ok(())
+}
+
+/// Measures light scattered beyond the support of the functions.
 fn broad_light(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
@@ -108,13 +118,13 @@ fn broad_light(
     for c in Channel::ALL {
         let (shots, trusted) = (&series.shots[c.index()], &series.trusted[c.index()]);
         let halos = lens_blur::halos(support_px, c, shots, trusted, beyond);
-        lens_blur::without_halos(&mut calibration.functions, c, &halos);
+        lens_blur::remove_halos(&mut calibration.functions, c, &halos);
         calibration.broad[c.index()] = halos;
     }
     Ok(())
 }
 
-/// Large random squares, up to the canvas's border; the `n`-th of [`BROAD_PATTERNS`].
+/// The `n`-th of [`BROAD_PATTERNS`]: large random squares, up to the canvas's border.
 fn squares(session: &Session<'_>, n: usize) -> Frame<Work> {
     let size = session.layout.canvas();
     let widest = (size.width.min(size.height) / 2).max(1);
@@ -130,8 +140,8 @@ fn squares(session: &Session<'_>, n: usize) -> Frame<Work> {
     })
 }
 
-/// RMS radius of the sharpest function of the channel in focus: a lens may be bad in its corners.
-/// Infinite when no function has a radius.
+/// RMS radius of green's sharpest function, pixels, as a lens may be poor in its corners; infinite
+/// if no function has a radius.
 fn sharpest_px(functions: &LensFunctions) -> f64 {
     (0..functions.rows * functions.columns)
         .map(|n| functions.function(Channel::Green, n / functions.columns, n % functions.columns))
@@ -146,12 +156,8 @@ fn correction(
     Correction::new(calibration, session.layout).map_err(CalibrateError::Correction)
 }
 
-/// Width of the canvas's border that stays grey in a pattern: the panel goes on with the canvas's
-/// border, so beyond it all is grey, and no light comes in that the model does not know.
-const GREY_BORDER_PX: usize = 2;
-
-/// The `n`-th pseudo-random pattern of a series, all channels with their own, in squares of
-/// `pixel_px`, without the border.
+/// The `n`-th pseudo-random pattern of a series: squares of `pixel_px`, different in each channel,
+/// with a grey border.
 fn pattern(session: &Session<'_>, series: u64, n: usize, pixel_px: usize) -> Frame<Work> {
     let size = session.layout.canvas();
     let coarse = Size::new(size.width / pixel_px, size.height / pixel_px);
@@ -169,7 +175,7 @@ fn pattern(session: &Session<'_>, series: u64, n: usize, pixel_px: usize) -> Fra
     })
 }
 
-/// The patterns of a series.
+/// The generator of a series of pseudo-random patterns.
 fn random(series: u64, pixel_px: usize) -> impl Fn(&Session<'_>, usize) -> Frame<Work> {
     move |session, n| pattern(session, series, n, pixel_px)
 }
@@ -188,20 +194,20 @@ fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
     Frame::from_fn(|c| picture.plane(c).map(|v| GREY + v))
 }
 
-/// `picture` on grey as a perfect lens would see it on the panel, less the grey: what the lens
-/// spreads.
+/// `picture` on grey as a perfect lens would see it on the panel, minus grey: the input of the
+/// lens model.
 fn on_panel(correction: &Correction, picture: &Frame<Work>) -> Frame<Work> {
     let seen = correction.by_perfect_lens(&Channel::ALL, &on_grey(picture));
     Frame::from_fn(|c| seen.plane(c).map(|v: f32| v - GREY))
 }
 
-/// What was seen of a series of patterns.
+/// Captures of a series of patterns.
 struct Series {
     /// Differences from grey, per channel, averaged to the pattern's squares.
     shots: [Vec<Shot>; 3],
     /// 1 where all captures can be trusted, per channel.
     trusted: [Plane<u8>; 3],
-    /// Green light of the first pattern, as seen.
+    /// Green light captured of the first pattern.
     first: Plane,
 }
 
@@ -215,51 +221,33 @@ fn shoot(
 ) -> Result<Series, CalibrateError> {
     let size = session.layout.canvas();
     let mut grey = session.seen(correction, &Frame::filled(size, GREY))?;
-    without_beat(session, correction, &mut grey, &Frame::zeros(size));
+    remove_beat(session, correction, &mut grey, &Frame::zeros(size));
     let mut trusted = grey.trusted.clone();
-    // What is seen of grey is smooth; without its noise it adds none to the patterns. Where the
-    // panel ends with the canvas it falls off at the border, and is taken as it is.
-    let margin = session.layout.margin_px;
-    let mut flat = Vec::new();
-    for c in Channel::ALL {
-        if rim_px(session.config) > 0 {
-            flat.push(grey.light.plane(c).clone());
-            continue;
-        }
-        let surface =
-            dark_corner::smooth(grey.light.plane(c), (margin, margin), session.layout.domain(), 0)
-                .map_err(|source| CalibrateError::Fit { step: "grey", source })?;
-        let mut plane = Plane::zeros(size);
-        for y in 0..size.height {
-            surface.row(y as f64 - margin as f64, -(margin as f64), 1.0, plane.row_mut(y));
-        }
-        flat.push(plane);
-    }
+    let flat = smooth_grey(session, &grey)?;
     let scale = grey_scale(session, &grey, &flat);
     let mut shots = [Vec::new(), Vec::new(), Vec::new()];
-    let (mut first, mut gains) = (None, (1.0f32, 1.0f32));
+    let mut first = None;
     for n in 0..count {
         let shown = nth(session, n);
         let mut seen = session.seen(correction, &on_grey(&shown))?;
-        without_beat(session, correction, &mut seen, &shown);
+        remove_beat(session, correction, &mut seen, &shown);
         for (trusted, seen) in trusted.planes_mut().iter_mut().zip(seen.trusted.planes()) {
             trusted.data_mut().iter_mut().zip(seen.data()).for_each(|(a, &b)| *a &= b);
         }
         if first.is_none() {
             first = Some(seen.light.plane(Channel::Green).clone());
         }
-        let gain = brightness(session, &seen, &shown, &flat);
-        gains = (gain.min(gains.0), gain.max(gains.1));
+        let gain = pattern_gain(session, &seen, &shown, &flat);
+        log::debug!("pattern {n} is {gain:.4} times as bright as grey");
         for (c, shown) in Channel::ALL.iter().zip(on_panel(correction, &shown).into_planes()) {
             let mut light = seen.light.plane(*c).clone();
             light.scale(1.0 / gain);
-            let mut seen = difference(&light, &flat[c.index()]);
+            let mut seen = difference(&light, flat.plane(*c));
             seen.scale(1.0 / scale[c.index()]);
             shots[c.index()]
                 .push(Shot { shown: averaged(&shown, pixel_px), seen: averaged(&seen, pixel_px) });
         }
     }
-    log::debug!("patterns are {:.4} to {:.4} times as bright as grey", gains.0, gains.1);
     let first = first.unwrap_or_else(|| Plane::filled(size, GREY));
     let whole = trusted.planes().each_ref().map(|plane| {
         averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
@@ -267,10 +255,28 @@ fn shoot(
     Ok(Series { shots, trusted: whole, first })
 }
 
-/// Takes the beat of the panel's columns out of `seen`, the capture of a pattern on grey. No lens
-/// is known yet: within large squares the light is what was `shown`, and patterns too fine for that
-/// are but noise about the grey.
-fn without_beat(
+/// Removes the noise of a capture of grey by a smooth surface. Where the panel ends with the canvas
+/// grey falls off at the border and stays as captured.
+fn smooth_grey(session: &Session<'_>, grey: &Corrected) -> Result<Frame<Work>, CalibrateError> {
+    let mut flat = grey.light.clone();
+    if rim_px(session.config) > 0 {
+        return Ok(flat);
+    }
+    let margin = session.layout.margin_px;
+    for plane in flat.planes_mut() {
+        let surface = dark_corner::smooth(plane, (margin, margin), session.layout.domain(), 0)
+            .map_err(|source| CalibrateError::Fit { step: "grey", source })?;
+        for y in 0..plane.height() {
+            surface.row(y as f64 - margin as f64, -(margin as f64), 1.0, plane.row_mut(y));
+        }
+    }
+    Ok(flat)
+}
+
+/// Removes the beat of the panel's columns from `seen`, the capture of a pattern on grey. There is
+/// no lens model yet: within large squares the light equals what was `shown`, and finer patterns
+/// count as noise about grey.
+fn remove_beat(
     session: &Session<'_>,
     correction: &Correction,
     seen: &mut Corrected,
@@ -282,11 +288,11 @@ fn without_beat(
     for c in Channel::ALL {
         let inside = lens_blur::within_a_square(shown.plane(c), support_px);
         let is_fine = !inside.data().contains(&1);
-        let of = |light: f32| if is_fine { GREY } else { GREY + light };
+        let expected = |light: f32| if is_fine { GREY } else { GREY + light };
         let (trusted, column) = (seen.trusted.plane(c), correction.panel_columns().plane(c));
         let beat = PanelBeat::of(&SeenChannel {
             light: seen.light.plane(c),
-            predicted: &shown.plane(c).map(of),
+            predicted: &shown.plane(c).map(expected),
             known: &|x, y| trusted.at(x, y) == TRUSTED && (is_fine || inside.at(x, y) == TRUSTED),
             photo: Rect { x: margin, y: margin, size: layout.photo },
             column,
@@ -298,52 +304,60 @@ fn without_beat(
     }
 }
 
-/// How bright the capture of grey is in each channel, against what it was calibrated to be: else
-/// a backlight's flicker would be taken for light that patterns lose. 1 where the panel ends with
-/// the canvas, and where it is more than a backlight's unsteadiness.
-fn grey_scale(session: &Session<'_>, grey: &Corrected, flat: &[Plane]) -> [f32; 3] {
+/// Gain of the capture of grey in each channel against the calibrated brightness; a backlight's
+/// flicker would otherwise count as light lost by patterns. 1 where the panel ends with the canvas.
+fn grey_scale(session: &Session<'_>, grey: &Corrected, flat: &Frame<Work>) -> [f32; 3] {
     if rim_px(session.config) > 0 {
         return [1.0; 3];
     }
+    let size = session.layout.canvas();
+    let predicted = Frame::filled(size, GREY);
     Channel::ALL.map(|c| {
-        let both = flat[c.index()].data().iter().zip(grey.trusted.plane(c).data());
-        let (mut light, mut pixels) = (0.0f64, 0.0f64);
-        for (&light_here, _) in both.filter(|(_, trusted)| **trusted > 0) {
-            (light, pixels) = (light + f64::from(light_here), pixels + 1.0);
-        }
-        let scale = light / (pixels * f64::from(GREY));
-        if (scale - 1.0).abs() <= GAIN_MAX { scale as f32 } else { 1.0 }
+        let comparison = Comparison {
+            seen: flat,
+            predicted: &predicted,
+            mask: &grey.trusted,
+            area: Rect { x: 0, y: 0, size },
+            channels: &[c],
+        };
+        Registration::fit_gain(&comparison, GAIN_MAX) as f32
     })
 }
 
-/// How bright a capture of a pattern on grey is against the capture of that grey: a backlight
-/// flickers. A lens moves light and keeps its sum, so the sums tell. 1 where the panel ends with
-/// the canvas, for light is lost there, and where it is more than a backlight's unsteadiness.
-fn brightness(session: &Session<'_>, seen: &Corrected, shown: &Frame<Work>, flat: &[Plane]) -> f32 {
+/// Gain of a capture of a pattern on grey against the capture of that grey. A lens moves light and
+/// keeps its sum. 1 where the panel ends with the canvas, as light is lost there.
+fn pattern_gain(
+    session: &Session<'_>,
+    seen: &Corrected,
+    shown: &Frame<Work>,
+    flat: &Frame<Work>,
+) -> f32 {
     if rim_px(session.config) > 0 {
         return 1.0;
     }
     let border = session.config.calibration.function_support_px / 2;
-    let size = session.layout.canvas();
-    let (mut light, mut expected) = (0.0f64, 0.0f64);
-    for (c, flat) in Channel::ALL.iter().zip(flat) {
-        let (seen, trusted, shown) =
-            (seen.light.plane(*c), seen.trusted.plane(*c), shown.plane(*c));
-        for y in border..size.height.saturating_sub(border) {
-            for x in border..size.width.saturating_sub(border) {
-                if trusted.at(x, y) > 0 {
-                    light += f64::from(seen.at(x, y));
-                    expected += f64::from(flat.at(x, y) + shown.at(x, y));
-                }
-            }
-        }
-    }
-    let gain = light / expected;
-    // Written so that a number that is none fails too.
-    if (gain - 1.0).abs() <= GAIN_MAX { gain as f32 } else { 1.0 }
+    let canvas = session.layout.canvas();
+    let inner = |side: usize| side.saturating_sub(2 * border);
+    let predicted = Frame::from_fn(|c| {
+        let mut plane = flat.plane(c).clone();
+        plane.add_scaled(1.0, shown.plane(c));
+        plane
+    });
+    let comparison = Comparison {
+        seen: &seen.light,
+        predicted: &predicted,
+        mask: &seen.trusted,
+        area: Rect {
+            x: border,
+            y: border,
+            size: Size::new(inner(canvas.width), inner(canvas.height)),
+        },
+        channels: &Channel::ALL,
+    };
+    Registration::fit_gain(&comparison, GAIN_MAX) as f32
 }
 
-/// The lens functions that explain `series`, on pixels of `pixel_px`.
+/// Fits the lens functions to `series`, on pixels of `pixel_px`.
 fn functions(
     session: &mut Session<'_>,
     series: Series,
@@ -376,8 +390,8 @@ fn functions(
     })
 }
 
-/// Folds the functions' centroids into the geometry: coma moves a corner's saddle otherwise than a
-/// function's centroid, and it is the centroid that must be in its place.
+/// Folds the functions' centroids into the geometry: coma moves the saddle of a checkerboard corner
+/// differently from a function's centroid, and the centroid must be in place.
 fn recentre(
     session: &Session<'_>,
     calibration: &mut Calibration,
@@ -395,45 +409,54 @@ fn recentre(
     Ok(())
 }
 
-/// Noise, rest, norm and operator error.
-fn check(
+/// Measures the noise of one capture, from two captures of one gradation.
+fn measure_noise(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
     correction: &Correction,
-    first: &Plane,
-    board: Option<&Board>,
 ) -> Result<(), CalibrateError> {
-    let model =
-        calibration.lens_model().map_err(|e| CalibrateError::Lens(LensBlurError::Model(e)))?;
-    // Noise, of one capture: the same gradation twice.
     let gradation = photometric::wide_gradation(session, calibration);
     let codes = gradation.grey();
     let pair = [correction.see(&session.raw(&codes)?), correction.see(&session.raw(&codes)?)];
     for c in Channel::ALL {
         let flat = photometric::flat_places(session, calibration, c, &gradation);
         let [first, second] = pair.each_ref().map(|seen| seen.light.plane(c));
-        let found = noise::fit(first, second, pair[0].trusted.plane(c), &flat);
         let refuse = || CalibrateError::Response {
             channel: c.name(),
-            found: "no noise can be told".to_owned(),
+            found: "its noise cannot be measured".to_owned(),
         };
-        calibration.noise[c.index()] = found.ok_or_else(refuse)?;
+        calibration.noise[c.index()] =
+            noise::fit(first, second, pair[0].trusted.plane(c), &flat).ok_or_else(refuse)?;
     }
-    rest(session, calibration, correction, first, board)?;
-    // The chart on its paper, held out of every fit.
+    Ok(())
+}
+
+/// Measures the misfit of the lens model on the chart, which no fit has used. The capture is
+/// registered like every later one, as the panel may have drifted and flickered.
+fn measure_operator_error(
+    session: &mut Session<'_>,
+    calibration: &mut Calibration,
+    correction: &Correction,
+    model: &LensModel,
+) -> Result<(), CalibrateError> {
     let chart = chart(session);
     let Corrected { light, trusted } = session.seen(correction, &chart)?;
     let mut seen = Seen { light, trusted };
     let on_panel = correction.by_perfect_lens(&Channel::ALL, &chart);
     let predicted = model.seen(&Channel::ALL, &on_panel);
     let margin = calibration.margin_px;
-    let (photo, support_px) = (calibration.photo, calibration.functions.support_px);
-    // As every later capture is, for the panel may have wandered and flickered.
-    let trust = Frame::filled(model.canvas(), TRUSTED);
-    let place = Rect { x: margin, y: margin, size: photo };
-    let found = Registration::of(&seen, &predicted, &trust, place, &Channel::ALL, support_px);
+    let place = Rect { x: margin, y: margin, size: calibration.photo };
+    let comparison = Comparison {
+        seen: &seen.light,
+        predicted: &predicted,
+        mask: &seen.trusted,
+        area: place,
+        channels: &Channel::ALL,
+    };
+    let found = Registration::fit(&comparison, calibration.functions.support_px);
     log::debug!("the chart's capture registered: {found:?}");
     found.undo(&mut seen, &predicted, &Channel::ALL);
+    let trust = Frame::filled(model.canvas(), TRUSTED);
     let (columns, mosaic) = (correction.panel_columns(), session.layout.mosaic);
     panel_beat::take_out(&mut seen, &predicted, (&trust, place), columns, mosaic, &Channel::ALL);
     for c in Channel::ALL {
@@ -441,6 +464,16 @@ fn check(
         calibration.operator_error[c.index()] =
             lens_blur::misfit(predicted, light, seen.trusted.plane(c), margin);
     }
+    Ok(())
+}
+
+/// Computes the norms of the lens model, and measures ‖K‖² by the capture of its dominant picture.
+fn measure_norms(
+    session: &mut Session<'_>,
+    calibration: &mut Calibration,
+    correction: &Correction,
+    model: LensModel,
+) -> Result<(), CalibrateError> {
     let filters = session.layout.mosaic.is_some();
     let (mut measured, levels) = (calibration.clone(), session.config.restore.levels);
     let norms = move || {
@@ -449,11 +482,10 @@ fn check(
     };
     let (measured, picture) = session.computed(norms)?;
     *calibration = measured;
-    // The dominant picture has one sign; shown as bright as it can be, its light comes back
-    // stretched by ‖K‖.
+    // The dominant picture has one sign; its capture is brighter by ‖K‖.
     let brightest = picture.data().iter().fold(0.0f32, |a, &v| a.max(v)).max(f32::MIN_POSITIVE);
     let shown = Frame::from_fn(|c| match c {
-        Channel::Green => picture.map(|v| v.max(0.0) * (220.0 / brightest)),
+        Channel::Green => picture.map(|v| v.max(0.0) * (DOMINANT_LEVEL / brightest)),
         _ => Plane::zeros(picture.size()),
     });
     let seen = session.seen(correction, &shown)?;
@@ -463,8 +495,8 @@ fn check(
     Ok(())
 }
 
-/// Judges whether the rig stood still all the while: the first pattern again, and the board.
-fn rest(
+/// Checks that the rig has not moved: the first pattern again, or the checkerboard.
+fn check_rest(
     session: &mut Session<'_>,
     calibration: &Calibration,
     correction: &Correction,
@@ -481,7 +513,7 @@ fn rest(
     judge::repeats(change, f64::from(noise))
 }
 
-/// The chart in the photo's frame, its paper going on over the margin.
+/// The chart in the photo's frame, its border repeated over the margin.
 fn chart(session: &Session<'_>) -> Frame<Work> {
     let (photo, margin) = (session.layout.photo, session.layout.margin_px);
     let chart = patterns::chart(photo);

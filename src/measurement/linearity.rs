@@ -1,89 +1,158 @@
-//! How a camera's counts bend: a gradation from black to white at one, two and three times the
-//! exposure, which bring one, two and three times the light. A gamma or a knee passes every flat
-//! and bends what a lens blurs. One picture holds all levels, so that a backlight's flicker between
-//! captures is the same for all of them.
+//! Linearity of the camera: one gradation from black to white at one, two and three times the
+//! exposure, hence under one, two and three times the light. A gamma or a knee passes every flat
+//! and distorts blur. All levels are in one picture, so a backlight's flicker between captures
+//! affects them alike.
 
-use super::session::Session;
+use super::session::{Session, to_the_end};
 use super::{CalibrateError, judge};
 use crate::calibration::CameraCurve;
 use crate::calibration::camera_curve::Exposures;
+use crate::config::RigFile;
 use crate::frame::{Channel, Frame, Plane, SensorSpace, Size};
 use crate::patterns::{self, Gradation};
+use crate::rig::exposure::Devices;
 
 /// Multiples of the exposure.
 const TIMES: [f64; 3] = [1.0, 2.0, 3.0];
-/// Captures of the gradation at each: half the flicker's square.
+/// Captures of the gradation at each; two halve the variance of flicker.
 const CAPTURES_EACH: usize = 2;
-/// Blocks of the gradation across the panel: wide against any blur that can be worked with.
+/// Blocks of the gradation across the panel: wide against any workable blur.
 const BLOCKS: usize = 12;
-/// Levels of it, as a panel's response takes them.
+/// Levels of the gradation, as for a panel's response.
 const LEVELS: usize = 52;
-/// Sensor pixels across a cell whose mean is taken.
+/// Side of a cell whose mean is read, sensor pixels.
 const CELL_PX: usize = 8;
-/// A cell whose counts differ by more than this share of them lies on a border between blocks.
-/// Guess: noise stays below it but in the dark, where nothing is left out.
+/// Largest range of counts within a cell, as a share of its mean; above it the cell lies on a
+/// border between blocks. Guess: noise stays below it except in the dark, where no cell is left
+/// out.
 const EVEN_SHARE: f32 = 0.2;
 const GRADATION_SEED: u64 = 77;
 /// Groups of cells of one channel, by brightness; each gives one light.
 const GROUPS: usize = 40;
-/// Share of full scale above which counts are clipped, or may be for a part of a cell.
+/// Share of full scale above which part of a cell may be clipped.
 const CLIPPED_SHARE: f32 = 0.97;
-/// The camera is judged by the brightest light that brings at most this share of full scale at the
-/// longest exposure: where a sensor's knee does not yet bend.
+/// Share of full scale at the longest exposure up to which linearity is judged: below a sensor's
+/// knee.
 const JUDGED_SHARE: f64 = 0.75;
-/// A curve that is nowhere farther from straight, as a share of full scale, is taken as straight:
-/// one code of an 8-bit photo, and more than flicker of 0.3 % leaves of a fit.
+/// Largest bend of a curve that counts as straight, as a share of full scale: one code of an 8-bit
+/// photo, and more than the error from 0.3 % of flicker.
 const STRAIGHT_MAX: f32 = 0.004;
+/// Largest relative deviation of counts from the multiple of the exposure: twice that of a sensor's
+/// knee near its full well, a third of that of a webcam's gamma. Guess.
+const BENT_MAX: f64 = 0.1;
 
-/// Captures it takes: three of black and two of the gradation at each exposure, and one once the
-/// exposure is again what it was. The first capture after a change may still be of the exposure
-/// before.
+/// Captures of the measurement: three of black and two of the gradation at each exposure, and one
+/// after restoring the exposure. The first capture after a change may have the previous exposure.
 pub(super) const CAPTURES: usize = TIMES.len() * (2 + CAPTURES_EACH) + 1;
 
-/// The camera's curve, where its exposure can be set; straight where it cannot. `black` is what a
-/// black panel brings.
+/// Counts of one light over black at two and three times the exposure, relative to one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Linearity {
+    /// The ratios, ideally 2 and 3.
+    pub ratios: [f64; 2],
+}
+
+/// A ratio of counts that deviates from the multiple of the exposure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bend {
+    /// The multiple of the exposure.
+    pub(super) times: f64,
+    /// The ratio of counts.
+    pub(super) found: f64,
+    /// The allowed ratios.
+    pub(super) allowed: [f64; 2],
+}
+
+impl Linearity {
+    /// The linearity of `counts` over black at [`TIMES`] the exposure.
+    pub(super) fn of(counts: [f64; 3]) -> Linearity {
+        Linearity { ratios: [counts[1] / counts[0], counts[2] / counts[0]] }
+    }
+
+    /// The first ratio that deviates too much.
+    pub(super) fn bend(&self) -> Option<Bend> {
+        let bends = self.ratios.into_iter().zip(&TIMES[1..]).map(|(found, &times)| {
+            let allowed = [times * (1.0 - BENT_MAX), times * (1.0 + BENT_MAX)];
+            Bend { times, found, allowed }
+        });
+        // Negated so that NaN deviates too.
+        bends.into_iter().find(|bend| !(bend.allowed[0]..=bend.allowed[1]).contains(&bend.found))
+    }
+
+    /// Whether the counts follow the exposure.
+    pub fn is_straight(&self) -> bool {
+        self.bend().is_none()
+    }
+}
+
+/// Measures the linearity of the green channel of `rig`, described by `config`, and restores the
+/// exposure; `None` if the exposure cannot be set.
 ///
 /// # Errors
-/// Bent by more than a sensor is, or no captures.
+/// When a capture fails, or no part of the picture is evenly lit.
+pub fn measure_linearity(
+    rig: &mut Devices,
+    config: &RigFile,
+) -> Result<Option<Linearity>, CalibrateError> {
+    let mut watch = to_the_end;
+    let mut session = Session::new(rig, config, &mut watch, CAPTURES as u32);
+    let Some([_, green, _]) = lights(&mut session)? else { return Ok(None) };
+    let found = brightest_linearity(&green, f64::from(session.layout.saturated));
+    found.map(Some).ok_or_else(judge::no_curve)
+}
+
+/// Measures the camera's curve; straight if the exposure cannot be set. `black` has the counts of a
+/// black panel.
+///
+/// # Errors
+/// When a capture fails, or the counts bend more than a sensor's.
 pub(super) fn measure(
     session: &mut Session<'_>,
     black: &Frame<SensorSpace>,
 ) -> Result<CameraCurve, CalibrateError> {
     session.step("linearity");
-    if !session.expose_times(1.0)? {
-        log::debug!("the exposure cannot be set: counts are taken to be straight in light");
+    let Some(lights) = lights(session)? else {
+        log::debug!("the exposure cannot be set: counts are taken as linear in light");
         return Ok(CameraCurve::straight());
-    }
-    let cells = exposed(session);
-    session.expose_times(1.0)?;
-    session.raw(&patterns::flat(session.layout.panel, [0; 3]))?;
+    };
     let black = black.planes().iter().map(Plane::mean).sum::<f64>() / 3.0;
     let full = f64::from(session.layout.saturated) - black;
-    let mut lights = Vec::new();
-    for (c, cells) in Channel::ALL.into_iter().zip(cells?) {
-        let of_channel = grouped(cells);
-        let judged = of_channel
-            .iter()
-            .filter_map(|light| <[(f64, f64); 3]>::try_from(light.readings.as_slice()).ok())
-            .rfind(|readings| readings[2].1 <= JUDGED_SHARE * full);
-        let counts = judged.ok_or_else(judge::no_curve)?.map(|(_, count)| count);
-        log::debug!("{}: {counts:.1?} counts over black", c.name());
-        judge::straight(c, TIMES, counts)?;
-        lights.extend(of_channel);
+    for (c, lights) in Channel::ALL.into_iter().zip(&lights) {
+        let linearity = brightest_linearity(lights, full).ok_or_else(judge::no_curve)?;
+        log::debug!("{}: {linearity:.3?}", c.name());
+        judge::straight(c, &linearity)?;
     }
-    let curve = CameraCurve::fit(&lights, black, full).ok_or_else(judge::no_curve)?;
+    let curve = CameraCurve::fit(&lights.concat(), black, full).ok_or_else(judge::no_curve)?;
     log::debug!("the camera's counts bend by {:.4} of full scale: {curve:?}", curve.bend());
-    if curve.bend() <= STRAIGHT_MAX {
-        return Ok(CameraCurve::straight());
-    }
-    Ok(curve)
+    Ok(if curve.bend() <= STRAIGHT_MAX { CameraCurve::straight() } else { curve })
 }
 
-/// Mean counts over black of a cell at each exposure; none where they are clipped.
+/// Lights of each channel at [`TIMES`] the exposure, which is then restored; `None` if it cannot be
+/// set.
+fn lights(session: &mut Session<'_>) -> Result<Option<[Vec<Exposures>; 3]>, CalibrateError> {
+    if !session.expose_times(1.0)? {
+        return Ok(None);
+    }
+    let cells = capture_cells(session);
+    session.expose_times(1.0)?;
+    session.raw(&patterns::flat(session.layout.panel, [0; 3]))?;
+    Ok(Some(cells?.map(group)))
+}
+
+/// The linearity of the brightest light that stays below the knee of a sensor with `full` counts.
+fn brightest_linearity(lights: &[Exposures], full: f64) -> Option<Linearity> {
+    let complete = lights
+        .iter()
+        .filter_map(|light| <[(f64, f64); 3]>::try_from(light.readings.as_slice()).ok());
+    let counts = complete.map(|readings| readings.map(|(_, count)| count));
+    counts.filter(|counts| counts[2] <= JUDGED_SHARE * full).last().map(Linearity::of)
+}
+
+/// Mean counts over black of a cell at each exposure; `None` where they are clipped.
 type CellReading = [Option<f64>; 3];
 
-/// The cells of each channel that are evenly lit at the first exposure.
-fn exposed(session: &mut Session<'_>) -> Result<[Vec<CellReading>; 3], CalibrateError> {
+/// Reads the cells of each channel that are evenly lit at the first exposure.
+fn capture_cells(session: &mut Session<'_>) -> Result<[Vec<CellReading>; 3], CalibrateError> {
     let panel = session.layout.panel;
     let black = patterns::flat(panel, [0; 3]);
     let wide = panel.width.div_ceil(BLOCKS);
@@ -93,15 +162,14 @@ fn exposed(session: &mut Session<'_>) -> Result<[Vec<CellReading>; 3], Calibrate
         session.expose_times(times)?;
         session.raw(&black)?;
         let dark = session.raw(&black)?;
-        for of_channel in &mut all {
-            let count = cells(dark.size()).count();
-            of_channel.resize(count, [Some(0.0); 3]);
+        for readings in &mut all {
+            readings.resize(cells(dark.size()).count(), [Some(0.0); 3]);
         }
         for _ in 0..CAPTURES_EACH {
             let light = session.raw(&gradation)?;
-            for (c, of_channel) in Channel::ALL.into_iter().zip(&mut all) {
+            for (c, readings) in Channel::ALL.into_iter().zip(&mut all) {
                 let (light, dark) = (light.plane(c), dark.plane(c));
-                for (cell, place) in of_channel.iter_mut().zip(cells(light.size())) {
+                for (cell, place) in readings.iter_mut().zip(cells(light.size())) {
                     let seen = over_black(light, dark, place, session.layout.saturated, n == 0);
                     cell[n] =
                         cell[n].zip(seen).map(|(sum, seen)| sum + seen / CAPTURES_EACH as f64);
@@ -109,8 +177,8 @@ fn exposed(session: &mut Session<'_>) -> Result<[Vec<CellReading>; 3], Calibrate
             }
         }
     }
-    for of_channel in &mut all {
-        of_channel.retain(|cell| cell[0].is_some_and(|count| count > 0.0));
+    for readings in &mut all {
+        readings.retain(|cell| cell[0].is_some_and(|count| count > 0.0));
     }
     Ok(all)
 }
@@ -121,7 +189,7 @@ fn cells(size: Size) -> impl Iterator<Item = (usize, usize)> {
     (0..columns * rows).map(move |n| (n % columns * CELL_PX, n / columns * CELL_PX))
 }
 
-/// Mean counts of a cell over `dark`; `None` where some are clipped, or where they differ and must
+/// Mean counts of a cell over `dark`; `None` if some are clipped, or uneven although the cell must
 /// be `even`.
 fn over_black(
     light: &Plane<u16>,
@@ -146,15 +214,31 @@ fn over_black(
     (!clipped && !uneven).then_some(mean)
 }
 
-/// Lights of one channel, from dark to bright: means of cells that were about as bright.
-fn grouped(mut cells: Vec<CellReading>) -> Vec<Exposures> {
+/// Lights of one channel from dark to bright: means of cells of about equal brightness.
+fn group(mut cells: Vec<CellReading>) -> Vec<Exposures> {
     cells.sort_by(|a, b| a[0].partial_cmp(&b[0]).unwrap_or(std::cmp::Ordering::Equal));
-    let of = |group: &[CellReading]| {
+    let exposures = |group: &[CellReading]| {
         let mean = |n: usize| {
             let sum: Option<f64> = group.iter().map(|cell| cell[n]).sum();
             sum.map(|sum| (TIMES[n], sum / group.len() as f64))
         };
         Exposures { readings: (0..TIMES.len()).filter_map(mean).collect() }
     };
-    cells.chunks(cells.len().div_ceil(GROUPS).max(1)).map(of).collect()
+    cells.chunks(cells.len().div_ceil(GROUPS).max(1)).map(exposures).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_proportional_to_the_exposure_are_straight_and_a_gamma_is_not() {
+        let linearity = |gamma: f64| Linearity::of(TIMES.map(|times| 250.0 * times.powf(gamma)));
+        for gamma in [0.95, 0.98, 1.0, 1.05] {
+            assert!(linearity(gamma).is_straight(), "{gamma}");
+        }
+        for gamma in [0.45, 0.6, 0.8, 1.2, 2.2, f64::NAN] {
+            assert!(!linearity(gamma).is_straight(), "{gamma}");
+        }
+    }
 }

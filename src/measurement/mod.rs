@@ -1,20 +1,20 @@
-//! The procedure on a rig: show, see, fit, judge. No questions, no touching.
+//! The calibration procedure on a rig: show, capture, fit, check.
 //!
-//! | step | captures (times `captures-averaged`, but for the trials) | yields |
+//! | step | captures (× `captures-averaged`, except trials) | yields |
 //! |---|---|---|
-//! | trials | 2 black, 1 white | judgement of exposure, view and settle time; black level |
-//! | linearity | 13 (if `linearity`, exposure settable) | camera's curve, and judgement of it |
-//! | response pattern | 8 black, `response-flats` at 224 (each once) | how sites differ |
-//! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; judgement of focus and rest |
+//! | trials | 2 black, 1 white | checks of exposure, view and settle time; black level |
+//! | linearity | 13 (if `linearity` and the exposure can be set) | camera curve and its check |
+//! | response pattern | 8 black, `response-flats` at 224 (each once) | response of sites |
+//! | geometry | locator, 3 checkerboards, 1 again | Work ↔ panel; checks of focus and rest |
 //! | dark corner | 3 flats at 128 | ratio surfaces |
-//! | cross-channel | 3 gradations a channel | C, response curves |
+//! | cross-channel | 3 gradations per channel | C, response curves |
 //! | centring | grey, 5 patterns of coarse squares, twice | centroids, folded into the geometry |
 //! | lens functions | grey, `patterns` | lens functions, ‖K‖² |
 //! | broad light | grey, 4 patterns of large squares (if `broad-term`) | halos |
 //! | checks | 2 gradations, 1 pattern again, chart, dominant picture | noise, rest, errors, ‖K‖² |
 //!
-//! A one-to-one rig skips geometry and centring. The caller keeps the result
-//! ([`crate::calibration::store`]); on any error what was kept before stays.
+//! A one-to-one rig skips geometry and centring. The caller stores the result
+//! ([`crate::calibration::store`]); after an error the stored one stays.
 
 mod board;
 mod error;
@@ -26,6 +26,7 @@ mod session;
 mod sites;
 
 pub use error::CalibrateError;
+pub use linearity::{Linearity, measure_linearity};
 pub use session::{CalibrationProgress, to_the_end};
 
 use std::ops::ControlFlow;
@@ -44,12 +45,11 @@ use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
 use session::{Session, numbers};
 
-/// Calibrates `rig`, which is described by `config`; the result's generation follows that of
-/// `previous`. It is given up once `watch`, which is asked after each capture, breaks.
+/// Calibrates `rig`, described by `config`; the result's generation follows that of `previous`.
+/// `watch` is called after each capture and cancels the calibration by [`ControlFlow::Break`].
 ///
 /// # Errors
-/// Which of panel not in view, over-exposed, too dark, moving, wrong focus it is, that the rig
-/// brought no captures, or that it was given up.
+/// When a check, a fit or a capture fails, or the calibration is cancelled.
 pub fn calibrate(
     rig: &mut Devices,
     config: &config::RigFile,
@@ -80,7 +80,7 @@ pub fn calibrate(
     Ok(calibration)
 }
 
-/// Captures that a calibration of `config` takes.
+/// Number of captures of a calibration of `config`.
 pub fn captures(config: &config::RigFile) -> u32 {
     let board = match config.calibration.geometry {
         config::Alignment::Checkerboard => {
@@ -105,7 +105,7 @@ pub fn captures(config: &config::RigFile) -> u32 {
     (3 + straight + flats + averaged * config.calibration.captures_averaged.max(1)) as u32
 }
 
-/// A calibration of which only the geometry is known.
+/// A calibration with `geometry` and neutral values.
 fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
     let domain = Layout::of(config).domain();
     let one = || Surface::constant(domain, 1.0);
@@ -140,17 +140,17 @@ fn blank(config: &config::RigFile, geometry: [Geometry; 3]) -> Calibration {
     }
 }
 
-/// Black and white: judges exposure, view and settle time, and returns black.
+/// Captures black and white, checks exposure, view and settle time, and returns black.
 fn trials(session: &mut Session<'_>) -> Result<Frame<SensorSpace>, CalibrateError> {
     session.step("trials");
     let panel = session.layout.panel;
     let first = session.raw(&patterns::trial(panel, Trial::Black))?;
     let white = session.raw(&patterns::trial(panel, Trial::White))?;
     let marks = MarkPlace::of(session.config);
-    let seen = |row: usize| !marks.is_some_and(|marks| marks.keeps(row));
-    judge::exposure(&white, &first, session.layout.saturated, &seen)?;
+    let is_used = |row: usize| !marks.is_some_and(|marks| marks.keeps(row));
+    judge::exposure(&white, &first, session.layout.saturated, &is_used)?;
     let second = session.raw(&patterns::trial(panel, Trial::Black))?;
-    judge::settled(&white, [&first, &second], &seen)?;
+    judge::settled(&white, [&first, &second], &is_used)?;
     let (mut black, second) = (numbers(&first), numbers(&second));
     for (a, b) in black.planes_mut().iter_mut().zip(second.planes()) {
         a.data_mut().iter_mut().zip(b.data()).for_each(|(a, b)| *a = (*a + b) / 2.0);

@@ -1,4 +1,4 @@
-//! Light: black level, dark corner, mixing of the channels and response curves.
+//! Photometry: black level, dark corner, mixing of channels and response curves.
 
 use super::CalibrateError;
 use super::session::{Session, difference, rim_px, smooth};
@@ -8,13 +8,12 @@ use crate::config;
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Size};
 use crate::patterns::{self, Gradation, GradationBlock};
 
-/// Gradations shown in each channel, each shuffled anew (guess; measured, see
-/// tests/tables/README.md).
+/// Gradations in each channel, each with its own shuffle. Measured, see tests/tables/README.md.
 pub(super) const GRADATIONS: usize = 3;
-/// Levels of a gradation: every fifth code, seven blocks of each on the default rig.
+/// Levels of a gradation: every fifth code, with seven blocks each on the default rig.
 const LEVELS: usize = 52;
 
-/// Keeps the black level.
+/// Fits the black level.
 pub(super) fn black(
     calibration: &mut Calibration,
     config: &config::RigFile,
@@ -27,8 +26,8 @@ pub(super) fn black(
     Ok(())
 }
 
-/// Flats at level 128, one channel at a time (paper §3). Counts per level come out as those of code
-/// 128 for now; the curve sets them right.
+/// Fits flats at code 128, one channel at a time (paper §3). Counts per level refer to code 128
+/// until the response curve is known.
 pub(super) fn dark_corner(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
@@ -42,7 +41,7 @@ pub(super) fn dark_corner(
         let surface = smooth(&over, &session.layout, rim_px(session.config), "dark corner")?;
         let (ratio, counts) = surfaces::normalised(&surface, photo);
         if !counts.is_finite() || counts <= 0.0 {
-            let found = format!("level 128 brings {counts:.1} counts over black");
+            let found = format!("code 128 gives {counts:.1} counts over black");
             return Err(CalibrateError::Response { channel: c.name(), found });
         }
         calibration.dark_corner[c.index()] = ratio;
@@ -51,7 +50,7 @@ pub(super) fn dark_corner(
     Ok(())
 }
 
-/// Gradations, one channel at a time: C and the response curves (paper Eq. 13).
+/// Fits C and the response curves to gradations, one channel at a time (paper Eq. 13).
 pub(super) fn cross_channel(
     session: &mut Session<'_>,
     calibration: &mut Calibration,
@@ -79,20 +78,20 @@ pub(super) fn cross_channel(
     Ok(())
 }
 
-/// Width of a gradation's blocks, in widths of a lens function seen on the sensor, and how far
-/// about their centres they are read: no light of other blocks but glare falls there.
+/// Width of a gradation's blocks, in lens functions, and the half width read about their centres:
+/// only glare reaches there from other blocks.
 const SUPPORTS_WIDE: f64 = 1.5;
 const SUPPORTS_READ: f64 = 0.25;
-/// The same for noise, where a panel that moves by a little must not be seen either.
+/// The same for noise, where small motions of the panel must not matter either.
 const SUPPORTS_APART: f64 = 3.0;
 const SUPPORTS_FLAT: f64 = 0.75;
 
-/// A gradation to be read.
+/// A gradation for the response.
 fn gradation(session: &Session<'_>, calibration: &Calibration, seed: u64) -> Gradation {
     gradation_of(session, calibration, SUPPORTS_WIDE, seed)
 }
 
-/// A gradation to measure noise by; see [`flat_places`].
+/// A gradation for noise; see [`flat_places`].
 pub(super) fn wide_gradation(session: &Session<'_>, calibration: &Calibration) -> Gradation {
     gradation_of(session, calibration, SUPPORTS_APART, 99)
 }
@@ -115,7 +114,7 @@ fn gradation_of(
     )
 }
 
-/// The middles (a third of their width) of the blocks that lie on the canvas.
+/// Reads the middles (a third of the width) of the blocks on the canvas.
 fn read(
     session: &Session<'_>,
     calibration: &Calibration,
@@ -126,7 +125,7 @@ fn read(
     let layout = &session.layout;
     let dark = &calibration.dark_corner[channel.index()];
     let reach = (SUPPORTS_READ * support_px(session)).floor();
-    let of = |(block, (x, y)): (GradationBlock, (f64, f64))| {
+    let reading = |(block, (x, y)): (GradationBlock, (f64, f64))| {
         let sensor = (x + layout.photo_x_px as f64, y + layout.photo_y_px as f64);
         let share = dark.at(x, y);
         let (u, v) =
@@ -138,10 +137,10 @@ fn read(
             counts: [0, 1, 2].map(|k| mean(&over.planes()[k], sensor, reach) / share),
         }
     };
-    middles(session, calibration, channel, gradation, reach).map(of).collect()
+    middles(session, calibration, channel, gradation, reach).map(reading).collect()
 }
 
-/// Blocks whose middles lie on the canvas, and the places of their centres, photo pixels.
+/// Blocks whose middles lie on the canvas, with their centres in photo pixels.
 fn middles<'a>(
     session: &Session<'_>,
     calibration: &'a Calibration,
@@ -161,7 +160,7 @@ fn middles<'a>(
     })
 }
 
-/// Where `channel` of the canvas sees the middles of a wide gradation's blocks.
+/// The middles of a wide gradation's blocks on the canvas, in `channel`.
 pub(super) fn flat_places(
     session: &Session<'_>,
     calibration: &Calibration,
@@ -172,15 +171,15 @@ pub(super) fn flat_places(
     let margin = session.layout.margin_px as f64;
     let first = |at: f64| (at + margin - reach).round().max(0.0) as usize;
     let side = 2 * reach as usize + 1;
-    let of = |(_, (x, y))| Rect { x: first(x), y: first(y), size: Size::new(side, side) };
-    middles(session, calibration, channel, gradation, reach).map(of).collect()
+    let area = |(_, (x, y))| Rect { x: first(x), y: first(y), size: Size::new(side, side) };
+    middles(session, calibration, channel, gradation, reach).map(area).collect()
 }
 
 fn support_px(session: &Session<'_>) -> f64 {
     session.config.calibration.function_support_px as f64
 }
 
-/// Mean of `plane` within `reach` of a place.
+/// Mean of `plane` within `reach` of (`x`, `y`).
 fn mean(plane: &Plane, (x, y): (f64, f64), reach: f64) -> f64 {
     let range = |at: f64, limit: usize| {
         let first = (at - reach).round().max(0.0) as usize;

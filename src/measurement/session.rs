@@ -1,4 +1,4 @@
-//! Captures of a calibration under way, counted and averaged.
+//! Captures of a running calibration, counted and averaged.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -12,21 +12,21 @@ use crate::config;
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, SensorSpace, Work};
 use crate::rig::exposure::Devices;
 
-/// While the calibration computes, it is asked this often whether it is to go on.
-const LOOK: Duration = Duration::from_millis(5);
+/// Interval of checking for cancellation during a computation.
+const POLL: Duration = Duration::from_millis(5);
 
-/// How far a calibration is.
+/// Progress of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CalibrationProgress {
-    /// What is being measured.
+    /// Current step.
     pub step: &'static str,
     /// Captures made.
     pub captures: u32,
-    /// Captures there will be.
+    /// Captures of the whole calibration.
     pub total: u32,
 }
 
-/// Watches a calibration that nothing is to interrupt.
+/// A watch that never cancels.
 pub fn to_the_end(_: CalibrationProgress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
@@ -36,7 +36,7 @@ pub(super) struct Session<'a> {
     pub(super) rig: &'a mut Devices,
     pub(super) config: &'a config::RigFile,
     pub(super) layout: Layout,
-    /// How the camera's counts bend, as far as it is known yet.
+    /// Linearisation of the camera's counts, once measured.
     pub(super) curve: CameraCurve,
     watch: &'a mut dyn FnMut(CalibrationProgress) -> ControlFlow<()>,
     given_up: bool,
@@ -65,7 +65,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Names the step that the coming captures belong to.
+    /// Begins a step.
     pub(super) fn step(&mut self, step: &'static str) {
         self.step = step;
         self.report();
@@ -76,15 +76,17 @@ impl<'a> Session<'a> {
         self.given_up |= (self.watch)(CalibrationProgress { step, captures, total }).is_break();
     }
 
-    /// Whether the calibration is to go on, which is asked again.
+    /// Reports progress.
+    ///
+    /// # Errors
+    /// [`CalibrateError::GivenUp`] after a cancellation.
     pub(super) fn go_on(&mut self) -> Result<(), CalibrateError> {
         self.report();
         if self.given_up { Err(CalibrateError::GivenUp) } else { Ok(()) }
     }
 
-    /// What `work` makes on a thread of its own, for which nobody waits any longer once the
-    /// calibration is given up. Whether work that never ends is a hang, the watchdog says: it hears
-    /// of no progress meanwhile.
+    /// Runs `work` on a thread of its own, which is abandoned after a cancellation. A hang shows to
+    /// the watchdog as missing progress.
     pub(super) fn computed<T: Send + 'static>(
         &mut self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -95,7 +97,7 @@ impl<'a> Session<'a> {
             work()
         });
         let thread = thread.map_err(CalibrateError::NoThread)?;
-        while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+        while ended.recv_timeout(POLL) == Err(RecvTimeoutError::Timeout) {
             self.go_on()?;
         }
         thread.join().map_err(|panic| std::panic::resume_unwind(panic))
@@ -106,7 +108,7 @@ impl<'a> Session<'a> {
         self.captures
     }
 
-    /// One capture of `codes`.
+    /// Captures `codes`.
     pub(super) fn raw(&mut self, codes: &Codes) -> Result<Counts, CalibrateError> {
         let step = self.step;
         let exposed =
@@ -116,15 +118,13 @@ impl<'a> Session<'a> {
         Ok(exposed.counts)
     }
 
-    /// Exposures are `times` as long as the rig file says from now on; false where the camera's
-    /// cannot be set.
+    /// Sets the exposure to `times` that of the rig file; false if it cannot be set.
     pub(super) fn expose_times(&mut self, times: f64) -> Result<bool, CalibrateError> {
         let step = self.step;
         self.rig.expose_times(times).map_err(|source| CalibrateError::Rig { step, source })
     }
 
-    /// As many captures of `codes` as the rig file asks to average, averaged and
-    /// straightened.
+    /// Captures `codes` as often as the rig file asks, averaged and linearised.
     pub(super) fn counts(&mut self, codes: &Codes) -> Result<Frame<SensorSpace>, CalibrateError> {
         let times = self.config.calibration.captures_averaged.max(1);
         let mut sum = Frame::<SensorSpace>::zeros(self.layout.sensor);
@@ -142,8 +142,7 @@ impl<'a> Session<'a> {
         Ok(sum)
     }
 
-    /// The mean of so many exposures of `codes`, at least one, straightened: shown once, and
-    /// exposed again.
+    /// Mean of `exposures` of `codes`, at least one, linearised; shown once.
     pub(super) fn mean(
         &mut self,
         codes: &Codes,
@@ -168,8 +167,8 @@ impl<'a> Session<'a> {
         Ok(Frame::from_planes(sums.planes().each_ref().map(mean)))
     }
 
-    /// `picture` (canvas-sized light) shown and seen as often as the rig file asks to average,
-    /// averaged; trusted where all captures are.
+    /// Captures `picture` (canvas-sized light) as often as the rig file asks, averaged; trusted
+    /// where all captures are.
     pub(super) fn seen(
         &mut self,
         correction: &Correction,
@@ -198,7 +197,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// `counts` as numbers.
+/// `counts` as floating-point numbers.
 pub(super) fn numbers(counts: &Counts) -> Frame<SensorSpace> {
     Frame::from_fn(|c| counts.plane(c).map(f32::from))
 }
@@ -210,8 +209,8 @@ pub(super) fn difference(a: &Plane, b: &Plane) -> Plane {
     out
 }
 
-/// How far into the canvas a flat picture is dimmed by the dark beyond it: half a lens function
-/// where the panel ends with the canvas, else not at all.
+/// Width of the border dimmed by the dark beyond the canvas: half a lens function if the panel ends
+/// with the canvas, else zero.
 pub(super) fn rim_px(config: &config::RigFile) -> usize {
     if config.panel.size() == config.canvas_size() {
         config.calibration.function_support_px / 2
@@ -220,8 +219,7 @@ pub(super) fn rim_px(config: &config::RigFile) -> usize {
     }
 }
 
-/// The smooth surface through a capture of something flat, leaving out `rim_px` at the canvas's
-/// border.
+/// Fits a smooth surface to a flat capture without `rim_px` at the canvas's border.
 pub(super) fn smooth(
     plane: &Plane,
     layout: &Layout,
@@ -240,7 +238,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn nobody_waits_for_what_is_computed_once_the_calibration_is_given_up() {
+    fn cancelling_a_calibration_abandons_its_computation() {
         let config = config::load(Path::new("small.toml")).unwrap();
         let (mut rig, _) = simulated::open(&config).unwrap();
         let asked = Cell::new(false);
@@ -251,7 +249,7 @@ mod tests {
         let mut session = Session::new(&mut rig, &config, &mut watch, 1);
         assert_eq!(session.computed(|| 7).unwrap(), 7);
         asked.set(true);
-        // Ends when this test lets go of the other end.
+        // Ends when the test drops the other end.
         let (_held, end) = channel::<()>();
         let given_up = session.computed(move || end.recv().is_err());
         assert!(matches!(given_up, Err(CalibrateError::GivenUp)), "{given_up:?}");

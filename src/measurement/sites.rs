@@ -1,4 +1,4 @@
-//! How the sensor's sites differ: flats and darks, many times.
+//! Response of the sensor's sites, from many flats and darks.
 
 use super::CalibrateError;
 use super::session::{Session, difference, rim_px, smooth};
@@ -7,11 +7,10 @@ use crate::calibration::{Calibration, Layout, dark_corner};
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Work};
 use crate::patterns;
 
-/// Exposures of a black panel: a hot site stands out of one already, and their noise is not to be
-/// taken for heat.
+/// Exposures of black: enough to separate hot sites from noise.
 pub(super) const DARKS: usize = 8;
-/// The code of the flats, three quarters of white's light: as bright as photos are, and where a
-/// sensor that bends near its full well is still straight.
+/// Code of the flats, three quarters of white's light: as bright as photos, and below a sensor's
+/// knee.
 const CODE: u8 = 224;
 
 /// Mean counts of a black panel and of a flat.
@@ -20,11 +19,10 @@ pub(super) struct Flats {
     light: Frame<SensorSpace>,
 }
 
-/// Takes the flats, where the rig file asks for some. Before anything that has to do with where
-/// the panel stands: it wanders meanwhile.
+/// Captures the flats, if the rig file asks for them; first of all, as the panel drifts meanwhile.
 ///
 /// # Errors
-/// No captures.
+/// When a capture fails.
 pub(super) fn expose(session: &mut Session<'_>) -> Result<Option<Flats>, CalibrateError> {
     let flats = session.config.calibration.response_flats;
     if flats == 0 {
@@ -37,10 +35,10 @@ pub(super) fn expose(session: &mut Session<'_>) -> Result<Option<Flats>, Calibra
     Ok(Some(Flats { dark, light }))
 }
 
-/// The response pattern that `flats` show; geometry and black level are known.
+/// Fits the response pattern to `flats`, given geometry and black level.
 ///
 /// # Errors
-/// Too many bad sites.
+/// [`CalibrateError::BadSites`].
 pub(super) fn pattern(
     session: &Session<'_>,
     calibration: &mut Calibration,
@@ -81,7 +79,7 @@ pub(super) fn pattern(
     Ok(())
 }
 
-/// The canvas's part of a sensor-sized plane; not a number beyond the sensor.
+/// The canvas's part of a sensor-sized plane; NaN beyond the sensor.
 fn on_canvas(plane: &Plane, layout: &Layout) -> Plane {
     let at = |to: usize, first: usize, end: usize| {
         (first + to).checked_sub(layout.margin_px).filter(|&v| v < end)

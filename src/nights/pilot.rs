@@ -1,16 +1,19 @@
 //! The pilot picture: one known picture, shown and seen, and what its captures say about the rig.
 //!
-//! The measured lens predicts the capture m. What was seen is fitted, per channel and by least
-//! squares over the photo, as y(x) = g·m(x − d) + o: to first order y = g·m + o − d·∇m. Two
-//! captures tell their noise. What counts is the change of g, o, d and noise since the calibration:
-//! the same fit, made right after it.
+//! The lens model predicts the capture. Each channel of the capture is fitted to its prediction
+//! with shift, gain and added light ([`Registration::fit_with_offset`]); the difference of two
+//! captures gives their noise. Drift is the change of these figures since the calibration, right
+//! after which the same fit was made.
 
-use nalgebra::{Matrix4, Vector4};
 use serde::{Deserialize, Serialize};
 
 use crate::config::Nights;
+use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::{ForwardConvolution, Seen};
 use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::registration::{
+    Comparison, OffsetRegistration, Registration, common_mask,
+};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::light_path::LightPath;
 use crate::remedy::AnyFailure;
@@ -176,7 +179,8 @@ pub fn picture(size: Size) -> Frame<Work> {
     })
 }
 
-/// Shows the pilot twice and reads it over `photo`, the photo's part of the canvas.
+/// Shows the pilot twice and compares the captures with the prediction over `photo`, the photo's
+/// part of the canvas.
 ///
 /// # Errors
 /// When a capture fails.
@@ -186,57 +190,45 @@ pub fn read(
     photo: Rect,
 ) -> Result<Reading, AnyFailure> {
     let shown = picture(path.size());
-    let (first, second) = (path.forward(&shown)?, path.forward(&shown)?);
-    Ok(Reading(Channel::ALL.map(|c| {
-        let mut predicted = Plane::zeros(path.size());
-        model.forward(c, shown.plane(c), &mut predicted);
-        fit(&predicted, (&first, &second), c, photo)
-    })))
+    let captures = [path.forward(&shown)?, path.forward(&shown)?];
+    let predicted = model.seen(&Channel::ALL, &shown);
+    Ok(fit(&predicted, &captures, photo))
 }
 
-fn fit(
-    predicted: &Plane,
-    (first, second): (&Seen, &Seen),
-    channel: Channel,
-    photo: Rect,
-) -> PilotFit {
-    let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
-    let (mut squared, mut count) = (0.0, 0.0);
-    // A pixel in from the border of the photo, for the slopes.
-    for y in photo.y.max(1)..(photo.y + photo.size.height).min(predicted.height().saturating_sub(1))
-    {
-        for x in
-            photo.x.max(1)..(photo.x + photo.size.width).min(predicted.width().saturating_sub(1))
-        {
-            if first.trusted.plane(channel).at(x, y) == 0
-                || second.trusted.plane(channel).at(x, y) == 0
-            {
-                continue;
+/// Fits the mean of two captures to its prediction, channel by channel.
+fn fit(predicted: &Frame<Work>, captures: &[Seen; 2], photo: Rect) -> Reading {
+    let [first, second] = captures;
+    let mask = common_mask(&first.trusted, &second.trusted);
+    let mean = Frame::from_fn(|c| {
+        let mut sum = first.light.plane(c).clone();
+        sum.add_scaled(1.0, second.light.plane(c));
+        sum.scale(0.5);
+        sum
+    });
+    Reading(Channel::ALL.map(|c| {
+        let channels = &[c];
+        let comparison = Comparison { seen: &mean, predicted, mask: &mask, area: photo, channels };
+        let OffsetRegistration { registration, offset_levels } =
+            Registration::fit_with_offset(&comparison);
+        let (shift_x_px, shift_y_px) = registration.shift_px;
+        let noise_levels = capture_noise(captures, mask.plane(c), c, photo);
+        PilotFit { gain: registration.gain, offset_levels, shift_x_px, shift_y_px, noise_levels }
+    }))
+}
+
+/// Noise of one capture, from the difference of two where `mask` is set.
+fn capture_noise(captures: &[Seen; 2], mask: &Plane<u8>, channel: Channel, photo: Rect) -> f64 {
+    let (mut squared, mut count) = (0.0f64, 0.0f64);
+    for y in photo.y..photo.y + photo.size.height {
+        for x in photo.x..photo.x + photo.size.width {
+            if mask.at(x, y) == TRUSTED {
+                let [a, b] = captures.each_ref().map(|seen| seen.light.plane(channel).at(x, y));
+                squared += f64::from(a - b).powi(2);
+                count += 1.0;
             }
-            let at = |x: usize, y: usize| f64::from(predicted.at(x, y));
-            let slope_x = (at(x + 1, y) - at(x - 1, y)) / 2.0;
-            let slope_y = (at(x, y + 1) - at(x, y - 1)) / 2.0;
-            let row = Vector4::new(at(x, y), 1.0, -slope_x, -slope_y);
-            let (a, b) =
-                (first.light.plane(channel).at(x, y), second.light.plane(channel).at(x, y));
-            let seen = f64::from(a + b) / 2.0;
-            normal += row * row.transpose();
-            right += row * seen;
-            squared += f64::from(a - b).powi(2);
-            count += 1.0;
         }
     }
-    // Nothing seen at all is past every limit.
-    let unknown = Vector4::from_element(f64::NAN);
-    let found = normal.lu().solve(&right).unwrap_or(unknown);
-    // g·m(x − d) has the slope term g·d.
-    PilotFit {
-        gain: found[0],
-        offset_levels: found[1],
-        shift_x_px: found[2] / found[0],
-        shift_y_px: found[3] / found[0],
-        noise_levels: f64::sqrt(squared / f64::max(count, 1.0) / 2.0),
-    }
+    (squared / count.max(1.0) / 2.0).sqrt()
 }
 
 #[cfg(test)]
@@ -246,7 +238,7 @@ mod tests {
     const SIZE: Size = Size::new(96, 80);
 
     /// A smooth picture, and the same one displaced, brighter, with light added.
-    fn seen(dx: f64, dy: f64, gain: f64, offset: f64, ripple: f32) -> (Plane, Seen) {
+    fn seen(dx: f64, dy: f64, gain: f64, offset: f64, ripple: f32) -> (Frame<Work>, Seen) {
         let light = |x: f64, y: f64| 100.0 + 50.0 * (x / 5.0).sin() * (y / 7.0).cos();
         let predicted = Plane::from_fn(SIZE, |x, y| light(x as f64, y as f64) as f32);
         let plane = Plane::from_fn(SIZE, |x, y| {
@@ -254,7 +246,8 @@ mod tests {
             (gain * light(x as f64 - dx, y as f64 - dy) + offset) as f32 + sign
         });
         let trusted = Frame::filled(SIZE, 1u8);
-        (predicted, Seen { light: Frame::from_fn(|_| plane.clone()), trusted })
+        let light = Frame::from_fn(|_| plane.clone());
+        (Frame::from_fn(|_| predicted.clone()), Seen { light, trusted })
     }
 
     #[test]
@@ -262,7 +255,7 @@ mod tests {
         let (predicted, once) = seen(0.2, -0.1, 1.04, 2.0, 0.5);
         let (_, twice) = seen(0.2, -0.1, 1.04, 2.0, -0.5);
         let photo = Rect { x: 0, y: 0, size: SIZE };
-        let fit = fit(&predicted, (&once, &twice), Channel::Green, photo);
+        let fit = fit(&predicted, &[once, twice], photo).0[Channel::Green.index()];
         assert!(
             (fit.gain - 1.04).abs() < 0.002 && (fit.offset_levels - 2.0).abs() < 0.2,
             "{fit:?}"

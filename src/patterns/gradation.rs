@@ -1,5 +1,5 @@
-//! Gradations: blocks of many levels, shuffled over the panel, so that glare and blur add the same
-//! on average to every level (a ramp would give its bright end more than its dark end).
+//! Gradations: blocks of many levels shuffled over the panel, so that glare and blur add the same
+//! light to every level on average, unlike with a ramp.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -7,7 +7,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::frame::{Channel, Codes, Frame, Plane, Size};
 
-/// A panel full of square blocks, each of one code.
+/// A panel filled with square blocks of one code each.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Gradation {
     size: Size,
@@ -20,17 +20,17 @@ pub struct Gradation {
 /// One block of a gradation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GradationBlock {
-    /// Its code.
+    /// Code of the block.
     pub code: u8,
-    /// Its centre on the panel.
+    /// Centre on the panel.
     pub centre: (f64, f64),
-    /// Codes of the blocks around it, up to eight; blur and glare bring some of their light.
+    /// Codes of the neighbouring blocks, up to eight.
     pub around: Vec<u8>,
 }
 
 impl Gradation {
-    /// Blocks of `block_px` panel pixels, the codes of `levels` dealt out evenly in an order drawn
-    /// from `seed`.
+    /// Blocks of `block_px` panel pixels with the codes of `levels`, equally often, in an order by
+    /// `seed`.
     pub fn new(size: Size, block_px: usize, levels: &[u8], seed: u64) -> Gradation {
         let block_px = block_px.max(1);
         let (columns, rows) = (size.width.div_ceil(block_px), size.height.div_ceil(block_px));
@@ -40,18 +40,18 @@ impl Gradation {
         Gradation { size, block_px, columns, rows, codes }
     }
 
-    /// Codes 0 to 255 in `count` even steps (at least two), both ends included.
+    /// `count` evenly spaced codes (at least two) from 0 to 255.
     pub fn levels(count: usize) -> Vec<u8> {
         let last = count.max(2) - 1;
         (0..=last).map(|n| ((255 * n + last / 2) / last) as u8).collect()
     }
 
-    /// The picture in one channel, the others 0.
+    /// The picture in one channel, with 0 in the others.
     pub fn in_channel(&self, channel: Channel) -> Codes {
         Frame::from_fn(|c| if c == channel { self.plane() } else { Plane::zeros(self.size) })
     }
 
-    /// The picture in all three channels alike.
+    /// The same picture in all three channels.
     pub fn grey(&self) -> Codes {
         Frame::from_fn(|_| self.plane())
     }
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_level_is_dealt_out_evenly_and_shown_where_it_is_said_to_be() {
+    fn levels_are_equally_frequent_and_shown_at_their_positions() {
         let levels = Gradation::levels(9);
         assert_eq!(levels, [0, 32, 64, 96, 128, 159, 191, 223, 255]);
         let g = Gradation::new(Size::new(100, 75), 10, &levels, 3);

@@ -1,7 +1,7 @@
-//! What is shown on purpose: pictures by which a rig is judged and measured, and a test chart.
+//! Pictures for checking and measuring a rig, and a test chart.
 //!
-//! Pictures for the panel as it is ([`Codes`], panel pixels) serve while nothing is calibrated yet;
-//! pictures in light ([`Plane`], 0..255, Work) need response curve and geometry to be shown.
+//! Pictures in panel pixels ([`Codes`]) serve before calibration; pictures in light ([`Plane`],
+//! 0..255, Work) need response curve and geometry to be shown.
 
 pub mod chart;
 mod gradation;
@@ -14,8 +14,7 @@ use crate::frame::{Channel, Codes, Frame, Plane, Size};
 pub use chart::chart;
 pub use gradation::{Gradation, GradationBlock};
 
-/// The four trial pictures by which a rig is judged before anything is measured: is light coming,
-/// too much, too little, and from where?
+/// Trial pictures for checks before a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trial {
     /// All codes 0.
@@ -24,7 +23,7 @@ pub enum Trial {
     White,
     /// All codes 128.
     Grey,
-    /// One bright spot a channel, at [`locator_spots`].
+    /// One bright spot per channel, at [`locator_spots`].
     Locator,
 }
 
@@ -48,21 +47,21 @@ pub fn trial(size: Size, which: Trial) -> Codes {
     }
 }
 
-/// Where the locator's spots are, panel pixels: red left of the centre, green right of it, blue
-/// below. Near the centre, so that a badly aimed camera still sees them; no three in a line, so
-/// that they give position, rotation, magnification and reflection.
+/// Positions of the locator's spots, panel pixels: red left of the centre, green right of it, blue
+/// below. They are near the centre, to be in view of a badly aimed camera, and not collinear, to
+/// give position, rotation, magnification and reflection.
 pub fn locator_spots(size: Size) -> [(f64, f64); 3] {
     let (w, h) = (size.width as f64, size.height as f64);
     let (cx, cy) = ((w - 1.0) / 2.0, (h - 1.0) / 2.0);
     [(cx - h / 5.0, cy - h / 8.0), (cx + h / 5.0, cy - h / 8.0), (cx, cy + h / 5.0)]
 }
 
-/// Radius of the locator's spots: wide beside any blur that can be worked with.
+/// Radius of the locator's spots: wide against any workable blur.
 fn locator_radius_px(size: Size) -> f64 {
     size.height as f64 / 24.0
 }
 
-/// One code a channel over the whole panel.
+/// One code per channel over the whole panel.
 pub fn flat(size: Size, codes: [u8; 3]) -> Codes {
     Frame::from_fn(|c| Plane::filled(size, codes[c.index()]))
 }
@@ -74,9 +73,9 @@ pub fn flat_of(size: Size, channel: Channel, code: u8) -> Codes {
     flat(size, codes)
 }
 
-/// A checkerboard of black and full squares of `square_px` panel pixels in one channel. Its corners
-/// lie at (a·`square_px` − ½, b·`square_px` − ½); squares with even a + b (right of and below that
-/// corner) are full.
+/// A checkerboard of squares of `square_px` panel pixels with codes 0 and 255 in one channel. Its
+/// corners are at (a·`square_px` − ½, b·`square_px` − ½); squares right of and below a corner with
+/// even a + b are bright.
 pub fn checkerboard(size: Size, square_px: usize, channel: Channel) -> Codes {
     let square_px = square_px.max(1);
     Frame::from_fn(|c| {
@@ -89,8 +88,7 @@ pub fn checkerboard(size: Size, square_px: usize, channel: Channel) -> Codes {
     })
 }
 
-/// Pseudo-random ±1, as many of one as of the other (zero mean; one 0 when the area is odd), white.
-/// The same seed gives the same pattern everywhere.
+/// White pseudo-random ±1 of zero mean (one 0 if the area is odd), reproducible by the seed.
 pub fn pseudo_random(size: Size, seed: u64) -> Plane {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let half = size.area() / 2;
@@ -101,7 +99,7 @@ pub fn pseudo_random(size: Size, seed: u64) -> Plane {
     Plane::from_vec(size, data).unwrap_or_else(|| Plane::zeros(size))
 }
 
-/// A seed for the `n`-th of several patterns made from one seed.
+/// Derives the seed of the `n`-th of several patterns.
 pub fn nth_seed(seed: u64, n: u64) -> u64 {
     Xoshiro256PlusPlus::seed_from_u64(seed ^ n.wrapping_mul(0x9E37_79B9_7F4A_7C15)).random()
 }
@@ -125,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn checkerboard_corners_are_where_they_are_said_to_be() {
+    fn checkerboard_corners_are_at_their_documented_positions() {
         let board = checkerboard(Size::new(20, 20), 5, Channel::Green);
         let green = board.plane(Channel::Green);
         assert_eq!(
@@ -136,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn locator_spots_are_on_the_panel_in_their_channels() {
+    fn locator_spots_are_in_their_channels() {
         let size = Size::new(320, 180);
         let codes = trial(size, Trial::Locator);
         for c in Channel::ALL {

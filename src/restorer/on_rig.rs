@@ -10,7 +10,7 @@ use super::{PanelView, Progress, Restorer, baseline, diffuser, operating_point, 
 use crate::calibration::{Calibration, LensFlat, store};
 use crate::config;
 use crate::deconvolution::method::{Method, Step};
-use crate::frame::{Channel, Frame, Size, Work};
+use crate::frame::{Channel, Frame, Work};
 use crate::kiosk::screen::{Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
@@ -66,7 +66,7 @@ pub fn measure(
         measured = measured.with_focuses_of(previous);
     }
     store::save(slots, &measured).map_err(boxed)?;
-    measured.doubt().into_iter().for_each(|doubt| log::warn!("{doubt}"));
+    measured.warning().into_iter().for_each(|warning| log::warn!("{warning}"));
     let pipeline = Pipeline::new(config, &measured).map_err(boxed)?;
     let reading = read_pilot(config, devices, &pipeline)?;
     baseline::save(slots, measured.generation, &reading);
@@ -90,12 +90,6 @@ pub(super) fn watch(
             _ => ControlFlow::Continue(()),
         }
     }
-}
-
-/// What the camera counts without light in the middle of the photo, by its calibration.
-pub fn black_of(config: &config::RigFile, calibration: &Calibration) -> f64 {
-    let Size { width, height } = config.canvas_size();
-    calibration.black[Channel::Green.index()].at(width as f64 / 2.0, height as f64 / 2.0)
 }
 
 /// Counts of each of the camera's channels for each grey level of the panel's red, green and blue,
@@ -150,7 +144,7 @@ impl OnRig {
             calibrating,
             interruption: None,
             baseline: baseline::load(&slots, calibration.generation),
-            black: black_of(config, &calibration),
+            black: calibration.black_level(Channel::Green),
             gains: gains_of(config, &calibration),
             slots,
             last: None,
@@ -175,7 +169,7 @@ impl OnRig {
                         on this rig; run `relens calibrate --diffuser`";
             return Some(note.to_owned());
         };
-        flat.take_out_of(picture);
+        flat.remove_from(picture);
         let most = 1.0 / flat.darkest();
         Some(format!("the lens's dark corners were removed: up to {most:.2} times the light"))
     }
@@ -245,7 +239,7 @@ impl Restorer for OnRig {
             )?;
             self.pipeline = self.pipeline.calibrated(&self.config, &calibration).map_err(boxed)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
-            self.black = black_of(&self.config, &calibration);
+            self.black = calibration.black_level(Channel::Green);
             self.gains = gains_of(&self.config, &calibration);
         } else {
             self.devices.reopen().map_err(boxed)?;

@@ -1,5 +1,5 @@
-//! Raw photos whose noise is not one exposure's at the rig's gain: their files state what it is, or
-//! the photos show it, and they are restored by that; and one through the lens stopped down.
+//! Raw photos with a noise other than one exposure's at the rig's gain, stated by the file or
+//! estimated from the photo; and a photo with the lens stopped down.
 
 use relens::chart::scenes::Scene;
 use relens::config::{Curve, Kind, Lens, RigFile};
@@ -17,7 +17,7 @@ use crate::raw_file::score;
 
 const RIG: &str = "truthful.toml";
 
-/// A rig before a scene, and what makes photos of it.
+/// A rig in front of a scene.
 struct NoisyRig {
     file: RigFile,
     grid: PhotoGrid,
@@ -25,7 +25,7 @@ struct NoisyRig {
     witness: Witness,
     scene: Frame<Work>,
     restorer: PhotoRestorer,
-    /// Of one exposure, as its files state it.
+    /// Noise of one exposure, as stated in its files.
     noise: SiteNoise,
 }
 
@@ -43,7 +43,7 @@ impl NoisyRig {
         NoisyRig { file, grid, devices, witness, scene, restorer, noise }
     }
 
-    /// The mean of `frames` exposures, with the mean of `dark` dark ones taken off, through a file.
+    /// Takes a photo file: the mean of `frames` exposures minus the mean of `dark` dark ones.
     fn take(&mut self, frames: u8, dark: u8) -> Photo {
         let mosaic = self.file.mosaic().unwrap();
         let (black, max) = (self.witness.black_level_counts(), self.file.camera.count_max());
@@ -61,26 +61,34 @@ impl NoisyRig {
         photo.fit(self.grid).unwrap()
     }
 
-    /// What becomes of `photo`, with the noise that it is said to be restored by (not a number of
-    /// one returned as it was), and SSIM and dB.
-    fn restored(&mut self, photo: &Photo) -> (Outcome, f64, [f64; 2]) {
+    /// Restores and scores `photo`.
+    fn restored(&mut self, photo: &Photo) -> Restored {
         let truth: Frame<Work> = Frame::from_fn(|c| self.scene.plane(c).crop(self.grid.photo));
         let outcome = self.restorer.restore(photo).unwrap();
-        let told = |note: &String| {
+        let stated = |note: &String| {
             note.strip_prefix("noise of the photo: ")?.split_once(' ')?.0.parse().ok()
         };
-        let used = outcome.notes.iter().find_map(told).unwrap_or(f64::NAN);
-        let scored = score(&outcome.picture, &self.witness.shaded(&truth));
-        (outcome, used, scored)
+        let noise = outcome.notes.iter().find_map(stated).unwrap_or(f64::NAN);
+        let score = score(&outcome.picture, &self.witness.shaded(&truth));
+        Restored { outcome, noise, score }
     }
+}
+
+/// A restored photo.
+struct Restored {
+    outcome: Outcome,
+    /// Noise reported in the notes, grey levels; NaN without.
+    noise: f64,
+    /// SSIM and dB.
+    score: [f64; 2],
 }
 
 fn mean_light(photo: &Photo) -> f32 {
     photo.light.plane(Channel::Green).mean() as f32
 }
 
-/// The noise, grey levels, of the green of `photo`, of which `other` is another take: where its
-/// light is near its mean.
+/// Noise of green in `photo` near its mean light, grey levels, by the difference to `other`, a
+/// second take.
 fn noise_present(photo: &Photo, other: &Photo) -> f64 {
     let (green, mosaic) = (photo.light.plane(Channel::Green), photo.raw.unwrap().mosaic);
     let (mean_light, mut differences) = (mean_light(photo), Vec::new());
@@ -97,14 +105,14 @@ fn noise_present(photo: &Photo, other: &Photo) -> f64 {
     (differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / count / 2.0).sqrt()
 }
 
-/// The noise, grey levels, that the file of `photo` states at the green's mean light.
+/// Noise stated by the file of `photo` at green's mean light, grey levels.
 fn noise_stated(photo: &Photo) -> f64 {
     let [at_black, per_level] = photo.raw.unwrap().noise.unwrap()[Channel::Green.index()];
     f64::from(at_black + per_level * mean_light(photo)).sqrt()
 }
 
-/// The same photo, whose file says this of its noise, or nothing.
-fn saying(photo: &Photo, noise: Option<[[f32; 2]; 3]>) -> Photo {
+/// The photo with another stated noise, or none.
+fn with_noise(photo: &Photo, noise: Option<[[f32; 2]; 3]>) -> Photo {
     let raw = photo.raw.map(|raw| RawSites { noise, ..raw });
     Photo { raw, ..photo.clone() }
 }
@@ -115,25 +123,26 @@ fn near(a: f64, b: f64) -> bool {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn a_photo_is_restored_by_the_noise_that_its_file_states() {
+fn a_photo_is_restored_with_the_noise_stated_in_its_file() {
     let slots = tempfile::tempdir().unwrap();
     let mut bed = NoisyRig::new(slots.path());
     let mut scores = Vec::new();
     for (frames, dark) in [(1, 0), (4, 0), (16, 0), (4, 1)] {
         let (photo, other) = (bed.take(frames, dark), bed.take(frames, dark));
         let (stated, present) = (noise_stated(&photo), noise_present(&photo, &other));
-        let (outcome, used, scored) = bed.restored(&photo);
-        let (_, as_one, unstated) = bed.restored(&saying(&photo, None));
+        let Restored { outcome, noise: used, score: scored } = bed.restored(&photo);
+        let Restored { noise: as_one, score: unstated, .. } =
+            bed.restored(&with_noise(&photo, None));
         println!(
             "{frames} exposures, {dark} dark: noise {present:.3}, stated {stated:.3}, used \
              {used:.2}; {scored:.4?} (not stated: {as_one:.2}; {unstated:.4?})"
         );
         assert!(near(stated, present), "{frames}: {stated} stated, {present} present");
-        // Of more exposures the noise is less than what the lens model misses.
+        // The noise of more exposures falls below the error of the lens model.
         let least = f64::from(AVERAGED_MIN).sqrt() * as_one;
         assert!(near(used, stated.max(least)), "{used}, not {stated} or {least}");
-        let told = outcome.notes.iter().any(|note| note.contains("of one exposure's noise"));
-        assert_eq!(told, frames > 1, "{:?}", outcome.notes);
+        let is_noted = outcome.notes.iter().any(|note| note.contains("of one exposure's noise"));
+        assert_eq!(is_noted, frames > 1, "{:?}", outcome.notes);
         assert!(scored[0] > unstated[0] - 0.001, "{frames}: {scored:?} {unstated:?}");
         scores.push(scored);
     }
@@ -143,29 +152,31 @@ fn a_photo_is_restored_by_the_noise_that_its_file_states() {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn a_gain_that_the_rig_does_not_know_is_told_by_the_file_and_nonsense_is_not_believed() {
+fn an_unknown_gain_is_read_from_the_file_and_implausible_noise_is_ignored() {
     let slots = tempfile::tempdir().unwrap();
     let mut bed = NoisyRig::new(slots.path());
     let photo = bed.take(1, 0);
-    let (_, own, _) = bed.restored(&saying(&photo, None));
+    let Restored { noise: own, .. } = bed.restored(&with_noise(&photo, None));
     for times in [1e-4, 1e4] {
         let noise = Some([[0.05 * times, 0.005 * times]; 3]);
-        let (outcome, used, _) = bed.restored(&saying(&photo, noise));
-        let told = outcome.notes.iter().any(|note| note.contains("the noise that the file states"));
-        assert!(told && near(used, own), "{used}, not the rig's {own}: {:?}", outcome.notes);
+        let Restored { outcome, noise: used, .. } = bed.restored(&with_noise(&photo, noise));
+        let is_noted =
+            outcome.notes.iter().any(|note| note.contains("the noise that the file states"));
+        assert!(is_noted && near(used, own), "{used}, not the rig's {own}: {:?}", outcome.notes);
     }
-    // Exposed for a sixteenth of the time. Its noise is what follows from the rig's own.
+    // Exposed for a sixteenth of the time; the noise follows from the rig's.
     bed.noise = bed.noise.amplified(16.0);
     assert_eq!(bed.devices.amplify_times(16.0).unwrap(), Some(16.0));
     assert!(bed.devices.expose_times(1.0 / 16.0).unwrap());
     let (photo, other) = (bed.take(1, 0), bed.take(1, 0));
     let present = noise_present(&photo, &other);
-    let (_, used, scored) = bed.restored(&photo);
-    let (outcome, found, unstated) = bed.restored(&saying(&photo, None));
+    let Restored { noise: used, score: scored, .. } = bed.restored(&photo);
+    let Restored { outcome, noise: found, score: unstated } =
+        bed.restored(&with_noise(&photo, None));
     println!("16 times the gain: noise {present:.3}");
     println!("stated {used:.2}, {scored:.4?}; not stated {found:.2}, {unstated:.4?}");
     assert!(near(used, present), "{used} used, {present} present");
-    // Where no file says it, the photo does.
+    // Without a stated noise it is estimated from the photo.
     assert!(near(found, present), "{found} found, {present} present");
     assert!(outcome.notes.iter().any(|note| note.contains("as at a higher gain")), "{outcome:?}");
     let alike = [0.003, 0.2].into_iter().zip(scored.into_iter().zip(unstated));
@@ -174,11 +185,12 @@ fn a_gain_that_the_rig_does_not_know_is_told_by_the_file_and_nonsense_is_not_bel
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_photo_through_the_lens_stopped_down_is_left_as_it_is() {
+fn a_photo_with_the_lens_stopped_down_is_left_untouched() {
     let slots = tempfile::tempdir().unwrap();
     let mut bed = NoisyRig::new(slots.path());
     let photo = bed.take(1, 0);
-    let (wide, _, wide_scored) = bed.restored(&saying(&photo, None));
+    let Restored { outcome: wide, score: wide_scored, .. } =
+        bed.restored(&with_noise(&photo, None));
     assert_ne!(wide.verdict, Verdict::Untouched, "{}", wide.reason);
     let mut stopped = bed.file.clone();
     if let Kind::Simulated(simulation) = &mut stopped.kind
@@ -189,9 +201,9 @@ fn a_photo_through_the_lens_stopped_down_is_left_as_it_is() {
     (bed.devices, bed.witness) = simulated::open(&stopped).unwrap();
     bed.witness.put_before_lens(Some(&bed.scene));
     let photo = bed.take(1, 0);
-    let (outcome, _, scored) = bed.restored(&saying(&photo, None));
+    let Restored { outcome, score: scored, .. } = bed.restored(&with_noise(&photo, None));
     println!("wide open {wide_scored:.4?}, stopped down {scored:.4?}: {}", outcome.reason);
     assert_eq!(outcome.verdict, Verdict::Untouched);
     assert!(outcome.reason.contains("far sharper"), "{}", outcome.reason);
-    assert_eq!(outcome.captures, 0, "told before anything is shown");
+    assert_eq!(outcome.captures, 0, "detected before anything is shown");
 }

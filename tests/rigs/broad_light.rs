@@ -1,4 +1,4 @@
-//! The light that a lens scatters wider than its functions reach, found against the simulator's.
+//! Light scattered beyond the lens functions, against the simulator's truth.
 
 use relens::config::{self, Kind, Lens};
 use relens::frame::Channel;
@@ -16,10 +16,10 @@ fn within(side: usize, radius_px: f64) -> f64 {
     (inside / all).powi(2)
 }
 
-/// Places along each side of the photo whose functions are looked at.
+/// Points along each side of the photo with compared functions.
 const ALONG: usize = 6;
 
-/// Share of a channel's light that falls outside the measured functions: mean over the photo.
+/// Share of a channel's light outside the measured functions, mean over the photo.
 fn beyond(rig: &config::RigFile, witness: &Witness, channel: Channel) -> f64 {
     let side = rig.calibration.function_support_px;
     let glare = rig.simulation().unwrap().lens.glare();
@@ -41,8 +41,8 @@ fn beyond(rig: &config::RigFile, witness: &Witness, channel: Channel) -> f64 {
     1.0 - (1.0 - share) * kept - share * within(side, f64::from(glare.radius_px))
 }
 
-/// The light that is found beyond the functions is what falls there, to a hundredth of all light.
-fn found_of(rig: &config::RigFile) {
+/// Checks the light found beyond the functions to a hundredth of all light.
+fn check_scatter(rig: &config::RigFile) {
     let (_, witness) = simulated::open(rig).unwrap();
     let calibration = measured(rig).unwrap();
     for (c, found) in Channel::ALL.into_iter().zip(calibration.scattered()) {
@@ -60,21 +60,21 @@ fn found_of(rig: &config::RigFile) {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn what_is_found_of_broad_light_is_what_the_lens_scatters() {
-    // Nothing is between its sites, and behind colour filters much is.
-    found_of(&load("small.toml"));
-    found_of(&load("truthful.toml"));
+fn measured_broad_light_equals_the_lens_s_scatter() {
+    // Without and with colour filters.
+    check_scatter(&load("small.toml"));
+    check_scatter(&load("truthful.toml"));
 }
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn other_lenses_broad_light_is_found_behind_filters() {
+fn broad_light_of_other_lenses_is_measured_behind_filters() {
     for (seed, share, radius_px) in [(1, 0.0, 15.0), (3, 0.06, 30.0), (4, 0.1, 15.0)] {
         let mut rig = load("truthful.toml");
         let Kind::Simulated(simulation) = &mut rig.kind else { panic!("a simulated rig") };
         simulation.seed = seed;
         let Lens::Prescription(_, glare) = &mut simulation.lens else { panic!("a traced lens") };
         (glare.share, glare.radius_px) = (share, radius_px);
-        found_of(&rig);
+        check_scatter(&rig);
     }
 }

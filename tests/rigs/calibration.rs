@@ -1,4 +1,4 @@
-//! Calibration from captures alone, scored against the simulator's truth with stated bounds.
+//! Calibration from captures alone, against the simulator's truth with bounds.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -17,16 +17,23 @@ use relens::rig::simulated::{self, Light, Witness};
 
 use crate::{load, measured};
 
-fn calibrated(config: &config::RigFile) -> (Devices, Witness, Calibration) {
+/// A calibrated simulated rig.
+struct Calibrated {
+    rig: Devices,
+    witness: Witness,
+    calibration: Calibration,
+}
+
+fn calibrated(config: &config::RigFile) -> Calibrated {
     let (rig, witness) = simulated::open(config).expect("a simulated rig");
     let calibration = measured(config).unwrap_or_else(|error| panic!("{error}"));
     println!("{}: {} captures", config.name, calibration.captures);
-    assert_eq!(calibration.captures, captures(config), "the captures announced are those made");
-    (rig, witness, calibration)
+    assert_eq!(calibration.captures, captures(config), "the number of captures is as announced");
+    Calibrated { rig, witness, calibration }
 }
 
-/// RMS distance on the sensor, pixels, between where a Work place shall be seen and where the light
-/// shown for it has its centroid; over the photo.
+/// RMS distance on the sensor, pixels, between Work positions and the centroids of the light shown
+/// for them, over the photo.
 fn geometry_error_px(
     config: &config::RigFile,
     witness: &Witness,
@@ -72,8 +79,8 @@ fn dark_corner_error(
     (squared / truth.size().area() as f64).sqrt()
 }
 
-/// `scene` (photo-sized) on the canvas: its border goes on over the margin, and the last two pixels
-/// are black, so that the panel is black outside the canvas as the witness's operator has it.
+/// `scene` (photo-sized) on the canvas: its border is repeated over the margin, and the last two
+/// pixels are black, so that the panel is black outside the canvas like in the witness's operator.
 fn on_canvas(config: &config::RigFile, scene: [Plane; 3]) -> Frame<Work> {
     let (canvas, margin) = (config.canvas_size(), config.canvas.margin_px);
     Frame::from_planes(scene.map(|scene| {
@@ -87,9 +94,9 @@ fn on_canvas(config: &config::RigFile, scene: [Plane; 3]) -> Frame<Work> {
 }
 
 struct Errors {
-    /// RMS of (seen through the whole path − K·L true), per channel.
+    /// RMS of (capture by the light path − true K·L), per channel.
     operator: [f64; 3],
-    /// RMS of (lens model − K·L true), per channel.
+    /// RMS of (lens model − true K·L), per channel.
     model: [f64; 3],
 }
 
@@ -121,7 +128,7 @@ fn operator_error(
     errors
 }
 
-/// The bounds asked of a rig, all but the operator error's.
+/// Checks all bounds of a calibration but the operator error's.
 fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration) {
     let mixing = witness.cross_channel();
     for c in Channel::ALL {
@@ -159,8 +166,8 @@ fn score(config: &config::RigFile, witness: &Witness, calibration: &Calibration)
     }
 }
 
-/// The broad light found against the simulator's glare. Blue is out of focus, and what of its blur
-/// lies beyond its functions is found too.
+/// Checks the broad light against the simulator's glare. Blue is out of focus, and its blur beyond
+/// the functions is included.
 fn score_broad_light(config: &config::RigFile, calibration: &Calibration) {
     let glare = config.simulation().expect("simulated").lens.glare();
     println!(
@@ -174,8 +181,8 @@ fn score_broad_light(config: &config::RigFile, calibration: &Calibration) {
     assert!(blue >= 0.75 * glare.share, "{blue} of {}", glare.share);
 }
 
-/// The operator error on chart and photographs, bounded by `factor` times the 2 and 1 grey levels
-/// asked of the default rig.
+/// Checks the operator error on chart and photographs, bounded by `factor` times the default rig's
+/// 2 and 1 grey levels.
 fn score_operator(
     config: &config::RigFile,
     rig: &mut Devices,
@@ -193,7 +200,7 @@ fn score_operator(
     ];
     let noisy = operator_error(config, rig, witness, calibration, scenes[0].1.clone());
     println!("chart, one capture with noise: operator {:.2?}", noisy.operator);
-    // The operator is what is left when noise is averaged away; here noise is turned off instead.
+    // The operator error excludes noise, which is switched off here.
     witness.set_read_noise_levels(0.0);
     witness.set_full_well_electrons(f64::INFINITY);
     for (name, scene, bound) in scenes {
@@ -211,12 +218,12 @@ fn score_operator(
 }
 
 #[test]
-fn the_small_rig_is_calibrated_within_the_bounds() {
+fn the_small_rig_is_calibrated_within_bounds() {
     let config = load("small.toml");
-    let (mut rig, witness, calibration) = calibrated(&config);
+    let Calibrated { mut rig, witness, calibration } = calibrated(&config);
     score(&config, &witness, &calibration);
-    // The bounds are the default rig's. This one's pixels are four times as wide in the same blur,
-    // so that resampling to the panel loses finer detail than the lens does.
+    // The bounds are the default rig's. These pixels are four times as wide in the same blur, so
+    // resampling to the panel loses finer detail than the lens.
     score_operator(&config, &mut rig, &witness, &calibration, 2.5);
 }
 
@@ -224,22 +231,22 @@ fn the_small_rig_is_calibrated_within_the_bounds() {
 #[ignore = "minutes: the long gate runs it"]
 fn the_default_rig_is_calibrated_within_the_bounds() {
     let config = load("ideal.toml");
-    let (mut rig, witness, calibration) = calibrated(&config);
+    let Calibrated { mut rig, witness, calibration } = calibrated(&config);
     score(&config, &witness, &calibration);
     score_broad_light(&config, &calibration);
     score_operator(&config, &mut rig, &witness, &calibration, 1.0);
 }
 
-/// The bounds must not hang on one seed's noise; minutes, so only on demand.
+/// The bounds must hold for other seeds; takes minutes.
 #[test]
-#[ignore = "calibrates the default rig three times more"]
+#[ignore = "calibrates the default rig three times"]
 fn the_default_rig_keeps_the_bounds_with_other_noise() {
     for seed in 2..=4 {
         let mut config = load("ideal.toml");
         if let config::Kind::Simulated(simulation) = &mut config.kind {
             simulation.seed = seed;
         }
-        let (mut rig, witness, calibration) = calibrated(&config);
+        let Calibrated { mut rig, witness, calibration } = calibrated(&config);
         score(&config, &witness, &calibration);
         score_operator(&config, &mut rig, &witness, &calibration, 1.0);
     }
@@ -249,16 +256,16 @@ fn the_default_rig_keeps_the_bounds_with_other_noise() {
 #[ignore = "a minute: the gate runs it"]
 fn the_studys_rig_is_calibrated_without_a_checkerboard() {
     let config = load("study.toml");
-    let (mut rig, witness, calibration) = calibrated(&config);
+    let Calibrated { mut rig, witness, calibration } = calibrated(&config);
     score(&config, &witness, &calibration);
     score_operator(&config, &mut rig, &witness, &calibration, 1.0);
 }
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn the_response_of_each_site_is_found_and_bad_sites_with_it() {
+fn responses_of_sites_and_bad_sites_are_found() {
     let mut config = load("truthful.toml");
-    // Stripes beat with pixels as coarse as this rig's, and not all of that is told from sites.
+    // Stripes beat with such coarse pixels, and not all of it is separable from sites.
     score_pattern(&config, 0.0027);
     if let config::Kind::Simulated(simulation) = &mut config.kind {
         simulation.display.subpixels = config::Subpixels::Whole;
@@ -266,9 +273,9 @@ fn the_response_of_each_site_is_found_and_bad_sites_with_it() {
     score_pattern(&config, 0.0);
 }
 
-/// Responses and bad sites against the truth; what is left may be `more` than the noise allowed.
+/// Checks responses and bad sites; the error may exceed the noise's by `more`.
 fn score_pattern(config: &config::RigFile, more: f64) {
-    let (_rig, witness, calibration) = calibrated(config);
+    let Calibrated { witness, calibration, .. } = calibrated(config);
     let layout = Layout::of(config);
     let correction = Correction::new(&calibration, layout).expect("sizes that fit");
     let (sites, mosaic) = (correction.sites().expect("a pattern"), layout.canvas_mosaic());
@@ -301,25 +308,25 @@ fn score_pattern(config: &config::RigFile, more: f64) {
             }
         }
         let (off, was) = (f64::sqrt(squared / count), f64::sqrt(truth / count));
-        // A tenth of the noise of one exposure where photos are bright, and a fifth of the sites'
-        // own differences, which surroundings hold.
+        // A tenth of the noise of one exposure in bright parts, and a fifth of the sites' own
+        // deviations, which enter their surroundings.
         let allowed = f64::hypot(0.1 * witness.noise_levels(230.0) / 230.0, was / 5.0).hypot(more);
         println!(
             "{}: responses differ by {:.3} %, found to {:.3} % ({:.3} allowed), {bad} of {count} \
-             taken for bad",
+             marked bad",
             c.name(),
             100.0 * was,
             100.0 * off,
             100.0 * allowed
         );
         assert!(off <= allowed, "{c:?}: {off}");
-        assert!(bad as f64 <= 1e-4 * count, "{bad} of {count} good sites are taken for bad");
+        assert!(bad as f64 <= 1e-4 * count, "{bad} of {count} good sites are marked bad");
     }
     println!("{missed} of {hot} sites with more than two grey levels of their own are not found");
     assert!(hot > 5 && missed == 0);
 }
 
-/// What a rig that is wrong in one way is told.
+/// The error of a rig with one fault.
 fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
     let config = load("small.toml");
     let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
@@ -331,7 +338,7 @@ fn failure(change: impl FnOnce(&mut Witness)) -> CalibrateError {
 }
 
 #[test]
-fn what_keeps_a_rig_from_being_calibrated_is_told_apart() {
+fn faults_of_a_rig_have_their_own_errors() {
     let error = failure(|w| w.set_white_share(2.5));
     assert!(matches!(error, CalibrateError::OverExposed { .. }), "{error}");
     let error = failure(|w| w.set_white_share(0.05));
@@ -344,8 +351,8 @@ fn what_keeps_a_rig_from_being_calibrated_is_told_apart() {
     assert!(matches!(error, CalibrateError::NotInView { .. }), "{error}");
 }
 
-/// small.toml without tilt, its lens replaced by a measured blur: Gaussians of deviation
-/// `sigma_px`, wider towards the right, in a file beside the rig file.
+/// small.toml without tilt, with a measured blur from a file in place of its lens: Gaussians of
+/// deviation `sigma_px`, wider towards the right.
 fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::RigFile {
     const SUPPORT: i32 = 31;
     let mut taps = Vec::new();
@@ -381,9 +388,9 @@ fn with_measured_blur(folder: &Path, sigma_px: f64) -> config::RigFile {
 }
 
 #[test]
-fn a_rig_out_of_focus_is_told_so() {
-    // A little out of focus corners are still found, and the lens functions say it; far out no
-    // corner is.
+fn a_rig_out_of_focus_gives_an_error() {
+    // Slightly out of focus, corners are found and the lens functions are too wide; farther out, no
+    // corner is found.
     let folder = tempfile::tempdir().expect("a folder");
     for sigma_px in [4.0, 12.0] {
         let config = with_measured_blur(folder.path(), sigma_px);
@@ -397,10 +404,10 @@ fn a_rig_out_of_focus_is_told_so() {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
+fn a_measured_blur_can_replace_the_lens() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = with_measured_blur(folder.path(), 1.3);
-    let (mut rig, witness, calibration) = calibrated(&config);
+    let Calibrated { mut rig, witness, calibration } = calibrated(&config);
     score(&config, &witness, &calibration);
     let scene = Scene::Astronaut.light(config.photo.size());
     let tone = relens::picture::Tone::of_curve(config.photo.curve, 8);
@@ -419,7 +426,7 @@ fn a_measured_blur_in_place_of_a_lens_goes_through_the_whole_rig() {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn a_rig_that_moves_is_told_so_whenever_it_moves() {
+fn a_moving_rig_gives_an_error_at_any_time() {
     for when in [8, 20, 34] {
         let config = load("small.toml");
         let (mut rig, mut witness) = simulated::open(&config).expect("a simulated rig");
@@ -439,19 +446,19 @@ fn a_rig_that_moves_is_told_so_whenever_it_moves() {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_calibration_is_given_up_after_the_capture_at_which_it_is_asked_to_be() {
+fn a_calibration_is_cancelled_after_the_current_capture() {
     let config = load("small.toml");
     let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
-    // In the trials, while exposures are longer than the rig file's, and among the patterns.
+    // During the trials, during longer exposures, and among the patterns.
     for when in [1, 14, captures(&config) - 8] {
         let (before, mut asked) = (rig.captures(), 0);
         let end = calibrate(&mut rig, &config, None, &mut |p| {
             asked += 1;
             if p.captures >= when { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        let error = end.expect_err("it was given up");
+        let error = end.expect_err("cancelled");
         assert!(matches!(error, CalibrateError::GivenUp), "{error}");
-        // One more shows the exposure set back.
+        // One more capture restores the exposure.
         let taken = rig.captures() - before;
         assert!((when as usize..=when as usize + 1).contains(&taken), "{taken} of {when}");
         assert!(asked > when);
@@ -461,9 +468,9 @@ fn a_calibration_is_given_up_after_the_capture_at_which_it_is_asked_to_be() {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn the_same_rig_gives_the_same_calibration_and_counts_generations() {
+fn a_calibration_is_reproducible_and_increments_the_generation() {
     let config = load("small.toml");
-    let (_, _, first) = calibrated(&config);
+    let first = calibrated(&config).calibration;
     let (mut rig, _) = simulated::open(&config).expect("a simulated rig");
     let second =
         calibrate(&mut rig, &config, Some(&first), &mut to_the_end).expect("a calibration");
@@ -473,7 +480,7 @@ fn the_same_rig_gives_the_same_calibration_and_counts_generations() {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_camera_that_bends_its_counts_is_refused_and_a_sensor_s_knee_is_undone() {
+fn a_gamma_is_refused_and_a_sensor_s_knee_is_linearised() {
     let mut config = load("small.toml");
     config.calibration.linearity = true;
     let bent = |gamma: f64, knee_share: f64| {

@@ -1,4 +1,4 @@
-//! Every method, led astray as far as a rig can lead it: nothing runs away.
+//! No method diverges under the worst errors of a rig.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -33,7 +33,7 @@ fn golden(name: &str) -> (Vec<usize>, Vec<f32>) {
     read_npy_f32(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)).unwrap()
 }
 
-/// The lens's functions, those of `from` in green.
+/// The lens functions, with those of `from` in green.
 fn functions(from: Channel) -> LensFunctions {
     let (shape, values) = golden("psf_grid.npy");
     let mut functions = LensFunctions::from_npy(&shape, &values).unwrap();
@@ -41,8 +41,8 @@ fn functions(from: Channel) -> LensFunctions {
     functions
 }
 
-/// Optics whose light is brighter than it was, displaced, and noisy.
-struct Astray<'a> {
+/// Optics with a gain, a displacement and noise.
+struct FaultyOptics<'a> {
     optics: ComputedOptics<'a>,
     gain: f32,
     shift_px: usize,
@@ -50,7 +50,7 @@ struct Astray<'a> {
     random: Xoshiro256PlusPlus,
 }
 
-impl ForwardConvolution for Astray<'_> {
+impl ForwardConvolution for FaultyOptics<'_> {
     fn size(&self) -> Size {
         SIZE
     }
@@ -120,12 +120,12 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
     ]
 }
 
-/// What is wrong in one case.
+/// The errors of one case.
 #[derive(Debug, Clone, Copy)]
-struct Wrong {
-    /// ‖K‖ is thought this much smaller than it is.
+struct Fault {
+    /// Factor by which ‖K‖ is underestimated.
     norms: f32,
-    /// Whose functions the light has.
+    /// Channel of the optics' functions.
     lens: Channel,
     gain: f32,
     shift_px: usize,
@@ -135,8 +135,8 @@ struct Wrong {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn no_method_runs_away_whatever_is_wrong() {
-    let right = Wrong { norms: 1.0, lens: GREEN, gain: 1.0, shift_px: 0, noise: 0.0, patch_px: 16 };
+fn no_method_diverges_under_faults() {
+    let right = Fault { norms: 1.0, lens: GREEN, gain: 1.0, shift_px: 0, noise: 0.0, patch_px: 16 };
     let model = LensModel::new(SIZE, 0, &functions(GREEN)).unwrap();
     let level_norms = LevelNorms::measure(&model, GREEN, 2, 12, 1);
     let (_, blurred) = golden("ist_b.npy");
@@ -152,12 +152,12 @@ fn no_method_runs_away_whatever_is_wrong() {
         sampling: Arc::new(Developed { interpolated: None, has_blocks: false }),
     };
     for wrong in [
-        Wrong { norms: 16.0, ..right },
-        Wrong { gain: 2.0, ..right },
-        Wrong { patch_px: 128, ..right },
-        Wrong { shift_px: 4, ..right },
-        Wrong { noise: 20.0, ..right },
-        Wrong {
+        Fault { norms: 16.0, ..right },
+        Fault { gain: 2.0, ..right },
+        Fault { patch_px: 128, ..right },
+        Fault { shift_px: 4, ..right },
+        Fault { noise: 20.0, ..right },
+        Fault {
             norms: 4.0,
             lens: Channel::Blue,
             gain: 1.5,
@@ -180,14 +180,14 @@ fn no_method_runs_away_whatever_is_wrong() {
         let lens = LensModel::new(SIZE, 0, &functions(wrong.lens)).unwrap();
         for method in methods(wrong.patch_px) {
             let random = Xoshiro256PlusPlus::seed_from_u64(7);
-            let (optics, Wrong { gain, shift_px, noise, .. }) =
+            let (optics, Fault { gain, shift_px, noise, .. }) =
                 (ComputedOptics::new(&lens, true), wrong);
-            let mut astray = Astray { optics, gain, shift_px, noise, random };
-            let solution = method.solve(&problem, &mut astray, &mut |_, _| {}).unwrap();
+            let mut faulty = FaultyOptics { optics, gain, shift_px, noise, random };
+            let solution = method.solve(&problem, &mut faulty, &mut |_, _| {}).unwrap();
             let name = method.name();
             let rms = solution.picture.plane(GREEN).rms();
             assert!(rms < 255.0, "{name}, {wrong:?}: RMS {rms}");
-            // The light says of no later picture that it is much worse than the first.
+            // The optical residual does not grow.
             let optical = solution.record.steps().iter().filter(|s| s.of == ResidualOf::Optics);
             let optical: Vec<f32> = optical.map(|s| s.residual).collect();
             if let (Some(first), Some(last)) = (optical.first(), optical.last()) {

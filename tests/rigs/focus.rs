@@ -1,5 +1,6 @@
-//! A scene nearer or farther than the panel: its photo is restored with the lens as measured at a
-//! few focus offsets, the photo telling at which; the table of `tests/tables/focus.md`.
+//! Scenes nearer or farther than the panel: photos are restored with the lens measured at a few
+//! focus offsets, and the offset is estimated from the photo; makes the table of
+//! `tests/tables/focus.md`.
 
 use std::path::Path;
 use std::process::Command;
@@ -16,17 +17,17 @@ use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
 
-/// Offsets at which the lens is measured, dioptres: about as many pixels of blur between any two.
+/// Focus offsets of the lens, dioptres, with about equal steps of blur.
 const OFFSETS: [f32; 7] = [-0.14, -0.09, -0.04, -0.015, 0.015, 0.04, 0.07];
 
-/// small.toml with functions wide enough for a scene far out of focus.
+/// small.toml with functions wide enough for scenes far out of focus.
 fn rig() -> RigFile {
     let mut rig = load("small.toml");
     rig.calibration.function_support_px = 17;
     rig
 }
 
-/// `rig` with a scene at `scene_mm`, its panel at `panel_mm`, and the lens focused where it was.
+/// `rig` with a scene at `scene_mm` and the panel at `panel_mm`, with unchanged focus.
 fn at(rig: &RigFile, panel_mm: f64, scene_mm: f64) -> RigFile {
     let mut moved = rig.clone();
     if let Kind::Simulated(simulation) = &mut moved.kind
@@ -39,7 +40,7 @@ fn at(rig: &RigFile, panel_mm: f64, scene_mm: f64) -> RigFile {
     moved
 }
 
-/// The rig calibrated at the panel's focus, and at others.
+/// Calibrations at the panel's focus alone, and with other focuses.
 fn calibrations(rig: &RigFile, offsets: &[f32]) -> [Calibration; 2] {
     let alone = measured(rig).unwrap();
     let mut series = alone.clone();
@@ -66,7 +67,7 @@ fn scene_light(rig: &RigFile, scene: Scene) -> Frame<Work> {
     })
 }
 
-/// A photo and what it is to become.
+/// A photo and its truth.
 struct Taken {
     photo: TestPhoto,
     truth: Frame<Work>,
@@ -85,7 +86,7 @@ fn taken(rig: &RigFile, witness: &Witness, scene: Scene, raw: bool) -> Taken {
     Taken { photo, truth: witness.shaded(&light) }
 }
 
-/// What is delivered for a photo: scores, the focus found, the certificate's ratio, the verdict.
+/// Result of a photo: scores, focus offset, the certificate's ratio, the verdict.
 struct Delivered {
     score: [f64; 2],
     offset: f32,
@@ -93,7 +94,7 @@ struct Delivered {
     verdict: String,
 }
 
-/// `taken` restored on `rig` with `calibration`, the panel where it is.
+/// Restores `taken` on `rig` with `calibration`.
 fn delivered(rig: &RigFile, calibration: &Calibration, taken: &Taken) -> Delivered {
     let (mut devices, _) = simulated::open(rig).unwrap();
     let pipeline = Pipeline::new(rig, calibration).unwrap();
@@ -101,9 +102,9 @@ fn delivered(rig: &RigFile, calibration: &Calibration, taken: &Taken) -> Deliver
     let offset = prepared.focus.as_ref().map_or(0.0, |focus| focus.offset);
     let restored = pipeline.restore(&mut devices, &prepared, &hybrid(rig), &mut |_, _| {});
     let outcome = restored.unwrap().outcome;
-    let of_panel = outcome.certificate.is_some_and(|of| of.focus == CertifiedFocus::Panel);
+    let is_panel = outcome.certificate.is_some_and(|made| made.focus == CertifiedFocus::Panel);
     let certified = outcome.certificate.is_some();
-    assert_eq!(of_panel, certified && calibration.focuses.is_empty());
+    assert_eq!(is_panel, certified && calibration.focuses.is_empty());
     Delivered {
         score: score(&outcome.picture, &taken.truth),
         offset,
@@ -112,8 +113,8 @@ fn delivered(rig: &RigFile, calibration: &Calibration, taken: &Taken) -> Deliver
     }
 }
 
-/// Photos of one distance: what is gained at the panel's focus alone, with the focus found, and
-/// with the panel where the scene was; SSIM and dB, sums over the scenes.
+/// Gains for photos of one distance at the panel's focus alone, with the estimated focus, and with
+/// the panel at the scene; SSIM and dB, sums over the scenes.
 #[derive(Default)]
 struct Gains {
     alone: [f64; 2],
@@ -166,7 +167,7 @@ fn gains(
 #[test]
 #[ignore = "makes a table; some minutes"]
 fn what_a_photo_s_own_focus_is_worth() {
-    // FILTERS=1: a camera with colour filters, that develops its photos; RAW=1: raw ones.
+    // FILTERS=1: developed photos of a camera with colour filters; RAW=1: raw ones.
     let [raw, filters] = ["RAW", "FILTERS"].map(|name| std::env::var_os(name).is_some());
     let mut rig = rig();
     if let (true, Kind::Simulated(simulation)) = (raw || filters, &mut rig.kind) {
@@ -188,7 +189,7 @@ fn what_a_photo_s_own_focus_is_worth() {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn a_photo_out_of_focus_gains_what_a_panel_at_its_distance_would_give() {
+fn a_photo_out_of_focus_gains_as_with_a_panel_at_its_distance() {
     let rig = rig();
     let both = calibrations(&rig, &[-0.09, -0.04, 0.04, 0.07]);
     for (mm, least) in [(3200.0, [0.9, 0.8]), (5000.0, [0.9, 0.8])] {
@@ -196,7 +197,7 @@ fn a_photo_out_of_focus_gains_what_a_panel_at_its_distance_would_give() {
             gains(&rig, &both, mm, &[Scene::Coffee, Scene::Rocket], false);
         for n in 0..2 {
             assert!(found[n] >= least[n] * own[n], "{mm}: {found:?} of {own:?}");
-            // The panel's focus alone is far from those shares: the check above can fail.
+            // The panel's focus alone is far from these shares, so the check above is effective.
             assert!(alone[n] < [0.75, 0.6][n] * own[n], "{mm}: {alone:?} of {own:?}");
         }
         assert!(worst > 0.0, "{mm}: {worst}");
@@ -205,7 +206,7 @@ fn a_photo_out_of_focus_gains_what_a_panel_at_its_distance_would_give() {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_photo_in_the_panel_s_focus_is_left_there() {
+fn a_photo_in_the_panel_s_focus_keeps_it() {
     let rig = rig();
     let [_, series] = calibrations(&rig, &[-0.04, 0.04]);
     let (_, witness) = simulated::open(&rig).unwrap();
@@ -216,46 +217,46 @@ fn a_photo_in_the_panel_s_focus_is_left_there() {
         let found = taken.photo.prepared(&pipeline, Channels::Colour).focus;
         let offset = found.map_or(0.0, |focus| focus.offset);
         println!("{}: {offset:+.4}", scene.name());
-        // Half of what costs a photo anything: at 3.6 m, 0.028 dioptres, it is 0.006 SSIM.
+        // Half of an offset that matters: 0.028 dioptres, at 3.6 m, cost 0.006 SSIM.
         assert!(offset.abs() < 0.014, "{}: {offset}", scene.name());
     }
 }
 
-/// What the program says when it is run in `folder` with these words: its exit code and output.
+/// Runs the program in `folder`; returns exit code and output.
 fn run(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_relens"))
         .args(words)
         .current_dir(folder)
         .output()
         .unwrap();
-    let said = [output.stdout, output.stderr].map(|of| String::from_utf8_lossy(&of).into_owned());
-    (output.status.code(), said.concat())
+    let text = [output.stdout, output.stderr].map(|of| String::from_utf8_lossy(&of).into_owned());
+    (output.status.code(), text.concat())
 }
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn other_focuses_are_measured_kept_through_a_calibration_and_forgotten() {
+fn other_focuses_are_measured_survive_a_calibration_and_are_deleted() {
     let folder = tempfile::tempdir().unwrap();
     let calibrate = |more: &[&str]| {
         let words = ["calibrate", "--rig", "small.toml", "--folder", "."];
         run(folder.path(), &[&words[..], more].concat())
     };
-    let (code, said) = calibrate(&["--focus-offset", "-0.04"]);
-    assert!(code != Some(0) && said.contains("run `relens calibrate`"), "{said}");
+    let (code, text) = calibrate(&["--focus-offset", "-0.04"]);
+    assert!(code != Some(0) && text.contains("run `relens calibrate`"), "{text}");
     assert_eq!(calibrate(&[]).0, Some(0));
-    // The ring of a lens focused at 4 m ends a quarter of a dioptre on.
+    // The focus of a lens set to 4 m ends at infinity, a quarter of a dioptre away.
     for wrong in ["0", "20", "nan", "0.25", "5"] {
-        let (code, said) = calibrate(&["--focus-offset", wrong]);
-        let told = said.contains("dioptres") && said.contains("allowed");
-        assert!(code != Some(0) && told, "{said}");
+        let (code, text) = calibrate(&["--focus-offset", wrong]);
+        let is_explained = text.contains("dioptres") && text.contains("allowed");
+        assert!(code != Some(0) && is_explained, "{text}");
     }
-    let (code, said) = calibrate(&["--focus-offset", "-0.04"]);
-    assert!(code == Some(0) && said.contains("the panel's focus and -0.040 dioptres"), "{said}");
-    let (_, said) = calibrate(&["--focus-offset=0.03"]);
-    assert!(said.contains("-0.040, +0.030 dioptres"), "{said}");
+    let (code, text) = calibrate(&["--focus-offset", "-0.04"]);
+    assert!(code == Some(0) && text.contains("the panel's focus and -0.040 dioptres"), "{text}");
+    let (_, text) = calibrate(&["--focus-offset=0.03"]);
+    assert!(text.contains("-0.040, +0.030 dioptres"), "{text}");
     assert_eq!(calibrate(&[]).0, Some(0));
-    let (code, said) = calibrate(&["--forget-focuses"]);
-    assert!(code == Some(0) && said.contains("2 focuses forgotten"), "{said}");
-    let (_, said) = calibrate(&["--forget-focuses"]);
-    assert!(said.contains("0 focuses forgotten"), "{said}");
+    let (code, text) = calibrate(&["--forget-focuses"]);
+    assert!(code == Some(0) && text.contains("2 focuses forgotten"), "{text}");
+    let (_, text) = calibrate(&["--forget-focuses"]);
+    assert!(text.contains("0 focuses forgotten"), "{text}");
 }

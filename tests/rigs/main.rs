@@ -1,8 +1,8 @@
-//! Simulated rigs, scored against the simulator's truth: what captures say of a rig, what becomes
-//! of photos taken with it, and how it is kept over nights.
+//! Simulated rigs against the simulator's truth: calibration, restoration of photos, and operation
+//! over nights.
 
-// A failed unwrap is a failed test, also in the functions the tests share. What was measured is
-// printed beside what is asserted; `--nocapture` shows it.
+// A failed unwrap is a failed test, also in shared functions. Measured values are printed beside
+// assertions; `--nocapture` shows them.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod averaged;
@@ -29,18 +29,17 @@ use relens::config::{self, RigFile};
 use relens::measurement::{CalibrateError, calibrate, to_the_end};
 use relens::rig::simulated;
 
-/// The rig file that comes with the program under this name.
+/// Loads the built-in rig file `name`.
 fn load(name: &str) -> RigFile {
     config::load(Path::new(name)).unwrap()
 }
 
 type Found = Arc<OnceLock<Result<Calibration, CalibrateError>>>;
 
-/// What the simulated rig of `rig`, just opened, is measured to be: once, for all the tests that
-/// ask of the same rig.
+/// Calibrates the newly opened simulated rig of `rig`, once for all tests of the same rig.
 fn measured(rig: &RigFile) -> Result<Calibration, String> {
     static FOUND: OnceLock<Mutex<HashMap<String, Found>>> = OnceLock::new();
-    // A calibration knows nothing of methods.
+    // A calibration does not depend on methods.
     let asked = RigFile { restore: load("small.toml").restore, ..rig.clone() };
     let found = Arc::clone(
         FOUND.get_or_init(Mutex::default).lock().unwrap().entry(format!("{asked:?}")).or_default(),

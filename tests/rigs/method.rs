@@ -1,5 +1,4 @@
-//! The paper's mathematics against arrays of an independent program, and the choices the paper
-//! leaves open.
+//! The paper's mathematics against arrays of an independent program, and the paper's open choices.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -42,10 +41,10 @@ fn green_only(plane: Plane) -> Frame<Work> {
     frame
 }
 
-/// How much of each level the golden lens lets through.
+/// Level norms of the golden lens.
 static LEVEL_NORMS: std::sync::OnceLock<LevelNorms> = std::sync::OnceLock::new();
 
-/// A photo whose every pixel is trusted, solved in green.
+/// A fully trusted photo, solved in green.
 struct Case {
     observation: Observation,
     level_norms: [LevelNorms; 3],
@@ -93,7 +92,7 @@ fn paper(iterations: u32, tau: f32, backward: Backward) -> Paper {
     Paper { iterations, tau, lambda: 3.0, backward, levels: 2, bounded: false }
 }
 
-/// Runs `method` on the golden photo with the golden lens as optics, unrounded.
+/// Runs `method` on the golden photo with unrounded golden optics.
 fn solve_golden(method: &dyn Method) -> Plane {
     let model = golden_model();
     let case = Case::new(golden("ist_b.npy"), 0.0);
@@ -103,7 +102,7 @@ fn solve_golden(method: &dyn Method) -> Plane {
 }
 
 #[test]
-fn flip_fc_flip_is_the_reference_program_s_for_every_patch_size() {
+fn flip_fc_flip_equals_the_reference_for_every_patch_size() {
     let model = golden_model();
     let picture = golden("operator_x.npy");
     for patch_px in [16, 20, 24, 32] {
@@ -125,8 +124,8 @@ fn flip_fc_flip_is_the_reference_program_s_for_every_patch_size() {
 }
 
 #[test]
-fn flip_fc_flip_nears_the_exact_adjoint_as_patches_shrink() {
-    // Bounds: the reference program's own distances at these sizes, plus a tenth.
+fn flip_fc_flip_approaches_the_exact_adjoint_for_small_patches() {
+    // Bounds: the reference program's distances at these sizes, plus a tenth.
     let (model, picture, exact) =
         (golden_model(), golden("operator_x.npy"), golden("operator_kt_x.npy"));
     let size = picture.size();
@@ -147,7 +146,7 @@ fn flip_fc_flip_nears_the_exact_adjoint_as_patches_shrink() {
 }
 
 #[test]
-fn a_pedestal_carries_negative_light_backward() {
+fn a_pedestal_represents_negative_light_backward() {
     let model = golden_model();
     let signed = golden("operator_x.npy").map(|v: f32| (v - 120.0) * 0.1);
     let size = signed.size();
@@ -162,7 +161,7 @@ fn a_pedestal_carries_negative_light_backward() {
     let back =
         backward_convolution(&mut optics, &frame, &grid, Channels::Green, sign, Some(&pedestal))
             .unwrap();
-    // Computed optics take negative light as it is, so the two ways must agree.
+    // Computed optics accept negative light, so both ways must agree.
     let mut ideal = ComputedOptics::new(&model, false);
     let direct =
         backward_convolution(&mut ideal, &frame, &grid, Channels::Green, Sign::Unsigned, None)
@@ -172,7 +171,7 @@ fn a_pedestal_carries_negative_light_backward() {
 }
 
 #[test]
-fn the_loop_as_printed_follows_the_reference_program_step_by_step() {
+fn the_printed_loop_equals_the_reference_step_by_step() {
     for (iterations, name) in [(1, "ist_l1.npy"), (2, "ist_l2.npy"), (11, "ist_l11.npy")] {
         let ours = solve_golden(&paper(iterations, 0.8, Backward::Model));
         let mut difference = ours;
@@ -183,21 +182,20 @@ fn the_loop_as_printed_follows_the_reference_program_step_by_step() {
 }
 
 #[test]
-fn patches_hardly_matter_when_small_and_one_whole_frame_patch_is_worse() {
+fn small_patches_hardly_matter_and_a_whole_frame_patch_is_worse() {
     let truth = golden("operator_x.npy");
     let light = |patch_px| Backward::Light(PatchShape { patch_px, margin_px: 10 });
     let exact = ssim(&solve_golden(&paper(11, 0.8, Backward::Model)), &truth);
     let small = ssim(&solve_golden(&paper(11, 0.8, light(16))), &truth);
     assert!((exact - small).abs() < 0.01, "exact {exact:.4}, patch 16 {small:.4}");
-    // One patch for the whole frame of a rotationally symmetric lens computes K where Kᵀ is meant.
-    // (That it diverges where coma is strong is seen on the study's rig, in tests/study.rs.)
+    // With one patch for the whole frame of a rotationally symmetric lens, K replaces Kᵀ.
     let whole = ssim(&solve_golden(&paper(11, 0.8, light(128))), &truth);
     assert!(whole < small - 0.005, "whole-frame patch {whole:.4}, patch 16 {small:.4}");
 }
 
 #[test]
-fn the_step_of_equation_7_is_stable_below_one_over_the_norm_and_not_above() {
-    // ‖K‖² = 0.995 for this lens, so with the factor 2 kept the limit is τ = 1.005.
+fn the_step_of_equation_7_is_stable_up_to_the_inverse_norm() {
+    // ‖K‖² = 0.995 for this lens, so with the factor 2 the limit is τ = 1.005.
     let size_after = |tau| solve_golden(&paper(60, tau, Backward::Model)).rms();
     let photo = golden("ist_b.npy").rms();
     assert!(size_after(0.8) < 1.1 * photo);
@@ -206,7 +204,7 @@ fn the_step_of_equation_7_is_stable_below_one_over_the_norm_and_not_above() {
 
 #[test]
 fn the_printed_threshold_is_half_of_the_proximal_one() {
-    // λτ/2 as printed shrinks less than λτ would, and so keeps more of the picture.
+    // λτ/2 as printed shrinks less than λτ, and keeps more of the picture.
     let printed = paper(11, 0.8, Backward::Model);
     let proximal = Paper { lambda: 2.0 * printed.lambda, ..printed };
     let truth = golden("operator_x.npy");
@@ -220,7 +218,7 @@ fn digital() -> Digital {
 }
 
 #[test]
-fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
+fn model_based_methods_sharpen_the_photo_and_count_captures() {
     let model = golden_model();
     let truth = golden("operator_x.npy");
     let case = Case::new(golden("ist_b.npy"), 0.3);
@@ -245,25 +243,25 @@ fn the_model_based_methods_sharpen_the_photo_and_count_their_captures() {
         [(&digital(), 0), (&hybrid, 1), (&matched, 2), (&unmatched, 10)];
     for (method, captures) in methods {
         let mut optics = ComputedOptics::new(&model, true);
-        let mut signs = 0;
+        let mut reports = 0;
         let solution =
-            method.solve(&case.problem(&model), &mut optics, &mut |_, _| signs += 1).unwrap();
+            method.solve(&case.problem(&model), &mut optics, &mut |_, _| reports += 1).unwrap();
         let quality = ssim(solution.picture.plane(GREEN), &truth);
         assert!(quality > blurred + 0.05, "{}: {quality:.4}, blurred {blurred:.4}", method.name());
         assert_eq!(optics.captures(), captures, "{}", method.name());
         let steps = solution.record.steps().len();
         assert!(
-            steps > 0 && signs >= steps,
-            "{}: {signs} signs of life in {steps} steps",
+            steps > 0 && reports >= steps,
+            "{}: {reports} progress reports in {steps} steps",
             method.name()
         );
     }
 }
 
 #[test]
-fn a_right_model_is_left_alone_and_a_wrong_one_is_corrected() {
+fn a_correct_model_is_unchanged_and_a_wrong_one_is_corrected() {
     let right = golden_model();
-    // The blue channel's functions used for green: a lens model of the wrong colour.
+    // The wrong model has blue's functions for green.
     let mut functions = right.functions().clone();
     functions.taps[GREEN.index()] = functions.taps[Channel::Blue.index()].clone();
     let wrong = LensModel::new(Size::new(128, 96), 0, &functions).unwrap();

@@ -1,5 +1,4 @@
-//! The operating point of a rig, chosen by scenes that are shown on it, holds for photos taken with
-//! it.
+//! The operating point chosen with scenes shown on the panel is good for photos.
 
 use std::sync::Arc;
 
@@ -12,16 +11,16 @@ use relens::rig::simulated;
 
 use crate::{load, measured};
 
-/// No clock: every setting costs its captures alone.
+/// A stopped clock: settings cost captures alone.
 fn no_clock() -> f64 {
     0.0
 }
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
+fn an_operating_point_chosen_with_shown_scenes_is_good_for_photos() {
     let rig = load("small.toml");
-    // A rig of which nothing is known but what its camera sees.
+    // A rig without the simulator's truth.
     let on_small = || {
         let (devices, witness) = simulated::open(&rig).unwrap();
         let calibration = measured(&rig).unwrap();
@@ -44,8 +43,8 @@ fn what_is_chosen_by_shown_scenes_is_good_for_photos() {
     let mut test_rig = test_rig.witnessed(Arc::new(witness));
     let filed = Setting::as_filed(&rig, rig.restore.method);
     let mut mean = |setting: &Setting| {
-        let of = |scene| test_rig.score(scene, 0, "", &*setting.method(&rig)).unwrap().ssim;
-        Scene::STUDY_PHOTOGRAPHS.map(of).iter().sum::<f64>() / 2.0
+        let ssim = |scene| test_rig.score(scene, 0, "", &*setting.method(&rig)).unwrap().ssim;
+        Scene::STUDY_PHOTOGRAPHS.map(ssim).iter().sum::<f64>() / 2.0
     };
     let (of_best, of_fast, of_filed) = (mean(&best.setting), mean(&fast.setting), mean(&filed));
     assert!(of_best > of_filed - 0.002, "best {of_best:.4}, as filed {of_filed:.4}");

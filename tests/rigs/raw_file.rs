@@ -1,4 +1,4 @@
-//! A raw photo as a file, all the way: taken by the program, read, restored at its sites, written.
+//! A raw photo file from end to end: taken by the program, read, restored at its sites, written.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,7 +13,7 @@ use relens::{Outcome, Rig, Verdict};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
 
-/// The rig file truthful.toml with these lines in place of its own.
+/// Writes truthful.toml with `changes` of its lines.
 fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
     let truthful = Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config/truthful.toml");
     let mut text = std::fs::read_to_string(truthful).unwrap();
@@ -26,7 +26,7 @@ fn rig_file(folder: &Path, name: &str, changes: &[(&str, &str)]) -> PathBuf {
     path
 }
 
-/// Has the program take a photo of the scene; what it says on standard error.
+/// Takes a photo of the scene by the program; returns exit code and standard error.
 fn shoot(folder: &Path, rig: &Path, out: &str, options: &[&str]) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_relens"))
         .args(["shoot", "--rig"])
@@ -39,8 +39,8 @@ fn shoot(folder: &Path, rig: &Path, out: &str, options: &[&str]) -> (Option<i32>
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// SSIM and dB of linear light, means over the channels, with the one gain over all that fits best:
-/// where a bent camera's white lies is a matter of exposure.
+/// SSIM and dB of linear light, means over the channels, after fitting one gain: the white of a
+/// camera with a curve depends on the exposure.
 pub(crate) fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
     let each = Channel::ALL.map(|c| (picture.plane(c), truth.plane(c)));
     let (along, square) = each
@@ -51,20 +51,20 @@ pub(crate) fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
         .map(|scores| scores.iter().sum::<f64>() / 3.0)
 }
 
-/// A rig of this test, the photo that it took, and what is made of it.
+/// A rig, its photo, and the results.
 struct Taken {
     rig: PathBuf,
     slots: PathBuf,
     photo: Photo,
-    /// What the lens saw without any blur, at the photo's white.
+    /// The scene without blur, at the photo's white.
     truth: Frame<Work>,
     restored: Outcome,
-    /// Of the same photo, interpolated before.
+    /// Result of the demosaiced photo.
     filled: Outcome,
 }
 
 impl Taken {
-    /// By the rig whose chance is `seed`.
+    /// Takes and restores a photo with the rig of `seed`.
     fn by_rig(folder: &Path, seed: u64) -> Taken {
         let seeded = [("seed = 1\n", &*format!("seed = {seed}\n"))];
         let path = rig_file(folder, &format!("{seed}.toml"), &seeded);
@@ -81,18 +81,18 @@ impl Taken {
         Taken { rig: path, slots, photo, truth, restored, filled }
     }
 
-    /// Scores of the photo, of what is made of it interpolated, and at its sites.
+    /// Scores of the photo, of its result after demosaicing, and at its sites.
     fn scores(&self) -> [[f64; 2]; 3] {
         [&self.photo.light, &self.filled.picture, &self.restored.picture]
             .map(|picture| score(picture, &self.truth))
     }
 }
 
-/// The scene as the lens and the rig shade it, at the white of the raw `photo`.
+/// The scene with the lens's vignetting, at the white of the raw `photo`.
 fn truth_of(rig: &Path, photo: &Photo) -> Frame<Work> {
     let file = config::load(rig).unwrap();
     let (_, witness) = simulated::open(&file).unwrap();
-    // The file's white is the largest count, the scene's lies below it.
+    // The file's white is the largest count; the scene's is below.
     let counts = f64::from(photo.raw.unwrap().counts_per_level);
     let levels = (witness.counts_per_level() / counts) as f32;
     let sharp = Photo::read(Path::new(SCENE), Curve::Srgb, &Limits::default()).unwrap();
@@ -107,10 +107,10 @@ fn truth_of(rig: &Path, photo: &Photo) -> Frame<Work> {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn sites_as_they_are_give_more_than_interpolated_ones() {
+fn raw_sites_give_better_results_than_demosaiced_ones() {
     let folder = tempfile::tempdir().unwrap();
-    // Wander and flicker differ from chance to chance, and what they do to a result does. The
-    // second panel moves too far while it is measured, and is refused.
+    // Drift and flicker depend on the seed, and so do results. The second panel moves too far
+    // during its calibration and is refused.
     let seeds = [1, 3, 4, 5];
     let (mut means, share) = ([[0.0; 2]; 3], 1.0 / seeds.len() as f64);
     for seed in seeds {
@@ -129,14 +129,14 @@ fn sites_as_they_are_give_more_than_interpolated_ones() {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_raw_photo_is_restored_by_its_own_rig_alone_and_loses_nothing_as_a_file() {
+fn a_raw_photo_is_restored_by_its_own_rig_alone_and_written_without_loss() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let Taken { rig: filtered, slots, photo, truth, restored: outcome, .. } =
         Taken::by_rig(folder, 1);
     let plain = rig_file(folder, "plain.toml", &[("mosaic = \"rggb\"", "")]);
-    let (code, told) = shoot(folder, &plain, "y.dng", &[]);
-    assert!(code == Some(2) && told.contains("has no colour filters"), "{told}");
+    let (code, message) = shoot(folder, &plain, "y.dng", &[]);
+    assert!(code == Some(2) && message.contains("has no colour filters"), "{message}");
 
     let raw = photo.raw.unwrap();
     let file = config::load(&filtered).unwrap();
@@ -145,13 +145,13 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_loses_nothing_as_a_file() {
     let rig = Rig::open(&filtered).unwrap();
     let mut restorer = rig.restorer(&slots).unwrap();
 
-    // As a file: 16 bits with the rig's curve, fine enough to lose nothing that was won.
+    // As a file: 16 bits with the rig's curve lose nothing.
     let bytes = photo.with_picture(&outcome.picture, Format::Tiff).unwrap();
     let back = Photo::from_bytes("x.tif", &bytes, Curve::Srgb, &Limits::default()).unwrap();
     let written = score(&back.light, &truth);
     assert!(back.manner.bits == 16 && written[1] > sites[1] - 0.05, "{written:?} {sites:?}");
 
-    // The whole sensor is in the file, and a mean of more exposures is as good a photo of it.
+    // The file has the whole sensor, and a mean of more exposures is restored too.
     let more = ["--frames", "4", "--exposure", "auto"];
     assert_eq!(shoot(folder, &filtered, "z.dng", &more), (Some(0), String::new()));
     let whole = Photo::read(&folder.join("z.dng"), Curve::Srgb, &Limits::default()).unwrap();
@@ -168,15 +168,18 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_loses_nothing_as_a_file() {
     let camera = photo.camera.clone().unwrap();
     let by = |camera| Photo { camera: Some(camera), ..photo.clone() };
     let strange = PhotoCamera { name: "relens someone's".to_owned(), ..camera.clone() };
-    let told = restorer.restore(&by(strange)).unwrap_err().to_string();
-    assert!(told.contains("taken by another rig") && told.contains("relens truthful"), "{told}");
+    let message = restorer.restore(&by(strange)).unwrap_err().to_string();
+    assert!(
+        message.contains("taken by another rig") && message.contains("relens truthful"),
+        "{message}"
+    );
     let ours = camera.setting.clone().unwrap();
     assert_eq!((ours.identity, &ours.focus), (file.identity, &None));
     let focus = Some("nearer".to_owned());
     let setting = Some(RigSetting { identity: ours.identity, focus });
     let nearer = PhotoCamera { setting, ..camera.clone() };
-    let told = restorer.restore(&by(nearer)).unwrap_err().to_string();
-    assert!(told.contains("found \"nearer\", allowed none said"), "{told}");
+    let message = restorer.restore(&by(nearer)).unwrap_err().to_string();
+    assert!(message.contains("found \"nearer\", allowed none said"), "{message}");
     let setting = Some(RigSetting { identity: !ours.identity, ..ours });
     let before = PhotoCamera { setting, ..camera };
     let notes = restorer.restore(&by(before)).unwrap().notes;
@@ -184,11 +187,11 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_loses_nothing_as_a_file() {
     let mut other = raw;
     other.mosaic = raw.mosaic.from_place(1, 0);
     let refused = restorer.restore(&Photo { raw: Some(other), ..photo.clone() }).unwrap_err();
-    let told = refused.to_string();
-    assert!(told.contains("found colour filters GRBG, allowed RGGB"), "{told}");
+    let message = refused.to_string();
+    assert!(message.contains("found colour filters GRBG, allowed RGGB"), "{message}");
     let mut unfiltered = Rig::open(&plain).unwrap();
     unfiltered.calibrate(folder.join("plain")).unwrap();
     let mut unfiltered = unfiltered.restorer(folder.join("plain")).unwrap();
-    let told = unfiltered.restore(&photo).unwrap_err().to_string();
-    assert!(told.contains("gives no raw sites"), "{told}");
+    let message = unfiltered.restore(&photo).unwrap_err().to_string();
+    assert!(message.contains("gives no raw sites"), "{message}");
 }

@@ -1,5 +1,5 @@
-//! Raw sites behind colour filters as the data: what they are worth against a sensor that sees all
-//! three colours at each pixel, with as much noise as the missing sites cost.
+//! Raw sites behind colour filters as data, compared with a sensor of three colours per pixel and
+//! as much noise as the missing sites cost.
 
 use relens::chart::scenes::Scene;
 use relens::config::{self, Kind, Lens};
@@ -11,7 +11,7 @@ use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
 
-/// The rig `name` behind the colour filters `mosaic`, or without.
+/// The rig `name` with the colour filters `mosaic`, if any.
 fn rig(name: &str, mosaic: Option<Mosaic>) -> config::RigFile {
     let mut rig = load(name);
     if let Kind::Simulated(simulation) = &mut rig.kind {
@@ -20,7 +20,7 @@ fn rig(name: &str, mosaic: Option<Mosaic>) -> config::RigFile {
     rig
 }
 
-/// Raw photos of a rig, in linear light at the sites of each mosaic.
+/// Cameras of one rig with each mosaic.
 struct Cameras {
     behind: Vec<(Mosaic, Witness)>,
     full_well_electrons: f64,
@@ -38,7 +38,7 @@ impl Cameras {
         }
     }
 
-    /// The sites of the `n`-th camera, with so many times its noise power.
+    /// A raw photo by the `n`-th camera with `power` times its noise power, in linear light.
     fn sites(&self, n: usize, scene: &Frame<Work>, seed: u64, power: f32) -> (Mosaic, Plane) {
         let witness = &self.behind[n].1;
         witness.set_full_well_electrons(self.full_well_electrons / f64::from(power));
@@ -49,7 +49,7 @@ impl Cameras {
         (raw.mosaic, light)
     }
 
-    /// What sensors without filters see, each channel with the noise that missing sites cost.
+    /// A photo without filters, with the noise that missing sites cost.
     fn full_colour(&self, scene: &Frame<Work>, seed: u64) -> Frame<Work> {
         let mut photo: Frame<Work> = Frame::zeros(scene.size());
         for channel in Channel::ALL {
@@ -95,7 +95,7 @@ fn what_raw_sites_are_worth() {
         let full = cameras.full_colour(&truth, seed);
         let (mosaic, sites) = cameras.sites(3, &truth, seed, 1.0);
         let filled: Frame<Work> = mosaic.interpolated(&sites);
-        // The lens darkens its corners, and a photo keeps them.
+        // A photo keeps the lens's vignetting.
         let truth = cameras.behind[0].1.shaded(&truth);
         let mut by = |prepared: &Prepared<'_>| {
             let restored =
@@ -103,7 +103,7 @@ fn what_raw_sites_are_worth() {
             let own = score(&restored.solved.unwrap().picture, &truth);
             (own, format!("{:?}", restored.outcome.verdict))
         };
-        // The noise of the noisier sensor is known as that of the sites is.
+        // The noisier sensor's noise is known like that of the sites.
         let mut noisier = pipeline.prepare(PhotoData::developed(&full, Channels::Colour));
         let counts_per_level = cameras.behind[3].1.counts_per_level() as f32;
         let raw =
@@ -114,19 +114,19 @@ fn what_raw_sites_are_worth() {
         let (c, _) = by(&pipeline.prepare(PhotoData::developed(&filled, Channels::Colour)));
         let cell = |[ssim, db]: [f64; 2]| format!("{ssim:.4}/{db:.2}");
         println!("| {} | {} | {} | {} | {verdict} |", scene.name(), cell(a), cell(b), cell(c));
-        // The chart is shown and does not count: it is no photograph.
+        // The mean is over photographs, without the chart.
         for (sum, one) in sums.iter_mut().zip([a, b, c]).filter(|_| scene != Scene::Chart) {
             sum.iter_mut().zip(one).for_each(|(s, v)| *s += v / photographs as f64);
         }
     }
     println!("mean {sums:.4?}");
     let [full, sites, interpolated] = sums;
-    // The aim for dB is 0.4; tests/tables/README.md has what is reached.
+    // The aim for dB is 0.4; for values reached see tests/tables/README.md.
     assert!(full[0] - sites[0] < 0.01 && full[1] - sites[1] < 1.5);
     assert!(sites[0] > interpolated[0] + 0.02 && sites[1] > interpolated[1] + 3.0);
 }
 
-/// A dark figure before a bright sky, with small bright things on it.
+/// A dark figure with bright spots in front of a bright sky.
 fn silhouette(size: Size) -> Frame<Work> {
     let spots = [(110.0, 100.0, 9.0), (150.0, 140.0, 6.0), (120.0, 180.0, 12.0)];
     let plane = Plane::from_fn(size, |x, y| {
@@ -144,7 +144,7 @@ fn silhouette(size: Size) -> Frame<Work> {
 }
 
 #[test]
-fn dark_places_do_not_fill_with_stripes_where_a_channel_s_details_hardly_arrive() {
+fn dark_areas_stay_free_of_stripes_in_a_strongly_blurred_channel() {
     let mut plano = rig("truthful.toml", Some(Mosaic::Bggr));
     let Kind::Simulated(simulation) = &mut plano.kind else { panic!("a simulated rig") };
     let Lens::Prescription(lens, _) = &mut simulation.lens else { panic!("a traced lens") };
@@ -168,7 +168,7 @@ fn dark_places_do_not_fill_with_stripes_where_a_channel_s_details_hardly_arrive(
 }
 
 #[test]
-fn captures_behind_filters_are_known_at_their_sites() {
+fn captures_behind_filters_are_valid_at_their_sites() {
     let filtered = rig("small.toml", Some(Mosaic::Rggb));
     let (mut devices, witness) = simulated::open(&filtered).unwrap();
     let calibration = measured(&filtered).unwrap();
@@ -176,7 +176,7 @@ fn captures_behind_filters_are_known_at_their_sites() {
     let unmixing = calibration.cross_channel.inverse().unwrap();
     for c in Channel::ALL {
         let found = calibration.noise[c.index()].sigma(127.5);
-        // Mixing brings other channels' light and noise; rounding to counts a twelfth of one.
+        // Mixing adds other channels' light and noise; rounding adds a variance of 1/12 count.
         let white: f64 = witness.cross_channel()[c.index()].iter().sum();
         let own = f64::from(unmixing[c.index()][c.index()]);
         let wanted =
@@ -194,18 +194,18 @@ fn captures_behind_filters_are_known_at_their_sites() {
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let filled: Frame<Work> = raw.mosaic.interpolated(&sites);
-    let known = RawSites::new(raw.mosaic, gain as f32);
-    let prepared = pipeline.prepare(PhotoData::raw(&filled, known));
-    // As a file with another white says it.
+    let properties = RawSites::new(raw.mosaic, gain as f32);
+    let prepared = pipeline.prepare(PhotoData::raw(&filled, properties));
+    // The same in a file with another white.
     let dim: Frame<Work> = Frame::from_fn(|c| filled.plane(c).map(|v: f32| v / 2.0));
-    let by_half = RawSites { counts_per_level: 2.0 * known.counts_per_level, ..known };
+    let by_half = RawSites { counts_per_level: 2.0 * properties.counts_per_level, ..properties };
     let half = pipeline.prepare(PhotoData::raw(&dim, by_half)).observation.noise;
     for (whole, half) in prepared.observation.noise.iter().zip(half) {
         assert!((half / whole - 0.5).abs() < 1e-4, "{half} {whole}");
     }
     let truth = witness.shaded(&truth);
     for c in Channel::ALL {
-        // The noise of the photo as a whole, which is that at its mean light.
+        // The noise of the whole photo is that at its mean light.
         let mean = filled.plane(c).mean();
         let wanted = (witness.noise_levels(mean).powi(2) + 1.0 / 12.0 / gain / gain).sqrt();
         let found = f64::from(prepared.observation.noise[c.index()]);

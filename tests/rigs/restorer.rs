@@ -1,4 +1,4 @@
-//! The restorer on a simulated rig: its progress, and a lens that is as it was measured.
+//! The restorer on a simulated rig: progress, and a lens as measured.
 
 // The other photographs of the laboratory are not used here.
 #[allow(dead_code)]
@@ -20,8 +20,8 @@ use view::View;
 
 use crate::{load, measured};
 
-/// Photos of `views` restored one after the other on `rig`; calls `check` with each one's notes and
-/// the progress that was reported.
+/// Restores photos of `views` on `rig`; calls `check` with the notes and the reported progress of
+/// each.
 fn restore(rig: &RigFile, views: &[View], check: &mut dyn FnMut(&[String], &[f32])) {
     let folder = tempfile::tempdir().unwrap();
     store::save(folder.path(), &measured(rig).unwrap()).unwrap();
@@ -50,7 +50,7 @@ fn restore(rig: &RigFile, views: &[View], check: &mut dyn FnMut(&[String], &[f32
 }
 
 #[test]
-fn progress_is_even_and_never_goes_back() {
+fn progress_is_even_and_monotonic() {
     restore(&load("small.toml"), &[View::whole(Scene::Astronaut)], &mut |_, done| {
         for step in done.windows(2) {
             assert!((0.0..0.2).contains(&(step[1] - step[0])), "{done:?}");
@@ -60,7 +60,7 @@ fn progress_is_even_and_never_goes_back() {
 }
 
 #[test]
-fn a_lens_that_is_as_it_was_measured_is_not_refined() {
+fn a_lens_as_measured_is_not_refined() {
     let mut rig = load("small.toml");
     rig.restore.refine_lens = true;
     let views = [View::quarter(Scene::Astronaut, 0), View::quarter(Scene::Coffee, 0)];

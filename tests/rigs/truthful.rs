@@ -1,5 +1,5 @@
-//! What a real rig does on top of an ideal one, and what each of it costs the methods as they are:
-//! the table of `tests/tables`, and what holds of it.
+//! Departures of a real rig from an ideal one and their cost: the table of `tests/tables`, and
+//! tests.
 
 use relens::chart::scenes::Scene;
 use relens::config::{self, Kind, Lens, Simulation, Subpixels};
@@ -12,7 +12,7 @@ use relens::rig::simulated::{self, Witness};
 
 use crate::{load, measured};
 
-/// A departure from the ideal rig: takes what it is from a truthful one.
+/// A departure from the ideal rig, copied from a truthful one.
 type Departure = fn(&mut Simulation, &Simulation);
 
 fn scene_distance(simulation: &mut Simulation, mm: f64) {
@@ -38,7 +38,7 @@ const DEPARTURES: [(&str, Departure); 8] = [
     ("camera's curve", |to, from| to.sensor.curve = from.sensor.curve),
 ];
 
-/// Larger than the truthful rig's.
+/// Departures larger than the truthful rig's.
 const STRONGER: [(&str, Departure); 4] = [
     ("scene at 3.2 m", |to, _| scene_distance(to, 3200.0)),
     ("scene at 5 m", |to, _| scene_distance(to, 5000.0)),
@@ -46,7 +46,7 @@ const STRONGER: [(&str, Departure); 4] = [
     ("a webcam's gamma of 0.6", |to, _| to.sensor.curve.gamma = 0.6),
 ];
 
-/// The small rig with these departures.
+/// The small rig with `departures`.
 fn departed(departures: &[Departure]) -> config::RigFile {
     let (mut rig, truthful) = (load("small.toml"), load("truthful.toml"));
     if let Kind::Simulated(simulation) = &mut rig.kind {
@@ -62,8 +62,8 @@ fn score(picture: &Frame<Work>, truth: &Frame<Work>) -> [f64; 2] {
         .map(|scores| scores.iter().sum::<f64>() / 3.0)
 }
 
-/// Of one scene: the photo as it was, what `digital`, where it was asked for, and `hybrid` make of
-/// it, what is delivered.
+/// Scores of one scene: the photo, the results of `digital` (if requested) and `hybrid`, and the
+/// delivered picture.
 struct Tried {
     photo: [f64; 2],
     digital: Option<[f64; 2]>,
@@ -72,33 +72,32 @@ struct Tried {
     verdict: String,
 }
 
-/// What is tried on photos.
+/// Options of a trial.
 #[derive(Clone, Copy)]
 struct Asked {
-    /// Whether they are the camera's raw sites where it has colour filters, and no picture that was
-    /// interpolated before.
+    /// Raw sites, where the camera has colour filters, in place of demosaiced pictures.
     raw: bool,
-    /// Whether `digital` is tried, too.
+    /// Also tries `digital`.
     digital: bool,
 }
 
 impl Asked {
-    /// What is delivered alone.
+    /// A trial of the delivered picture alone.
     fn delivered(raw: bool) -> Asked {
         Asked { raw, digital: false }
     }
 }
 
-/// What the camera's raw sites hold in light, filled between them.
+/// A raw photo in light, demosaiced.
 fn raw_photo(witness: &Witness, truth: &Frame<Work>, seed: u64) -> Option<(Frame<Work>, RawSites)> {
     let raw = witness.photograph_raw(truth, seed)?;
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
-    let known = RawSites::new(raw.mosaic, gain as f32);
-    Some((raw.mosaic.interpolated(&sites), known))
+    let properties = RawSites::new(raw.mosaic, gain as f32);
+    Some((raw.mosaic.interpolated(&sites), properties))
 }
 
-/// `since` happened to the rig after it was calibrated.
+/// Restores photos of `scenes` on `rig`, changed by `since` after its calibration.
 fn tried(
     rig: &config::RigFile,
     scenes: &[Scene],
@@ -131,13 +130,13 @@ fn tried(
             pipeline.restore(&mut devices, &prepared, method, &mut |_, _| {}).unwrap()
         };
         let (plain, light) = (with_digital.then(|| by(&digital(rig))), by(&hybrid(rig)));
-        let own = |solved: &relens::pipeline::Restoration| {
+        let solved_score = |solved: &relens::pipeline::Restoration| {
             solved.solved.as_ref().map_or([0.0; 2], |solved| score(&solved.picture, &truth))
         };
         all.push(Tried {
             photo: score(&photo, &truth),
-            digital: plain.as_ref().map(own),
-            hybrid: own(&light),
+            digital: plain.as_ref().map(solved_score),
+            hybrid: solved_score(&light),
             delivered: score(&light.outcome.picture, &truth),
             verdict: format!("{:?}", light.outcome.verdict),
         });
@@ -147,7 +146,7 @@ fn tried(
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_lens_that_sees_the_panel_s_stripes_is_measured_as_through_whole_pixels() {
+fn the_panel_s_stripes_do_not_affect_the_lens_measurement() {
     let errors = |whole: bool| {
         let mut rig = load("truthful.toml");
         let Kind::Simulated(simulation) = &mut rig.kind else { panic!("a simulated rig") };
@@ -170,7 +169,7 @@ fn what_each_truth_costs() {
     println!("| rig | scene | photo | digital | hybrid | delivered | verdict |");
     println!("|---|---|---|---|---|---|---|");
     let all: Vec<Departure> = DEPARTURES.iter().map(|&(_, departure)| departure).collect();
-    // What else the calibration measures of such a rig: how its sites differ, how counts bend.
+    // The calibration can also measure sites and linearity.
     let measured = |departures: &[Departure]| {
         let mut rig = departed(departures);
         (rig.calibration.response_flats, rig.calibration.linearity) = (100, true);
@@ -190,7 +189,7 @@ fn what_each_truth_costs() {
         .map(|(name, departures)| (name, departed(&departures)))
         .chain(mended);
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
-    // ROW=mosaic makes the rows whose names have that in them.
+    // ROW=mosaic makes the rows with that in their names.
     let wanted = std::env::var("ROW").unwrap_or_default();
     for (name, rig) in rows.filter(|(name, _)| name.contains(&wanted)) {
         let raw = std::env::var_os("RAW").is_some();
@@ -214,12 +213,12 @@ fn what_each_truth_costs() {
     }
 }
 
-/// What `hybrid` gains over the photo, SSIM and dB; means over the scenes.
+/// Gain of `hybrid` over the photo, SSIM and dB; means over the scenes.
 fn gain(all: &[Tried]) -> [f64; 2] {
-    let of = |n: usize| {
+    let mean = |n: usize| {
         all.iter().map(|one| one.hybrid[n] - one.photo[n]).sum::<f64>() / all.len() as f64
     };
-    [of(0), of(1)]
+    [mean(0), mean(1)]
 }
 
 #[test]
@@ -246,7 +245,7 @@ fn a_knock_of_half_a_pixel_costs_less_than_a_tenth_of_the_gain() {
 }
 
 #[test]
-fn a_panel_that_moves_and_flickers_is_no_noise() {
+fn motion_and_flicker_of_the_panel_do_not_count_as_noise() {
     let calm = departed(&[]);
     let unrest: Departure = |to, from| to.unrest = from.unrest;
     let noise = |rig: &config::RigFile| measured(rig).unwrap().noise;
@@ -267,7 +266,7 @@ fn a_panel_that_moves_and_flickers_is_no_noise() {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
+fn uneven_sites_cost_at_most_a_tenth_of_a_decibel() {
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
     let [mosaic, pattern] = [DEPARTURES[0].1, DEPARTURES[6].1];
     let with_flats = |departures: &[Departure], flats: usize| {
@@ -292,7 +291,7 @@ fn sites_that_differ_cost_a_tenth_of_a_decibel_at_most() {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn a_camera_s_curve_is_undone() {
+fn a_camera_s_curve_is_linearised() {
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
     let rig = |departures: &[Departure]| {
         let mut rig = departed(departures);
@@ -312,7 +311,7 @@ fn a_camera_s_curve_is_undone() {
     }
 }
 
-/// Side of the corners that are looked at, pixels.
+/// Side of the corners compared, pixels.
 const CORNER_PX: usize = 24;
 
 /// Mean light of the four corners in the three channels.
@@ -329,7 +328,7 @@ fn corners(picture: &Frame<Work>) -> Vec<f64> {
 }
 
 #[test]
-fn an_uneven_panel_leaves_the_photo_s_own_shading() {
+fn an_uneven_panel_does_not_change_the_photo_s_shading() {
     let uneven = |to: &mut Simulation, from: &Simulation| to.display.uneven = from.display.uneven;
     let rig = departed(&[uneven]);
     let (mut devices, witness) = simulated::open(&rig).unwrap();
@@ -351,6 +350,6 @@ fn an_uneven_panel_leaves_the_photo_s_own_shading() {
     let ought = corners(&witness.shaded(&scene));
     let off = corners(&outcome.picture).into_iter().zip(ought).map(|(is, ought)| is / ought - 1.0);
     let worst = off.map(f64::abs).fold(0.0, f64::max);
-    println!("corners off by {:.2} % at the worst", 100.0 * worst);
+    println!("largest error of a corner {:.2} %", 100.0 * worst);
     assert!(worst < 0.01);
 }

@@ -1,5 +1,6 @@
-//! A rig whose photo is all of the sensor but the lens's reach, proven by marks that vanish: they
-//! and their glare are in no capture, so the rows where they stood are like any others.
+//! A rig whose photo is the whole sensor but a rim of a lens function, identified by vanishing
+//! marks: captures contain neither the marks nor their glare, so the rows of the marks are like any
+//! others.
 
 use relens::chart::scenes::Scene;
 use relens::config;
@@ -10,11 +11,11 @@ use relens::pipeline::{PhotoData, Pipeline, hybrid};
 use relens::rig::frame_mark::MarkPlace;
 use relens::rig::simulated;
 
-/// Rows from the photo's upper edge that strips hide: to row 18 of the sensor, with the black
-/// around them.
+/// Rows from the photo's upper edge behind the marks and their black surroundings, to row 18 of the
+/// sensor.
 const HIDDEN_PX: usize = 10;
 
-/// `truthful.toml`, with glare and flats of its sites, and with marks in the photo.
+/// `truthful.toml` with marks in the photo.
 fn rig() -> config::RigFile {
     let mut text = include_str!("../../rig-config/truthful.toml").to_owned();
     for (from, to) in [
@@ -27,7 +28,7 @@ fn rig() -> config::RigFile {
             "[marks]\nfrom-edge-px = 3\nheight-px = 9\nvanish = true\n\n[calibration]",
         ),
         ("response-flats = 100", "response-flats = 40"),
-        // At the panel's distance, so that the certificate is of the marks alone.
+        // At the panel's distance, so that the certificate depends on the marks alone.
         ("scene-distance-mm = 3800.0", "scene-distance-mm = 4000.0"),
     ] {
         assert!(text.contains(from), "{from}");
@@ -38,7 +39,7 @@ fn rig() -> config::RigFile {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn no_strip_of_the_photo_is_given_up_to_marks() {
+fn marks_cost_no_part_of_the_photo() {
     let rig = rig();
     let (mut devices, witness) = simulated::open(&rig).unwrap();
     devices.find_marks(MarkPlace::of(&rig).unwrap()).unwrap();
@@ -50,22 +51,22 @@ fn no_strip_of_the_photo_is_given_up_to_marks() {
     let (black, gain) = (witness.black_level_counts(), witness.counts_per_level());
     let sites = raw.sites.map(|count| ((f64::from(count) - black) / gain) as f32);
     let photo: Frame<Work> = raw.mosaic.interpolated(&sites);
-    let known = RawSites::new(raw.mosaic, gain as f32);
-    let prepared = pipeline.prepare(PhotoData::raw(&photo, known));
+    let properties = RawSites::new(raw.mosaic, gain as f32);
+    let prepared = pipeline.prepare(PhotoData::raw(&photo, properties));
     let restored =
         pipeline.restore(&mut devices, &prepared, &hybrid(&rig), &mut |_, _| {}).unwrap();
     let truth = witness.shaded(&scene);
     let solved = restored.solved.unwrap();
     let ratio = solved.solution.certificate.ratio();
-    // Sharper than the photo where marks stood, by as much as in the middle.
+    // The gain at the marks is like that in the middle.
     let gain = |y: usize, height: usize| {
         let place = Rect { x: 0, y, size: Size::new(size.width, height) };
         let db = |picture: &Frame<Work>| {
-            let of = |c: Channel| {
+            let channel_db = |c: Channel| {
                 let part = |plane: &Plane| plane.crop(place);
                 psnr(&part(picture.plane(c)), &part(truth.plane(c)))
             };
-            Channel::ALL.map(of).iter().sum::<f64>() / 3.0
+            Channel::ALL.map(channel_db).iter().sum::<f64>() / 3.0
         };
         db(&solved.picture) - db(&photo)
     };

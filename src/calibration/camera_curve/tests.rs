@@ -1,4 +1,4 @@
-//! Drawn cameras with a gamma and a knee, under a light that flickers.
+//! Synthetic cameras with a gamma and a knee under flickering light.
 
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -8,14 +8,14 @@ use super::*;
 const BLACK: f64 = 64.0;
 const FULL: f64 = 959.0;
 
-/// What a camera makes of a share of full light: a gamma, then a flatter part above a knee.
+/// Response of a camera to a share of full light: a gamma, and a smaller slope above a knee.
 fn bent(share: f64, [gamma, knee, slope]: [f64; 3]) -> f64 {
     let share = share.powf(gamma);
     share - (share - knee).max(0.0) * (1.0 - slope)
 }
 
-/// A gradation in three channels at one, two and three exposures, the light of each capture off by
-/// up to `flicker`; what is clipped is left out.
+/// A gradation in three channels at one, two and three exposures with flicker of up to `flicker`,
+/// without clipped readings.
 fn exposed(camera: [f64; 3], flicker: f64, seed: u64) -> Vec<Exposures> {
     let mut lots = Xoshiro256PlusPlus::seed_from_u64(seed);
     let shaken = [1.0, 2.0, 3.0].map(|times| (times, 1.0 + flicker * lots.random_range(-1.0..1.0)));
@@ -32,8 +32,7 @@ fn exposed(camera: [f64; 3], flicker: f64, seed: u64) -> Vec<Exposures> {
     lights
 }
 
-/// Largest error of the fitted curve over what was seen, as a share of full scale, its own scale
-/// taken out.
+/// Largest error of the fitted curve, as a share of full scale, up to a scale factor.
 fn error(curve: &CameraCurve, camera: [f64; 3]) -> f64 {
     let pairs: Vec<(f64, f64)> = (5..90)
         .map(|n| f64::from(n) / 100.0)
@@ -47,7 +46,7 @@ fn error(curve: &CameraCurve, camera: [f64; 3]) -> f64 {
 }
 
 #[test]
-fn a_gamma_and_a_knee_are_found_and_undone() {
+fn a_gamma_and_a_knee_are_fitted_and_removed() {
     for camera in [[0.98, 0.85, 0.7], [0.95, 1.0, 1.0], [1.03, 0.7, 0.85], [1.0, 1.0, 1.0]] {
         let mut worst = 0.0f64;
         for seed in 0..20 {
@@ -60,7 +59,7 @@ fn a_gamma_and_a_knee_are_found_and_undone() {
 }
 
 #[test]
-fn bending_is_the_inverse_and_goes_on_beyond_the_ends() {
+fn the_inverse_extends_beyond_the_ends() {
     let curve = CameraCurve::fit(&exposed([0.96, 0.8, 0.6], 0.0, 1), BLACK, FULL).unwrap();
     for over in [-20.0, 0.0, 3.0, 400.0, 958.0, 1000.0f32] {
         assert!((curve.bent(curve.over_black(over)) - over).abs() < 1e-2, "{over}");
@@ -73,11 +72,11 @@ fn bending_is_the_inverse_and_goes_on_beyond_the_ends() {
 }
 
 #[test]
-fn a_curve_that_falls_is_none() {
+fn a_decreasing_curve_is_refused() {
     let falls = [Exposures { readings: vec![(1.0, 800.0), (2.0, 500.0), (3.0, 300.0)] }];
     assert_eq!(CameraCurve::fit(&falls, BLACK, FULL), None);
     let mut curve = CameraCurve::fit(&exposed([1.0; 3], 0.0, 1), BLACK, FULL).unwrap();
     assert!(curve.check().is_ok());
     curve.straight[3] = curve.straight[2];
-    assert!(curve.check().unwrap_err().contains("rising"));
+    assert!(curve.check().unwrap_err().contains("increasing"));
 }

@@ -1,12 +1,11 @@
-//! The panel as a perfect lens would see it: the light of its pixels over the footprint of each of
-//! the sensor's.
+//! The panel as seen by a perfect lens: the light of its pixels averaged over the footprint of each
+//! sensor pixel.
 //!
-//! A candidate is numbers on the Work grid. Shown, it is light from square pixels between which it
-//! was interpolated, and a pixel of the sensor gathers that light over its own square. Both soften
-//! it, and no scene's photo is softened so. A lens model that was fitted to the candidates' numbers
-//! would hold both, and what is solved with it overshoots. So the lens is measured by what is on
-//! the panel, and what a candidate loses there is added to its captures by computing
-//! ([`crate::light_path`]).
+//! A candidate is shown by square panel pixels, interpolated from the Work grid, and a sensor pixel
+//! averages their light over its own area. Both soften it, unlike a scene's photo, and a lens model
+//! fitted to the candidate's values would absorb this and overshoot. So the lens is measured
+//! against the light on the panel, and the detail that a candidate loses there is added to its
+//! captures by computation ([`crate::light_path`]).
 
 use rayon::prelude::*;
 
@@ -15,15 +14,15 @@ use crate::calibration::geometric::Map;
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 
 impl Correction {
-    /// `picture` (light, 0..255, canvas-sized) in each of `channels` as a perfect lens would see it
-    /// on the panel, each of the panel's pixels an even square; zero in the others.
+    /// `picture` (light, 0..255, canvas-sized) in each of `channels` as a perfect lens sees it on
+    /// the panel of square pixels; zero in the other channels.
     ///
     /// # Panics
-    /// When the picture has not the canvas's size, which is a bug of the caller.
+    /// When the picture's size is not the canvas's.
     pub fn by_perfect_lens(&self, channels: &[Channel], picture: &Frame<Work>) -> Frame<Work> {
-        assert!(picture.size() == self.layout.canvas(), "what is shown has the canvas's size");
+        assert!(picture.size() == self.layout.canvas(), "a shown picture has the canvas's size");
         let mut seen = Frame::zeros(picture.size());
-        // One after the other: each needs a plane of the panel's size.
+        // Sequential, as each channel needs a panel-sized plane.
         for &c in channels {
             let shown = self.shown_part(c);
             let panel = self.light_of(c, picture.plane(c), shown);
@@ -46,7 +45,7 @@ impl Correction {
         seen
     }
 
-    /// The light of all the panel's pixels of the part `shown`.
+    /// The light of the panel pixels in `shown`.
     fn light_of(&self, c: Channel, picture: &Plane, shown: Rect) -> Plane {
         let padded = padded(picture);
         let mut panel = Plane::zeros(shown.size);
@@ -59,8 +58,8 @@ impl Correction {
         panel
     }
 
-    /// Half of the panel's pixels that a pixel of Work covers, across and down, in the middle: a
-    /// lens's distortion changes it by some hundredths. Between bounds that no panel reaches.
+    /// Half the panel pixels covered by a Work pixel, across and down, in the middle; distortion
+    /// changes it by a few hundredths. Clamped to bounds that no panel reaches.
     fn half_a_pixel(&self, map: &Map) -> [f32; 2] {
         let Size { width, height } = self.layout.photo;
         let (x, y) = (width as f64 / 2.0, height as f64 / 2.0);
@@ -70,8 +69,8 @@ impl Correction {
     }
 }
 
-/// Mean of `panel` over a rectangle around `centre`, `half` as long and high; pixel centres are
-/// whole numbers, and the pixels of the border go on outside.
+/// Mean of `panel` over a rectangle around `centre` with half sides `half`; pixel centres are
+/// integers, and border pixels repeat.
 fn footprint(panel: &Plane, centre: [f32; 2], half: [f32; 2]) -> f32 {
     let (columns, across) = covered(centre[0], half[0]);
     let (rows, down) = covered(centre[1], half[1]);
@@ -89,10 +88,9 @@ fn footprint(panel: &Plane, centre: [f32; 2], half: [f32; 2]) -> f32 {
     sum
 }
 
-/// First and last pixel of a side that a stretch around `centre` covers, and of each the share of
-/// the stretch that lies in it.
+/// First and last pixel of an interval around `centre`, and the share of it in each pixel.
 fn covered(centre: f32, half: f32) -> ((isize, isize), impl Fn(isize) -> f32) {
-    // From pixel borders, which lie half way between centres.
+    // Relative to pixel borders, half way between centres.
     let (from, to) = (centre - half + 0.5, centre + half + 0.5);
     let share = move |n: isize| {
         let n = n as f32;
@@ -110,12 +108,12 @@ mod tests {
     use crate::frame::resample::{Outside, sample};
 
     fn picture() -> Frame<Work> {
-        let of = |x: usize, y: usize| ((37 * x + 91 * y + x * y) % 101) as f32;
-        Frame::from_fn(|c| Plane::from_fn(layout().canvas(), |x, y| of(x + c.index(), y)))
+        let value = |x: usize, y: usize| ((37 * x + 91 * y + x * y) % 101) as f32;
+        Frame::from_fn(|c| Plane::from_fn(layout().canvas(), |x, y| value(x + c.index(), y)))
     }
 
     #[test]
-    fn of_pixels_that_lie_on_each_other_it_is_the_picture() {
+    fn coinciding_pixels_give_the_picture() {
         let mut calibration = calibration();
         calibration.geometry =
             Channel::ALL.map(|_| Geometry::one_to_one(layout().domain(), 9.0, 11.0));
@@ -130,15 +128,14 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_light_of_squares_over_squares() {
+    fn square_pixels_are_averaged_over_square_footprints() {
         let correction = Correction::new(&calibration(), layout()).unwrap();
         let picture = picture();
         let seen = correction.by_perfect_lens(&[Channel::Blue], &picture);
         assert_eq!(seen.plane(Channel::Green).rms(), 0.0);
         let [.., map] = &calibration().geometry;
         let blue = picture.plane(Channel::Blue);
-        // Light at a place of the panel: that of the pixel there, which shows what the picture has
-        // where its centre is seen.
+        // Light at a point of the panel: that of its pixel, which shows the picture at its centre.
         let light = |x: f64, y: f64| {
             let (x, y) = map.panel_to_work.at(x.round(), y.round());
             sample(blue, x as f32 + 4.0, y as f32 + 4.0, Outside::Edge)

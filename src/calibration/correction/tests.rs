@@ -1,4 +1,4 @@
-//! Shown and seen against the plain formulas.
+//! `show` and `see` against the plain formulas.
 
 use super::*;
 use crate::calibration::example::calibration;
@@ -17,7 +17,7 @@ pub(super) fn layout() -> Layout {
 }
 
 #[test]
-fn codes_have_the_light_of_the_picture_where_the_map_says() {
+fn codes_show_the_light_of_the_picture_at_the_mapped_positions() {
     let correction = Correction::new(&calibration(), layout()).unwrap();
     let canvas = layout().canvas();
     let light = |x: f64, y: f64| 90.0 + 2.0 * x + 1.0 * y;
@@ -39,13 +39,13 @@ fn codes_have_the_light_of_the_picture_where_the_map_says() {
             assert!((shown - wanted).abs() < 0.25, "{bx} {by}: {shown} {wanted}");
         }
     }
-    // Far outside, the border's light goes on.
+    // Far outside, the border's light repeats.
     let corner = curve.light(codes.plane(Channel::Green).at(0, 0));
     assert!((f64::from(corner) - light(-4.0, -4.0)).abs() < 2.0, "{corner}");
 }
 
 #[test]
-fn seen_undoes_black_mixing_and_dark_corner() {
+fn see_removes_black_mixing_and_dark_corner() {
     let calibration = calibration();
     let correction = Correction::new(&calibration, layout()).unwrap();
     let light = |c: usize, x: usize, y: usize| 20.0 + 30.0 * c as f64 + (3 * x + 2 * y) as f64;
@@ -68,8 +68,7 @@ fn seen_undoes_black_mixing_and_dark_corner() {
     for c in Channel::ALL {
         for (x, y) in [(0, 0), (20, 15), (47, 37)] {
             let found = f64::from(seen.light.plane(c).at(x, y));
-            // Half a count of rounding is a sixth of a level, the mixing and the dark corner add to
-            // it.
+            // Half a count of rounding is a sixth of a level; mixing and dark corner add to it.
             assert!(
                 (found - light(c.index(), x, y)).abs() < 0.5,
                 "{found} {}",

@@ -1,52 +1,48 @@
-//! The broad light of a lens, from captures of large squares.
+//! Broad light of a lens, from captures of large squares.
 //!
-//! With the functions known (each of sum 1) and flats seen flat, what is seen of a pattern x
-//! differs from P x by what is spread wider: y − P x = Σⱼ sⱼ (Gⱼ x − P x), and where dark lies
-//! beyond the canvas sⱼ (1 − Gⱼ 1) y is added on the right, for the flats have been scaled by it.
-//! The Gaussians' radii are given, each twice the one before; the shares are the least squares'
-//! with none below 0 (non-negative least squares by coordinate descent). A pattern held out tells
-//! whether any of it is true.
+//! Given the functions (each of sum 1) and flat flats, the capture y of a pattern x differs from P
+//! x by the light spread wider: y − P x = Σⱼ sⱼ (Gⱼ x − P x). Where it is dark beyond the canvas,
+//! sⱼ (1 − Gⱼ 1) y is added on the right, as the flats were scaled by it. The Gaussians' radii are
+//! given, each twice the previous; the shares sⱼ are non-negative least squares by coordinate
+//! descent. A held-out pattern validates them.
 //!
-//! Only places count whose function sees nothing but one square: there P x = x, whatever the
-//! functions are. At the squares' edges what is wrong with the functions would be taken for broad
-//! light, and much of that for a little of the former. What of the broad light falls within the
-//! functions was measured with them, and is taken out of them afterwards.
+//! Only pixels whose function lies within one square count: there P x = x for any functions. At
+//! edges, errors of the functions would be mistaken for broad light. Broad light within the support
+//! was measured with the functions and is removed from them afterwards.
 
 use super::Shot;
 use crate::deconvolution::lens_model::broad::{SHARE_MAX, Veil};
 use crate::deconvolution::lens_model::{Beyond, Halo, LensFunctions};
 use crate::frame::{Channel, Plane, Size};
 
-/// Rounds of coordinate descent; the radii's columns are alike, so it takes many, and each costs
-/// next to nothing.
+/// Rounds of coordinate descent: many, as the columns are similar, and cheap.
 const ROUNDS: usize = 2000;
-/// Smaller shares of the light are left out: a grey level of 255 is 0.4 %.
+/// Least share of light of a halo; one grey level of 255 is 0.4 %.
 const SHARE_MIN: f32 = 0.002;
-/// Broad light is believed when it takes away at least so much of the squared misfit of the pattern
-/// held out. Guess.
-const BELIEVED: f64 = 0.2;
-/// Light of one square differs by no more than this where a panel shows it, grey levels.
+/// Least reduction of the squared misfit of the held-out pattern, as a share. Guess.
+const REDUCTION_MIN: f64 = 0.2;
+/// Largest variation of light within one square, grey levels.
 const EVEN: f32 = 0.01;
-/// Cells a radius of half a lens function has: what is compared are means over them. Guess.
+/// Cells per half width of a lens function; means over cells are compared. Guess.
 const CELLS: usize = 2;
 
-/// What one pattern says: the misfit without broad light, and what a share of each Gaussian would
-/// add, cell by cell; each times the root of the pixels it is of.
+/// Evidence of one pattern per cell: the misfit without broad light, and the effect of each
+/// Gaussian's share; both times the square root of the cell's pixels.
 struct PatternMisfit {
     misfit: Vec<f64>,
     columns: Vec<Vec<f64>>,
 }
 
-/// The radii tried for functions that are `support_px` wide, on a canvas of `size`.
+/// The radii fitted for functions of `support_px` on a canvas of `size`.
 fn radii_px(support_px: usize, size: Size) -> Vec<f32> {
     let widest = size.width.max(size.height) as f32 / 2.0;
     let first = support_px as f32 / 2.0;
     std::iter::successors(Some(first), |r| Some(2.0 * r)).take_while(|r| *r <= widest).collect()
 }
 
-/// The halos of one channel, wider than functions of `support_px`: what `shots` say but for the
-/// last, believed when the last agrees; none when there are fewer than two. `trusted` has a 1 where
-/// all captures can be trusted.
+/// Fits the halos of one channel, wider than functions of `support_px`, to all `shots` but the
+/// last, which must confirm them; none with fewer than two shots. `trusted` is 1 where all captures
+/// are valid.
 pub fn halos(
     support_px: usize,
     channel: Channel,
@@ -63,13 +59,13 @@ pub fn halos(
         radii.iter().map(|&radius_px| Veil::new(trusted.size(), radius_px, beyond)).collect();
     let evidence = |shot: &Shot| evidence(support_px, shot, &veils, trusted);
     let shares = shares(&fitted.iter().map(evidence).collect::<Vec<_>>(), veils.len());
-    let judge = evidence(held_out);
-    let (without, with) = (squared(&judge, &vec![0.0; shares.len()]), squared(&judge, &shares));
+    let test = evidence(held_out);
+    let (without, with) = (squared(&test, &vec![0.0; shares.len()]), squared(&test, &shares));
     log::debug!(
-        "{channel:?}: shares {shares:.4?} of radii {radii:.0?} px leave {:.3} of the misfit",
+        "{channel:?}: shares {shares:.4?} of radii {radii:.0?} px reduce the misfit to {:.3}",
         with / without
     );
-    if with > (1.0 - BELIEVED) * without {
+    if with > (1.0 - REDUCTION_MIN) * without {
         return Vec::new();
     }
     let pairs = radii.iter().zip(&shares);
@@ -77,9 +73,9 @@ pub fn halos(
     found.filter(|halo| halo.share >= SHARE_MIN).collect()
 }
 
-/// Takes out of the functions of `channel`, each of sum 1, what of the light of `halos` falls
-/// within them: they were measured with it, and a model adds it.
-pub fn without_halos(functions: &mut LensFunctions, channel: Channel, halos: &[Halo]) {
+/// Removes from the functions of `channel`, each of sum 1, the light of `halos` within their
+/// support, as the model adds it.
+pub fn remove_halos(functions: &mut LensFunctions, channel: Channel, halos: &[Halo]) {
     let side = functions.support_px;
     let mut within = vec![0.0f32; side * side];
     for halo in halos {
@@ -89,20 +85,21 @@ pub fn without_halos(functions: &mut LensFunctions, channel: Channel, halos: &[H
         }
     }
     let all: f32 = halos.iter().map(|halo| halo.share).sum();
-    // What the functions had of all light, and what they are to have.
+    // Share of all light in the functions before and after.
     let (seen, local) = (1.0 - all + within.iter().sum::<f32>(), 1.0 - all);
     for function in functions.taps[channel.index()].chunks_exact_mut(side * side) {
         function.iter_mut().zip(&within).for_each(|(t, w)| *t = (seen * *t - w) / local);
     }
 }
 
-/// 1 where all within half of `support_px` is one square of `shown`, else 0, as near the border.
+/// 1 where everything within half of `support_px` lies in one square of `shown`, else 0, as near
+/// the border.
 pub fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
     let (size, reach) = (shown.size(), support_px / 2);
     let near = |n: usize, length: usize| n.saturating_sub(reach)..(n + reach + 1).min(length);
     let (least, largest) = (f32::INFINITY, f32::NEG_INFINITY);
     let widened = |(a, b): (f32, f32), (c, d): (f32, f32)| (a.min(c), b.max(d));
-    // The least and the largest near each place, along its row and then along its column.
+    // Running minimum and maximum along rows, then along columns.
     let along = Plane::from_fn(size, |x, y| {
         let row = &shown.row(y)[near(x, size.width)];
         row.iter().map(|&v| (v, v)).fold((least, largest), widened)
@@ -115,7 +112,7 @@ pub fn within_a_square(shown: &Plane, support_px: usize) -> Plane<u8> {
     })
 }
 
-/// Misfit and columns over cells, of their trusted pixels within one square.
+/// The evidence of `shot` over trusted pixels within one square.
 fn evidence(support_px: usize, shot: &Shot, veils: &[Veil], trusted: &Plane<u8>) -> PatternMisfit {
     let (size, cell) = (trusted.size(), (support_px / (2 * CELLS)).max(1));
     let alone = within_a_square(&shot.shown, support_px);
@@ -132,9 +129,9 @@ fn evidence(support_px: usize, shot: &Shot, veils: &[Veil], trusted: &Plane<u8>)
         .map(|(x, y)| pixels(x, y))
         .filter(|pixels| !pixels.is_empty())
         .collect();
-    let sums = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
+    let sums = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
         let sum = |pixels: &Vec<usize>| {
-            pixels.iter().map(|&n| of(n)).sum::<f64>() / (pixels.len() as f64).sqrt()
+            pixels.iter().map(|&n| value(n)).sum::<f64>() / (pixels.len() as f64).sqrt()
         };
         cells.iter().map(sum).collect()
     };
@@ -151,7 +148,7 @@ fn evidence(support_px: usize, shot: &Shot, veils: &[Veil], trusted: &Plane<u8>)
     PatternMisfit { misfit: sums(&|n| f64::from(seen[n] - shown[n])), columns }
 }
 
-/// The shares that explain most, none negative.
+/// Non-negative least-squares shares of `count` Gaussians.
 fn shares(evidence: &[PatternMisfit], count: usize) -> Vec<f64> {
     let dot =
         |a: &dyn Fn(&PatternMisfit) -> Vec<f64>, b: &dyn Fn(&PatternMisfit) -> Vec<f64>| -> f64 {
@@ -168,7 +165,7 @@ fn shares(evidence: &[PatternMisfit], count: usize) -> Vec<f64> {
             let others: f64 =
                 (0..count).filter(|&j| j != i).map(|j| normal[i][j] * shares[j]).sum();
             let best = (side[i] - others) / normal[i][i].max(f64::MIN_POSITIVE);
-            // All of them together are no more than a lens can scatter.
+            // Their sum is bounded by what a lens can scatter.
             let room = f64::from(SHARE_MAX) - (shares.iter().sum::<f64>() - shares[i]);
             shares[i] = best.clamp(0.0, room.max(0.0));
         }
@@ -176,13 +173,13 @@ fn shares(evidence: &[PatternMisfit], count: usize) -> Vec<f64> {
     shares
 }
 
-/// Squared misfit left by `shares`.
+/// Squared residual with `shares`.
 fn squared(evidence: &PatternMisfit, shares: &[f64]) -> f64 {
-    let left = |n: usize| {
+    let residual = |n: usize| {
         let added: f64 = evidence.columns.iter().zip(shares).map(|(column, s)| s * column[n]).sum();
         (evidence.misfit[n] - added).powi(2)
     };
-    (0..evidence.misfit.len()).map(left).sum()
+    (0..evidence.misfit.len()).map(residual).sum()
 }
 
 #[cfg(test)]
@@ -223,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn halos_are_found_again_in_noise() {
+    fn halos_are_recovered_from_noise() {
         for beyond in [Beyond::Dark, Beyond::LikeTheBorder] {
             for truth in [vec![(18.0, 0.1)], vec![(25.0, 0.05)], vec![(9.0, 0.05), (72.0, 0.1)]] {
                 let truth: Vec<Halo> =
@@ -236,7 +233,7 @@ mod tests {
                     (share(&found) / share(&truth) - 1.0).abs() < 0.1,
                     "{beyond:?} {truth:?}: {found:?}"
                 );
-                // What counts is the light: a picture that no fit has seen.
+                // The test is the light of a picture outside the fit.
                 let shown = Plane::from_fn(SIZE, |x, y| if x * 3 > y * 4 { 200.0 } else { 20.0 });
                 let mut light = [Plane::zeros(SIZE), Plane::zeros(SIZE)];
                 model(&truth, beyond).forward(Channel::Green, &shown, &mut light[0]);
@@ -253,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_without_broad_light_gets_none() {
+    fn a_lens_without_broad_light_gets_no_halos() {
         let trusted = Plane::filled(SIZE, 1);
         for noise in [0.0, 1.0, 4.0] {
             let lens = model(&[], Beyond::Dark);
@@ -263,11 +260,11 @@ mod tests {
     }
 
     #[test]
-    fn halos_taken_out_of_functions_leave_what_was_measured_of_both() {
+    fn functions_and_removed_halos_add_up_to_the_measurement() {
         let halos = [(9.0, 0.05), (25.0, 0.1)].map(|(radius_px, share)| Halo { radius_px, share });
         let measured = model(&[], Beyond::Dark).functions().clone();
         let mut functions = measured.clone();
-        without_halos(&mut functions, Channel::Green, &halos);
+        remove_halos(&mut functions, Channel::Green, &halos);
         let side = functions.support_px;
         let bells = halos.map(|halo| (halo.share, halo.along(side)));
         let (mut sum, mut seen) = (0.0f32, 0.0f32);
@@ -281,7 +278,7 @@ mod tests {
             ratios.extend((before > 0.0).then_some(all / before));
             assert!(before > 0.0 || all.abs() < 1e-6, "{all}");
         }
-        // Of all light what falls within the functions, and each of them still passes it on.
+        // The total within the support is unchanged, tap by tap.
         let beyond: f32 = halos.iter().map(|halo| halo.beyond(side)).sum();
         assert!((sum - 1.0).abs() < 1e-4 && (seen - (1.0 - beyond)).abs() < 1e-4, "{sum} {seen}");
         assert!(ratios.iter().all(|ratio| (ratio / seen - 1.0).abs() < 1e-4), "{ratios:?}");
@@ -289,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn places_within_a_square_are_those_whose_functions_see_it_alone() {
+    fn pixels_within_a_square_have_their_whole_function_inside() {
         let squares =
             Plane::from_fn(SIZE, |x, y| if (x / 30 + y / 30) % 2 == 0 { 1.0 } else { 0.0 });
         let found = within_a_square(&squares, 9);

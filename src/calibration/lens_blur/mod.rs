@@ -1,17 +1,17 @@
-//! The lens functions, from captures of pseudo-random patterns.
+//! Estimation of the lens functions from captures of pseudo-random patterns.
 //!
-//! All functions of a channel are fitted at once: the taps whose interpolated model K(taps)·x comes
-//! nearest to what was seen of the patterns x, by conjugate gradients on the normal equations.
-//! Zero-mean white patterns make these nearly diagonal: in expectation they are the overlaps of the
-//! functions' weights, and with that as preconditioner a handful of rounds is enough. Negative taps
-//! stay: cutting them biases the model (study: it hurts).
+//! All functions of a channel are fitted at once: the taps whose interpolated model K(taps)·x is
+//! closest to the captures of the patterns x, by conjugate gradients on the normal equations. For
+//! zero-mean white patterns the expected normal matrix consists of the overlaps of the functions'
+//! weights; with it as preconditioner a handful of rounds suffices. Negative taps stay, as clipping
+//! them biases the model (study).
 
 mod broad;
 mod overlaps;
 mod plausibility;
 mod shape;
 
-pub use broad::{halos, within_a_square, without_halos};
+pub use broad::{halos, remove_halos, within_a_square};
 pub use plausibility::{dominant, misfit};
 pub use shape::{centroid, displacement, moments, normalise};
 
@@ -21,15 +21,15 @@ use rayon::prelude::*;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
 use crate::frame::{Channel, Plane, Size};
 
-/// Why no lens functions were found.
+/// Why lens functions could not be fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum LensBlurError {
-    /// Grid and support do not make a model.
+    /// Grid and support are invalid.
     #[error("the lens model cannot be set up")]
     Model(#[source] LensModelError),
-    /// Too little was seen of some function.
+    /// Too few trusted pixels for some function.
     #[error(
-        "some lens function is seen by too few trusted pixels: {trusted} of {all} pixels are \
+        "too few trusted pixels for some lens function: {trusted} of {all} pixels are \
          trusted"
     )]
     NotSeen {
@@ -40,12 +40,12 @@ pub enum LensBlurError {
     },
 }
 
-/// The grid of functions to be found.
+/// The grid of functions to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FunctionGrid {
     /// The photo's size.
     pub photo: Size,
-    /// Canvas around it.
+    /// Canvas around the photo on every side.
     pub margin_px: usize,
     /// Functions from left to right.
     pub columns: usize,
@@ -55,18 +55,17 @@ pub struct FunctionGrid {
     pub support_px: usize,
 }
 
-/// One pattern: what was shown and what was seen, both as differences from grey, canvas-sized.
+/// One pattern and its capture, as differences from grey, canvas-sized.
 #[derive(Debug, Clone)]
 pub struct Shot {
     /// Shown light minus grey.
     pub shown: Plane,
-    /// Seen light minus what is seen of grey.
+    /// Captured light minus the capture of grey.
     pub seen: Plane,
 }
 
-/// Weight of the penalty on the taps' squares, as a share of what the data say of one tap: noise
-/// over signal of a tap as the study has them (noise 1 grey level, patterns of 80, 65 000 pixels a
-/// function).
+/// Weight of the penalty on squared taps relative to the data of one tap: noise over signal of a
+/// tap in the study (noise of 1 grey level, patterns of 80, 65 000 pixels per function).
 const RIDGE: f64 = 1e-3;
 
 impl FunctionGrid {
@@ -75,7 +74,7 @@ impl FunctionGrid {
         Size::new(self.photo.width + 2 * self.margin_px, self.photo.height + 2 * self.margin_px)
     }
 
-    /// Functions that only pass light on, as a start.
+    /// Identity functions, as a start.
     fn unblurred(&self) -> LensFunctions {
         let (k, count) = (self.support_px, self.rows * self.columns);
         let mut taps = vec![0.0; count * k * k];
@@ -90,8 +89,7 @@ impl FunctionGrid {
         }
     }
 
-    /// Weight of each of `count` functions along a side, per canvas pixel: the model's bilinear
-    /// hats.
+    /// Bilinear weights of `count` functions along a side, per canvas pixel.
     fn hats(&self, photo_px: usize, count: usize) -> Vec<Vec<f64>> {
         let place = |pixel: usize| {
             let along =
@@ -104,24 +102,23 @@ impl FunctionGrid {
     }
 }
 
-/// Finds the functions of one channel after another on one grid.
+/// Fits the functions of one channel after another on one grid.
 pub struct FunctionFit {
     grid: FunctionGrid,
     model: LensModel,
     trusted: Plane<u8>,
-    /// Factor of the expected normal matrix for patterns of unit variance: overlaps of the weights.
+    /// Factor of the expected normal matrix for patterns of unit variance.
     overlaps: Cholesky<f64, Dyn>,
     /// Mean of its diagonal.
     diagonal: f64,
 }
 
 impl FunctionFit {
-    /// For `grid`, using pixels with `trusted` = 1 (canvas-sized). Patterns must be grey at the
-    /// canvas's border, so that what is shown beyond it, which the model knows nothing of, is no
-    /// different from grey.
+    /// Prepares a fit on `grid` to pixels with `trusted` = 1 (canvas-sized). Patterns must be grey
+    /// at the canvas's border, so that everything beyond it equals grey.
     ///
     /// # Errors
-    /// When the grid makes no model or some function is hardly seen.
+    /// When the grid is invalid, or some function has too few trusted pixels.
     pub fn new(grid: FunctionGrid, trusted: &Plane<u8>) -> Result<FunctionFit, LensBlurError> {
         let model = LensModel::new(grid.photo, grid.margin_px, &grid.unblurred())
             .map_err(LensBlurError::Model)?;
@@ -132,7 +129,7 @@ impl FunctionFit {
             trusted: trusted.data().iter().filter(|&&t| t > 0).count(),
             all: canvas.area(),
         };
-        // A function seen by less than a hundredth of what the others are seen by is not seen.
+        // Less than a hundredth of the average weight is too little.
         if normal.diagonal().iter().any(|&d| d < 0.01 * diagonal) {
             return Err(not_seen());
         }
@@ -141,17 +138,17 @@ impl FunctionFit {
         Ok(FunctionFit { grid, model, trusted, overlaps, diagonal })
     }
 
-    /// The taps of one channel, `[rows][columns][k][k]`, after `rounds` of conjugate gradients.
+    /// Fits the taps of one channel, `[rows][columns][k][k]`, by `rounds` of conjugate gradients.
     ///
     /// # Errors
-    /// When the taps found are not finite, which takes captures that are not.
+    /// When the taps are not finite.
     pub fn taps(
         &mut self,
         channel: Channel,
         shots: &[Shot],
         rounds: usize,
     ) -> Result<Vec<f32>, LensBlurError> {
-        // Mean squared light of the patterns; makes the expected normal matrix `power` × overlaps.
+        // Mean squared light of the patterns; the expected normal matrix is `power` × overlaps.
         let power: f64 = shots
             .iter()
             .map(|s| s.shown.dot(&s.shown) / s.shown.size().area() as f64)
@@ -160,36 +157,37 @@ impl FunctionFit {
         let ridge = (RIDGE * power * self.diagonal) as f32;
         let count = self.grid.rows * self.grid.columns * self.grid.support_px.pow(2);
         let mut taps = vec![0.0f32; count];
-        let mut rest = self.gathered(channel, shots, |s| s.seen.clone());
-        let mut better = self.preconditioned(&rest, power);
+        let mut residual = self.gathered(channel, shots, |s| s.seen.clone());
+        let mut better = self.preconditioned(&residual, power);
         let mut direction = better.clone();
-        let mut length = dot(&rest, &better);
+        let mut length = dot(&residual, &better);
         for _ in 0..rounds {
             if length <= 0.0 {
                 break;
             }
             self.model.set_taps(channel, &direction).map_err(LensBlurError::Model)?;
-            let mut bent = self.gathered(channel, shots, |s| {
+            let mut image = self.gathered(channel, shots, |s| {
                 let mut seen = Plane::zeros(s.shown.size());
                 self.model.forward(channel, &s.shown, &mut seen);
                 seen
             });
-            add(&mut bent, ridge, &direction);
-            let step = (length / dot(&direction, &bent)) as f32;
+            add(&mut image, ridge, &direction);
+            let step = (length / dot(&direction, &image)) as f32;
             add(&mut taps, step, &direction);
-            add(&mut rest, -step, &bent);
-            better = self.preconditioned(&rest, power);
-            let next = dot(&rest, &better);
+            add(&mut residual, -step, &image);
+            better = self.preconditioned(&residual, power);
+            let next = dot(&residual, &better);
             let keep = (next / length) as f32;
             length = next;
             direction.iter_mut().zip(&better).for_each(|(d, b)| *d = *b + keep * *d);
         }
-        // Leaves the channel with what was found, and checks that it is finite.
+        // Also checks that the taps are finite.
         self.model.set_taps(channel, &taps).map_err(LensBlurError::Model)?;
         Ok(taps)
     }
 
-    /// Σ over the shots of the adjoint of taps ↦ K(taps)·shown, of trusted pixels of `picture`.
+    /// Σ over the shots of the adjoint of taps ↦ K(taps)·shown, applied to trusted pixels of
+    /// `picture`.
     fn gathered(
         &self,
         channel: Channel,
@@ -213,14 +211,15 @@ impl FunctionFit {
         total
     }
 
-    /// The expected normal matrix's inverse applied: every tap over all functions.
-    fn preconditioned(&self, rest: &[f32], power: f64) -> Vec<f32> {
+    /// Applies the inverse of the expected normal matrix, which couples equal taps of all
+    /// functions.
+    fn preconditioned(&self, residual: &[f32], power: f64) -> Vec<f32> {
         let one = self.grid.support_px.pow(2);
         let functions = self.grid.rows * self.grid.columns;
         let mut sides =
-            DMatrix::from_fn(functions, one, |n, tap| f64::from(rest[n * one + tap]) / power);
+            DMatrix::from_fn(functions, one, |n, tap| f64::from(residual[n * one + tap]) / power);
         self.overlaps.solve_mut(&mut sides);
-        let mut out = vec![0.0; rest.len()];
+        let mut out = vec![0.0; residual.len()];
         for n in 0..functions {
             for tap in 0..one {
                 out[n * one + tap] = sides[(n, tap)] as f32;
@@ -234,8 +233,8 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()
 }
 
-fn add(to: &mut [f32], weight: f32, what: &[f32]) {
-    to.iter_mut().zip(what).for_each(|(t, w)| *t += weight * w);
+fn add(to: &mut [f32], weight: f32, other: &[f32]) {
+    to.iter_mut().zip(other).for_each(|(t, w)| *t += weight * w);
 }
 
 #[cfg(test)]

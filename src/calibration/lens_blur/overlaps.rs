@@ -1,5 +1,5 @@
-//! How much the weights of neighbouring lens functions overlap: the normal matrix that white
-//! patterns have in expectation.
+//! Overlaps of the weights of neighbouring lens functions: the expected normal matrix for white
+//! patterns.
 
 use nalgebra::DMatrix;
 
@@ -13,7 +13,7 @@ pub(super) fn overlaps(grid: &FunctionGrid, trusted: &Plane<u8>) -> DMatrix<f64>
     let functions = grid.rows * grid.columns;
     let mut normal = DMatrix::zeros(functions, functions);
     for (y, down) in down.iter().enumerate() {
-        // Per row first: Σ over x of the products of two hats across.
+        // Σ over x of the products of two horizontal weights, per row.
         let mut sums = DMatrix::<f64>::zeros(grid.columns, grid.columns);
         for (across, _) in across.iter().zip(trusted.row(y)).filter(|(_, t)| **t > 0) {
             for i in 0..grid.columns {

@@ -1,10 +1,10 @@
-//! What a lens model is held against: its dominant picture, and a held-out capture.
+//! Checks of a lens model: its dominant picture, and a held-out capture.
 
 use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, Plane};
 
-/// The model's largest squared singular value in `channel` and the picture it belongs to (length
-/// 1), by `rounds` of the power method from grey.
+/// Largest squared singular value of the model in `channel` and its singular picture (length 1), by
+/// `rounds` of the power method from grey.
 pub fn dominant(model: &LensModel, channel: Channel, rounds: usize) -> (f32, Plane) {
     let mut picture = Plane::filled(model.canvas(), 1.0);
     let mut seen = Plane::zeros(model.canvas());

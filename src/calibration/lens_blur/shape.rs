@@ -1,13 +1,12 @@
-//! What is read off lens functions: their sums, centroids and radii.
+//! Sums, centroids and radii of lens functions.
 
 use crate::calibration::geometric::{Map, Pair};
 use crate::calibration::surface::{Domain, SurfaceError};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Size};
 
-/// Scales every function to sum 1: what is flat is seen flat, by the definition of the dark corner.
-/// The light that glare carries beyond the support is thereby counted as if it stayed. Returns the
-/// mean sum before, per channel.
+/// Scales every function to sum 1, so that flats stay flat, as the dark corner requires. Glare
+/// beyond the support then counts as local. Returns the mean sum before, per channel.
 pub fn normalise(functions: &mut LensFunctions) -> [f32; 3] {
     let one = functions.support_px.pow(2);
     let count = (functions.rows * functions.columns) as f32;
@@ -16,8 +15,7 @@ pub fn normalise(functions: &mut LensFunctions) -> [f32; 3] {
         for function in taps.chunks_mut(one) {
             let sum: f32 = function.iter().sum();
             *mean += sum / count;
-            // A function that lost more than half its light is no function; left as it is, it is
-            // judged later.
+            // A function without half its light is invalid, which a later check reports.
             if sum > 0.5 {
                 function.iter_mut().for_each(|t| *t /= sum);
             }
@@ -26,7 +24,7 @@ pub fn normalise(functions: &mut LensFunctions) -> [f32; 3] {
     means
 }
 
-/// Centroid (x, y) and RMS radius of one function's taps, pixels from its middle.
+/// Centroid (x, y) relative to the middle, and RMS radius of one function, pixels.
 pub fn moments(taps: &[f32], support_px: usize) -> ((f64, f64), f64) {
     let middle = (support_px / 2) as f64;
     let (mut sum, mut sx, mut sy, mut srr) = (0.0, 0.0, 0.0, 0.0);
@@ -42,18 +40,17 @@ pub fn moments(taps: &[f32], support_px: usize) -> ((f64, f64), f64) {
     ((x, y), (srr / sum - x * x - y * y).max(0.0).sqrt())
 }
 
-/// Standard deviation of the bell that taps are smoothed with before their centroid is taken,
-/// pixels.
+/// Standard deviation of the Gaussian that smooths taps before taking their centroid, pixels.
 const SMOOTHING_PX: f64 = 1.5;
-/// Smoothed taps above this many standard deviations of their noise are the function's for sure.
+/// Least smoothed tap that belongs to the function, in noise σ.
 const NOISE_FLOOR: f64 = 3.0;
-/// So are those this near to them: the faint tail of coma is below the noise and still moves a
-/// centroid.
+/// Taps this close to significant ones count too: the faint tail of coma is below the noise and
+/// still moves a centroid.
 const TAIL_PX: isize = 5;
 
-/// Centroid (x, y) of one measured function, pixels from its middle. The noise of far taps counts
-/// by their distance, so the taps are smoothed, which moves no centroid, and what lies far from all
-/// that stands out of the noise is left out (noise: median of the outermost two rings).
+/// Centroid (x, y) of one measured function, pixels from its middle. The noise of far taps has a
+/// large lever arm: taps are smoothed, which keeps the centroid, and those far from significant
+/// ones are omitted (noise: median of the outermost two rings).
 pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
     let k = support_px as isize;
     let reach = (3.0 * SMOOTHING_PX).ceil() as isize;
@@ -83,7 +80,7 @@ pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
         .map(|n| smooth[n as usize].abs())
         .collect();
     rim.sort_by(f64::total_cmp);
-    // The median of |noise| is 0.6745 standard deviations of a bell.
+    // The median of |x| is 0.6745 σ for a normal x.
     let noise = rim.get(rim.len() / 2).copied().unwrap_or(0.0) / 0.6745;
     let mut near = vec![false; smooth.len()];
     for n in (0..k * k).filter(|&n| smooth[n as usize] > NOISE_FLOOR * noise) {
@@ -99,11 +96,11 @@ pub fn centroid(taps: &[f32], support_px: usize) -> (f64, f64) {
     moments(&kept, support_px).0
 }
 
-/// How far from its place the light of each Work place is seen, smooth over `canvas`, by the
-/// centroids of one channel's functions, which are given on pixels of `pixel_px` Work pixels.
+/// Displacement of the light at each Work position, smooth over `canvas`, from the centroids of one
+/// channel's functions on pixels of `pixel_px` Work pixels.
 ///
 /// # Errors
-/// When there are too few functions for a smooth map; the caller then leaves the geometry as it is.
+/// When there are too few functions for a smooth map.
 pub fn displacement(
     functions: &LensFunctions,
     channel: Channel,
@@ -125,7 +122,7 @@ pub fn displacement(
             pairs.push(Pair { from, to: (x * pixel_px as f64, y * pixel_px as f64) });
         }
     }
-    // One cubic over the field, as coma's displacement is: a centroid carries some hundredths of a
-    // pixel of noise, and fewer coefficients let less of it through.
+    // One cubic over the field, like coma's displacement; few coefficients suppress the centroids'
+    // noise of some hundredths of a pixel.
     Map::fit(canvas, (1, 1), &pairs, 1e-6)
 }

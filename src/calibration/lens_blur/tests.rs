@@ -1,4 +1,4 @@
-//! The functions found again, with and without noise.
+//! Recovery of the functions with and without noise.
 
 use super::*;
 use crate::patterns::pseudo_random;
@@ -44,7 +44,7 @@ fn shots(functions: &LensFunctions, noise: f32) -> Vec<Shot> {
 }
 
 #[test]
-fn the_functions_are_found_again_without_noise() {
+fn the_functions_are_recovered_without_noise() {
     let functions = truth();
     let mut fit = FunctionFit::new(GRID, &Plane::filled(GRID.canvas(), 1)).unwrap();
     let taps = fit.taps(Channel::Green, &shots(&functions, 0.0), 10).unwrap();
@@ -54,7 +54,7 @@ fn the_functions_are_found_again_without_noise() {
 }
 
 #[test]
-fn noise_leaves_a_model_that_predicts_and_centroids_that_hold() {
+fn prediction_and_centroids_are_accurate_despite_noise() {
     let functions = truth();
     let canvas = GRID.canvas();
     let mut trusted = Plane::filled(canvas, 1u8);
@@ -71,19 +71,19 @@ fn noise_leaves_a_model_that_predicts_and_centroids_that_hold() {
         assert!((truth.0 - centre.0).hypot(truth.1 - centre.1) < 0.03, "{truth:?} {centre:?}");
     }
     let held_out = pseudo_random(canvas, 99).map(|v| 80.0 * v);
-    let of = |functions: &LensFunctions| {
+    let predict = |functions: &LensFunctions| {
         let mut seen = Plane::zeros(canvas);
         let model = LensModel::new(GRID.photo, GRID.margin_px, functions).unwrap();
         model.forward(Channel::Green, &held_out, &mut seen);
         seen
     };
-    let rms = misfit(&of(&found), &of(&functions), &trusted, GRID.margin_px);
+    let rms = misfit(&predict(&found), &predict(&functions), &trusted, GRID.margin_px);
     println!("held-out misfit {rms}");
     assert!(rms < 0.5, "{rms}");
 }
 
 #[test]
-fn what_is_not_seen_is_refused() {
+fn a_function_without_trusted_pixels_is_refused() {
     let mut trusted = Plane::filled(GRID.canvas(), 1u8);
     for y in 0..58 {
         for x in 0..52 {
@@ -94,7 +94,7 @@ fn what_is_not_seen_is_refused() {
 }
 
 #[test]
-fn the_dominant_picture_is_stretched_most() {
+fn the_dominant_picture_has_the_largest_norm() {
     let model = LensModel::new(GRID.photo, GRID.margin_px, &truth()).unwrap();
     let (norm, picture) = dominant(&model, Channel::Green, 30);
     assert!((norm - model.norm_squared(Channel::Green, 60, 1)).abs() < 2e-3);

@@ -1,4 +1,4 @@
-//! The slots against lost power, lost bytes and other rigs.
+//! Slots after power cuts, lost bytes and changes of rig.
 
 use super::*;
 use crate::calibration::example::calibration;
@@ -8,7 +8,7 @@ fn slot(folder: &Path, name: &str) -> Calibration {
 }
 
 #[test]
-fn what_is_saved_is_loaded_and_the_newer_wins() {
+fn the_newer_slot_is_loaded() {
     let folder = tempfile::tempdir().unwrap();
     let rig = calibration().rig;
     assert!(matches!(load(folder.path(), rig), Err(StoreError::Empty { .. })));
@@ -17,11 +17,11 @@ fn what_is_saved_is_loaded_and_the_newer_wins() {
         save(folder.path(), &kept).unwrap();
         assert_eq!(load(folder.path(), rig).unwrap(), kept);
     }
-    // Generations 2 and 3 are on flash now; losing 3 brings 2 back.
+    // Generations 2 and 3 are stored; losing 3 leaves 2.
     assert_eq!(SLOTS.map(|s| slot(folder.path(), s).generation), [3, 2]);
     std::fs::write(folder.path().join(SLOTS[0]), b"").unwrap();
     assert_eq!(load(folder.path(), rig).unwrap().generation, 2);
-    // The next goes where the bad one is.
+    // The next replaces the invalid one.
     save(folder.path(), &Calibration { generation: 3, ..calibration() }).unwrap();
     assert_eq!(SLOTS.map(|s| slot(folder.path(), s).generation), [3, 2]);
 }
@@ -40,7 +40,7 @@ fn every_flipped_bit_is_noticed() {
 }
 
 #[test]
-fn every_cut_and_every_addition_is_noticed() {
+fn every_truncation_and_extension_is_noticed() {
     let whole = encode(&calibration()).unwrap();
     for length in 0..whole.len() {
         assert!(decode(&whole[..length]).is_err(), "cut to {length} bytes went unnoticed");
@@ -51,17 +51,15 @@ fn every_cut_and_every_addition_is_noticed() {
 }
 
 #[test]
-fn a_write_cut_short_leaves_the_old_one() {
+fn an_interrupted_write_leaves_the_old_slot() {
     let folder = tempfile::tempdir().unwrap();
     let old = calibration();
     save(folder.path(), &old).unwrap();
     let new = encode(&Calibration { generation: 8, ..calibration() }).unwrap();
-    // Every length of the header, then some that fall on every place of a number;
-    // `RELENS_POWER=all`: every length.
+    // Every length within the header, then one in seven; with `RELENS_POWER` set, every length.
     let all = std::env::var_os("RELENS_POWER").is_some();
     for length in (0..new.len()).filter(|at| all || *at < 512 || at % 7 == 0) {
-        // Whether the cut falls on the temporary file or, on a folder that lies about rename, on
-        // the slot.
+        // The cut may hit the temporary file or, where rename is not atomic, the slot.
         for name in [format!("{}.new", SLOTS[1]), SLOTS[1].to_owned()] {
             std::fs::write(folder.path().join(name), &new[..length]).unwrap();
             assert_eq!(load(folder.path(), old.rig).unwrap(), old);
@@ -70,7 +68,7 @@ fn a_write_cut_short_leaves_the_old_one() {
 }
 
 #[test]
-fn both_bad_and_another_rig_are_stated() {
+fn two_invalid_slots_and_another_rig_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     save(folder.path(), &calibration()).unwrap();
     let other = load(folder.path(), 5).unwrap_err();
@@ -91,7 +89,7 @@ fn both_bad_and_another_rig_are_stated() {
 }
 
 #[test]
-fn whole_bytes_that_make_no_calibration_are_refused() {
+fn undamaged_bytes_without_a_calibration_are_refused() {
     let mut wrong = calibration();
     wrong.functions.taps[0].pop();
     assert!(matches!(decode(&encode(&wrong).unwrap()), Err(SlotFault::Contents(_))));

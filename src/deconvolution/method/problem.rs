@@ -13,7 +13,7 @@ use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::observation::Observation;
 use crate::deconvolution::panel_beat;
 use crate::deconvolution::refinement::RefinedLens;
-use crate::deconvolution::registration::Registration;
+use crate::deconvolution::registration::{Comparison, Registration, common_mask};
 use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
 
@@ -64,7 +64,10 @@ impl<'a> Problem<'a> {
         let Observation { trust, rect, channels, .. } = self.observation;
         let (rect, channels) = (*rect, channels.list());
         let blur_px = self.model.functions().support_px;
-        let found = Registration::of(&seen, prediction, trust, rect, channels, blur_px);
+        let mask = &common_mask(trust, &seen.trusted);
+        let (light, area) = (&seen.light, rect);
+        let comparison = Comparison { seen: light, predicted: prediction, mask, area, channels };
+        let found = Registration::fit(&comparison, blur_px);
         log::debug!("capture registered: {found:?}");
         found.undo(&mut seen, prediction, channels);
         if let Some(columns) = optics.panel_columns() {

@@ -1,9 +1,9 @@
-//! Bicubic resampling of a plane: at given places ([`warp`], [`sample`]), and to another size
+//! Bicubic resampling of a plane: at given positions ([`warp`], [`sample`]), and to another size
 //! (`resize`).
 //!
 //! The kernel is Keys' cubic convolution ("Cubic convolution interpolation for digital image
-//! processing", 1981) with a = −½, the one value whose error falls with the third power of the
-//! pixel pitch. OpenCV's −¾ sharpens: a test below measures both on a smooth picture.
+//! processing", 1981) with a = −½, the only value with an error of third order in the pixel pitch.
+//! OpenCV's −¾ sharpens; a test below compares both on a smooth picture.
 
 mod resize;
 
@@ -12,7 +12,7 @@ pub use resize::resize;
 use super::Plane;
 use super::instructions::{Kernel, multiply_add, run_fastest};
 
-/// What is taken for pixels outside the plane.
+/// Values of pixels outside the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outside {
     /// The nearest pixel of the border.
@@ -24,7 +24,7 @@ pub enum Outside {
 /// Keys' free parameter.
 const KEYS_A: f32 = -0.5;
 
-/// The cubics in t of the four taps at −1, 0, 1, 2: constants, then factors of t, t² and t³.
+/// Cubic polynomials in t of the four taps at −1, 0, 1, 2: coefficients of 1, t, t² and t³.
 const CUBICS: [[f32; 4]; 4] = cubics(KEYS_A);
 
 const fn cubics(a: f32) -> [[f32; 4]; 4] {
@@ -36,7 +36,7 @@ const fn cubics(a: f32) -> [[f32; 4]; 4] {
     ]
 }
 
-/// Weights of the four taps at −1, 0, 1, 2 for a place `t` (0..=1) between taps 0 and 1.
+/// Weights of the four taps at −1, 0, 1, 2 for a position `t` (0..=1) between taps 0 and 1.
 #[inline(always)]
 fn weights<const FUSED: bool>(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
     let mut weights = [0.0; 4];
@@ -48,8 +48,8 @@ fn weights<const FUSED: bool>(cubics: &[[f32; 4]; 4], t: f32) -> [f32; 4] {
     weights
 }
 
-/// The value of `plane` at column `x`, row `y` (pixel centres are whole numbers). Zero where a
-/// place is not a finite number or the plane is empty.
+/// Value of `plane` at column `x`, row `y` (pixel centres are integers); zero if a position is not
+/// finite or the plane is empty.
 pub fn sample(plane: &Plane, x: f32, y: f32, outside: Outside) -> f32 {
     sample_by(&CUBICS, plane, x, y, outside)
 }
@@ -69,7 +69,7 @@ fn sample_by(cubics: &[[f32; 4]; 4], plane: &Plane, x: f32, y: f32, outside: Out
     total
 }
 
-/// The four taps around `place` along a side of `length` pixels, and their weights.
+/// The four taps around `place` on a side of `length` pixels, and their weights.
 #[inline(always)]
 fn border_taps(
     cubics: &[[f32; 4]; 4],
@@ -77,10 +77,10 @@ fn border_taps(
     place: f32,
     outside: Outside,
 ) -> ([usize; 4], [f32; 4]) {
-    // Far outside all taps are outside; clamping keeps the arithmetic small.
+    // Clamping keeps the arithmetic in range; all taps are outside there anyway.
     let place = place.clamp(-4.0, length as f32 + 3.0);
-    // Counted from −5, so that cutting off the fraction is rounding down: `floor` is a library call
-    // on baseline x86-64.
+    // The offset of 5 makes truncation equal rounding down: `floor` is a library call on baseline
+    // x86-64.
     let first = (place + 5.0) as isize - 6;
     let mut weights = weights::<false>(cubics, place - (first + 1) as f32);
     let mut taps = [0; 4];
@@ -95,14 +95,14 @@ fn border_taps(
     (taps, weights)
 }
 
-/// `out`(i, j) = `source` at column `map_x`(i, j), row `map_y`(i, j), as [`sample`] gives it.
+/// Sets `out`(i, j) to [`sample`] of `source` at column `map_x`(i, j), row `map_y`(i, j).
 ///
 /// # Panics
-/// When the maps and `out` differ in size, which is a bug of the caller.
+/// When the maps and `out` differ in size.
 pub fn warp(source: &Plane, map_x: &Plane, map_y: &Plane, outside: Outside, out: &mut Plane) {
     assert!(
         map_x.size() == out.size() && map_y.size() == out.size(),
-        "the maps have the size of the plane they make"
+        "maps and output have one size"
     );
     run_fastest(Warp {
         source,
@@ -121,7 +121,7 @@ struct Warp<'a> {
     out: &'a mut [f32],
 }
 
-/// Places looked up at a time: the arithmetic on places and weights is done side by side.
+/// Positions per vector of arithmetic.
 const AT_A_TIME: usize = 8;
 
 impl Kernel for Warp<'_> {
@@ -149,9 +149,8 @@ impl Kernel for Warp<'_> {
     }
 }
 
-/// Whether the four taps of all `places` along a side of `length` pixels lie inside. One more pixel
-/// is left off at the far end, so that rounding cannot bring a tap outside; places that are not
-/// numbers are not inside.
+/// Whether the four taps of all `places` on a side of `length` pixels lie inside, with a pixel of
+/// reserve at the far end against rounding; NaN is outside.
 #[inline(always)]
 fn all_inside(length: usize, places: &[f32; AT_A_TIME]) -> bool {
     let end = length as f32 - 3.0;
@@ -162,11 +161,10 @@ fn all_inside(length: usize, places: &[f32; AT_A_TIME]) -> bool {
     inside
 }
 
-/// Along one side: the first tap of each place (above 1, below 2²²) and how far behind the second
-/// tap it lies.
+/// First tap of each position (above 1, below 2²²) and its distance from the second tap.
 ///
-/// The whole part comes without `floor`, which is a library call on baseline x86-64; it may be one
-/// too small with a rest of 1, which is the same place.
+/// Avoids `floor`, a library call on baseline x86-64. The integer part may be one too small with a
+/// remainder of 1, which is equivalent.
 #[inline(always)]
 fn first_taps(places: &[f32; AT_A_TIME]) -> ([u32; AT_A_TIME], [f32; AT_A_TIME]) {
     const SHIFT: f32 = 8_388_608.0; // 2²³: from here on the spacing of f32 is 1
@@ -180,7 +178,7 @@ fn first_taps(places: &[f32; AT_A_TIME]) -> ([u32; AT_A_TIME], [f32; AT_A_TIME])
     (first, rest)
 }
 
-/// The values at places that are all inside.
+/// Values at positions that are all inside.
 #[inline(always)]
 fn inner<const FUSED: bool>(
     data: &[f32],
@@ -189,9 +187,9 @@ fn inner<const FUSED: bool>(
     y: &[f32; AT_A_TIME],
 ) -> [f32; AT_A_TIME] {
     let ((columns, tx), (rows, ty)) = (first_taps(x), first_taps(y));
-    // The weights of the rows for all places at once; those of the columns place by place, where
-    // they are used side by side. Loops and no closures: what is not compiled inside the kernel
-    // calls a library for each fused product (8 times slower).
+    // Row weights are computed for all positions at once, column weights per position. Loops
+    // without closures: code outside the kernel would call a library for each fused product (8
+    // times slower).
     let mut wy = [[0.0f32; AT_A_TIME]; 4];
     for (j, of_row) in wy.iter_mut().enumerate() {
         for (weight, t) in of_row.iter_mut().zip(&ty) {
@@ -200,12 +198,11 @@ fn inner<const FUSED: bool>(
             *weight = multiply_add::<FUSED>(upper, *t, CUBICS[0][j]);
         }
     }
-    // Four views of one length, each a row further down: one comparison proves all four loads.
+    // Four views of one length, one row apart: a single bounds check covers all four loads.
     let length = data.len().saturating_sub(3 * width);
     let (up, mid) = (&data[..length], &data[width..][..length]);
     let (low, down) = (&data[2 * width..][..length], &data[3 * width..][..length]);
-    // Down the columns first: four sums of four pixels each, one place at a time, each row one
-    // load.
+    // Columns first: four sums of four pixels for one position, each row one load.
     let mut sums = [[0.0f32; 4]; AT_A_TIME];
     for i in 0..AT_A_TIME {
         let start = rows[i] as usize * width + columns[i] as usize;

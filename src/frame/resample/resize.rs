@@ -1,12 +1,11 @@
-//! A plane at another size: bicubic when larger, area-aware (antialiased) when smaller.
+//! Resizing of a plane: bicubic enlargement, antialiased reduction.
 
 use super::KEYS_A;
 use crate::frame::{Plane, Size};
 
-/// `plane` resampled to `size`. Both cover the same rectangle: pixel i of n lies at (i+½)/n of its
-/// side. Each new pixel is a mean of old ones weighted by Keys' kernel, stretched to the new
-/// pixel's width where the picture gets smaller, so that no detail folds over; at the border only
-/// pixels inside count. Nothing to take from gives black.
+/// Resamples `plane` to `size`. Both cover the same rectangle: pixel i of n is at (i+½)/n of its
+/// side. Each new pixel is a mean of old ones weighted by Keys' kernel, stretched for reduction to
+/// avoid aliasing; at the border only pixels inside count. An empty plane gives black.
 pub fn resize(plane: &Plane, size: Size) -> Plane {
     if plane.size().area() == 0 || size.area() == 0 {
         return Plane::zeros(size);
@@ -32,13 +31,13 @@ pub fn resize(plane: &Plane, size: Size) -> Plane {
     out
 }
 
-/// The old pixels a new one is made of.
+/// Old pixels and weights of one new pixel.
 struct Taps {
     first: usize,
     weights: Vec<f32>,
 }
 
-/// The taps of each of `to` new pixels among `from` old ones.
+/// Taps of each of `to` new pixels among `from` old ones.
 fn taps(from: usize, to: usize) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
     let stretch = scale.max(1.0);

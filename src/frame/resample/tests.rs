@@ -1,10 +1,9 @@
-//! Resampling: exactness where the kernel is exact, borders, accuracy, and both forms against each
-//! other.
+//! Resampling: exactness, borders, accuracy, and `warp` against `sample`.
 
 use super::*;
 use crate::frame::Size;
 
-/// A smooth picture that can be looked up anywhere: the shortest wave is `shortest_px` long.
+/// A smooth picture as a function, with waves of at least `shortest_px`.
 fn smooth(shortest_px: f32, x: f32, y: f32) -> f32 {
     let wave = std::f32::consts::TAU / shortest_px;
     128.0
@@ -16,7 +15,7 @@ fn smooth_plane(size: Size, shortest_px: f32) -> Plane {
     Plane::from_fn(size, |x, y| smooth(shortest_px, x as f32, y as f32))
 }
 
-/// RMS error of the kernel with `a` at many places between the pixels.
+/// RMS error of the kernel with `a` at many positions between pixels.
 fn error_with(a: f32, shortest_px: f32) -> f64 {
     let plane = smooth_plane(Size::new(80, 60), shortest_px);
     let errors = Plane::from_fn(Size::new(200, 150), |i, j| {
@@ -27,7 +26,7 @@ fn error_with(a: f32, shortest_px: f32) -> f64 {
 }
 
 #[test]
-fn keys_own_parameter_is_the_more_accurate_on_smooth_pictures() {
+fn keys_parameter_is_more_accurate_on_smooth_pictures() {
     for shortest_px in [6.0, 10.0, 20.0] {
         let (ours, opencv) = (error_with(-0.5, shortest_px), error_with(-0.75, shortest_px));
         println!(
@@ -38,7 +37,7 @@ fn keys_own_parameter_is_the_more_accurate_on_smooth_pictures() {
 }
 
 #[test]
-fn whole_places_give_the_pixels_back_and_planes_of_second_degree_are_exact() {
+fn integer_positions_and_quadratic_planes_are_exact() {
     let plane = Plane::from_fn(Size::new(20, 15), |x, y| {
         let (x, y) = (x as f32, y as f32);
         3.0 + 2.0 * x - y + 0.3 * x * x - 0.2 * x * y + 0.1 * y * y
@@ -52,10 +51,10 @@ fn whole_places_give_the_pixels_back_and_planes_of_second_degree_are_exact() {
 }
 
 #[test]
-fn warp_is_sample_at_every_place() {
+fn warp_equals_sample_at_every_position() {
     let source = Plane::from_fn(Size::new(31, 23), |x, y| ((x * 37 + y * 91) % 101) as f32);
     let size = Size::new(64, 50);
-    // From well outside to well outside, some places whole, some not numbers.
+    // From well outside to well outside, with some integer positions and some NaN.
     let mut map_x = Plane::from_fn(size, |x, y| x as f32 * 0.75 - 8.0 + y as f32 * 0.01);
     let map_y = Plane::from_fn(size, |x, y| y as f32 * 0.5 - 1.0 + x as f32 * 0.02);
     map_x.set(5, 5, f32::NAN);
@@ -75,7 +74,7 @@ fn warp_is_sample_at_every_place() {
 }
 
 #[test]
-fn outside_is_the_edge_or_black() {
+fn pixels_outside_are_the_edge_or_black() {
     let plane = Plane::filled(Size::new(9, 7), 50.0);
     for (x, y) in [(-30.0, 3.0), (4.0, 99.0), (-0.4, -0.4), (8.7, 6.2)] {
         assert!((sample(&plane, x, y, Outside::Edge) - 50.0).abs() < 1e-4);
@@ -85,7 +84,7 @@ fn outside_is_the_edge_or_black() {
 }
 
 #[test]
-fn tiny_planes_are_no_trouble() {
+fn tiny_planes_are_resampled() {
     let one = Plane::filled(Size::new(1, 1), 7.0);
     let mut out = Plane::zeros(Size::new(3, 1));
     warp(
@@ -101,7 +100,7 @@ fn tiny_planes_are_no_trouble() {
 }
 
 #[test]
-fn another_size_keeps_place_and_mean_and_folds_nothing_over() {
+fn resizing_keeps_position_and_mean_without_aliasing() {
     let plane = smooth_plane(Size::new(240, 160), 40.0);
     for size in [Size::new(120, 80), Size::new(100, 70), Size::new(333, 201), Size::new(240, 160)] {
         let made = resize(&plane, size);
@@ -114,7 +113,7 @@ fn another_size_keeps_place_and_mean_and_folds_nothing_over() {
             }
         }
     }
-    // Stripes of two pixels at a quarter of the size are grey, not a moiré.
+    // Stripes of two pixels reduced to a quarter are grey, without moiré.
     let stripes = Plane::from_fn(Size::new(256, 64), |x, _| if x % 2 == 0 { 0.0 } else { 200.0 });
     let grey = resize(&stripes, Size::new(61, 16));
     let inner: Vec<f32> = (4..57).map(|x| grey.at(x, 8)).collect();

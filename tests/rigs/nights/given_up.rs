@@ -1,4 +1,4 @@
-//! A rig that has drifted and is not put right: no photo is taken on it.
+//! A drifted rig that is not recalibrated restores no photo.
 
 use std::cell::RefCell;
 use std::time::{Duration, UNIX_EPOCH};
@@ -15,11 +15,11 @@ use relens::picture::Photo;
 use relens::pipeline::Outcome;
 use relens::remedy::{AnyFailure, Remediable, Remedy};
 
-use super::{Scripted, TestClock, in_folder, live, night, nights, photos};
+use super::{Lived, Scripted, TestClock, in_folder, live, night, nights, photos};
 
-/// Somebody holds the button.
+/// Cancelled at the button.
 #[derive(Debug, thiserror::Error)]
-#[error("given up when asked to")]
+#[error("cancelled")]
 struct Asked;
 
 impl Remediable for Asked {
@@ -31,7 +31,7 @@ impl Remediable for Asked {
     }
 }
 
-/// The first calibration is given up at the button.
+/// A restorer whose first calibration is cancelled.
 struct GivenUp<'a> {
     inner: Scripted<'a>,
     given_up: bool,
@@ -58,12 +58,12 @@ impl Restorer for GivenUp<'_> {
 }
 
 #[test]
-fn a_calibration_given_up_at_the_button_waits_for_the_button() {
+fn after_cancelling_a_calibration_the_box_waits_for_the_button() {
     const PRESS_S: f64 = 800.0;
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 5);
     let (clock, log) = (TestClock::default(), RefCell::default());
-    // Warm-up, drift after three photos, and still there when the button is pressed.
+    // Warm-up, then drift after three photos, still present at the press.
     let pilots = RefCell::new(vec![0.0, 0.0, 0.0, 4.0, 4.0]);
     let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
     let calendar = || noon + Duration::from_secs_f64(35_400.0 + clock.0.get());
@@ -86,7 +86,7 @@ fn a_calibration_given_up_at_the_button_waits_for_the_button() {
         Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let pressing = RefCell::new(|now: f64| {
         if now > PRESS_S && !std::mem::replace(&mut pressed, true) {
-            // Until then nothing was tried again.
+            // No retry until then.
             let tried = log.borrow().iter().filter(|line| *line == "pilot 4").count();
             assert_eq!(tried, 1, "{:?}", log.borrow());
             front.press(Press::Down);
@@ -101,12 +101,12 @@ fn a_calibration_given_up_at_the_button_waits_for_the_button() {
     });
     let states = states.into_inner();
     let held = states.iter().find(|state| matches!(state.doing, Doing::Held { .. }));
-    assert!(held.is_none(), "nobody is called for: {held:?}");
+    assert!(held.is_none(), "the operator is not called: {held:?}");
     let waits = |state: &&State| {
         matches!(&state.doing, Doing::Paused { reason }
             if reason.contains("given up at the button: press it to measure"))
     };
-    let waiting = states.iter().rfind(waits).expect("it says what it waits for").counts.waiting;
+    let waiting = states.iter().rfind(waits).expect("a reason for waiting").counts.waiting;
     assert!(waiting.button == waiting.all() && waiting.button > 0, "{waiting}");
     let log = log.into_inner();
     let from = log.iter().position(|line| line == "given up").unwrap();
@@ -115,11 +115,11 @@ fn a_calibration_given_up_at_the_button_waits_for_the_button() {
 }
 
 #[test]
-fn a_rig_that_is_cold_and_has_drifted_takes_no_photo() {
+fn a_cold_drifted_rig_restores_no_photo() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 5);
     let nights = config::Nights { recalibrate: false, ..nights("22:00-06:00") };
     let pilots = vec![9.0; 1000];
-    let (log, summary, _) = live(super::Night { nights, pilots, ..night(root.path()) });
+    let Lived { log, summary, .. } = live(super::Night { nights, pilots, ..night(root.path()) });
     assert!(summary.restored.is_empty() && log.iter().all(|line| line == "pilot 9"), "{log:?}");
 }

@@ -1,6 +1,5 @@
-//! A night that never ran: when photos waited and a whole window passed without one, the box says
-//! so, since when and why, in its state, its log, its report and on its panel; and not when the
-//! calendar alone says that a night passed.
+//! Missed nights: if photos waited through a whole window, the box reports it with time and reason
+//! in its state, log, report and panel; but not after a mere change of the calendar.
 
 use std::cell::{Cell, RefCell};
 use std::path::Path;
@@ -27,7 +26,7 @@ thread_local! {
     static WARNED: RefCell<Vec<String>> = RefCell::default();
 }
 
-/// Keeps what each test's own thread warns about.
+/// Records the warnings of each test's thread.
 struct Ear;
 
 impl log::Log for Ear {
@@ -52,7 +51,7 @@ impl Remediable for CameraGone {
     }
 }
 
-/// A rig whose camera may be gone, before a panel that remembers.
+/// A rig whose camera may disappear, with a recorded panel.
 struct Fragile<'a> {
     inner: Scripted<'a>,
     gone: &'a dyn Fn(f64) -> bool,
@@ -87,21 +86,21 @@ impl Restorer for Fragile<'_> {
     }
 }
 
-/// A stretch of a box's life; times are seconds since it was switched on.
+/// A period of a box; times are seconds since power-on.
 struct Life<'a> {
     nights: Nights,
-    /// When it is switched on: seconds after noon in Vienna, 2026-01-10.
+    /// Power-on, seconds after noon in Vienna, 2026-01-10.
     begins_s: f64,
     lasts_s: f64,
-    /// How far the calendar is off.
+    /// Error of the calendar.
     off_s: &'a dyn Fn(f64) -> f64,
     is_set: &'a dyn Fn(f64) -> bool,
     gone: &'a dyn Fn(f64) -> bool,
-    /// Whether the button is held while it is switched on.
+    /// Whether the button is held at power-on.
     maintenance: bool,
 }
 
-/// An ordinary box, switched on at ten to ten in the evening, whose camera is gone.
+/// A box powered on at 21:50 without a camera.
 fn life(hours: f64) -> Life<'static> {
     Life {
         nights: nights("22:00-06:00"),
@@ -114,11 +113,11 @@ fn life(hours: f64) -> Life<'static> {
     }
 }
 
-/// What a life looks like from outside, at its end.
+/// Visible state at the end of a period.
 struct Seen {
     restored: usize,
     missed: Option<String>,
-    /// What was warned about nights that were missed.
+    /// Warnings about missed nights.
     warned: Vec<String>,
     page: String,
     screens: Vec<Screen>,
@@ -180,7 +179,7 @@ fn with_photos() -> tempfile::TempDir {
 }
 
 #[test]
-fn a_night_without_a_camera_is_said_everywhere_once_it_is_over() {
+fn a_night_without_a_camera_is_reported_everywhere_afterwards() {
     let root = with_photos();
     let seen = live(root.path(), &life(8.0));
     assert_eq!(
@@ -214,13 +213,13 @@ fn a_night_without_a_camera_is_said_everywhere_once_it_is_over() {
 }
 
 #[test]
-fn the_next_night_counts_on_and_a_photo_restored_ends_it() {
+fn missed_nights_are_counted_until_a_photo_is_restored() {
     let root = with_photos();
     let (late, back) = (&|t| t < 40.0 * HOUR, &|t| t < 30.0 * HOUR);
     let seen = live(root.path(), &Life { gone: late, ..life(33.0) });
     assert!(seen.missed.unwrap().contains("in 2 nights, the last up to 2026-01-12 06:00"));
     assert_eq!(seen.warned.len(), 2);
-    // The camera is there again in the middle of the second night.
+    // The camera returns in the middle of the second night.
     let root = with_photos();
     let seen = live(root.path(), &Life { gone: back, ..life(33.0) });
     assert_eq!((seen.restored, seen.missed, seen.warned.len()), (2, None, 1));
@@ -228,7 +227,7 @@ fn the_next_night_counts_on_and_a_photo_restored_ends_it() {
 }
 
 #[test]
-fn a_clock_that_nobody_sets_is_a_missed_night_when_any_night_must_have_passed() {
+fn an_unset_clock_counts_as_a_missed_night_once_any_night_has_passed() {
     let root = with_photos();
     let unset: Life<'_> = Life { is_set: &|_| false, gone: &|_| false, ..life(32.0) };
     assert_eq!(
@@ -244,8 +243,7 @@ fn a_clock_that_nobody_sets_is_a_missed_night_when_any_night_must_have_passed() 
         "{missed}"
     );
     assert_eq!(seen.warned.len(), 1);
-    // Set at last, in the afternoon of the second day: the night that was missed is known by its
-    // date.
+    // Set in the afternoon of the second day: the missed night has a date.
     let root = with_photos();
     let set = &|t| t > 20.0 * HOUR;
     let seen = live(root.path(), &Life { is_set: set, gone: &|_| false, ..life(21.0) });
@@ -257,7 +255,7 @@ fn a_clock_that_nobody_sets_is_a_missed_night_when_any_night_must_have_passed() 
 }
 
 #[test]
-fn a_box_that_was_off_says_so_when_it_is_switched_on() {
+fn a_box_that_was_off_reports_it_at_power_on() {
     let root = with_photos();
     live(root.path(), &Life { lasts_s: 300.0, ..life(0.0) });
     let well = Life { begins_s: 21.0 * HOUR, gone: &|_| false, ..life(0.1) };
@@ -268,7 +266,7 @@ fn a_box_that_was_off_says_so_when_it_is_switched_on() {
         "{missed}"
     );
     assert_eq!(seen.warned.len(), 1);
-    // Held all night, and only then switched off and on: that is why.
+    // Held all night and then restarted: the reason is kept.
     let root = with_photos();
     live(root.path(), &life(10.0));
     let missed = live(root.path(), &well).missed.unwrap();
@@ -276,14 +274,13 @@ fn a_box_that_was_off_says_so_when_it_is_switched_on() {
 }
 
 #[test]
-fn a_day_forward_or_back_by_the_calendar_is_no_night() {
+fn a_change_of_the_calendar_by_a_day_is_no_missed_night() {
     for (day, source) in
         [(DAY, ClockSource::Network), (-DAY, ClockSource::Network), (DAY, ClockSource::Battery)]
     {
         let root = with_photos();
         let nights = Nights { clock: source, ..nights("22:00-06:00") };
-        // At eight in the evening; the clock is changed half an hour later, and half an hour after
-        // that put right.
+        // At 20:00; the clock changes at 20:30 and is corrected at 21:00.
         let there = &|t| if t > 1800.0 { day } else { 0.0 };
         let there_and_back = &|t| if (1800.0..3600.0).contains(&t) { day } else { 0.0 };
         let evening =
@@ -295,7 +292,7 @@ fn a_day_forward_or_back_by_the_calendar_is_no_night() {
             None,
             "{day} {source:?}, and back"
         );
-        // And the night after it is one.
+        // The night after it counts.
         let root = with_photos();
         let seen = live(root.path(), &Life { lasts_s: 11.0 * HOUR, ..evening(there) });
         assert!(seen.missed.is_some_and(|m| m.contains("in the night up to")), "{day} {source:?}");
@@ -304,17 +301,17 @@ fn a_day_forward_or_back_by_the_calendar_is_no_night() {
 }
 
 #[test]
-fn a_battery_clock_put_back_by_a_day_is_said_when_a_night_has_passed() {
+fn a_battery_clock_set_back_by_a_day_misses_one_night() {
     let root = with_photos();
     let nights = Nights { clock: ClockSource::Battery, ..nights("22:00-06:00") };
-    // It comes to a time that it believes again after a day, and misses the night in between.
+    // It reaches a plausible time after a day and misses the night in between.
     let off_s = &|t| if t > 60.0 { -DAY } else { 0.0 };
     let seen = live(root.path(), &Life { nights, off_s, gone: &|_| false, ..life(34.0) });
     assert_eq!((seen.restored, seen.missed), (2, None), "the second night runs");
 }
 
 #[test]
-fn nothing_waits_nothing_is_missed_and_maintenance_is_a_reason() {
+fn without_photos_nothing_is_missed_and_maintenance_is_a_reason() {
     let root = tempfile::tempdir().unwrap();
     assert_eq!(live(root.path(), &life(33.0)).missed, None);
     let root = with_photos();

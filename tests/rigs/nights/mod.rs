@@ -1,4 +1,4 @@
-//! Nights on the small simulated rig: what drifts is noticed by captures alone, and put right.
+//! Nights on the small simulated rig: drift is detected by captures alone and corrected.
 
 mod given_up;
 mod missed;
@@ -33,7 +33,7 @@ const LIMITS: DriftLimits = DriftLimits {
     noise_max_ratio: 1.5,
 };
 
-/// A clock that passes when waited on.
+/// A clock that advances when waited for.
 #[derive(Default)]
 struct TestClock(Cell<f64>);
 
@@ -46,20 +46,27 @@ impl Clock for TestClock {
     }
 }
 
-fn rig(slots: &Path) -> (config::RigFile, OnRig, Witness) {
+/// A calibrated rig and its restorer.
+struct NightRig {
+    config: config::RigFile,
+    restorer: OnRig,
+    witness: Witness,
+}
+
+fn rig(slots: &Path) -> NightRig {
     let config = config::load(Path::new("small.toml")).unwrap();
     let (mut devices, witness) = simulated::open(&config).unwrap();
     on_rig::measure(&config, &mut devices, slots, |_| {}, None).unwrap_or_else(|e| panic!("{e}"));
     let method = Some(config::MethodName::Digital);
     let restorer = OnRig::new(&config, devices, slots.to_owned(), method, Arc::new(|| 0.0), |_| {});
     let restorer = restorer.unwrap_or_else(|e| panic!("{e}"));
-    (config, restorer, witness)
+    NightRig { config, restorer, witness }
 }
 
 #[test]
-fn the_pilot_reads_what_was_done_to_the_rig() {
+fn the_pilot_measures_changes_of_the_rig() {
     let slots = tempfile::tempdir().unwrap();
-    let (_, mut restorer, mut witness) = rig(slots.path());
+    let NightRig { mut restorer, mut witness, .. } = rig(slots.path());
     let mut pilot = || restorer.pilot().unwrap_or_else(|e| panic!("{e}")).unwrap();
     let at_rest = pilot();
     println!("at rest: {at_rest:?}");
@@ -105,9 +112,9 @@ fn the_pilot_reads_what_was_done_to_the_rig() {
 }
 
 #[test]
-fn measuring_the_lens_can_be_given_up_and_leaves_what_was_measured_before() {
+fn a_cancelled_calibration_keeps_the_previous_one() {
     let slots = tempfile::tempdir().unwrap();
-    let (config, restorer, _) = rig(slots.path());
+    let NightRig { config, restorer, .. } = rig(slots.path());
     let asked = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&asked);
     let mut restorer = restorer.interruptible(Arc::new(move || flag.load(Ordering::Acquire)));
@@ -125,12 +132,12 @@ fn measuring_the_lens_can_be_given_up_and_leaves_what_was_measured_before() {
     assert_eq!(generation(), before + 1);
 }
 
-/// A restorer that brightens, with pilots that a script tells.
+/// A restorer that brightens, with scripted pilots.
 struct Scripted<'a> {
     pilots: &'a RefCell<Vec<f64>>,
     log: &'a RefCell<Vec<String>>,
     clock: &'a TestClock,
-    /// How long a photo takes.
+    /// Duration of a photo.
     photo_s: f64,
 }
 
@@ -150,7 +157,7 @@ impl Restorer for Scripted<'_> {
             seconds: 1.0,
             ..Outcome::untouched(
                 Frame::from_fn(|c| photo.light.plane(c).map(|v| v + 1.0)),
-                "told to",
+                "on request",
             )
         })
     }
@@ -195,22 +202,30 @@ fn photos(root: &Path, count: usize) {
     }
 }
 
-/// What a night is made of.
+/// Conditions of a night.
 struct Night<'a> {
     root: &'a Path,
     nights: Nights,
-    /// Pilots to come; none left means no drift.
+    /// Coming pilots; afterwards no drift.
     pilots: Vec<f64>,
     /// 2026-01-10 at this many seconds after noon in Vienna.
     begins_s: f64,
-    /// Ends after so many seconds more.
+    /// Duration, seconds.
     lasts_s: f64,
     is_set: bool,
     photo_s: f64,
 }
 
-/// Lives through it; what was done, the summary, and the state seen last.
-fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
+/// A simulated night.
+struct Lived {
+    /// Photos, pilots and calibrations.
+    log: Vec<String>,
+    summary: Summary,
+    states: Vec<Doing>,
+}
+
+/// Simulates a night.
+fn live(night: Night<'_>) -> Lived {
     let Night { root, nights, pilots, begins_s, lasts_s, is_set, photo_s } = night;
     let (clock, pilots, log) = (TestClock::default(), RefCell::new(pilots), RefCell::default());
     let noon = UNIX_EPOCH + Duration::from_secs(1_768_042_800);
@@ -227,18 +242,18 @@ fn live(night: Night<'_>) -> (Vec<String>, Summary, Vec<Doing>) {
         ..DaemonSetting::new("test", size, config::Curve::Srgb)
     };
     let mut watcher = ();
-    let seen: RefCell<Vec<Doing>> = RefCell::default();
+    let states: RefCell<Vec<Doing>> = RefCell::default();
     let daemon =
         Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     let summary = daemon.scheduled(Box::new(schedule)).run(&|| {
         if let Ok(Some(state)) = State::read(root)
-            && seen.borrow().last() != Some(&state.doing)
+            && states.borrow().last() != Some(&state.doing)
         {
-            seen.borrow_mut().push(state.doing);
+            states.borrow_mut().push(state.doing);
         }
         clock.0.get() > lasts_s
     });
-    (log.into_inner(), summary, seen.into_inner())
+    Lived { log: log.into_inner(), summary, states: states.into_inner() }
 }
 
 fn night(root: &Path) -> Night<'_> {
@@ -263,10 +278,10 @@ fn in_folder(root: &Path, folder: &str) -> usize {
 }
 
 #[test]
-fn photos_wait_for_the_night_the_rig_warms_up_and_pilots_come_between() {
+fn photos_wait_for_the_night_and_pilots_come_between_them() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 7);
-    let (log, summary, seen) = live(night(root.path()));
+    let Lived { log, summary, states } = live(night(root.path()));
     assert_eq!(summary.restored.len(), 7);
     let warm_up = ["pilot 0", "pilot 0", "pilot 0"];
     let wanted = warm_up
@@ -275,18 +290,18 @@ fn photos_wait_for_the_night_the_rig_warms_up_and_pilots_come_between() {
     let wanted: Vec<&str> = wanted.chain(["pilot 0", "6.png", "pilot 0"]).collect();
     assert_eq!(log, wanted);
     let paused = |words: &str| {
-        seen.iter().any(|d| matches!(d, Doing::Paused { reason } if reason.contains(words)))
+        states.iter().any(|d| matches!(d, Doing::Paused { reason } if reason.contains(words)))
     };
-    assert!(paused("the night begins at 22:00") && paused("warming up"), "{seen:?}");
+    assert!(paused("the night begins at 22:00") && paused("warming up"), "{states:?}");
 }
 
 #[test]
-fn drift_past_its_limit_calibrates_and_restores_anew_what_came_since_the_last_good_pilot() {
+fn drift_beyond_its_limit_recalibrates_and_repeats_photos_since_the_last_good_pilot() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 5);
-    // Warm-up, then 4 % too bright at the pilot after three photos.
+    // Warm-up, then 4 % too bright after three photos.
     let pilots = vec![0.0, 0.0, 0.0, 4.0];
-    let (log, summary, _) = live(Night { pilots, ..night(root.path()) });
+    let Lived { log, summary, .. } = live(Night { pilots, ..night(root.path()) });
     let wanted = [
         "pilot 0",
         "pilot 0",
@@ -307,47 +322,48 @@ fn drift_past_its_limit_calibrates_and_restores_anew_what_came_since_the_last_go
 }
 
 #[test]
-fn a_rig_that_may_not_be_calibrated_is_held_and_calls() {
+fn a_rig_that_may_not_recalibrate_calls_the_operator() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 5);
     let nights = Nights { recalibrate: false, ..nights("22:00-06:00") };
     let pilots = std::iter::repeat_n(0.0, 3).chain(std::iter::repeat_n(-9.0, 1000)).collect();
-    let (log, summary, seen) = live(Night { nights, pilots, ..night(root.path()) });
+    let Lived { log, summary, states } = live(Night { nights, pilots, ..night(root.path()) });
     assert!(!log.contains(&"calibrated".to_owned()) && summary.restored.len() == 3);
     assert!(
-        seen.iter().any(
+        states.iter().any(
             |d| matches!(d, Doing::Held { reason } if reason.contains("brightness changed by \
              -9.0 %"))
         ),
-        "{seen:?}"
+        "{states:?}"
     );
 }
 
 #[test]
-fn after_a_reboot_the_first_pilot_speaks_for_the_photos_before_it() {
+fn after_a_reboot_the_first_pilot_decides_on_earlier_photos() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 2);
     // The power fails before the pilot after the last photo.
     let begun = night(root.path());
-    let (log, ..) = live(Night { begins_s: 36_000.0, lasts_s: 100.0, ..begun });
+    let Lived { log, .. } = live(Night { begins_s: 36_000.0, lasts_s: 100.0, ..begun });
     assert_eq!(log.len(), 5, "{log:?}");
     assert_eq!(in_folder(root.path(), "done"), 2);
-    // After it the rig has been knocked.
+    // Then the rig is knocked.
     let pilots = vec![7.0, 7.0, 7.0, 0.0];
-    let (log, summary, _) = live(Night { begins_s: 37_000.0, pilots, ..night(root.path()) });
+    let Lived { log, summary, .. } =
+        live(Night { begins_s: 37_000.0, pilots, ..night(root.path()) });
     assert_eq!(log[..5], ["pilot 7", "pilot 7", "pilot 7", "calibrated", "pilot 0"]);
     assert_eq!(summary.restored.len(), 2, "{log:?}");
     assert_eq!((in_folder(root.path(), "done"), in_folder(root.path(), "outbox")), (2, 2));
 }
 
 #[test]
-fn a_clock_nobody_has_set_begins_no_night() {
+fn an_unset_clock_starts_no_night() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 2);
-    let (log, summary, seen) = live(Night { is_set: false, ..night(root.path()) });
+    let Lived { log, summary, states } = live(Night { is_set: false, ..night(root.path()) });
     assert!(log.is_empty() && summary.restored.is_empty());
     assert!(
-        seen.iter().any(
+        states.iter().any(
             |d| matches!(d, Doing::Paused { reason } if reason.contains("no network has set"))
         )
     );
@@ -357,22 +373,21 @@ fn a_clock_nobody_has_set_begins_no_night() {
 fn after_the_night_photos_wait_for_the_next_one() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 4);
-    let (log, summary, _) = live(Night { begins_s: 65_100.0, ..night(root.path()) });
+    let Lived { log, summary, .. } = live(Night { begins_s: 65_100.0, ..night(root.path()) });
     assert!(log.is_empty() && summary.restored.is_empty(), "06:05 is after the night");
     assert_eq!(in_folder(root.path(), "inbox"), 4);
 }
 
 #[test]
-fn a_batch_that_the_morning_cuts_short_goes_on_the_next_night() {
+fn a_batch_interrupted_by_morning_continues_the_next_night() {
     const HOUR: f64 = 3600.0;
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 7);
-    // At 05:50, a photo every four minutes: the morning comes in the middle of the batch, the
-    // evening long after.
+    // At 05:50, a photo every four minutes: morning comes within the batch, evening long after.
     let begun = Night { begins_s: 17.0 * HOUR + 50.0 * 60.0, photo_s: 240.0, ..night(root.path()) };
-    let (log, summary, seen) = live(Night { lasts_s: 17.0 * HOUR, ..begun });
+    let Lived { log, summary, states } = live(Night { lasts_s: 17.0 * HOUR, ..begun });
     let warm_up = ["pilot 0"; 3];
-    // The photo begun before the end is finished; then the pilot that proves the three of them.
+    // The current photo is finished; then the pilot confirms all three.
     let first = warm_up.into_iter().chain(["0.png", "1.png", "2.png", "pilot 0"]);
     let second =
         warm_up.into_iter().chain(["3.png", "4.png", "5.png", "pilot 0", "6.png", "pilot 0"]);
@@ -383,15 +398,16 @@ fn a_batch_that_the_morning_cuts_short_goes_on_the_next_night() {
         matches!(d, Doing::Paused { reason } if reason.contains("the night \
      begins at 22:00"))
     };
-    assert!(seen.iter().any(waited), "{seen:?}");
+    assert!(states.iter().any(waited), "{states:?}");
 }
 
 #[test]
-fn a_batch_goes_on_after_a_reboot_in_the_night_and_after_one_in_the_day() {
+fn a_batch_continues_after_reboots_at_night_and_by_day() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 7);
     let at = |begins_s: f64, lasts_s: f64| {
-        let (log, ..) = live(Night { begins_s, lasts_s, photo_s: 240.0, ..night(root.path()) });
+        let Lived { log, .. } =
+            live(Night { begins_s, lasts_s, photo_s: 240.0, ..night(root.path()) });
         log.into_iter().filter(|line| line.ends_with(".png")).collect::<Vec<_>>()
     };
     // From 22:00 for six minutes, again for six, at noon for an hour, and the next night.

@@ -1,5 +1,4 @@
-//! A night on which not even the rig could be opened: there is no daemon then, only the wait for a
-//! rig, and that a night was missed is said all the same.
+//! A night on which the rig cannot be opened: without a daemon, the missed night is still reported.
 
 use std::cell::Cell;
 use std::path::Path;
@@ -14,8 +13,7 @@ use super::{TestClock, nights, photos};
 const HOUR: f64 = 3600.0;
 const WHY: &str = "the camera is gone: no camera is called \"DFK 37AUR0234\"";
 
-/// What is said of missed nights after so many hours before a rig that cannot be opened, since ten
-/// to ten in the evening.
+/// Report on missed nights after `hours` without a rig, from 21:50.
 fn shut_out_for(root: &Path, hours: f64) -> Option<String> {
     let clock = TestClock(Cell::new(0.0));
     let ten_to_ten_unix_s = 1_768_042_800.0 + 9.0 * HOUR + 50.0 * 60.0;
@@ -32,7 +30,7 @@ fn shut_out_for(root: &Path, hours: f64) -> Option<String> {
 }
 
 #[test]
-fn a_night_before_a_rig_that_cannot_be_opened_is_missed_once_it_is_over() {
+fn a_night_without_a_rig_is_missed_once_it_is_over() {
     let root = tempfile::tempdir().unwrap();
     photos(root.path(), 2);
     assert_eq!(shut_out_for(root.path(), 8.0), None, "ten minutes before the end");
@@ -42,15 +40,14 @@ fn a_night_before_a_rig_that_cannot_be_opened_is_missed_once_it_is_over() {
         "{missed}"
     );
     assert!(missed.contains("wait since 2026-01-10 21:50") && missed.ends_with(WHY), "{missed}");
-    // What lies in the inbox and is no photo waits for nothing.
+    // Other files in the inbox do not wait.
     let root = tempfile::tempdir().unwrap();
     std::fs::create_dir(root.path().join("inbox")).unwrap();
     std::fs::write(root.path().join("inbox/.DS_Store"), b"junk").unwrap();
     assert_eq!(shut_out_for(root.path(), 9.0), None);
 }
 
-/// The program over `root`, until it has said that it is held; what it knows then, and what it
-/// logged.
+/// Runs the program over `root` until it is held; returns its state and log.
 fn held(root: &Path, rig: &Path) -> (State, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
     command.args(["run", "--rig"]).arg(rig).arg("--folder").arg(root).stderr(Stdio::piped());
@@ -71,11 +68,11 @@ fn held(root: &Path, rig: &Path) -> (State, String) {
 }
 
 #[test]
-fn the_program_that_waits_for_its_rig_says_that_nights_were_missed() {
+fn the_program_reports_missed_nights_while_waiting_for_its_rig() {
     let root = tempfile::tempdir().unwrap();
     let root = root.path();
     photos(root, 2);
-    // No simulated rig is away; but one whose calibration has no place cannot be used.
+    // A simulated rig can always be opened, but not used without a folder for its calibration.
     std::fs::write(root.join("calibration"), b"a file where a folder should be").unwrap();
     let rig = root.join("rig.toml");
     let tables = "[nights]\nwindow = \"22:00-06:00\"\ntime-zone = \"Europe/Vienna\"\nclock = \
@@ -84,7 +81,7 @@ fn the_program_that_waits_for_its_rig_says_that_nights_were_missed() {
         gain-max-percent = 3.0\noffset-max-levels = 1.0\nnoise-max-ratio = 1.5\n";
     std::fs::write(&rig, format!("{}\n{tables}", include_str!("../../../rig-config/small.toml")))
         .unwrap();
-    // As a life before left it: photos wait for three days.
+    // From an earlier run: photos have waited for three days.
     let now_unix_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();
     let vigil = serde_json::json!({ "since_unix_s": now_unix_s - 72.0 * HOUR, "obstacle": null });
     let record = serde_json::json!({
@@ -105,7 +102,7 @@ fn the_program_that_waits_for_its_rig_says_that_nights_were_missed() {
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     assert!(page.contains("Attention: no photo was restored"), "the morning's report");
 
-    // Switched on again: now it is known what kept the photos waiting.
+    // After a restart the reason is known.
     let (state, _) = held(root, &rig);
     let missed = &state.attention[0];
     assert!(missed.ends_with(&reason) && reason.contains("calibration"), "{missed}: {reason}");
