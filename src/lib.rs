@@ -116,7 +116,7 @@ pub mod restorer;
 pub mod rig;
 
 pub use config::Curve;
-pub use deconvolution::ladder::Rung;
+pub use deconvolution::stage::ResultStage;
 pub use face::{Calibrated, Error, PhotoRestorer, Rig};
 pub use frame::{Channel, Channels, Frame, Plane, Size, Work};
 pub use picture::{Format, Photo};

@@ -47,13 +47,13 @@ fn results_have_the_scene_s_corner_brightness() {
     // The lens loses a third in the corners; the panel loses 15 % there, which does not affect
     // photos.
     let small = include_str!("../rig-config/small.toml");
-    assert!(small.contains("thickness-mm = 25.0") && small.contains("refine-lens = true"));
+    assert!(small.contains("thickness-mm = 25.0") && small.contains("\n[restore]\n"));
     let rig = small.replace("thickness-mm = 25.0", "thickness-mm = 80.0");
     let rig = rig.replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n");
     let uneven = "[display.uneven]\ncorner-loss = 0.15\ncorner-tint = 0.02\n\n[display.primaries]";
     let rig = rig.replace("[display.primaries]", uneven);
     std::fs::write(folder.join("kept.toml"), &rig).unwrap();
-    let asked = rig.replace("refine-lens = true", "refine-lens = true\nremove-vignetting = true");
+    let asked = rig.replace("\n[restore]\n", "\n[restore]\nremove-vignetting = true\n");
     std::fs::write(folder.join("removed.toml"), &asked).unwrap();
     // Sensor-sized with the photo in its middle; grey and far from black, so that neither mixed
     // colours nor the veil pass for shading.

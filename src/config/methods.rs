@@ -169,7 +169,6 @@ pub fn hybrid(numbers: &Numbers<'_>) -> Hybrid {
         defect_threshold: hybrid::DEFECT_THRESHOLD,
         defect_floor: hybrid::DEFECT_FLOOR,
         carefulness: hybrid::CAREFULNESS,
-        refine: numbers.restore.refine_lens,
     }
 }
 

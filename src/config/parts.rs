@@ -189,10 +189,6 @@ table! {
         /// again as `hybrid`. More are for small photos; of large ones 8 gain nothing and take four
         /// times as long.
         block_rounds: usize, Whole(1, 100), Means("1");
-        /// Whether a photo's first capture may refine the measured lens for that photo: for a lens
-        /// that was touched, moved or poorly measured. The rigs that come with the program say
-        /// `true`; the default is for files from before the key.
-        refine_lens: bool, Truth, Means("false");
         /// Whether results lose the lens's dark corners, as `relens calibrate --diffuser` measured
         /// them; a photo returned as it is keeps them.
         remove_vignetting: bool, Truth, Means("false");

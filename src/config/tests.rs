@@ -125,10 +125,10 @@ fn what_is_wrong_is_said_in_the_file_s_words_with_its_line() {
             "calibration.checker-square-px: found 20.5, allowed a whole number, 4 to 400",
         ),
         (
-            "refine-lens",
-            "refine-lens = true",
-            "refine-lens = 1",
-            "restore.refine-lens: found 1, allowed true or false",
+            "dark-corner",
+            "dark-corner = true",
+            "dark-corner = 1",
+            "lens.dark-corner: found 1, allowed true or false",
         ),
         (
             "gamma",

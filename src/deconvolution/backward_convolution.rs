@@ -10,12 +10,12 @@ use super::patches::{PARITY_CLASSES, PatchGrid};
 use crate::frame::{Channels, Frame, Work};
 use crate::remedy::AnyFailure;
 
-/// How a picture with negative values is put on a panel that has none.
+/// Representation of a signed picture on a panel, which shows no negative light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Sign {
     /// The picture is light already (the paper's way).
     Unsigned,
-    /// Shown as `level + gain · picture`; what the pedestal alone gives is subtracted.
+    /// Shown as `level + gain · picture`; the capture of the pedestal alone is subtracted.
     Pedestal {
         /// Grey level of the pedestal, 0..255.
         level: f32,
@@ -24,8 +24,8 @@ pub enum Sign {
     },
 }
 
-/// BC(picture), in four captures. For [`Sign::Pedestal`] `pedestal_seen` is what the pedestal alone
-/// looks like through the lens.
+/// BC(picture), in four captures. For [`Sign::Pedestal`] `pedestal_seen` is a capture of the
+/// pedestal alone.
 ///
 /// # Errors
 /// The failure of the capture that failed.

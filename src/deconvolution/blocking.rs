@@ -1,32 +1,31 @@
-//! What a JPEG's coding has added to a photo, seen from the photo alone: its blocks of eight by
-//! eight do not meet.
+//! Estimate of a JPEG's coding error from the decoded photo: steps at the borders of its 8×8
+//! blocks.
 //!
-//! Coding flattens the noise where noise is measured ([`super::data_term::noise_of`]) and leaves
-//! errors that are even within a block and change from one block to the next. Third differences
-//! across the blocks' borders have what those inside the blocks have, and the steps on top.
+//! Coding removes the noise that [`super::data_term::noise_of`] measures and leaves errors that are
+//! constant within a block and independent between blocks. Third differences across block borders
+//! have the variance of those inside blocks plus that of the steps.
 
 use crate::frame::Plane;
 
 /// Side of a block, pixels (ITU-T T.81).
 const BLOCK_PX: usize = 8;
-/// Third differences at the borders must be this much larger than inside, in variance, to be called
-/// steps: by chance they differ by a few hundredths.
+/// Minimum ratio of the third differences' variance at borders to that inside blocks: by chance
+/// they differ by a few hundredths.
 const STEPS_RATIO: f32 = 1.25;
-/// A step of height h has a third difference of 2h; h is the difference of two independent errors.
-/// 2² · 2.
+/// Variance of a border's third difference per variance of a block's error, 2² · 2: a step of
+/// height h has a third difference of 2h, and h is the difference of two independent errors.
 const VARIANCE_PER_ERROR: f32 = 8.0;
 /// Median of |N(0, 1)|.
 const MEDIAN: f32 = 0.674_5;
 
-/// The standard deviation of what coding added to `photo`, in its own units; 0 where no blocks are
-/// seen, as in a photo that was never a JPEG, or was turned by less than a right angle, cut off the
-/// grid or resized since.
+/// The standard deviation of the coding error of `photo`, in its units; 0 where no blocks are
+/// found: never a JPEG, or rotated, cropped off the grid or resized since.
 pub fn blocking_of(photo: &Plane) -> f32 {
     let (width, height) = (photo.width(), photo.height());
     if width < 2 * BLOCK_PX || height < 2 * BLOCK_PX {
         return 0.0;
     }
-    // At the borders, and as far from them as can be.
+    // At the borders, and half a block away from them.
     let mut across: [Vec<f32>; 2] = [Vec::new(), Vec::new()];
     let mut put = |four: [f32; 4], at: usize| {
         let which = match at % BLOCK_PX {

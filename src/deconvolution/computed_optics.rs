@@ -1,5 +1,5 @@
-//! A lens model in place of the light: optics that compute, for tests of the mathematics and for
-//! the paper's comparisons with "accurate numerical calculation" (§4.1).
+//! Forward convolution by a lens model in place of a rig: for tests, and for the paper's comparison
+//! with "accurate numerical calculation" (§4.1).
 
 use super::data_term::TRUSTED;
 use super::forward_convolution::{ForwardConvolution, Seen};
@@ -7,7 +7,7 @@ use super::lens_model::LensModel;
 use crate::frame::{Channel, FULL_SCALE, Frame, Size, Work};
 use crate::remedy::AnyFailure;
 
-/// FC(L) = K·L computed.
+/// FC(L) = K·L, computed.
 pub struct ComputedOptics<'a> {
     model: &'a LensModel,
     eight_bit: bool,
@@ -15,8 +15,8 @@ pub struct ComputedOptics<'a> {
 }
 
 impl<'a> ComputedOptics<'a> {
-    /// Optics of `model`. With `eight_bit`, what is shown and what is seen are clipped to 0..255
-    /// and rounded to whole levels; without, any number goes through.
+    /// Optics of `model`. With `eight_bit`, input and output are clipped to 0..255 and rounded to
+    /// whole levels.
     pub fn new(model: &'a LensModel, eight_bit: bool) -> Self {
         ComputedOptics { model, eight_bit, captures: 0 }
     }

@@ -1,12 +1,11 @@
-//! Is the light's backward convolution the adjoint of its forward one? ⟨K x, y⟩ = ⟨x, Kᵀ y⟩ with
-//! both sides by light.
+//! Dot test of the adjoint by captures: whether ⟨K x, y⟩ = ⟨x, Kᵀ y⟩ for forward convolution and
+//! flip–FC–flip on the rig.
 //!
-//! Flip–FC–flip gives Kᵀ only while a patch and its margin hold the blur and the blur does not vary
-//! within them (paper Eq. 10), and while light adds up: a patch too small loses light, one too
-//! large turns the wrong blur around, and a panel that warms up, a response that is off or light
-//! that saturates breaks the sum. All of that shows here, and nothing of the measured lens is asked
-//! for but a picture y that x can be seen in, so that both sides are large. A picture that is seen
-//! shifted does not show: a shift is a blur like any other, and its flip undoes it.
+//! Flip–FC–flip is Kᵀ only while a patch and its margin hold the blur, the blur does not vary
+//! within them (paper Eq. 10), and light is linear. The test fails for patches too small (light is
+//! lost) or too large (the wrong blur is flipped), for drift of the panel, a wrong response and
+//! saturation. The measured lens serves only to choose a y correlated with K x. A constant shift
+//! passes: it is a blur like any other.
 
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -18,25 +17,33 @@ use super::patches::{PatchGrid, PatchShape};
 use crate::frame::{Channel, Channels, Frame, Plane, Rect, Size, Work};
 use crate::remedy::AnyFailure;
 
-/// Pictures tried; their spread is the uncertainty.
+/// Number of random pictures; their spread gives the uncertainty.
 const PROBES: u64 = 3;
-/// Captures of grey that are averaged, for it is subtracted from all others.
+/// Captures of grey averaged, for their mean is subtracted from all others.
 const GREYS: usize = 4;
-/// Grey around which pictures go up and down, and how far.
+/// Mean level of the pictures shown.
 const GREY: f32 = 127.5;
+/// Amplitude of a probe about grey.
 const AMPLITUDE: f32 = 80.0;
-/// Squares of a probe for each width of the lens's functions: coarse enough that the far light of a
-/// blur counts.
+/// Squares of a probe per width of the lens functions: coarse enough for the tails of the blur.
 const SQUARES_A_FUNCTION: usize = 4;
 
-/// What the dot test found.
+/// Result of the dot test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DotTest {
-    /// (⟨x, Kᵀ y⟩ − ⟨K x, y⟩) / ⟨K x, y⟩ in red, green and blue; negative where flip–FC–flip loses
-    /// light.
-    pub difference: [f64; 3],
-    /// Standard error of each.
-    pub uncertainty: [f64; 3],
+    /// Red, green and blue.
+    pub channels: [Mismatch; 3],
+}
+
+/// Mismatch of one channel's adjoint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mismatch {
+    /// The channel.
+    pub channel: Channel,
+    /// (⟨x, Kᵀ y⟩ − ⟨K x, y⟩) / ⟨K x, y⟩; negative where flip–FC–flip loses light.
+    pub difference: f64,
+    /// Its standard error.
+    pub uncertainty: f64,
 }
 
 impl DotTest {
@@ -58,7 +65,7 @@ impl DotTest {
             let mut y: Frame<Work> = Frame::zeros(optics.size());
             for c in Channel::ALL {
                 model.forward(c, x.plane(c), y.plane_mut(c));
-                only_inside(y.plane_mut(c), photo);
+                clear_outside(y.plane_mut(c), photo);
             }
             let mut forward =
                 optics.forward(&Frame::from_fn(|c| x.plane(c).map(|v: f32| GREY + v)))?.light;
@@ -73,27 +80,32 @@ impl DotTest {
             }
         }
         let probes = PROBES as f64;
-        let difference = found.map(|found| found.iter().sum::<f64>() / probes);
-        let uncertainty = Channel::ALL.map(|c| {
-            let spread =
-                found[c.index()].iter().map(|d| (d - difference[c.index()]).powi(2)).sum::<f64>();
-            (spread / (probes - 1.0) / probes).sqrt()
+        let channels = Channel::ALL.map(|channel| {
+            let found = &found[channel.index()];
+            let difference = found.iter().sum::<f64>() / probes;
+            let spread: f64 = found.iter().map(|d| (d - difference).powi(2)).sum();
+            let uncertainty = (spread / (probes - 1.0) / probes).sqrt();
+            Mismatch { channel, difference, uncertainty }
         });
-        Ok(DotTest { difference, uncertainty })
+        Ok(DotTest { channels })
     }
 
-    /// The channel with the largest difference beyond twice its uncertainty, with both.
-    pub fn worst(&self) -> (Channel, f64, f64) {
-        let all =
-            Channel::ALL.map(|c| (c, self.difference[c.index()], self.uncertainty[c.index()]));
-        let sure = |(_, difference, uncertainty): &(Channel, f64, f64)| {
-            difference.abs() - 2.0 * uncertainty
-        };
-        all.into_iter().fold(all[0], |a, b| if sure(&b) > sure(&a) { b } else { a })
+    /// The channel with the largest [significant](Mismatch::significant) mismatch.
+    pub fn worst(&self) -> Mismatch {
+        let worse =
+            |a: Mismatch, b: Mismatch| if b.significant() > a.significant() { b } else { a };
+        self.channels.into_iter().fold(self.channels[0], worse)
     }
 }
 
-/// What is seen of grey, averaged.
+impl Mismatch {
+    /// Size of the difference beyond two standard errors.
+    pub fn significant(&self) -> f64 {
+        self.difference.abs() - 2.0 * self.uncertainty
+    }
+}
+
+/// The mean of [`GREYS`] captures of grey.
 fn grey(optics: &mut dyn ForwardConvolution) -> Result<Frame<Work>, AnyFailure> {
     let shown = Frame::filled(optics.size(), GREY);
     let mut mean: Frame<Work> = Frame::zeros(optics.size());
@@ -106,8 +118,8 @@ fn grey(optics: &mut dyn ForwardConvolution) -> Result<Frame<Work>, AnyFailure> 
     Ok(mean)
 }
 
-/// Random squares, each channel with its own, nought where the blur reaches over the photo's
-/// border: what happens there is the canvas's matter and no question of patches.
+/// Random squares, independent in each channel, 0 where the blur crosses the photo's border, which
+/// patches do not cover.
 fn probe(canvas: Size, photo: Rect, support_px: usize, seed: u64) -> Frame<Work> {
     let (side, rim) = ((support_px / SQUARES_A_FUNCTION).max(1), support_px / 2);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
@@ -128,8 +140,8 @@ fn probe(canvas: Size, photo: Rect, support_px: usize, seed: u64) -> Frame<Work>
     })
 }
 
-/// `plane` with nought outside `photo`, where there are no patches.
-fn only_inside(plane: &mut Plane, photo: Rect) {
+/// Zeroes `plane` outside `photo`, where there are no patches.
+fn clear_outside(plane: &mut Plane, photo: Rect) {
     let inner = plane.crop(photo);
     plane.data_mut().fill(0.0);
     for y in 0..photo.size.height {
@@ -144,8 +156,7 @@ mod tests {
     use crate::deconvolution::lens_model::LensFunctions;
     use crate::deconvolution::patches::PARITY_CLASSES;
 
-    /// What the test finds of a lens that blurs as wide as `deviation_px`, with patches of so many
-    /// pixels.
+    /// Mismatch of a Gaussian lens of `deviation_px` with patches of `patch_px`.
     fn worst(deviation_px: f32, patch_px: usize) -> f64 {
         let bell = |t: i32| {
             let (x, y) = (t % 17 - 8, t / 17 - 8);
@@ -166,11 +177,11 @@ mod tests {
         let found =
             DotTest::measure(&mut optics, &model, Rect { x: 8, y: 8, size: photo }, shape).unwrap();
         assert_eq!(optics.captures(), GREYS + PROBES as usize * (1 + PARITY_CLASSES));
-        found.worst().1
+        found.worst().difference
     }
 
     #[test]
-    fn patches_that_hold_the_blur_pass_and_smaller_ones_lose_light() {
+    fn patches_larger_than_the_blur_pass_and_smaller_ones_lose_light() {
         assert!(worst(2.0, 24).abs() < 0.005, "{}", worst(2.0, 24));
         assert!(worst(3.0, 4) < -0.1, "{}", worst(3.0, 4));
     }

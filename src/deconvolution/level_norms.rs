@@ -1,15 +1,14 @@
-//! How much of each wavelet level a lens lets through, and the longer steps this allows.
+//! Operator norms of a lens per wavelet level, and the level-dependent step sizes they allow.
 //!
-//! A lens blurs fine details far more than coarse ones: of the finest level a few per cent of the
-//! light's power arrive, of the coarsest nearly all. A proximal step of one length for all, 1/‖K‖²,
-//! is as long as the coarsest level bears, and the finest creeps. Each level j may have a step of
-//! its own, 1/αⱼ, with threshold μ/αⱼ, and the fixed point stays the same, as long as diag(α) − W
-//! KᵀK Wᵀ has no negative eigenvalue (Vonesch & Unser 2009, "A fast multilevel algorithm for
-//! wavelet-regularized image restoration"; Bayram & Selesnick 2010).
+//! A lens attenuates fine details far more than coarse ones: a few per cent of the finest level's
+//! power arrive, nearly all of the coarsest's. A single proximal step size 1/‖K‖² is bounded by the
+//! coarsest level, and the finest converges slowly. Each level j may have its own step 1/αⱼ with
+//! threshold μ/αⱼ and the same fixed point, provided that diag(α) − W KᵀK Wᵀ is positive
+//! semidefinite (Vonesch & Unser 2009, "A fast multilevel algorithm for wavelet-regularized image
+//! restoration"; Bayram & Selesnick 2010).
 //!
 //! αⱼ = ρ ‖K Wⱼᵀ‖², where ρ is the largest eigenvalue of the operator scaled level by level. Both
-//! are found by Lanczos's method, so the bound holds by measurement and not by a guess about how
-//! levels overlap.
+//! are computed by Lanczos iteration, so the bound accounts for the overlap of levels.
 
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
@@ -20,12 +19,12 @@ use super::lens_model::LensModel;
 use super::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Channel, Mosaic, Plane};
 
-/// Lanczos's method comes from below; by so much its result is raised. A test holds it within that
-/// after as many rounds as the calibration has.
+/// Safety factor on Lanczos estimates, which approach from below; a test checks that the
+/// calibration's rounds come within it.
 const RAISED: f32 = 1.02;
-/// Power let through below which a level counts as lost: its step is no longer than this allows.
+/// Minimum norm of a level: bounds the step of one that hardly passes the lens.
 const LEAST: f32 = 1e-3;
-/// Of the picture that the search at sites begins with.
+/// Seed of the initial picture at sites.
 const SITES_SEED: u64 = 18;
 
 /// αⱼ of each level of details, finest first, and of the approximation, last.
@@ -33,13 +32,13 @@ const SITES_SEED: u64 = 18;
 pub struct LevelNorms(Vec<f32>);
 
 impl LevelNorms {
-    /// The same α for all of `levels`, ‖K‖²: plain proximal steps.
+    /// The same α = ‖K‖² for all levels: a single step size.
     pub fn uniform(levels: usize, norm_squared: f32) -> Self {
         LevelNorms(vec![norm_squared; levels + 1])
     }
 
-    /// Measures `model` in one channel with `levels` levels by `rounds` of Lanczos's method for
-    /// each, from random numbers of `seed`.
+    /// Measures `model` in one channel for `levels` levels of details, by `rounds` of Lanczos
+    /// iteration each, started from random numbers of `seed`.
     pub fn measure(
         model: &LensModel,
         channel: Channel,
@@ -51,8 +50,8 @@ impl LevelNorms {
         Lanczos::new(lens, levels, rounds, seed).norms(levels)
     }
 
-    /// The same of √weight · K at the sites of `mosaic` over the canvas (each counted as often as
-    /// [`Mosaic::pixels_a_site`] says), and the largest ‖√weight · K x‖² of any x of norm 1.
+    /// The norms of √w · K at the sites of `mosaic` over the canvas, with w of
+    /// [`Mosaic::pixels_a_site`], and ‖√w · K‖².
     pub fn at_sites(
         model: &LensModel,
         channel: Channel,
@@ -76,19 +75,19 @@ impl LevelNorms {
         self.0[level]
     }
 
-    /// All times `factor`.
+    /// All norms times `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f32) -> LevelNorms {
         LevelNorms(self.0.iter().map(|norm| factor * norm).collect())
     }
 
-    /// The larger of both, level by level.
+    /// The larger norm of each level.
     #[must_use]
     pub fn or_larger(&self, other: &LevelNorms) -> LevelNorms {
         LevelNorms(self.0.iter().zip(&other.0).map(|(a, b)| a.max(*b)).collect())
     }
 
-    /// None below its level's number in `least`; levels without one stay.
+    /// The norms, raised to at least `least` of their level, where there is one.
     #[must_use]
     pub fn at_least(&self, least: &[f32]) -> LevelNorms {
         let mut raised = self.clone();
@@ -96,18 +95,18 @@ impl LevelNorms {
         raised
     }
 
-    /// Whether all are positive numbers.
+    /// Whether all norms are finite and positive.
     pub fn is_whole(&self) -> bool {
         self.0.len() > 1 && self.0.iter().all(|norm| norm.is_finite() && *norm > 0.0)
     }
 
-    /// 1/α: the step of each level, and of the approximation.
+    /// The step sizes 1/α of each level, and of the approximation.
     pub fn steps(&self) -> Vec<f32> {
         self.0.iter().map(|norm| 1.0 / norm).collect()
     }
 }
 
-/// One channel of a lens model, everywhere or at a mosaic's sites.
+/// One channel of a lens model, sampled everywhere or at a mosaic's sites.
 struct SampledLens<'a> {
     model: &'a LensModel,
     channel: Channel,
@@ -115,8 +114,8 @@ struct SampledLens<'a> {
 }
 
 impl SampledLens<'_> {
-    /// `seen` = w K `shown` with the sites' weights w, `back` = Kᵀ `seen`.
-    fn there_and_back(&self, shown: &Plane, seen: &mut Plane, back: &mut Plane) {
+    /// `seen` = w K `shown` with the sites' weights w; `back` = Kᵀ `seen`.
+    fn apply_normal(&self, shown: &Plane, seen: &mut Plane, back: &mut Plane) {
         self.model.forward(self.channel, shown, seen);
         if let Some(mosaic) = self.mosaic {
             let weight = Mosaic::pixels_a_site(self.channel);
@@ -129,7 +128,7 @@ impl SampledLens<'_> {
     }
 }
 
-/// The method of Lanczos on levels.
+/// Lanczos iteration with scaled levels.
 struct Lanczos<'a> {
     lens: SampledLens<'a>,
     transform: Sym8,
@@ -157,9 +156,9 @@ impl<'a> Lanczos<'a> {
         LevelNorms(alone.iter().map(|norm| norm * overlap * RAISED).collect())
     }
 
-    /// Largest eigenvalue of S W KᵀK Wᵀ S, where S scales the levels by `scales`, by the method of
-    /// Lanczos (Golub & Van Loan, "Matrix Computations", section 10.1), which needs a fraction of
-    /// the power method's rounds where many pictures come through nearly as well as the best.
+    /// Largest eigenvalue of S W KᵀK Wᵀ S, where S scales the levels by `scales` (Golub & Van Loan,
+    /// "Matrix Computations", section 10.1). The power method takes several times the rounds, for
+    /// the largest eigenvalues lie close together.
     fn largest(&mut self, scales: &[f32]) -> f32 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.seed);
         let canvas = self.lens.model.canvas();
@@ -167,7 +166,7 @@ impl<'a> Lanczos<'a> {
         let (mut seen, mut found) = (Plane::zeros(canvas), self.transform.zeros());
         self.scale(&mut next, &mut found, scales);
         let mut before = Plane::zeros(canvas);
-        // Rows that no round fills are eigenvalues 0, below all others.
+        // Unused rows add eigenvalues 0, below all others.
         let mut tridiagonal = DMatrix::<f64>::zeros(self.rounds, self.rounds);
         for round in 0..self.rounds {
             let length = next.dot(&next).sqrt();
@@ -178,7 +177,7 @@ impl<'a> Lanczos<'a> {
             here.data_mut().iter_mut().for_each(|v| *v = (f64::from(*v) / length) as f32);
             let mut scaled = here.clone();
             self.scale(&mut scaled, &mut found, scales);
-            self.lens.there_and_back(&scaled, &mut seen, &mut next);
+            self.lens.apply_normal(&scaled, &mut seen, &mut next);
             self.scale(&mut next, &mut found, scales);
             let along = here.dot(&next);
             tridiagonal[(round, round)] = along;
@@ -227,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_per_level_never_overshoots() {
+    fn level_dependent_steps_satisfy_the_bound() {
         let model = model();
         let norms = LevelNorms::measure(&model, Channel::Green, 3, 12, 1);
         assert!(norms.at(0) < 0.3 * norms.at(3), "fine details arrive with less power: {norms:?}");

@@ -1,4 +1,4 @@
-//! The paper's mathematics: no device, file, clock or rig in here.
+//! The mathematics of the paper, without devices, files, clocks or rigs.
 //!
 //! | paper | here |
 //! |---|---|
@@ -9,6 +9,7 @@
 //! | Eqs. 4, 5, 7: the loop | [`method`]; steps by [`level_norms`], colours by [`colour_axis`] |
 //! | Eq. 2: data term | [`data_term`]; the photo's data [`observation`], of a JPEG [`jpeg`] |
 //! | (not in the paper: another focus, aperture or gain) | [`focus`] |
+//! | (not in the paper: details and flat places) | [`detail_mask`] |
 
 pub mod backward_convolution;
 pub mod block_matching;
@@ -21,7 +22,6 @@ pub mod dot_test;
 pub mod focus;
 pub mod forward_convolution;
 pub mod jpeg;
-pub mod ladder;
 pub mod lens_model;
 pub mod level_norms;
 pub mod method;
@@ -30,7 +30,8 @@ pub mod opponent;
 pub mod panel_beat;
 pub mod patches;
 pub mod quality;
-pub mod refinement;
 pub mod registration;
+mod smoothing;
+pub mod stage;
 pub mod wavelet;
 pub mod wavelet_shrinkage;

@@ -1,36 +1,35 @@
-//! Opponent colours: brightness and two colour differences, an orthonormal change of R, G, B.
+//! Opponent colours: brightness and two colour differences, an orthonormal transform of R, G, B.
 //!
-//! Edges of a scene are mostly edges of brightness; what is sparse in brightness and nearly nothing
-//! in the differences costs a prior once instead of three times. The usual transform of colour
-//! denoising (Dabov et al. 2007, "Color image denoising via sparse 3D collaborative filtering", use
-//! the same three axes).
+//! Most edges of a scene are edges of brightness: sparse along that axis, nearly zero along the
+//! other two, so a sparsity prior pays for them once instead of three times. Dabov et al. (2007,
+//! "Color image denoising via sparse 3D collaborative filtering") use the same axes.
 
 use rayon::prelude::*;
 
 use crate::frame::{Plane, STRETCH};
 
-/// (R+G+B)/√3, (R−B)/√2, (R−2G+B)/√6, in place of R, G, B.
+/// Replaces R, G, B by (R+G+B)/√3, (R−B)/√2, (R−2G+B)/√6.
 ///
 /// # Panics
 /// When the planes' sizes differ, which is a bug of the caller; so does [`from_opponent`].
 pub fn to_opponent(planes: &mut [Plane; 3]) {
-    let (sum, two, six) = weights();
-    change(planes, |r, g, b| (sum * (r + g + b), two * (r - b), six * (r - 2.0 * g + b)));
+    let [sum, two, six] = weights();
+    map_pixels(planes, |[r, g, b]| [sum * (r + g + b), two * (r - b), six * (r - 2.0 * g + b)]);
 }
 
-/// Undoes [`to_opponent`]: its transpose.
+/// The inverse of [`to_opponent`], which is its transpose.
 pub fn from_opponent(planes: &mut [Plane; 3]) {
-    let (sum, two, six) = weights();
-    change(planes, |y, u, v| {
-        (sum * y + two * u + six * v, sum * y - 2.0 * six * v, sum * y - two * u + six * v)
+    let [sum, two, six] = weights();
+    map_pixels(planes, |[y, u, v]| {
+        [sum * y + two * u + six * v, sum * y - 2.0 * six * v, sum * y - two * u + six * v]
     });
 }
 
-fn weights() -> (f32, f32, f32) {
-    (1.0 / 3.0f32.sqrt(), 1.0 / 2.0f32.sqrt(), 1.0 / 6.0f32.sqrt())
+fn weights() -> [f32; 3] {
+    [3.0f32, 2.0, 6.0].map(|n| 1.0 / n.sqrt())
 }
 
-fn change(planes: &mut [Plane; 3], to: impl Fn(f32, f32, f32) -> (f32, f32, f32) + Sync) {
+fn map_pixels(planes: &mut [Plane; 3], to: impl Fn([f32; 3]) -> [f32; 3] + Sync) {
     assert!(planes.iter().all(|p| p.size() == planes[0].size()), "planes of one size");
     let [a, b, c] = planes;
     let a = a.data_mut().par_chunks_mut(STRETCH);
@@ -38,7 +37,7 @@ fn change(planes: &mut [Plane; 3], to: impl Fn(f32, f32, f32) -> (f32, f32, f32)
         a.zip(b.data_mut().par_chunks_mut(STRETCH)).zip(c.data_mut().par_chunks_mut(STRETCH));
     stretches.for_each(|((a, b), c)| {
         for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
-            (*a, *b, *c) = to(*a, *b, *c);
+            [*a, *b, *c] = to([*a, *b, *c]);
         }
     });
 }

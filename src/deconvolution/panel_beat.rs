@@ -1,13 +1,12 @@
-//! The beat of the panel's columns with the sensor's, taken out of a capture.
+//! Moiré between panel columns and sensor columns, removed from captures.
 //!
-//! A panel's pixel is three stripes of light with dark between those of one colour. A lens that
-//! passes so fine a grating lets the sensor see it as a beat: light that rises and falls in step
-//! with the panel's columns, by a share of the light that is there. A photo has none.
+//! A panel pixel is three stripes of light, dark between those of one colour. A lens sharp enough
+//! to pass this grating aliases it on the sensor to a beat that modulates the light in step with
+//! the panel's columns. Photos have no beat.
 //!
-//! So a capture is taken for y = (1 + a·cos φ + b·sin φ)·P, where P is what the lens model predicts
-//! and φ is 2π times the panel's column. a and b come from linear least squares: part of the photo
-//! by part, for the lens differs over its field, and capture by capture, for a panel wanders by
-//! more than a beat bears.
+//! A capture is modelled as y = (1 + a·cos φ + b·sin φ)·P, where P is the lens model's prediction
+//! and φ is 2π times the panel column. Linear least squares give a and b for each part of the
+//! photo, since the lens varies over its field, and for each capture, since the panel wanders.
 
 use std::f32::consts::TAU;
 use std::ops::Range;
@@ -18,47 +17,45 @@ use super::data_term::{MISSING, TRUSTED};
 use super::forward_convolution::Seen;
 use crate::frame::{Channel, Frame, Mosaic, Plane, Rect, Work};
 
-/// Parts of the photo along its width and height, at most. Across a part the beat is taken for
-/// one wave between its neighbours': with half as many, half of a singlet's blue beat stayed,
-/// whose phase turns over the field.
+/// Maximum parts of the photo along width and height. With half as many, half of a singlet's blue
+/// beat remained, whose phase varies over the field.
 const PARTS: [usize; 2] = [12, 8];
-/// With fewer columns of parts than this, that would be worse still. Guess.
+/// Minimum columns of parts to follow that phase. Guess.
 const COLUMNS_MIN: usize = 6;
-/// A beat counts when it explains so many times what it would of noise alone: two numbers a part of
-/// all the pixels. Guess: what a prediction misses is not white.
+/// Minimum residual power that a beat explains, in multiples of what its two parameters per part
+/// explain of white noise. Guess: a model's residual is not white.
 const CERTAIN: f64 = 10.0;
-/// A grating that the sensor sees by more than this share of the light is resolved, and no beat.
-/// Guess.
+/// Maximum amplitude of a beat, as a share of the light: above, the grating is resolved. Guess.
 const SHARE_MAX: f64 = 0.5;
-/// A wave with fewer periods than this in a part, as a channel's sites see it, is not told from a
-/// panel that is uneven. Guess.
+/// Minimum periods per part, as sampled by the channel's sites: below, a beat cannot be
+/// distinguished from an uneven panel. Guess.
 const PERIODS_MIN: f32 = 3.0;
 
-/// A channel of a capture whose beat is looked for.
+/// A channel of a capture in which a beat is estimated.
 pub struct SeenChannel<'a> {
-    /// Its light.
+    /// Captured light.
     pub light: &'a Plane,
-    /// The same as it would be without a beat.
+    /// Predicted light, without a beat.
     pub predicted: &'a Plane,
-    /// Whether a pixel's light and prediction are known.
-    pub known: &'a (dyn Fn(usize, usize) -> bool + Sync),
-    /// The photo's place, to which the parts belong.
+    /// Whether light and prediction are valid at pixel (x, y).
+    pub valid: &'a (dyn Fn(usize, usize) -> bool + Sync),
+    /// The photo's rectangle, which is divided into parts.
     pub photo: Rect,
-    /// The panel's column, in its pixels, that each pixel sees.
+    /// Panel column imaged at each pixel, in panel pixels.
     pub column: &'a Plane,
-    /// Whether every other column of pixels only is this channel's, behind colour filters.
+    /// Whether the channel has sites in every other column only, behind colour filters.
     pub at_sites: bool,
 }
 
 /// The beat of one channel of one capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PanelBeat {
-    /// The wave's cosine and sine, as shares of the light, part by part.
+    /// Amplitudes [a, b] of each part, as shares of the light.
     shares: Vec<[f64; 2]>,
     parts: BeatParts,
 }
 
-/// The photo in so many parts along its width and height.
+/// A grid of parts over the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct BeatParts {
     photo: Rect,
@@ -66,32 +63,24 @@ struct BeatParts {
     rows: usize,
 }
 
-/// Sums over a part: products of the prediction's two waves with each other and with what the
-/// prediction leaves, that squared, and pixels.
+/// Sums over a part of the normal equations: cc, cs, ss, rc, rs, rr of the modulated predictions c
+/// and s and the residual r, and the number of pixels.
 type WaveSums = [f64; 7];
 
 impl PanelBeat {
-    /// The beat that `look` shows; `None` where there is none to speak of.
-    pub fn of(look: &SeenChannel<'_>) -> Option<PanelBeat> {
-        let parts = BeatParts::of(look)?;
+    /// Estimates the beat of `seen`; `None` where it is not significant.
+    pub fn estimate(seen: &SeenChannel<'_>) -> Option<PanelBeat> {
+        let parts = BeatParts::of(seen)?;
         let of_part = |n: usize| {
             let [columns, rows] = parts.part(n);
             let mut sums: WaveSums = [0.0; 7];
             for y in rows {
-                let light = look.light.row(y);
-                let (predicted, column) = (look.predicted.row(y), look.column.row(y));
-                for x in columns.clone().filter(|&x| (look.known)(x, y)) {
-                    let [cosine, sine] = wave(column[x]).map(|v| f64::from(v * predicted[x]));
-                    let left = f64::from(light[x] - predicted[x]);
-                    let terms = [
-                        cosine * cosine,
-                        cosine * sine,
-                        sine * sine,
-                        left * cosine,
-                        left * sine,
-                        left * left,
-                        1.0,
-                    ];
+                let light = seen.light.row(y);
+                let (predicted, column) = (seen.predicted.row(y), seen.column.row(y));
+                for x in columns.clone().filter(|&x| (seen.valid)(x, y)) {
+                    let [c, s] = wave(column[x]).map(|v| f64::from(v * predicted[x]));
+                    let r = f64::from(light[x] - predicted[x]);
+                    let terms = [c * c, c * s, s * s, r * c, r * s, r * r, 1.0];
                     sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
                 }
             }
@@ -99,20 +88,20 @@ impl PanelBeat {
         };
         let sums: Vec<WaveSums> =
             (0..parts.columns * parts.rows).into_par_iter().map(of_part).collect();
-        let shares: Vec<[f64; 2]> = sums.iter().map(solved).collect();
+        let shares: Vec<[f64; 2]> = sums.iter().map(solve).collect();
         let explained: f64 =
             sums.iter().zip(&shares).map(|(sums, [a, b])| a * sums[3] + b * sums[4]).sum();
-        let of_all = |n: usize| sums.iter().map(|sums| sums[n]).sum::<f64>();
-        let by_chance = (2 * shares.len()) as f64 / of_all(6);
-        let share = explained / of_all(5);
+        let total = |n: usize| sums.iter().map(|sums| sums[n]).sum::<f64>();
+        let by_chance = (2 * shares.len()) as f64 / total(6);
+        let share = explained / total(5);
         (share > CERTAIN * by_chance).then(|| {
-            log::debug!("the panel's beat with the sensor explains {share:.3} of what is left");
+            log::debug!("panel beat explains {share:.3} of the residual's power");
             PanelBeat { shares, parts }
         })
     }
 
-    /// Takes the beat out of `light`, whose channel sees the panel's `column`.
-    pub fn undo(&self, light: &mut Plane, column: &Plane) {
+    /// Removes the beat from `light`, a channel that images the panel's `column`.
+    pub fn remove(&self, light: &mut Plane, column: &Plane) {
         let width = light.width();
         light.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, (value, &column)) in row.iter_mut().zip(column.row(y)).enumerate() {
@@ -122,7 +111,7 @@ impl PanelBeat {
         });
     }
 
-    /// The two shares at a pixel: between the parts' middles, and beyond them as at the next.
+    /// [a, b] at a pixel, interpolated between the parts' centres.
     fn at(&self, x: usize, y: usize) -> [f32; 2] {
         let BeatParts { photo, columns, rows } = self.parts;
         let place = |at: usize, first: usize, length: usize, parts: usize| {
@@ -143,23 +132,23 @@ impl PanelBeat {
 }
 
 impl BeatParts {
-    /// As many as the wave that `look`'s sites see is told in; `None` where that is too few, as it
-    /// is of a panel with whole columns from one site to the next.
-    fn of(look: &SeenChannel<'_>) -> Option<BeatParts> {
-        let photo = look.photo;
-        let spacing = if look.at_sites { 2 } else { 1 };
+    /// Parts that hold [`PERIODS_MIN`] periods each; `None` where they are too few, as where sites
+    /// are a whole number of panel columns apart.
+    fn of(seen: &SeenChannel<'_>) -> Option<BeatParts> {
+        let photo = seen.photo;
+        let spacing = if seen.at_sites { 2 } else { 1 };
         let [most, rows] = PARTS;
         if photo.size.width < 2 * most * spacing || photo.size.height < rows {
             return None;
         }
         let (x, y) = (photo.x + photo.size.width / 2, photo.y + photo.size.height / 2);
-        let a_step = look.column.at(x, y) - look.column.at(x - spacing, y);
+        let a_step = seen.column.at(x, y) - seen.column.at(x - spacing, y);
         let periods = (a_step - a_step.round()).abs() * (photo.size.width / spacing) as f32;
         let columns = ((periods / PERIODS_MIN) as usize).min(most);
         (columns >= COLUMNS_MIN).then_some(BeatParts { photo, columns, rows })
     }
 
-    /// Columns and rows of the `n`-th part.
+    /// Column and row ranges of the `n`-th part.
     fn part(&self, n: usize) -> [Range<usize>; 2] {
         let Rect { x, y, size } = self.photo;
         let span = |n: usize, parts: usize, length: usize, first: usize| {
@@ -170,10 +159,9 @@ impl BeatParts {
     }
 }
 
-/// Takes out of `seen`, of which the lens model `predicted` the light, the beats that are found in
-/// its `channels`, by what is known of the photo (`trust`, `photo`); the channels see the panel's
-/// `columns`.
-pub fn take_out(
+/// Removes the beats found in the `channels` of `seen`, given its prediction, the photo's validity
+/// mask and rectangle, and the panel `columns` that the channels image.
+pub fn remove_beats(
     seen: &mut Seen,
     predicted: &Frame<Work>,
     (trust, photo): (&Frame<Work, u8>, Rect),
@@ -183,33 +171,33 @@ pub fn take_out(
 ) {
     for &c in channels {
         let (trusted, trust, column) = (seen.trusted.plane(c), trust.plane(c), columns.plane(c));
-        let beat = PanelBeat::of(&SeenChannel {
+        let beat = PanelBeat::estimate(&SeenChannel {
             light: seen.light.plane(c),
             predicted: predicted.plane(c),
-            known: &|x, y| trusted.at(x, y) == TRUSTED && trust.at(x, y) != MISSING,
+            valid: &|x, y| trusted.at(x, y) == TRUSTED && trust.at(x, y) != MISSING,
             photo,
             column,
             at_sites: mosaic.is_some(),
         });
         if let Some(beat) = beat {
-            beat.undo(seen.light.plane_mut(c), column);
+            beat.remove(seen.light.plane_mut(c), column);
         }
     }
 }
 
-/// The wave with one period a panel pixel: cosine and sine.
+/// Cosine and sine of one period per panel pixel.
 fn wave(panel_px: f32) -> [f32; 2] {
     let (sine, cosine) = (TAU * (panel_px - panel_px.floor())).sin_cos();
     [cosine, sine]
 }
 
-/// What least squares gives of a part's sums; nothing where they do not tell the waves apart, or
-/// where so much is no beat.
-fn solved(&[cc, cs, ss, lc, ls, ..]: &WaveSums) -> [f64; 2] {
+/// The least-squares [a, b] of a part; zeros where the equations are ill-conditioned or the
+/// amplitude exceeds [`SHARE_MAX`].
+fn solve(&[cc, cs, ss, rc, rs, ..]: &WaveSums) -> [f64; 2] {
     let determinant = cc * ss - cs * cs;
-    // Written so that a number that is none fails too.
+    // False for NaN too.
     if determinant > 1e-3 * cc * ss {
-        let [a, b] = [(lc * ss - ls * cs) / determinant, (ls * cc - lc * cs) / determinant];
+        let [a, b] = [(rc * ss - rs * cs) / determinant, (rs * cc - rc * cs) / determinant];
         if a.hypot(b) <= SHARE_MAX { [a, b] } else { [0.0; 2] }
     } else {
         [0.0; 2]
@@ -232,9 +220,14 @@ mod tests {
         Plane::from_fn(SIZE, |_, _| StandardNormal.sample(&mut random))
     }
 
-    /// A capture of uneven light with noise, whose beat is weaker towards the right; what was
-    /// predicted; and the panel's columns.
-    fn capture(share: f32, columns_a_pixel: f32) -> (Plane, Plane, Plane) {
+    struct Capture {
+        light: Plane,
+        predicted: Plane,
+        column: Plane,
+    }
+
+    /// A noisy capture of uneven light whose beat falls off towards the right.
+    fn capture(share: f32, columns_a_pixel: f32) -> Capture {
         let predicted = Plane::from_fn(SIZE, |x, y| 100.0 + 60.0 * (0.05 * (x + y) as f32).sin());
         let column = Plane::from_fn(SIZE, |x, y| columns_a_pixel * x as f32 + 0.01 * y as f32);
         let noise = noise(1);
@@ -243,50 +236,41 @@ mod tests {
             let beat = weaker * wave(column.at(x, y) + 0.3)[0];
             predicted.at(x, y) * (1.0 + beat) + noise.at(x, y)
         });
-        (light, predicted, column)
+        Capture { light, predicted, column }
     }
 
-    fn found(
-        (light, predicted, column): &(Plane, Plane, Plane),
-        at_sites: bool,
-    ) -> Option<PanelBeat> {
-        let known = |x: usize, y: usize| !at_sites || (x + y).is_multiple_of(2);
-        PanelBeat::of(&SeenChannel {
-            light,
-            predicted,
-            known: &known,
-            photo: PHOTO,
-            column,
-            at_sites,
-        })
+    fn estimate(capture: &Capture, at_sites: bool) -> Option<PanelBeat> {
+        let Capture { light, predicted, column } = capture;
+        let valid = |x: usize, y: usize| !at_sites || (x + y).is_multiple_of(2);
+        let (photo, valid) = (PHOTO, &valid);
+        PanelBeat::estimate(&SeenChannel { light, predicted, valid, photo, column, at_sites })
     }
 
     #[test]
-    fn a_beat_is_found_and_taken_out_and_the_noise_stays() {
+    fn a_beat_is_removed_and_noise_remains() {
         let capture = capture(0.1, 1.163);
         for at_sites in [false, true] {
-            let beat = found(&capture, at_sites).expect("a beat of a tenth");
-            let (light, predicted, column) = &capture;
-            let mut light = light.clone();
-            let left = |light: &Plane| {
-                let mut left = light.clone();
-                left.add_scaled(-1.0, predicted);
-                left.rms()
+            let beat = estimate(&capture, at_sites).expect("a beat of a tenth");
+            let mut light = capture.light.clone();
+            let residual = |light: &Plane| {
+                let mut residual = light.clone();
+                residual.add_scaled(-1.0, &capture.predicted);
+                residual.rms()
             };
-            let before = left(&light);
-            beat.undo(&mut light, column);
-            let after = left(&light);
+            let before = residual(&light);
+            beat.remove(&mut light, &capture.column);
+            let after = residual(&light);
             assert!(before > 5.0 && after < 1.15, "{before} before, {after} after");
         }
     }
 
     #[test]
-    fn noise_is_no_beat_and_neither_is_an_uneven_panel() {
-        assert_eq!(found(&capture(0.0, 1.163), false), None);
+    fn noise_and_an_uneven_panel_are_not_taken_for_a_beat() {
+        assert_eq!(estimate(&capture(0.0, 1.163), false), None);
         // Columns and pixels nearly in step: a wave as wide as the photo.
-        assert_eq!(found(&capture(0.1, 2.001), false), None);
-        // The same as the sites of one colour see it.
-        assert_eq!(found(&capture(0.1, 1.501), true), None);
-        assert!(found(&capture(0.1, 1.501), false).is_some());
+        assert_eq!(estimate(&capture(0.1, 2.001), false), None);
+        // The same at the sites of one colour.
+        assert_eq!(estimate(&capture(0.1, 1.501), true), None);
+        assert!(estimate(&capture(0.1, 1.501), false).is_some());
     }
 }

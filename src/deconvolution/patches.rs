@@ -1,7 +1,7 @@
 //! The patch grid of backward convolution: patches, their four parity classes, and flips.
 //!
 //! The paper splits the picture "into four images to make sure the adjacent patches do not appear
-//! in the same image" (§2.2, step 1). What it leaves open is settled here:
+//! in the same image" (§2.2, step 1). Beyond the paper:
 //!
 //! * patches start at the photo's upper left corner; the last column and row are cut to what
 //!   remains and flip about their own centre;
@@ -30,7 +30,7 @@ pub struct PatchGrid {
     patches: Vec<(Rect, usize)>,
 }
 
-/// Number of displays in which all patches appear once.
+/// Number of displayed pictures in which each patch appears once.
 pub const PARITY_CLASSES: usize = 4;
 
 impl PatchGrid {

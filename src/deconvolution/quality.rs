@@ -1,10 +1,9 @@
-//! How near a restored picture is to the true one: SSIM and PSNR.
+//! Full-reference image quality: SSIM and PSNR.
 //!
-//! SSIM as Wang, Bovik, Sheikh and Simoncelli defined it ("Image quality assessment", 2004):
-//! Gaussian window of 11×11, σ 1.5, population covariance, K₁ 0.01, K₂ 0.03, full scale 255, mean
-//! over all places where the whole window lies in the picture. scikit-image gives the same with
-//! `gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=255`, which is what
-//! the golden values were made with.
+//! SSIM after Wang, Bovik, Sheikh and Simoncelli ("Image quality assessment", 2004): 11×11 Gaussian
+//! window of σ 1.5, population covariance, K₁ 0.01, K₂ 0.03, full scale 255, mean over all places
+//! where the whole window lies in the picture. The golden values are scikit-image's with
+//! `gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=255`.
 
 use crate::frame::{FULL_SCALE, Plane};
 
@@ -20,8 +19,8 @@ const STABLE_SPREAD: f32 = (0.03 * FULL_SCALE) * (0.03 * FULL_SCALE);
 /// precision.
 const MIDDLE: f32 = FULL_SCALE / 2.0;
 
-/// Mean structural similarity of two planes in 0..255, at most 1; not a number when they are
-/// smaller than the window of 11×11.
+/// Mean structural similarity of two planes in 0..255, at most 1; NaN when they are smaller than
+/// the 11×11 window.
 ///
 /// # Panics
 /// When the planes differ in size, which is a bug of the caller. So do the other measures.

@@ -290,16 +290,16 @@ fn remove_beat(
         let is_fine = !inside.data().contains(&1);
         let expected = |light: f32| if is_fine { GREY } else { GREY + light };
         let (trusted, column) = (seen.trusted.plane(c), correction.panel_columns().plane(c));
-        let beat = PanelBeat::of(&SeenChannel {
+        let beat = PanelBeat::estimate(&SeenChannel {
             light: seen.light.plane(c),
             predicted: &shown.plane(c).map(expected),
-            known: &|x, y| trusted.at(x, y) == TRUSTED && (is_fine || inside.at(x, y) == TRUSTED),
+            valid: &|x, y| trusted.at(x, y) == TRUSTED && (is_fine || inside.at(x, y) == TRUSTED),
             photo: Rect { x: margin, y: margin, size: layout.photo },
             column,
             at_sites: layout.mosaic.is_some(),
         });
         if let Some(beat) = beat {
-            beat.undo(seen.light.plane_mut(c), column);
+            beat.remove(seen.light.plane_mut(c), column);
         }
     }
 }
@@ -458,7 +458,14 @@ fn measure_operator_error(
     found.undo(&mut seen, &predicted, &Channel::ALL);
     let trust = Frame::filled(model.canvas(), TRUSTED);
     let (columns, mosaic) = (correction.panel_columns(), session.layout.mosaic);
-    panel_beat::take_out(&mut seen, &predicted, (&trust, place), columns, mosaic, &Channel::ALL);
+    panel_beat::remove_beats(
+        &mut seen,
+        &predicted,
+        (&trust, place),
+        columns,
+        mosaic,
+        &Channel::ALL,
+    );
     for c in Channel::ALL {
         let (predicted, light) = (predicted.plane(c), seen.light.plane(c));
         calibration.operator_error[c.index()] =

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::Pipeline;
-use crate::deconvolution::dot_test::DotTest;
+use crate::deconvolution::dot_test::{DotTest, Mismatch};
 use crate::deconvolution::patches::PatchShape;
 use crate::frame::Rect;
 use crate::remedy::AnyFailure;
@@ -40,8 +40,8 @@ impl Pipeline {
 impl BackwardCheck {
     /// What is wrong and what to do about it; nothing when all is well.
     pub fn complaint(&self) -> Option<String> {
-        let (channel, difference, uncertainty) = self.found.worst();
-        if difference.abs() - 2.0 * uncertainty <= DIFFERENCE_MAX {
+        let Mismatch { channel, difference, .. } = self.found.worst();
+        if self.found.worst().significant() <= DIFFERENCE_MAX {
             return None;
         }
         let PatchShape { patch_px, margin_px } = self.shape;
@@ -68,7 +68,7 @@ impl BackwardCheck {
 
 impl fmt::Display for BackwardCheck {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (channel, difference, uncertainty) = self.found.worst();
+        let Mismatch { channel, difference, uncertainty } = self.found.worst();
         let (difference, uncertainty) = (100.0 * difference, 100.0 * uncertainty);
         write!(f, "{difference:+.2} ± {uncertainty:.2} % off the forward one in {}", channel.name())
     }

@@ -14,8 +14,8 @@ use super::grain::Grain;
 use super::lens_alone::{Left, foreign, past};
 use super::stages::{EXCESS_LIGHT, Evidence, LensAlone, Prepared, Solved};
 use super::{Outcome, Pipeline, Verdict};
-use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
+use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Frame, Work};
 
 /// Distance from the reference solution past which a result harms.
@@ -113,8 +113,8 @@ impl Pipeline {
             None => Outcome::of(&reference.solved, reference.evidence.clone()),
         };
         // The lens is the measured one, or the one that captures say it is.
-        let rung = if as_measured { Rung::LensModel } else { Rung::Captures };
-        Ok(Outcome { verdict: Verdict::Replaced, rung, reason, captures, ..replaced })
+        let stage = if as_measured { ResultStage::LensModel } else { ResultStage::Captures };
+        Ok(Outcome { verdict: Verdict::Replaced, stage, reason, captures, ..replaced })
     }
 
     /// What `digital` makes of `photo` with the lens of a result that harms, where captures made
@@ -244,14 +244,11 @@ fn harmful(
 
 /// How far a result may be from the reference solution.
 ///
-/// A loop of light alone fits its captures' noise, and is certified all the same. And where
-/// captures changed the lens, the reference solution has it, too: what misses it then is where they
-/// lie.
+/// A loop of light alone fits its captures' noise, and is certified all the same.
 fn distance_limit(solved: &Solved) -> f64 {
-    let as_measured = solved.solution.refined.is_none();
     match solved.solution.certificate.ratio() {
         _ if !solved.about.starts_from_lens => DISTANCE_OF_OTHERS,
-        Some(ratio) if ratio <= CERTIFIED_RATIO && as_measured => DISTANCE_CERTIFIED,
+        Some(ratio) if ratio <= CERTIFIED_RATIO => DISTANCE_CERTIFIED,
         Some(ratio) if ratio > SUSPECT_RATIO || ratio.is_nan() => DISTANCE_DOUBTED,
         _ => DISTANCE,
     }

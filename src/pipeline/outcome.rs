@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::Pipeline;
 use super::judge::SHARPER;
 use super::stages::{Evidence, Prepared, Solved};
-use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{Certificate, Method, MethodError, Watch};
+use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Channel, Frame, Work};
 use crate::rig::exposure::Devices;
 
@@ -30,9 +30,9 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// The method that made it; `none` for the photo itself.
     pub method: &'static str,
-    /// How much model it took.
-    pub rung: Rung,
-    /// Why this picture and this rung, in words.
+    /// The stage that produced it.
+    pub stage: ResultStage,
+    /// Why this picture and this stage, in words.
     pub reason: String,
     /// What is known of it without knowing the scene; of a photo returned as it is, what the lens
     /// alone leaves of the channels that spoke against restoring it.
@@ -191,7 +191,7 @@ impl Outcome {
             picture: photo,
             verdict: Verdict::Untouched,
             method: "none",
-            rung: Rung::LeaveIt,
+            stage: ResultStage::Photo,
             reason: reason.into(),
             evidence: None,
             certificate: None,
@@ -205,12 +205,12 @@ impl Outcome {
     /// What was `solved`, with the `evidence` for it.
     pub(super) fn of(solved: &Solved, evidence: Evidence) -> Outcome {
         let Certificate { optical_residual, noise_floor, .. } = solved.solution.certificate;
-        let (rung, reason) = rung_of(solved);
+        let (stage, reason) = stage_of(solved);
         Outcome {
             picture: solved.picture.clone(),
             verdict: Verdict::Sound,
             method: solved.about.name,
-            rung,
+            stage,
             reason,
             evidence: Some(evidence),
             certificate: optical_residual.map(|residual| OpticalResidual {
@@ -243,7 +243,7 @@ impl Pipeline {
         };
         match photo.observation.channels.list().iter().any(is_noisier) {
             true => NOTHING_BUT_NOISE,
-            false => Rung::LeaveIt.reason(),
+            false => ResultStage::Photo.reason(),
         }
     }
 }
@@ -258,15 +258,15 @@ fn iterations(solved: &Solved) -> Vec<Iteration> {
     of.collect()
 }
 
-/// The rung that a result stands on, and why.
-fn rung_of(solved: &Solved) -> (Rung, String) {
+/// The stage that produced a result, and why.
+fn stage_of(solved: &Solved) -> (ResultStage, String) {
     let Certificate { corrections, optical_residual, .. } = solved.solution.certificate;
     match (corrections, optical_residual, solved.captures) {
-        (1.., _, _) => (Rung::Captures, Rung::Captures.reason().to_owned()),
-        (0, Some(_), _) => (Rung::LensModel, Rung::LensModel.reason().to_owned()),
+        (1.., _, _) => (ResultStage::Captures, ResultStage::Captures.reason().to_owned()),
+        (0, Some(_), _) => (ResultStage::LensModel, ResultStage::LensModel.reason().to_owned()),
         (0, None, 0) => {
             let reason = "the measured lens alone was used; no capture looked at the result";
-            (Rung::LensModel, reason.to_owned())
+            (ResultStage::LensModel, reason.to_owned())
         }
         (0, None, captures) => {
             let name = solved.about.name;
@@ -274,7 +274,7 @@ fn rung_of(solved: &Solved) -> (Rung, String) {
                 "the method `{name}` solves by captures, {captures} of them; none looked at the \
                  result"
             );
-            (Rung::Captures, reason)
+            (ResultStage::Captures, reason)
         }
     }
 }

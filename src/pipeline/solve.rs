@@ -103,9 +103,6 @@ impl Pipeline {
         solution: Solution,
     ) -> Solved {
         let rect = photo.observation.rect;
-        let refined = solution.refined.as_ref();
-        let refined =
-            refined.and_then(|of| lens.with_functions(rect.size, rect.x, &of.functions).ok());
         let picture = match photo.observation.channels {
             Channels::Colour => self.photo_side.line_up_colours(&solution.picture).crop(rect),
             Channels::Green => solution.picture.crop(rect),
@@ -117,7 +114,7 @@ impl Pipeline {
             captures: 0,
             capture_seconds: 0.0,
             waited_seconds: 0.0,
-            lens: refined.map_or_else(|| Arc::clone(lens), Arc::new),
+            lens: Arc::clone(lens),
         }
     }
 }

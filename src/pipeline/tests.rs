@@ -1,14 +1,14 @@
-//! What is delivered for a photo, and whether rung, reason and method are true of it.
+//! What is delivered for a photo, and whether stage, reason and method are true of it.
 
 use std::path::Path;
 
 use super::*;
 use crate::config::MethodName as Named;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::ladder::Rung;
 use crate::deconvolution::method::{
     About, Certificate, IterationRecord, Method, MethodError, Problem, Solution, Watch,
 };
+use crate::deconvolution::stage::ResultStage;
 use crate::frame::{Channels, Frame, Plane, Work};
 use crate::measurement::{calibrate, to_the_end};
 use crate::picture::{Format, Limits, Manner, Photo, Tone, encode};
@@ -118,7 +118,7 @@ fn a_replaced_result_is_told_as_what_is_delivered_and_why() {
     let photo = bed.photo();
     let outcome = bed.restore(&photo, &Spoiler);
     assert_eq!((outcome.verdict, outcome.method), (Verdict::Replaced, "digital"));
-    assert_eq!((outcome.rung, outcome.captures), (Rung::LensModel, 1));
+    assert_eq!((outcome.stage, outcome.captures), (ResultStage::LensModel, 1));
     assert!(outcome.reason.contains("returned in its place"), "{}", outcome.reason);
     // The certificate and the record of what failed are not those of what is delivered.
     assert_eq!(outcome.certificate, None);
@@ -218,7 +218,7 @@ fn the_reason_of_a_rung_speaks_of_captures_only_where_some_were_made() {
     let mut bed = Bed::new();
     let photo = bed.photo();
     let alone = bed.restore(&photo, &*method(&bed.config, Named::Digital));
-    assert_eq!((alone.rung, alone.captures), (Rung::LensModel, 0));
+    assert_eq!((alone.stage, alone.captures), (ResultStage::LensModel, 0));
     assert!(alone.reason.contains("no capture"), "{}", alone.reason);
     let looked = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
     assert!(looked.captures > 0 && looked.certificate.is_some(), "{}", looked.reason);
@@ -244,7 +244,7 @@ fn a_blank_photo_is_delivered_as_it_is() {
     let mut bed = Bed::new();
     let wall = Frame::from_fn(|_| Plane::filled(bed.config.photo.size(), 90.0));
     let outcome = bed.restore(&wall, &*method(&bed.config, Named::Hybrid));
-    assert_eq!((outcome.verdict, outcome.rung), (Verdict::Untouched, Rung::LeaveIt));
+    assert_eq!((outcome.verdict, outcome.stage), (Verdict::Untouched, ResultStage::Photo));
     assert_eq!((outcome.captures, outcome.picture), (0, wall));
     assert!(outcome.reason.contains("blank"), "{}", outcome.reason);
 }
@@ -259,7 +259,7 @@ fn a_dithered_picture_is_not_called_blank() {
     };
     let dithered = Frame::from_fn(|_| Plane::from_fn(bed.config.photo.size(), dot));
     let outcome = bed.restore(&dithered, &*method(&bed.config, Named::Digital));
-    assert_eq!((outcome.verdict, outcome.rung), (Verdict::Untouched, Rung::LeaveIt));
+    assert_eq!((outcome.verdict, outcome.stage), (Verdict::Untouched, ResultStage::Photo));
     assert!(outcome.reason.contains("dithered"), "{}", outcome.reason);
     assert!(!outcome.reason.contains("blank"), "{}", outcome.reason);
 }

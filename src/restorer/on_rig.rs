@@ -199,15 +199,10 @@ impl Restorer for OnRig {
             return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
         }
         let prepared = self.pipeline.prepare(photo);
-        let Restoration { mut outcome, solved } = self
+        let Restoration { mut outcome, .. } = self
             .pipeline
             .restore(&mut self.devices, &prepared, &*self.method, &mut watch)
             .map_err(boxed)?;
-        if solved.is_some_and(|solved| solved.solution.refined.is_some()) {
-            let note = "the lens is not as it was measured: its model was refined by this photo's \
-                        captures";
-            outcome.notes.push(note.to_owned());
-        }
         if photo.raw.is_some() {
             outcome.notes.extend(provenance::camera_note(&self.config, camera));
         }

@@ -6,8 +6,7 @@
 //! camera delivered; a second one, which has no simulator, restores the same photo from the kept
 //! frames. Its clock and its peak resident memory (`VmHWM`) are what is printed.
 //!
-//! Twice: with the lens as it was measured, and with one that was touched since, which its captures
-//! refine.
+//! Twice: with the lens as it was measured, and with one that was touched since.
 //!
 //! Run: `cargo bench --bench appliance`
 
@@ -170,9 +169,6 @@ fn restore(
         "judging            {:6.2} s of processor time",
         processor_seconds() - solved_processor
     );
-    if restored.solution.refined.is_some() {
-        println!("the lens model was refined");
-    }
     (solved - begun - restored.waited_seconds, restored.captures, solved_processor - processor)
 }
 

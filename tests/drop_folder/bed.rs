@@ -10,7 +10,7 @@ use relens::config::Curve;
 use relens::daemon::{
     Daemon, DaemonError, DaemonSetting, Folders, Progress, Restorer, Summary, Watcher,
 };
-use relens::deconvolution::ladder::Rung;
+use relens::deconvolution::stage::ResultStage;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use relens::light_path::Interrupted;
 use relens::picture::{Dng, Format, Limits, Manner, Photo, RawTags, encode};
@@ -76,7 +76,7 @@ impl Restorer for Brightener {
         Ok(Outcome {
             verdict: if self.untouched { Verdict::Untouched } else { Verdict::Sound },
             method: "brighten",
-            rung: Rung::LensModel,
+            stage: ResultStage::LensModel,
             captures: 1,
             seconds: 0.5,
             certificate: Some(OpticalResidual {

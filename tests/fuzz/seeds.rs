@@ -178,7 +178,7 @@ fn records(folder: &Path) {
         "drift":{"shift-px":0.1,"gain-percent":0.0,"offset-levels":0.0,"noise-ratio":1.0},
         "verdict":"good","temperature-c":40.0}]"#;
     let report = r#"{"photo":"a.png","result":"a.png","result-address":"a.png",
-        "outcome":"untouched","rig":"test","method":"none","rung":0,"rung-reason":"",
+        "outcome":"untouched","rig":"test","method":"none","stage":"photo","reason":"",
         "captures":0,"seconds":0.0,"certificate":null,"meaning":null,
         "size":{"width":16,"height":12},"stored":{"width":16,"height":12},
         "curve":"sRGB","grey":true,"turned":null,

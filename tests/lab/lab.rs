@@ -99,7 +99,7 @@ enum Experiment {
     Worth,
     /// What other sizes of the rig's models would gain
     Sizes,
-    /// The rungs that a varied set of scenes takes
+    /// The stages that a varied set of scenes takes
     Ladder,
     /// The paper's figures 7 to 12; for linear photos
     Figures,

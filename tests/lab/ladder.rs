@@ -1,16 +1,15 @@
-//! The ladder on scenes that call for different rungs: which one the box takes, and what the others
-//! would have given.
+//! Scenes that call for different stages: which one the box delivers, and what the others would
+//! have given.
 //!
-//! | rung | what is run for the table |
+//! | stage | what is run for the table |
 //! |---|---|
 //! | 0 | nothing: the photo |
 //! | 1 | the lens model with one function for the whole field, no capture |
 //! | 2 | the lens model, no capture |
 //! | 3 | the lens model and captures |
 //!
-//! The box takes rung 0, 2 or 3. Rung 1 is run to show what it would be worth: it would do for a
-//! wall, a night sky and a small thing in the middle, and spare such photos part of two seconds of
-//! computing. It is not built into the box.
+//! The box has stages 0, 2 and 3. Stage 1 is run for comparison: it would do for a wall, a
+//! night sky and a small thing in the middle.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -19,6 +18,7 @@ use relens::chart::table::Table;
 use relens::chart::test_rig::{TestPhoto, seen};
 use relens::config::{MethodName, RigFile};
 use relens::deconvolution::quality::ssim;
+use relens::deconvolution::stage::ResultStage;
 use relens::frame::{FULL_SCALE, Frame, Plane, Work};
 use relens::picture::Tone;
 use relens::pipeline::{Pipeline, Restoration, method};
@@ -33,12 +33,12 @@ const SEED: u64 = 20_261_121;
 /// Noise of photos that no lens has seen, grey levels.
 const NOISE_LEVELS: f32 = 1.0;
 
-/// A scene on the ladder.
+/// A scene by stages.
 pub(crate) struct Row {
     name: &'static str,
-    /// SSIM of the photo, and of what rungs 1, 2 and 3 make of it.
+    /// SSIM of the photo, and of what stages 1, 2 and 3 make of it.
     ssim: [f64; 4],
-    /// The rung that the box takes.
+    /// The stage that the box delivers.
     pub(crate) taken: usize,
     /// SSIM of what the box delivers.
     pub(crate) delivered_ssim: f64,
@@ -49,14 +49,14 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    /// What the next larger rung would have gained over what was delivered; nothing above the last.
+    /// What the next stage would have gained over what was delivered; nothing above the last.
     fn next_gains(&self) -> Option<f64> {
-        // From rung 0 the next one that the box has is 2.
+        // From stage 0 the next one that the box has is 2.
         self.ssim.get((self.taken + 1).max(2)).map(|next| next - self.delivered_ssim)
     }
 }
 
-/// The ladder on the simulated rig of `rig`.
+/// All stages on the simulated rig of `rig`.
 pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let (mut harness, calibration) = Harness::open(rig.clone())?;
     let mut one = calibration;
@@ -65,7 +65,7 @@ pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let mut rows = Vec::new();
     for scene in varied(rig.photo.size(), SEED) {
         let row = climb(&mut harness, &one_function, &scene)?;
-        log::info!("{}: rung {}, SSIM {:.4}", row.name, row.taken, row.delivered_ssim);
+        log::info!("{}: stage {}, SSIM {:.4}", row.name, row.taken, row.delivered_ssim);
         rows.push(row);
     }
     Ok(Made::table("ladder".to_owned(), table(&rig.name, &rows)))
@@ -79,11 +79,11 @@ fn climb(harness: &mut Harness, one_function: &Pipeline, scene: &Varied) -> Resu
     let truth = seen(curve, scene.channels, &truth);
     let score = |light: &Frame<Work>| ssim(&seen(curve, scene.channels, light), &truth);
     let mut scores = [score(&photo.light), 0.0, 0.0, 0.0];
-    let rungs =
+    let stages =
         [(true, MethodName::Digital), (false, MethodName::Digital), (false, MethodName::Hybrid)];
     let (pipeline, rig) = harness.test_rig.parts();
     let prepared = photo.prepared(pipeline, scene.channels);
-    for (found, (one, which)) in scores[1..].iter_mut().zip(rungs) {
+    for (found, (one, which)) in scores[1..].iter_mut().zip(stages) {
         let solver = method(&config, which);
         let pipeline = if one { one_function } else { pipeline };
         *found = score(&pipeline.solve(rig, &prepared, &*solver, &mut |_, _| {})?.picture);
@@ -97,7 +97,11 @@ fn climb(harness: &mut Harness, one_function: &Pipeline, scene: &Varied) -> Resu
         name: scene.name,
         delivered_ssim: score(&outcome.picture),
         ssim: scores,
-        taken: outcome.rung.number().into(),
+        taken: match outcome.stage {
+            ResultStage::Photo => 0,
+            ResultStage::LensModel => 2,
+            ResultStage::Captures => 3,
+        },
         captures: outcome.captures,
         seconds: seconds() - begun - waited,
         why: outcome.reason,
@@ -125,8 +129,8 @@ fn photo(harness: &Harness, scene: &Varied) -> Result<TestPhoto, Failure> {
 fn table(rig: &str, rows: &[Row]) -> Table {
     let gains: Vec<f64> = rows.iter().filter_map(Row::next_gains).collect();
     let caption = format!(
-        "{rig}: the rung that each scene takes, and what the others would have given (SSIM, \
-         luminance of display values). The next larger rung would have gained {:+.4} on average \
+        "{rig}: the stage that each scene takes, and what the others would have given (SSIM, \
+         luminance of display values). The next stage would have gained {:+.4} on average \
          (0.002 allowed).",
         gains.iter().sum::<f64>() / gains.len().max(1) as f64
     );
@@ -136,7 +140,7 @@ fn table(rig: &str, rows: &[Row]) -> Table {
         "one function",
         "lens model",
         "and captures",
-        "rung taken",
+        "stage taken",
         "delivered",
         "next would gain",
         "captures",

@@ -5,7 +5,6 @@ use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::config::{Curve, RigFile};
 use relens::deconvolution::method::Method;
-use relens::deconvolution::method::hybrid::Hybrid;
 use relens::pipeline::{digital, hybrid};
 
 use crate::change::{
@@ -53,8 +52,6 @@ pub(crate) struct Row {
     photo: Mean,
     /// The measured lens alone.
     pub(crate) digital: Mean,
-    /// As many captures as the rig file allows, the lens staying as measured.
-    pub(crate) as_measured: Mean,
     /// One capture.
     one: Mean,
     /// As the rig file has it.
@@ -97,9 +94,8 @@ pub(crate) fn measure(rig: &RigFile, (change, strength): Regime) -> Result<Row, 
     let name = change.words(strength);
     log::info!("{name}");
     let (digital, hybrid) = (mean(&digital(rig))?, hybrid(rig));
-    let as_measured = mean(&Hybrid { refine: false, ..hybrid })?;
     let (one, hybrid) = (mean(&one_capture(rig))?, mean(&hybrid)?);
-    Ok(Row { name, photo, digital, as_measured, one, hybrid })
+    Ok(Row { name, photo, digital, one, hybrid })
 }
 
 fn table(rig: &RigFile, rows: &[Row]) -> Table {
@@ -109,9 +105,7 @@ fn table(rig: &RigFile, rows: &[Row]) -> Table {
     };
     let caption = format!(
         "Where light earns its place, rig {0}, {channels}, mean of astronaut and coffee: the \
-         measured lens alone, and captures with it: the lens as measured, at most {1} captures; \
-         the lens refined by the photo's first capture where that calls for it, one capture and \
-         at most {1}.",
+         measured lens alone, and with one and at most {1} captures.",
         rig.name,
         1 + rig.restore.corrections_max
     );
@@ -119,7 +113,6 @@ fn table(rig: &RigFile, rows: &[Row]) -> Table {
         "regime",
         "photo",
         "digital",
-        "hybrid, lens as measured",
         "one capture",
         "hybrid",
         "captures",
@@ -134,7 +127,7 @@ fn table(rig: &RigFile, rows: &[Row]) -> Table {
             0.0.. => "a little",
             _ => "no",
         };
-        let means = [&row.photo, &row.digital, &row.as_measured, &row.one, &row.hybrid];
+        let means = [&row.photo, &row.digital, &row.one, &row.hybrid];
         let mut cells = vec![row.name.clone()];
         cells.extend(means.map(both));
         cells.push(format!("{:.1}", row.hybrid.captures));

@@ -148,15 +148,9 @@ fn with_one_function_the_light_makes_up_for_the_poor_model() {
 #[test]
 #[ignore = "minutes: the long gate runs it"]
 fn the_light_earns_its_place_with_a_lens_touched_or_slid_since_or_poorly_measured() {
-    // dB that refining the lens by the photo's capture gains over captures alone at least, below
-    // what is measured: see tests/tables/README.md.
-    for (regime, refining) in
-        [((&DECENTRED, 10.0), 0.5), ((&SMEARED, 15.0), -0.05), ((&ONE_FUNCTION, 0.0), 3.0)]
-    {
+    for regime in [(&DECENTRED, 10.0), (&SMEARED, 15.0), (&ONE_FUNCTION, 0.0)] {
         let row = measure(&rig(), regime).unwrap();
         assert!(row.gain_db() >= 1.0, "{}: {:+.2} dB", row.name, row.gain_db());
-        let gain = row.hybrid.psnr_db - row.as_measured.psnr_db;
-        assert!(gain >= refining, "{}: {gain:+.2} dB", row.name);
         let (digital, hybrid) = (row.digital.ssim, row.hybrid.ssim);
         assert!(hybrid > digital, "{}: {hybrid} {digital}", row.name);
     }

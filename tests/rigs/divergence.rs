@@ -35,8 +35,7 @@ fn golden(name: &str) -> (Vec<usize>, Vec<f32>) {
 
 /// The lens functions, with those of `from` in green.
 fn functions(from: Channel) -> LensFunctions {
-    let (shape, values) = golden("psf_grid.npy");
-    let mut functions = LensFunctions::from_npy(&shape, &values).unwrap();
+    let mut functions = crate::method::golden_functions();
     functions.taps[GREEN.index()] = functions.taps[from.index()].clone();
     functions
 }
@@ -92,7 +91,6 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
         defect_threshold: 2.0,
         defect_floor: 0.25,
         carefulness: 25.0,
-        refine: true,
     };
     vec![
         Box::new(Paper {

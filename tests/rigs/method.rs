@@ -28,11 +28,18 @@ fn golden(name: &str) -> Plane {
     Plane::from_vec(Size::new(shape[1], shape[0]), values).unwrap()
 }
 
-fn golden_model() -> LensModel {
+/// The golden lens functions.
+pub(crate) fn golden_functions() -> LensFunctions {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/psf_grid.npy");
     let (shape, values) = read_npy_f32(&path).unwrap();
-    let functions = LensFunctions::from_npy(&shape, &values).unwrap();
-    LensModel::new(Size::new(128, 96), 0, &functions).unwrap()
+    let [rows, columns, 3, k, _] = shape[..] else { panic!("{shape:?}") };
+    let taps =
+        |c: usize| values.chunks_exact(k * k).skip(c).step_by(3).flatten().copied().collect();
+    LensFunctions { rows, columns, support_px: k, taps: [0, 1, 2].map(taps) }
+}
+
+fn golden_model() -> LensModel {
+    LensModel::new(Size::new(128, 96), 0, &golden_functions()).unwrap()
 }
 
 fn green_only(plane: Plane) -> Frame<Work> {
@@ -230,7 +237,6 @@ fn model_based_methods_sharpen_the_photo_and_count_captures() {
         defect_threshold: 2.0,
         defect_floor: 0.2,
         carefulness: 25.0,
-        refine: true,
     };
     let unmatched =
         Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
@@ -274,7 +280,6 @@ fn a_correct_model_is_unchanged_and_a_wrong_one_is_corrected() {
         defect_threshold: 2.0,
         defect_floor: 0.2,
         carefulness: 25.0,
-        refine: true,
     };
     let run = |model: &LensModel, method: &dyn Method| {
         let mut optics = ComputedOptics::new(&right, true);

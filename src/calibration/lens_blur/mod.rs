@@ -157,7 +157,7 @@ impl FunctionFit {
         let ridge = (RIDGE * power * self.diagonal) as f32;
         let count = self.grid.rows * self.grid.columns * self.grid.support_px.pow(2);
         let mut taps = vec![0.0f32; count];
-        let mut residual = self.gathered(channel, shots, |s| s.seen.clone());
+        let mut residual = self.gathered(shots, |s| s.seen.clone());
         let mut better = self.preconditioned(&residual, power);
         let mut direction = better.clone();
         let mut length = dot(&residual, &better);
@@ -166,7 +166,7 @@ impl FunctionFit {
                 break;
             }
             self.model.set_taps(channel, &direction).map_err(LensBlurError::Model)?;
-            let mut image = self.gathered(channel, shots, |s| {
+            let mut image = self.gathered(shots, |s| {
                 let mut seen = Plane::zeros(s.shown.size());
                 self.model.forward(channel, &s.shown, &mut seen);
                 seen
@@ -188,12 +188,7 @@ impl FunctionFit {
 
     /// Σ over the shots of the adjoint of taps ↦ K(taps)·shown, applied to trusted pixels of
     /// `picture`.
-    fn gathered(
-        &self,
-        channel: Channel,
-        shots: &[Shot],
-        picture: impl Fn(&Shot) -> Plane + Sync,
-    ) -> Vec<f32> {
+    fn gathered(&self, shots: &[Shot], picture: impl Fn(&Shot) -> Plane + Sync) -> Vec<f32> {
         let parts: Vec<Vec<f32>> = shots
             .par_iter()
             .map(|shot| {
@@ -201,7 +196,7 @@ impl FunctionFit {
                 for (v, &t) in picture.data_mut().iter_mut().zip(self.trusted.data()) {
                     *v *= f32::from(t);
                 }
-                self.model.correlate(channel, &shot.shown, &picture)
+                self.model.correlate(&shot.shown, &picture)
             })
             .collect();
         let mut total = vec![0.0; self.grid.rows * self.grid.columns * self.grid.support_px.pow(2)];

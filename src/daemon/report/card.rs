@@ -6,6 +6,7 @@ use std::fmt::Write;
 use super::html::{escape, moment, span};
 use crate::daemon::store::deliver::is_beyond_preview;
 use crate::daemon::store::report_file::{Report, ResultKind, plain};
+use crate::deconvolution::stage::ResultStage;
 use crate::frame::Size;
 use crate::pipeline::Confirmation;
 
@@ -137,11 +138,11 @@ fn is_smaller(report: &Report) -> bool {
 
 /// What was done, or why nothing was.
 fn outcome_words(report: &Report) -> String {
-    let by = match (report.outcome, report.rung, &report.certificate) {
+    let by = match (report.outcome, report.stage, &report.certificate) {
         (ResultKind::Untouched, ..) => {
-            return format!("Left as it was, because {}.", plain(&report.rung_reason));
+            return format!("Left as it was, because {}.", plain(&report.reason));
         }
-        (_, 0..=2, _) => "with the lens model",
+        (_, ResultStage::Photo | ResultStage::LensModel, _) => "with the lens model",
         (_, _, Some(_)) => "with the lens model, and corrected by light",
         (_, _, None) => "by light alone",
     };
@@ -194,7 +195,7 @@ fn numbers(photo: &GalleryPhoto<'_>, up: &str) -> String {
         ("method", escape(&report.method)),
         ("photographs taken", report.captures.to_string()),
         ("file", escape(&report.result)),
-        ("why so", escape(&report.rung_reason)),
+        ("why so", escape(&report.reason)),
     ];
     if let Some(certificate) = &report.certificate {
         rows.push(("difference between its photograph and the photo", certificate.words()));
@@ -251,22 +252,37 @@ mod tests {
 
     #[test]
     fn a_photographer_understands_what_became_of_a_photo() {
-        for (n, kind, certificate, wanted) in [
+        for (stage, kind, certificate, wanted) in [
             (
-                3,
+                ResultStage::Captures,
                 ResultKind::Restored,
                 Some(1.13),
                 "Sharpened with the lens model, and corrected by",
             ),
-            (2, ResultKind::Restored, Some(1.13), "Sharpened with the lens model.</p>"),
-            (2, ResultKind::Restored, None, "Not confirmed: it was not photographed again"),
-            (2, ResultKind::Restored, Some(1.6), "Nearly confirmed by light"),
-            (3, ResultKind::Restored, Some(4.0), "Not confirmed by light"),
-            (0, ResultKind::Untouched, None, "Left as it was, because it is sharp.</p>"),
+            (
+                ResultStage::LensModel,
+                ResultKind::Restored,
+                Some(1.13),
+                "Sharpened with the lens model.</p>",
+            ),
+            (
+                ResultStage::LensModel,
+                ResultKind::Restored,
+                None,
+                "Not confirmed: it was not photographed again",
+            ),
+            (ResultStage::LensModel, ResultKind::Restored, Some(1.6), "Nearly confirmed by light"),
+            (ResultStage::Captures, ResultKind::Restored, Some(4.0), "Not confirmed by light"),
+            (
+                ResultStage::Photo,
+                ResultKind::Untouched,
+                None,
+                "Left as it was, because it is sharp.</p>",
+            ),
         ] {
             let mut report = report(1);
-            (report.rung, report.outcome) = (n, kind);
-            report.rung_reason = "it is sharp (3.1 times its noise is left)".into();
+            (report.stage, report.outcome) = (stage, kind);
+            report.reason = "it is sharp (3.1 times its noise is left)".into();
             report.notes = vec!["noise of the photo: 1.20 grey levels".into()];
             report.certificate = certificate.map(|residual_grey_levels| OpticalResidual {
                 focus: CertifiedFocus::Photo,
@@ -276,7 +292,7 @@ mod tests {
             let html = card_of(&report);
             let seen = in_plain_sight(&html);
             assert!(seen.contains(wanted), "{seen}");
-            for jargon in ["rung", "grey level", "residual", "3.1", "capture", "hybrid"] {
+            for jargon in ["stage", "grey level", "residual", "3.1", "capture", "hybrid"] {
                 assert!(!seen.contains(jargon), "{jargon}: {seen}");
             }
             assert!(html.contains("3.1 times its noise") && html.contains("hybrid"), "{html}");

@@ -10,6 +10,7 @@ use super::state::Doing;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
 use crate::daemon::store::report_file::{Failed, Report, ResultKind, address};
+use crate::deconvolution::stage::ResultStage;
 use crate::frame::Size;
 use crate::nights::pilot::Drift;
 use crate::pipeline::{CertifiedFocus, OpticalResidual};
@@ -23,8 +24,8 @@ pub(super) fn report(n: u64) -> Report {
         outcome: if n.is_multiple_of(7) { ResultKind::Untouched } else { ResultKind::Restored },
         rig: "small".into(),
         method: "hybrid".into(),
-        rung: 3,
-        rung_reason: "the certificate says that the model missed something".into(),
+        stage: ResultStage::Captures,
+        reason: "the certificate says that the model missed something".into(),
         captures: 2,
         seconds: 6.5,
         certificate: Some(OpticalResidual {

@@ -241,7 +241,7 @@ impl<'a> Attended<'a> {
     fn remember(&mut self, report: &Report) {
         let untouched = report.outcome == ResultKind::Untouched;
         let words = match &report.meaning {
-            _ if untouched => sentence(plain(&report.rung_reason)),
+            _ if untouched => sentence(plain(&report.reason)),
             Some(meaning) => meaning.clone(),
             None => "Restored; not photographed again.".to_owned(),
         };

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::deconvolution::stage::ResultStage;
 use crate::disk::{FileError, Files};
 use crate::frame::{Channels, Size};
 use crate::picture::{Format, Photo};
@@ -40,10 +41,10 @@ pub struct Report {
     pub rig: String,
     /// Name of the method.
     pub method: String,
-    /// Rung of the ladder, 0..=3.
-    pub rung: u8,
-    /// Why this rung.
-    pub rung_reason: String,
+    /// ResultStage that produced the result.
+    pub stage: ResultStage,
+    /// Why this stage.
+    pub reason: String,
     /// Captures made.
     pub captures: usize,
     /// Seconds it took, captures included.
@@ -101,8 +102,8 @@ impl Report {
             },
             rig: about.rig.to_owned(),
             method: outcome.method.to_owned(),
-            rung: outcome.rung.number(),
-            rung_reason: outcome.reason.clone(),
+            stage: outcome.stage,
+            reason: outcome.reason.clone(),
             captures: outcome.captures,
             seconds: outcome.seconds,
             certificate: outcome.certificate,
@@ -156,7 +157,7 @@ impl Report {
             }
             ResultKind::Restored => "restored",
             ResultKind::Untouched => {
-                let reason = &self.rung_reason;
+                let reason = &self.reason;
                 return format!(
                     "{}: left as it was: {reason} ({captures}, {:.1} s)",
                     self.photo, self.seconds

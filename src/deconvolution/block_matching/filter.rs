@@ -1,18 +1,18 @@
-//! The groups' coefficients freed from noise, and the blocks put back where they came from.
+//! Wiener filtering of the groups' coefficients, and aggregation of the filtered blocks.
 
 use rayon::prelude::*;
 
 use super::noise::BlockNoise;
 use super::search::{Groups, Members, Task};
-use super::transform::{AREA, Block, Cosines, SIDE, haar, haar_back};
+use super::transform::{AREA, Block, Cosines, SIDE, haar, haar_inverse};
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 use crate::frame::{Plane, Size};
 
-/// `noisy` with the `noise` of its groups taken away by Wiener's rule, the signal's power being
-/// that of the same coefficient in `guide`. A pixel that no group covers stays.
+/// Filters `noisy` group by group by Wiener's rule, with the variances of `noise` and the signal's
+/// power taken from the coefficients of `guide`. Pixels that no group covers are unchanged.
 ///
 /// # Panics
-/// When planes and groups have different sizes, which is a bug of the caller.
+/// When planes and groups differ in size.
 pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &BlockNoise<'_>) -> Plane {
     let size = noisy.size();
     assert!(groups.size() == size && guide.size() == size, "groups and planes of one size");
@@ -26,7 +26,7 @@ pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &BlockNoise<
             found
         })
         .collect();
-    // In the order of the tasks, whoever computed them: the same sums on any number of threads.
+    // In the order of the tasks: the same sums on any number of threads.
     let (mut total, mut weights) = (Plane::zeros(size), Plane::zeros(size));
     for sums in &sums {
         let from = sums.first_row * size.width;
@@ -44,7 +44,7 @@ pub fn filter(groups: &Groups, noisy: &Plane, guide: &Plane, noise: &BlockNoise<
     total
 }
 
-/// What the blocks of a task add up to, weighted, and their weights.
+/// Weighted sums of the blocks of a task, and of their weights.
 struct Sums {
     first_row: usize,
     values: Vec<f32>,
@@ -78,23 +78,21 @@ impl Kernel for Filter<'_> {
             let (variances, factor) = noise.at(x as usize, y as usize, noisy.size());
             analyse::<FUSED>(noisy, members, cosines, &mut blocks);
             analyse::<FUSED>(guide, members, cosines, &mut signals);
-            let left = draw(&mut blocks, &signals, variances, factor);
-            haar_back(&mut blocks);
-            // The less noise is left in a group, the more it counts.
-            let weight = 1.0 / left.max(LEAST);
+            let remaining = shrink(&mut blocks, &signals, variances, factor);
+            haar_inverse(&mut blocks);
+            let weight = 1.0 / remaining.max(LEAST);
             for (block, &place) in blocks.iter_mut().zip(members) {
                 cosines.synthesise::<FUSED>(block);
-                put_back::<FUSED>(block, place, noisy.size(), weight, window, sums);
+                add_block::<FUSED>(block, place, noisy.size(), weight, window, sums);
             }
         }
     }
 }
 
-/// Noise power that a group has left at least, grey levels²: a group of nothing must not outweigh
-/// all others.
+/// Minimum remaining noise power of a group, grey levels²: bounds the weight of an empty group.
 pub(super) const LEAST: f32 = 1e-6;
 
-/// `blocks` = the coefficients of the group of `members`.
+/// Computes the coefficients of the group of `members` into `blocks`.
 #[inline(always)]
 fn analyse<const FUSED: bool>(
     picture: &Plane,
@@ -116,25 +114,26 @@ fn analyse<const FUSED: bool>(
     haar(blocks);
 }
 
-/// Draws `blocks` by Wiener's rule with the power of `signals`, and returns the noise power that is
-/// left.
+/// Shrinks `blocks` by Wiener's rule with the power of `signals`, and returns the remaining noise
+/// power.
 #[inline(always)]
-fn draw(blocks: &mut [Block], signals: &[Block], variances: &Block, factor: f32) -> f32 {
-    let mut left = [0.0f32; AREA];
+fn shrink(blocks: &mut [Block], signals: &[Block], variances: &Block, factor: f32) -> f32 {
+    let mut remaining = [0.0f32; AREA];
     for (block, signals) in blocks.iter_mut().zip(signals) {
-        let coefficients = block.iter_mut().zip(signals).zip(variances).zip(&mut left);
-        for (((value, signal), variance), left) in coefficients {
+        let coefficients = block.iter_mut().zip(signals).zip(variances).zip(&mut remaining);
+        for (((value, signal), variance), remaining) in coefficients {
             let power = signal * signal;
             let share = power / (power + factor * variance).max(f32::MIN_POSITIVE);
             *value *= share;
-            *left += share * share * variance;
+            *remaining += share * share * variance;
         }
     }
-    factor * left.iter().sum::<f32>()
+    factor * remaining.iter().sum::<f32>()
 }
 
+/// Adds `block` at its place to `sums`, weighted by `weight` times `window`.
 #[inline(always)]
-fn put_back<const FUSED: bool>(
+fn add_block<const FUSED: bool>(
     block: &Block,
     (x, y): (u32, u32),
     size: Size,
@@ -155,7 +154,7 @@ fn put_back<const FUSED: bool>(
     }
 }
 
-/// Kaiser's window with β = 2, against seams (Dabov et al. 2007).
+/// Kaiser window with β = 2 (Dabov et al. 2007).
 pub(super) fn window() -> Block {
     let bessel = |x: f64| {
         let terms = (1..20).scan(1.0, |term, k| {

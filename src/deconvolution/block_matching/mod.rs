@@ -1,15 +1,14 @@
-//! The other prior: what a scene shows once it mostly shows again nearby.
+//! The block-matching prior: collaborative filtering of groups of similar blocks.
 //!
-//! Blocks that look alike are put together in groups; a group's three-dimensional transform is
-//! sparser than a block's own, since what the blocks share is in few of its coefficients, so noise
-//! is told from detail that no single block could tell ("Image denoising by sparse 3D
+//! Similar blocks are stacked in groups, whose three-dimensional transform is sparser than that of
+//! a single block, so that noise and detail separate better ("Image denoising by sparse 3D
 //! transform-domain collaborative filtering", Dabov, Foi, Katkovnik & Egiazarian 2007). Each pixel
-//! is the weighted mean of all blocks over it.
+//! is the weighted mean of all blocks that cover it.
 //!
-//! Of that paper's two passes only the second is here: all coefficients drawn by Wiener's rule,
-//! with a guide for the power of the signal. The first one, a hard threshold, is there to make the
-//! guide; a solve has a better one, its picture so far (measured, see [`super::method::blocks`]). A
-//! picture smaller than a block of 8×8 stays as it is.
+//! Of that paper's two passes only the second is used, Wiener filtering with the signal's power
+//! taken from a guide. The first pass, hard thresholding, provides a guide there; here the current
+//! picture of the solve is a better one (measured, see [`super::method::blocks`]). Pictures smaller
+//! than a block of 8×8 are unchanged.
 
 mod filter;
 mod noise;

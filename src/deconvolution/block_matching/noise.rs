@@ -1,9 +1,9 @@
-//! How noisy each coefficient of a block is, place by place.
+//! Noise variance of each coefficient of a block, by its position.
 //!
-//! A lens undone is noise coloured: with (KᵀK + r)⁻¹Kᵀ what is uncertain at a frequency has the
-//! power ν²/(|H|² + r), H the lens there, ν the photo's noise, r = ν²/τ², τ what is uncertain where
-//! the lens lets nothing through (the posterior of a Gaussian prior of deviation τ). A
-//! coefficient's variance is that power over the spectrum of its basis function (Dabov et al. 2008,
+//! Deconvolution colours the noise: with a Gaussian prior of standard deviation τ and the
+//! regularised inverse (KᵀK + r)⁻¹Kᵀ, r = ν²/τ², the posterior power at a frequency is ν²/(|H|² +
+//! r), where H is the lens's transfer function and ν the photo's noise σ. The variance of a
+//! coefficient is that power integrated over the spectrum of its basis function (Dabov et al. 2008,
 //! "Image restoration by sparse 3D transform-domain collaborative filtering").
 
 use rayon::prelude::*;
@@ -13,14 +13,14 @@ use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Size};
 
-/// Frequencies around the circle at which a lens is looked at.
+/// Number of frequencies per axis at which a transfer function is sampled.
 const FREQUENCIES: usize = 64;
-/// Of these the ones of half the circle; the others mirror them.
+/// Non-redundant frequencies of a real function.
 const HALF: usize = FREQUENCIES / 2 + 1;
-/// The level of the detail mask whose cells are as large as a block.
+/// Level of the detail mask with cells of a block's size.
 const MASK_LEVEL: usize = 2;
 
-/// What each function of a lens lets through: |H|² by frequency.
+/// Power transfer functions |H|² of the functions of a lens.
 #[derive(Debug, Clone)]
 pub struct Passed {
     columns: usize,
@@ -28,7 +28,7 @@ pub struct Passed {
 }
 
 impl Passed {
-    /// Of the functions of `channel`.
+    /// The power transfer functions of `channel`.
     pub fn of(functions: &LensFunctions, channel: Channel) -> Passed {
         let count = functions.rows * functions.columns;
         let power = |n: usize| {
@@ -44,13 +44,13 @@ impl Passed {
     }
 }
 
-/// |H|² at [`FREQUENCIES`] × [`HALF`] frequencies.
+/// |H|² of `taps` at [`FREQUENCIES`] × [`HALF`] frequencies.
 fn powers(taps: &[f32], support: usize) -> Vec<f32> {
-    let turn: Vec<(f32, f32)> = (0..FREQUENCIES)
+    let unit_circle: Vec<(f32, f32)> = (0..FREQUENCIES)
         .map(|n| (std::f64::consts::TAU * n as f64 / FREQUENCIES as f64).sin_cos())
         .map(|(sin, cos)| (cos as f32, sin as f32))
         .collect();
-    let at = |frequency: usize, place: usize| turn[frequency * place % FREQUENCIES];
+    let at = |frequency: usize, place: usize| unit_circle[frequency * place % FREQUENCIES];
     // Along the rows, then down the columns.
     let mut along = vec![(0.0f32, 0.0f32); support * HALF];
     for (v, row) in taps.chunks_exact(support).enumerate() {
@@ -75,7 +75,7 @@ fn powers(taps: &[f32], support: usize) -> Vec<f32> {
     powers
 }
 
-/// The variance of each coefficient of a block, grey levels², by where the block lies.
+/// The variance of each coefficient of a block, grey levels², by the block's position.
 #[derive(Debug, Clone)]
 pub struct BlockNoise<'a> {
     columns: usize,
@@ -85,15 +85,15 @@ pub struct BlockNoise<'a> {
 }
 
 impl<'a> BlockNoise<'a> {
-    /// White noise of this variance.
+    /// White noise of `variance`.
     #[cfg(test)]
     pub(super) fn white(variance: f32) -> Self {
         BlockNoise { columns: 1, tables: vec![[variance; AREA]], margin_px: 0, mask: None }
     }
 
-    /// What is uncertain of a picture undone from `passed` with noise of variance `photo` in the
-    /// photo and a prior of variance `prior`.
-    pub fn undone(passed: &Passed, photo: f32, prior: f32) -> Self {
+    /// Posterior variances of a deconvolved picture, for a lens of power transfer functions
+    /// `passed`, noise of variance `photo` in the photo and a prior of variance `prior`.
+    pub fn deconvolved(passed: &Passed, photo: f32, prior: f32) -> Self {
         let spectra = basis_powers();
         let table = |powers: &Vec<f32>| {
             let mut table = [0.0; AREA];
@@ -110,7 +110,7 @@ impl<'a> BlockNoise<'a> {
             for (v, sum) in sums.iter().enumerate() {
                 for (u, spectrum) in spectra.iter().enumerate() {
                     let both_halves = |g: usize| if g == 0 || g == HALF - 1 { 1.0 } else { 2.0 };
-                    // Turned about the diagonal, as the transform leaves them.
+                    // Transposed like the coefficients.
                     table[u * SIDE + v] =
                         (0..HALF).map(|g| both_halves(g) * spectrum[g] * sum[g]).sum();
                 }
@@ -121,11 +121,10 @@ impl<'a> BlockNoise<'a> {
         BlockNoise { columns: passed.columns, tables, margin_px: 0, mask: None }
     }
 
-    /// The sum of independent noises, each with the square of its weight; the places are the first
-    /// one's.
+    /// The sum of independent noises with the given weights, at the positions of the first.
     ///
     /// # Panics
-    /// When there is none, or they have different numbers of places, which is a bug of the caller.
+    /// When there is none, or their numbers of positions differ.
     #[must_use]
     pub fn mixed(of: &[(f32, &BlockNoise<'a>)]) -> BlockNoise<'a> {
         let mut mixed = of[0].1.clone();
@@ -137,27 +136,26 @@ impl<'a> BlockNoise<'a> {
         mixed
     }
 
-    /// All variances times `factor`.
+    /// The variances times `factor`.
     #[must_use]
     pub fn scaled(mut self, factor: f32) -> Self {
         self.tables.iter_mut().flatten().for_each(|variance| *variance *= factor);
         self
     }
 
-    /// The same on a canvas with `margin_px` more pixels on every side.
+    /// The same noise on a canvas with `margin_px` more pixels on every side.
     #[must_use]
     pub fn within(self, margin_px: usize) -> Self {
         BlockNoise { margin_px, ..self }
     }
 
-    /// The same taken for larger where the photo is flat.
+    /// The same noise, assumed larger where `mask` is flat.
     #[must_use]
     pub fn masked(self, mask: &'a DetailMask) -> Self {
         BlockNoise { mask: Some(mask), ..self }
     }
 
-    /// The variances of the block that begins at (`x`, `y`) of a plane of size `plane`, and by how
-    /// much more they count.
+    /// The variances of the block at (`x`, `y`) in a plane of size `plane`, and a factor on them.
     pub(super) fn at(&self, x: usize, y: usize, plane: Size) -> (&Block, f32) {
         let rows = self.tables.len() / self.columns;
         let along = |at: usize, length: usize, count: usize| {
@@ -174,7 +172,7 @@ impl<'a> BlockNoise<'a> {
     }
 }
 
-/// |DFT|² of each basis function at the frequencies of half the circle, over their number.
+/// |DFT|² of each basis function at the non-redundant frequencies, over [`FREQUENCIES`].
 fn basis_powers() -> [[f32; HALF]; SIDE] {
     std::array::from_fn(|i| {
         std::array::from_fn(|f| {
@@ -193,7 +191,7 @@ fn basis_powers() -> [[f32; HALF]; SIDE] {
 mod tests {
     use super::*;
 
-    /// One function for the whole field: a bell, wider across than down.
+    /// One Gaussian for the whole field, wider along x.
     fn bell() -> LensFunctions {
         let taps: Vec<f32> = (0..81)
             .map(|t| {
@@ -212,21 +210,21 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_that_passes_everything_leaves_noise_white() {
+    fn noise_through_a_perfect_lens_is_white() {
         let mut functions = bell();
         functions.taps[1] = (0..81).map(|n| if n == 40 { 1.0 } else { 0.0 }).collect();
-        let noise = BlockNoise::undone(&Passed::of(&functions, Channel::Green), 4.0, 4.0);
+        let noise = BlockNoise::deconvolved(&Passed::of(&functions, Channel::Green), 4.0, 4.0);
         let (table, factor) = noise.at(3, 3, Size::new(40, 30));
         assert!(table.iter().all(|v| (v - 2.0).abs() < 1e-4), "{table:?}");
         assert_eq!(factor, 1.0);
     }
 
     #[test]
-    fn what_a_lens_stops_is_uncertain_and_what_it_passes_is_not() {
-        let noise = BlockNoise::undone(&Passed::of(&bell(), Channel::Green), 1.0, 25.0);
+    fn variances_are_large_where_the_lens_passes_little() {
+        let noise = BlockNoise::deconvolved(&Passed::of(&bell(), Channel::Green), 1.0, 25.0);
         let (table, _) = noise.at(0, 0, Size::new(40, 30));
-        // From the definition, by a program of its own: the mean, the finest across and the finest
-        // down. They are stored turned.
+        // By an independent program: the mean, the finest along x and the finest along y, stored
+        // transposed.
         for (k, wanted) in [(0, 3.8041), (7 * SIDE, 24.9770), (7, 23.6815)] {
             assert!((table[k] - wanted).abs() < 0.01, "{k}: {}, {wanted}", table[k]);
         }

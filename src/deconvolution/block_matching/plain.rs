@@ -1,5 +1,4 @@
-//! The same filter in its plainest form, to test the fast one against: every sum as its definition
-//! has it, in double precision, one group after the other.
+//! Reference implementation of the filter in double precision, for tests.
 
 use super::filter::{LEAST, window};
 use super::noise::BlockNoise;
@@ -13,15 +12,15 @@ const AREA: usize = SIDE * SIDE;
 pub(super) fn filter(
     like: &Plane,
     search: Search,
-    turn: usize,
+    offset: usize,
     (noisy, guide): (&Plane, &Plane),
     noise: &BlockNoise<'_>,
 ) -> Plane {
     let size = noisy.size();
     let (mut sums, mut weights) = (vec![0.0; size.area()], vec![0.0; size.area()]);
     let window = window();
-    for &y in &grid(size.height, search.step_px, turn) {
-        for &x in &grid(size.width, search.step_px, turn) {
+    for &y in &grid(size.height, search.step_px, offset) {
+        for &x in &grid(size.width, search.step_px, offset) {
             let members = members(like, search, x, y);
             let mut cube = coefficients(noisy, &members);
             let (variances, factor) = noise.at(x, y, size);
@@ -29,20 +28,20 @@ pub(super) fn filter(
                 let (v, u) = (k % AREA / SIDE, k % SIDE);
                 f64::from(variances[u * SIDE + v]) * f64::from(factor)
             };
-            let mut left = 0.0;
+            let mut remaining = 0.0;
             let signals = coefficients(guide, &members);
             for (k, value) in cube.iter_mut().enumerate() {
                 let share = signals[k].powi(2) / (signals[k].powi(2) + variance(k));
                 *value *= share;
-                left += share * share * variance(k);
+                remaining += share * share * variance(k);
             }
-            let left = left.max(f64::from(LEAST));
-            let pixels = back(cube, members.len());
+            let remaining = remaining.max(f64::from(LEAST));
+            let pixels = synthesise(cube, members.len());
             for (block, &(u, v)) in pixels.chunks_exact(AREA).zip(&members) {
                 for k in 0..AREA {
                     let at = (v + k / SIDE) * size.width + u + k % SIDE;
-                    sums[at] += f64::from(window[k]) / left * block[k];
-                    weights[at] += f64::from(window[k]) / left;
+                    sums[at] += f64::from(window[k]) / remaining * block[k];
+                    weights[at] += f64::from(window[k]) / remaining;
                 }
             }
         }
@@ -53,7 +52,7 @@ pub(super) fn filter(
     })
 }
 
-/// The reference, then the most similar blocks; among equals the first by rows.
+/// The reference, then the most similar blocks; of equal ones the first in raster order.
 fn members(like: &Plane, search: Search, x: usize, y: usize) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for v in 0..=like.height() - SIDE {
@@ -89,7 +88,7 @@ fn coefficients(picture: &Plane, members: &[(usize, usize)]) -> Cube {
     along(cube, members.len(), false)
 }
 
-fn back(cube: Cube, members: usize) -> Cube {
+fn synthesise(cube: Cube, members: usize) -> Cube {
     let cube = along(cube, members, true);
     let mut pixels = Cube::new();
     for block in cube.chunks_exact(AREA) {
@@ -101,7 +100,7 @@ fn back(cube: Cube, members: usize) -> Cube {
     pixels
 }
 
-/// Haar's matrix along the group, or its transpose; any order of its rows gives the same filter.
+/// The Haar transform along the group, or its transpose; the order of its rows does not matter.
 fn along(cube: Cube, members: usize, transpose: bool) -> Cube {
     let matrix = haar_matrix(members);
     let mut out = vec![0.0; cube.len()];

@@ -1,4 +1,4 @@
-//! Which blocks look alike.
+//! Search for similar blocks.
 
 use rayon::prelude::*;
 
@@ -6,45 +6,46 @@ use super::transform::SIDE;
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 use crate::frame::{Plane, Size};
 
-/// Rows of references that make one task, whatever the number of threads.
+/// Rows of reference blocks per task, for any number of threads.
 pub(super) const ROWS_A_TASK: usize = 8;
 
-/// How blocks are looked for.
+/// Parameters of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Search {
-    /// Pixels from one reference block to the next, at least 1.
+    /// Distance between reference blocks, pixels, at least 1.
     pub step_px: usize,
-    /// Pixels that a block may lie from its reference, either way.
+    /// Maximum distance of a block from its reference along x and y, pixels.
     pub reach_px: usize,
-    /// Blocks of a group at most, the reference with them; rounded down to a power of two.
+    /// Maximum size of a group, the reference included; rounded down to a power of two.
     pub group_max: usize,
-    /// Mean square difference per pixel, grey levels², up to which a block is like its reference.
+    /// Maximum mean square difference of a block from its reference, grey levels².
     pub difference_max: f32,
 }
 
-/// Where the blocks of a group begin, nearest to the reference first.
+/// Upper left corners of the blocks of a group, the reference first, then by similarity.
 pub(super) type Members = [(u32, u32)];
 
-/// Groups of like blocks over a picture.
+/// Groups of similar blocks over a picture.
 #[derive(Debug, Clone)]
 pub struct Groups {
     size: Size,
     tasks: Vec<Task>,
 }
 
-/// The groups of some rows of references.
+/// The groups of several rows of references.
 #[derive(Debug, Clone)]
 pub(super) struct Task {
-    /// First row of pixels that any of its blocks can lie in, and how many.
+    /// First row of pixels that its blocks can cover.
     pub(super) first_row: usize,
+    /// Number of rows of pixels that its blocks can cover.
     pub(super) rows: usize,
     places: Vec<(u32, u32)>,
-    /// Where each group ends in `places`.
+    /// End of each group in `places`.
     ends: Vec<usize>,
 }
 
 impl Task {
-    /// The groups one after the other.
+    /// The groups, in order.
     pub(super) fn groups(&self) -> impl Iterator<Item = &Members> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| &self.places[start..end])
@@ -52,12 +53,12 @@ impl Task {
 }
 
 impl Groups {
-    /// Groups of blocks that look alike in `picture`; the grid of references is moved by `turn`
-    /// pixels. None when the picture is smaller than a block.
-    pub fn find(picture: &Plane, search: Search, turn: usize) -> Groups {
+    /// Finds groups of similar blocks in `picture`, with the grid of references displaced by
+    /// `offset` pixels. There are none when the picture is smaller than a block.
+    pub fn find(picture: &Plane, search: Search, offset: usize) -> Groups {
         let size = picture.size();
         let (across, down) =
-            (grid(size.width, search.step_px, turn), grid(size.height, search.step_px, turn));
+            (grid(size.width, search.step_px, offset), grid(size.height, search.step_px, offset));
         let tasks = down.par_chunks(ROWS_A_TASK).map(|rows| {
             let first_row = rows[0].saturating_sub(search.reach_px);
             let last = (rows[rows.len() - 1] + search.reach_px).min(size.height - SIDE);
@@ -83,11 +84,11 @@ impl Groups {
     }
 }
 
-/// Where references begin along a side: every `step` pixels, the first and the last place always.
-pub(super) fn grid(length: usize, step: usize, turn: usize) -> Vec<usize> {
+/// Positions of references along one axis: every `step` pixels, and the first and last position.
+pub(super) fn grid(length: usize, step: usize, offset: usize) -> Vec<usize> {
     let Some(last) = length.checked_sub(SIDE) else { return Vec::new() };
     let step = step.max(1);
-    let mut places: Vec<usize> = (turn % step..last).step_by(step).collect();
+    let mut places: Vec<usize> = (offset % step..last).step_by(step).collect();
     if places.first() != Some(&0) && last > 0 {
         places.insert(0, 0);
     }
@@ -125,7 +126,7 @@ impl Kernel for SearchTask<'_> {
                         if difference > worst || (u, v) == (x, y) || group_max == 1 {
                             continue;
                         }
-                        // The first found of equally like ones comes first.
+                        // Of equally similar blocks the first in raster order comes first.
                         let place = found.partition_point(|&(other, _)| other <= difference);
                         if place < group_max {
                             found.truncate(group_max - 1);
@@ -183,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn references_reach_both_borders_at_every_turn() {
+    fn references_reach_both_borders_at_every_offset() {
         assert_eq!(grid(20, 5, 0), vec![0, 5, 10, 12]);
         assert_eq!(grid(20, 5, 7), vec![0, 2, 7, 12]);
         assert_eq!(grid(8, 3, 2), vec![0]);
@@ -200,7 +201,7 @@ mod tests {
         let groups = Groups::find(&picture, search, 0);
         assert_eq!(groups.tasks().len(), 2);
         let first: Vec<_> = groups.tasks()[0].groups().next().unwrap().to_vec();
-        // At (12, 0), (0, 10) and (12, 10) are the same pixels, and no others within reach.
+        // The same pixels are at (12, 0), (0, 10) and (12, 10), and nowhere else within reach.
         assert_eq!(first, vec![(0, 0), (12, 0), (0, 10), (12, 10)]);
         for task in groups.tasks() {
             for &(_, y) in task.groups().flatten() {

@@ -1,4 +1,4 @@
-//! The fast form against the plain one, and what the filter must do.
+//! The filter against its reference implementation, and its properties.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -12,7 +12,7 @@ use crate::frame::{Channel, Plane, Size};
 
 const SEARCH: Search = Search { step_px: 3, reach_px: 12, group_max: 16, difference_max: 2500.0 };
 
-/// Woven cloth: detail in every block that comes again and again.
+/// Woven cloth: repeated detail in every block.
 fn cloth(size: Size) -> Plane {
     Plane::from_fn(size, |x, y| {
         let thread = if (x / 2 + y / 3).is_multiple_of(2) { 30.0 } else { -30.0 };
@@ -24,12 +24,13 @@ fn noisy(picture: &Plane, deviation: f32, seed: u64) -> Plane {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     picture.map(|v: f32| {
         let noise: f32 = StandardNormal.sample(&mut random);
-        // Whole numbers: sums of squares have no rounding, so both forms choose the same blocks.
+        // Whole numbers, whose sums of squares are exact: both implementations choose the same
+        // blocks.
         (v + deviation * noise).round()
     })
 }
 
-/// A lens that blurs more across than down, twice as much on the right.
+/// Noise of a lens that blurs more along x, twice as much on the right.
 fn coloured() -> BlockNoise<'static> {
     let bell = |wide: f32| -> Vec<f32> {
         let taps: Vec<f32> = (0..121)
@@ -48,17 +49,17 @@ fn coloured() -> BlockNoise<'static> {
         support_px: 11,
         taps: [taps.clone(), taps.clone(), taps],
     };
-    BlockNoise::undone(&Passed::of(&functions, Channel::Green), 4.0, 100.0)
+    BlockNoise::deconvolved(&Passed::of(&functions, Channel::Green), 4.0, 100.0)
 }
 
 #[test]
-fn the_fast_form_is_the_plain_one() {
+fn the_filter_matches_the_reference() {
     let size = Size::new(46, 37);
     let (like, seen) = (noisy(&cloth(size), 3.0, 1), noisy(&cloth(size), 9.0, 2));
-    for turn in [0, 2] {
+    for offset in [0, 2] {
         for noise in [BlockNoise::white(81.0), coloured()] {
-            let fast = filter(&Groups::find(&like, SEARCH, turn), &seen, &like, &noise);
-            let plain = plain::filter(&like, SEARCH, turn, (&seen, &like), &noise);
+            let fast = filter(&Groups::find(&like, SEARCH, offset), &seen, &like, &noise);
+            let plain = plain::filter(&like, SEARCH, offset, (&seen, &like), &noise);
             let apart = fast.data().iter().zip(plain.data()).map(|(a, b)| (a - b).abs());
             let worst = apart.fold(0.0, f32::max);
             assert!(worst < 1e-3, "{worst}");
@@ -93,7 +94,7 @@ fn texture_is_cleaned_better_than_by_soft_shrinkage() {
 }
 
 #[test]
-fn flat_planes_stay_and_small_ones_too() {
+fn flat_and_small_planes_are_unchanged() {
     for size in [Size::new(8, 8), Size::new(9, 30), Size::new(50, 41)] {
         let flat = Plane::filled(size, 77.0);
         let kept = filter(&Groups::find(&flat, SEARCH, 1), &flat, &flat, &BlockNoise::white(1.0));
@@ -108,7 +109,7 @@ fn flat_planes_stay_and_small_ones_too() {
 }
 
 #[test]
-fn the_number_of_threads_changes_nothing() {
+fn the_result_does_not_depend_on_the_number_of_threads() {
     let seen = noisy(&cloth(Size::new(90, 120)), 10.0, 8);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -1,8 +1,7 @@
-//! The transform of a group: the cosine transform of each 8×8 block, and Haar's along the group.
+//! The orthonormal transform of a group: the cosine transform of each 8×8 block, and the Haar
+//! transform along the group.
 //!
-//! Both are orthonormal, so white noise stays as it is. Coefficients are kept turned about the
-//! diagonal: column frequencies down, row frequencies across; turning them back would cost and gain
-//! nothing.
+//! Coefficients are stored transposed, which saves a transposition and makes no difference.
 
 use crate::frame::instructions::multiply_add;
 
@@ -32,13 +31,13 @@ impl Cosines {
     /// Pixels to coefficients.
     #[inline(always)]
     pub(super) fn analyse<const FUSED: bool>(&self, block: &mut Block) {
-        both_ways::<FUSED>(&self.forward, block);
+        apply_separably::<FUSED>(&self.forward, block);
     }
 
     /// Coefficients to pixels.
     #[inline(always)]
     pub(super) fn synthesise<const FUSED: bool>(&self, block: &mut Block) {
-        both_ways::<FUSED>(&self.backward, block);
+        apply_separably::<FUSED>(&self.backward, block);
     }
 }
 
@@ -49,16 +48,16 @@ pub(super) fn basis(i: usize, k: usize) -> f64 {
     (share / SIDE as f64).sqrt() * angle.cos()
 }
 
-/// (M X Mᵀ)ᵀ in place of X.
+/// Replaces X by (M X Mᵀ)ᵀ.
 #[inline(always)]
-fn both_ways<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &mut Block) {
-    let once = transposed(&down::<FUSED>(matrix, block));
-    *block = down::<FUSED>(matrix, &once);
+fn apply_separably<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &mut Block) {
+    let once = transposed(&product::<FUSED>(matrix, block));
+    *block = product::<FUSED>(matrix, &once);
 }
 
 /// M X.
 #[inline(always)]
-fn down<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &Block) -> Block {
+fn product<const FUSED: bool>(matrix: &[[f32; SIDE]; SIDE], block: &Block) -> Block {
     let mut out = [0.0; AREA];
     for (row, weights) in out.as_chunks_mut::<SIDE>().0.iter_mut().zip(matrix) {
         for (from, weight) in block.as_chunks::<SIDE>().0.iter().zip(weights) {
@@ -81,8 +80,7 @@ fn transposed(block: &Block) -> Block {
     out
 }
 
-/// Haar's transform along the group, in place; the mean ends in the first block. The number of
-/// blocks is a power of two.
+/// The Haar transform along a group of 2ⁿ blocks, in place, the mean in the first block.
 #[inline(always)]
 pub(super) fn haar(group: &mut [Block]) {
     let mut apart = 1;
@@ -92,9 +90,9 @@ pub(super) fn haar(group: &mut [Block]) {
     }
 }
 
-/// Undoes [`haar`].
+/// The inverse of [`haar`].
 #[inline(always)]
-pub(super) fn haar_back(group: &mut [Block]) {
+pub(super) fn haar_inverse(group: &mut [Block]) {
     let mut apart = group.len() / 2;
     while apart > 0 {
         pairs(group, apart);
@@ -125,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn both_transforms_keep_power_and_come_back() {
+    fn both_transforms_are_orthonormal() {
         let cosines = Cosines::new();
         let blocks: Vec<Block> = (0..8).map(block).collect();
         let mut changed = blocks.clone();
@@ -133,7 +131,7 @@ mod tests {
         haar(&mut changed);
         let power = |group: &[Block]| group.iter().flatten().map(|v| f64::from(v * v)).sum::<f64>();
         assert!((power(&changed) / power(&blocks) - 1.0).abs() < 1e-5);
-        haar_back(&mut changed);
+        haar_inverse(&mut changed);
         changed.iter_mut().for_each(|block| cosines.synthesise::<true>(block));
         for (a, b) in changed.iter().flatten().zip(blocks.iter().flatten()) {
             assert!((a - b).abs() < 1e-3, "{a} {b}");
@@ -141,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn coefficients_are_the_sums_of_the_definition() {
+    fn coefficients_match_the_definition() {
         let source = block(1);
         let mut found = source;
         Cosines::new().analyse::<true>(&mut found);

@@ -1,36 +1,36 @@
-//! The axis of one place: along which line its colours lie, and how closely.
+//! The local colour axis: principal direction and linearity of the colours around a place.
 
-/// Added to the mean colour, grey levels: the direction of black is grey's.
+/// Added to the mean colour, grey levels, so that black has the direction of grey.
 const DARK: f32 = 8.0;
-/// How many variances of noise say that flat places have details along the mean colour.
+/// Prior variance along the mean colour, in noise variances, for flat places.
 const FLAT: f32 = 4.0;
-/// κ = STRICT/√(ρ + 10⁻⁴), within these.
+/// κ = STRICT/√(ρ + 10⁻⁴), within [`STRICTNESS`].
 const STRICT: f32 = 0.3;
 const STRICTNESS: (f32, f32) = (2.0, 16.0);
-/// ρ at which colours are half a line.
+/// ρ at which the linearity is one half.
 const HALF_A_LINE: f32 = 0.05;
-/// Cosines of 2° and 4°: as near as the first to the mean colour's direction the axis is that.
+/// Cosines of 2° and 4°: within the first of the mean colour's direction the axis snaps to it.
 const SNAPPED: (f32, f32) = (0.999_391, 0.997_564);
-/// Squarings of the covariance: its first direction to the 128th power over the others.
+/// Squarings of the covariance: ratios of eigenvalues to the 128th power.
 const SQUARINGS: usize = 7;
 
-/// Of colours at a place.
+/// The colour axis of a place.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LocalAxis {
-    /// u, of length 1.
+    /// Unit vector u.
     pub(super) direction: [f32; 3],
-    /// κ: by how much more what is off the axis is shrunk, 2 to 16.
+    /// κ, the factor on thresholds off the axis, 2 to 16.
     pub(super) strictness: f32,
-    /// How much of a line the colours are, 0 to 1.
+    /// Linearity of the colours, 0 to 1.
     pub(super) line: f32,
 }
 
 impl LocalAxis {
-    /// The axis of colours of a given mean and covariance (upper half by rows: rr, rg, rb, gg, gb,
-    /// bb), with noise of `noise` grey levels.
+    /// The axis of colours of the given mean and covariance (rr, rg, rb, gg, gb, bb), with a noise
+    /// σ of `noise` grey levels.
     ///
-    /// ρ is the power off the first direction over that along it. Where it is large there is no
-    /// line, and the axis goes to grey's, for brightness is what changes most.
+    /// ρ is the power off the principal direction over that along it. Where it is large the axis
+    /// tends to grey, the direction of most changes in a scene.
     pub(super) fn of(mean: [f32; 3], covariance: [f32; 6], noise: f32) -> LocalAxis {
         let of_mean = unit(mean.map(|v| v.max(0.0) + DARK));
         let [rr, rg, rb, gg, gb, bb] = covariance;
@@ -56,8 +56,7 @@ impl LocalAxis {
     }
 }
 
-/// The eigenvector of the largest eigenvalue of a symmetric matrix without negative ones; some
-/// vector of length 1 where there is none.
+/// The principal eigenvector of a positive semidefinite matrix; some unit vector for zero.
 fn first_direction(mut power: [[f32; 3]; 3]) -> [f32; 3] {
     for _ in 0..SQUARINGS {
         let total = (power[0][0] + power[1][1] + power[2][2]).max(f32::MIN_POSITIVE);
@@ -72,13 +71,13 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// `v` at length 1; grey's direction where it has none.
+/// `v` normalised; the direction of grey for zero.
 pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
     let length = dot(v, v).sqrt();
     if length > 1e-12 { v.map(|v| v / length) } else { [(1.0f32 / 3.0).sqrt(); 3] }
 }
 
-/// `share` of `a` and the rest of `b`, at length 1.
+/// `share` · `a` + (1 − `share`) · `b`, normalised.
 fn mixed(share: f32, a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     unit([0, 1, 2].map(|c| share * a[c] + (1.0 - share) * b[c]))
 }

@@ -1,22 +1,23 @@
-//! The prior of colour: at a place, the colours of a scene lie along a line.
+//! The colour-line prior: locally, the colours of a scene lie along a line in RGB.
 //!
-//! A lens blurs its channels differently. What a solve has not yet brought back of one channel and
-//! has of another is a coloured rim, and no photo can tell it from a coloured scene. So the line is
-//! taken from where all three channels are blurred alike. In four steps:
+//! A lens blurs its channels differently, so an incomplete restoration has coloured fringes at
+//! edges. The line is therefore estimated where all channels are blurred equally:
 //!
-//! 1. *Equal blur*: each channel of the photo through the lens's two others.
-//! 2. *Axis* ([`axis`]): of the local covariance of those, its first direction u, how little of a
-//!    line it is, and by how much more what is off the line is to be shrunk.
-//! 3. *Start* ([`ColourAxes::project`]): details along u, each channel counted by how much of their
-//!    level the lens lets through, so that blue's follow green's where blue cannot know.
-//! 4. *Shrinkage* ([`AlongAxes`]): details along u by the prior's rule, and what is left, a vector,
-//!    by its length.
+//! 1. *Equal blur* ([`equal_blur`]): each channel of the photo is convolved with the point spread
+//!    functions of the other two.
+//! 2. *Axis* ([`axis`]): the principal direction u of the local colour covariance, a measure of how
+//!    linear the colours are, and the extra shrinkage κ off the line.
+//! 3. *Start* ([`ColourAxes::project`]): the initial picture's details are projected on u, with
+//!    each
+//!    channel weighted by the lens's power transmission α at that level, so that channels with
+//!    little signal follow the others.
+//! 4. *Shrinkage* ([`AlongAxes`]): details are shrunk along u by the prior's rule, and off it by
+//!    the
+//!    norm of the remaining vector.
 //!
-//! A regression of colours on one of them in windows (He, Sun & Tang 2013, "Guided image
-//! filtering") ties all to that one; the line here is no channel's own, and the data still say
-//! where along it.
-//! Wiener's start, level steps and momentum stay the method's. One channel has no axes and pays
-//! nothing.
+//! Guided filtering (He, Sun & Tang 2013, "Guided image filtering") regresses all channels on one
+//! of them; here the line is symmetric in the channels, and the data determine the position along
+//! it.
 
 mod axis;
 mod equal_blur;
@@ -25,13 +26,13 @@ mod shrinkage;
 use rayon::prelude::*;
 
 use super::lens_model::LensModel;
+use super::smoothing::halve;
 use crate::frame::{Frame, Plane, Work};
 use axis::LocalAxis;
 pub use equal_blur::width_px;
-pub(super) use equal_blur::{blurred, halved};
 pub use shrinkage::{AlongAxes, Thresholds};
 
-/// The axes of a photo's colours, as the details of each wavelet level see them.
+/// The colour axes of a photo, at the resolution of each wavelet level.
 #[derive(Debug, Clone)]
 pub struct ColourAxes {
     levels: Vec<AxisMap>,
@@ -40,38 +41,38 @@ pub struct ColourAxes {
 /// The axes of one level.
 #[derive(Debug, Clone)]
 struct AxisMap {
-    /// Details along the side of a place: 2 of the finest level, 1 of others.
+    /// Details per cell along each side: 2 at the finest level, 1 at others.
     details: usize,
-    /// u, one plane a channel.
+    /// u, a plane per channel.
     direction: [Plane; 3],
-    /// κ: by how much more what is off the axis is shrunk.
+    /// κ, the factor on thresholds off the axis.
     strictness: Plane,
-    /// How much of a line the colours are, 0 to 1.
+    /// Linearity of the colours, 0 to 1.
     line: Plane,
 }
 
 impl ColourAxes {
-    /// The axes of `photo`, which `model` blurred and which has noise of `noise` grey levels in the
-    /// mean channel, for `levels` levels of details.
+    /// The axes of `photo`, taken through `model` with a mean noise σ of `noise` grey levels, for
+    /// `levels` levels of details.
     ///
     /// # Panics
-    /// When the photo has not the model's size, which is a bug of the caller.
+    /// When the photo does not have the model's size.
     pub fn of(model: &LensModel, photo: &Frame<Work>, noise: f32, levels: usize) -> ColourAxes {
-        let alike = equal_blur::equally_blurred(model, photo);
-        let map = AxisMap::of(&equal_blur::statistics(&alike, model.functions()), noise);
+        let equal = equal_blur::equalise_blur(model, photo);
+        let map = AxisMap::of(&equal_blur::statistics(&equal, model.functions()), noise);
         let mut maps = vec![AxisMap { details: 2, ..map.clone() }, map];
         while maps.len() < levels {
-            maps.push(maps[maps.len() - 1].halved());
+            maps.push(maps[maps.len() - 1].halve());
         }
         maps.truncate(levels);
         ColourAxes { levels: maps }
     }
 
-    /// `picture` with its details drawn to the axes where colours are a line; `passed` says how
-    /// much of each level arrives in each channel, finest first, and so how much the channel knows.
+    /// Projects the details of `picture` on the axes, by the share that colours are linear;
+    /// `passed` is the power transmission α of each level and channel, finest level first.
     ///
     /// # Panics
-    /// When picture or `transforms` are not of the photo's size, which is a bug of the caller.
+    /// When `picture` or `transforms` do not have the photo's size.
     pub fn project(
         &self,
         picture: &mut Frame<Work>,
@@ -85,15 +86,15 @@ impl ColourAxes {
 }
 
 impl AxisMap {
-    /// The axes of places of given means and covariances.
-    fn of(places: &equal_blur::Statistics, noise: f32) -> AxisMap {
-        let size = places.mean[0].size();
+    /// The axes of colours with the given local `statistics`.
+    fn of(statistics: &equal_blur::Statistics, noise: f32) -> AxisMap {
+        let size = statistics.mean[0].size();
         let rows = 0..size.height;
         let found: Vec<LocalAxis> = rows
             .into_par_iter()
             .flat_map_iter(|y| {
                 let axis_at = move |x| {
-                    let (mean, covariance) = places.at(x, y);
+                    let (mean, covariance) = statistics.at(x, y);
                     LocalAxis::of(mean, covariance, noise)
                 };
                 (0..size.width).map(axis_at)
@@ -110,14 +111,14 @@ impl AxisMap {
         }
     }
 
-    /// The mean of every four places.
-    fn halved(&self) -> AxisMap {
-        let mut direction = self.direction.each_ref().map(halved);
+    /// The mean of every 2×2 cells.
+    fn halve(&self) -> AxisMap {
+        let mut direction = self.direction.each_ref().map(halve);
         let [r, g, b] = &mut direction;
         for ((r, g), b) in r.data_mut().iter_mut().zip(g.data_mut()).zip(b.data_mut()) {
             [*r, *g, *b] = axis::unit([*r, *g, *b]);
         }
-        let (strictness, line) = (halved(&self.strictness), halved(&self.line));
+        let (strictness, line) = (halve(&self.strictness), halve(&self.line));
         AxisMap { details: 1, direction, strictness, line }
     }
 }

@@ -1,9 +1,8 @@
-//! The shrinkage as it is written, a page to read beside the four steps: no rows kept, no levels
-//! apart.
+//! Reference implementation of the shrinkage along colour axes, for tests.
 
 use crate::frame::{Plane, Size};
 
-/// Of a plane periodised, the mean about (x, y) with weights (1 2 1)/4 both ways.
+/// The mean about (x, y) of a periodic plane, with weights (1 2 1)/4 along both axes.
 fn about(power: &Plane, x: usize, y: usize) -> f32 {
     let Size { width, height } = power.size();
     let mut sum = 0.0;
@@ -15,8 +14,8 @@ fn about(power: &Plane, x: usize, y: usize) -> f32 {
     sum
 }
 
-/// y = Σ αud / Σ αu² and r = d − y·u; y is drawn by t = weight / Σ αu² over the root of the mean
-/// power about it, r by κ·t over that of its own; d = y·u + r.
+/// With y = Σ αud / Σ αu², r = d − y·u and t = weight / Σ αu²: y shrinks by t over the root of its
+/// mean power, r by κ·t over the root of its own; d = y·u + r.
 pub(super) fn shrunk(
     d: &[Plane; 3],
     u: &[Plane; 3],
@@ -25,10 +24,10 @@ pub(super) fn shrunk(
     weight: impl Fn(usize, usize) -> f32,
 ) -> [Plane; 3] {
     let size = d[0].size();
-    let known =
+    let total =
         Plane::from_fn(size, |i, j| (0..3).map(|c| passed[c] * u[c].at(i, j).powi(2)).sum::<f32>());
     let y = Plane::from_fn(size, |i, j| {
-        (0..3).map(|c| passed[c] * u[c].at(i, j) * d[c].at(i, j)).sum::<f32>() / known.at(i, j)
+        (0..3).map(|c| passed[c] * u[c].at(i, j) * d[c].at(i, j)).sum::<f32>() / total.at(i, j)
     });
     let r =
         [0, 1, 2].map(|c| Plane::from_fn(size, |i, j| d[c].at(i, j) - y.at(i, j) * u[c].at(i, j)));
@@ -39,7 +38,7 @@ pub(super) fn shrunk(
     };
     [0, 1, 2].map(|c| {
         Plane::from_fn(size, |i, j| {
-            let t = weight(i, j) / known.at(i, j);
+            let t = weight(i, j) / total.at(i, j);
             kept(&along, t, i, j) * y.at(i, j) * u[c].at(i, j)
                 + kept(&off, strictness.at(i, j) * t, i, j) * r[c].at(i, j)
         })

@@ -1,9 +1,8 @@
-//! Details of three channels shrunk along their axes, at a shift or spun over those of the finest
-//! levels.
+//! Shrinkage of three channels' details along their colour axes, at one shift or cycle-spun.
 //!
-//! The levels are transforms of one level each. A shift of the plane by s is one of its finest
-//! level by the last bit of s, of the next by the bit before, and so on: no detail is then further
-//! from its axis than its own width, whatever the shift.
+//! Levels are transformed one by one. A shift of the plane by s is a shift of the finest level by
+//! the last bit of s, of the next level by the bit before, and so on: a detail is then at most its
+//! own width away from its axis.
 
 use rayon::prelude::*;
 
@@ -14,27 +13,26 @@ use crate::deconvolution::wavelet_shrinkage::{EVERYWHERE, SHIFTS};
 use crate::frame::instructions::{Kernel, run_fastest};
 use crate::frame::{Plane, Size};
 
-/// What is done to a band's details, told their level.
+/// An operation on one band of the three channels, given its level.
 type OnDetails<'a> = &'a (dyn Fn(usize, [&mut Plane; 3]) + Sync);
 
-/// By how much details are drawn.
+/// Thresholds of the shrinkage.
 ///
-/// A step of its own for each channel and level, 1/α, makes the prior's distances those that α
-/// weighs: y is no plain product u·d but Σ αud / Σ αu², and what the prior weighs in grey levels
-/// becomes a threshold by Σ αu². The plain product would mix the noise of the channel that knows
-/// least into the one that the eye sees most.
+/// With a step size 1/α for each channel and level the proximal metric is weighted by α: the
+/// component along u is Σ αud / Σ αu², and a weight of the prior becomes a threshold divided by
+/// Σ αu². The unweighted product u·d would carry noise from the channels with least signal into the
+/// others.
 #[derive(Debug, Clone, Copy)]
 pub struct Thresholds<'a> {
-    /// Of each level, finest first, in grey levels times how much of it arrives; of the coarser
-    /// ones the last.
+    /// Weight of the prior at each level, finest first, in grey levels times α.
     pub weights: &'a [f32],
-    /// How much of each level arrives in each channel, finest first.
+    /// Power transmission α of each level and channel, finest level first.
     pub passed: &'a [[f32; 3]],
-    /// Where the photo is flat they grow.
+    /// Factors on the thresholds where the photo is flat.
     pub mask: &'a DetailMask,
 }
 
-/// The transforms of three channels' planes, level by level, and memory to work in.
+/// One-level transforms of three channels, with their buffers.
 #[derive(Debug)]
 pub struct AlongAxes {
     levels: Vec<OneLevel>,
@@ -60,18 +58,18 @@ impl Channelwise {
     }
 }
 
-/// Which shifts of a level.
+/// A choice of shifts.
 #[derive(Clone, Copy)]
 enum SpinShift {
-    /// This one of all levels together.
+    /// One shift of the whole transform.
     Shift((usize, usize)),
-    /// Of the finest level a quincunx, and at the next step the other one; all of the second; of
-    /// the others those whose turn it is.
+    /// At this step, one of the two quincunxes of the finest level in turn, all shifts of the
+    /// second level, and one of each coarser level.
     Spun(usize),
 }
 
 impl SpinShift {
-    /// The shifts of `level`, each with what it leaves to the levels below.
+    /// The shifts of `level`, each with the choice for the coarser levels.
     fn of(self, level: usize) -> Vec<((usize, usize), SpinShift)> {
         match self {
             SpinShift::Shift((x, y)) => {
@@ -95,11 +93,11 @@ impl SpinShift {
 }
 
 impl AlongAxes {
-    /// For planes of size `size` in `levels` levels.
+    /// Transforms of planes of `size` in `levels` levels.
     pub fn new(size: Size, levels: usize) -> AlongAxes {
         let mut of_level = size;
         let levels = (0..levels).map(|_| {
-            let transform = Sym8::new(of_level, 1).divided();
+            let transform = Sym8::new(of_level, 1).parallel();
             let channels = [(); 3].map(|()| Channelwise {
                 coefficients: transform.zeros(),
                 scratch: Scratch::default(),
@@ -112,10 +110,10 @@ impl AlongAxes {
         AlongAxes { levels: levels.collect() }
     }
 
-    /// Shrinks the details of `planes`, turned by `shift`.
+    /// Shrinks the details of `planes`, shifted by `shift`.
     ///
     /// # Panics
-    /// When a plane is of another size, which is a bug of the caller.
+    /// When a plane has another size.
     pub fn shrink(
         &mut self,
         planes: &mut [Plane; 3],
@@ -123,14 +121,14 @@ impl AlongAxes {
         thresholds: Thresholds<'_>,
         shift: (usize, usize),
     ) {
-        self.at_shift(planes, shift, &|level, bands| draw(bands, axes, thresholds, level));
+        self.at_shift(planes, shift, &|level, bands| shrink(bands, axes, thresholds, level));
     }
 
-    /// Replaces `planes` by the mean of their shrunk versions over shifts that leave no trace of
-    /// where the grid lies: of the finest level half of them, the other half at the next step, all
-    /// of the second, and of the coarser ones those whose turn it is at step `step_index`.
+    /// Replaces `planes` by the mean of their shrunk versions over half of the finest level's
+    /// shifts, the other half at the next step, all of the second level's, and one of each coarser
+    /// level's, chosen by `step_index`.
     ///
-    /// All of the finest at each step take twice as long, and gain 0.0001 SSIM at the most.
+    /// All shifts of the finest level at each step take twice as long and gain at most 0.0001 SSIM.
     pub fn shrink_spun(
         &mut self,
         planes: &mut [Plane; 3],
@@ -138,58 +136,55 @@ impl AlongAxes {
         thresholds: Thresholds<'_>,
         step_index: usize,
     ) {
-        let turn = SpinShift::Spun(step_index);
-        through(&mut self.levels, 0, planes, turn, &|level, bands| {
-            draw(bands, axes, thresholds, level);
-        });
+        self.spun(planes, step_index, &|level, bands| shrink(bands, axes, thresholds, level));
     }
 
-    /// The mean over the shifts of [`AlongAxes::shrink_spun`] with `doing` done to the details of
-    /// `planes`.
+    /// Applies `operation` to the details of `planes`, averaged over the shifts of
+    /// [`AlongAxes::shrink_spun`].
     pub(in crate::deconvolution) fn spun(
         &mut self,
         planes: &mut [Plane; 3],
         step_index: usize,
-        doing: OnDetails<'_>,
+        operation: OnDetails<'_>,
     ) {
-        through(&mut self.levels, 0, planes, SpinShift::Spun(step_index), doing);
+        apply(&mut self.levels, 0, planes, SpinShift::Spun(step_index), operation);
     }
 
-    /// `doing` done to the details of `planes`, turned by `shift`.
+    /// Applies `operation` to the details of `planes`, shifted by `shift`.
     pub(in crate::deconvolution) fn at_shift(
         &mut self,
         planes: &mut [Plane; 3],
         shift: (usize, usize),
-        doing: OnDetails<'_>,
+        operation: OnDetails<'_>,
     ) {
-        through(&mut self.levels, 0, planes, SpinShift::Shift(shift), doing);
+        apply(&mut self.levels, 0, planes, SpinShift::Shift(shift), operation);
     }
 }
 
-/// `planes` of level `level` there and back, with `doing` done to its details and those of the
-/// levels below: the mean over the shifts of `turn`.
-fn through(
+/// Applies `operation` to the details of `planes`, the input of `level`, and to those of the
+/// coarser levels; the mean over the shifts of `spin`.
+fn apply(
     levels: &mut [OneLevel],
     level: usize,
     planes: &mut [Plane; 3],
-    turn: SpinShift,
-    doing: OnDetails<'_>,
+    spin: SpinShift,
+    operation: OnDetails<'_>,
 ) {
     let Some((here, deeper)) = levels.split_first_mut() else { return };
-    let shifts = turn.of(level);
+    let shifts = spin.of(level);
     let transform = &here.transform;
-    for (k, &(shift, turn)) in shifts.iter().enumerate() {
+    for (k, &(shift, coarser)) in shifts.iter().enumerate() {
         here.channels.par_iter_mut().zip(&*planes).for_each(|(own, plane)| {
             transform.analyse_shifted(plane, shift, &mut own.coefficients, &mut own.scratch);
         });
         let [r, g, b] = &mut here.channels;
         let bands: Vec<_> = r.bands().into_iter().zip(g.bands()).zip(b.bands()).collect();
-        bands.into_par_iter().with_max_len(1).for_each(|((r, g), b)| doing(level, [r, g, b]));
+        bands.into_par_iter().with_max_len(1).for_each(|((r, g), b)| operation(level, [r, g, b]));
         let none = || Plane::zeros(Size::new(0, 0));
         let taken =
             |own: &mut Channelwise| std::mem::replace(&mut own.coefficients.approximation, none());
         let mut coarse = here.channels.each_mut().map(taken);
-        through(deeper, level + 1, &mut coarse, turn, doing);
+        apply(deeper, level + 1, &mut coarse, coarser, operation);
         for (own, coarse) in here.channels.iter_mut().zip(coarse) {
             own.coefficients.approximation = coarse;
         }
@@ -216,9 +211,8 @@ fn through(
     }
 }
 
-/// d ← d with the share of a line that it is replaced by u · Σ αud / Σ αu², α how much each channel
-/// `knows`.
-pub(super) fn project(bands: [&mut Plane; 3], map: &AxisMap, knows: [f32; 3]) {
+/// d ← (1 − l) d + l u Σ αud / Σ αu², with the linearity l and the power transmission α = `passed`.
+pub(super) fn project(bands: [&mut Plane; 3], map: &AxisMap, passed: [f32; 3]) {
     let [r, g, b] = bands;
     let mut axes = AxisRow::new(r.width());
     for y in 0..r.height() {
@@ -227,28 +221,28 @@ pub(super) fn project(bands: [&mut Plane; 3], map: &AxisMap, knows: [f32; 3]) {
         for (x, ((r, g), b)) in rows.enumerate() {
             let u = axes.direction.each_ref().map(|u| u[x]);
             let d = [*r, *g, *b];
-            let (mut along, mut known) = (0.0, f32::MIN_POSITIVE);
+            let (mut along, mut total) = (0.0, f32::MIN_POSITIVE);
             for c in 0..3 {
-                along += knows[c] * u[c] * d[c];
-                known += knows[c] * u[c] * u[c];
+                along += passed[c] * u[c] * d[c];
+                total += passed[c] * u[c] * u[c];
             }
             let line = axes.other[x];
-            let at = |c: usize| (1.0 - line) * d[c] + line * u[c] * (along / known);
+            let at = |c: usize| (1.0 - line) * d[c] + line * u[c] * (along / total);
             (*r, *g, *b) = (at(0), at(1), at(2));
         }
     }
 }
 
-/// [`draw_band`] of level `level`, with its threshold.
-fn draw(bands: [&mut Plane; 3], axes: &ColourAxes, thresholds: Thresholds<'_>, level: usize) {
+/// [`shrink_band`] with the thresholds of `level`.
+fn shrink(bands: [&mut Plane; 3], axes: &ColourAxes, thresholds: Thresholds<'_>, level: usize) {
     let (weight, passed) = (thresholds.weights[level], thresholds.passed[level]);
-    draw_band(bands, &axes.levels[level], (weight, passed), thresholds.mask.factors(level));
+    shrink_band(bands, &axes.levels[level], (weight, passed), thresholds.mask.factors(level));
 }
 
-/// Draws the details of one band: with y = Σ αud / Σ αu² and r = d − y·u, y by the threshold's
-/// share of the mean power of the 3×3 about it, r by κ times the threshold's share of that of its
-/// three planes. The threshold is `weight` / Σ αu², counted `factors` times, place by place.
-pub(super) fn draw_band(
+/// Shrinks the details of one band: with y = Σ αud / Σ αu² and r = d − y·u, y by the threshold over
+/// the root mean power of the 3×3 about it, r by κ times the threshold over that of its vectors.
+/// The threshold is `weight` / Σ αu², times `factors` pixel by pixel.
+pub(super) fn shrink_band(
     bands: [&mut Plane; 3],
     map: &AxisMap,
     (weight, passed): (f32, [f32; 3]),
@@ -257,11 +251,11 @@ pub(super) fn draw_band(
     let size = bands[0].size();
     if weight > 0.0 && size.area() > 0 {
         let factors = factors.filter(|factors| factors.size() == size);
-        run_fastest(DrawAlong { bands, map, weight, passed, factors });
+        run_fastest(ShrinkAlong { bands, map, weight, passed, factors });
     }
 }
 
-struct DrawAlong<'a> {
+struct ShrinkAlong<'a> {
     bands: [&'a mut Plane; 3],
     map: &'a AxisMap,
     weight: f32,
@@ -272,7 +266,7 @@ struct DrawAlong<'a> {
 /// The axes of one row of details.
 struct AxisRow {
     direction: [Vec<f32>; 3],
-    /// κ, or how much of a line.
+    /// κ, or the linearity.
     other: Vec<f32>,
 }
 
@@ -294,14 +288,16 @@ impl AxisRow {
     }
 }
 
-/// One row of details: its axes, how each channel counts along them, and the powers along and off
-/// them.
+/// One row of details in the coordinates of its axes.
 struct PowerRow {
     axes: AxisRow,
+    /// αu / Σ αu²: weight of each channel in the component along u.
     counts: [Vec<f32>; 3],
-    /// 1/Σ αu²: the step along them.
+    /// 1/Σ αu².
     each: Vec<f32>,
+    /// Power along u.
     along: Vec<f32>,
+    /// Power off u.
     off: Vec<f32>,
 }
 
@@ -339,10 +335,10 @@ impl PowerRow {
     }
 }
 
-impl Kernel for DrawAlong<'_> {
+impl Kernel for ShrinkAlong<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let DrawAlong { mut bands, map, weight, passed, factors } = self;
+        let ShrinkAlong { mut bands, map, weight, passed, factors } = self;
         let (width, height) = (bands[0].width(), bands[0].height());
         let ones = vec![1.0; width];
         let [mut above, mut here, mut below] = [(); 3].map(|()| PowerRow::new(width));

@@ -1,10 +1,10 @@
-//! Tests of the axes' parts, and of the shrinkage against its plain form.
+//! Colour axes and projection, and the shrinkage against its reference implementation.
 
 use super::*;
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Size};
 
-/// Nearness of two directions, 1 for the same line.
+/// Absolute cosine between two directions.
 fn cosine(a: [f32; 3], b: [f32; 3]) -> f32 {
     let [a, b] = [axis::unit(a), axis::unit(b)];
     (0..3).map(|c| a[c] * b[c]).sum::<f32>().abs()
@@ -75,13 +75,13 @@ fn lens(sigmas: [f32; 3]) -> LensFunctions {
 }
 
 #[test]
-fn the_equal_blur_is_as_wide_as_gaussians_in_a_row() {
+fn the_width_of_the_equal_blur_is_that_of_convolved_gaussians() {
     let found = width_px(&lens([1.6, 1.0, 2.0]));
     let want = (1.6f32 * 1.6 + 1.0 + 4.0).sqrt();
     assert!((found / want - 1.0).abs() < 0.02, "{found} {want}");
 }
 
-/// A scene of two inks as a lens with `sigmas` photographs it, and the lens.
+/// A photo of a scene of two inks through a Gaussian lens of `sigmas`, and the lens.
 fn photo_of(inks: [[f32; 3]; 2], sigmas: [f32; 3]) -> (Frame<Work>, LensModel) {
     let size = Size::new(96, 80);
     let model = LensModel::new(size, 0, &lens(sigmas)).unwrap();
@@ -120,7 +120,7 @@ fn a_scene_of_two_inks_has_the_axis_from_one_to_the_other_everywhere() {
     }
 }
 
-/// A map of `size` cells with axes that vary.
+/// A map of `size` cells with varying axes.
 fn map(size: Size, details: usize) -> AxisMap {
     let axis_at = |x: usize, y: usize| {
         axis::unit([1.0 + (x % 3) as f32, 2.0 - (y % 4) as f32, 0.5 + ((x + y) % 5) as f32])
@@ -140,7 +140,7 @@ fn details(size: Size) -> [Plane; 3] {
 }
 
 #[test]
-fn shrinkage_by_rows_is_that_of_the_plain_form() {
+fn shrinkage_by_rows_is_that_of_the_reference() {
     for (size, repeat) in [(Size::new(23, 17), 1), (Size::new(22, 16), 2), (Size::new(21, 15), 2)] {
         let cells = Size::new(size.width.div_ceil(repeat), size.height.div_ceil(repeat));
         let map = map(cells, repeat);
@@ -152,7 +152,7 @@ fn shrinkage_by_rows_is_that_of_the_plain_form() {
         let passed = [0.3, 0.9, 0.1];
         let want = plain::shrunk(&d, &u, &wide(&map.strictness), passed, t);
         let mut found = d.clone();
-        shrinkage::draw_band(found.each_mut(), &map, (1.5, passed), Some(&factors));
+        shrinkage::shrink_band(found.each_mut(), &map, (1.5, passed), Some(&factors));
         for (found, want) in found.iter().zip(&want) {
             let pairs = found.data().iter().zip(want.data());
             pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-4, "{a} {b}"));
@@ -161,7 +161,7 @@ fn shrinkage_by_rows_is_that_of_the_plain_form() {
 }
 
 #[test]
-fn what_lies_along_the_axis_is_not_moved_by_the_start_and_what_does_not_comes_to_it() {
+fn projection_keeps_details_along_the_axis_and_restores_a_lost_channel() {
     let size = Size::new(20, 12);
     let map = AxisMap { line: Plane::filled(size, 1.0), ..map(size, 1) };
     let along = map.direction.each_ref().map(|u| u.map(|v: f32| 7.0 * v));
@@ -170,7 +170,7 @@ fn what_lies_along_the_axis_is_not_moved_by_the_start_and_what_does_not_comes_to
     for (found, want) in found.iter().zip(&along) {
         assert!(found.data().iter().zip(want.data()).all(|(a, b)| (a - b).abs() < 1e-4));
     }
-    // Blue lost all it had; green, which knows most, says how much there was.
+    // Blue was lost; green, with the highest transmission, determines it.
     let mut blind = along.clone();
     blind[2] = Plane::zeros(size);
     shrinkage::project(blind.each_mut(), &map, [0.3, 0.9, 1e-4]);
@@ -180,7 +180,7 @@ fn what_lies_along_the_axis_is_not_moved_by_the_start_and_what_does_not_comes_to
 }
 
 #[test]
-fn without_thresholds_every_shift_gives_the_planes_back() {
+fn without_shrinkage_every_shift_reconstructs_the_planes() {
     let size = Size::new(48, 32);
     let mut along = AlongAxes::new(size, 4);
     for shift in [(0, 0), (1, 0), (5, 11), (15, 8)] {
@@ -216,7 +216,7 @@ fn a_shift_level_by_level_is_that_of_the_whole_transform() {
 #[test]
 fn two_steps_spin_over_all_shifts_of_the_finest_levels() {
     let size = Size::new(48, 32);
-    let draw = |_: usize, bands: [&mut Plane; 3]| {
+    let soften = |_: usize, bands: [&mut Plane; 3]| {
         for band in bands {
             band.data_mut().iter_mut().for_each(|v| *v -= v.clamp(-1.0, 1.0));
         }
@@ -231,9 +231,9 @@ fn two_steps_spin_over_all_shifts_of_the_finest_levels() {
         }
         mean
     };
-    let all = mean_of(16, &|along, planes, n| along.at_shift(planes, (n % 4, n / 4), &draw));
-    let spun = mean_of(2, &|along, planes, step| along.spun(planes, 6 + step, &draw));
-    let alone = mean_of(1, &|along, planes, step| along.spun(planes, step, &draw));
+    let all = mean_of(16, &|along, planes, n| along.at_shift(planes, (n % 4, n / 4), &soften));
+    let spun = mean_of(2, &|along, planes, step| along.spun(planes, 6 + step, &soften));
+    let alone = mean_of(1, &|along, planes, step| along.spun(planes, step, &soften));
     let furthest = |from: &Plane| {
         let pairs = from.data().iter().zip(all.data());
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)

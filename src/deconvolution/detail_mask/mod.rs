@@ -1,69 +1,68 @@
-//! The detail mask of a photo: where it holds details, and where it is flat and holds noise alone.
+//! The detail mask of a photo: where it has details, and where it is flat and holds noise alone.
 //!
-//! A deconvolution makes noise coarser and larger. Details are worth that; a wall or a night sky is
-//! not. The lens blurs the finest details of a scene away, so the finest details of the photo are
-//! noise, and the noise can be measured everywhere ([`super::data_term::noise_of`] measures it for
-//! a whole photo). Where the variance of the surroundings is no larger than this noise explains,
-//! the place is flat and its thresholds grow ([`DetailMask::factors`]). Texture as faint as the
-//! noise hides from single pixels; means over cells of four by four see it, for the lens left it
-//! coarse.
+//! Deconvolution amplifies noise, which is acceptable in details but not on a wall or a night sky.
+//! The lens removes the finest details of the scene, so the finest details of the photo are noise,
+//! whose local variance is measured there ([`super::data_term::noise_of`] does so for a whole
+//! photo). Where the local variance of pixels does not exceed that of the noise the place is flat,
+//! and thresholds are raised ([`DetailMask::factors`]). Texture as faint as the noise does not show
+//! in single pixels but in means over cells of 4×4, for the lens left it coarse.
 
 mod texture;
 
 use rayon::prelude::*;
 
 use super::data_term::{NOISE_MIN, TRUSTED};
+use super::smoothing::halve;
 use crate::frame::{Plane, Size};
 
-/// Everything is counted in blocks of two by two pixels, as many as the finest level has details.
+/// Side of a block, the unit of the mask: the size of a detail of the finest level.
 const BLOCK_PX: usize = 2;
-/// Reach of the surroundings, blocks on either side: wider than a blur, so that no place beside an
-/// edge counts as flat, and enough pixels to know a variance by 7 %.
+/// Blocks of the surroundings on either side: wider than a blur, so that places beside an edge are
+/// not flat, and enough pixels for a variance within 7 %.
 const REACH: usize = 5;
 /// Variance over noise variance below which a place is flat. Measured, see tests/tables/README.md.
 const FLAT: f32 = 2.0;
-/// Variance over noise variance above which a place has details. Measured likewise.
+/// Variance over noise variance above which a place has details. Measured, ibid.
 const DETAILED: f32 = 10.0;
-/// The same two for cells against their neighbours: noise alone is 1 ± 0.2 there, and below 2.5
-/// anywhere in 12 megapixels. Measured likewise.
+/// Variance of cells over the noise's below which a place is flat: noise has 1 ± 0.2, and at most
+/// 2.5 anywhere in 12 megapixels. Measured, ibid.
 const FLAT_CELLS: f32 = 2.5;
+/// Variance of cells over the noise's above which a place has details. Measured, ibid.
 const DETAILED_CELLS: f32 = 3.5;
-/// Cells of whose differences a place is judged, as a share of all in its surroundings: at a border
-/// chance would decide.
+/// Minimum share of valid cells in the surroundings.
 const CELLS_LEAST: f32 = 0.5;
-/// By how much thresholds grow where a place is flat; 6 and 12 differ by less than 0.001 SSIM on
-/// any scene.
+/// Growth of thresholds where a place is flat; 6 and 12 differ by less than 0.001 SSIM on any
+/// scene.
 const GROWTH: f32 = 8.0;
 
-/// A channel of a photo, and its noise.
+/// One channel of a photo with its noise.
 #[derive(Debug, Clone, Copy)]
 pub struct NoisyPlane<'a> {
-    /// Its light, grey levels.
+    /// Light, grey levels.
     pub light: &'a Plane,
-    /// What each pixel is worth, see [`super::data_term`].
+    /// Validity of each pixel, see [`super::data_term`].
     pub trust: &'a Plane<u8>,
-    /// Standard deviation of its noise at its mean light, grey levels.
+    /// Noise σ at the mean light, grey levels.
     pub noise: f32,
-    /// L₀, the light that adds as much noise as there is without light: at a light of L the noise
-    /// goes with √(L + L₀). Infinite where it is the same everywhere.
+    /// L₀ of the noise law σ² ∝ L + L₀, grey levels; infinite where σ is constant.
     pub dark_light: f32,
 }
 
-/// How much the thresholds of each wavelet level grow, place by place.
+/// Local factors on the thresholds of each wavelet level.
 #[derive(Debug, Clone)]
 pub struct DetailMask {
-    /// Finest level first; as large as the level's details.
+    /// Factors of each level at the size of its details, finest first.
     factors: Vec<Plane>,
-    /// Variance of the surroundings of each block over the noise's, in the channel with most.
+    /// Local variance over the noise's in each block, maximum over the channels.
     activity: Plane,
-    /// Variance of pixels over the noise's where it is largest; 0 where nothing is known.
+    /// Maximum of the pixels' variance over the noise's; 0 without valid pixels.
     peak: f32,
 }
 
 impl DetailMask {
-    /// The mask of a photo of `planes` for `levels` levels of details. The channel with most
-    /// details decides for a place; where the light is such that there is more noise than at its
-    /// mean, thresholds grow as it does. `raw` planes are known at a mosaic's sites.
+    /// The mask of a photo of `planes` for `levels` levels of details. The channel with the most
+    /// details decides; thresholds scale with the local noise σ. Pixels of `raw` planes are valid
+    /// at the sites of a mosaic.
     pub fn of(planes: &[NoisyPlane<'_>], levels: usize, raw: bool) -> DetailMask {
         let size = planes.first().map_or(Size::new(0, 0), |plane| blocks(plane.light.size()));
         let (activities, all_ratios): (Vec<Activity>, Vec<Plane>) = planes
@@ -74,7 +73,9 @@ impl DetailMask {
             })
             .unzip();
         let mut ratios: Plane = Plane::zeros(size);
-        all_ratios.iter().for_each(|of| ratios.add_scaled(1.0 / planes.len() as f32, of));
+        for of in &all_ratios {
+            ratios.add_scaled(1.0 / planes.len() as f32, of);
+        }
         let mut largest: Plane = Plane::zeros(size);
         let mut peak = 0.0f32;
         for Activity { pixels, cells } in &activities {
@@ -87,7 +88,7 @@ impl DetailMask {
         let mut factors = Vec::with_capacity(levels);
         for level in 0..levels {
             if level > 0 {
-                (largest, ratios) = (halved(&largest), means_of_four(&ratios));
+                (largest, ratios) = (halve_by_max(&largest), halve(&ratios));
             }
             let mut of_level = largest.map(|activity: f32| {
                 let flat = ((DETAILED - activity) / (DETAILED - FLAT)).clamp(0.0, 1.0);
@@ -99,13 +100,13 @@ impl DetailMask {
         DetailMask { factors, activity, peak }
     }
 
-    /// Whether no pixels anywhere differ by more than noise. Cells have no say: of a photo whose
-    /// noise is not told from its details they would say that there are some.
+    /// Whether pixels nowhere vary by more than noise. Cells are ignored: without an estimate of
+    /// the noise apart from details they would always find some.
     pub fn is_flat(&self) -> bool {
         self.peak <= FLAT
     }
 
-    /// Factors of the thresholds of `level`, 0 the finest.
+    /// Factors on the thresholds of `level`, 0 the finest.
     pub fn factors(&self, level: usize) -> Option<&Plane> {
         self.factors.get(level)
     }
@@ -115,8 +116,8 @@ fn blocks(size: Size) -> Size {
     Size::new(size.width.div_ceil(BLOCK_PX), size.height.div_ceil(BLOCK_PX))
 }
 
-/// Half as many pixels each way, each the largest of its four.
-fn halved(plane: &Plane) -> Plane {
+/// The maximum of each 2×2 pixels.
+fn halve_by_max(plane: &Plane) -> Plane {
     let size = plane.size();
     Plane::from_fn(blocks(size), |x, y| {
         let (right, below) = ((2 * x + 1).min(size.width - 1), (2 * y + 1).min(size.height - 1));
@@ -125,31 +126,40 @@ fn halved(plane: &Plane) -> Plane {
     })
 }
 
-/// The mean of each four blocks.
-fn means_of_four(plane: &Plane) -> Plane {
-    let size = plane.size();
-    Plane::from_fn(blocks(size), |x, y| {
-        let (right, below) = ((2 * x + 1).min(size.width - 1), (2 * y + 1).min(size.height - 1));
-        let upper = plane.at(2 * x, 2 * y) + plane.at(right, 2 * y);
-        (upper + plane.at(2 * x, below) + plane.at(right, below)) / 4.0
-    })
+/// Sums over blocks.
+struct BlockSums {
+    /// Number of valid pixels.
+    count: Plane,
+    /// Their sum.
+    sum: Plane,
 }
 
-/// The noise in the surroundings of each block, against that at the mean light.
+impl BlockSums {
+    /// The sums of `plane` over the pixels that are trusted, or over all without `trust`.
+    fn of(plane: &Plane, trust: Option<&Plane<u8>>) -> BlockSums {
+        let blocks = blocks(plane.size());
+        let [mut count, mut sum]: [Plane; 2] = [(); 2].map(|()| Plane::zeros(blocks));
+        for y in 0..plane.height() {
+            let (counts, sums) = (count.row_mut(y / BLOCK_PX), sum.row_mut(y / BLOCK_PX));
+            for (x, value) in plane.row(y).iter().enumerate() {
+                if trust.is_none_or(|trust| trust.at(x, y) == TRUSTED) {
+                    counts[x / BLOCK_PX] += 1.0;
+                    sums[x / BLOCK_PX] += value;
+                }
+            }
+        }
+        BlockSums { count, sum }
+    }
+}
+
+/// Noise σ in the surroundings of each block over that at the mean light.
 fn noise_ratios(plane: &NoisyPlane<'_>) -> Plane {
-    let (size, blocks) = (plane.light.size(), blocks(plane.light.size()));
+    let blocks = blocks(plane.light.size());
     if plane.dark_light.is_infinite() {
         return Plane::filled(blocks, 1.0);
     }
-    let (mut light, mut count): (Plane, Plane) = (Plane::zeros(blocks), Plane::zeros(blocks));
-    for y in 0..size.height {
-        let (sums, pixels) = (light.row_mut(y / BLOCK_PX), count.row_mut(y / BLOCK_PX));
-        for (x, value) in plane.light.row(y).iter().enumerate() {
-            sums[x / BLOCK_PX] += value;
-            pixels[x / BLOCK_PX] += 1.0;
-        }
-    }
-    let [light, count] = [light, count].map(|plane| surroundings(&plane));
+    let BlockSums { count, sum } = BlockSums::of(plane.light, None);
+    let [light, count] = [sum, count].map(|plane| surroundings(&plane));
     let power = |light: f32| (light.max(0.0) + plane.dark_light).max(f32::MIN_POSITIVE);
     let at_mean = power(plane.light.mean() as f32);
     Plane::from_fn(blocks, |x, y| {
@@ -158,68 +168,80 @@ fn noise_ratios(plane: &NoisyPlane<'_>) -> Plane {
     })
 }
 
-/// Noise differs over a photo by so much at the least and at the most. Guess: light of a tenth of
-/// the mean and of sixteen times it.
+/// Range of local noise ratios. Guess: a tenth of the mean light to sixteen times it.
 const RATIO_LEAST: f32 = 0.3;
 const RATIO_MOST: f32 = 4.0;
 
-/// Variance of the surroundings of each block over the noise's there.
+/// Local variance over the noise's in each block.
 struct Activity {
-    /// Of single pixels; infinite where nothing of them can be trusted.
+    /// Of pixels; infinite without valid pixels.
     pixels: Plane,
-    /// Of means over cells, on the same scale; below [`FLAT`] where too few are known.
+    /// Of means over cells, on the same scale; below [`FLAT`] with too few valid cells.
     cells: Plane,
 }
 
-/// The activity of a plane whose noise is `ratios` of what it is at its mean light. Of a `raw`
-/// plane the noise is told by sites of one phase, two pixels apart, where a scene has details, too:
-/// it is believed up to [`MOST_POWER`].
+/// Sums over blocks of valid pixels.
+struct BlockMoments {
+    count: Plane,
+    /// Of values less the plane's mean.
+    sum: Plane,
+    square: Plane,
+    /// Of squared finest details, normalised to the noise variance.
+    finest: Plane,
+}
+
+impl BlockMoments {
+    /// The moments of `plane` with finest details of pixels `apart` from each other.
+    fn of(plane: &NoisyPlane<'_>, apart: usize) -> BlockMoments {
+        let NoisyPlane { light: photo, trust, .. } = *plane;
+        let (size, width) = (photo.size(), photo.width());
+        let mean = photo.mean() as f32;
+        let zeros = || Plane::zeros(blocks(size));
+        let mut moments =
+            BlockMoments { count: zeros(), sum: zeros(), square: zeros(), finest: zeros() };
+        for y in 0..size.height {
+            let near = |y: usize| photo.row(y.min(size.height - 1));
+            let (above, here, below) =
+                (near(y.saturating_sub(apart)), photo.row(y), near(y + apart));
+            let trusted = trust.row(y);
+            let BlockMoments { count, sum, square, finest } = &mut moments;
+            let [count, sum, square, finest] =
+                [count, sum, square, finest].map(|plane| plane.row_mut(y / BLOCK_PX));
+            for x in (0..width).filter(|&x| trusted[x] == TRUSTED) {
+                let (left, right) = (x.saturating_sub(apart), (x + apart).min(width - 1));
+                let fine = above[left] + above[right] + below[left] + below[right]
+                    - 2.0 * (above[x] + below[x] + here[left] + here[right])
+                    + 4.0 * here[x];
+                let value = here[x] - mean;
+                let block = x / BLOCK_PX;
+                count[block] += 1.0;
+                sum[block] += value;
+                square[block] += value * value;
+                finest[block] += fine * fine / 36.0;
+            }
+        }
+        moments
+    }
+}
+
+/// The activity of a plane with local noise `ratios`. In a `raw` plane the finest details are
+/// differences of sites two pixels apart, which contain details of the scene, so the noise variance
+/// is limited to [`MOST_POWER`].
 fn activity(plane: &NoisyPlane<'_>, ratios: &Plane, raw: bool) -> Activity {
-    let NoisyPlane { light: photo, trust, noise, .. } = *plane;
+    let noise = plane.noise;
     let (apart, most) =
         if raw { (2, MOST_POWER * noise.max(NOISE_MIN).powi(2)) } else { (1, f32::INFINITY) };
-    let (size, width) = (photo.size(), photo.width());
-    let blocks = blocks(size);
-    let mean = photo.mean() as f32;
-    // Sums over the surroundings of: number of pixels, value, its square, and the square of its
-    // finest details.
-    let mut values: [Plane; 4] = std::array::from_fn(|_| Plane::zeros(blocks));
-    for y in 0..size.height {
-        let near = |y: usize| photo.row(y.min(size.height - 1));
-        let (above, here, below) = (near(y.saturating_sub(apart)), photo.row(y), near(y + apart));
-        let trusted = trust.row(y);
-        let [count, sum, square, finest] = &mut values;
-        let block = y / BLOCK_PX;
-        let rows = (
-            count.row_mut(block),
-            sum.row_mut(block),
-            square.row_mut(block),
-            finest.row_mut(block),
-        );
-        for x in 0..width {
-            if trusted[x] != TRUSTED {
-                continue;
-            }
-            let (left, right) = (x.saturating_sub(apart), (x + apart).min(width - 1));
-            let fine = above[left] + above[right] + below[left] + below[right]
-                - 2.0 * (above[x] + below[x] + here[left] + here[right])
-                + 4.0 * here[x];
-            let value = here[x] - mean;
-            let block = x / BLOCK_PX;
-            rows.0[block] += 1.0;
-            rows.1[block] += value;
-            rows.2[block] += value * value;
-            rows.3[block] += fine * fine / 36.0;
-        }
-    }
-    let cells = cells(&values[0], &values[1]);
-    let [count, sum, square, fine] = values.map(|plane| surroundings(&plane));
+    let blocks = blocks(plane.light.size());
+    let BlockMoments { count, sum, square, finest } = BlockMoments::of(plane, apart);
+    let cells = cell_variances(&count, &sum);
+    let [count, sum, square, finest] =
+        [count, sum, square, finest].map(|plane| surroundings(&plane));
     let least = (LEAST_SHARE * noise).powi(2);
     let mean = |x: usize, y: usize| sum.at(x, y) / count.at(x, y).max(1.0);
     let slope =
         |lower: f32, upper: f32, apart: usize| (upper - lower) / (BLOCK_PX * apart.max(1)) as f32;
     let noise_at = |x: usize, y: usize| {
-        let finest = fine.at(x, y) / count.at(x, y).max(1.0);
+        let finest = finest.at(x, y) / count.at(x, y).max(1.0);
         let here = ratios.at(x, y).powi(2);
         finest.min(most * here).max(least * here).max(f32::MIN_POSITIVE)
     };
@@ -228,7 +250,7 @@ fn activity(plane: &NoisyPlane<'_>, ratios: &Plane, raw: bool) -> Activity {
         if pixels == 0.0 {
             return f32::INFINITY;
         }
-        // Shading is no detail: the variance of a slope goes.
+        // Without the variance of a slope: shading is no detail.
         let (left, right) = (x.saturating_sub(REACH), (x + REACH).min(blocks.width - 1));
         let (above, below) = (y.saturating_sub(REACH), (y + REACH).min(blocks.height - 1));
         let along_x = slope(mean(left, y), mean(right, y), right - left);
@@ -244,18 +266,17 @@ fn activity(plane: &NoisyPlane<'_>, ratios: &Plane, raw: bool) -> Activity {
     Activity { pixels, cells }
 }
 
-/// Cells' variances on the scale of pixels' ones.
+/// Scale from the variance of cells to that of pixels.
 const CELLS_AS_PIXELS: f32 = (DETAILED - FLAT) / (DETAILED_CELLS - FLAT_CELLS);
 
-/// Variance of a pixel that would explain how much the means over cells of two by two blocks differ
-/// from those of the four cells beside them, if pixels had nothing but noise; 0 where too few such
-/// five are known. `count` and `sum` are the blocks' pixels and values.
-fn cells(count: &Plane, sum: &Plane) -> Plane {
+/// Local variance of cells of 2×2 blocks about their four neighbours, as the pixel variance of
+/// white noise with the same effect; 0 where too few cells are valid.
+fn cell_variances(count: &Plane, sum: &Plane) -> Plane {
     let size = count.size();
     let four = |plane: &Plane, x: usize, y: usize| {
         plane.at(x, y) + plane.at(x + 1, y) + plane.at(x, y + 1) + plane.at(x + 1, y + 1)
     };
-    let [mut squares, mut expected, mut known] = std::array::from_fn(|_| Plane::zeros(size));
+    let [mut squares, mut expected, mut valid] = std::array::from_fn(|_| Plane::zeros(size));
     for y in 2..size.height.saturating_sub(3) {
         for x in 2..size.width.saturating_sub(3) {
             let beside = [(x - 2, y), (x + 2, y), (x, y - 2), (x, y + 2)];
@@ -272,23 +293,23 @@ fn cells(count: &Plane, sum: &Plane) -> Plane {
             }
             squares.set(x, y, difference * difference);
             expected.set(x, y, noise);
-            known.set(x, y, 1.0);
+            valid.set(x, y, 1.0);
         }
     }
-    let [squares, expected, known] = [squares, expected, known].map(|plane| surroundings(&plane));
+    let [squares, expected, valid] = [squares, expected, valid].map(|plane| surroundings(&plane));
     let least = CELLS_LEAST * (2 * REACH + 1).pow(2) as f32;
-    Plane::from_fn(size, |x, y| match known.at(x, y) < least {
+    Plane::from_fn(size, |x, y| match valid.at(x, y) < least {
         true => 0.0,
         false => squares.at(x, y) / expected.at(x, y),
     })
 }
 
-/// Noise is at least this share of what the light lets expect.
+/// Minimum of the measured noise σ, as a share of the noise law's.
 const LEAST_SHARE: f32 = 0.5;
-/// Noise power of a mosaic's sites is at most so much of what the light lets expect. Guess.
+/// Maximum of the measured noise power of a mosaic's sites, over the noise law's. Guess.
 const MOST_POWER: f32 = 2.0;
 
-/// Sums over squares of 2·[`REACH`] + 1 blocks.
+/// Sums over the surroundings, squares of 2·[`REACH`] + 1 blocks.
 fn surroundings(plane: &Plane) -> Plane {
     let size = plane.size();
     let along = |length: usize, at: &dyn Fn(usize) -> f32, out: &mut dyn FnMut(usize, f32)| {
@@ -334,8 +355,7 @@ mod tests {
         NoisyPlane { light, trust, noise, dark_light: f32::INFINITY }
     }
 
-    /// Factors of the finest level for a scene with one grey level of noise, more where it is
-    /// brighter.
+    /// Factors of the finest level for a scene with noise σ of √(light/100) grey levels.
     fn factors(scene: impl Fn(usize, usize) -> f32) -> Plane {
         let size = Size::new(160, 120);
         let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(3);
@@ -353,14 +373,13 @@ mod tests {
     #[test]
     fn a_wall_is_flat_in_the_light_and_in_the_dark() {
         let wall = factors(|x, y| 60.0 + 0.4 * x as f32 + 0.1 * y as f32);
-        // The surroundings of border places are half unseen, and a few places are flat only nearly,
-        // by chance.
+        // Some places are not quite flat, at the border or by chance.
         assert!(wall.mean() > f64::from(1.0 + 0.98 * GROWTH), "{}", wall.mean());
     }
 
     #[test]
-    fn details_are_left_alone_and_flat_places_begin_beyond_their_blur() {
-        // As a lens would blur it.
+    fn details_keep_their_thresholds_and_flat_places_begin_beyond_their_blur() {
+        // A point as a lens blurs it.
         let dots = factors(|x, y| {
             let far = (x as f32 - 40.0).hypot(y as f32 - 60.0) / 3.0;
             90.0 + 50.0 * (-far * far / 2.0).exp()
@@ -371,8 +390,8 @@ mod tests {
     }
 
     #[test]
-    fn a_texture_as_faint_as_the_noise_is_no_flat_place() {
-        // Waves as long as a blur leaves them, in four directions, together as strong as the noise.
+    fn a_texture_as_faint_as_the_noise_is_not_flat() {
+        // Waves of a blurred texture in four directions, together as strong as the noise.
         let texture = factors(|x, y| {
             let (x, y) = (x as f32, y as f32);
             let waves = [(0.7, 0.2), (0.1, 0.8), (0.5, -0.6), (-0.3, 0.55)];
@@ -383,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn thresholds_follow_the_light_as_its_noise_does() {
+    fn thresholds_follow_the_noise_law() {
         let size = Size::new(320, 120);
         // A dark half, a bright half, and more of the dark; details everywhere.
         let light = |x: usize| if x < 200 { 20.0 } else { 100.0 };
@@ -408,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_is_known_thresholds_stay() {
+    fn without_valid_pixels_thresholds_are_unchanged() {
         let size = Size::new(64, 64);
         let (photo, trust) = (
             Plane::filled(size, 80.0),
@@ -416,5 +435,24 @@ mod tests {
         );
         let mask = DetailMask::of(&[plane(&photo, &trust, 1.0)], 1, false);
         assert!(mask.factors(0).unwrap().data().iter().all(|&f| f == 1.0));
+    }
+
+    #[test]
+    fn a_shaded_wall_is_flat_and_a_faint_disc_is_not() {
+        let noisy = |scene: fn(usize, usize) -> f32| {
+            let size = Size::new(160, 120);
+            let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(3);
+            let photo = Plane::from_fn(size, |x, y| {
+                let noise: f32 = StandardNormal.sample(&mut random);
+                scene(x, y) + noise
+            });
+            (photo, Plane::filled(size, TRUSTED))
+        };
+        let (wall, trust) = noisy(|x, y| 90.0 + 0.05 * (x + y) as f32);
+        assert!(DetailMask::of(&[plane(&wall, &trust, 1.0)], 1, false).is_flat());
+        let (disc, trust) =
+            noisy(|x, y| if (x as f32 - 80.0).hypot(y as f32 - 60.0) < 20.0 { 94.0 } else { 90.0 });
+        let both = [plane(&wall, &trust, 1.0), plane(&disc, &trust, 1.0)];
+        assert!(!DetailMask::of(&both, 1, false).is_flat());
     }
 }

@@ -1,85 +1,82 @@
-//! Texture that the prior has drawn away, found in what a picture leaves of its photo.
+//! Faint texture that shrinkage has removed, found in the residual of the photo.
 //!
-//! Of a texture hardly stronger than the noise no rule over the photo says whether it may be shrunk
-//! as noise is. After some steps the residual does: where the prior was right it is noise, and
-//! means over cells of four by four pixels differ by no more than noise explains. Where a texture
-//! was drawn away its blurred image is left, and they do. There the finest details are shrunk less
-//! from then on. What is left has other reasons beside strong details, where steps are still to
-//! come, and where it is more than such a texture can leave: then the lens is not the one that was
-//! measured.
+//! Where a picture explains the photo, the residual is white noise, and means over cells of 4×4
+//! pixels vary no more than noise does. Where shrinkage removed a texture, its blurred image
+//! remains in the residual, and they vary more; the thresholds of the finest levels are lowered
+//! there. Residuals beside strong details have other causes while the iteration has not converged,
+//! and residuals larger than a faint texture's mean that the lens model is wrong: both are
+//! excluded.
 
-use super::{BLOCK_PX, DetailMask, NoisyPlane, cells, halved, noise_ratios};
-use crate::deconvolution::data_term::{NOISE_MIN, TRUSTED};
+use super::{BlockSums, DetailMask, NoisyPlane, cell_variances, halve_by_max, noise_ratios};
+use crate::deconvolution::data_term::NOISE_MIN;
 use crate::frame::Plane;
 
-/// Variance of cells of the residual over the noise's from which on a texture was drawn away; in
-/// the surroundings of a block noise alone has 1 ± 0.2. Set with the others here on ten scenes
-/// through two lenses (`tests/tables/README.md`).
+// All six were set together on ten scenes through two lenses (`tests/tables/README.md`).
+
+/// Variance of the residual's cells over the noise's at which thresholds begin to be lowered; noise
+/// alone has 1 ± 0.2.
 const DRAWN_AWAY: f32 = 1.1;
-/// The same past which all that is shrunk more than usual was too much,
+/// Variance at which they are lowered fully.
 const ALL_DRAWN_AWAY: f32 = 1.5;
-/// from which on it begins to be more than a faint texture leaves,
+/// Variance beyond that of a faint texture, where the effect begins to decrease.
 const TOO_MUCH: f32 = 1.8;
-/// and past which it is no texture.
+/// Variance at which it ends.
 const NO_TEXTURE: f32 = 2.5;
-/// Variance of the photo over its noise's up to which a texture is faint,
+/// Variance of the photo over its noise's up to which a texture is faint.
 const FAINT: f32 = 300.0;
-/// and past which none is.
+/// Variance of the photo over its noise's from which the residual has other causes.
 const STRONG: f32 = 1000.0;
 
 impl DetailMask {
-    /// The same with the thresholds of level l, 0 the finest, down to `least[l]` of themselves
-    /// where a texture of the photo of `planes` was drawn away, of which a picture has `left` so
-    /// much in each, grey levels; planes and residuals in one order.
+    /// The mask with the thresholds of level l, 0 the finest, lowered to as little as `least[l]` of
+    /// themselves where a texture of the photo of `planes` was removed, given the `residuals` of
+    /// its channels in grey levels.
     ///
     /// # Panics
-    /// When planes differ in size, which is a bug of the caller.
+    /// When planes differ in size.
     #[must_use]
-    pub fn spared(&self, planes: &[NoisyPlane<'_>], left: &[Plane], least: &[f32]) -> DetailMask {
+    pub fn protect_texture(
+        &self,
+        planes: &[NoisyPlane<'_>],
+        residuals: &[Plane],
+        least: &[f32],
+    ) -> DetailMask {
         let mut structure: Plane = Plane::zeros(self.activity.size());
-        for (plane, left) in planes.iter().zip(left) {
-            let [mut count, mut sum] = [(); 2].map(|()| Plane::zeros(structure.size()));
-            for y in 0..left.height() {
-                let (counts, sums) = (count.row_mut(y / BLOCK_PX), sum.row_mut(y / BLOCK_PX));
-                for (x, (v, &t)) in left.row(y).iter().zip(plane.trust.row(y)).enumerate() {
-                    if t == TRUSTED {
-                        counts[x / BLOCK_PX] += 1.0;
-                        sums[x / BLOCK_PX] += v;
-                    }
-                }
-            }
-            let (cells, ratios) = (cells(&count, &sum), noise_ratios(plane));
+        for (plane, residual) in planes.iter().zip(residuals) {
+            let BlockSums { count, sum } = BlockSums::of(residual, Some(plane.trust));
+            let (cells, ratios) = (cell_variances(&count, &sum), noise_ratios(plane));
             let of_cells = structure.data_mut().iter_mut().zip(cells.data()).zip(ratios.data());
             for ((most, cell), ratio) in of_cells {
                 *most = most.max(cell / (ratio * plane.noise.max(NOISE_MIN)).powi(2));
             }
         }
         let mut activity = self.activity.clone();
-        let mut spared = self.clone();
-        for (level, (factors, least)) in spared.factors.iter_mut().zip(least).enumerate() {
+        let mut mask = self.clone();
+        for (level, (factors, least)) in mask.factors.iter_mut().zip(least).enumerate() {
             if level > 0 {
-                (structure, activity) = (halved(&structure), halved(&activity));
+                (structure, activity) = (halve_by_max(&structure), halve_by_max(&activity));
             }
             let places = structure.data().iter().zip(activity.data());
             for (factor, (&structure, &activity)) in factors.data_mut().iter_mut().zip(places) {
-                let share = between(structure, DRAWN_AWAY, ALL_DRAWN_AWAY)
-                    * (1.0 - between(structure, TOO_MUCH, NO_TEXTURE))
-                    * (1.0 - between(activity, FAINT, STRONG));
+                let share = ramp(structure, DRAWN_AWAY, ALL_DRAWN_AWAY)
+                    * (1.0 - ramp(structure, TOO_MUCH, NO_TEXTURE))
+                    * (1.0 - ramp(activity, FAINT, STRONG));
                 *factor *= 1.0 - share * (1.0 - least);
             }
         }
-        spared
+        mask
     }
 }
 
-/// 0 below `from`, 1 past `to`, and in between the share of the way.
-fn between(value: f32, from: f32, to: f32) -> f32 {
+/// A linear ramp, 0 below `from` and 1 above `to`.
+fn ramp(value: f32, from: f32, to: f32) -> f32 {
     ((value - from) / (to - from)).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::deconvolution::data_term::TRUSTED;
     use crate::frame::Size;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
@@ -99,9 +96,9 @@ mod tests {
         })
     }
 
-    /// Mean share of thresholds that is left in the left and the right half where the photo has
-    /// waves of `height` and the picture leaves `left` of them.
-    fn shares(height: f32, left: f32) -> [f32; 2] {
+    /// Mean factors on the thresholds in the left and the right half, where the photo has waves of
+    /// `height` and the residual waves of `remaining`.
+    fn shares(height: f32, remaining: f32) -> [f32; 2] {
         let mut photo = noise(7);
         photo.add_scaled(1.0, &waves(height));
         photo.data_mut().iter_mut().for_each(|v| *v += 100.0);
@@ -110,10 +107,10 @@ mod tests {
             NoisyPlane { light: &photo, trust: &trust, noise: 1.0, dark_light: f32::INFINITY };
         let mask = DetailMask::of(&[plane], 3, false);
         let mut residual = noise(8);
-        residual.add_scaled(1.0, &waves(left));
-        let spared = mask.spared(&[plane], &[residual], &[0.4, 0.5]);
-        assert_eq!(mask.factors(2).unwrap().data(), spared.factors(2).unwrap().data());
-        let (before, after) = (mask.factors(0).unwrap(), spared.factors(0).unwrap());
+        residual.add_scaled(1.0, &waves(remaining));
+        let protected = mask.protect_texture(&[plane], &[residual], &[0.4, 0.5]);
+        assert_eq!(mask.factors(2).unwrap().data(), protected.factors(2).unwrap().data());
+        let (before, after) = (mask.factors(0).unwrap(), protected.factors(0).unwrap());
         [10..30, 50..70].map(|columns: std::ops::Range<usize>| {
             let rows = 10..50;
             let places = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
@@ -123,25 +120,25 @@ mod tests {
     }
 
     #[test]
-    fn thresholds_fall_where_a_faint_texture_is_left_and_only_there() {
+    fn thresholds_fall_where_a_faint_texture_remains_and_only_there() {
         let [calm, texture] = shares(3.0, 0.5);
         assert!(calm > 0.9 && texture < 0.75, "{calm} {texture}");
     }
 
     #[test]
-    fn what_leaves_noise_alone_is_shrunk_as_before() {
+    fn a_residual_of_noise_keeps_the_thresholds() {
         let [calm, texture] = shares(3.0, 0.0);
         assert!(calm > 0.9 && texture > 0.9, "{calm} {texture}");
     }
 
     #[test]
-    fn what_leaves_more_than_a_faint_texture_can_is_none() {
+    fn a_residual_larger_than_a_faint_texture_keeps_the_thresholds() {
         let [_, texture] = shares(9.0, 6.0);
         assert!(texture > 0.95, "{texture}");
     }
 
     #[test]
-    fn beside_strong_details_the_residual_has_other_reasons() {
+    fn a_residual_beside_strong_details_keeps_the_thresholds() {
         let [_, texture] = shares(100.0, 1.5);
         assert!(texture > 0.999, "{texture}");
     }

@@ -1,31 +1,31 @@
-//! The likelihood of a tile's spectrum. The expected power at f is
+//! The likelihood of a tile's power spectrum. The expected power at frequency f is
 //!
 //! M(f) = share · Σ A |f|^−b |H(f)|² + noise,
 //!
-//! summed over the frequencies that fold onto f. Whittle (1953) has the power exponentially
-//! distributed about M. But a tile with an edge in it has nearly all its power along one line, and
-//! hundreds of times M there: so M itself is taken as uncertain by a factor, inverse-gamma
-//! distributed with shape ν, and the power then as ∝ 1/M · (1 + P/(νM))^−(ν+1), as Student's t
-//! comes from Gauss's curve. A and b, the scene's, are what makes the tile likeliest, found by
-//! scoring; the noise is the sensor's.
+//! summed over the frequencies that alias onto f. In Whittle's likelihood (1953) the periodogram P
+//! is exponentially distributed about M. A tile with an edge concentrates its power along one line
+//! and exceeds M there by hundreds of times, so M is given an inverse-gamma scale with shape ν,
+//! which marginalises to the heavy-tailed density p(P) ∝ 1/M · (1 + P/(νM))^−(ν+1), as Student's t
+//! arises from the normal distribution. The scene's A and b are fitted per tile by Fisher scoring;
+//! the noise is the sensor's.
 
 use super::spectra::{Frequencies, TileSpectrum};
 
-/// ν. Guess: with 0.7 offsets found on small.toml differ by 0.01 dioptres, and one of 24 is no
-/// longer believed; with infinity, Whittle's own, they differ by 0.06.
+/// Shape ν. Guess: with 0.7 the offsets found on small.toml differ by 0.01 dioptres and one of 24
+/// is no longer significant; with ∞ (Whittle) they differ by 0.06.
 const NU: f32 = 1.5;
-/// Rounds of Fisher's scoring at most.
+/// Maximum rounds of Fisher scoring.
 const ROUNDS: usize = 8;
-/// It ends when neither number changes by more.
+/// Convergence threshold of ln A and of b.
 const SETTLED: f64 = 0.01;
-/// Largest change of a round, of ln A and of b.
+/// Maximum change per round of ln A and of b.
 const STEP_MAX: [f64; 2] = [3.0, 0.7];
-/// Exponents that scenes' power spectra may have: flat noise to more than a step's edge.
+/// Range of b, from white to steeper than a step edge.
 const EXPONENTS: (f64, f64) = (0.0, 5.0);
-/// ln A stays within this of nothing at all and of more than any photo holds.
+/// Range of ln A, wider than any photo needs.
 const LN_POWERS: (f64, f64) = (-30.0, 30.0);
 
-/// A scene's spectrum, A |f|^−b.
+/// A scene's power spectrum, A |f|^−b.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PowerLaw {
     ln_power: f64,
@@ -33,10 +33,10 @@ pub(super) struct PowerLaw {
 }
 
 impl PowerLaw {
-    /// A first guess: natural scenes' exponent (Field 1987), and the tile's power.
+    /// Initial value: the exponent of natural scenes (Field 1987) and the tile's mean power.
     pub(super) fn of(spectrum: &TileSpectrum) -> PowerLaw {
         let mean = spectrum.power.iter().sum::<f32>() / spectrum.power.len().max(1) as f32;
-        // About the mean of |f|^−2 over a tile's frequencies.
+        // 60 is about the mean of |f|^−2 over a tile's frequencies.
         PowerLaw { ln_power: f64::from(mean.max(1e-6) / 60.0).ln(), exponent: 2.0 }
     }
 }
@@ -52,14 +52,14 @@ impl PowerLaw {
     }
 }
 
-/// −ln likelihood of this very `scene`.
+/// −ln likelihood of `scene`.
 #[cfg(test)]
 pub(super) fn cost(at: &Frequencies, of: &TileSpectrum, passed: &[f32], scene: PowerLaw) -> f64 {
     scored(at, of, passed, scene).cost
 }
 
-/// −ln likelihood of a `spectrum` behind a lens that lets `passed` through, of the likeliest scene,
-/// which `scene` becomes.
+/// Fits `scene` to a `spectrum` behind a lens of power transfer function `passed`; returns −ln
+/// likelihood of the fit.
 pub(super) fn likeliest(
     at: &Frequencies,
     spectrum: &TileSpectrum,
@@ -73,7 +73,7 @@ pub(super) fn likeliest(
         if cost < best {
             (best, kept) = (cost, *scene);
         } else {
-            // Too far: half the way back.
+            // Overshoot: back by half.
             scene.ln_power = (scene.ln_power + kept.ln_power) / 2.0;
             scene.exponent = (scene.exponent + kept.exponent) / 2.0;
             continue;
@@ -89,8 +89,8 @@ pub(super) fn likeliest(
     best
 }
 
-/// The power over that of the noise at the frequencies to which a `scene` behind a lens that lets
-/// `passed` through brings less than `share` of the noise.
+/// Power over noise power at the frequencies where a `scene` behind a lens of power transfer
+/// function `passed` contributes less than `share` of the noise.
 pub(super) fn noise_alone<'a>(
     at: &'a Frequencies,
     spectrum: &'a TileSpectrum,
@@ -109,7 +109,7 @@ pub(super) fn noise_alone<'a>(
     })
 }
 
-/// −ln likelihood of a scene, and the change of ln A and b that Fisher's scoring calls for.
+/// −ln likelihood of a scene, and the Fisher scoring step of ln A and b.
 struct Scored {
     cost: f64,
     step: [f64; 2],
@@ -141,7 +141,7 @@ fn scored(at: &Frequencies, spectrum: &TileSpectrum, passed: &[f32], scene: Powe
         information[2] += b * b;
     }
     let [aa, ab, bb] = information;
-    // A little is added, so that a tile of noise alone has a step, too.
+    // Regularised: a tile of noise alone has no information on the scene.
     let (aa, bb) = (aa + 1e-3, bb + 1e-3);
     let determinant = (aa * bb - ab * ab).max(1e-9);
     let step = [

@@ -1,13 +1,13 @@
-//! How far out of focus a photo's scene was, told by the photo itself before any capture.
+//! Estimate of a photo's defocus from the photo alone, before any capture.
 //!
-//! The panel stands at one distance, scenes at any. The lens was measured at a few *focus offsets*
-//! δ = 1/z − 1/z₀, in dioptres (1/m): z₀ the distance of the panel, z the one at which what was
-//! measured stood sharp or unsharp; positive is nearer. Between them functions are interpolated,
-//! tap by tap ([`LensFunctions::between`]). A photo shows at which δ it was taken: its spectrum is
-//! a scene's, which falls as a power of frequency (Field 1987, JOSA A 4:2379), times what the lens
-//! lets through at δ, plus noise. δ is where that is likeliest, by the likelihood of the spectra of
-//! tiles all over the photo ([`likelihood`]), all channels together: a lens with longitudinal
-//! colour shows by its colours on which side of the focus a scene lies.
+//! The lens is measured at a few *focus offsets* δ = 1/z − 1/z₀, in dioptres (1/m), where z₀ is the
+//! panel's distance and z the object's; positive δ is nearer. Point spread functions at other
+//! offsets are interpolated tap by tap ([`LensFunctions::between`]).
+//!
+//! The model of a photo's spectrum at δ is the scene's power law (Field 1987, JOSA A 4:2379) times
+//! the lens's power transfer function at δ, plus white noise. The estimate maximises the likelihood
+//! ([`likelihood`]) of the spectra of tiles all over the photo, summed over the channels:
+//! longitudinal chromatic aberration resolves the sign of δ.
 
 mod likelihood;
 mod optics;
@@ -25,38 +25,38 @@ use crate::frame::Channel;
 use likelihood::{PowerLaw, likeliest};
 use spectra::{TileSpectrum, Tiles, Transfers};
 
-/// Steps between two measured offsets that are tried around the likeliest.
+/// Candidates per interval between two measured offsets.
 const STEPS: usize = 4;
-/// Another focus than the panel's is believed when the tiles are for it by so many standard errors
-/// of their mean. On small.toml photographs at the panel's focus have 0.7 to 2.1, and all
-/// photos from 3.2 to 8 m 2.7 to 17.
+/// Minimum mean gain in log likelihood per tile over the panel's focus, in standard errors of that
+/// mean. On small.toml photographs at the panel's focus reach 0.7 to 2.1, photos from 3.2 to 8 m
+/// 2.7 to 17.
 const STANDARD_ERRORS: f64 = 2.5;
-/// Tiles that are asked at least; fewer know no standard error.
+/// Minimum number of tiles for a standard error.
 const TILES_MIN: usize = 8;
 
-/// A lens as measured at a few focus offsets.
+/// A lens measured at several focus offsets.
 #[derive(Debug, Clone)]
 pub struct FocusSeries<'a> {
-    /// By offset, rising.
+    /// Offset in dioptres, ascending, and functions.
     members: Vec<(f32, &'a LensFunctions)>,
 }
 
-/// A focus between two of a series' members.
+/// An estimated focus, between two members of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FoundFocus {
     /// The offset, dioptres.
     pub offset: f32,
-    /// Numbers of the members before and behind it; the same where it is one of them.
+    /// Indices of the neighbouring members, equal at the series' end.
     pub between: (usize, usize),
-    /// How far it is from the first to the second, 0..1.
+    /// Weight of the second member, 0..1.
     pub share: f32,
-    /// Whether it is the last offset of the series on its side: the photo may lie beyond.
+    /// Whether it is the first or last measured offset: the true one may lie beyond.
     pub at_end: bool,
 }
 
 impl<'a> FocusSeries<'a> {
-    /// The series of these `members`, functions on one grid, each with its offset. One offset is 0:
-    /// the panel's. `None` when there is no other, or when they do not fit together.
+    /// The series of `members`, pairs of offset and functions. `None` unless there are at least
+    /// two on one grid, with distinct finite offsets, one of them 0 (the panel's).
     pub fn new(mut members: Vec<(f32, &'a LensFunctions)>) -> Option<FocusSeries<'a>> {
         members.sort_by(|a, b| a.0.total_cmp(&b.0));
         let grid = |f: &LensFunctions| (f.rows, f.columns, f.support_px);
@@ -68,18 +68,17 @@ impl<'a> FocusSeries<'a> {
         fits.then_some(FocusSeries { members })
     }
 
-    /// The offsets, rising.
+    /// The offsets in dioptres, ascending.
     pub fn offsets(&self) -> Vec<f32> {
         self.members.iter().map(|member| member.0).collect()
     }
 
-    /// The focus at which `photo` was taken; `None` where it is the panel's, or nothing says that
-    /// it is another.
+    /// Estimates the focus of `photo`; `None` unless it differs significantly from the panel's.
     pub fn find(&self, photo: &FocusData<'_>) -> Option<FoundFocus> {
         let functions = self.members[0].1;
         let tiles = Tiles::of(photo.rect.size, functions)?;
         let panel = self.members.iter().position(|member| member.0 == 0.0)?;
-        // Every tile by itself: the transfer functions of its place are made once.
+        // The transfer functions of a place serve all of its channels.
         let costs: Vec<TileCosts> = tiles
             .places()
             .par_iter()
@@ -94,21 +93,21 @@ impl<'a> FocusSeries<'a> {
         if costs.len() < TILES_MIN {
             return None;
         }
-        let all = self.candidates();
+        let candidates = self.candidates();
         let sums = sums(&costs);
         let best = least(&sums);
-        let at_panel = all.iter().position(|of| of.before == panel && of.step == 0)?;
+        let at_panel = candidates.iter().position(|of| of.before == panel && of.step == 0)?;
         let gains: Vec<f64> = costs.iter().map(|tile| tile.0[at_panel] - tile.0[best]).collect();
         let errors = standard_errors(&gains);
         log::debug!(
-            "focus: {:.3} dioptres likeliest, by {errors:.1} standard errors of {} tiles",
-            self.offset(all[best]),
+            "focus: {:.3} dioptres, by {errors:.1} standard errors of {} tiles",
+            self.offset(candidates[best]),
             gains.len()
         );
-        (best != at_panel && errors > STANDARD_ERRORS).then(|| self.found(&sums, &all))
+        (best != at_panel && errors > STANDARD_ERRORS).then(|| self.interpolate(&sums, &candidates))
     }
 
-    /// What is tried: all members, and steps between neighbours.
+    /// All members, and the steps between neighbours.
     fn candidates(&self) -> Vec<TriedFocus> {
         let last = self.members.len() - 1;
         let between = (0..last).flat_map(|before| (0..STEPS).map(move |step| (before, step)));
@@ -121,13 +120,13 @@ impl<'a> FocusSeries<'a> {
         from + of.share() * (to - from)
     }
 
-    /// The least of a parabola through the best candidate and its neighbours.
-    fn found(&self, sums: &[f64], all: &[TriedFocus]) -> FoundFocus {
+    /// The minimum of a parabola through the best candidate's cost and its neighbours'.
+    fn interpolate(&self, sums: &[f64], candidates: &[TriedFocus]) -> FoundFocus {
         let best = least(sums);
-        let at_end = best == 0 || best + 1 == all.len();
-        let mut offset = self.offset(all[best]);
+        let at_end = best == 0 || best + 1 == candidates.len();
+        let mut offset = self.offset(candidates[best]);
         if !at_end {
-            let x = [best - 1, best, best + 1].map(|n| f64::from(self.offset(all[n])));
+            let x = [best - 1, best, best + 1].map(|n| f64::from(self.offset(candidates[n])));
             let [y0, y1, y2] = [best - 1, best, best + 1].map(|n| sums[n]);
             let (left, right) = ((x[1] - x[0]) * (y1 - y2), (x[1] - x[2]) * (y1 - y0));
             let least =
@@ -144,7 +143,7 @@ impl<'a> FocusSeries<'a> {
     }
 }
 
-/// A focus that is tried: so many steps behind a member.
+/// A candidate focus, `step` of [`STEPS`] beyond a member.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct TriedFocus {
     before: usize,
@@ -157,7 +156,7 @@ impl TriedFocus {
     }
 }
 
-/// −ln likelihood of one tile, all channels together, for each candidate.
+/// −ln likelihood of one tile for each candidate, summed over the channels.
 struct TileCosts(Vec<f64>);
 
 impl TileCosts {
@@ -166,7 +165,7 @@ impl TileCosts {
         let mut costs = vec![0.0; (members - 1) * STEPS + 1];
         let mut power = Vec::new();
         for (channel, spectrum) in spectra {
-            // From one focus to the next the likeliest scene changes little.
+            // The fitted scene changes little from one candidate to the next.
             let mut scene = PowerLaw::of(spectrum);
             for (n, cost) in costs.iter_mut().enumerate() {
                 let of = TriedFocus { before: n / STEPS, step: n % STEPS };
@@ -179,13 +178,13 @@ impl TileCosts {
     }
 }
 
-/// What each candidate costs all of `tiles`.
+/// The cost of each candidate, summed over `tiles`.
 fn sums(tiles: &[TileCosts]) -> Vec<f64> {
     let tried = tiles.first().map_or(0, |tile| tile.0.len());
     (0..tried).map(|n| tiles.iter().map(|tile| tile.0[n]).sum()).collect()
 }
 
-/// The number of the least.
+/// Index of the minimum.
 fn least(sums: &[f64]) -> usize {
     (0..sums.len()).min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0)
 }

@@ -1,8 +1,8 @@
-//! The light of a rig whose panel stands in another focus than a photo's scene did.
+//! Captures at the panel's focus, converted to a photo's focus.
 //!
-//! A capture y of L is K_panel L: the panel stands where it stands. What the photo's focus would
-//! have made of L is y + (K̂_photo − K̂_panel) L, by the two measured models: all that they have in
-//! common, what they miss of the lens and what happened to the rig since, is the light's.
+//! A capture is y = K_panel L, for the panel does not move. At the photo's focus the capture would
+//! have been about y + (K̂_photo − K̂_panel) L by the two measured models; errors common to both
+//! models cancel.
 
 use std::sync::Arc;
 
@@ -13,24 +13,24 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use crate::remedy::AnyFailure;
 
-/// `inner`, a rig whose panel is seen by `panel`, as a photo is seen by `photo`.
+/// Forward convolution at a photo's focus through a rig at the panel's.
 pub(crate) struct OpticsAtFocus<'a> {
-    /// The light.
+    /// The rig.
     pub(crate) inner: &'a mut dyn ForwardConvolution,
-    /// The lens as measured at the panel's focus.
+    /// The lens model at the panel's focus.
     pub(crate) panel: Arc<LensModel>,
-    /// The same at the photo's.
+    /// The lens model at the photo's focus.
     pub(crate) photo: Arc<LensModel>,
 }
 
 impl OpticsAtFocus<'_> {
-    /// `seen` of `shown` brought to the photo's focus.
-    fn refocused(&self, shown: &Frame<Work>, mut seen: Seen) -> Seen {
+    /// Converts the capture `seen` of `shown` to the photo's focus.
+    fn refocus(&self, shown: &Frame<Work>, mut seen: Seen) -> Seen {
         let (photo, panel) = (&self.photo, &self.panel);
-        let of = |&c: &Channel| {
+        let difference = |&c: &Channel| {
             let plane = shown.plane(c);
             let mut more = Plane::zeros(plane.size());
-            // A channel that is not shown has nothing to refocus.
+            // Channels that are not shown are zero.
             if plane.data().iter().any(|&v| v != 0.0) {
                 let on_panel = plane.map(|v: f32| v.clamp(0.0, FULL_SCALE));
                 let mut at_panel = Plane::zeros(plane.size());
@@ -40,7 +40,7 @@ impl OpticsAtFocus<'_> {
             }
             more
         };
-        let more: Vec<Plane> = Channel::ALL.par_iter().map(of).collect();
+        let more: Vec<Plane> = Channel::ALL.par_iter().map(difference).collect();
         for (light, more) in seen.light.planes_mut().iter_mut().zip(&more) {
             light.add_scaled(1.0, more);
         }
@@ -55,12 +55,12 @@ impl ForwardConvolution for OpticsAtFocus<'_> {
 
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure> {
         let seen = self.inner.forward(shown)?;
-        Ok(self.refocused(shown, seen))
+        Ok(self.refocus(shown, seen))
     }
 
     fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {
         let seen = self.inner.pedestal(flat)?;
-        Ok(self.refocused(flat, seen))
+        Ok(self.refocus(flat, seen))
     }
 
     fn panel_columns(&self) -> Option<&Frame<Work>> {

@@ -1,7 +1,6 @@
-//! Spectra of a photo's tiles, and what the lens lets through of them.
+//! Power spectra of a photo's tiles, and the lens's power transfer functions there.
 //!
-//! Raw sites are taken as they are, with noughts between them: what a sensor does not sample folds
-//! back, and the expected spectrum is folded just so.
+//! Raw sites are transformed with zeros between them; the expected spectrum is aliased likewise.
 
 use std::f32::consts::TAU;
 
@@ -13,45 +12,46 @@ use crate::deconvolution::data_term::{MISSING, SATURATED};
 use crate::deconvolution::lens_model::LensFunctions;
 use crate::frame::{Channel, Channels, Frame, Mosaic, Plane, Rect, Size, Work};
 
-/// Side of the tiles, pixels, unless functions are wider.
+/// Side of a tile, pixels, unless the functions are wider.
 const TILE_PX: usize = 64;
-/// A tile of whose pixels a larger share is full has no say: clipping makes edges of its own.
+/// Maximum share of saturated pixels in a tile: clipping adds edges.
 const SATURATED_SHARE: f32 = 0.02;
-/// Power that measured functions may be off by at any frequency. Guess: taps are known to
+/// Error power of the measured transfer functions at any frequency. Guess: taps are accurate to
 /// thousandths of their sum.
 const UNSURE: f32 = 1e-5;
-/// The lowest frequency looked at, cycles a tile: below, the window's own spectrum is seen.
+/// Lowest frequency used, cycles per tile: below it the window's own spectrum dominates.
 const LOWEST: f32 = 2.5;
 
-/// A photo as the fit of its focus takes it.
+/// A photo as input of the spectral fits.
 pub struct FocusData<'a> {
     /// The photo on its canvas, linear light 0..255.
     pub photo: &'a Frame<Work>,
-    /// What each pixel is worth.
+    /// Validity of each pixel, see [`crate::deconvolution::data_term`].
     pub trust: &'a Frame<Work, u8>,
-    /// Where the photo lies on the canvas.
+    /// The photo's rectangle on the canvas.
     pub rect: Rect,
-    /// The colours of the canvas's pixels where they are a sensor's raw sites.
+    /// Colour filters over the canvas, of raw sites.
     pub mosaic: Option<Mosaic>,
-    /// The channels it has.
+    /// Channels present.
     pub channels: Channels,
-    /// Standard deviation of the noise of a channel at a light, grey levels; of raw sites that of a
-    /// site.
+    /// Standard deviation of a pixel's (of raw data, a site's) noise at a light, grey levels.
     pub noise: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
 }
 
-/// How a spectrum folds: not at all, as quincunx sites do, or as one site of four does.
+/// Aliasing of a channel's sites.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Folding {
+    /// Every pixel is sampled.
     Whole,
+    /// Every other, in a checkerboard.
     Quincunx,
+    /// One of four.
     OneOfFour,
 }
 
 impl Folding {
-    /// The highest frequency looked at, cycles a pixel: what folds onto lower ones is little. The
-    /// power of a tile with edges lies along lines, and where a line's low frequencies fold to, no
-    /// model of a scene expects it.
+    /// Highest frequency used, cycles per pixel: aliases onto lower ones are weak. Edges put their
+    /// power along lines in frequency, whose aliases an isotropic scene does not explain.
     fn highest(self) -> f32 {
         match self {
             Folding::Whole => 1.0,
@@ -61,46 +61,46 @@ impl Folding {
     }
 }
 
-/// The frequencies of a tile that are looked at.
+/// The frequencies of a tile that are used.
 pub(super) struct Frequencies {
-    /// Whose power falls on the same place: [`Frequencies::folds`] numbers each.
+    /// Indices of the mutual aliases, [`Frequencies::folds`] for each frequency used.
     pub(super) aliases: Vec<u32>,
-    /// How many fold onto each.
+    /// Number of mutual aliases.
     pub(super) folds: usize,
-    /// What share of a scene's power each of them brings.
+    /// Share of the scene's power that each alias contributes.
     pub(super) share: f32,
-    /// ln of the frequency, cycles a pixel, at every number.
+    /// ln of the frequency in cycles per pixel, by index.
     pub(super) ln: Arc<[f32]>,
 }
 
-/// The power of one tile of one channel, and its noise.
+/// Power spectrum of one tile of one channel.
 pub(super) struct TileSpectrum {
-    /// At each of the frequencies looked at, squared grey levels.
+    /// Power at each frequency used, squared grey levels.
     pub(super) power: Vec<f32>,
-    /// Of white noise, the same.
+    /// Power of the white noise, squared grey levels.
     pub(super) noise: f32,
     pub(super) folding: Folding,
 }
 
 impl TileSpectrum {
-    /// The same as of a sensor of so many times the noise power.
+    /// The same spectrum with an assumed noise power of `times` the sensor's.
     pub(super) fn noisier(&self, times: f32) -> TileSpectrum {
         TileSpectrum { power: self.power.clone(), noise: times * self.noise, ..*self }
     }
 }
 
-/// Where tiles lie, and their transforms.
+/// The tile grid and its transforms.
 pub(super) struct Tiles {
     side: usize,
     window: Vec<f32>,
-    transform: Arc<dyn Fft<f32>>,
+    fft: Arc<dyn Fft<f32>>,
     whole: Frequencies,
     quincunx: Frequencies,
     one_of_four: Frequencies,
     places: Vec<TilePlace>,
 }
 
-/// A tile around the centre of a function.
+/// A tile around the centre of a point spread function.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TilePlace {
     x: usize,
@@ -110,8 +110,8 @@ pub(super) struct TilePlace {
 }
 
 impl Tiles {
-    /// The tiles of a photo of `size`, one around the centre of each of the functions' grid; `None`
-    /// when it is too small for any.
+    /// The tiles of a photo of `size`, one around the centre of each function; `None` when it is
+    /// smaller than a tile.
     pub(super) fn of(size: Size, functions: &LensFunctions) -> Option<Tiles> {
         let LensFunctions { rows, columns, support_px, .. } = *functions;
         let side = TILE_PX.max(support_px.next_power_of_two());
@@ -133,7 +133,7 @@ impl Tiles {
         Some(Tiles {
             side,
             window,
-            transform: FftPlanner::new().plan_fft_forward(side),
+            fft: FftPlanner::new().plan_fft_forward(side),
             whole: Frequencies::of(side, Folding::Whole, &ln),
             quincunx: Frequencies::of(side, Folding::Quincunx, &ln),
             one_of_four: Frequencies::of(side, Folding::OneOfFour, &ln),
@@ -153,7 +153,7 @@ impl Tiles {
         }
     }
 
-    /// The spectrum of `channel` at `place`; `None` where too much is full or nothing is known.
+    /// The spectrum of `channel` at `place`; `None` where data are missing or saturated.
     pub(super) fn spectrum(
         &self,
         photo: &FocusData<'_>,
@@ -174,24 +174,24 @@ impl Tiles {
             let at = (x + n % self.side, y + n / self.side);
             photo.mosaic.is_none_or(|of| of.colour_at(at.0, at.1) == channel)
         };
-        let known = (0..light.data().len()).filter(|&n| trust.data()[n] != MISSING);
-        let (mut sum, mut count, mut full) = (0.0f32, 0usize, 0usize);
-        for n in known {
+        let valid = (0..light.data().len()).filter(|&n| trust.data()[n] != MISSING);
+        let (mut sum, mut count, mut saturated) = (0.0f32, 0usize, 0usize);
+        for n in valid {
             (sum, count) = (sum + light.data()[n], count + 1);
-            full += usize::from(trust.data()[n] == SATURATED);
+            saturated += usize::from(trust.data()[n] == SATURATED);
         }
-        if count == 0 || full as f32 > SATURATED_SHARE * count as f32 {
+        if count == 0 || saturated as f32 > SATURATED_SHARE * count as f32 {
             return None;
         }
         let mean = sum / count as f32;
         let (mut power_of_window, mut tile) = (0.0, Vec::with_capacity(light.data().len()));
         for (n, (&v, &w)) in light.data().iter().zip(&self.window).enumerate() {
-            // A bad site holds what its neighbours say; it is one of thousands.
+            // Dead sites hold a mean of their neighbours; they are one in thousands.
             let value = if is_site(n) { w * (v - mean) } else { 0.0 };
             tile.push(Complex32::new(value, 0.0));
             power_of_window += w * w;
         }
-        self.transformed(&mut tile);
+        self.transform(&mut tile);
         let frequencies = self.frequencies(folding);
         let first = |aliases: &[u32]| tile[aliases[0] as usize].norm_sqr() / power_of_window;
         let power = frequencies.aliases.chunks_exact(frequencies.folds).map(first).collect();
@@ -200,16 +200,16 @@ impl Tiles {
         Some(TileSpectrum { power, noise, folding })
     }
 
-    /// Rows, then columns, which lie in rows afterwards: frequency (fx, fy) is at `fx · side + fy`.
-    fn transformed(&self, tile: &mut Vec<Complex32>) {
+    /// The 2-D transform, transposed: frequency (fx, fy) is at `fx · side + fy`.
+    fn transform(&self, tile: &mut Vec<Complex32>) {
         let side = self.side;
-        self.transform.process(tile);
+        self.fft.process(tile);
         *tile = (0..side * side).map(|n| tile[n % side * side + n / side]).collect();
-        self.transform.process(tile);
+        self.fft.process(tile);
     }
 }
 
-/// ln of each frequency in cycles a pixel.
+/// ln of each frequency in cycles per pixel.
 fn ln_frequencies(side: usize) -> Arc<[f32]> {
     let cycles = |n: usize| if n > side / 2 { n as f32 - side as f32 } else { n as f32 };
     let of = |n: usize| (cycles(n / side).hypot(cycles(n % side)).max(1.0) / side as f32).ln();
@@ -219,7 +219,7 @@ fn ln_frequencies(side: usize) -> Arc<[f32]> {
 impl Frequencies {
     fn of(side: usize, folding: Folding, ln: &Arc<[f32]>) -> Frequencies {
         let half = side / 2;
-        // What is left when folds and the other half of a real tile's spectrum are not counted.
+        // Extent without aliases and without the conjugate half of a real spectrum.
         let shifts: &[(usize, usize)] = match folding {
             Folding::Whole => &[(0, 0)],
             Folding::Quincunx => &[(0, 0), (half, half)],
@@ -238,8 +238,8 @@ impl Frequencies {
                 let fold =
                     |&(x, y): &(usize, usize)| ((fx + x) % side * side + (fy + y) % side) as u32;
                 let all: Vec<u32> = shifts.iter().map(fold).collect();
-                let is_seen = |&n: &u32| ln[n as usize] >= lowest;
-                if all.iter().all(is_seen) && ln[all[0] as usize] <= highest {
+                let is_used = |&n: &u32| ln[n as usize] >= lowest;
+                if all.iter().all(is_used) && ln[all[0] as usize] <= highest {
                     aliases.extend(all);
                 }
             }
@@ -249,7 +249,7 @@ impl Frequencies {
     }
 }
 
-/// What each member of a series lets through at one place, per channel.
+/// Transfer functions of each member of a series at one place, per channel.
 pub(super) struct Transfers {
     /// `[channel][member][frequency]`.
     of: [Vec<Vec<Complex32>>; 3],
@@ -270,7 +270,7 @@ impl Transfers {
                 for (row, taps) in tile.chunks_exact_mut(tiles.side).zip(taps.chunks_exact(k)) {
                     row.iter_mut().zip(taps).for_each(|(value, &tap)| value.re = tap);
                 }
-                tiles.transformed(&mut tile);
+                tiles.transform(&mut tile);
                 tile
             };
             members.clone().map(of_member).collect()
@@ -282,8 +282,8 @@ impl Transfers {
         self.of[0].len()
     }
 
-    /// The same by the first member's functions, `width` times as wide: what they let through at a
-    /// frequency so many times as high, which is nothing past the pixels' highest.
+    /// Power transfer function of the first member scaled to `width` times its size: its value at
+    /// `width` times each frequency, 0 beyond Nyquist.
     pub(super) fn as_wide(&self, channel: Channel, width: f32, out: &mut Vec<f32>) {
         let (side, of) = (self.side, &self.of[channel.index()][0]);
         let signed = |n: usize| if n > side / 2 { n as f32 - side as f32 } else { n as f32 };
@@ -304,8 +304,7 @@ impl Transfers {
         smeared(&power, side, out);
     }
 
-    /// Power let through at every frequency by functions that are `share` of the way from member
-    /// `before` to the next.
+    /// Power transfer function `share` of the way from member `before` to the next.
     pub(super) fn power(&self, channel: Channel, before: usize, share: f32, out: &mut Vec<f32>) {
         let members = &self.of[channel.index()];
         let from = &members[before];
@@ -316,9 +315,8 @@ impl Transfers {
     }
 }
 
-/// `power` as it is seen through the window: a Hann window's own spectrum is (¼, ½, ¼) along each
-/// axis, its power in units of their sum (1, 4, 1)/6. Where the lens lets nothing through, this is
-/// what is seen.
+/// `power` convolved with the window's spectrum, which fills the zeros of a transfer function: a
+/// Hann window's amplitudes are (¼, ½, ¼) along each axis, its normalised power (1, 4, 1)/6.
 fn smeared(power: &[f32], side: usize, out: &mut Vec<f32>) {
     let three = |before: f32, at: f32, after: f32| (before + 4.0 * at + after) / 6.0;
     let along: Vec<f32> = power

@@ -1,4 +1,4 @@
-//! A photo's focus found, of a made-up lens whose colours focus apart.
+//! Estimates from a photo's spectra, with a synthetic lens of longitudinal chromatic aberration.
 
 use super::*;
 use crate::deconvolution::computed_optics::ComputedOptics;
@@ -14,8 +14,8 @@ const SIZE: Size = Size::new(192, 160);
 /// Standard deviation of the noise, grey levels.
 const NOISE: f32 = 0.6;
 
-/// A lens whose focus lies apart for its colours: Gaussian bells, by offset and channel.
-fn bells(offset: f32) -> LensFunctions {
+/// Gaussian functions at `offset`, each channel with another focus.
+fn gaussians(offset: f32) -> LensFunctions {
     let (rows, columns, support_px) = (3, 4, 15);
     let of = |channel: Channel| {
         let apart = [0.02, 0.0, -0.02][channel.index()];
@@ -36,7 +36,7 @@ fn gaussian(random: &mut Xoshiro256PlusPlus) -> f32 {
     (0..12).map(|_| random.random::<f32>()).sum::<f32>() - 6.0
 }
 
-/// Patches of flat light, as large as things are: a spectrum near |f|^−3.
+/// Discs of flat light with a power spectrum near |f|^−3.
 fn scene(seed: u64) -> Frame<Work> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut light: Frame<Work> = Frame::filled(SIZE, 110.0);
@@ -56,12 +56,12 @@ fn scene(seed: u64) -> Frame<Work> {
     light
 }
 
-/// `scene` seen at `offset`, with noise.
+/// `scene` photographed at `offset`, with noise.
 fn photo(scene: &Frame<Work>, offset: f32, seed: u64) -> Frame<Work> {
-    taken(scene, &bells(offset), NOISE, seed)
+    taken(scene, &gaussians(offset), NOISE, seed)
 }
 
-/// `scene` seen through a lens of `functions`, with `noise`, grey levels.
+/// `scene` photographed through a lens of `functions`, with noise σ of `noise` grey levels.
 fn taken(scene: &Frame<Work>, functions: &LensFunctions, noise: f32, seed: u64) -> Frame<Work> {
     let model = LensModel::new(SIZE, 0, functions).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
@@ -73,26 +73,26 @@ fn taken(scene: &Frame<Work>, functions: &LensFunctions, noise: f32, seed: u64) 
     })
 }
 
-/// What is `said` of `photo`, all of it and as a sensor's sites know it.
-fn both<T>(photo: &Frame<Work>, said: impl Fn(&FocusData<'_>) -> T) -> [T; 2] {
+/// Results of `estimate` for all pixels of `photo` and for a mosaic's sites.
+fn both<T>(photo: &Frame<Work>, estimate: impl Fn(&FocusData<'_>) -> T) -> [T; 2] {
     [None, Some(Mosaic::Rggb)].map(|mosaic| {
-        let known = |c, x, y| mosaic.is_none_or(|of: Mosaic| of.colour_at(x, y) == c);
+        let valid = |c, x, y| mosaic.is_none_or(|of: Mosaic| of.colour_at(x, y) == c);
         let trust =
-            &Frame::from_fn(|c| Plane::from_fn(SIZE, |x, y| u8::from(known(c, x, y)) * TRUSTED));
+            &Frame::from_fn(|c| Plane::from_fn(SIZE, |x, y| u8::from(valid(c, x, y)) * TRUSTED));
         let rect = Rect { x: 0, y: 0, size: SIZE };
         let [at_black, per_level] = POWERS;
         let noise = &|_, light: f32| (at_black + per_level * light).sqrt();
         let channels = Channels::Colour;
-        said(&FocusData { photo, trust, rect, mosaic, channels, noise })
+        estimate(&FocusData { photo, trust, rect, mosaic, channels, noise })
     })
 }
 
-/// The lens as measured from 0.08 dioptres behind the panel to as much before it.
+/// The lens measured from −0.08 to +0.08 dioptres.
 fn members() -> Vec<(f32, LensFunctions)> {
-    (-4i8..=4).map(|n| 0.02 * f32::from(n)).map(|offset| (offset, bells(offset))).collect()
+    (-4i8..=4).map(|n| 0.02 * f32::from(n)).map(|offset| (offset, gaussians(offset))).collect()
 }
 
-/// The focus of a photo by a series of `members`.
+/// The focus of a photo estimated with a series of `members`.
 fn found_by(
     members: &[(f32, LensFunctions)],
     photo: &Frame<Work>,
@@ -110,7 +110,7 @@ fn found(photo: &Frame<Work>) -> Option<FoundFocus> {
 }
 
 #[test]
-fn a_photo_tells_its_focus_and_the_side_by_its_colours() {
+fn the_focus_and_its_sign_are_estimated() {
     let scene = scene(3);
     for offset in [-0.07, -0.04, 0.03, 0.06] {
         let photo = photo(&scene, offset, 5);
@@ -124,7 +124,7 @@ fn a_photo_tells_its_focus_and_the_side_by_its_colours() {
 }
 
 #[test]
-fn raw_sites_tell_it_too_and_between_them_nothing_is_looked_at() {
+fn the_focus_of_raw_sites_is_estimated_and_other_pixels_are_ignored() {
     let scene = scene(4);
     let mosaic = Mosaic::Grbg;
     for offset in [-0.05, 0.06] {
@@ -136,7 +136,7 @@ fn raw_sites_tell_it_too_and_between_them_nothing_is_looked_at() {
                 }
             }
         }
-        // Only the mean of a tile may know of them, and it is taken of known sites.
+        // The mean of a tile is taken over valid sites.
         let trust: Frame<Work, u8> =
             Frame::from_fn(|c| Plane::from_fn(SIZE, |x, y| u8::from(mosaic.colour_at(x, y) == c)));
         let found = found_by(&members(), &photo, &trust, Some(mosaic));
@@ -146,7 +146,7 @@ fn raw_sites_tell_it_too_and_between_them_nothing_is_looked_at() {
 }
 
 #[test]
-fn noise_and_a_photo_that_is_full_say_nothing() {
+fn noise_and_a_saturated_photo_have_no_focus() {
     let noise = photo(&Frame::filled(SIZE, 100.0), 0.0, 7);
     assert_eq!(found(&noise), None);
     let photo = photo(&scene(5), 0.07, 8);
@@ -155,16 +155,16 @@ fn noise_and_a_photo_that_is_full_say_nothing() {
 }
 
 #[test]
-fn beyond_the_last_focus_it_is_the_last_and_says_so() {
+fn beyond_the_measured_offsets_the_focus_is_the_last_one_at_the_end() {
     let found = found(&photo(&scene(9), 0.1, 9)).expect("far out");
     assert!(found.at_end && (found.offset - 0.08).abs() < 1e-6, "{found:?}");
     assert_eq!((found.between, found.share), ((8, 8), 0.0));
 }
 
 #[test]
-fn a_series_has_the_panel_s_focus_and_one_grid() {
-    let [a, b] = [bells(0.0), bells(0.04)];
-    let mut other = bells(0.08);
+fn a_series_needs_the_panel_s_focus_and_one_grid() {
+    let [a, b] = [gaussians(0.0), gaussians(0.04)];
+    let mut other = gaussians(0.08);
     other.columns = 6;
     other.rows = 2;
     assert!(FocusSeries::new(vec![(0.04, &b), (0.0, &a)]).is_some());
@@ -176,10 +176,10 @@ fn a_series_has_the_panel_s_focus_and_one_grid() {
 }
 
 #[test]
-fn light_at_the_panel_s_focus_is_brought_to_the_photo_s() {
+fn captures_are_converted_to_the_photo_s_focus() {
     let scene = scene(10);
     let [panel, photo] =
-        [0.0, 0.05].map(|offset| Arc::new(LensModel::new(SIZE, 0, &bells(offset)).unwrap()));
+        [0.0, 0.05].map(|offset| Arc::new(LensModel::new(SIZE, 0, &gaussians(offset)).unwrap()));
     let mut light = ComputedOptics::new(&panel, false);
     let mut there = ComputedOptics::new(&photo, false);
     let ought = there.forward(&scene).unwrap().light;
@@ -195,8 +195,8 @@ fn light_at_the_panel_s_focus_is_brought_to_the_photo_s() {
 }
 
 #[test]
-fn the_likeliest_scene_is_the_one_that_made_the_spectrum() {
-    let tiles = Tiles::of(SIZE, &bells(0.0)).unwrap();
+fn the_fitted_scene_is_the_true_one() {
+    let tiles = Tiles::of(SIZE, &gaussians(0.0)).unwrap();
     let at = tiles.frequencies(spectra::Folding::Whole);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(11);
     let passed = vec![0.5f32; at.ln.len()];
@@ -209,7 +209,7 @@ fn the_likeliest_scene_is_the_one_that_made_the_spectrum() {
     let mut scene = PowerLaw::of(&spectrum);
     let best = likeliest(at, &spectrum, &passed, &mut scene);
     let (ln_power, exponent) = scene.numbers();
-    // Tails heavier than the spectrum's take some power off.
+    // The heavy-tailed likelihood underestimates the power.
     assert!((exponent - 2.4).abs() < 0.15 && (ln_power - 1.0).abs() < 0.6, "{scene:?}");
     for (a, b) in [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.2), (0.0, -0.2)] {
         let other = PowerLaw::at(ln_power + a, exponent + b);
@@ -218,15 +218,15 @@ fn the_likeliest_scene_is_the_one_that_made_the_spectrum() {
     }
 }
 
-/// Power of noise without light, and what a grey level adds: so that it is [`NOISE`] in the middle.
+/// Noise power in the dark and per grey level, about [`NOISE`]² at mid grey.
 const POWERS: [f32; 2] = [0.16, 0.002];
 
 #[test]
-fn a_photo_tells_how_much_more_noise_than_its_sensor_s_it_has() {
-    // As wide as the panel's focus makes it, and much narrower.
+fn noise_above_the_sensor_s_is_estimated() {
+    // Through a wide lens and a narrow one.
     for offset in [0.03, 0.0] {
-        let lens = bells(offset);
-        // Without light and by light: the sensor's, a little more, a gain, read out more noisily.
+        let lens = gaussians(offset);
+        // Factors in the dark and on the light's: none, small, more gain, more read noise.
         for (seed, [black, light]) in [
             (21, [1.0, 1.0]),
             (22, [2.0, 2.0]),
@@ -248,8 +248,8 @@ fn a_photo_tells_how_much_more_noise_than_its_sensor_s_it_has() {
                 };
                 assert!(black > 3.0, "{black}, {light} through {offset}");
                 for level in clean.planes().each_ref().map(|plane| plane.mean() as f32) {
-                    let told = found_black * at_black + found_light * per_level * level;
-                    let times = told.sqrt() / noise(level);
+                    let power = found_black * at_black + found_light * per_level * level;
+                    let times = power.sqrt() / noise(level);
                     assert!((times - 1.0).abs() < 0.1, "{black}, {light} at {level}: {times}");
                 }
             }
@@ -258,9 +258,9 @@ fn a_photo_tells_how_much_more_noise_than_its_sensor_s_it_has() {
 }
 
 #[test]
-fn a_photo_of_a_lens_stopped_down_is_sharper_and_one_out_of_focus_or_noisy_is_not() {
-    let (measured, narrow) = (bells(0.03), bells(0.0));
-    let (narrower, wider) = (bells(0.015), bells(0.06));
+fn a_photo_through_a_stopped_down_lens_is_sharper_and_a_defocused_or_noisy_one_is_not() {
+    let (measured, narrow) = (gaussians(0.03), gaussians(0.0));
+    let (narrower, wider) = (gaussians(0.015), gaussians(0.06));
     for seed in 31..35 {
         let is = |lens: &LensFunctions, noise: f32| {
             let photo = taken(&scene(seed), lens, noise, seed);

@@ -14,8 +14,9 @@ use rayon::prelude::*;
 
 use super::TO_LUMA;
 use super::curve::CodeCurve;
-use crate::deconvolution::colour_axis::{AlongAxes, blurred, halved};
+use crate::deconvolution::colour_axis::AlongAxes;
 use crate::deconvolution::detail_mask::DetailMask;
+use crate::deconvolution::smoothing::{blur, halve};
 use crate::frame::{Frame, Plane, Size, Work};
 
 /// Factor on the threshold off luma: the independent study has 3. Set on coffee and rocket, where 6
@@ -29,7 +30,7 @@ const DARKEST: f32 = 0.8;
 /// Weight of each channel in luma around every four pixels of `photo`.
 pub(super) fn directions(curves: &[CodeCurve; 3], photo: &Frame<Work>) -> [Plane; 3] {
     let of = |n: usize| {
-        let about = halved(&blurred(&photo.planes()[n], ABOUT_PX));
+        let about = halve(&blur(&photo.planes()[n], ABOUT_PX));
         about.map(|v: f32| TO_LUMA[0][n] * curves[n].slope(v.max(DARKEST)))
     };
     let planes: Vec<Plane> = (0..3).into_par_iter().map(of).collect();
@@ -52,7 +53,7 @@ impl AlongLuma {
         let mut of_level = luma.clone();
         let mut levels = Vec::with_capacity(thresholds.len());
         for _ in &thresholds {
-            let coarser = of_level.each_ref().map(halved);
+            let coarser = of_level.each_ref().map(halve);
             levels.push(of_unit_sum(std::mem::replace(&mut of_level, coarser)));
         }
         AlongLuma { transforms: AlongAxes::new(size, thresholds.len()), levels, thresholds }

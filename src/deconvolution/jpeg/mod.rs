@@ -29,7 +29,7 @@ mod tests;
 
 use rayon::prelude::*;
 
-use crate::deconvolution::colour_axis::blurred;
+use crate::deconvolution::smoothing::blur;
 use crate::frame::block_transform::{cosines, transform, transposed};
 use crate::frame::{
     BLOCK_AREA, BLOCK_PX, Channel, Channels, CodedComponent, Coding, Frame, Plane, Rect, Size, Work,
@@ -117,7 +117,7 @@ impl JpegTerm {
         let [red, green, blue] = Channel::ALL.map(of);
         let curves = [red?, green?, blue?];
         let about: Vec<Plane> =
-            photo.planes().par_iter().map(|plane| blurred(plane, ABOUT_PX)).collect();
+            photo.planes().par_iter().map(|plane| blur(plane, ABOUT_PX)).collect();
         let variances: Vec<Plane> = (curves.iter().zip(&about))
             .map(|(curve, about)| about.map(|v: f32| (WIDENED * curve.deviation(v)).powi(2)))
             .collect();

@@ -97,7 +97,7 @@ fn the_term_by_units_is_that_of_the_plain_form() {
         assert!(coding.is_whole());
         let (canvas, rect) = placed(&photo);
         let of = stated(&coding, &light, (&canvas, rect));
-        let about: Vec<Plane> = canvas.planes().iter().map(|p| blurred(p, ABOUT_PX)).collect();
+        let about: Vec<Plane> = canvas.planes().iter().map(|p| blur(p, ABOUT_PX)).collect();
         let seen = moved(&canvas);
         let found = JpegTerm::of(&of).unwrap().redecoded(&seen);
         let want = plain::redecoded(&of, &about, &seen);
@@ -186,7 +186,7 @@ fn a_jpeg_of_a_jpeg_is_told_by_its_gaps() {
         let noise: f32 = StandardNormal.sample(&mut random);
         noise
     });
-    let soft = blurred(&rough, 1.5).map(|v: f32| (90.0 + 200.0 * v).clamp(0.0, 255.0));
+    let soft = blur(&rough, 1.5).map(|v: f32| (90.0 + 200.0 * v).clamp(0.0, 255.0));
     let photo = Frame::from_fn(|_| soft.clone());
     for once in [(1, 0), (3, 1), (8, 2), (16, 4)] {
         assert!(!coded_twice(&stated_by(&photo, (1, 1), once)), "{once:?}");

@@ -1,20 +1,19 @@
-//! The broad light of a lens: veiling glare and haze, wider than any of its functions.
+//! Broad light of a lens: veiling glare and haze beyond the support of its functions.
 //!
-//! K x = d (a P x + Σⱼ sⱼ Gⱼ x): a share a of the light goes where the lens functions P send it,
-//! shares sⱼ are spread over Gaussians Gⱼ, and a + Σ sⱼ = 1. A Gaussian is computed on cells of a
-//! quarter of its radius: means over cells, two small matrices, linear interpolation; each part has
-//! its exact transpose. The light P x is not computed first: beside a Gaussian several times as
-//! wide its blur makes no difference.
+//! K x = d (a P x + Σⱼ sⱼ Gⱼ x): the lens functions P carry a share a of the light, Gaussians Gⱼ
+//! carry shares sⱼ, and a + Σ sⱼ = 1. A Gaussian is computed on cells of a quarter of its σ: means
+//! over cells, two small matrices, linear interpolation, each with its exact transpose. It is
+//! applied to x rather than P x, for the blur P is several times narrower.
 //!
-//! d undoes what the flats of a calibration have taken for a dark corner: where dark lies beyond
-//! the canvas, a flat is dimmer at the border, for no light comes in from there.
+//! The gain d makes K 1 = 1 where the surround is dark: there a flat is dimmer at the border, which
+//! the calibration has taken for vignetting.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{Plane, STRETCH, Size};
 
-/// A share of the light that is spread over a Gaussian.
+/// A share of the light spread over a Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Halo {
     /// Standard deviation in photo pixels.
@@ -24,49 +23,48 @@ pub struct Halo {
 }
 
 impl Halo {
-    /// Shares of its light along a side of `side` pixels about its middle, pixel by pixel.
+    /// The Gaussian along one axis, at `side` pixels about its centre.
     pub(crate) fn along(&self, side: usize) -> Vec<f32> {
         let place = |n: usize| (n as f32 - (side / 2) as f32) / self.radius_px;
         let peak = 1.0 / (std::f32::consts::TAU.sqrt() * self.radius_px);
         (0..side).map(|n| peak * (-0.5 * place(n).powi(2)).exp()).collect()
     }
 
-    /// Share of all light that it carries beyond a square of `side` pixels about its middle.
+    /// Share of all light that falls outside a square of `side` pixels about its centre.
     pub(crate) fn beyond(&self, side: usize) -> f32 {
         self.share * (1.0 - self.along(side).iter().sum::<f32>().powi(2))
     }
 }
 
-/// What lies beyond the canvas, as far as a halo reaches.
+/// The surround of the canvas, within reach of a halo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Beyond {
-    /// Nothing.
+    /// Black.
     Dark,
-    /// What is at the border goes on.
+    /// The border's light continues.
     LikeTheBorder,
 }
 
-/// Cells per standard deviation. With the cells' own spread taken out, the halo of a picture of
-/// squares is within 1 % of its peak of the Gaussian as written, and at the very border within 5 %
-/// (the test below).
+/// Cells per standard deviation. The halo of a picture of squares is then within 1 % of its peak of
+/// the exact Gaussian, and within 5 % at the border (test below).
 const CELLS_PER_RADIUS: f32 = 4.0;
-/// Where a Gaussian is cut, in standard deviations: 6e-5 of its light lies beyond.
+/// Truncation of a Gaussian, in standard deviations: 6e-5 of its light lies beyond.
 const CUT: f32 = 4.0;
 
-/// One side of the grid of cells.
+/// One axis of the grid of cells.
 #[derive(Debug, Clone)]
 struct HaloSide {
     /// Pixels of a cell; the last may have fewer.
     cell: usize,
-    /// What a pixel counts for in its cell's mean.
+    /// Weight of a pixel in the mean of each cell.
     weights: Vec<f32>,
-    /// `[to][from]`: how cells spread over cells;
+    /// Gaussian weights `[to][from]` between cells.
     spread: Vec<f32>,
-    /// nought farther apart than so many cells.
+    /// Band width of `spread`, cells on either side.
     reach: usize,
-    /// For each pixel the cell before it,
+    /// The cell whose centre precedes each pixel.
     lower: Vec<usize>,
-    /// and how far it is on the way to the next.
+    /// Interpolation weight of the next cell at each pixel.
     along: Vec<f32>,
 }
 
@@ -114,7 +112,7 @@ impl HaloSide {
         self.weights.len()
     }
 
-    /// The cell after `lower`; the same where there is but one.
+    /// The cell after `lower`; the same where there is only one.
     fn after(&self, lower: usize) -> usize {
         (lower + 1).min(self.count() - 1)
     }
@@ -140,7 +138,7 @@ impl Veil {
         Size::new(self.x.count(), self.y.count())
     }
 
-    /// `light` spread, on rows of cells, pixel by pixel along them.
+    /// `light` convolved, on rows of cells and columns of pixels.
     fn spread(&self, light: &Plane) -> Plane {
         let mut means: Plane = Plane::zeros(self.cells());
         let rows = means.data_mut().par_chunks_mut(self.x.count()).enumerate();
@@ -158,8 +156,8 @@ impl Veil {
                 }
             },
         );
-        let along_x = times(&means, &self.x, |spread, count, to, from| spread[to * count + from]);
-        let cells = times(&along_x, &self.y, |spread, count, to, from| spread[to * count + from]);
+        let along_x = apply(&means, &self.x, |spread, count, to, from| spread[to * count + from]);
+        let cells = apply(&along_x, &self.y, |spread, count, to, from| spread[to * count + from]);
         let x = &self.x;
         self.on_rows(light.width(), |n, pixel| {
             let (left, right) =
@@ -168,35 +166,35 @@ impl Veil {
         })
     }
 
-    /// A plane with a row for each row of cells, and a pixel for each of `width` along it.
+    /// A plane of `width` pixels and one row per row of cells.
     fn on_rows(&self, width: usize, of: impl Fn(usize, usize) -> f32) -> Plane {
         Plane::from_fn(Size::new(width, self.y.count()), |pixel, n| of(n, pixel))
     }
 
-    /// Adds `share` of what is `spread` to row `y` of a plane.
+    /// Adds `share` of the result of [`Veil::spread`] to row `y` of a plane.
     fn add_row(&self, spread: &Plane, share: f32, y: usize, row: &mut [f32]) {
         let (above, ty) = (self.y.lower[y], self.y.along[y]);
         let near = spread.row(above).iter().zip(spread.row(self.y.after(above)));
         row.iter_mut().zip(near).for_each(|(v, (a, b))| *v += share * (a + ty * (b - a)));
     }
 
-    /// `light` spread, on pixels.
+    /// `light` convolved, on pixels.
     pub(crate) fn on_pixels(&self, light: &Plane) -> Plane {
         let (spread, mut out) = (self.spread(light), Plane::zeros(light.size()));
         (0..light.height()).for_each(|y| self.add_row(&spread, 1.0, y, out.row_mut(y)));
         out
     }
 
-    /// The transpose of all rows of [`Veil::add_row`] and of [`Veil::spread`]: what each pixel of
-    /// a row of cells counts for.
-    fn gathered(&self, seen: &Plane) -> Plane {
+    /// The transpose of [`Veil::spread`] and [`Veil::add_row`] over all rows, on rows of cells and
+    /// columns of pixels.
+    fn gather(&self, seen: &Plane) -> Plane {
         let mut cells: Plane = Plane::zeros(self.cells());
         let rows = cells.data_mut().par_chunks_mut(self.x.count()).enumerate();
         rows.for_each_init(
             || vec![0.0f32; seen.width()],
             |sum, (n, to)| {
                 sum.fill(0.0);
-                // A pixel looks at the cell before it and at the one after that.
+                // A pixel interpolates between the cell before it and the next.
                 let near = |n: usize| (n * self.y.cell).min(seen.height());
                 for y in near(n.saturating_sub(1))..near(n + 2) {
                     let (above, ty) = (self.y.lower[y], self.y.along[y]);
@@ -212,8 +210,8 @@ impl Veil {
                 }
             },
         );
-        let along_x = times(&cells, &self.x, |spread, count, to, from| spread[from * count + to]);
-        let cells = times(&along_x, &self.y, |spread, count, to, from| spread[from * count + to]);
+        let along_x = apply(&cells, &self.x, |spread, count, to, from| spread[from * count + to]);
+        let cells = apply(&along_x, &self.y, |spread, count, to, from| spread[from * count + to]);
         let (x, y) = (&self.x, &self.y);
         self.on_rows(seen.width(), |n, pixel| {
             let column = pixel / x.cell;
@@ -221,16 +219,16 @@ impl Veil {
         })
     }
 
-    /// Adds `share` of what was `gathered` to row `y` of a plane.
+    /// Adds `share` of the result of [`Veil::gather`] to row `y` of a plane.
     fn add_row_adjoint(&self, gathered: &Plane, share: f32, y: usize, row: &mut [f32]) {
         let gathered = gathered.row(y / self.y.cell).iter();
         row.iter_mut().zip(gathered).for_each(|(v, add)| *v += share * add);
     }
 }
 
-/// A matrix applied along the rows of `cells`, the result transposed; twice of it has applied one
-/// along each side.
-fn times(
+/// Applies a matrix along the rows of `cells` and transposes, so that two calls apply one along
+/// each axis.
+fn apply(
     cells: &Plane,
     side: &HaloSide,
     at: impl Fn(&[f32], usize, usize, usize) -> f32 + Sync,
@@ -254,14 +252,14 @@ fn times(
 #[derive(Debug, Clone)]
 pub(super) struct Broad {
     veils: Vec<(Veil, f32)>,
-    /// Share of the light that goes where the lens functions send it.
+    /// Share a of the lens functions.
     local_share: f32,
-    /// d, where it is not 1 everywhere.
+    /// The gain d, unless it is 1.
     gain: Option<Plane>,
 }
 
 impl Broad {
-    /// `halos` on a canvas; `None` without any.
+    /// The broad light of `halos` on a canvas; `None` without halos.
     pub(super) fn new(canvas: Size, halos: &[Halo], beyond: Beyond) -> Option<Broad> {
         let veils: Vec<(Veil, f32)> = halos
             .iter()
@@ -281,7 +279,7 @@ impl Broad {
         Some(broad)
     }
 
-    /// `out`, P x until now, becomes K x.
+    /// Turns `out` = P x into K x.
     pub(super) fn add(&self, x: &Plane, out: &mut Plane) {
         let spread: Vec<Plane> = self.veils.iter().map(|(veil, _)| veil.spread(x)).collect();
         let width = out.width().max(1);
@@ -296,7 +294,7 @@ impl Broad {
         });
     }
 
-    /// d y, which Pᵀ and the transposed Gaussians are for.
+    /// d y, the input of Pᵀ and [`Broad::add_adjoint`]; `None` where d is 1.
     pub(super) fn before_adjoint(&self, y: &Plane) -> Option<Plane> {
         self.gain.as_ref().map(|gain| {
             let mut scaled = Plane::zeros(y.size());
@@ -310,9 +308,9 @@ impl Broad {
         })
     }
 
-    /// `out`, Pᵀ d y until now, becomes Kᵀ y; `y` is d y.
+    /// Turns `out` = Pᵀ d y into Kᵀ y, given d y.
     pub(super) fn add_adjoint(&self, y: &Plane, out: &mut Plane) {
-        let gathered: Vec<Plane> = self.veils.iter().map(|(veil, _)| veil.gathered(y)).collect();
+        let gathered: Vec<Plane> = self.veils.iter().map(|(veil, _)| veil.gather(y)).collect();
         let width = out.width().max(1);
         out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             row.iter_mut().for_each(|v| *v *= self.local_share);
@@ -323,7 +321,10 @@ impl Broad {
     }
 }
 
-/// What is wrong with `halos`, in words.
+/// Checks number, radii and shares of `halos`.
+///
+/// # Errors
+/// A sentence with what was found and what is allowed.
 pub(crate) fn check_halos(halos: &[Halo]) -> Result<(), String> {
     let sound =
         |halo: &Halo| (1.0..=1e4).contains(&halo.radius_px) && (0.0..=1.0).contains(&halo.share);
@@ -337,9 +338,9 @@ pub(crate) fn check_halos(halos: &[Halo]) -> Result<(), String> {
     Ok(())
 }
 
-/// More halos than any fit tries.
+/// Maximum number of halos, more than any fit tries.
 const HALOS_MAX: usize = 16;
-/// A lens that scatters more than this is none. Guess.
+/// Maximum share of broad light. Guess.
 pub(crate) const SHARE_MAX: f32 = 0.9;
 
 #[cfg(test)]
@@ -394,7 +395,7 @@ mod tests {
         }
     }
 
-    /// The Gaussian as written: every pixel from every other.
+    /// The exact Gaussian.
     fn plain(light: &Plane, radius_px: f32) -> Plane {
         let bell = |d: usize| {
             (-0.5 * (d as f32 / radius_px).powi(2)).exp()
@@ -409,13 +410,13 @@ mod tests {
     }
 
     #[test]
-    fn cells_agree_with_the_gaussian_as_written() {
+    fn cells_agree_with_the_exact_gaussian() {
         let mut spot = Plane::zeros(SIZE);
         spot.set(75, 55, 1.0);
         let squares =
             Plane::from_fn(SIZE, |x, y| if (x / 19 + y / 13) % 2 == 0 { 1.0 } else { 0.0 });
-        // A pixel's halo may lie half a cell off its place, an eighth of its radius; a picture is
-        // many pixels. Half a cell at the border has no cell beyond it to look at.
+        // A single pixel's halo is displaced by up to half a cell; at the border there is no next
+        // cell to interpolate with.
         for (light, inside, at_border) in [(spot, 0.1, 0.1), (squares, 0.01, 0.05)] {
             for radius_px in [8.0, 12.0, 21.0, 2.0] {
                 let right = plain(&light, radius_px);
@@ -438,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn halos_that_cannot_be_are_refused() {
+    fn invalid_halos_are_refused() {
         assert!(check_halos(&halos()).is_ok() && check_halos(&[]).is_ok());
         let one = |radius_px, share| check_halos(&[Halo { radius_px, share }]);
         for (radius_px, share) in

@@ -1,37 +1,35 @@
-//! How the fast form cuts the canvas: cells in which the same four functions hold.
+//! Decomposition of the canvas into cells, in each of which the same four functions are
+//! interpolated.
 //!
-//! Between the centres of four neighbouring functions their bilinear weights are products of one
-//! weight along each side, and no other function has a say. What lies outside the outermost centres
-//! belongs to the cells there. Each cell is convolved by Fourier transforms long enough to hold its
-//! light spread by the support.
+//! Between the centres of four neighbouring functions the bilinear weights are separable. Cells at
+//! the border extend to the canvas's edge. Each cell is convolved by Fourier transforms padded by
+//! the support.
 
 use super::LensFunctions;
 use super::fourier::{Fourier, fast_length};
 use super::interpolation::Interpolation;
 use super::lanes::ComplexLanes;
 
-/// Cells longer than this are cut evenly, so that the working set of a cell stays in a core's
-/// second cache. A guess, not yet measured against others.
+/// Maximum side of a cell, pixels: its working set fits a core's L2 cache. Guess.
 const CELL_PX_MAX: usize = 256;
 
-/// A stretch of one side of the canvas.
+/// The extent of a cell along one axis.
 #[derive(Debug, Clone)]
 pub(super) struct Stretch {
     pub(super) start: usize,
     pub(super) length: usize,
-    /// The functions that hold, by their place along this side: two, or one where there is no
-    /// other.
+    /// Indices of the one or two functions interpolated along this axis.
     pub(super) functions: Vec<usize>,
-    /// Which of the side's transforms fits.
+    /// Index into the axis's transforms.
     pub(super) transform: usize,
 }
 
-/// One side of the canvas, cut.
+/// The cells along one axis of the canvas.
 #[derive(Debug, Clone)]
 pub(super) struct Side {
     pub(super) stretches: Vec<Stretch>,
     pub(super) transforms: Vec<Fourier>,
-    /// Weight of a stretch's second function at each pixel of the canvas.
+    /// Weight of the second function at each pixel of the canvas.
     pub(super) weight: Vec<f32>,
 }
 
@@ -53,8 +51,8 @@ impl Side {
 
     fn push(&mut self, along: &Interpolation, start: usize, length: usize, support_px: usize) {
         let wanted = fast_length(length + support_px - 1);
-        let known = self.transforms.iter().position(|t| t.length() == wanted);
-        let transform = known.unwrap_or_else(|| {
+        let planned = self.transforms.iter().position(|t| t.length() == wanted);
+        let transform = planned.unwrap_or_else(|| {
             self.transforms.push(Fourier::new(wanted));
             self.transforms.len() - 1
         });
@@ -66,22 +64,30 @@ impl Side {
     }
 }
 
-/// All that the fast form needs to know beside the spectra.
+/// The cells of a canvas and the list of spectra that they use.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     pub(super) along_x: Side,
     pub(super) along_y: Side,
     pub(super) support_px: usize,
-    /// Functions in a row of the grid.
+    /// Columns of the grid of functions.
     pub(super) columns: usize,
-    /// For each cell, row by row, the spectra of its functions: upper left, upper right, lower
-    /// left, lower right.
+    /// For each cell, row by row, indices of the spectra of its upper left, upper right, lower left
+    /// and lower right function; `usize::MAX` where there is none.
     pub(super) spectra_of: Vec<[usize; 4]>,
-    /// Of which function, with which transforms, each spectrum is.
+    /// Function and transforms of each spectrum.
     pub(super) spectra: Vec<SpectrumOf>,
 }
 
-/// What a spectrum is of.
+/// A cell of the canvas.
+pub(super) struct CellPlace<'a> {
+    pub(super) along_y: &'a Stretch,
+    pub(super) along_x: &'a Stretch,
+    /// Indices of the spectra of its four functions.
+    pub(super) spectra: &'a [usize; 4],
+}
+
+/// A function in the grid, and the transforms of its spectrum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct SpectrumOf {
     pub(super) row: usize,
@@ -90,7 +96,7 @@ pub(super) struct SpectrumOf {
     pub(super) transform_y: usize,
 }
 
-/// The spectrum of one function: rows of `nx` numbers, each for eight neighbouring vertical
+/// The half spectrum of one function: rows of `nx` numbers, each of eight adjacent vertical
 /// frequencies of 0..=ny/2.
 pub(super) type Spectrum = Vec<ComplexLanes>;
 
@@ -119,9 +125,9 @@ impl Cells {
                             transform_x: x.transform,
                             transform_y: y.transform,
                         };
-                        let known = cells.spectra.iter().position(|s| *s == wanted);
-                        of[2 * a + b] = known.unwrap_or(cells.spectra.len());
-                        if known.is_none() {
+                        let listed = cells.spectra.iter().position(|s| *s == wanted);
+                        of[2 * a + b] = listed.unwrap_or(cells.spectra.len());
+                        if listed.is_none() {
                             cells.spectra.push(wanted);
                         }
                     }
@@ -132,18 +138,16 @@ impl Cells {
         cells
     }
 
-    /// The cells, row by row: stretches along y and x, and their spectra.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (&Stretch, &Stretch, &[usize; 4])> {
+    /// All cells, row by row.
+    pub(super) fn iter(&self) -> impl Iterator<Item = CellPlace<'_>> {
         (0..self.along_y.stretches.len()).flat_map(|row| self.row(row))
     }
 
     /// The cells of one row.
-    pub(super) fn row(
-        &self,
-        row: usize,
-    ) -> impl Iterator<Item = (&Stretch, &Stretch, &[usize; 4])> {
-        let (y, columns) = (&self.along_y.stretches[row], self.along_x.stretches.len());
+    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = CellPlace<'_>> {
+        let (along_y, columns) = (&self.along_y.stretches[row], self.along_x.stretches.len());
         let spectra = &self.spectra_of[row * columns..][..columns];
-        self.along_x.stretches.iter().zip(spectra).map(move |(x, of)| (y, x, of))
+        let stretches = self.along_x.stretches.iter().zip(spectra);
+        stretches.map(move |(along_x, spectra)| CellPlace { along_y, along_x, spectra })
     }
 }

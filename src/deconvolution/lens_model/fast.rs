@@ -1,30 +1,30 @@
-//! The lens model by Fourier transforms of cells: forward and adjoint.
+//! Forward and adjoint lens model by Fourier transforms of cells.
 //!
-//! In a cell the weights are products: (1−v, v) down the rows times (1−u, u) along them. The
-//! weights of the rows go in before the transform down the columns, two real pictures as one
-//! complex; those of the columns between the two transforms. So one cell costs one transform down,
-//! four along, one along back and one down back. All is exact but for rounding; the adjoint is the
-//! same steps transposed.
+//! In a cell the weights are separable: (1−v, v) along y times (1−u, u) along x. The weights along
+//! y are applied before the transform down the columns, two real pictures as one complex; those
+//! along x between the two transforms. A cell costs one transform along y, four along x, and one
+//! inverse along each. The result is exact up to rounding; the adjoint is the same steps
+//! transposed.
 
-use super::cells::{Cells, Spectrum, Stretch};
+use super::cells::{CellPlace, Cells, Spectrum, Stretch};
 use super::fourier::Fourier;
-use super::halves::{Part, frequency_groups, store, up};
+use super::halves::{Part, frequency_groups, inverse, store};
 use super::lanes::{ComplexLanes, LANES, Lanes};
 use crate::frame::instructions::Kernel;
 use crate::frame::{Plane, Size};
 
-/// Memory that one operation works in.
+/// Buffers of one operation.
 #[derive(Debug, Default)]
 pub(super) struct Workspace {
     pub(super) data: Vec<ComplexLanes>,
-    pub(super) spare: Vec<ComplexLanes>,
+    pub(super) scratch: Vec<ComplexLanes>,
     pub(super) sum: Vec<ComplexLanes>,
     pub(super) halves: [Vec<ComplexLanes>; 3],
     pub(super) corners: [Vec<ComplexLanes>; 4],
 }
 
 impl Workspace {
-    /// Makes room for cells of `nx` × `ny`.
+    /// Grows the buffers for transforms of `nx` × `ny`.
     pub(super) fn fit(&mut self, nx: usize, ny: usize, corners: bool) {
         let grow = |buffer: &mut Vec<ComplexLanes>, length: usize| {
             if buffer.len() < length {
@@ -32,7 +32,7 @@ impl Workspace {
             }
         };
         let half = frequency_groups(ny) * pitch(nx);
-        for line in [&mut self.data, &mut self.spare, &mut self.sum] {
+        for line in [&mut self.data, &mut self.scratch, &mut self.sum] {
             grow(line, nx.max(ny));
         }
         self.halves.iter_mut().for_each(|buffer| grow(buffer, half));
@@ -42,7 +42,7 @@ impl Workspace {
     }
 }
 
-/// Numbers in a row of a half spectrum: whole pairs of eight columns.
+/// Numbers per row of a half spectrum: a multiple of two groups of eight columns.
 pub(super) fn pitch(nx: usize) -> usize {
     nx.next_multiple_of(2 * LANES)
 }
@@ -53,15 +53,17 @@ pub(super) struct Cell<'a> {
     pub(super) y: &'a Stretch,
     pub(super) fx: &'a Fourier,
     pub(super) fy: &'a Fourier,
-    /// Weights of the second function along each side of the cell.
+    /// Weights of the second function along x.
     pub(super) u: &'a [f32],
+    /// Weights of the second function along y.
     pub(super) v: &'a [f32],
     support_px: usize,
 }
 
 impl<'a> Cell<'a> {
     #[inline(always)]
-    pub(super) fn of(cells: &'a Cells, y: &'a Stretch, x: &'a Stretch) -> Self {
+    pub(super) fn of(cells: &'a Cells, place: &CellPlace<'a>) -> Self {
+        let CellPlace { along_x: x, along_y: y, .. } = *place;
         Cell {
             x,
             y,
@@ -73,12 +75,12 @@ impl<'a> Cell<'a> {
         }
     }
 
-    /// Pixels that the cell's light reaches.
+    /// Size of the area that the cell's light reaches.
     pub(super) fn reach(&self) -> Size {
         Size::new(self.x.length + self.support_px - 1, self.y.length + self.support_px - 1)
     }
 
-    /// The half spectra of the cell weighted by 1−v and by v.
+    /// Computes the half spectra of the cell weighted by 1−v and by v, into `halves[0]` and `[1]`.
     #[inline(always)]
     pub(super) fn weighted_halves(&self, plane: &Plane, work: &mut Workspace) {
         let pitch = pitch(self.fx.length());
@@ -93,7 +95,7 @@ impl<'a> Cell<'a> {
                     *value = ComplexLanes { re: light * (1.0 - self.v[y]), im: light * self.v[y] };
                 }
             }
-            let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.spare);
+            let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.scratch);
             store(found, self.fy.length(), Part::Real, upper, pitch, column);
             if self.y.functions.len() > 1 {
                 store(found, self.fy.length(), Part::Imaginary, lower, pitch, column);
@@ -101,7 +103,8 @@ impl<'a> Cell<'a> {
         }
     }
 
-    /// The half spectrum of what the cell's light reaches of `plane`, into `halves[2]`.
+    /// Computes the half spectrum of the area of `plane` that the cell's light reaches, into
+    /// `halves[2]`.
     #[inline(always)]
     pub(super) fn reached_half(&self, plane: &Plane, work: &mut Workspace) {
         let (pitch, reach, r) = (pitch(self.fx.length()), self.reach(), self.support_px / 2);
@@ -116,14 +119,13 @@ impl<'a> Cell<'a> {
                     value.im = lanes_at(plane.row(row), left + LANES as isize);
                 }
             }
-            let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.spare);
+            let (found, _) = self.fy.run::<false>(&mut work.data, &mut work.scratch);
             store(found, self.fy.length(), Part::Real, half, pitch, column);
             store(found, self.fy.length(), Part::Imaginary, half, pitch, column + LANES);
         }
     }
 
-    /// Row `group` of a half spectrum, weighted along the cell by function `b` and transformed
-    /// along the row.
+    /// Weights row `group` of a half spectrum by function `b` along x, and transforms it.
     #[inline(always)]
     pub(super) fn along<'w>(
         &self,
@@ -131,7 +133,7 @@ impl<'a> Cell<'a> {
         group: usize,
         b: usize,
         data: &'w mut [ComplexLanes],
-        spare: &'w mut [ComplexLanes],
+        scratch: &'w mut [ComplexLanes],
     ) -> (&'w mut [ComplexLanes], &'w mut [ComplexLanes]) {
         let row = &half[group * pitch(self.fx.length())..][..self.u.len()];
         let (filled, rest) = data[..self.fx.length()].split_at_mut(self.u.len());
@@ -139,11 +141,11 @@ impl<'a> Cell<'a> {
             *value = light * (if b == 0 { 1.0 - u } else { u });
         }
         rest.fill(ComplexLanes::default());
-        self.fx.run::<false>(data, spare)
+        self.fx.run::<false>(data, scratch)
     }
 }
 
-/// Up to eight pixels from the head of `row`, black after `columns`.
+/// The first `columns` pixels of `row`, at most eight, padded by zeros.
 #[inline(always)]
 fn lanes(row: &[f32], columns: usize) -> Lanes {
     if columns == LANES
@@ -156,7 +158,7 @@ fn lanes(row: &[f32], columns: usize) -> Lanes {
     lanes
 }
 
-/// Eight pixels of `row` from `left`, black outside.
+/// Eight pixels of `row` from `left`, zero outside.
 #[inline(always)]
 pub(super) fn lanes_at(row: &[f32], left: isize) -> Lanes {
     if let Some(pixels) = usize::try_from(left).ok().and_then(|left| row.get(left..)?.first_chunk())
@@ -173,7 +175,7 @@ pub(super) fn lanes_at(row: &[f32], left: isize) -> Lanes {
     lanes
 }
 
-/// Adds eight pixels to `row` from `left`, none outside.
+/// Adds eight pixels to `row` from `left`, dropping those outside.
 #[inline(always)]
 fn add_at(row: &mut [f32], left: isize, lanes: Lanes) {
     if left >= 0
@@ -190,16 +192,16 @@ fn add_at(row: &mut [f32], left: isize, lanes: Lanes) {
     }
 }
 
-/// K x, the part of one row of cells.
+/// The contribution of one row of cells to K x.
 pub(super) struct Forward<'a> {
     pub(super) cells: &'a Cells,
     pub(super) spectra: &'a [Spectrum],
     pub(super) x: &'a Plane,
-    /// Which row of cells.
+    /// Index of the row of cells.
     pub(super) row: usize,
-    /// Where the light of this row goes that stays in it: the canvas's rows of these cells.
+    /// Output within the canvas rows of these cells.
     pub(super) band: &'a mut [f32],
-    /// Where the rest goes: support − 1 rows, those above the band first, then those below.
+    /// Output beyond: support − 1 rows, first those above the band, then those below.
     pub(super) spill: &'a mut [f32],
     pub(super) work: &'a mut Workspace,
 }
@@ -211,18 +213,19 @@ impl Kernel for Forward<'_> {
         band.fill(0.0);
         spill.fill(0.0);
         let (r, canvas_width) = (cells.support_px / 2, x.width());
-        for (along_y, along_x, of) in cells.row(row) {
-            let cell = Cell::of(cells, along_y, along_x);
+        for place in cells.row(row) {
+            let cell = Cell::of(cells, &place);
+            let CellPlace { along_y, along_x, spectra: of } = place;
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let pitch = pitch(nx);
             work.fit(nx, ny, false);
             cell.weighted_halves(x, work);
-            let Workspace { data, spare, sum, halves: [upper, lower, seen], .. } = &mut *work;
+            let Workspace { data, scratch, sum, halves: [upper, lower, seen], .. } = &mut *work;
             for group in 0..frequency_groups(ny) {
                 for a in 0..along_y.functions.len() {
                     let half = if a == 0 { &*upper } else { &*lower };
                     for b in 0..along_x.functions.len() {
-                        let (found, _) = cell.along(half, group, b, data, spare);
+                        let (found, _) = cell.along(half, group, b, data, scratch);
                         let function = &spectra[of[2 * a + b]][group * nx..][..nx];
                         let terms = sum[..nx].iter_mut().zip(&*found).zip(function);
                         if a + b == 0 {
@@ -234,14 +237,15 @@ impl Kernel for Forward<'_> {
                         }
                     }
                 }
-                let (found, _) = cell.fx.run::<true>(sum, spare);
+                let (found, _) = cell.fx.run::<true>(sum, scratch);
                 let row = &mut seen[group * pitch..][..pitch];
                 row[..nx].copy_from_slice(found);
                 row[nx..].fill(ComplexLanes::default());
             }
             let reach = cell.reach();
             for column in (0..reach.width).step_by(2 * LANES) {
-                let both = up(cell.fy, (seen, column), (seen, column + LANES), pitch, data, spare);
+                let both =
+                    inverse(cell.fy, (seen, column), (seen, column + LANES), pitch, data, scratch);
                 let left = (along_x.start + column) as isize - r as isize;
                 for (y, light) in both[..reach.height].iter().enumerate() {
                     let rows =
@@ -260,14 +264,14 @@ impl Kernel for Forward<'_> {
     }
 }
 
-/// Kᵀ y, where one row of cells lies.
+/// Kᵀ y on one row of cells.
 pub(super) struct Adjoint<'a> {
     pub(super) cells: &'a Cells,
     pub(super) spectra: &'a [Spectrum],
     pub(super) y: &'a Plane,
-    /// Which row of cells.
+    /// Index of the row of cells.
     pub(super) row: usize,
-    /// The canvas's rows of these cells.
+    /// Output, the canvas rows of these cells.
     pub(super) band: &'a mut [f32],
     pub(super) work: &'a mut Workspace,
 }
@@ -277,17 +281,18 @@ impl Kernel for Adjoint<'_> {
     fn run<const FUSED: bool>(self) {
         let Adjoint { cells, spectra, y, row, band, work } = self;
         let canvas_width = y.width();
-        for (along_y, along_x, of) in cells.row(row) {
-            let cell = Cell::of(cells, along_y, along_x);
+        for place in cells.row(row) {
+            let cell = Cell::of(cells, &place);
+            let CellPlace { along_y, along_x, spectra: of } = place;
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let (pitch, width) = (pitch(nx), along_x.length);
             work.fit(nx, ny, false);
             cell.reached_half(y, work);
-            let Workspace { data, spare, sum, halves: [upper, lower, seen], .. } = &mut *work;
+            let Workspace { data, scratch, sum, halves: [upper, lower, seen], .. } = &mut *work;
             for group in 0..frequency_groups(ny) {
                 data[..nx].copy_from_slice(&seen[group * pitch..][..nx]);
                 data[cell.reach().width..nx].fill(ComplexLanes::default());
-                let (light, free) = cell.fx.run::<false>(data, spare);
+                let (light, free) = cell.fx.run::<false>(data, scratch);
                 for a in 0..along_y.functions.len() {
                     let row = &mut (if a == 0 { &mut *upper } else { &mut *lower })
                         [group * pitch..][..pitch];
@@ -309,17 +314,16 @@ impl Kernel for Adjoint<'_> {
                 }
             }
             if along_y.functions.len() == 1 {
-                // Its weight is zero, but an earlier cell's values there would still add their
-                // rounding.
+                // Its weight is 0, but rounding of an earlier cell's values would remain.
                 lower.fill(ComplexLanes::default());
             }
             for column in (0..width).step_by(LANES) {
-                let both = up(cell.fy, (upper, column), (lower, column), pitch, data, spare);
+                let both = inverse(cell.fy, (upper, column), (lower, column), pitch, data, scratch);
                 let columns = LANES.min(width - column);
                 for (i, (light, &v)) in both.iter().zip(cell.v).enumerate() {
                     let values = light.im.times_plus::<FUSED>(Lanes::all(v), light.re * (1.0 - v));
                     let row = &mut band[i * canvas_width + along_x.start + column..][..columns];
-                    // Eight at once without a call: their number is known here.
+                    // A constant length needs no call to memcpy.
                     match row.first_chunk_mut() {
                         Some(row) => *row = values.0,
                         None => row.copy_from_slice(&values.0[..columns]),

@@ -1,9 +1,8 @@
-//! Complex Fourier transforms of eight lines at once, one line a lane.
+//! Complex Fourier transforms of eight lines at once, one line per SIMD lane.
 //!
-//! Stockham's self-sorting form in passes of radix 4, 2 and 3. With one line a lane every step is
-//! the same for all eight, needs no shuffles and vectorises completely: transforms down the columns
-//! of a picture, which a library that transforms line by line can only do after transposing, cost
-//! no more than along its rows.
+//! Stockham's self-sorting algorithm in passes of radix 4, 2 and 3. With one line per lane the code
+//! vectorises without shuffles, and transforms down the columns of a picture cost no more than
+//! along its rows; a library that transforms line by line has to transpose first.
 
 use super::lanes::ComplexLanes;
 use crate::frame::instructions::{Kernel, run_fastest};
@@ -19,64 +18,64 @@ pub(super) struct Fourier {
 #[derive(Debug, Clone)]
 struct Pass {
     radix: usize,
-    /// Butterflies with different factors.
+    /// Groups of butterflies, each with its own factors.
     groups: usize,
-    /// Butterflies with the same factors: neighbours in memory.
+    /// Butterflies per group, adjacent in memory.
     stride: usize,
     /// w^(p·j) for p in 0..groups, j in 1..radix; w = e^(−2πi / (groups · radix)).
     factors: Vec<[f32; 2]>,
 }
 
 impl Fourier {
-    /// The transform of `length` numbers, a product of 2 and 3.
+    /// The transform of `length` numbers, a product of powers of 2 and 3.
     pub(super) fn new(length: usize) -> Self {
         let mut passes = Vec::new();
-        let (mut left, mut stride) = (length, 1);
+        let (mut remaining, mut stride) = (length, 1);
         for radix in [4, 2, 3] {
-            while left.is_multiple_of(radix) && left > 1 {
-                let groups = left / radix;
+            while remaining.is_multiple_of(radix) && remaining > 1 {
+                let groups = remaining / radix;
                 let factors = (0..groups)
-                    .flat_map(|p| (1..radix).map(move |j| -TAU * (p * j) as f64 / left as f64))
+                    .flat_map(|p| (1..radix).map(move |j| -TAU * (p * j) as f64 / remaining as f64))
                     .map(|angle| [angle.cos() as f32, angle.sin() as f32])
                     .collect();
                 passes.push(Pass { radix, groups, stride, factors });
                 stride *= radix;
-                left = groups;
+                remaining = groups;
             }
         }
-        debug_assert_eq!(left, 1, "a product of 2 and 3");
+        debug_assert_eq!(remaining, 1, "a product of powers of 2 and 3");
         Fourier { length, passes }
     }
 
-    /// Length of the lines.
+    /// Length of a line.
     pub(super) fn length(&self) -> usize {
         self.length
     }
 
-    /// Transforms `data` with factors e^(−2πi fx/n), or e^(+…) when `INVERSE`, unscaled. The result
-    /// is in the returned one of the two buffers, the other is spoilt.
+    /// Transforms `data` with factors e^(−2πi fx/n), or e^(+…) when `INVERSE`, unscaled. Returns
+    /// the buffer with the result first; the other one is overwritten.
     pub(super) fn run<'a, const INVERSE: bool>(
         &self,
         data: &'a mut [ComplexLanes],
-        spare: &'a mut [ComplexLanes],
+        scratch: &'a mut [ComplexLanes],
     ) -> (&'a mut [ComplexLanes], &'a mut [ComplexLanes]) {
-        let (data, spare) = (&mut data[..self.length], &mut spare[..self.length]);
-        // Compiled here once, not into every kernel that calls it.
-        run_fastest(Passes::<INVERSE> { passes: &self.passes, data, spare });
-        if self.passes.len().is_multiple_of(2) { (data, spare) } else { (spare, data) }
+        let (data, scratch) = (&mut data[..self.length], &mut scratch[..self.length]);
+        // Compiled once here rather than into every calling kernel.
+        run_fastest(Passes::<INVERSE> { passes: &self.passes, data, scratch });
+        if self.passes.len().is_multiple_of(2) { (data, scratch) } else { (scratch, data) }
     }
 }
 
 struct Passes<'a, const INVERSE: bool> {
     passes: &'a [Pass],
     data: &'a mut [ComplexLanes],
-    spare: &'a mut [ComplexLanes],
+    scratch: &'a mut [ComplexLanes],
 }
 
 impl<const INVERSE: bool> Kernel for Passes<'_, INVERSE> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let (mut from, mut to) = (self.data, self.spare);
+        let (mut from, mut to) = (self.data, self.scratch);
         for pass in self.passes {
             match pass.radix {
                 2 => pass.run::<2, INVERSE, FUSED>(from, to),
@@ -111,7 +110,7 @@ impl Pass {
                 butterfly::<RADIX, INVERSE, FUSED>(&mut values);
                 out[q] = values[0];
                 for j in 1..RADIX {
-                    // The first butterflies' factors, and all of the last pass's, are one.
+                    // The factors of the first group are 1.
                     out[q + j * stride] =
                         if p == 0 { values[j] } else { values[j].times::<FUSED>(factors[j]) };
                 }
@@ -147,23 +146,23 @@ fn butterfly<const RADIX: usize, const INVERSE: bool, const FUSED: bool>(
 
 const HALF_ROOT_3: f32 = 0.866_025_4;
 
-/// Nanoseconds of a pass for each number, by its radix, measured with AVX2 on lengths from 96 to
-/// 256. There is no radix 5: its pass takes 4.5 ns, for its values do not fit the registers.
+/// Radix and nanoseconds per number of a pass, measured with AVX2 on lengths from 96 to 256. Radix
+/// 5 takes 4.5 ns, for its values do not fit the registers.
 const PASS_NS: [(usize, f64); 3] = [(4, 1.8), (2, 0.8), (3, 1.6)];
 
-/// The length of at least `least` that transforms soonest.
+/// The length of at least `least` with the fastest transform.
 pub(super) fn fast_length(least: usize) -> usize {
     let cost = |n: usize| {
-        let (mut left, mut a_number) = (n, 0.0);
+        let (mut remaining, mut ns_per_number) = (n, 0.0);
         for (radix, ns) in PASS_NS {
-            while left.is_multiple_of(radix) && left > 1 {
-                a_number += ns;
-                left /= radix;
+            while remaining.is_multiple_of(radix) && remaining > 1 {
+                ns_per_number += ns;
+                remaining /= radix;
             }
         }
-        (left == 1).then_some(n as f64 * a_number)
+        (remaining == 1).then_some(n as f64 * ns_per_number)
     };
-    // A power of two is never further than twice away.
+    // The range holds a power of two.
     (least.max(1)..=2 * least.max(1))
         .filter_map(|n| cost(n).map(|c| (c, n)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
@@ -189,8 +188,8 @@ mod tests {
                 }
             }
             let original = data.clone();
-            let mut spare = data.clone();
-            let (found, other) = fourier.run::<false>(&mut data, &mut spare);
+            let mut scratch = data.clone();
+            let (found, other) = fourier.run::<false>(&mut data, &mut scratch);
             for lane in [0, 7] {
                 for (f, value) in found.iter().enumerate() {
                     let (mut re, mut im) = (0.0, 0.0);

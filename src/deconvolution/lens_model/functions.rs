@@ -1,4 +1,4 @@
-//! The point spread functions of a lens over its field, as numbers.
+//! Point spread functions of a lens over its field.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,15 +7,14 @@ use crate::frame::Channel;
 
 /// A grid of point spread functions per channel.
 ///
-/// The centre of function `n` of `N` along a photo side of `W` pixels is at (n+½)W/N − ½; between
-/// the centres functions are interpolated bilinearly at the object's place, outside the outermost
-/// centres the nearest one holds. Tap `[v][u]` of a function moves light by (u − r, v − r) pixels,
-/// r = (k−1)/2.
+/// The centre of function `n` of `N` along a photo side of `W` pixels is at (n+½)W/N − ½. Functions
+/// are interpolated bilinearly at the object's position, and constant beyond the outermost centres.
+/// Tap `[v][u]` of a function displaces light by (u − r, v − r) pixels, r = (k−1)/2.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LensFunctions {
-    /// Functions from top to bottom.
+    /// Rows of the grid.
     pub rows: usize,
-    /// Functions from left to right.
+    /// Columns of the grid.
     pub columns: usize,
     /// Side k of the square support of each function; odd.
     pub support_px: usize,
@@ -24,7 +23,7 @@ pub struct LensFunctions {
 }
 
 impl LensFunctions {
-    /// Their mean: one function for the whole field.
+    /// The mean: one function for the whole field.
     pub fn mean(&self) -> LensFunctions {
         let (area, count) = (self.support_px.pow(2), (self.rows * self.columns).max(1) as f32);
         let taps = self.taps.each_ref().map(|taps| {
@@ -37,44 +36,19 @@ impl LensFunctions {
         LensFunctions { rows: 1, columns: 1, support_px: self.support_px, taps }
     }
 
-    /// The functions that are `share` of the way from these to `other`, which is on the same grid.
+    /// Linear interpolation from these functions (`share` 0) to `other` (1).
     ///
     /// # Panics
     /// When the grids differ, which is a bug of the caller.
     #[must_use]
     pub fn between(&self, other: &LensFunctions, share: f32) -> LensFunctions {
-        let grid = |of: &LensFunctions| (of.rows, of.columns, of.support_px);
-        assert_eq!(grid(self), grid(other), "functions between two are on the grid of both");
+        let grid = |of: &LensFunctions| [of.rows, of.columns, of.support_px];
+        assert_eq!(grid(self), grid(other), "interpolated functions share a grid");
         let mix = |channel: Channel| {
             let both = self.taps[channel.index()].iter().zip(&other.taps[channel.index()]);
             both.map(|(a, b)| a + share * (b - a)).collect()
         };
         LensFunctions { taps: Channel::ALL.map(mix), ..*self }
-    }
-
-    /// The functions of an array of shape `[rows, columns, 3, k, k]`, as `blur = "grid.npy"` files
-    /// hold them.
-    ///
-    /// # Errors
-    /// [`LensModelError::Shape`] when the shape is another, [`LensModelError::Support`] when k is
-    /// even.
-    pub fn from_npy(shape: &[usize], values: &[f32]) -> Result<Self, LensModelError> {
-        let &[rows, columns, 3, k, width] = shape else {
-            return Err(LensModelError::Shape { found: shape.to_vec() });
-        };
-        if width != k || values.len() != shape.iter().product::<usize>() {
-            return Err(LensModelError::Shape { found: shape.to_vec() });
-        }
-        let one = k * k;
-        let taps = Channel::ALL.map(|channel| {
-            (0..rows * columns)
-                .flat_map(|n| &values[(3 * n + channel.index()) * one..][..one])
-                .copied()
-                .collect()
-        });
-        let functions = LensFunctions { rows, columns, support_px: k, taps };
-        functions.check()?;
-        Ok(functions)
     }
 
     /// The taps `[v][u]` of the function in `row`, `column` of the grid.
@@ -83,10 +57,10 @@ impl LensFunctions {
         &self.taps[channel.index()][(row * self.columns + column) * one..][..one]
     }
 
-    /// Whether grid, support and number of taps fit together, and all taps are finite.
+    /// Checks that grid, support and number of taps match and all taps are finite.
     ///
     /// # Errors
-    /// What does not fit.
+    /// The first mismatch.
     pub fn check(&self) -> Result<(), LensModelError> {
         if self.rows == 0 || self.columns == 0 {
             return Err(LensModelError::NoFunctions { rows: self.rows, columns: self.columns });
@@ -95,8 +69,7 @@ impl LensFunctions {
             return Err(LensModelError::Support { found: self.support_px });
         }
         let factors = [self.rows, self.columns, self.support_px, self.support_px];
-        // Numbers read from flash: as many taps as no memory holds, then, and not what is left of
-        // an overflow.
+        // Sizes come from a file; an overflow must not wrap to a valid number.
         let wanted = factors.into_iter().fold(1, usize::saturating_mul);
         for channel in Channel::ALL {
             let taps = &self.taps[channel.index()];

@@ -1,30 +1,29 @@
-//! Down the columns of a picture and back: eight real columns twice over, as one complex transform.
+//! Transforms down the columns of two real pictures as one complex transform, eight columns at
+//! once.
 //!
-//! Two real pictures travel as real and imaginary part of one complex one. After the transform down
-//! the columns they are told apart by symmetry, and turned so that the lanes are eight neighbouring
-//! *vertical frequencies* and the transform along the rows finds its line in memory. A half
-//! spectrum is rows of `pitch` numbers, one row for each group of eight of the frequencies
-//! 0..=ny/2. Both pictures come out doubled; the spectra of the functions are scaled for that.
+//! Two real pictures are the real and imaginary part of a complex one. Their spectra are separated
+//! by Hermitian symmetry and transposed, so that the lanes are eight adjacent *vertical
+//! frequencies* and each line of the transform along the rows is contiguous. A half spectrum has
+//! rows of `pitch` numbers, one row per group of eight of the frequencies 0..=ny/2. Both spectra
+//! come out doubled; the functions' spectra are scaled for that.
 
 use super::fourier::Fourier;
 use super::lanes::{ComplexLanes, LANES, Lanes, transposed};
 
-/// Groups of eight vertical frequencies that hold 0..=ny/2.
+/// Number of groups of eight among the vertical frequencies 0..=ny/2.
 pub(super) fn frequency_groups(ny: usize) -> usize {
     (ny / 2 + 1).div_ceil(LANES)
 }
 
-/// Which of the two pictures.
+/// One of the two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
-    /// The one that travelled as real part.
     Real,
-    /// The one that travelled as imaginary part.
     Imaginary,
 }
 
-/// Puts twice the half spectrum of one part of `found`, transformed columns of length `n`, into
-/// `column`.. of `half`.
+/// Stores twice the half spectrum of one part of `found`, transformed columns of length `n`, from
+/// `column` of `half` on.
 #[inline(always)]
 pub(super) fn store(
     found: &[ComplexLanes],
@@ -40,7 +39,7 @@ pub(super) fn store(
     }
 }
 
-/// Tells apart and turns eight frequencies. Frequencies above n/2 repeat n/2 and are never read.
+/// Separates and transposes eight frequencies. Those above n/2 repeat n/2 and are never read.
 #[inline(always)]
 fn store_group(found: &[ComplexLanes], group: usize, part: Part, to: &mut [ComplexLanes]) {
     let n = found.len();
@@ -63,17 +62,16 @@ fn store_group(found: &[ComplexLanes], group: usize, part: Part, to: &mut [Compl
     }
 }
 
-/// The way back: from columns `first_column`.. of the half spectrum `first` and `second_column`..
-/// of `second` to eight columns each of two real pictures, as real and imaginary parts of the
-/// returned numbers, n times too large.
+/// The inverse transform of eight columns of two half spectra, from `first_column` of `first` and
+/// `second_column` of `second` on: two real pictures as real and imaginary part, scaled by n.
 #[inline(always)]
-pub(super) fn up<'a>(
+pub(super) fn inverse<'a>(
     fourier: &Fourier,
     (first, first_column): (&[ComplexLanes], usize),
     (second, second_column): (&[ComplexLanes], usize),
     pitch: usize,
     data: &'a mut [ComplexLanes],
-    spare: &'a mut [ComplexLanes],
+    scratch: &'a mut [ComplexLanes],
 ) -> &'a [ComplexLanes] {
     let n = fourier.length();
     for group in 0..frequency_groups(n) {
@@ -87,7 +85,7 @@ pub(super) fn up<'a>(
             }
         }
     }
-    fourier.run::<true>(data, spare).0
+    fourier.run::<true>(data, scratch).0
 }
 
 #[inline(always)]

@@ -1,7 +1,6 @@
-//! Which two functions hold at a place along one side of the frame, and with which weights.
+//! Linear interpolation between functions along one axis of the canvas.
 
-/// The interpolation along one side: per canvas pixel the lower function's index and the upper
-/// one's weight.
+/// Indices and weights of the two functions at each pixel along one axis.
 #[derive(Debug, Clone)]
 pub(super) struct Interpolation {
     /// Lower function of each pixel.
@@ -13,7 +12,8 @@ pub(super) struct Interpolation {
 }
 
 impl Interpolation {
-    /// Over `photo_px` pixels with `margin_px` more on either side, between `functions` functions.
+    /// Interpolation over `photo_px` pixels and `margin_px` more on either side, between
+    /// `functions` functions.
     pub(super) fn new(photo_px: usize, margin_px: usize, functions: usize) -> Self {
         let canvas_px = photo_px + 2 * margin_px;
         let spacing = photo_px as f64 / functions as f64;
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn centres_are_evenly_spread_and_the_outermost_hold_beyond() {
+    fn centres_are_evenly_spread_and_the_outermost_functions_extend_to_the_edge() {
         let along = Interpolation::new(8, 2, 2); // centres at 1.5 and 5.5 of the photo
         assert_eq!(along.weight[0], 0.0);
         assert_eq!(along.weight[3], 0.0);

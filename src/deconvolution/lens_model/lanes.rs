@@ -1,13 +1,13 @@
-//! Eight numbers side by side, and eight complex ones: what the fast form computes with.
+//! Vectors of eight real and eight complex numbers.
 //!
-//! Plain arrays and loops of fixed length, which compile to vector instructions
+//! Arrays and loops of fixed length, which compile to vector instructions
 //! ([`crate::frame::instructions`]).
 
 use std::ops::{Add, Mul, Sub};
 
 use crate::frame::instructions::multiply_add;
 
-/// Numbers side by side.
+/// Numbers per vector.
 pub(super) const LANES: usize = 8;
 
 /// Eight numbers.
@@ -78,7 +78,7 @@ impl Lanes {
         self
     }
 
-    /// The same number eight times.
+    /// `value` in all lanes.
     #[inline(always)]
     pub(super) fn all(value: f32) -> Lanes {
         Lanes([value; LANES])
@@ -130,7 +130,7 @@ impl ComplexLanes {
         ComplexLanes { re: self.re + other.im, im: self.im - other.re }
     }
 
-    /// Lane by lane the product with `other`.
+    /// The product with `other`, lane by lane.
     #[inline(always)]
     pub(super) fn product<const FUSED: bool>(self, other: ComplexLanes) -> ComplexLanes {
         ComplexLanes {
@@ -139,7 +139,7 @@ impl ComplexLanes {
         }
     }
 
-    /// `sum` and lane by lane the product with `other`.
+    /// self · other + sum, lane by lane.
     #[inline(always)]
     pub(super) fn product_plus<const FUSED: bool>(
         self,
@@ -154,7 +154,7 @@ impl ComplexLanes {
         }
     }
 
-    /// Lane by lane the product with the conjugate of `other`.
+    /// The product with the conjugate of `other`, lane by lane.
     #[inline(always)]
     pub(super) fn product_conjugate<const FUSED: bool>(self, other: ComplexLanes) -> ComplexLanes {
         ComplexLanes {
@@ -188,7 +188,7 @@ impl Mul<f32> for ComplexLanes {
     }
 }
 
-/// Rows for columns.
+/// The transpose of an 8×8 matrix.
 #[inline(always)]
 pub(super) fn transposed(rows: &[Lanes; LANES]) -> [Lanes; LANES] {
     let mut columns = [Lanes::default(); LANES];

@@ -1,11 +1,10 @@
-//! The lens as measured: a convolution that varies over the field, and its exact adjoint.
+//! The measured lens: a spatially varying convolution K and its exact adjoint.
 //!
-//! K X = Σₙ Pₙ * (wₙ X): light of each object point is spread by the function that holds *there*,
-//! the functions Pₙ interpolated bilinearly by the weights wₙ (paper Eq. 1; [`LensFunctions`]).
-//! Nothing is seen from outside the canvas. One function reaches k/2 pixels, so everything here is
-//! exact, not cut to tiles. Rows of cells ([`cells`]) are tasks of their own, so that a channel
-//! alone still keeps all cores busy. What a lens scatters wider than its functions reach is in
-//! [`broad`].
+//! K X = Σₙ Pₙ * (wₙ X): the light of each object point is spread by the point spread function at
+//! that point, interpolated bilinearly between the Pₙ with weights wₙ (paper Eq. 1;
+//! [`LensFunctions`]). Light from outside the canvas is zero. The convolution is exact: transforms
+//! are padded by the functions' support. Rows of cells ([`cells`]) run in parallel, so a single
+//! channel uses all cores. Light scattered beyond the functions' support is in [`broad`].
 
 pub(crate) mod broad;
 mod cells;
@@ -35,16 +34,10 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use taps::Correlate;
 
-/// Why functions are no lens model.
+/// Why functions do not make a lens model.
 #[derive(Debug, thiserror::Error)]
 pub enum LensModelError {
-    /// The array has another shape.
-    #[error("the blur grid has shape {found:?}; [rows, columns, 3, k, k] is allowed")]
-    Shape {
-        /// Its shape.
-        found: Vec<usize>,
-    },
-    /// There is no function in the grid.
+    /// The grid is empty.
     #[error(
         "the lens model has {rows} rows of {columns} functions; at least one of one is allowed"
     )]
@@ -54,13 +47,13 @@ pub enum LensModelError {
         /// Columns found.
         columns: usize,
     },
-    /// The support has no middle.
+    /// The support is even.
     #[error("the lens model's functions are {found} px wide; an odd width is allowed")]
     Support {
         /// Width found.
         found: usize,
     },
-    /// Too few or too many taps.
+    /// The number of taps does not match the grid.
     #[error("the lens model has {found} taps in {channel}; {wanted} make its grid")]
     Taps {
         /// Channel.
@@ -70,22 +63,22 @@ pub enum LensModelError {
         /// Number that fits the grid.
         wanted: usize,
     },
-    /// A tap is infinite or not a number.
+    /// A tap is not finite.
     #[error("tap {place} of the lens model in {channel} is not finite; finite numbers are allowed")]
     NotFinite {
         /// Channel.
         channel: &'static str,
-        /// Place of the tap.
+        /// Index of the tap.
         place: usize,
     },
-    /// The broad light is none.
+    /// The broad light is invalid.
     #[error("{found}")]
     Broad {
         /// What is wrong with it.
         found: String,
     },
     /// The photo has no pixels.
-    #[error("the lens model is asked for a photo of {found} pixels; at least 1×1 is allowed")]
+    #[error("the photo of the lens model has {found} pixels; at least 1×1 is allowed")]
     Empty {
         /// Photo size found.
         found: Size,
@@ -112,14 +105,14 @@ pub struct LensModel {
     workspaces: Workspaces,
 }
 
-/// Workspaces not in use; there come to be as many as threads ask at once.
+/// A pool of workspaces, one per concurrent task.
 #[derive(Debug, Default)]
 struct Workspaces(Mutex<Vec<Workspace>>);
 
 impl Workspaces {
-    /// Lends a workspace to `work`.
-    fn lend<R>(&self, work: impl FnOnce(&mut Workspace) -> R) -> R {
-        // A workspace is only put back whole, so a poisoned list is as good as any.
+    /// Runs `work` with a workspace.
+    fn with<R>(&self, work: impl FnOnce(&mut Workspace) -> R) -> R {
+        // The pool is consistent even when poisoned.
         let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut workspace = free().pop().unwrap_or_default();
         let result = work(&mut workspace);
@@ -162,11 +155,11 @@ impl LensModel {
         })
     }
 
-    /// The same lens with `halos` for each channel: of all light so much goes there, and less where
-    /// the functions send it.
+    /// The same lens with `halos` for each channel, whose shares of the light are taken from the
+    /// functions.
     ///
     /// # Errors
-    /// When their radii or shares cannot be.
+    /// When a radius or share is out of range.
     pub fn with_broad_light(
         mut self,
         halos: &[Vec<Halo>; 3],
@@ -179,12 +172,12 @@ impl LensModel {
         Ok(self)
     }
 
-    /// Size of the planes it works on: the photo and its margins.
+    /// Size of the canvas: the photo and its margins.
     pub fn canvas(&self) -> Size {
         self.canvas
     }
 
-    /// The functions it is made of.
+    /// The point spread functions.
     pub fn functions(&self) -> &LensFunctions {
         &self.functions
     }
@@ -192,7 +185,7 @@ impl LensModel {
     /// Replaces the taps of one channel, `[rows][columns][k][k]`, keeping the plans.
     ///
     /// # Errors
-    /// When their number is another, or one is not finite; the model is then unchanged.
+    /// When their number does not match or one is not finite; the model is then unchanged.
     pub fn set_taps(&mut self, channel: Channel, taps: &[f32]) -> Result<(), LensModelError> {
         let old = std::mem::replace(&mut self.functions.taps[channel.index()], taps.to_vec());
         if let Err(wrong) = self.functions.check() {
@@ -203,7 +196,7 @@ impl LensModel {
         Ok(())
     }
 
-    /// The same lens with other `functions`, on a photo and canvas of the same sizes.
+    /// The same model with other `functions` on the same canvas, broad light kept.
     ///
     /// # Errors
     /// When the functions do not make a grid ([`LensFunctions::check`]) or the photo is empty.
@@ -218,11 +211,11 @@ impl LensModel {
         Ok(LensModel { functions, cells, spectra, ..self.clone() })
     }
 
-    /// `out` = K x: what is seen when `x` is shown.
+    /// `out` = K x.
     ///
     /// # Panics
-    /// When a plane has not the canvas's size, which is a bug of the caller. So do the other
-    /// operations.
+    /// This and the other operations panic when a plane does not have the canvas's size, which is a
+    /// bug of the caller.
     pub fn forward(&self, channel: Channel, x: &Plane, out: &mut Plane) {
         assert!(
             x.size() == self.canvas && out.size() == self.canvas,
@@ -235,7 +228,7 @@ impl LensModel {
             .par_iter_mut()
             .enumerate()
             .map(|(row, band)| {
-                self.workspaces.lend(|work| {
+                self.workspaces.with(|work| {
                     let mut spill = vec![0.0; spill_length];
                     let (cells, spill_rows) = (&self.cells, &mut spill[..]);
                     run_fastest(Forward { cells, spectra, x, row, band, spill: spill_rows, work });
@@ -243,7 +236,7 @@ impl LensModel {
                 })
             })
             .collect();
-        // In the order of the rows, whoever computed them: the same sums on any number of threads.
+        // In the order of the rows: the same sums on any number of threads.
         let r = self.cells.support_px / 2;
         for (stretch, spill) in rows.iter().zip(&spills) {
             for (n, light) in spill.chunks_exact(self.canvas.width).enumerate() {
@@ -259,7 +252,7 @@ impl LensModel {
         }
     }
 
-    /// K X in the `channels`, black in others: what is seen when the picture `x` is shown.
+    /// K X in the `channels`, zero in the others.
     pub fn seen(&self, channels: &[Channel], x: &Frame<Work>) -> Frame<Work> {
         let of = |&c: &Channel| {
             let mut plane = Plane::zeros(self.canvas);
@@ -284,14 +277,14 @@ impl LensModel {
         let y = scaled.as_ref().unwrap_or(y);
         self.bands(out).par_iter_mut().enumerate().for_each(|(row, band)| {
             self.workspaces
-                .lend(|work| run_fastest(Adjoint { cells, spectra, y, row, band, work }));
+                .with(|work| run_fastest(Adjoint { cells, spectra, y, row, band, work }));
         });
         if let Some(broad) = broad {
             broad.add_adjoint(y, out);
         }
     }
 
-    /// The rows of `out` that belong to each row of cells.
+    /// The rows of `out`, split by rows of cells.
     fn bands<'a>(&self, out: &'a mut Plane) -> Vec<&'a mut [f32]> {
         let mut rest = out.data_mut();
         let lengths = self.cells.along_y.stretches.iter().map(|stretch| stretch.length);
@@ -300,22 +293,22 @@ impl LensModel {
             .collect()
     }
 
-    /// Gradient of ½‖K x − y‖² with respect to the taps, where `residual` is K x − y: the adjoint
-    /// of taps ↦ K(taps) x, broad light left out. Laid out as [`LensFunctions::taps`].
-    pub fn correlate(&self, _channel: Channel, x: &Plane, residual: &Plane) -> Vec<f32> {
+    /// Gradient of ½‖K x − y‖² with respect to one channel's taps, where `residual` is K x − y: the
+    /// adjoint of taps ↦ K(taps) x, without broad light. Laid out as [`LensFunctions::taps`].
+    pub fn correlate(&self, x: &Plane, residual: &Plane) -> Vec<f32> {
         assert!(
             x.size() == self.canvas && residual.size() == self.canvas,
             "planes have the canvas's size"
         );
         let mut taps = vec![0.0; self.functions.taps[0].len()];
-        self.workspaces.lend(|work| {
+        self.workspaces.with(|work| {
             run_fastest(Correlate { cells: &self.cells, x, residual, taps: &mut taps, work });
         });
         taps
     }
 
-    /// ‖K‖² of one channel: the largest eigenvalue of KᵀK, by `iterations` of the power method from
-    /// random numbers of `seed`. Approached from below.
+    /// ‖K‖² of one channel, the largest eigenvalue of KᵀK, by `iterations` of the power method from
+    /// random numbers of `seed`; approached from below.
     pub fn norm_squared(&self, channel: Channel, iterations: usize, seed: u64) -> f32 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut x = Plane::from_fn(self.canvas, |_, _| random.random::<f32>());

@@ -1,11 +1,10 @@
-//! The lens model written out as sums over pixels and taps: slow, and what the fast form is tested
-//! against.
+//! Reference implementation of the lens model, as sums over pixels and taps, for tests.
 
 use super::LensFunctions;
 use super::interpolation::Interpolation;
 use crate::frame::{Channel, Plane, Size};
 
-/// The grid of functions with its interpolation over the canvas.
+/// A grid of functions with its interpolation over the canvas.
 pub(super) struct Plain<'a> {
     pub(super) functions: &'a LensFunctions,
     pub(super) along_x: &'a Interpolation,
@@ -13,7 +12,7 @@ pub(super) struct Plain<'a> {
 }
 
 impl Plain<'_> {
-    /// The four functions that hold at (x, y), with their weights.
+    /// The four functions interpolated at (x, y), with their weights.
     fn at(&self, x: usize, y: usize) -> [(usize, f32); 4] {
         let (u, v) = (self.along_x.weight[x], self.along_y.weight[y]);
         let (left, right) = (self.along_x.lower[x], self.along_x.upper[x]);
@@ -27,8 +26,7 @@ impl Plain<'_> {
         ]
     }
 
-    /// Calls `visit(object x, y, image x, y, function, weight, tap)` for every pair of pixels the
-    /// lens joins.
+    /// Calls `visit((object x, y), (image x, y), tap index, weight)` for every ray.
     fn for_each_ray(
         &self,
         size: Size,

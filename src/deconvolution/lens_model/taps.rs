@@ -1,12 +1,12 @@
-//! Between taps and spectra: the spectrum of a function, and the gradient of the taps.
+//! Spectra of the functions, and the gradient with respect to their taps.
 
 use rayon::prelude::*;
 
 use super::LensFunctions;
-use super::cells::{Cells, Spectrum, SpectrumOf};
+use super::cells::{CellPlace, Cells, Spectrum, SpectrumOf};
 use super::fast::{Cell, Workspace, lanes_at, pitch};
 use super::fourier::Fourier;
-use super::halves::{Part, frequency_groups, store, up};
+use super::halves::{Part, frequency_groups, inverse, store};
 use super::lanes::{ComplexLanes, LANES};
 use crate::frame::instructions::{Kernel, run_fastest};
 use crate::frame::{Channel, Plane};
@@ -22,8 +22,8 @@ pub(super) fn spectra(cells: &Cells, functions: &LensFunctions, channel: Channel
     cells.spectra.par_iter().map(one).collect()
 }
 
-/// The spectrum of `taps` `[k][k]`, scaled so that a product with a doubled half spectrum,
-/// transformed back, is right.
+/// The half spectrum of `taps` `[k][k]`, scaled for the doubling by [`store`] and the unscaled
+/// inverse.
 fn spectrum(taps: &[f32], k: usize, fx: &Fourier, fy: &Fourier) -> Spectrum {
     let mut spectrum = vec![ComplexLanes::default(); frequency_groups(fy.length()) * fx.length()];
     run_fastest(Transform { taps, k, fx, fy, spectrum: &mut spectrum });
@@ -43,7 +43,7 @@ impl Kernel for Transform<'_> {
     fn run<const FUSED: bool>(self) {
         let Transform { taps, k, fx, fy, spectrum } = self;
         let (nx, ny) = (fx.length(), fy.length());
-        // Once for storing this function doubled, once for storing the picture doubled.
+        // ½ each for the doubled spectra of the function and of the picture.
         let scale = 0.25 / (nx * ny) as f32;
         let mut work = Workspace::default();
         work.fit(nx, ny, false);
@@ -55,14 +55,14 @@ impl Kernel for Transform<'_> {
                 value.re = lanes_at(row, column as isize) * scale;
                 value.im = lanes_at(row, (column + LANES) as isize) * scale;
             }
-            let (found, _) = fy.run::<false>(&mut work.data, &mut work.spare);
+            let (found, _) = fy.run::<false>(&mut work.data, &mut work.scratch);
             store(found, ny, Part::Real, half, pitch, column);
             store(found, ny, Part::Imaginary, half, pitch, column + LANES);
         }
         for (group, out) in spectrum.chunks_exact_mut(nx).enumerate() {
             work.data[..nx].fill(ComplexLanes::default());
             work.data[..k].copy_from_slice(&half[group * pitch..][..k]);
-            let (found, _) = fx.run::<false>(&mut work.data, &mut work.spare);
+            let (found, _) = fx.run::<false>(&mut work.data, &mut work.scratch);
             out.copy_from_slice(found);
         }
     }
@@ -82,22 +82,24 @@ impl Kernel for Correlate<'_> {
     fn run<const FUSED: bool>(self) {
         let Correlate { cells, x, residual, taps, work } = self;
         let k = cells.support_px;
-        for (along_y, along_x, of) in cells.iter() {
-            let cell = Cell::of(cells, along_y, along_x);
+        for place in cells.iter() {
+            let cell = Cell::of(cells, &place);
+            let CellPlace { along_y, along_x, spectra: of } = place;
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let pitch = pitch(nx);
             work.fit(nx, ny, true);
             cell.weighted_halves(x, work);
             cell.reached_half(residual, work);
-            let Workspace { data, spare, sum, halves: [upper, lower, seen], corners } = &mut *work;
+            let Workspace { data, scratch, sum, halves: [upper, lower, seen], corners } =
+                &mut *work;
             for group in 0..frequency_groups(ny) {
                 data[..nx].copy_from_slice(&seen[group * pitch..][..nx]);
                 data[cell.reach().width..nx].fill(ComplexLanes::default());
-                sum[..nx].copy_from_slice(cell.fx.run::<false>(data, spare).0);
+                sum[..nx].copy_from_slice(cell.fx.run::<false>(data, scratch).0);
                 for a in 0..along_y.functions.len() {
                     let half = if a == 0 { &*upper } else { &*lower };
                     for b in 0..along_x.functions.len() {
-                        let (shown, free) = cell.along(half, group, b, data, spare);
+                        let (shown, free) = cell.along(half, group, b, data, scratch);
                         for (value, seen) in shown.iter_mut().zip(sum.iter()) {
                             *value = seen.product_conjugate::<FUSED>(*value);
                         }
@@ -114,8 +116,8 @@ impl Kernel for Correlate<'_> {
                 let place = (function.row * cells.columns + function.column) * k * k;
                 let half = &corners[corner];
                 for column in (0..k).step_by(2 * LANES) {
-                    let both =
-                        up(cell.fy, (half, column), (half, column + LANES), pitch, data, spare);
+                    let columns = [(&half[..], column), (&half[..], column + LANES)];
+                    let both = inverse(cell.fy, columns[0], columns[1], pitch, data, scratch);
                     for (found, row) in
                         both.iter().zip(taps[place..place + k * k].chunks_exact_mut(k))
                     {

@@ -93,7 +93,7 @@ impl Blocks {
                 }
             }
             let noises = passed.iter().zip(&errors).map(|(passed, &(c, error))| {
-                let undone = BlockNoise::undone(passed, error.powi(2), tau(c).powi(2));
+                let undone = BlockNoise::deconvolved(passed, error.powi(2), tau(c).powi(2));
                 undone.scaled(ASSUMED_NOISE).within(observation.rect.x).masked(target.mask)
             });
             let noises: Vec<BlockNoise<'_>> = noises.collect();

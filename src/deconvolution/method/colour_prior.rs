@@ -177,7 +177,8 @@ impl<'a> ColourPrior<'a> {
     pub(super) fn protect_texture(&mut self, observation: &Observation, residuals: &[Plane]) {
         if let Some(along) = &self.along {
             let planes = observation.noisy_planes();
-            self.mask = Cow::Owned(self.mask.spared(&planes, residuals, &along.texture_shares));
+            self.mask =
+                Cow::Owned(self.mask.protect_texture(&planes, residuals, &along.texture_shares));
         }
     }
 

@@ -7,9 +7,6 @@
 //! shows beyond the known d, shrunk by its noise: a defect below the noise is not corrected, and
 //! when a capture shows nothing new, d is complete.
 //!
-//! Where the first capture shows a lens other than the measured one, the model itself is refined by
-//! it ([`crate::deconvolution::refinement`]), and d is the defect of the refined model.
-//!
 //! With block matching as the prior the first capture is of the wavelet solution: its defect hardly
 //! differs, and block matching, most of the cost, runs once and not twice. A scene of nothing but
 //! edges loses by it.
@@ -29,9 +26,7 @@ use super::record::Course;
 use super::{About, Method, MethodError, Problem, ResidualOf, Solution, Watch};
 use crate::deconvolution::data_term::{self, TRUSTED};
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
-use crate::deconvolution::refinement::{Measured, RefinedLens};
 use crate::deconvolution::wavelet::{Details, Scratch, Sym8};
 use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
@@ -77,9 +72,6 @@ pub struct Hybrid {
     /// Factor by which a wrong model shortens the steps of a correction: each level's α is at least
     /// this times the defect's share of the picture's power.
     pub carefulness: f32,
-    /// Whether the first capture may refine the lens model for this photo
-    /// ([`crate::deconvolution::refinement`]).
-    pub refine: bool,
 }
 
 /// The method's properties.
@@ -110,7 +102,7 @@ impl Method for Hybrid {
             if capture == last && last > 1 {
                 break;
             }
-            let Some(defect) = run.find_defect(&mut candidate, capture == 1) else { break };
+            let Some(defect) = run.find_defect(&candidate, capture == 1) else { break };
             let (picture, prediction) = run.correct(&candidate, &defect, watch);
             if capture == last {
                 // The only capture is spent: no light certifies the correction.
@@ -120,7 +112,7 @@ impl Method for Hybrid {
             }
             let seen = problem.capture(optics, &prediction, &picture)?;
             let corrected = Candidate { picture, prediction, seen, defect: Some(defect.light) };
-            candidate.step_towards(&corrected, problem, run.model(), self.longest_step());
+            candidate.step_towards(&corrected, problem, problem.model, self.longest_step());
         }
         Ok(run.finish(candidate))
     }
@@ -150,22 +142,13 @@ struct Run<'a> {
     structure: PhotoStructure,
     course: Course<'a>,
     certificate: Certificate,
-    /// The refined lens, where the first capture shows another than the measured one.
-    refined: Option<Refined>,
-}
-
-/// A lens refined by a capture.
-struct Refined {
-    lens: RefinedLens,
-    /// The model that explains the captures.
-    model: LensModel,
 }
 
 /// A defect to correct.
 struct Defect {
     /// d on the canvas, linear light.
     light: Frame<Work>,
-    /// Whether it, or the refined lens, changes the data term; else block matching alone follows.
+    /// Whether it changes the data term; else block matching alone follows.
     is_correction: bool,
 }
 
@@ -182,13 +165,7 @@ impl<'a> Run<'a> {
             structure: method.digital.analyse(problem),
             course,
             certificate: Certificate::uncertified(problem),
-            refined: None,
         }
-    }
-
-    /// The lens model: the refined one, or the measured one.
-    fn model(&self) -> &LensModel {
-        self.refined.as_ref().map_or(self.problem.model, |refined| &refined.model)
     }
 
     fn channels(&self) -> &'static [Channel] {
@@ -224,28 +201,20 @@ impl<'a> Run<'a> {
     }
 
     /// The defect of the model at `candidate`, with the known one; `None` where the photo is solved
-    /// or hopeless. The first capture may refine the lens.
-    fn find_defect(&mut self, candidate: &mut Candidate, is_first: bool) -> Option<Defect> {
+    /// or hopeless.
+    fn find_defect(&self, candidate: &Candidate, is_first: bool) -> Option<Defect> {
         let (problem, channels) = (self.problem, self.channels());
-        let mut unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
-        if is_first {
-            if self.method.refine {
-                self.refine_lens(candidate, &mut unexplained);
-            }
-            // A refined lens may explain the photo.
-            let is_hopeless = problem.is_hopeless.filter(|_| self.refined.is_none());
-            if is_hopeless.is_some_and(|is_hopeless| is_hopeless(&candidate.prediction)) {
-                return None;
-            }
+        let unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
+        if is_first && problem.is_hopeless.is_some_and(|test| test(&candidate.prediction)) {
+            return None;
         }
         let mut light = self.measure_defect(unexplained, candidate);
         let over_floor = |&c: &Channel| light.plane(c).rms() as f32 / problem.noise_floor(c);
         let size = channels.iter().map(over_floor).fold(0.0, f32::max);
         let is_significant = size > self.method.defect_floor;
-        let is_refined = self.refined.is_some();
         if !is_significant {
-            // Block matching, or the refined lens, has not solved the first candidate yet.
-            let is_unsolved = is_first && (self.method.digital.blocks.is_some() || is_refined);
+            // Block matching has not solved the first candidate yet.
+            let is_unsolved = is_first && self.method.digital.blocks.is_some();
             if !is_unsolved {
                 return None;
             }
@@ -256,28 +225,7 @@ impl<'a> Run<'a> {
                 light.plane_mut(c).add_scaled(1.0, known.plane(c));
             }
         }
-        Some(Defect { light, is_correction: is_significant || is_refined })
-    }
-
-    /// Refines the lens by the capture of `candidate`, if it shows another; the candidate's
-    /// prediction and what it leaves `unexplained` follow.
-    fn refine_lens(&mut self, candidate: &mut Candidate, unexplained: &mut Frame<Work>) {
-        let problem = self.problem;
-        let channels = self.channels();
-        let measured = Measured {
-            photo: problem.observation.rect,
-            channels,
-            trust: &problem.observation.trust,
-            model: problem.model,
-            level_norms: problem.level_norms,
-            capture_noise: problem.capture_noise,
-        };
-        let refined = measured.refine(&candidate.picture, &candidate.seen, unexplained);
-        if let Some((lens, model)) = refined {
-            candidate.prediction = model.seen(channels, &candidate.picture);
-            *unexplained = candidate.seen.unexplained(&candidate.prediction, channels);
-            self.refined = Some(Refined { lens, model });
-        }
+        Some(Defect { light, is_correction: is_significant })
     }
 
     /// What is `unexplained` beyond the known defect, (y − K̂L) − d, with its noise shrunk away;
@@ -334,7 +282,7 @@ impl<'a> Run<'a> {
         let correction = Digital { steps, blocks, ..method.digital };
         let norms = &self.careful_norms(&candidate.picture, &defect.light);
         let PhotoStructure { mask, axes } = &self.structure;
-        let (model, axes) = (self.model(), axes.as_ref());
+        let (model, axes) = (problem.model, axes.as_ref());
         let target = Target { problem, model, data: &data, mask, axes, norms };
         let start =
             Start::Picture { picture: &candidate.picture, prediction: &candidate.prediction };
@@ -354,9 +302,7 @@ impl<'a> Run<'a> {
     /// what K̂ passes. The defect over the picture, level by level, measures it.
     fn careful_norms(&self, picture: &Frame<Work>, defect: &Frame<Work>) -> [LevelNorms; 3] {
         let method = self.method;
-        let refined = self.refined.as_ref();
-        let measured = self.problem.level_norms;
-        let mut norms = refined.map_or(measured, |of| &of.lens.level_norms).clone();
+        let mut norms = self.problem.level_norms.clone();
         let raised = self.channels().par_iter().map(|&c| {
             let wrong = method.detail_powers(defect.plane(c)).into_iter();
             let shares = wrong.zip(method.detail_powers(picture.plane(c)));
@@ -375,18 +321,12 @@ impl<'a> Run<'a> {
     /// The solution that `candidate` is.
     fn finish(mut self, candidate: Candidate) -> Solution {
         let Candidate { picture, prediction, .. } = candidate;
-        let problem = self.problem;
-        // The model residual is the measured lens's.
-        let by_measured =
-            self.refined.is_some().then(|| problem.model.seen(&[Channel::Green], &picture));
-        let by_measured = by_measured.as_ref().unwrap_or(&prediction);
-        self.certificate.model_residual = Some(problem.model_residual(by_measured));
+        self.certificate.model_residual = Some(self.problem.model_residual(&prediction));
         Solution {
             picture,
             prediction: Some(prediction),
             record: self.course.record,
             certificate: self.certificate,
-            refined: self.refined.map(|refined| refined.lens),
         }
     }
 }

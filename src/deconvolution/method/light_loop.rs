@@ -8,7 +8,7 @@ use super::record::Course;
 use super::{Momentum, ResidualOf, Strength, Watch};
 use crate::deconvolution::data_term;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::wavelet_shrinkage::{Prior, Shrinkage, ShrinkageScratch};
+use crate::deconvolution::wavelet_shrinkage::{Shrinkage, ShrinkageScratch};
 use crate::frame::{Channel, FULL_SCALE, Frame, Work};
 
 /// The loop's parameters.

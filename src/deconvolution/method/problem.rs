@@ -12,7 +12,6 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::observation::Observation;
 use crate::deconvolution::panel_beat;
-use crate::deconvolution::refinement::RefinedLens;
 use crate::deconvolution::registration::{Comparison, Registration, common_mask};
 use crate::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use crate::remedy::{AnyFailure, Remediable, Remedy};
@@ -72,7 +71,7 @@ impl<'a> Problem<'a> {
         found.undo(&mut seen, prediction, channels);
         if let Some(columns) = optics.panel_columns() {
             let (valid, mosaic) = ((trust, rect), self.capture_mosaic);
-            panel_beat::take_out(&mut seen, prediction, valid, columns, mosaic, channels);
+            panel_beat::remove_beats(&mut seen, prediction, valid, columns, mosaic, channels);
         }
         Ok(seen)
     }
@@ -163,21 +162,18 @@ pub(super) struct Target<'a> {
 pub struct Solution {
     /// L on the canvas, linear light.
     pub picture: Frame<Work>,
-    /// K̂L in the solved channels, where the method computed it: by the measured lens, or by the
-    /// refined one.
+    /// K̂L in the solved channels, where the method computed it.
     pub prediction: Option<Frame<Work>>,
     /// The iterations.
     pub record: IterationRecord,
     /// Its measured residuals.
     pub certificate: Certificate,
-    /// The lens refined by the photo's captures, where they show another than the measured one.
-    pub refined: Option<RefinedLens>,
 }
 
 impl Solution {
-    /// A solution by the measured lens, without a prediction.
+    /// A solution without a prediction.
     pub fn of(picture: Frame<Work>, record: IterationRecord, certificate: Certificate) -> Solution {
-        Solution { picture, prediction: None, record, certificate, refined: None }
+        Solution { picture, prediction: None, record, certificate }
     }
 }
 

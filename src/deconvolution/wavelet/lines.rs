@@ -1,7 +1,7 @@
-//! One level's filters along rows and columns, apart and together again.
+//! Filter banks of one level along rows and columns.
 //!
-//! Every pass fills its output row by row, and rows do not need each other: it may be divided into
-//! tasks of whole rows.
+//! The rows of each pass's output are independent, so a pass can run as parallel tasks of whole
+//! rows.
 
 use rayon::prelude::*;
 
@@ -9,62 +9,59 @@ use super::two_sums::two_sums;
 use super::{LOW, high};
 use crate::frame::Size;
 
-/// Columns filtered at a time on the way down, so that the sixteen rows stay in the nearest cache
-/// (16 · 256 · 4 bytes = 16 KiB).
+/// Columns filtered at a time along y: sixteen rows of them fit the L1 cache (16 KiB).
 const COLUMNS_AT_A_TIME: usize = 256;
 
-/// The filters, and how many pixels one task takes.
+/// The filters, and the size of parallel tasks.
 #[derive(Debug, Clone)]
 pub(super) struct Lines {
     analysis: [[f32; 16]; 2],
     synthesis: [[f32; 16]; 2],
-    /// Without it everything is one task, and stays on the caller's thread.
-    pixels_a_task: Option<usize>,
+    /// Pixels per task; `None` runs on the caller's thread.
+    pixels_per_task: Option<usize>,
 }
 
 impl Lines {
     pub(super) fn new() -> Self {
         let high = high();
-        // Analysis reads rows 2o+8−j, j = 0..16, that is taps as they are; synthesis of pixels 2k−1
-        // and 2k reads averages and details k−4..k+4, with the odd taps for the first and the even
-        // ones for the second.
+        // Analysis reads rows 2o+8−j, j = 0..16, with the taps in order. Synthesis of pixels 2k−1
+        // and 2k reads averages and details k−4..k+4, with odd and even taps respectively.
         let analysis = [LOW.map(|v| v as f32), high.map(|v| v as f32)];
-        let taken = |odd: usize| {
+        let every_second = |odd: usize| {
             std::array::from_fn(|j| {
                 (if j < 8 { LOW[2 * j + odd] } else { high[2 * (j - 8) + odd] }) as f32
             })
         };
-        Lines { analysis, synthesis: [taken(1), taken(0)], pixels_a_task: None }
+        Lines { analysis, synthesis: [every_second(1), every_second(0)], pixels_per_task: None }
     }
 
-    /// The same in tasks of about `pixels`.
-    pub(super) fn divided(self, pixels: usize) -> Self {
-        Lines { pixels_a_task: Some(pixels), ..self }
+    /// The same in parallel tasks of about `pixels`.
+    pub(super) fn parallel(self, pixels: usize) -> Self {
+        Lines { pixels_per_task: Some(pixels), ..self }
     }
 
-    /// Filters along the rows of `input`, turned by `turn`, into `low` and `high`, which get half
-    /// its width.
-    pub(super) fn rows_apart(
+    /// Filters the rows of `input`, shifted by `shift`, into `low` and `high` of half its width.
+    pub(super) fn analyse_rows(
         &self,
         input: &[f32],
         size: Size,
-        turn: usize,
+        shift: usize,
         low: &mut Vec<f32>,
         high: &mut Vec<f32>,
     ) {
         let half = size.width.div_ceil(2);
         fit(low, half * size.height);
         fit(high, half * size.height);
-        let turn = turn % size.width;
+        let shift = shift % size.width;
         self.on_two(low, high, half, |first, low, high| {
-            // Even and odd pixels apart, four more periods' pixels on either side.
+            // Even and odd pixels separated and extended periodically by four.
             let (mut even, mut odd) = (vec![0.0; half + 8], vec![0.0; half + 8]);
-            let mut turned = vec![0.0; if turn == 0 { 0 } else { size.width }];
+            let mut rotated = vec![0.0; if shift == 0 { 0 } else { size.width }];
             let rows = input[first * size.width..].chunks_exact(size.width);
             for ((row, low), high) in
                 rows.zip(low.chunks_exact_mut(half)).zip(high.chunks_exact_mut(half))
             {
-                let row = if turn == 0 { row } else { turned_by(turn, row, &mut turned) };
+                let row = if shift == 0 { row } else { rotate(shift, row, &mut rotated) };
                 split(row, &mut even[4..half + 4], &mut odd[4..half + 4]);
                 wrap(&mut even, half);
                 wrap(&mut odd, half);
@@ -78,25 +75,25 @@ impl Lines {
         });
     }
 
-    /// Filters along the columns of `input`, `height` rows of `to.width` turned by `turn`, into
+    /// Filters the columns of `input`, `height` rows of `to.width` shifted by `shift`, into
     /// averages and details.
-    pub(super) fn columns_apart(
+    pub(super) fn analyse_columns(
         &self,
         input: &[f32],
         height: usize,
         to: Size,
-        turn: usize,
+        shift: usize,
         (low, high): (&mut [f32], &mut [f32]),
     ) {
         let width = to.width;
         let even = 2 * to.height;
-        let row_of = |place: usize| ((place % even).min(height - 1) + turn) % height;
+        let row_of = |place: usize| ((place % even).min(height - 1) + shift) % height;
         self.on_two(low, high, width, |first, low, high| {
             for start in (0..width).step_by(COLUMNS_AT_A_TIME) {
                 let columns = COLUMNS_AT_A_TIME.min(width - start);
                 let outputs = low.chunks_exact_mut(width).zip(high.chunks_exact_mut(width));
                 for (o, (low, high)) in (first..).zip(outputs) {
-                    // 16 more periods keep the place positive for planes of few rows.
+                    // 16 periods more keep the index positive for planes of few rows.
                     let rows: [&[f32]; 16] = std::array::from_fn(|j| {
                         &input[row_of(2 * o + 8 + 16 * even - j) * width + start..][..columns]
                     });
@@ -111,9 +108,9 @@ impl Lines {
         });
     }
 
-    /// Transpose of [`Lines::columns_apart`] without turning: `out` gets 2 · `from.height` rows
-    /// from averages and details, the last of them first.
-    pub(super) fn columns_together(
+    /// The transpose of [`Lines::analyse_columns`] without its shift: 2 · `from.height` rows, the
+    /// last one first.
+    pub(super) fn synthesise_columns(
         &self,
         low: &[f32],
         high: &[f32],
@@ -130,7 +127,7 @@ impl Lines {
                         let band = if j < 8 { low } else { high };
                         &band[(k + 4 * half - 4 + j % 8) % half * width + start..][..columns]
                     });
-                    // Pixels 2k−1 and 2k: with the last row first they are neighbours for every k.
+                    // With the last row first, pixels 2k−1 and 2k are adjacent for every k.
                     let (before, here) = pair.split_at_mut(width);
                     let (before, here) =
                         (&mut before[start..][..columns], &mut here[start..][..columns]);
@@ -140,9 +137,9 @@ impl Lines {
         });
     }
 
-    /// Transpose of [`Lines::rows_apart`]: rows of `to.width` from what [`Lines::columns_together`]
-    /// made of averages and details of size `from`, turned back by `shift`.
-    pub(super) fn rows_together(
+    /// The transpose of [`Lines::analyse_rows`] and of the column shift: rows of `to.width` from
+    /// the output of [`Lines::synthesise_columns`] with averages and details of size `from`.
+    pub(super) fn synthesise_rows(
         &self,
         (low, high): (&[f32], &[f32]),
         from: Size,
@@ -151,13 +148,13 @@ impl Lines {
         out: &mut [f32],
     ) {
         let half = from.width;
-        let (turn, turn_rows) = (shift.0 % to.width, shift.1 % to.height);
+        let (shift, shift_rows) = (shift.0 % to.width, shift.1 % to.height);
         self.on_rows(out, to.width, |first, out| {
             let [mut averages, mut details, mut odd, mut even] =
                 [(); 4].map(|()| vec![0.0; half + 8]);
-            let mut turned = vec![0.0; if turn == 0 { 0 } else { to.width }];
+            let mut rotated = vec![0.0; if shift == 0 { 0 } else { to.width }];
             for (y, row) in (first..).zip(out.chunks_exact_mut(to.width)) {
-                let source = ((y + to.height - turn_rows) % to.height + 1) % (2 * from.height);
+                let source = ((y + to.height - shift_rows) % to.height + 1) % (2 * from.height);
                 averages[4..half + 4].copy_from_slice(&low[source * half..][..half]);
                 details[4..half + 4].copy_from_slice(&high[source * half..][..half]);
                 wrap(&mut averages, half);
@@ -166,19 +163,19 @@ impl Lines {
                     std::array::from_fn(|j| if j < 8 { &averages[j..] } else { &details[j - 8..] });
                 two_sums(&rows, &self.synthesis, &mut odd[..half], &mut even[..half]);
                 odd[half] = odd[0]; // x[−1] is x[2·half − 1]
-                if turn == 0 {
+                if shift == 0 {
                     join(&even[..half], &odd[1..half + 1], row);
                 } else {
-                    join(&even[..half], &odd[1..half + 1], &mut turned);
-                    turned_by(to.width - turn, &turned, row);
+                    join(&even[..half], &odd[1..half + 1], &mut rotated);
+                    rotate(to.width - shift, &rotated, row);
                 }
             }
         });
     }
 
-    /// `work` on the rows of `out`, told the first of its task.
+    /// Calls `work` with the first row's index and the rows of each task of `out`.
     fn on_rows(&self, out: &mut [f32], width: usize, work: impl Fn(usize, &mut [f32]) + Sync) {
-        match self.rows_a_task(out.len(), width) {
+        match self.rows_per_task(out.len(), width) {
             None => work(0, out),
             Some(rows) => {
                 let tasks = out.par_chunks_mut(rows * width).enumerate();
@@ -187,7 +184,7 @@ impl Lines {
         }
     }
 
-    /// [`Lines::on_rows`] with two outputs.
+    /// [`Lines::on_rows`] for two outputs.
     fn on_two(
         &self,
         a: &mut [f32],
@@ -195,7 +192,7 @@ impl Lines {
         width: usize,
         work: impl Fn(usize, &mut [f32], &mut [f32]) + Sync,
     ) {
-        match self.rows_a_task(a.len(), width) {
+        match self.rows_per_task(a.len(), width) {
             None => work(0, a, b),
             Some(rows) => {
                 let tasks =
@@ -205,29 +202,28 @@ impl Lines {
         }
     }
 
-    /// Rows of `width` a task takes, if `length` numbers are more than one task.
-    fn rows_a_task(&self, length: usize, width: usize) -> Option<usize> {
-        let rows = (self.pixels_a_task? / width.max(1)).max(1);
+    /// Rows of `width` per task, if `length` numbers are more than one task.
+    fn rows_per_task(&self, length: usize, width: usize) -> Option<usize> {
+        let rows = (self.pixels_per_task? / width.max(1)).max(1);
         (length > rows * width).then_some(rows)
     }
 }
 
-/// Makes `line` as long as `length`, and not longer: growing by itself it would take twice the
-/// room.
+/// Resizes `line` without the usual spare capacity.
 fn fit(line: &mut Vec<f32>, length: usize) {
     line.reserve_exact(length.saturating_sub(line.len()));
     line.resize(length, 0.0);
 }
 
-/// `row` turned so that its pixel `turn` comes first, in `turned`.
-fn turned_by<'a>(turn: usize, row: &[f32], turned: &'a mut [f32]) -> &'a [f32] {
-    let (head, tail) = row.split_at(turn);
-    turned[..tail.len()].copy_from_slice(tail);
-    turned[tail.len()..].copy_from_slice(head);
-    turned
+/// `row` rotated into `rotated`, so that its pixel `shift` comes first.
+fn rotate<'a>(shift: usize, row: &[f32], rotated: &'a mut [f32]) -> &'a [f32] {
+    let (head, tail) = row.split_at(shift);
+    rotated[..tail.len()].copy_from_slice(tail);
+    rotated[tail.len()..].copy_from_slice(head);
+    rotated
 }
 
-/// The pixels of `row` to `even` and `odd` in turn; the last one twice when their number is odd.
+/// Separates even and odd pixels of `row`, the last one repeated when their number is odd.
 fn split(row: &[f32], even: &mut [f32], odd: &mut [f32]) {
     for ((pair, e), o) in row.chunks_exact(2).zip(even.iter_mut()).zip(odd.iter_mut()) {
         (*e, *o) = (pair[0], pair[1]);
@@ -237,7 +233,7 @@ fn split(row: &[f32], even: &mut [f32], odd: &mut [f32]) {
     }
 }
 
-/// Undoes [`split`].
+/// The inverse of [`split`].
 fn join(even: &[f32], odd: &[f32], row: &mut [f32]) {
     let mut pairs = row.chunks_exact_mut(2);
     for ((pair, e), o) in (&mut pairs).zip(even).zip(odd) {
@@ -248,7 +244,7 @@ fn join(even: &[f32], odd: &[f32], row: &mut [f32]) {
     }
 }
 
-/// Continues `line[4..half + 4]` periodically by four on either side.
+/// Extends `line[4..half + 4]` periodically by four on either side.
 fn wrap(line: &mut [f32], half: usize) {
     for i in 0..4 {
         line[i] = line[4 + (i + 4 * half - 4) % half];

@@ -1,11 +1,10 @@
-//! Symlets 8: orthonormal analysis and synthesis, periodised (paper Eq. 3).
+//! The periodised orthonormal wavelet transform with Symlets 8 (paper Eq. 3).
 //!
-//! One step turns a line x of even length N into N/2 averages a and N/2 details d,
-//! a\[o\] = Σⱼ lo\[j\] x\[(2o + 8 − j) mod N\] and the same with hi, which is an orthonormal change
-//! of basis for every even N; synthesis is its transpose. A line of odd length first has its last
-//! pixel repeated once, and synthesis drops it again (PyWavelets' "periodization" does the same):
-//! reconstruction stays perfect, the repeated pixel alone keeps that border from being orthonormal.
-//! A plane whose sides are multiples of 2^levels never meets this.
+//! One level transforms a line x of even length N into N/2 averages a and N/2 details d,
+//! a\[o\] = Σⱼ lo\[j\] x\[(2o + 8 − j) mod N\] and likewise d with hi: an orthonormal change of
+//! basis, whose transpose is the synthesis. A line of odd length is extended by its last pixel,
+//! which synthesis drops (as PyWavelets' "periodization" does): reconstruction is perfect, but the
+//! basis is not orthonormal at that border. Planes whose sides are multiples of 2^levels have none.
 
 mod lines;
 mod two_sums;
@@ -15,7 +14,7 @@ use rayon::prelude::*;
 use crate::frame::{Plane, STRETCH, Size};
 use lines::Lines;
 
-/// Low-pass analysis filter of Symlets 8, to double precision, as tabulated by PyWavelets.
+/// Low-pass analysis filter of Symlets 8, from PyWavelets.
 const LOW: [f64; 16] = [
     -0.003_382_415_951_006_125_6,
     -0.000_542_132_331_791_148_1,
@@ -35,38 +34,36 @@ const LOW: [f64; 16] = [
     0.001_889_950_332_759_459_4,
 ];
 
-/// High-pass analysis filter: the low-pass one reversed with alternating signs.
+/// High-pass analysis filter: the low-pass filter reversed, with alternating signs.
 fn high() -> [f64; 16] {
     std::array::from_fn(|j| if j % 2 == 0 { -LOW[15 - j] } else { LOW[15 - j] })
 }
 
-/// The three detail bands of one level, each half the size of the plane they describe.
+/// The three detail bands of one level, each half the size of its input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Details {
-    /// Changes from row to row (horizontal edges).
+    /// High-pass along y: horizontal edges.
     pub horizontal: Plane,
-    /// Changes from column to column (vertical edges).
+    /// High-pass along x: vertical edges.
     pub vertical: Plane,
-    /// Changes in both directions.
+    /// High-pass along both.
     pub diagonal: Plane,
 }
 
-/// A plane as seen by the wavelet.
+/// Wavelet coefficients of a plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coefficients {
-    /// What is left after the last level.
+    /// The approximation after the last level.
     pub approximation: Plane,
     /// The details, finest level first.
     pub details: Vec<Details>,
 }
 
 impl Coefficients {
-    /// Multiplies level by level: the details by `factors`, finest first, the approximation by the
-    /// last of them.
+    /// Multiplies the details of each level, finest first, and the approximation by `factors`.
     ///
     /// # Panics
-    /// When there is not one factor for each level and one for the approximation, which is a bug of
-    /// the caller.
+    /// Unless there is one factor for each level and one for the approximation.
     pub fn scale_levels(&mut self, factors: &[f32]) {
         assert!(
             factors.len() == self.details.len() + 1,
@@ -89,12 +86,12 @@ impl Details {
 /// The transform of planes of one size.
 #[derive(Debug, Clone)]
 pub struct Sym8 {
-    /// Sizes of the approximations, the plane's own first.
+    /// Sizes of the plane and of each level's approximation.
     sizes: Vec<Size>,
     lines: Lines,
 }
 
-/// Memory a transform works in; any may be used with any transform, and grows to what is needed.
+/// Buffers of a transform of any size.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     low: Vec<f32>,
@@ -103,7 +100,7 @@ pub struct Scratch {
 }
 
 impl Sym8 {
-    /// The transform of planes of size `size` in `levels` levels (4 is the house's choice).
+    /// The transform of planes of `size` with `levels` levels.
     pub fn new(size: Size, levels: usize) -> Self {
         let mut sizes = vec![size];
         for level in 0..levels {
@@ -112,13 +109,13 @@ impl Sym8 {
         Sym8 { sizes, lines: Lines::new() }
     }
 
-    /// The same transform, each plane's lines divided among the cores.
+    /// The same transform, run in parallel.
     #[must_use]
-    pub fn divided(self) -> Self {
-        Sym8 { lines: self.lines.divided(STRETCH), ..self }
+    pub fn parallel(self) -> Self {
+        Sym8 { lines: self.lines.parallel(STRETCH), ..self }
     }
 
-    /// Size of the planes it transforms.
+    /// Size of the planes.
     pub fn size(&self) -> Size {
         self.sizes[0]
     }
@@ -129,7 +126,7 @@ impl Sym8 {
     }
 
     /// Whether `coefficients` have the sizes of this transform.
-    pub(super) fn owns(&self, coefficients: &Coefficients) -> bool {
+    pub(super) fn fits(&self, coefficients: &Coefficients) -> bool {
         coefficients.approximation.size() == self.sizes[self.levels()]
             && coefficients.details.len() == self.levels()
             && coefficients
@@ -139,7 +136,7 @@ impl Sym8 {
                 .all(|(d, &size)| d.diagonal.size() == size)
     }
 
-    /// Coefficients of the right sizes, all zero.
+    /// Coefficients of this transform's sizes, all zero.
     pub fn zeros(&self) -> Coefficients {
         let details = self.sizes[1..]
             .iter()
@@ -152,16 +149,16 @@ impl Sym8 {
         Coefficients { approximation: Plane::zeros(self.sizes[self.levels()]), details }
     }
 
-    /// The coefficients of `plane`.
+    /// Computes the coefficients of `plane`.
     ///
     /// # Panics
-    /// When `plane` or `out` is of another size than the transform, which is a bug of the caller.
+    /// When `plane` or `out` has another size than the transform.
     pub fn analyse(&self, plane: &Plane, out: &mut Coefficients, scratch: &mut Scratch) {
         self.analyse_shifted(plane, (0, 0), out, scratch);
     }
 
-    /// The coefficients of `plane` turned cyclically so that its pixel `shift` (column, row) comes
-    /// first.
+    /// Computes the coefficients of `plane` shifted cyclically so that pixel `shift` (column, row)
+    /// comes first.
     pub fn analyse_shifted(
         &self,
         plane: &Plane,
@@ -176,18 +173,18 @@ impl Sym8 {
             let (input, shift) =
                 if level == 0 { (plane.data(), shift) } else { (&approximation[..], (0, 0)) };
             let Scratch { low, high, .. } = &mut *scratch;
-            self.lines.rows_apart(input, from, shift.0, low, high);
+            self.lines.analyse_rows(input, from, shift.0, low, high);
             let Details { horizontal, vertical, diagonal } = &mut out.details[level];
             approximation.resize(to.area(), 0.0);
             let (height, turn) = (from.height, shift.1);
-            self.lines.columns_apart(
+            self.lines.analyse_columns(
                 low,
                 height,
                 to,
                 turn,
                 (&mut approximation, horizontal.data_mut()),
             );
-            self.lines.columns_apart(
+            self.lines.analyse_columns(
                 high,
                 height,
                 to,
@@ -206,16 +203,15 @@ impl Sym8 {
         scratch.approximation = approximation;
     }
 
-    /// The plane that has the coefficients `coefficients`.
+    /// Computes the plane of `coefficients`.
     ///
     /// # Panics
-    /// When `out` or the coefficients are of another size than the transform, which is a bug of the
-    /// caller.
+    /// When `out` or the coefficients have another size than the transform.
     pub fn synthesise(&self, coefficients: &Coefficients, out: &mut Plane, scratch: &mut Scratch) {
         self.synthesise_shifted(coefficients, (0, 0), out, scratch);
     }
 
-    /// Undoes [`Sym8::analyse_shifted`].
+    /// The inverse of [`Sym8::analyse_shifted`].
     pub fn synthesise_shifted(
         &self,
         coefficients: &Coefficients,
@@ -240,15 +236,15 @@ impl Sym8 {
             let Details { horizontal, vertical, diagonal } = &coefficients.details[level];
             let shift = if level == 0 { shift } else { (0, 0) };
             let Scratch { low, high, .. } = &mut *scratch;
-            self.lines.columns_together(&approximation, horizontal.data(), from, low);
-            self.lines.columns_together(vertical.data(), diagonal.data(), from, high);
+            self.lines.synthesise_columns(&approximation, horizontal.data(), from, low);
+            self.lines.synthesise_columns(vertical.data(), diagonal.data(), from, high);
             let output = if level == 0 {
                 out.data_mut()
             } else {
                 approximation.resize(to.area(), 0.0);
                 &mut approximation[..]
             };
-            self.lines.rows_together((low, high), from, to, shift, output);
+            self.lines.synthesise_rows((low, high), from, to, shift, output);
         }
         scratch.approximation = approximation;
     }

@@ -1,5 +1,4 @@
-//! Symlets 8 against PyWavelets' golden arrays, against its definition, and for the laws it must
-//! hold.
+//! Symlets 8 against golden arrays of PyWavelets, its definition and its properties.
 
 use std::path::Path;
 
@@ -26,8 +25,8 @@ fn largest_difference(a: &Plane, b: &Plane) -> f32 {
     a.data().iter().zip(b.data()).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max)
 }
 
-/// One step along one line, from the definition at the head of the module, in double precision.
-fn line_apart(x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+/// One level along a line by the definition in the module's documentation, in double precision.
+fn analyse_line(x: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let mut x = x.to_vec();
     if x.len() % 2 == 1 {
         x.push(x[x.len() - 1]);
@@ -41,16 +40,16 @@ fn line_apart(x: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (filter(LOW), filter(high()))
 }
 
-/// One level of the plane from [`line_apart`]: approximation, horizontal, vertical, diagonal.
-fn level_apart(plane: &Plane) -> [Plane; 4] {
+/// One level of a plane by [`analyse_line`]: approximation, horizontal, vertical, diagonal.
+fn analyse_level(plane: &Plane) -> [Plane; 4] {
     let half = Size::new(plane.width().div_ceil(2), plane.height().div_ceil(2));
     let rows: Vec<_> = (0..plane.height())
-        .map(|y| line_apart(&plane.row(y).iter().map(|&v| f64::from(v)).collect::<Vec<_>>()))
+        .map(|y| analyse_line(&plane.row(y).iter().map(|&v| f64::from(v)).collect::<Vec<_>>()))
         .collect();
     let mut bands = [0; 4].map(|_| Plane::zeros(half));
     for x in 0..half.width {
-        let low = line_apart(&rows.iter().map(|row| row.0[x]).collect::<Vec<_>>());
-        let high = line_apart(&rows.iter().map(|row| row.1[x]).collect::<Vec<_>>());
+        let low = analyse_line(&rows.iter().map(|row| row.0[x]).collect::<Vec<_>>());
+        let high = analyse_line(&rows.iter().map(|row| row.1[x]).collect::<Vec<_>>());
         for (band, values) in bands.iter_mut().zip([low.0, low.1, high.0, high.1]) {
             for (y, &value) in values.iter().enumerate() {
                 band.set(x, y, value as f32);
@@ -86,7 +85,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn any_size_is_its_definition_and_comes_back(
+    fn any_size_matches_the_definition_and_is_reconstructed(
         width in 1usize..70, height in 1usize..40, levels in 0usize..6, seed: u64,
         sx in 0usize..100, sy in 0usize..100,
     ) {
@@ -97,7 +96,7 @@ proptest! {
         transform.analyse(&x, &mut found, &mut scratch);
         let mut approximation = x.clone();
         for details in &found.details {
-            let [a, h, v, d] = level_apart(&approximation);
+            let [a, h, v, d] = analyse_level(&approximation);
             prop_assert!(largest_difference(&details.horizontal, &h) < 1e-5);
             prop_assert!(largest_difference(&details.vertical, &v) < 1e-5);
             prop_assert!(largest_difference(&details.diagonal, &d) < 1e-5);
@@ -107,7 +106,7 @@ proptest! {
         transform.synthesise(&found, &mut back, &mut scratch);
         prop_assert!(largest_difference(&back, &x) < 1e-5);
 
-        // Turning the plane first, or inside the transform, is the same.
+        // Shifting the plane before the transform is the same as inside.
         let turned = Plane::from_fn(size, |i, j| x.at((i + sx) % width, (j + sy) % height));
         let mut inside = transform.zeros();
         transform.analyse(&turned, &mut found, &mut scratch);
@@ -147,18 +146,18 @@ fn the_basis_is_orthonormal() {
 }
 
 #[test]
-fn divided_among_the_cores_the_transform_is_the_same() {
+fn the_parallel_transform_is_the_same() {
     for size in [Size::new(517, 389), Size::new(640, 480)] {
         let (plane, shift) = (random_plane(size, 5), (5, 3));
-        let mut made = [Sym8::new(size, 3), Sym8::new(size, 3).divided()].map(|transform| {
+        let mut made = [Sym8::new(size, 3), Sym8::new(size, 3).parallel()].map(|transform| {
             let (mut found, mut scratch) = (transform.zeros(), Scratch::default());
             transform.analyse_shifted(&plane, shift, &mut found, &mut scratch);
             let mut back = Plane::zeros(size);
             transform.synthesise_shifted(&found, shift, &mut back, &mut scratch);
             (found, back)
         });
-        let [(whole, back), (divided, back_divided)] = &mut made;
-        assert!(whole == divided && back == back_divided, "{size}");
+        let [(serial, back), (parallel, back_parallel)] = &mut made;
+        assert!(serial == parallel && back == back_parallel, "{size}");
         assert!(largest_difference(back, &plane) < 1e-5);
     }
 }

@@ -1,11 +1,10 @@
-//! Two weighted sums over the same sixteen rows: the one inner loop of the wavelet transform.
-//!
-//! Analysis and synthesis, along rows and along columns, all come down to it.
+//! Two weighted sums over the same sixteen rows: the inner loop of analysis and synthesis, along
+//! rows and along columns.
 
 use crate::frame::instructions::{Kernel, multiply_add, run_fastest};
 
-/// `out[c][i]` = Σⱼ `taps[c][j]` · `rows[j][i]` for c = 0, 1. Rows must be at least as long as the
-/// outputs, which have one length.
+/// `out[c][i]` = Σⱼ `taps[c][j]` · `rows[j][i]` for c = 0 (`first`) and 1 (`second`), which have
+/// one length; rows are at least as long.
 pub(super) fn two_sums(
     rows: &[&[f32]; 16],
     taps: &[[f32; 16]; 2],
@@ -22,7 +21,7 @@ struct TwoSums<'a> {
     second: &'a mut [f32],
 }
 
-/// Pixels summed at a time, so that both sums stay in registers.
+/// Pixels summed at a time: both sums stay in registers.
 const LANES: usize = 16;
 
 impl Kernel for TwoSums<'_> {

@@ -1,40 +1,43 @@
-//! Shrinkage of details in clusters: each is drawn towards zero by the threshold's share of its
-//! neighbourhood.
+//! Shrinkage of details by the power of their neighbourhood.
 //!
 //! v ← v · max(0, 1 − t/√P), where P is the mean power of the 3×3 details about v, weighted (1 2
-//! 1)/4 both ways and periodised as the transform is. Among details of its own size v is drawn by
-//! t, as soft thresholding does; alone it is drawn by 2t, and goes although it is large ("windowed
-//! group lasso": Kowalski & Torrésani 2009, "Sparsity and persistence").
+//! 1)/4 along both axes and periodic like the transform. Among details of its own size v shrinks by
+//! t, as in soft thresholding; isolated by 2t ("windowed group lasso": Kowalski & Torrésani 2009,
+//! "Sparsity and persistence").
 
 use crate::frame::Plane;
 use crate::frame::instructions::{Kernel, run_fastest};
 
-/// Draws all of `band` by `threshold`, times `factors` place by place if there are any; `rows` is
-/// memory to work in.
-pub(super) fn draw(band: &mut Plane, threshold: f32, factors: Option<&Plane>, rows: &mut Vec<f32>) {
+/// Shrinks `band` by `threshold`, times `factors` pixel by pixel if given; `rows` is scratch.
+pub(super) fn shrink(
+    band: &mut Plane,
+    threshold: f32,
+    factors: Option<&Plane>,
+    rows: &mut Vec<f32>,
+) {
     if threshold <= 0.0 || band.size().area() == 0 {
         return;
     }
     rows.resize(5 * band.width() + (band.width() + 2), 0.0);
     rows[..band.width()].fill(1.0);
     let factors = factors.filter(|factors| factors.size() == band.size());
-    run_fastest(Draw { band, threshold, factors, rows });
+    run_fastest(Shrink { band, threshold, factors, rows });
 }
 
-struct Draw<'a> {
+struct Shrink<'a> {
     band: &'a mut Plane,
     threshold: f32,
     factors: Option<&'a Plane>,
     rows: &'a mut [f32],
 }
 
-impl Kernel for Draw<'_> {
+impl Kernel for Shrink<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Draw { band, threshold, factors, rows } = self;
+        let Shrink { band, threshold, factors, rows } = self;
         let (width, height) = (band.width(), band.height());
-        // The powers of the first row, of the row above, of this one and of the one below, as they
-        // were; then their weighted sums.
+        // The original powers of the first row, the row above, this row and the row below, then
+        // their weighted sums.
         let (ones, rows) = rows.split_at_mut(width);
         let (first, rows) = rows.split_at_mut(width);
         let (mut above, rest) = rows.split_at_mut(width);
@@ -61,7 +64,7 @@ impl Kernel for Draw<'_> {
                 row.iter_mut().zip(left).zip(middle).zip(right).zip(factors)
             {
                 let power = (l + 2.0 * m + r) * (1.0 / 16.0);
-                // A power of nothing gives an infinite quotient, and the detail is zero anyway.
+                // Where the power is 0 the detail is 0, too.
                 *value *= (1.0 - threshold * factor / power.max(f32::MIN_POSITIVE).sqrt()).max(0.0);
             }
             (above, here, below) = (here, below, above);

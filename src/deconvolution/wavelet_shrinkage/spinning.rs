@@ -1,38 +1,37 @@
-//! Cycle spinning level by level: the mean of the shrunk pictures over all shifts of the finest
-//! levels.
+//! Cycle spinning level by level: the mean of shrunk planes over all shifts of the finest levels.
 //!
-//! A transform of n levels has 4ⁿ shifts, but one level alone has four. Spinning each of the finest
-//! [`EVERYWHERE`] levels over its four, and the approximations below them over one each, costs four
-//! one-level transforms of the plane for every spun level: over 16 shifts for the price of seven
-//! whole ones. What is spun this way does not see where the grid lies; no choice of shifts is left
-//! to do well or badly.
+//! A transform of n levels has 4ⁿ shifts, a single level has four. Averaging each of the finest
+//! [`EVERYWHERE`] levels over its four shifts, and coarser levels over one, costs four one-level
+//! transforms of the plane per averaged level: 16 shifts for the price of seven whole transforms.
+//! The averaged levels are invariant to translation.
 
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::draw;
+use super::shrink_band;
 use crate::deconvolution::detail_mask::DetailMask;
 use crate::deconvolution::wavelet::{Coefficients, Scratch, Sym8};
 use crate::frame::{Plane, STRETCH, Size};
 
-/// Levels spun over all their shifts. Coarser ones turn with the step.
+/// Number of levels averaged over all shifts. Coarser levels change their shift with the step.
 pub(in crate::deconvolution) const EVERYWHERE: usize = 2;
 
-/// The four shifts of one level; any two neighbours make a quincunx or complete it.
+/// The four shifts of one level; the first two and the last two are quincunxes.
 pub(in crate::deconvolution) const SHIFTS: [(usize, usize); 4] = [(0, 0), (1, 1), (1, 0), (0, 1)];
 
-/// The levels' transforms, each of one level, the plane's own first.
+/// One-level transforms, finest level first.
 #[derive(Debug, Clone)]
 pub(super) struct Spinning {
     levels: Vec<Sym8>,
 }
 
-/// Memory to spin in: the plane shrunk at each of the four shifts, and as many sets of levels as
-/// threads ask for.
+/// Buffers of cycle spinning.
 #[derive(Debug, Default)]
 pub(super) struct SpinningScratch {
+    /// The plane shrunk at each of the four shifts.
     shrunk: Vec<Plane>,
+    /// A pool of level buffers, one set per concurrent task.
     free: Mutex<Vec<Vec<LevelScratch>>>,
 }
 
@@ -51,16 +50,16 @@ struct LevelScratch {
     rows: Vec<f32>,
 }
 
-/// What is done to details.
+/// Thresholds of one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Thresholding<'a> {
-    /// Threshold of each level, finest first; the last one holds for all coarser ones.
+    /// Threshold of each level, finest first, the last one for all coarser levels.
     pub(super) thresholds: &'a [f32],
-    /// Whether details are judged in clusters.
+    /// Whether details are shrunk in clusters.
     pub(super) clusters: bool,
     pub(super) mask: Option<&'a DetailMask>,
-    /// Which shift of the levels that are not spun everywhere.
-    pub(super) turn: usize,
+    /// Selects the shifts of the coarser levels.
+    pub(super) step_index: usize,
 }
 
 impl Spinning {
@@ -75,11 +74,11 @@ impl Spinning {
     }
 
     /// Replaces `plane` by the mean of its shrunk versions; the four shifts of the finest level run
-    /// side by side.
+    /// in parallel.
     pub(super) fn shrink(
         &self,
         plane: &mut Plane,
-        drawing: Thresholding<'_>,
+        thresholding: Thresholding<'_>,
         scratch: &mut SpinningScratch,
     ) {
         if self.levels.is_empty() {
@@ -91,12 +90,12 @@ impl Spinning {
         }
         let source = &*plane;
         shrunk.par_iter_mut().zip(SHIFTS).for_each(|(shrunk, shift)| {
-            // A set of levels is only put back whole, so a poisoned list is as good as any.
+            // The pool is consistent even when poisoned.
             let mut levels =
                 free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
             self.fit(&mut levels);
             std::mem::swap(&mut levels[0].sum, shrunk);
-            self.sum_shrunk(0, source, drawing, &[shift], &mut levels);
+            self.sum_shrunk(0, source, thresholding, &[shift], &mut levels);
             std::mem::swap(&mut levels[0].sum, shrunk);
             free.lock().unwrap_or_else(PoisonError::into_inner).push(levels);
         });
@@ -112,12 +111,13 @@ impl Spinning {
         });
     }
 
-    /// `scratch[0].sum` = the sum of `plane`, of level `level`, shrunk at each of `shifts`.
+    /// `scratch[0].sum` = the sum of `plane`, the input of level `level`, shrunk at each of
+    /// `shifts`.
     fn sum_shrunk(
         &self,
         level: usize,
         plane: &Plane,
-        drawing: Thresholding<'_>,
+        thresholding: Thresholding<'_>,
         shifts: &[(usize, usize)],
         scratch: &mut [LevelScratch],
     ) {
@@ -125,20 +125,16 @@ impl Spinning {
         let Some((here, deeper)) = scratch.split_first_mut() else { return };
         for (k, &shift) in shifts.iter().enumerate() {
             transform.analyse_shifted(plane, shift, &mut here.coefficients, &mut here.transform);
-            let threshold = drawing.thresholds[level.min(drawing.thresholds.len() - 1)].max(0.0);
+            let threshold =
+                thresholding.thresholds[level.min(thresholding.thresholds.len() - 1)].max(0.0);
             for band in here.coefficients.details[0].bands_mut() {
-                draw(
-                    band,
-                    threshold,
-                    drawing.clusters,
-                    drawing.mask.and_then(|c| c.factors(level)),
-                    &mut here.rows,
-                );
+                let factors = thresholding.mask.and_then(|mask| mask.factors(level));
+                shrink_band(band, threshold, thresholding.clusters, factors, &mut here.rows);
             }
             if deeper_exists {
                 let approximation = &mut here.coefficients.approximation;
                 if level + 1 < EVERYWHERE {
-                    self.sum_shrunk(level + 1, approximation, drawing, &SHIFTS, deeper);
+                    self.sum_shrunk(level + 1, approximation, thresholding, &SHIFTS, deeper);
                     let sums = deeper[0].sum.data().iter();
                     approximation
                         .data_mut()
@@ -146,9 +142,9 @@ impl Spinning {
                         .zip(sums)
                         .for_each(|(a, sum)| *a = sum * 0.25);
                 } else {
-                    let turn = drawing.turn + k;
-                    let shift = SHIFTS[(turn >> (2 * (level + 1 - EVERYWHERE))) % 4];
-                    self.sum_shrunk(level + 1, approximation, drawing, &[shift], deeper);
+                    let step = thresholding.step_index + k;
+                    let shift = SHIFTS[(step >> (2 * (level + 1 - EVERYWHERE))) % 4];
+                    self.sum_shrunk(level + 1, approximation, thresholding, &[shift], deeper);
                     std::mem::swap(approximation, &mut deeper[0].sum);
                 }
             }
@@ -179,7 +175,7 @@ impl Spinning {
             let made = self.levels.iter().enumerate().map(|(level, transform)| LevelScratch {
                 coefficients: transform.zeros(),
                 sum: Plane::zeros(transform.size()),
-                // Each task sees one shift of the finest level.
+                // Each task has one shift of the finest level and needs no second plane.
                 one: Plane::zeros(if level == 0 { Size::new(0, 0) } else { transform.size() }),
                 transform: Scratch::default(),
                 rows: Vec::new(),

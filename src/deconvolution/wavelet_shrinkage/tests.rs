@@ -1,5 +1,4 @@
-//! Shrinkage against a golden array, against turning by hand, and for the laws of spinning and of
-//! clusters.
+//! Shrinkage against a golden array, explicit shifts, and the properties of spinning and clusters.
 
 use std::path::Path;
 
@@ -16,7 +15,7 @@ fn largest_difference(a: &Plane, b: &Plane) -> f32 {
     a.data().iter().zip(b.data()).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max)
 }
 
-fn turned(plane: &Plane, (sx, sy): (usize, usize)) -> Plane {
+fn rotated(plane: &Plane, (sx, sy): (usize, usize)) -> Plane {
     let Size { width, height } = plane.size();
     Plane::from_fn(plane.size(), |x, y| plane.at((x + sx) % width, (y + sy) % height))
 }
@@ -29,14 +28,14 @@ fn shrinking_agrees_with_the_golden_array() {
 }
 
 #[test]
-fn a_shift_is_turning_shrinking_and_turning_back() {
+fn a_shift_is_rotating_shrinking_and_rotating_back() {
     let x = golden("sym8_x.npy");
     let shrinkage = Shrinkage::new(x.size(), 3);
     let mut scratch = ShrinkageScratch::default();
-    let (mut inside, mut by_hand) = (x.clone(), turned(&x, (5, 3)));
+    let (mut inside, mut by_hand) = (x.clone(), rotated(&x, (5, 3)));
     shrinkage.shrink(&mut inside, 4.0, (5, 3), &mut scratch);
     shrinkage.shrink(&mut by_hand, 4.0, (0, 0), &mut scratch);
-    let back = turned(&by_hand, (x.width() - 5, x.height() - 3));
+    let back = rotated(&by_hand, (x.width() - 5, x.height() - 3));
     assert!(largest_difference(&inside, &back) < 1e-4);
     assert!(largest_difference(&inside, &x) > 1.0);
 }
@@ -62,15 +61,15 @@ fn spinning_everywhere_is_the_mean_over_all_shifts() {
             mean.add_scaled(1.0 / 16.0, &one);
         }
         assert!(largest_difference(&spun, &mean) < 1e-3);
-        // And so it does not see where the picture lies.
-        let mut moved = turned(&x, (1, 2));
+        // Hence translation invariance.
+        let mut moved = rotated(&x, (1, 2));
         shrinkage.shrink_everywhere(&mut moved, &[3.0, 2.0], None, 5, &mut scratch);
-        assert!(largest_difference(&turned(&spun, (1, 2)), &moved) < 1e-3);
+        assert!(largest_difference(&rotated(&spun, (1, 2)), &moved) < 1e-3);
     }
 }
 
 #[test]
-fn coarser_levels_turn_with_the_step() {
+fn coarser_levels_shift_with_the_step() {
     let x = golden("sym8_x.npy");
     let (shrinkage, mut scratch) = (Shrinkage::new(x.size(), 4), ShrinkageScratch::default());
     let mut spun = [x.clone(), x];
@@ -95,7 +94,7 @@ fn scratch_of_another_size_does_no_harm() {
 }
 
 #[test]
-fn a_lone_coefficient_goes_and_a_cluster_of_the_same_size_stays() {
+fn an_isolated_coefficient_vanishes_and_a_cluster_of_the_same_size_remains() {
     let size = Size::new(64, 64);
     let shrinkage = Shrinkage::new(size, 1).in_clusters();
     let (transform, mut scratch) = (Sym8::new(size, 1), ShrinkageScratch::default());
@@ -117,10 +116,10 @@ fn a_lone_coefficient_goes_and_a_cluster_of_the_same_size_stays() {
 }
 
 #[test]
-fn clusters_are_their_definition() {
+fn clusters_match_their_definition() {
     let band = golden("sym8_x.npy").map(|v: f32| v - 120.0);
     let mut found = band.clone();
-    clusters::draw(&mut found, 20.0, None, &mut Vec::new());
+    clusters::shrink(&mut found, 20.0, None, &mut Vec::new());
     let (width, height) = (band.width() as isize, band.height() as isize);
     for y in 0..height {
         for x in 0..width {

@@ -16,7 +16,7 @@ use relens::daemon::{
     Daemon, DaemonSetting, Doing, Folders, Nightly, Progress, Reader, Restorer, State, Summary,
     Times,
 };
-use relens::deconvolution::ladder::Rung;
+use relens::deconvolution::stage::ResultStage;
 use relens::frame::{Frame, Plane, Work};
 use relens::nights::pilot::{Drift, DriftLimits};
 use relens::picture::{Format, Manner, Photo, encode};
@@ -152,7 +152,7 @@ impl Restorer for Scripted<'_> {
         Ok(Outcome {
             verdict: Verdict::Sound,
             method: "brighten",
-            rung: Rung::LensModel,
+            stage: ResultStage::LensModel,
             captures: 1,
             seconds: 1.0,
             ..Outcome::untouched(
