@@ -1,8 +1,8 @@
-//! What a rig's timing really is, by black–white trials, and a small table of it: `relens check`.
+//! Measurement of a rig's timing by black–white trials, for `relens check`.
 //!
-//! A picture's change is caught by exposures begun at stated times after the flip: the share of the
-//! new picture in each says when the panel began to change and when it was done. (Psychtoolbox's
-//! VideoCaptureLatencyTest does the same with ten trials.)
+//! Exposures begin at set delays after a flip; the share of the new picture in each shows when the
+//! panel began to change and when it settled. (Psychtoolbox's VideoCaptureLatencyTest does the same
+//! with ten trials.)
 
 use std::fmt;
 
@@ -11,28 +11,24 @@ use crate::frame::{Channel, Codes};
 use crate::rig::exposure::Devices;
 use crate::rig::{Moment, RigError};
 
-/// Share of the largest count that white brings at least: three bits of the sensor's are lost
-/// below. Guess.
+/// Least level of white, of the largest count; below it three of the sensor's bits are lost. Guess.
 const WHITE_MIN: f64 = 0.125;
 /// Trials at one delay, for the jitter.
 const TRIALS: usize = 10;
-/// Delays tried after a flip: up to this many refreshes, in half ones.
+/// Longest delay tried after a flip, in refreshes; the step is half a refresh.
 const REFRESHES_MAX: usize = 16;
-/// Changed by less than this share, the panel still shows the old picture; a backlight's flicker is
-/// less.
+/// Least share of white that counts as a change; a backlight's flicker is less.
 const SHARE_MIN: f64 = 0.01;
-/// Most of white that a frame of black may still show: half a grey level of 255. Flicker is none of
-/// it, and a camera's noise on a mean is far less.
-const LEFT_MAX: f64 = 0.002;
-/// Bands of rows that are looked at: a panel is written from above to below, and a sensor read so.
+/// Most residual white in a settled black frame: half a grey level of 255. A camera's noise on a
+/// mean is far less.
+const RESIDUAL_MAX: f64 = 0.002;
+/// Bands of rows measured, for panel and sensor are scanned from top to bottom.
 const BANDS: usize = 5;
-/// A band sees the panel when it has this share of the brightest one's light. Guess.
+/// Least light of a band that sees the panel, relative to the brightest band. Guess.
 const LIT_SHARE: f64 = 0.2;
-/// Delays in a row at which the picture is all there: two refreshes, so that a slow second change
-/// is not missed.
+/// Delays in a row at which the picture must be settled: two refreshes, for a slow second change.
 const SETTLED_POINTS: usize = 5;
-/// While black and white themselves are found, a picture settles for as long, whatever the rig file
-/// says: that may be the very thing that is wrong.
+/// `rig` with a settle time long enough to measure black and white, since its own may be wrong.
 pub fn patient(rig: &RigFile) -> RigFile {
     let mut rig = rig.clone();
     let longest_ms = REFRESHES_MAX as f64 * 1e3 / rig.panel.refresh_hz;
@@ -40,33 +36,33 @@ pub fn patient(rig: &RigFile) -> RigFile {
     rig
 }
 
-/// Captures of different pictures that a settle time must stand without a wrong frame.
+/// Captures of alternating pictures without a wrong frame that a settle time must pass.
 const PROBES: usize = 20;
 
-/// What the trials found.
+/// The measured timing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredTiming {
     /// From the flip to the first change on the panel.
     pub latency_ms: f64,
-    /// Standard deviation of that over the trials.
+    /// Its standard deviation over the trials.
     pub jitter_ms: f64,
-    /// From the flip to a picture that is all there.
+    /// From the flip to a settled picture.
     pub settle_ms: f64,
-    /// The shortest settle time at which no frame was rejected; `None` on a rig without marks.
+    /// The shortest settle time without a rejected frame; `None` on a rig without marks.
     pub shortest_settle_ms: Option<f64>,
     /// Refresh interval of the rig file.
     pub interval_ms: f64,
     /// Settle time of the rig file.
     pub file_settle_ms: f64,
-    /// Counts that white brings, of the largest count, 0..1.
+    /// Level of white, of the largest count, 0..1.
     pub white_share: f64,
 }
 
-/// Measures the timing of `rig`, which was opened as [`patient`] `file` says; the rig keeps the
-/// shortest settle time that gave no wrong frame, and half a refresh.
+/// Measures the timing of `rig`, opened by [`patient`] of `file`. Leaves the rig with the shortest
+/// settle time without a wrong frame, plus half a refresh.
 ///
 /// # Errors
-/// When a device fails, or black and white look alike.
+/// When a device fails, or black and white are alike.
 pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigError> {
     let interval_ms = 1e3 / file.panel.refresh_hz;
     let (file_settle_ms, long_ms) = (file.panel.settle_ms, rig.timing.settle_ms);
@@ -82,7 +78,6 @@ pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigE
     let mut curve: Vec<BothFlips> = Vec::new();
     for half in 0..=2 * REFRESHES_MAX {
         curve.push(trial(rig, half as f64 * interval_ms / 2.0, &ends)?);
-        // Settled for this long, it stays so.
         if curve.iter().rev().take_while(|trial| trial.is_settled()).count() >= SETTLED_POINTS {
             break;
         }
@@ -95,8 +90,7 @@ pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigE
     let begun = begun.map_or(0.0, |trial| trial.delay_ms);
     let mut latencies = Vec::new();
     for _ in 0..TRIALS {
-        // The exposure saw the new picture for its share of the time: the change came that long
-        // before its end.
+        // The share of white is the part of the exposure after the change.
         let share = white_at(rig, begun, &ends)?[BANDS / 2].unwrap_or(0.0);
         latencies.push((begun + exposure_ms * (1.0 - share)).max(0.0));
     }
@@ -118,17 +112,17 @@ pub fn measure(rig: &mut Devices, file: &RigFile) -> Result<MeasuredTiming, RigE
     })
 }
 
-/// Mean levels of the middle's bands, above one another.
+/// Mean levels of the bands in the middle, from top to bottom.
 type Levels = [f64; BANDS];
 
-/// What black and white bring when they had all the time they need.
+/// Levels of settled black and white.
 struct Ends {
     black: Levels,
     white: Levels,
 }
 
 impl Ends {
-    /// Shares of white in `levels`, of the bands that see the panel.
+    /// Shares of white in `levels`, for the bands that see the panel.
     fn shares(&self, levels: &Levels) -> [Option<f64>; BANDS] {
         let light = |n: usize| self.white[n] - self.black[n];
         let brightest = (0..BANDS).map(light).fold(0.0, f64::max);
@@ -139,13 +133,13 @@ impl Ends {
     }
 }
 
-/// What exposures see that begin so long after a flip.
+/// Shares of white in exposures begun `delay_ms` after a flip.
 struct BothFlips {
     delay_ms: f64,
-    /// Share of white after a flip to it.
+    /// After a flip to white.
     white: [Option<f64>; BANDS],
-    /// The same after a flip to black.
-    left: [Option<f64>; BANDS],
+    /// After a flip to black.
+    residual: [Option<f64>; BANDS],
 }
 
 impl BothFlips {
@@ -153,21 +147,21 @@ impl BothFlips {
         self.white[BANDS / 2].unwrap_or(0.0)
     }
 
-    /// Whether nothing is left of the picture before, anywhere.
+    /// Whether nothing of the old picture remains.
     fn is_settled(&self) -> bool {
         self.white.iter().flatten().all(|share| (share - 1.0).abs() < SHARE_MIN)
-            && self.left.iter().flatten().all(|share| share.abs() < LEFT_MAX)
+            && self.residual.iter().flatten().all(|share| share.abs() < RESIDUAL_MAX)
     }
 }
 
-/// The levels with `code` shown for `settle_ms`.
+/// The levels `settle_ms` after showing `code`.
 fn after(rig: &mut Devices, code: u8, settle_ms: f64) -> Result<Levels, RigError> {
     let codes = Codes::filled(rig.panel.size(), code);
     let flip = rig.panel.show(&codes)?;
     levels_at(rig, Moment(flip.at.0 + settle_ms / 1e3))
 }
 
-/// The levels in an exposure begun at `moment`, or a new one if that frame is lost.
+/// The levels in an exposure begun at `moment`, or a later one if that frame is lost.
 fn levels_at(rig: &mut Devices, moment: Moment) -> Result<Levels, RigError> {
     rig.clock.wait_until(moment);
     let fired = rig.trigger.fire()?;
@@ -200,15 +194,15 @@ fn white_at(
     Ok(ends.shares(&after(rig, 255, delay_ms)?))
 }
 
-/// Both flips.
+/// Measures both flips.
 fn trial(rig: &mut Devices, delay_ms: f64, ends: &Ends) -> Result<BothFlips, RigError> {
     let white = white_at(rig, delay_ms, ends)?;
     rig.clock.wait_until(Moment(rig.clock.now().0 + rig.timing.settle_ms / 1e3));
-    let left = ends.shares(&after(rig, 0, delay_ms)?);
-    Ok(BothFlips { delay_ms, white, left })
+    let residual = ends.shares(&after(rig, 0, delay_ms)?);
+    Ok(BothFlips { delay_ms, white, residual })
 }
 
-/// The shortest settle time, in half refreshes, at which a run of captures brings no wrong frame.
+/// The shortest settle time, in half refreshes, at which a run of captures has no wrong frame.
 fn shortest_settle(rig: &mut Devices, interval_ms: f64) -> Result<Option<f64>, RigError> {
     if !rig.has_marks() {
         return Ok(None);
@@ -224,9 +218,9 @@ fn shortest_settle(rig: &mut Devices, interval_ms: f64) -> Result<Option<f64>, R
             match rig.capture(&codes) {
                 Ok(_) => {}
                 Err(RigError::NotThisPicture { .. } | RigError::NoFrame { .. }) => break,
-                Err(grave) => {
+                Err(error) => {
                     rig.timing = kept;
-                    return Err(grave);
+                    return Err(error);
                 }
             }
         }
@@ -240,18 +234,17 @@ fn shortest_settle(rig: &mut Devices, interval_ms: f64) -> Result<Option<f64>, R
 }
 
 impl MeasuredTiming {
-    /// What to write into the rig file: half a refresh more than the trials needed, since they go
-    /// by half refreshes.
+    /// The settle time for the rig file: half a refresh, the trials' step, above the measured one.
     pub fn settle_to_write_ms(&self) -> f64 {
         (self.settle_ms + self.interval_ms / 2.0).ceil()
     }
 
-    /// What is wrong and what to do about it, a sentence each; empty when all is well.
-    pub fn complaints(&self) -> Vec<String> {
+    /// The faults and their remedies, a sentence each.
+    pub fn faults(&self) -> Vec<String> {
         let mut all = Vec::new();
         if !self.settle_ms.is_finite() {
             all.push(format!(
-                "the panel never settled within {REFRESHES_MAX} refreshes: switch its picture \
+                "the panel did not settle within {REFRESHES_MAX} refreshes: switch its picture \
                  processing off (game or PC mode)"
             ));
         } else if self.settle_ms > self.file_settle_ms {
@@ -263,8 +256,8 @@ impl MeasuredTiming {
         }
         if self.white_share < WHITE_MIN {
             all.push(format!(
-                "white brings {:.1} % of the largest count, allowed {:.0} or more: camera.bits may \
-                 be more than the sensor has, or the exposure too short, or the aperture closed",
+                "white gives {:.1} % of the largest count, allowed {:.0} or more: camera.bits may be \
+                 more than the sensor has, or the exposure too short, or the aperture too small",
                 100.0 * self.white_share,
                 100.0 * WHITE_MIN
             ));
@@ -303,7 +296,7 @@ mod tests {
 
     #[test]
     #[ignore = "a minute: the gate runs it"]
-    fn the_trials_find_the_simulated_panel_s_latency_and_settle_time() {
+    fn the_simulated_panel_s_timing_is_measured() {
         let text = include_str!("../rig-config/small.toml");
         let text = text.replacen(
             "margin-px = 8",
@@ -321,24 +314,21 @@ mod tests {
         assert!(timing.jitter_ms < 1.0, "{timing}");
         let shortest_ms = timing.shortest_settle_ms.expect("it has marks");
         assert!((25.0..=70.0).contains(&shortest_ms), "{timing}");
-        assert!(timing.complaints().is_empty(), "{:?}", timing.complaints());
+        assert!(timing.faults().is_empty(), "{:?}", timing.faults());
         assert!((devices.timing.settle_ms - shortest_ms - timing.interval_ms / 2.0).abs() < 1e-9);
-        // A file that is far too hasty: the time is found all the same, and said.
+        // A settle time far too short in the file is measured and reported all the same.
         let mut hasty = config.clone();
         hasty.panel.settle_ms = 10.0;
         let mut devices = rig::open(&patient(&hasty)).unwrap_or_else(|e| panic!("{e}"));
         let again = measure(&mut devices, &hasty).unwrap_or_else(|e| panic!("{e}"));
         assert!((again.settle_ms - timing.settle_ms).abs() < timing.interval_ms, "{again}");
-        let complaints = again.complaints();
-        assert_eq!(complaints.len(), 1, "{complaints:?}");
-        assert!(
-            complaints[0].contains("panel.settle-ms = 10 is too short: set it to"),
-            "{complaints:?}"
-        );
+        let faults = again.faults();
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert!(faults[0].contains("panel.settle-ms = 10 is too short: set it to"), "{faults:?}");
     }
 
     #[test]
-    fn more_bits_than_the_sensor_has_are_doubted() {
+    fn more_bits_than_the_sensor_has_are_a_fault() {
         let timing = MeasuredTiming {
             latency_ms: 30.0,
             jitter_ms: 0.1,
@@ -349,9 +339,9 @@ mod tests {
             // Ten bits in the lowest of sixteen.
             white_share: 1.0 / 64.0,
         };
-        let complaints = timing.complaints();
-        assert_eq!(complaints.len(), 1, "{complaints:?}");
-        assert!(complaints[0].contains("camera.bits may be more"), "{complaints:?}");
-        assert!(MeasuredTiming { white_share: 0.8, ..timing }.complaints().is_empty());
+        let faults = timing.faults();
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert!(faults[0].contains("camera.bits may be more"), "{faults:?}");
+        assert!(MeasuredTiming { white_share: 0.8, ..timing }.faults().is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! The library's face: a rig is opened, calibrated, and restores photos.
+//! The library's interface: open a rig, calibrate it, restore photos.
 
 use std::fmt;
 use std::path::Path;
@@ -8,7 +8,7 @@ use crate::calibration::store;
 use crate::chart::scenes::cut;
 use crate::config;
 use crate::frame::{Frame, Size, Work};
-use crate::picture::{Format, Limits, Manner, Photo, encode};
+use crate::picture::{Format, Limits, Manner, Photo, Reading, encode};
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::Restorer;
@@ -17,7 +17,7 @@ use crate::rig::exposure::Devices;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::{self, simulated};
 
-/// A rig that is open: panel, camera, trigger and clock, real or simulated.
+/// An open rig: panel, camera, trigger and clock, real or simulated.
 ///
 /// # Examples
 ///
@@ -35,12 +35,12 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Opens the rig of the rig file `path`. The bare name of a rig file that is part of the
-    /// program, such as `small.toml`, needs no file. Real devices need the feature `hardware`.
+    /// Opens the rig of the rig file `path`, or a built-in one by its name, such as `small.toml`.
+    /// Real devices need the feature `hardware`.
     ///
     /// # Errors
-    /// When the file is not taken (the message says line, key, what was found and what is allowed),
-    /// or when a device cannot be had.
+    /// When the file is invalid (the message states line, key, what was found and what is allowed),
+    /// or a device cannot be opened.
     ///
     /// # Examples
     ///
@@ -54,7 +54,7 @@ impl Rig {
         Ok(Rig { file, devices })
     }
 
-    /// Its name, as the rig file says.
+    /// Its name, by the rig file.
     pub fn name(&self) -> &str {
         &self.file.name
     }
@@ -64,9 +64,9 @@ impl Rig {
         self.file.photo.size()
     }
 
-    /// Reads the photo in the file `path`: JPEG, PNG or TIFF, 8 or 16 bits, of any size that has
-    /// the shape of the rig's photos. It is resampled to theirs. A raw photo of the rig's sensor
-    /// (DNG) has the rig's own size.
+    /// Reads the photo in the file `path`: JPEG, PNG or TIFF of 8 or 16 bits, in the shape of the
+    /// rig's photos, resampled to their size; or a raw photo of the rig's sensor (DNG), in its own
+    /// size.
     ///
     /// # Errors
     /// When the file cannot be read, is damaged, or has another shape.
@@ -85,9 +85,8 @@ impl Rig {
         read(&self.file, path.as_ref())
     }
 
-    /// The photo that the camera of a simulated rig takes of the sharp picture in the file `scene`,
-    /// cut to the shape of its photos about the centre: blurred by its lens, with its noise, as an
-    /// 8-bit PNG holds it. Equal seeds give equal noise.
+    /// Photographs the sharp picture in the file `scene`, cut to the shape of the rig's photos, with
+    /// a simulated rig: blurred by its lens, with its noise, in 8 bits. Equal seeds give equal noise.
     ///
     /// # Errors
     /// When the rig is not simulated, or the file cannot be read.
@@ -113,18 +112,18 @@ impl Rig {
         Ok(Photo::from_bytes("photo.png", &bytes, curve, &Limits::default())?)
     }
 
-    /// Whether `folder` holds a whole calibration of this rig.
+    /// Whether `folder` holds a valid calibration of this rig.
     pub fn is_calibrated(&self, folder: impl AsRef<Path>) -> bool {
         store::load(folder.as_ref(), self.file.identity).is_ok()
     }
 
-    /// Measures the rig and keeps the calibration in `folder`, which is made if need be. It shows
-    /// patterns, photographs them, fits what the rig is, and judges whether that is good. What was
-    /// kept before stays when this fails.
+    /// Measures the rig and keeps the calibration in `folder`, which is made if missing. It shows
+    /// patterns, photographs them, fits the model of the rig, and judges the fit. On failure the
+    /// old calibration stays.
     ///
     /// # Errors
-    /// When the rig is not fit to be calibrated (panel out of view, over-exposed, too dark, moving,
-    /// out of focus), a capture fails, or the folder cannot be written.
+    /// When the rig cannot be calibrated (panel out of view, over-exposed, too dark, moving, out of
+    /// focus), a capture fails, or the folder cannot be written.
     ///
     /// # Examples
     ///
@@ -136,7 +135,7 @@ impl Rig {
     /// assert!(!rig.is_calibrated(folder));
     /// let calibrated = rig.calibrate(folder)?;
     /// assert!(rig.is_calibrated(folder));
-    /// // How well the measured lens predicts a capture it has not seen.
+    /// // The measured lens predicts a capture that was not used in its fit.
     /// assert!(calibrated.operator_error.iter().all(|&levels| levels < 3.0));
     /// # Ok(())
     /// # }
@@ -152,11 +151,11 @@ impl Rig {
         })
     }
 
-    /// What restores photos on this rig, by the calibration kept in `folder` and the method that
-    /// the rig file names, or the operating point chosen for the rig.
+    /// The restorer on this rig, with the calibration in `folder`, by the method of the rig file or
+    /// the chosen operating point.
     ///
     /// # Errors
-    /// When `folder` holds no whole calibration of this rig; then call [`Rig::calibrate`].
+    /// When `folder` holds no valid calibration of this rig; then call [`Rig::calibrate`].
     ///
     /// # Examples
     ///
@@ -180,18 +179,18 @@ impl Rig {
     }
 }
 
-/// What a calibration found.
+/// The results of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibrated {
-    /// Counts up by one with each calibration kept in a folder; the first is 1.
+    /// The number of the calibration in its folder, from 1.
     pub generation: u32,
-    /// Captures it took.
+    /// Captures made.
     pub captures: u32,
-    /// RMS difference between a capture that no fit has seen and the measured lens's prediction of
-    /// it, in grey levels of 255, of red, green and blue. The capture's noise is part of it.
+    /// RMS difference between a capture not used in any fit and its prediction by the measured lens,
+    /// noise included, in grey levels of 255, for red, green and blue.
     pub operator_error: [f32; 3],
-    /// Share of red, green and blue light that the lens scatters wider than its functions reach,
-    /// 0..1; zero where the rig file does not have it measured.
+    /// Share of red, green and blue light scattered beyond the reach of the lens functions, 0..1;
+    /// zero where the rig file does not measure it.
     pub scattered: [f32; 3],
 }
 
@@ -210,11 +209,11 @@ impl PhotoRestorer {
         read(&self.file, path.as_ref())
     }
 
-    /// Restores `photo`. The outcome says which method made the picture, why, and what is known of
-    /// it without knowing the scene; a photo that no method makes better comes back as it is.
+    /// Restores `photo`. The outcome states the method, the reason, and the evidence for the result;
+    /// a photo that no method improves is returned as it is.
     ///
     /// # Errors
-    /// When a capture fails; [`Error::remedy`] says what helps.
+    /// When a capture fails; see [`Error::remedy`].
     ///
     /// # Examples
     ///
@@ -229,7 +228,7 @@ impl PhotoRestorer {
     /// let photo = rig.photograph("tests/scenes/coffee.png", 1)?;
     /// let outcome = rig.restorer(folder)?.restore(&photo)?;
     /// assert_eq!(outcome.verdict, Verdict::Sound);
-    /// // Its photograph through the lens is the photo, but for the noise.
+    /// // Its photograph through the lens matches the photo, up to noise.
     /// assert!(outcome.certificate.expect("it was photographed").ratio() < 1.25);
     /// let jpeg = photo.with_picture(&outcome.picture, Format::Jpeg)?;
     /// assert!(jpeg.starts_with(&[0xff, 0xd8]));
@@ -240,22 +239,22 @@ impl PhotoRestorer {
         Ok(self.on_rig.restore(photo, &mut |_| {})?)
     }
 
-    /// Calibrates the rig anew or opens its devices again, as a failure's [`Error::remedy`] asks;
-    /// [`Remedy::Recalibrate`] calibrates, any other opens.
+    /// Applies the remedy of a failure: [`Remedy::Recalibrate`] calibrates, any other opens the
+    /// devices again.
     ///
     /// # Errors
-    /// When that fails too.
+    /// When that fails.
     pub fn mend(&mut self, remedy: Remedy) -> Result<(), Error> {
         Ok(self.on_rig.mend(remedy)?)
     }
 }
 
 fn read(rig: &config::RigFile, path: &Path) -> Result<Photo, Error> {
-    let photo = Photo::read(path, rig.photo.curve, &Limits::default())?.fit(rig.photo_grid())?;
-    Ok(photo.with_raw_results(rig.photo.raw_results))
+    let reading = Reading::of(rig);
+    Ok(reading.finish(Photo::read(path, reading.curve, &reading.limits)?.fit(reading.grid)?)?)
 }
 
-/// Whatever stood in the way, with what to do about it.
+/// Any failure, with its remedy.
 ///
 /// # Examples
 ///
@@ -268,7 +267,7 @@ fn read(rig: &config::RigFile, path: &Path) -> Result<Photo, Error> {
 pub struct Error(AnyFailure);
 
 impl Error {
-    /// What to do about it.
+    /// The remedy.
     pub fn remedy(&self) -> Remedy {
         self.0.remedy()
     }
@@ -280,7 +279,7 @@ impl fmt::Debug for Error {
     }
 }
 
-/// The message and those of its causes.
+/// The message and its causes.
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&full_message(&*self.0))

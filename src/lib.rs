@@ -1,8 +1,8 @@
 //! relens makes cheap lenses take good photographs.
 //!
-//! A photo taken through a bad lens is restored by *that lens*: the box shows candidate pictures on
+//! A photo taken through a bad lens is restored with *that lens*: relens shows candidate pictures on
 //! a panel, photographs them through the same lens, and adjusts the candidate until its photograph
-//! is the photo.
+//! matches the photo.
 //!
 //! # Examples
 //!
@@ -24,12 +24,12 @@
 //! # }
 //! ```
 //!
-//! A real rig is opened by its own rig file, with the feature `hardware`; the rest is the same, and
-//! [`Rig::read`] reads the photos that its camera took.
+//! A real rig needs its own rig file and the feature `hardware`; the rest is the same, and
+//! [`Rig::read`] reads the photos of its camera.
 //!
 //! # Inside
 //!
-//! Only what is listed below is for other programs. The light path, drawn once:
+//! Only the items listed below are for other programs. The light path:
 //!
 //! ```text
 //! photo file ─ decode ─ linear light ─► B (Work)
@@ -42,38 +42,37 @@
 //!                   until the residual is at the noise ─► picture, certificate, report
 //! ```
 //!
-//! Three spaces are types that do not mix: *Panel* (panel pixels, codes), *Sensor* (camera pixels,
-//! counts) and *Work* (the photo's grid, linear light, 0..255). A lens blurs light, so everything
-//! between decoding and encoding is linear light. The rig's own camera took the photo, so the Work
-//! grid is the sensor's grid: captures are never resampled, and the candidate is resampled once, to
-//! the finer panel.
+//! Three spaces are separate types: *Panel* (panel pixels, codes), *Sensor* (camera pixels, counts)
+//! and *Work* (the photo's grid, linear light, 0..255). A lens blurs light, so everything between
+//! decoding and encoding is linear light. The rig's own camera took the photo, so the Work grid is
+//! the sensor's grid: captures are never resampled, and the candidate is resampled once, to the
+//! finer panel.
 //!
-//! Layers; a module imports only from layers below its own, and siblings do not import each other
-//! (`tests/tidy` holds this):
+//! Layers: a module imports only from layers below its own (`tests/tidy` checks this):
 //!
-//! | layer | modules | what |
+//! | layer | modules | contents |
 //! |---|---|---|
-//! | 0 | [`frame`], [`remedy`] | vocabulary: planes, spaces, channels; what to do about a failure |
-//! | 1 | [`deconvolution`], [`patterns`] | the paper's mathematics; what is shown on purpose |
-//! | 1 | [`disk`] | whatever is kept, behind a trait that tests stand in for |
+//! | 0 | [`frame`], [`remedy`] | planes, spaces, channels; remedies for failures |
+//! | 1 | [`deconvolution`], [`patterns`] | the paper's mathematics; test patterns |
+//! | 1 | [`disk`] | file storage, behind a trait for tests |
 //! | 2 | [`config`] | the rig file |
-//! | 3 | [`picture`] | photo files, and frames coded like them |
+//! | 3 | [`picture`] | photo files and coded camera frames |
 //! | 4 | [`calibration`], [`rig`] | fits and their store; the devices, real or simulated |
-//! | 5 | [`light_path`], [`measurement`] | forward convolution by a rig; show, see, fit, judge |
+//! | 5 | [`light_path`], [`measurement`] | forward convolution by a rig; measurement and fits |
 //! | 5 | [`alignment`], [`diagnosis`] | a rig's focus, aim and brightness; its timing |
 //! | 5 | [`kiosk`] | button, lamps, screens |
-//! | 6 | [`pipeline`], [`nights`] | one photo on a calibrated rig; hours, clock trust, drift |
-//! | 7 | [`restorer`] | what is kept beside a rig, photo after photo |
+//! | 6 | [`pipeline`], [`nights`] | one photo on a calibrated rig; schedule, clock, drift |
+//! | 7 | [`restorer`] | a rig's restorer and its kept files |
 //! | 8 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed, operating point |
 //! | 9 | [`face`] | the library: open, calibrate, restore, photograph |
 //!
 //! Start reading at [`deconvolution`], then [`light_path`].
 
-// Hidden modules document themselves to who works on them: `cargo doc --document-private-items`.
+// Hidden modules have pages for developers: `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]
 
-// What the program, the laboratory, the tests and the fuzzing reach, and nobody else should. Hidden
-// from the pages alone, so that the compiler still asks for the documentation of each item.
+// For the program, the laboratory, tests and fuzzing alone. Hidden only when documented, so that the
+// compiler still requires documentation.
 #[cfg_attr(doc, doc(hidden))]
 pub mod alignment;
 #[cfg_attr(doc, doc(hidden))]

@@ -1,4 +1,4 @@
-//! The command line of relens: words in, exit code out. Everything else is in the library.
+//! The command line of relens, on top of the library.
 
 mod commands;
 

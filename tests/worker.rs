@@ -1,7 +1,6 @@
-//! Photos read in processes of their own: the same photos, and walls around what a file may do to
-//! the box.
+//! Photos read in worker processes: the same photos, and limits on the harm that a file can do.
 //!
-//! One test, for it looks at the memory of its own process.
+//! One test, for it measures the memory of its own process.
 
 // The functions below stop the test as it does itself.
 #![allow(clippy::unwrap_used)]
@@ -58,14 +57,14 @@ fn bomb() -> Vec<u8> {
     bytes
 }
 
-/// Most memory this process ever had, in KiB.
+/// Peak memory of this process, KiB.
 fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
     line.trim().trim_end_matches(" kB").trim().parse().unwrap()
 }
 
-/// Gives each photo back.
+/// Returns each photo.
 struct Returner;
 
 impl Restorer for Returner {
@@ -74,7 +73,7 @@ impl Restorer for Returner {
         photo: &Photo,
         _: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure> {
-        Ok(Outcome { captures: 0, ..Outcome::untouched(photo.light.clone(), "told to") })
+        Ok(Outcome { captures: 0, ..Outcome::untouched(photo.light.clone(), "as asked") })
     }
     fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
         Ok(())
@@ -90,7 +89,7 @@ impl Clock for Still {
     fn wait_until(&self, _: Moment) {}
 }
 
-/// Looks into `working` whenever an attempt was written down.
+/// Reads the records in `working` after each recorded attempt.
 struct Attempts(PathBuf, Vec<String>);
 
 impl Watcher for Attempts {
@@ -105,11 +104,11 @@ impl Watcher for Attempts {
 }
 
 #[test]
-fn a_file_may_kill_its_worker_and_no_more() {
+fn a_file_can_kill_its_worker_and_no_more() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
 
-    // Whatever comes back from a worker is what would have been read here, to the last bit.
+    // A worker returns what this process reads, to the last bit.
     let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
     for (format, bits, layout) in [
         (Format::Jpeg, 8, PixelLayout::Rgb),
@@ -154,7 +153,7 @@ fn a_file_may_kill_its_worker_and_no_more() {
     let whole = |path: &Path| worker().whole("x", File::open(path).unwrap(), &Limits::default());
     assert!(whole(&path).is_err() && whole(&kept(folder, "bomb.jpg", &bomb())).is_ok());
 
-    // A camera's frame comes over as it would be read here, and a cut one not at all.
+    // A camera's frame is read as here, and a cut one refused.
     let frame = picture(&Manner::plain(Format::Jpeg, 8, Curve::Srgb), RIG);
     let here = relens::picture::camera_frame(&frame, RIG).unwrap();
     assert_eq!(worker().frame(&frame, RIG).unwrap(), here);
@@ -162,7 +161,7 @@ fn a_file_may_kill_its_worker_and_no_more() {
     assert!(words.contains("cut short"), "{words}");
     assert!(worker().frame(&bomb(), RIG).is_err(), "a frame of another size");
 
-    // A bomb that goes off needs half a gigabyte in its worker, and nothing here.
+    // A bomb takes half a gigabyte in its worker, and nothing here.
     let before = peak_kib();
     let photo = read(&worker(), &folder.join("bomb.jpg")).unwrap();
     assert_eq!(photo.stored, Size::new(6400, 4800));
@@ -170,8 +169,8 @@ fn a_file_may_kill_its_worker_and_no_more() {
     assert!(grown < 16 << 10, "the daemon's memory grew by {grown} KiB");
     println!("a 30-megapixel bomb of {} bytes: the daemon grew by {grown} KiB", bomb().len());
 
-    // A file that kills its worker: three attempts, each written down before, then the next photo's
-    // turn.
+    // A file that kills its worker gets three attempts, each recorded before, and then the next
+    // photo is restored.
     let small = Worker { memory_bytes_max: 128 << 20, ..worker() };
     let died = read(&small, &folder.join("bomb.jpg")).unwrap_err();
     assert!(matches!(died, PictureError::Died { .. }), "{died}");
@@ -206,12 +205,11 @@ fn a_file_may_kill_its_worker_and_no_more() {
     let grown = peak_kib() - before;
     assert!(grown < 24 << 10, "the daemon's memory grew by {grown} KiB");
 
-    // Workers that a file has taken over: one sits still, one lies, one never ends, one is not
-    // there.
+    // Workers taken over by a file: one hangs, one lies, one never ends, one is missing.
     for (script, wanted) in [
-        ("exec sleep 100", "found no answer, allowed 1 s"),
+        ("exec sleep 100", "no answer within 1 s"),
         ("printf '\\005\\000\\000\\000abcde'", "an answer that cannot be read"),
-        ("exec cat /dev/zero", "more than was asked for"),
+        ("exec cat /dev/zero", "its answer was too long"),
         ("exit 3", "exit status: 3"),
     ] {
         let program = kept(folder, "taken-over", format!("#!/bin/sh\n{script}\n").as_bytes());
@@ -224,8 +222,8 @@ fn a_file_may_kill_its_worker_and_no_more() {
     let error = read(&Worker::of(folder.join("nowhere")), &folder.join("bomb.jpg")).unwrap_err();
     assert_eq!(relens::remedy::Remediable::remedy(&error), Remedy::RetryLater, "{error}");
 
-    // Last, for the peak stays: read here the same bomb does go off here.
+    // Last, for the peak remains: read here, the bomb takes the memory here.
     let before = peak_kib();
     Photo::read(&folder.join("bomb.jpg"), Curve::Srgb, &Limits::default()).unwrap();
-    assert!(peak_kib() - before > 100 << 10, "the measure of memory above measures something");
+    assert!(peak_kib() - before > 100 << 10, "the measurement above works");
 }

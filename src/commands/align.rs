@@ -1,4 +1,4 @@
-//! `relens align`: a live look at a rig that is being bolted together.
+//! `relens align`: live measurements while a rig is assembled.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -15,19 +15,19 @@ use super::error::CliError;
 use super::options::RigOption;
 use super::output::say;
 
-/// Looks between two at where the panel lies, and between two at white: they change less often than
-/// focus. One of the two, and the pattern after it, take four looks' time.
+/// Focus measurements between two of aim, and between two of brightness, which change less often
+/// and take four times as long.
 const FOCUS_LOOKS: u64 = 8;
-/// The page is written no more often than it is loaded.
+/// Least time between two writes of the page, which reloads as often.
 const PAGE_EVERY: Duration = Duration::from_secs(1);
-/// The page and its picture.
+/// File names of the page and its picture.
 const PAGE: (&str, &str) = ("align.html", "align.png");
 
-/// Focus, aim and expose a rig: a live look, and what to turn
+/// Focus, aim and expose a rig by live measurements
 ///
-/// Shows a fine pattern, and says how sharp the camera sees it at nine places (contrast in per
-/// cent, and how much of the best so far that is); now and then where the panel lies on the sensor
-/// and how bright it is; and what to do next. Needs no calibration. Ctrl-C ends it.
+/// Shows a fine pattern and prints its contrast on the sensor at nine places, in per cent and
+/// relative to the best so far; at times the panel's place on the sensor and its brightness; and
+/// what to adjust next. Needs no calibration. Ctrl-C ends it.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -39,27 +39,27 @@ Examples:
 pub(super) struct AlignOptions {
     #[command(flatten)]
     rig: RigOption,
-    /// Looks before it ends; without it, until Ctrl-C
+    /// Number of measurements; without it, until Ctrl-C
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     looks: Option<u64>,
-    /// Write the same into this folder as a page, align.html, which loads itself anew, and a
-    /// picture of what the camera sees
+    /// Also write a page into this folder, align.html, which reloads itself, with the camera's
+    /// picture
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     page: Option<PathBuf>,
-    /// Say the panel's tilt in degrees, too: of a lens of this focal length before a sensor with
-    /// pixels of this side
+    /// Print the panel's tilt in degrees as well, for a lens of this focal length and sensor pixels
+    /// of this side
     #[arg(long, num_args = 2, value_names = ["LENS_MM", "PIXEL_UM"], value_parser = length)]
     lens: Option<Vec<f64>>,
-    /// Measure the light and end: flicker over 200 captures of grey, and whether the camera's
-    /// counts follow the exposure
+    /// Measure flicker over 200 captures of grey, and linearity of the camera's counts in exposure,
+    /// and end
     #[arg(long, conflicts_with_all = ["looks", "page", "lens"])]
     light: bool,
-    /// Look for light that comes into the box: shows black, and how much more than the least so far
-    /// each of the nine places sees; go around the box with a torch
+    /// Find light leaks: shows black, and prints the light at the nine places above the least so
+    /// far; move a torch around the box
     #[arg(long, conflicts_with_all = ["page", "lens", "light"])]
     leaks: bool,
-    /// How far panel and sensor go from such a lens, and nothing else: its focal length, the
-    /// panel's diagonal and the side of a sensor pixel; the rig file says how many pixels there are
+    /// Print the distances of panel and sensor from a lens, and end: from its focal length, the
+    /// panel's diagonal and the side of a sensor pixel, with the rig file's numbers of pixels
     #[arg(long, num_args = 3, value_names = ["LENS_MM", "PANEL_INCHES", "PIXEL_UM"],
           value_parser = length)]
     plan: Option<Vec<f64>>,
@@ -70,7 +70,7 @@ fn length(word: &str) -> Result<f64, String> {
     word.parse().ok().filter(inside).ok_or(format!("found {word}, allowed 0.1 to 10000"))
 }
 
-/// `relens align`.
+/// Runs `relens align`.
 pub(super) fn run(options: &AlignOptions) -> Result<(), CliError> {
     if let Some([lens_mm, panel_inches, pixel_um]) = options.plan.as_deref() {
         let [panel, sensor] = config::sizes(&options.rig.rig)?;
@@ -84,13 +84,13 @@ pub(super) fn run(options: &AlignOptions) -> Result<(), CliError> {
     if options.light {
         measure_light(&mut view, &rig)
     } else if options.leaks {
-        look_for_leaks(&mut view, options)
+        find_leaks(&mut view, options)
     } else {
-        live(&mut view, &rig, options)
+        measure_live(&mut view, &rig, options)
     }
 }
 
-/// Lines of a terminal that are written anew each time.
+/// Lines of a terminal, redrawn each time.
 struct Redrawn {
     terminal: Term,
     drawn: usize,
@@ -106,7 +106,7 @@ impl Redrawn {
         let columns = if is_term { usize::from(self.terminal.size().1) } else { 100 };
         let lines = wrapped(lines, columns.max(20) - 1);
         if is_term {
-            // A terminal that does not forget lines gets them one below the other.
+            // Where lines cannot be cleared, they follow each other.
             let _ = self.terminal.clear_last_lines(self.drawn);
         }
         self.drawn = lines.len();
@@ -114,8 +114,8 @@ impl Redrawn {
     }
 }
 
-/// Says what each place sees in the dark, until there were enough looks.
-fn look_for_leaks(view: &mut RigView<'_>, options: &AlignOptions) -> Result<(), CliError> {
+/// Prints the light at each place with a black panel.
+fn find_leaks(view: &mut RigView<'_>, options: &AlignOptions) -> Result<(), CliError> {
     let (mut least, mut most) = ([f64::INFINITY; PLACES], 0.0f64);
     let mut terminal = Redrawn::new();
     for _ in 0..options.looks.unwrap_or(u64::MAX) {
@@ -136,10 +136,14 @@ fn look_for_leaks(view: &mut RigView<'_>, options: &AlignOptions) -> Result<(), 
     Ok(())
 }
 
-/// Looks until there were enough of them.
-fn live(view: &mut RigView<'_>, rig: &RigFile, options: &AlignOptions) -> Result<(), CliError> {
+/// Measures and prints focus, aim and brightness.
+fn measure_live(
+    view: &mut RigView<'_>,
+    rig: &RigFile,
+    options: &AlignOptions,
+) -> Result<(), CliError> {
     let image_distance_px = match options.lens.as_deref() {
-        // Focused at a panel some metres away, the image is hardly farther than the focal length.
+        // With the panel some metres away, the image distance is about the focal length.
         Some([lens_mm, pixel_um]) => Some(1000.0 * lens_mm / pixel_um),
         _ => None,
     };
@@ -173,7 +177,7 @@ fn live(view: &mut RigView<'_>, rig: &RigFile, options: &AlignOptions) -> Result
     Ok(())
 }
 
-/// Lines of at most `columns` letters, the rest of longer ones below them, set in.
+/// `lines` wrapped to `columns` letters, continuation lines indented.
 fn wrapped(lines: &[String], columns: usize) -> Vec<String> {
     let mut all = Vec::new();
     for line in lines {
@@ -189,7 +193,7 @@ fn wrapped(lines: &[String], columns: usize) -> Vec<String> {
     all
 }
 
-/// The folder that the page is in.
+/// The page and its folder.
 struct Page {
     files: Files,
     folder: PathBuf,
@@ -202,7 +206,7 @@ impl Page {
         Ok(Page { files: Files::beneath(vec![folder.clone()]), folder })
     }
 
-    /// Writes page and picture anew, each of them whole.
+    /// Writes page and picture, each of them whole.
     fn write(&self, report: &AlignmentReport) -> Result<(), CliError> {
         if let Some(seen) = report.picture() {
             let manner = Manner::plain(Format::Png, 8, Curve::Srgb);
@@ -217,7 +221,7 @@ impl Page {
     }
 }
 
-/// Measures what a live look cannot, says it, and what to do.
+/// Measures brightness, flicker and linearity, and prints advice.
 fn measure_light(view: &mut RigView<'_>, rig: &RigFile) -> Result<(), CliError> {
     let white = view.measure_brightness().map_err(CliError::of)?;
     let mut todo = white.advice(rig.panel.refresh_hz);
@@ -244,8 +248,8 @@ fn measure_light(view: &mut RigView<'_>, rig: &RigFile) -> Result<(), CliError> 
         None => say("linearity: this camera's exposure cannot be set by program"),
     }
     if todo.is_empty() {
-        say("the light is well");
+        say("the light is steady and linear");
         return Ok(());
     }
-    Err(CliError::Unwell(todo.iter().map(Advice::to_string).collect()))
+    Err(CliError::Faults(todo.iter().map(Advice::to_string).collect()))
 }

@@ -1,4 +1,4 @@
-//! The command line as it is declared, and what is said about words that it does not take.
+//! The declaration of the command line, and messages on invalid ones.
 
 use std::ffi::OsString;
 
@@ -20,16 +20,16 @@ use super::screens::ScreensOptions;
 use super::shoot::ShootOptions;
 use super::status::StatusOptions;
 
-/// The page of `relens help`, above its commands.
+/// The head of `relens help`.
 fn long_about() -> String {
     let rigs: Vec<&str> = relens::config::built_in_names().collect();
     format!(
         "Makes cheap lenses take good photographs\n\n\
-         relens shows candidate pictures on a panel, photographs them through the lens the photo \
-         was taken with, and adjusts the candidate until its photograph is the photo.\n\n\
+         relens shows candidate pictures on a panel, photographs them through the lens that took \
+         the photo, and adjusts the candidate until its photograph matches the photo.\n\n\
          RIG.toml is a file, or one of the rigs that come with the program: {}.\n\n\
-         Exit codes: 0 done; 1 some photos failed, they are listed; 2 wrong use or rig file; 3 \
-         the operator is needed.",
+         Exit codes: 0 done; 1 some photos failed and are listed; 2 wrong use or rig file; 3 the \
+         operator is needed.",
         rigs.join(", ")
     )
 }
@@ -44,7 +44,7 @@ fn long_about() -> String {
     max_term_width = 100,
     after_help = "\
 Examples:
-  relens demo                             the whole story on a simulated rig; start here
+  relens demo                             on a simulated rig; start here
   relens restore --rig RIG.toml IN.jpg -o OUT.jpg
   relens run --rig RIG.toml --folder DIR
   relens help restore"
@@ -52,15 +52,15 @@ Examples:
 pub(super) struct CommandLine {
     #[command(subcommand)]
     pub(super) command: Command,
-    /// Show debug messages, too
+    /// Show debug messages as well
     #[arg(short, long, global = true)]
     pub(super) verbose: bool,
-    /// Say only what went wrong
+    /// Print warnings and errors alone
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub(super) quiet: bool,
 }
 
-/// Each command's own file has its options.
+/// The commands; each one's file declares its options.
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
     Demo(DemoOptions),
@@ -83,34 +83,34 @@ pub(super) enum Command {
     Man(ManOptions),
 }
 
-/// Reads the words, the program's name first.
+/// Parses the words, the program's name first.
 ///
 /// # Errors
-/// A request for help or the version, or words that are not taken: see [`complaint`].
+/// A request for help or the version, or an invalid command line; see [`error_message`].
 pub(super) fn read(words: &[OsString]) -> Result<CommandLine, clap::Error> {
     CommandLine::try_parse_from(words)
 }
 
-/// What was found in `words` and what is allowed, in one sentence or two.
-pub(super) fn complaint(error: &clap::Error, words: &[OsString]) -> String {
+/// The message for an invalid command line: what was found, and what is allowed.
+pub(super) fn error_message(error: &clap::Error, words: &[OsString]) -> String {
     let line = CommandLine::command();
     let of = |kind| error.get(kind).map(ToString::to_string).unwrap_or_default();
     let (found, value) = (of(ContextKind::InvalidArg), of(ContextKind::InvalidValue));
-    // An option before the command is none of the command's.
+    // Options before the command belong to the program.
     let mut before = words.iter().skip(1).take_while(|word| **word != *found);
     let command = before.find_map(|word| line.find_subcommand(word)).unwrap_or(&line);
     let name = match command.get_name() {
         "relens" => "relens".to_owned(),
         name => format!("relens {name}"),
     };
-    let said = match error.kind() {
+    let message = match error.kind() {
         ErrorKind::InvalidSubcommand => {
             let names = line.get_subcommands().filter(|c| !c.is_hide_set()).map(|c| c.get_name());
             let hint = hint(error, ContextKind::SuggestedSubcommand, names);
             format!("found the command `{}`{hint}", of(ContextKind::InvalidSubcommand))
         }
         ErrorKind::UnknownArgument if !found.starts_with('-') => {
-            format!("`{name}` does not know what to do with `{found}`")
+            format!("`{name}` does not take `{found}`")
         }
         ErrorKind::UnknownArgument => {
             let options = command.get_opts().filter_map(|option| option.get_long());
@@ -145,10 +145,10 @@ pub(super) fn complaint(error: &clap::Error, words: &[OsString]) -> String {
         }
     };
     let page = name.replacen("relens", "relens help", 1);
-    format!("{said} (`{page}` tells more)")
+    format!("{message}; see `{page}`")
 }
 
-/// What is allowed, of the words in which a value's parser says `why` it does not take one.
+/// The allowed values, by a value parser's message.
 fn range(why: &str) -> String {
     if let Some((_, allowed)) = why.split_once(", allowed ") {
         return allowed.to_owned();
@@ -205,10 +205,10 @@ mod tests {
         )
     }
 
-    fn complaint_of(line: &str) -> String {
+    fn message_for(line: &str) -> String {
         let words: Vec<_> =
             ["relens"].into_iter().chain(line.split_whitespace()).map(OsString::from).collect();
-        complaint(&read(&words).unwrap_err(), &words)
+        error_message(&read(&words).unwrap_err(), &words)
     }
 
     #[test]
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn the_help_names_every_rig_that_comes_with_the_program() {
+    fn the_help_names_every_built_in_rig() {
         let page = CommandLine::command().render_long_help().to_string();
         for name in relens::config::built_in_names() {
             assert!(page.contains(name), "{name}: {page}");
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn right_words_are_understood_in_any_order() {
+    fn valid_command_lines_are_parsed_in_any_order() {
         let line = read_line("run --once -f box --rig=a.toml -v").unwrap();
         assert!(line.verbose && matches!(line.command, Command::Run(_)));
         assert!(read_line("-v demo").unwrap().verbose);
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_words_get_one_sentence_with_the_right_ones() {
+    fn invalid_command_lines_get_one_line_of_advice() {
         for (line, wanted) in [
             ("restroe x", "found the command `restroe`; did you mean restore?"),
             ("xyz", "allowed: demo, run"),
@@ -246,7 +246,7 @@ mod tests {
             ("run --rig a --onec", "did you mean --once?"),
             ("run --rig", "needs a value: --rig"),
             ("run --rig a --rig b", "given twice"),
-            ("run --rig a inbox", "does not know what to do with `inbox`"),
+            ("run --rig a inbox", "`relens run` does not take `inbox`"),
             ("restore -r a -o b", "needs <PHOTO>"),
             ("restore -r a -o b c -m hybird", "did you mean hybrid?"),
             ("restore -r a -o b c -m magic", "allowed: paper, residual,"),
@@ -254,13 +254,13 @@ mod tests {
             ("status --rig a", "`relens status` has no option `--rig`, allowed: --folder"),
             ("press --long=3", "unexpected value '3' for '--long'"),
         ] {
-            let said = complaint_of(line);
-            assert!(said.contains(wanted) && said.lines().count() == 1, "{line}: {said}");
+            let message = message_for(line);
+            assert!(message.contains(wanted) && message.lines().count() == 1, "{line}: {message}");
         }
     }
 
-    /// Every place in `text` where the program is called by name with one of its commands: the
-    /// words, and whether the text only speaks of it, between backticks.
+    /// Every call of the program with one of its commands in `text`: the words, and whether they
+    /// stand between backticks.
     fn calls(text: &str) -> Vec<(String, bool)> {
         let declared = CommandLine::command();
         let mut found = Vec::new();
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn every_call_in_pages_and_scripts_is_understood() {
+    fn every_call_in_pages_and_scripts_is_valid() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let mut files = vec![root.join("README.md"), root.join("hardware.md")];
         for folder in ["rig-config", "systemd", "tests"] {
@@ -299,17 +299,17 @@ mod tests {
         let mut read_calls = 0;
         for file in files {
             let Ok(text) = std::fs::read_to_string(&file) else { continue };
-            for (words, spoken_of) in calls(&text) {
+            for (words, is_quoted) in calls(&text) {
                 read_calls += 1;
                 let error = read_line(&words).err().map(|error| error.kind());
-                let understood = match error {
+                let is_valid = match error {
                     None => true,
-                    Some(ErrorKind::MissingRequiredArgument) => spoken_of,
+                    Some(ErrorKind::MissingRequiredArgument) => is_quoted,
                     Some(_) => false,
                 };
-                assert!(understood, "{}: relens {words}: {error:?}", file.display());
+                assert!(is_valid, "{}: relens {words}: {error:?}", file.display());
             }
         }
-        assert!(read_calls > 20, "the reader finds calls: {read_calls}");
+        assert!(read_calls > 20, "found {read_calls} calls");
     }
 }

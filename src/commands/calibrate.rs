@@ -1,4 +1,4 @@
-//! `relens calibrate`: the rig measured, and its operating point chosen.
+//! `relens calibrate`: measures the rig and chooses its operating point.
 
 use std::path::Path;
 
@@ -20,25 +20,25 @@ use super::output::{note, say};
 use super::service::service_manager;
 use super::{opening, progress};
 
-/// Measure the rig and keep what was measured
+/// Measure the rig and keep the calibration
 ///
-/// Shows patterns, sees them, fits what the rig is, judges whether that is good, and keeps it in
-/// DIR/calibration. A calibration that is no good is not kept; the old one stays.
+/// Shows patterns, photographs them, fits the model of the rig, judges the fit, and keeps it in
+/// DIR/calibration. A calibration that is not good enough is not kept, and the old one stays.
 ///
-/// With --focus-offset D it measures the lens for scenes D dioptres (1/m) nearer than the panel,
-/// farther when negative, and keeps that beside the calibration: stand the panel there, or turn the
-/// focus ring until the panel is as unsharp as such a scene, measure, and bring everything back. A
-/// photo then tells by itself at which of the measured focuses it was taken.
+/// With --focus-offset D it measures the lens for scenes D dioptres (1/m) nearer than the panel, or
+/// farther if D is negative, and adds that to the calibration: move the panel there, or turn the
+/// focus ring until the panel is as unsharp as such a scene, measure, and undo the change. The focus
+/// of a photo is then estimated among those measured.
 ///
-/// With --diffuser it measures what the lens alone darkens, for remove-vignetting = true in
-/// [restore]: it asks for a white diffuser before the lens (opal acrylic, or two sheets of tracing
-/// paper), evenly lit, and for half a turn of it between two takes.
+/// With --diffuser it measures the lens's vignetting, for remove-vignetting = true in [restore]: it
+/// asks for a white diffuser before the lens (opal acrylic, or two sheets of tracing paper), evenly
+/// lit, and for half a turn of it between two photos.
 ///
 /// With operating-point = "fast", "balanced" or "best" in [restore] of the rig file it then shows
 /// known scenes, restores them with several settings, and keeps the chosen one in
-/// DIR/calibration/operating-point.toml: the best; or, of those that take no longer than the rig
-/// file's own and have no less PSNR (fast: 1 dB less), the fastest within 0.002 SSIM (fast: 0.01)
-/// of their best. Photos are restored with that from then on.
+/// DIR/calibration/operating-point.toml, by which photos are restored from then on. `best` is the
+/// best setting. The others are the fastest within 0.002 SSIM (`fast`: 0.01) of the best among the
+/// settings that take no longer than the rig file's own and have no less PSNR (`fast`: 1 dB less).
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -50,27 +50,27 @@ pub(super) struct CalibrateOptions {
     rig: RigOption,
     #[command(flatten)]
     folder: FolderOption,
-    /// Measure the lens for scenes D dioptres (1/m) nearer than the panel, farther when negative
+    /// Measure the lens for scenes D dioptres (1/m) nearer than the panel; farther if negative
     #[arg(long, value_name = "D", allow_hyphen_values = true, value_parser = dioptres)]
     focus_offset: Option<f32>,
-    /// Forget what was measured for other focuses, and measure nothing
+    /// Remove the measurements at other focuses, and measure nothing
     #[arg(long, conflicts_with = "focus_offset")]
     forget_focuses: bool,
-    /// Measure what the lens alone darkens, behind a diffuser, for remove-vignetting
+    /// Measure the lens's vignetting behind a diffuser, for remove-vignetting
     #[arg(long, conflicts_with_all = ["focus_offset", "forget_focuses"])]
     diffuser: bool,
 }
 
-/// A focus offset, or what may be one.
+/// Parses a focus offset.
 fn dioptres(word: &str) -> Result<f32, String> {
-    let offset = word.parse().map_err(|_| "no number".to_owned())?;
+    let offset = word.parse().map_err(|_| "not a number".to_owned())?;
     focus_offset(offset).map_err(|error| error.to_string())
 }
 
-/// `relens calibrate`.
+/// Runs `relens calibrate`.
 ///
 /// # Errors
-/// When the rig cannot be opened or is not fit to be calibrated; what was kept before then stays.
+/// When the rig cannot be opened or calibrated; the old calibration stays.
 pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
     rig.doubts().iter().for_each(|doubt| log::warn!("{doubt}"));
@@ -82,7 +82,7 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
         return Ok(());
     }
     if options.diffuser {
-        return measure_behind_diffuser(rig, &kept);
+        return measure_vignetting(rig, &kept);
     }
     if let Some(offset) = options.focus_offset {
         return measure_focus(rig, &kept, offset);
@@ -101,8 +101,8 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     if rig.calibration.broad_term {
         let [red, green, blue] = calibration.scattered().map(|share| 100.0 * share);
         say(&format!(
-            "the lens scatters {red:.1}, {green:.1}, {blue:.1} % of red, green, blue wider than \
-             its functions reach"
+            "the lens scatters {red:.1}, {green:.1}, {blue:.1} % of red, green, blue beyond the \
+             reach of its functions"
         ));
     }
     match rig.restore.operating_point {
@@ -113,7 +113,7 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
 
 /// Measures the lens at a focus `offset` from the panel's, and keeps it in `kept`.
 fn measure_focus(rig: &RigFile, kept: &Path, offset: f32) -> Result<(), CliError> {
-    // Before the devices are opened: an offset that is none, and no calibration to keep it beside.
+    // Before the devices are opened: is the offset valid, and is there a calibration to add it to?
     focus::check(rig, kept, offset)?;
     let turned = rig.refocused(offset).ok_or(CliError::PastInfinity(offset))?;
     let mut devices = opening::devices(&turned)?;
@@ -131,9 +131,9 @@ fn measure_focus(rig: &RigFile, kept: &Path, offset: f32) -> Result<(), CliError
     Ok(())
 }
 
-/// Measures what the lens alone darkens, step by step, and keeps it in `kept`.
-fn measure_behind_diffuser(rig: &RigFile, kept: &Path) -> Result<(), CliError> {
-    // Before anybody is asked for a diffuser.
+/// Measures the lens's vignetting, and keeps it in `kept`.
+fn measure_vignetting(rig: &RigFile, kept: &Path) -> Result<(), CliError> {
+    // Checked before asking for the diffuser.
     store::load(kept, rig.identity).map_err(CliError::of)?;
     let flat = if rig.simulation().is_some() {
         let (mut devices, witness) = simulated::open(rig).map_err(CliError::of)?;
@@ -142,24 +142,23 @@ fn measure_behind_diffuser(rig: &RigFile, kept: &Path) -> Result<(), CliError> {
         diffuser::measure(rig, &mut devices, kept, &mut || {})?
     } else {
         let mut devices = opening::devices_without_panel(rig)?;
-        ask("Put the diffuser on the lens, all of it covered, and light it evenly from afar.");
+        ask("Cover the whole lens with the diffuser, and light it evenly from afar.");
         diffuser::measure(rig, &mut devices, kept, &mut || {
-            ask("Turn the diffuser by half a turn; leave light and camera as they are.");
+            ask("Turn the diffuser by half a turn; do not move light and camera.");
         })?
     };
     say(&format!(
-        "kept in {}: the darkest corner has {:.0} % of the brightest place's light",
+        "kept in {}: the darkest corner has {:.0} % of the light at the brightest place",
         kept.display(),
         100.0 * flat.darkest()
     ));
     if !rig.restore.remove_vignetting {
-        say("  results keep their dark corners until [restore] has remove-vignetting = true");
+        say("  to remove dark corners from results, set remove-vignetting = true in [restore]");
     }
     Ok(())
 }
 
-/// Asks whoever stands before the rig to do something, and waits until they press Enter; with
-/// nobody at standard input it goes on.
+/// Asks the operator for an action, and waits for Enter or the end of input.
 fn ask(what: &str) {
     note(&format!("{what} Then press Enter."));
     let _ = std::io::stdin().read_line(&mut String::new());
@@ -169,7 +168,7 @@ fn counted(focuses: usize) -> String {
     format!("{focuses} {}", if focuses == 1 { "focus" } else { "focuses" })
 }
 
-/// Chooses the operating point `wanted` by scenes shown on the rig, and keeps it beside the
+/// Chooses the operating point `wanted` by known scenes on the rig, and keeps it with the
 /// calibration.
 fn choose_setting(
     rig: &RigFile,

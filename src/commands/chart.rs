@@ -29,7 +29,7 @@ pub(super) struct ChartOptions {
     rig: RigOption,
     #[command(flatten)]
     folder: FolderOption,
-    /// Folder of drawing and tables, which is made if need be
+    /// Folder for drawing and tables, made if missing
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     /// Leave out most settings of the methods that lose
@@ -37,7 +37,7 @@ pub(super) struct ChartOptions {
     quick: bool,
 }
 
-/// `relens chart`.
+/// Runs `relens chart`.
 ///
 /// # Errors
 /// When the rig cannot be opened, or the tables cannot be written.

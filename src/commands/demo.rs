@@ -1,39 +1,39 @@
-//! `relens demo`: photos through a bad lens, dropped, restored, and compared with what was
-//! photographed.
+//! `relens demo`: photos through a bad lens, restored by the drop folder, and compared with their
+//! scenes.
 
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 use relens::chart::looks::display_luminance;
 use relens::chart::scenes::Scene;
-use relens::config;
+use relens::config::{self, RigFile};
 use relens::daemon::{Folders, SCENES};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::picture::{Format, Limits, Manner, Photo, Tone, encode};
 
 use super::error::CliError;
+use super::opening;
 use super::output::say;
+use super::photograph::{self, Taken};
 use super::run::empty_inbox;
-use super::{opening, photograph};
 
 /// The rig of the demo.
 const RIG: &str = "simulated.toml";
 
-/// What is photographed, in this order. A photograph comes first, and one last: the gallery begins
-/// with the newest.
+/// The scenes, in order. Photographs come first and last, for the gallery begins with the newest.
 const SCENES_TAKEN: [Scene; 4] = [Scene::Coffee, Scene::Chart, Scene::Rocket, Scene::Astronaut];
 
-/// Tell the whole story on a simulated rig: start here
+/// Restore photos on a simulated rig: start here
 ///
 /// Takes photos of four scenes through the simulated rig's bad lens, drops them into an inbox,
-/// restores them, and prints how much nearer to the scenes they came.
+/// restores them, and prints their likeness to the scenes before and after.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   relens demo
   relens demo --out /tmp/demo    then open /tmp/demo/outbox/index.html in a browser")]
 pub(super) struct DemoOptions {
-    /// Folder of the demo, made with a number behind its name if that name is taken
+    /// Folder of the demo; if it exists, a number is added to its name
     #[arg(
         short,
         long,
@@ -44,7 +44,7 @@ pub(super) struct DemoOptions {
     out: PathBuf,
 }
 
-/// Runs the demo.
+/// Runs `relens demo`.
 pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     let rig = config::load(Path::new(RIG))?;
     let folders = Folders::open(&free(&options.out))?;
@@ -60,22 +60,7 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     let scenes = root.join(SCENES);
     std::fs::create_dir_all(&scenes).map_err(|e| CliError::writing(&scenes, e))?;
     for (name, taken) in names.iter().zip(&mut taken) {
-        let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
-        let raw = if name.ends_with(".dng") { taken.raw_file.take() } else { None };
-        let photo = match raw {
-            Some(raw) => raw,
-            None => photograph::file_of(&rig, &taken.codes, format, name)?,
-        };
-        let manner = Manner::plain(format, 8, rig.photo.curve);
-        let scene = encode(name, &taken.shaded, &manner, false).map_err(CliError::of)?;
-        let scene_name = if name.ends_with(".dng") {
-            Path::new(name).with_extension("png")
-        } else {
-            PathBuf::from(name)
-        };
-        for (path, bytes) in [(inbox.join(name), photo), (scenes.join(scene_name), scene)] {
-            std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, e))?;
-        }
+        write_photo_and_scene(&rig, name, taken, [&inbox, &scenes])?;
     }
     say("2. calibrating the rig, from captures alone");
     let mut restorer = opening::restorer(&rig, &root, None, None, opening::devices)?;
@@ -87,18 +72,11 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
         let Some(report) = summary.restored.iter().find(|report| report.photo == *name) else {
             continue;
         };
-        let of = |path: PathBuf| -> Result<[f64; 2], CliError> {
-            let photo =
-                Photo::read(&path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
-            let tone = Tone::of_curve(config::Curve::Srgb, 8);
-            let [is, ought] =
-                [&photo.in_colour(), &taken.shaded].map(|light| display_luminance(&tone, light));
-            Ok([ssim(&is, &ought), psnr(&is, &ought)])
-        };
-        let (before, after) = (of(root.join("done").join(name))?, of(outbox.join(&report.result))?);
+        let before = Quality::of(&root.join("done").join(name), &rig, taken)?;
+        let after = Quality::of(&outbox.join(&report.result), &rig, taken)?;
         say(&format!(
             "{name:13} {:.3}  {:.3}    {:5.2}  {:5.2}    {:5}     {:5.1}",
-            before[0], after[0], before[1], after[1], report.captures, report.seconds
+            before.ssim, after.ssim, before.psnr_db, after.psnr_db, report.captures, report.seconds
         ));
     }
     for photo in summary.failed.iter().chain(&summary.left) {
@@ -111,8 +89,50 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
     }
 }
 
-/// The file that a scene's photo is dropped as: raw where the camera gives sites, but for one that
-/// the camera itself developed.
+/// Writes the photo called `name` into the first of the `folders`, and its scene into the second.
+fn write_photo_and_scene(
+    rig: &RigFile,
+    name: &str,
+    taken: &mut Taken,
+    [inbox, scenes]: [&Path; 2],
+) -> Result<(), CliError> {
+    let format = if name.ends_with(".jpg") { Format::Jpeg } else { Format::Png };
+    let is_raw = name.ends_with(".dng");
+    let photo = match taken.raw_file.take().filter(|_| is_raw) {
+        Some(raw) => raw,
+        None => photograph::file_of(rig, &taken.codes, format, name)?,
+    };
+    let manner = Manner::plain(format, 8, rig.photo.curve);
+    let scene = encode(name, &taken.shaded, &manner, false).map_err(CliError::of)?;
+    let scene_name = match is_raw {
+        true => Path::new(name).with_extension("png"),
+        false => PathBuf::from(name),
+    };
+    for (path, bytes) in [(inbox.join(name), photo), (scenes.join(scene_name), scene)] {
+        std::fs::write(&path, bytes).map_err(|e| CliError::writing(&path, e))?;
+    }
+    Ok(())
+}
+
+/// The likeness of a picture to its scene.
+struct Quality {
+    ssim: f64,
+    psnr_db: f64,
+}
+
+impl Quality {
+    /// Of the picture at `path` to the scene of `taken`.
+    fn of(path: &Path, rig: &RigFile, taken: &Taken) -> Result<Quality, CliError> {
+        let picture =
+            Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
+        let tone = Tone::of_curve(config::Curve::Srgb, 8);
+        let [picture, scene] =
+            [&picture.in_colour(), &taken.shaded].map(|light| display_luminance(&tone, light));
+        Ok(Quality { ssim: ssim(&picture, &scene), psnr_db: psnr(&picture, &scene) })
+    }
+}
+
+/// The file name of a scene's photo: raw where the camera has raw sites, but for the JPEG.
 fn photo_name(scene: Scene, raw: bool) -> String {
     let developed = scene.file_name();
     match developed.strip_suffix(".png") {
@@ -121,7 +141,7 @@ fn photo_name(scene: Scene, raw: bool) -> String {
     }
 }
 
-/// `wanted`, or with the first number that is free if there is something already.
+/// `wanted`, with the first free number added if it exists.
 fn free(wanted: &Path) -> PathBuf {
     let mut path = wanted.to_owned();
     let mut number = 2;
@@ -139,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_story_and_its_gallery_begin_with_photographs() {
+    fn scenes_and_gallery_begin_with_photographs() {
         let [first, .., last] = SCENES_TAKEN;
         assert!(first != Scene::Chart && last != Scene::Chart);
         assert!(Scene::ALL.iter().all(|scene| SCENES_TAKEN.contains(scene)));

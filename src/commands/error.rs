@@ -1,4 +1,4 @@
-//! Why a command did not do what was asked, and the exit code that says so.
+//! The errors of commands, and their exit codes.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,113 +8,109 @@ use relens::daemon::{DaemonError, FolderError};
 use relens::disk::FileError;
 use relens::remedy::{AnyFailure, Remediable, Remedy, full_message};
 
-/// What stands in the way of a command.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CliError {
-    /// The rig file was not taken.
+    /// The rig file is invalid.
     #[error(transparent)]
     RigFile(#[from] ConfigError),
     /// The command is for simulated rigs.
     #[error("found the rig {0}, made of devices, allowed simulated rigs")]
     NotSimulated(String),
-    /// A raw photo is asked of a camera that has none.
+    /// A raw photo was requested of a camera without colour filters.
     #[error(
-        "found the rig {0}, whose sensor has no colour filters ([sensor] mosaic), allowed one that \
-         has for a raw photo (.dng)"
+        "the sensor of the rig {0} has no colour filters ([sensor] mosaic), so its photos cannot \
+         be raw (.dng): name the photo .tif or .png"
     )]
     NoFilters(String),
-    /// A simulated rig has nothing before its lens.
-    #[error("found no picture for the simulated rig {0} to photograph, allowed --scene PICTURE")]
+    /// A simulated rig has no scene to photograph.
+    #[error("the simulated rig {0} needs a picture to photograph: give --scene PICTURE")]
     NoScene(String),
-    /// An exposure is asked of a camera that has one only.
-    #[error("this camera's exposure cannot be set by program, allowed --exposure 1")]
+    /// The camera's exposure is fixed.
+    #[error("this camera's exposure cannot be set by program: leave --exposure out")]
     FixedExposure,
-    /// A gain is asked of a camera that has one only.
+    /// The camera's gain is fixed.
     #[error(
-        "this camera's gain cannot be set, allowed --gain 1; the rig file lets it be set by \
-         hardware.camera.gain-step-db, with `gain` or `analogue_gain` among the controls"
+        "this camera's gain cannot be set: leave --gain out, or name its control in the rig file \
+         (hardware.camera.gain-step-db, with `gain` or `analogue_gain` among the controls)"
     )]
     FixedGain,
-    /// A dark frame that is not dark.
-    #[error(
-        "found {0:.0} % of full light for the dark frame, allowed next to none: cover the lens"
-    )]
+    /// A dark frame has light.
+    #[error("the dark frame has {0:.0} % of full light: cover the lens, and take the photo again")]
     NotDark(f64),
-    /// A simulated focus ring is to be turned past its end.
-    #[error(
-        "found a focus offset of {0} dioptres, allowed one that the rig's focus ring reaches: it \
-         ends at infinity"
-    )]
+    /// A simulated focus ring ends before the offset.
+    #[error("the rig's focus ring ends at infinity, before a focus offset of {0} dioptres")]
     PastInfinity(f32),
-    /// A file that is to be written is there already.
-    #[error("{0} exists already, allowed a new name")]
+    /// The output file exists.
+    #[error("{0} exists already: give another name")]
     Taken(PathBuf),
-    /// The same, or another mistake, of one photo of several.
+    /// An error of one photo of several.
     #[error("{0}: {1}")]
     OfPhoto(String, Box<CliError>),
-    /// The folder of a file that is to be written is not there.
+    /// The folder of the output file does not exist.
     #[error("cannot write {0}: its folder does not exist")]
     NoFolder(PathBuf),
-    /// The result's name does not tell a format.
+    /// The ending of the output file is no format's.
     #[error("found the result's name {0}, allowed one ending in .jpg, .png or .tif")]
     Format(PathBuf),
-    /// Several photos' results go into a folder.
-    #[error("found no folder {0}, allowed a folder for the results of several photos")]
+    /// Several photos need a folder for their results.
+    #[error("there is no folder {0}: the results of several photos need one")]
     NoSuchFolder(PathBuf),
-    /// A report is of one photo.
-    #[error("found --report beside {0} photos, allowed one photo")]
+    /// A report describes one photo.
+    #[error("--report takes one photo, found {0}")]
     OneReport(usize),
-    /// What was piped in cannot be read.
+    /// Standard input cannot be read.
     #[error("cannot read standard input")]
     StandardInput(#[source] io::Error),
-    /// No daemon worked on the folder yet.
+    /// The folder has no state file.
     #[error("found no state file in {0}, allowed a folder that `relens run` has worked on")]
     NoState(PathBuf),
-    /// No daemon works on the folder.
-    #[error("found no relens at work on {0}, allowed a folder with a `relens run`")]
+    /// No daemon is running on the folder.
+    #[error("no `relens run` is working on {0}: start one, or give its folder")]
     NobodyThere(PathBuf),
-    /// What the daemon wrote of itself cannot be read.
-    #[error("{}; nothing was done; {}", full_message(.0), to_read_the_state(.0.kind()))]
+    /// The state file cannot be read.
+    #[error("{}; nothing was done; {}", full_message(.0), state_remedy(.0.kind()))]
     BrokenState(FileError),
-    /// The disk refused a file.
+    /// A file cannot be written.
     #[error("cannot write {0}")]
     Writing(PathBuf, #[source] io::Error),
-    /// Some photos were not restored; they were listed.
+    /// Some photos, already listed, were not restored.
     #[error("{failed} of {all} photos were not restored")]
     SomeFailed { failed: usize, all: usize },
-    /// The drop folder.
+    /// The drop folder cannot be used.
     #[error(transparent)]
     Folder(#[from] DaemonError),
-    /// The program cannot be told to stop.
-    #[error("cannot listen to signals")]
+    /// Signals cannot be handled.
+    #[error("cannot handle signals")]
     Signals(#[source] io::Error),
-    /// No operating point can be chosen.
-    #[error("no setting gave a picture of the scenes shown that could be scored")]
+    /// No setting could be scored.
+    #[error("no operating point was chosen: no setting restored the scenes shown")]
     NothingScored,
-    /// What `relens check` found wrong.
+    /// Faults of the rig, each with its remedy.
     #[error("{}", .0.join("; "))]
-    Unwell(Vec<String>),
-    /// A photo, a rig, a calibration: the remedy tells which.
+    Faults(Vec<String>),
+    /// A failure of a photo, a rig or a calibration.
     #[error("{}", full_message(&**.0))]
     Failed(AnyFailure),
 }
 
-/// What helps where the state cannot be read for a `cause`.
-fn to_read_the_state(cause: io::ErrorKind) -> &'static str {
+/// The remedy where the state cannot be read for this `cause`.
+fn state_remedy(cause: io::ErrorKind) -> &'static str {
     match cause {
         io::ErrorKind::PermissionDenied => {
-            "be of the group that shares the folder (sudo usermod -aG relens YOU, then log in anew)"
+            "join the folder's group (sudo usermod -aG relens YOU, then log in again)"
         }
         io::ErrorKind::InvalidData => {
-            "end `relens run` and start it again, it writes the file anew (the service: sudo \
-             systemctl restart relens)"
+            "restart `relens run`, which writes the file again (the service: sudo systemctl restart \
+             relens)"
         }
-        _ => "look after the disk or the network share",
+        _ => "check the disk or the network share",
     }
 }
 
 impl CliError {
-    /// 1: some photos failed. 2: wrong use or rig file. 3: the operator is needed.
+    /// The exit code: 1 where photos failed, 2 for wrong use or rig file, 3 where the operator is
+    /// needed.
     pub(super) fn exit_code(&self) -> u8 {
         let of = |remedy| match remedy {
             Remedy::SkipPhoto | Remedy::RetryLater | Remedy::ShootAgain => 1,
@@ -138,14 +134,14 @@ impl CliError {
             | CliError::OneReport(_)
             | CliError::NoState(_) => 2,
             CliError::Writing(..) | CliError::StandardInput(_) | CliError::SomeFailed { .. } => 1,
-            CliError::Signals(_) | CliError::NothingScored | CliError::Unwell(_) => 3,
+            CliError::Signals(_) | CliError::NothingScored | CliError::Faults(_) => 3,
             CliError::Folder(error) => of(error.remedy()),
             CliError::Failed(error) => of(error.remedy()),
             CliError::OfPhoto(_, error) => error.exit_code(),
         }
     }
 
-    /// What the one who stands before a box may do about it, for its panel.
+    /// The remedy to show on the panel.
     pub(super) fn what_to_do(&self) -> &'static str {
         match self {
             CliError::Folder(error) => error.what_to_do(),
@@ -154,7 +150,7 @@ impl CliError {
         }
     }
 
-    /// What kept `path` from being written.
+    /// The error of writing `path`.
     pub(super) fn writing(path: &Path, source: io::Error) -> CliError {
         let path = path.to_owned();
         match source.kind() {
@@ -164,7 +160,7 @@ impl CliError {
         }
     }
 
-    /// Any error that knows its remedy.
+    /// Wraps any error with a remedy.
     pub(super) fn of(error: impl Remediable + Send + Sync + 'static) -> CliError {
         CliError::Failed(Box::new(error))
     }
@@ -193,15 +189,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_that_cannot_be_read_has_the_remedy_of_its_cause() {
+    fn an_unreadable_state_has_the_remedy_of_its_cause() {
         use io::ErrorKind::{InvalidData, PermissionDenied};
-        let said = |kind| {
+        let message = |kind| {
             let error = FileError::at("read the state", Path::new("a"))(io::Error::from(kind));
             CliError::BrokenState(error).to_string()
         };
-        let (denied, broken) = (said(PermissionDenied), said(InvalidData));
+        let (denied, broken) = (message(PermissionDenied), message(InvalidData));
         assert!(denied.contains("usermod") && !denied.contains("restart"), "{denied}");
         assert!(broken.contains("restart") && !broken.contains("usermod"), "{broken}");
-        assert!(said(io::ErrorKind::Other).ends_with("look after the disk or the network share"));
+        assert!(message(io::ErrorKind::Other).ends_with("check the disk or the network share"));
     }
 }

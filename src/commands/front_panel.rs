@@ -1,4 +1,4 @@
-//! The thread that hears the button and drives the lamps: of a board, or of a simulated rig.
+//! The thread of button and lamps, of a board or a simulated rig.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,19 +16,18 @@ use super::press::SimulatedButton;
 /// Debounce time of a simulated button, which does not bounce.
 const SIMULATED_DEBOUNCE_MS: f64 = 20.0;
 
-/// The front panel's loop ends within this time, or hangs: it comes round many times a second.
-/// Guess.
+/// Longest wait for the loop to end, seconds; it iterates many times a second. Guess.
 const END_S: f64 = 2.0;
 
-/// The front panel, attended until this is dropped.
+/// The front panel's thread, which runs until this is dropped.
 pub(super) struct FrontPanelThread {
     ended: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl FrontPanelThread {
-    /// Attends to the button and lamps of `rig`, which works on `folder`.
-    pub(super) fn open(rig: &RigFile, folder: &Path, front: FrontPanel) -> FrontPanelThread {
+    /// Starts the thread for the button and lamps of `rig`, which works on `folder`.
+    pub(super) fn start(rig: &RigFile, folder: &Path, front: FrontPanel) -> FrontPanelThread {
         let ended = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&ended);
         let (rig, folder) = (rig.clone(), folder.to_owned());
@@ -37,14 +36,14 @@ impl FrontPanelThread {
             run(&rig, &folder, &front, &|| asked.load(Ordering::Acquire));
         });
         if let Err(error) = &begun {
-            log::warn!("there is no thread for button and lamps: {error}");
+            log::warn!("button and lamps are off: cannot start their thread: {error}");
         }
         FrontPanelThread { ended, thread: begun.ok() }
     }
 }
 
 impl Drop for FrontPanelThread {
-    /// Waits for the lamps to go dark; not for a loop that hangs, whose end the program's end is.
+    /// Waits for the lamps to go dark, but not for a loop that hangs.
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Release);
         let Some(thread) = self.thread.take() else { return };
@@ -53,7 +52,7 @@ impl Drop for FrontPanelThread {
             Monotonic.wait_until(Moment(Monotonic.now().0 + 0.01));
         }
         if thread.is_finished() {
-            // A panic there was printed there.
+            // A panic was already printed.
             let _ = thread.join();
         }
     }
@@ -106,16 +105,16 @@ mod board {
         }
     }
 
-    /// Button and lamps of a board; what it does not have, or cannot have, is done without.
+    /// Runs with those of button and lamps that the board has and that can be opened.
     pub(super) fn run(
         parts: &Hardware,
         long_press_ms: f64,
         front: &FrontPanel,
         ended: &dyn Fn() -> bool,
     ) {
-        let told = |error: RigError| log::warn!("{}", full_message(&error));
-        let mut bulbs = hardware::open_lamps(parts).map(BoardLamps).map_err(told).ok();
-        let mut line = hardware::open_button(parts).map_err(told).ok().flatten().map(BoardButton);
+        let warn = |error: RigError| log::warn!("{}", full_message(&error));
+        let mut bulbs = hardware::open_lamps(parts).map(BoardLamps).map_err(warn).ok();
+        let mut line = hardware::open_button(parts).map_err(warn).ok().flatten().map(BoardButton);
         let debounce_ms = parts.button.as_ref().map_or(30.0, |button| button.debounce_ms);
         let timing = ButtonTiming { debounce_ms, long_press_ms };
         let button = line.as_mut().map(|line| line as &mut dyn attend::ButtonLevel);

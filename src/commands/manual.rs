@@ -1,5 +1,4 @@
-//! `relens completions` and `relens man`: what the package brings for shells and for `man`, made of
-//! the command line's declaration.
+//! `relens completions` and `relens man`, generated from the command line's declaration.
 
 use std::path::PathBuf;
 
@@ -13,7 +12,7 @@ use super::output::say;
 /// Print the completions for a shell
 #[derive(Debug, Args)]
 pub(super) struct CompletionsOptions {
-    /// Shell that asks
+    /// Shell to complete in
     shell: Shell,
 }
 
@@ -25,7 +24,7 @@ pub(super) struct ManOptions {
     out: Option<PathBuf>,
 }
 
-/// `relens completions`, for what is declared by `command`.
+/// Runs `relens completions` for the declaration `command`.
 pub(super) fn completions(
     options: &CompletionsOptions,
     mut command: Command,
@@ -36,25 +35,24 @@ pub(super) fn completions(
     Ok(())
 }
 
-/// `relens man`, for what is declared by `command`.
+/// Runs `relens man` for the declaration `command`.
 pub(super) fn man(options: &ManOptions, command: Command) -> Result<(), CliError> {
-    let mut whole = command.disable_help_subcommand(true);
-    whole.build();
+    let mut program = command.disable_help_subcommand(true);
+    program.build();
     let Some(folder) = &options.out else {
-        say(page(whole).1.trim_end());
+        say(page(program).page.trim_end());
         return Ok(());
     };
-    let commands = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
-    for command in commands.chain([whole.clone()]) {
-        let (name, page) = page(command);
-        let path = folder.join(name);
+    let commands = program.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
+    for command in commands.chain([program.clone()]) {
+        let ManPage { file_name, page } = page(command);
+        let path = folder.join(file_name);
         std::fs::write(&path, page).map_err(|e| CliError::writing(&path, e))?;
     }
     Ok(())
 }
 
-/// `page` with what follows a command's help, its examples, under their name and line by line: a
-/// broken one cannot be copied.
+/// `page` with the examples under their own heading, line by line, so that they can be copied.
 fn with_examples(page: &str) -> String {
     let Some((before, from)) = page.split_once(".SH EXTRA\nExamples:\n") else {
         return page.to_owned();
@@ -64,11 +62,17 @@ fn with_examples(page: &str) -> String {
     format!("{before}.SH EXAMPLES\n.nf\n{examples}.fi\n{next}{after}")
 }
 
-/// A command's page and the name of its file.
-fn page(command: Command) -> (String, String) {
+/// A manual page and the name of its file.
+struct ManPage {
+    file_name: String,
+    page: String,
+}
+
+fn page(command: Command) -> ManPage {
     let man = Man::new(command).source(concat!("relens ", env!("CARGO_PKG_VERSION")));
     let mut page = Vec::new();
-    // Memory takes everything.
+    // Writing to memory does not fail.
     let _ = man.render(&mut page);
-    (man.get_filename(), with_examples(&String::from_utf8_lossy(&page)))
+    let page = with_examples(&String::from_utf8_lossy(&page));
+    ManPage { file_name: man.get_filename(), page }
 }

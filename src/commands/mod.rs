@@ -1,4 +1,4 @@
-//! One file a command; this one reads the words, starts the log and turns trouble into an exit
+//! The commands, a file each; this one parses the command line, starts the log and returns the exit
 //! code.
 
 mod align;
@@ -46,15 +46,15 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
     }
     let line = match arguments::read(&words) {
         Ok(line) => line,
-        Err(error) => return answer(&error, &words),
+        Err(error) => return print_help_or_error(&error, &words),
     };
     let level = match (line.verbose, line.quiet) {
         (true, _) => log::LevelFilter::Debug,
         (_, true) => log::LevelFilter::Warn,
         _ => log::LevelFilter::Info,
     };
-    // An answer that was asked for is given.
-    let asks = matches!(
+    // `--quiet` does not hide the output of commands that only print.
+    let prints = matches!(
         line.command,
         Command::Status(_)
             | Command::Check(_)
@@ -63,7 +63,7 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
             | Command::Completions(_)
             | Command::Man(_)
     );
-    if line.quiet && !asks {
+    if line.quiet && !prints {
         output::be_quiet();
     }
     let journal_stream = std::env::var_os("JOURNAL_STREAM");
@@ -73,14 +73,14 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            complain(&relens::remedy::full_message(&error));
+            print_error(&relens::remedy::full_message(&error));
             ExitCode::from(error.exit_code())
         }
     }
 }
 
-/// Answers words that are no command to be done: a page that was asked for, or what is wrong.
-fn answer(error: &clap::Error, words: &[OsString]) -> ExitCode {
+/// Prints a help page, or the error in the command line.
+fn print_help_or_error(error: &clap::Error, words: &[OsString]) -> ExitCode {
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
             say(error.to_string().trim_end());
@@ -89,12 +89,12 @@ fn answer(error: &clap::Error, words: &[OsString]) -> ExitCode {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = write!(std::io::stderr(), "{error}");
         }
-        _ => complain(&arguments::complaint(error, words)),
+        _ => print_error(&arguments::error_message(error, words)),
     }
     ExitCode::from(2)
 }
 
-/// This process is the worker of a daemon: not for people, and mute.
+/// Runs as a worker of the daemon, which prints nothing.
 fn read_photo(ask: &OsStr) -> ExitCode {
     match worker::serve(&ask.to_string_lossy()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -128,7 +128,7 @@ fn dispatch(line: &CommandLine) -> Result<(), CliError> {
     }
 }
 
-fn complain(what: &str) {
-    // Nothing can be done when even standard error is gone; the exit code still tells.
-    let _ = writeln!(std::io::stderr(), "relens: {what}");
+fn print_error(message: &str) {
+    // Without standard error, the exit code still reports it.
+    let _ = writeln!(std::io::stderr(), "relens: {message}");
 }

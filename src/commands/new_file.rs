@@ -1,4 +1,4 @@
-//! A result's file: its ending tells the format, and it never goes over another file.
+//! New files for results, which never replace another file.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -11,13 +11,13 @@ use rustix::io::Errno;
 
 use super::error::CliError;
 
-/// The format that a result's ending tells.
+/// The format of a result's file ending.
 pub(super) fn format_of(out: &Path) -> Result<Format, CliError> {
     let extension = out.extension().map(|e| e.to_string_lossy().into_owned()).unwrap_or_default();
     Format::of_extension(&extension).ok_or_else(|| CliError::Format(out.to_owned()))
 }
 
-/// Said before the long work, not after it.
+/// Checks, before the long work, that `out` does not exist.
 pub(super) fn must_be_new(out: &Path) -> Result<(), CliError> {
     match out.symlink_metadata() {
         Ok(_) => Err(CliError::Taken(out.to_owned())),
@@ -25,8 +25,8 @@ pub(super) fn must_be_new(out: &Path) -> Result<(), CliError> {
     }
 }
 
-/// Writes a file that must not exist yet: whole, or not at all. Until it is whole it has a hidden
-/// name, which a daemon passes over.
+/// Writes a new file, whole or not at all. Until it is whole it has a hidden name, which the daemon
+/// ignores.
 pub(super) fn write_new(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     let mut name = OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
@@ -34,17 +34,17 @@ pub(super) fn write_new(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     let part = path.with_file_name(name);
     let written = File::create(&part)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| put(&part, path));
+        .and_then(|()| rename(&part, path));
     written.map_err(|e| {
         let _ = std::fs::remove_file(&part);
         CliError::writing(path, e)
     })
 }
 
-/// Gives `part` the name `path`, over nothing.
-fn put(part: &Path, path: &Path) -> io::Result<()> {
+/// Renames `part` to `path`, which must not exist.
+fn rename(part: &Path, path: &Path) -> io::Result<()> {
     match renameat_with(CWD, part, CWD, path, RenameFlags::NOREPLACE) {
-        // NFS knows no such renaming; that the name is free was seen before.
+        // NFS has no such renaming; `must_be_new` was checked before.
         Err(Errno::INVAL) => std::fs::rename(part, path),
         renamed => Ok(renamed?),
     }

@@ -1,4 +1,4 @@
-//! A rig file made into devices, and into what restores photos with them.
+//! Opening of a rig's devices, and of the restorer on them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,12 +17,12 @@ use relens::rig::monotonic::Monotonic;
 use super::error::CliError;
 use super::progress;
 
-/// What restores photos on `rig`, with the calibration in `folder/calibration`, on the devices that
-/// `open` opens: [`devices`], or [`devices_without_panel`]. A simulated rig
-/// that has none is calibrated first.
+/// The restorer of `rig`, with the calibration in `folder/calibration`, on the devices opened by
+/// `open`: [`devices`] or [`devices_without_panel`]. A simulated rig without a calibration is
+/// calibrated first.
 ///
 /// # Errors
-/// When the rig cannot be opened, or has no valid calibration and is not simulated.
+/// When the rig cannot be opened, or is not simulated and has no valid calibration.
 pub(super) fn restorer(
     rig: &RigFile,
     folder: &Path,
@@ -53,15 +53,15 @@ pub(super) fn restorer(
 /// The devices of `rig`.
 ///
 /// # Errors
-/// When one of them cannot be had.
+/// When one cannot be opened.
 pub(super) fn devices(rig: &RigFile) -> Result<Devices, CliError> {
     relens::rig::open(rig).map_err(CliError::of)
 }
 
-/// The devices of `rig`, whose panel need not be before the lens; a simulated one is.
+/// The devices of `rig`, whose panel need not be in view; a simulated one is.
 ///
 /// # Errors
-/// When one of them cannot be had.
+/// When one cannot be opened.
 pub(super) fn devices_without_panel(rig: &RigFile) -> Result<Devices, CliError> {
     match rig.simulation() {
         Some(_) => devices(rig),
@@ -69,13 +69,13 @@ pub(super) fn devices_without_panel(rig: &RigFile) -> Result<Devices, CliError> 
     }
 }
 
-/// Where the calibration of a rig that works on `folder` is kept.
+/// The folder of the calibration of a rig that works on `folder`.
 pub(super) fn calibration_folder(folder: &Path) -> PathBuf {
     folder.join("calibration")
 }
 
-/// Shows on the panel what keeps `rig` from being opened, if the panel alone can be had; until the
-/// value is dropped. A simulated panel nobody sees.
+/// Shows on the panel why `rig` cannot be opened, if the panel itself can be, until the value is
+/// dropped. A simulated panel shows nothing.
 pub(super) fn show_trouble(
     rig: &RigFile,
     reason: &str,
@@ -90,6 +90,6 @@ pub(super) fn show_trouble(
         panel.show(&codes).ok()?;
         return Some(panel);
     }
-    log::debug!("{} has no panel to show it on: {reason}; {what_to_do}", rig.name);
+    log::debug!("no panel of {} can show: {reason}; {what_to_do}", rig.name);
     None
 }

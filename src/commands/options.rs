@@ -1,4 +1,4 @@
-//! Options that several commands have.
+//! Options shared by several commands.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use clap::{Args, ValueHint};
 /// The option `--rig`.
 #[derive(Debug, Args)]
 pub(super) struct RigOption {
-    /// Rig file, or the name of one that comes with the program
+    /// Rig file, or the name of a built-in one
     #[arg(short, long, value_name = "RIG.toml", value_hint = ValueHint::FilePath)]
     pub(super) rig: PathBuf,
 }
@@ -15,7 +15,7 @@ pub(super) struct RigOption {
 /// The option `--folder`.
 #[derive(Debug, Args)]
 pub(super) struct FolderOption {
-    /// Folder that relens works on: its calibration, inbox and outbox are in there
+    /// Folder with the calibration, inbox and outbox
     #[arg(short, long, value_name = "DIR", default_value = ".", value_hint = ValueHint::DirPath)]
     pub(super) folder: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! What the program says: lines on standard output, the log on standard error.
+//! Lines on standard output, and the log on standard error.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,17 +7,17 @@ use super::progress::above;
 
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// From now on only what went wrong is said.
+/// Prints warnings and errors alone from now on.
 pub(super) fn be_quiet() {
     QUIET.store(true, Ordering::Relaxed);
 }
 
-/// Whether only what went wrong is said.
+/// Whether warnings and errors alone are printed.
 pub(super) fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// Writes lines to standard output. A reader that went away is no trouble of ours.
+/// Writes lines to standard output; a closed one is ignored.
 pub(super) fn say(lines: &str) {
     if !is_quiet() {
         above(|| {
@@ -26,7 +26,7 @@ pub(super) fn say(lines: &str) {
     }
 }
 
-/// Writes lines to standard error, where standard output has the picture.
+/// Writes lines to standard error, where standard output carries the picture.
 pub(super) fn note(lines: &str) {
     if !is_quiet() {
         log(lines);
@@ -36,7 +36,7 @@ pub(super) fn note(lines: &str) {
 /// Writes a line of the log.
 pub(super) fn log(line: &str) {
     above(|| {
-        // There is nowhere to complain to when standard error is gone.
+        // A closed standard error is ignored.
         let _ = writeln!(std::io::stderr(), "{line}");
     });
 }

@@ -1,4 +1,4 @@
-//! `relens photograph`: the photo that a simulated rig's camera would take.
+//! `relens photograph`: photos by a simulated rig's camera.
 
 use std::path::PathBuf;
 
@@ -14,10 +14,10 @@ use super::new_file::{format_of, must_be_new, write_new};
 use super::options::RigOption;
 use super::progress;
 
-/// Take the photo that a simulated rig's camera would take
+/// Photograph a picture with a simulated rig's camera
 ///
-/// The picture is cut to the rig's shape, and the photo developed as a camera does. See `relens
-/// shoot` for raw photos.
+/// The picture is cut to the rig's shape, and the photo developed as by a camera. For raw photos
+/// see `relens shoot`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -25,15 +25,15 @@ Examples:
 pub(super) struct PhotographOptions {
     #[command(flatten)]
     rig: RigOption,
-    /// Sharp picture to be photographed
+    /// Sharp picture to photograph
     #[arg(value_name = "SHARP", value_hint = ValueHint::FilePath)]
     scene: PathBuf,
-    /// Photo, which must not exist yet; its ending tells the format
+    /// New file for the photo, in the format of its ending
     #[arg(short, long, value_name = "PHOTO", value_hint = ValueHint::FilePath)]
     out: PathBuf,
 }
 
-/// `relens photograph`.
+/// Runs `relens photograph`.
 pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?;
     let format = format_of(&options.out)?;
@@ -46,16 +46,15 @@ pub(super) fn run(options: &PhotographOptions) -> Result<(), CliError> {
 
 /// A photo of a scene.
 pub(super) struct Taken {
-    /// What the camera's developed file holds.
+    /// Codes of the developed photo.
     pub(super) codes: Frame<Work, u8>,
-    /// Its raw file, where the sensor has colour filters; white is the scene's.
+    /// The raw file, if the sensor has colour filters; white is the scene's.
     pub(super) raw_file: Option<Vec<u8>>,
-    /// The scene shaded as the photo is: what it can be restored to.
+    /// The scene with the photo's shading, the best possible result.
     pub(super) shaded: Frame<Work>,
 }
 
-/// The photos that the simulated `rig` would take of `scenes` (photo-sized linear light), the n-th
-/// with noise of its own.
+/// Photos by the simulated `rig` of `scenes` (photo-sized linear light), each with its own noise.
 ///
 /// # Errors
 /// When the rig is not simulated or cannot be opened.
@@ -88,7 +87,7 @@ pub(super) fn photos(rig: &RigFile, scenes: &[Frame<Work>]) -> Result<Vec<Taken>
     Ok(taken)
 }
 
-/// The file that holds `codes`, which already have the rig's curve.
+/// The file of `codes`, which have the rig's curve.
 pub(super) fn file_of(
     rig: &RigFile,
     codes: &Frame<Work, u8>,

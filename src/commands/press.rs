@@ -1,4 +1,4 @@
-//! `relens press` and the button of a simulated rig: a file that is there while the button is down.
+//! `relens press`, and the simulated button: a file that exists while the button is down.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -13,16 +13,16 @@ use super::error::CliError;
 use super::options::FolderOption;
 use super::output::say;
 
-/// Name of the file in the folder of the daemon.
+/// The file's name, in the daemon's folder.
 const NAME: &str = ".relens-button-is-down";
 
-/// How often the file is looked for.
-const LOOK_S: f64 = 0.01;
+/// Interval between checks for the file, seconds.
+const POLL_S: f64 = 0.01;
 
-/// How long `relens press` holds the button: well over any debounce time, well below a long press.
+/// A short press: well above any debounce time, well below a long press.
 const SHORT: Duration = Duration::from_millis(300);
 
-/// A button that is pressed by a file.
+/// A button pressed by a file.
 pub(super) struct SimulatedButton {
     path: PathBuf,
     level: bool,
@@ -44,12 +44,12 @@ impl ButtonLevel for SimulatedButton {
                 self.level = level;
                 return Ok(level);
             }
-            Monotonic.wait_until(Moment((now.0 + LOOK_S).min(deadline.0)));
+            Monotonic.wait_until(Moment((now.0 + POLL_S).min(deadline.0)));
         }
     }
 }
 
-/// Press the button of the simulated rig that a `relens run` works with
+/// Press the button of a simulated rig under `relens run`
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -58,38 +58,37 @@ Examples:
 pub(super) struct PressOptions {
     #[command(flatten)]
     folder: FolderOption,
-    /// Hold it down: gives the job under way up; in maintenance, measures the lens anew
+    /// Press long: cancels the current job; in maintenance, calibrates
     #[arg(long)]
     long: bool,
 }
 
-/// `relens press`.
+/// Runs `relens press`.
 pub(super) fn run(options: &PressOptions) -> Result<(), CliError> {
     let folder = &options.folder.folder;
     if !Folders::in_use(folder) {
         return Err(CliError::NobodyThere(folder.clone()));
     }
-    // Before anything is pressed: an error after it would have people press again.
+    // Read first, for an error after the press would make people press again.
     let needs_button =
         State::read(folder).map_err(CliError::BrokenState)?.is_none_or(|state| state.needs_button);
     let path = folder.join(NAME);
     std::fs::write(&path, b"").map_err(|e| CliError::writing(&path, e))?;
-    // Twice the longest long press a rig file may ask for would keep people waiting; three seconds
-    // do for most.
+    // Three seconds suffice for most rig files; the longest long press would keep people waiting.
     std::thread::sleep(if options.long { Duration::from_secs(3) } else { SHORT });
     std::fs::remove_file(&path).map_err(|e| CliError::writing(&path, e))?;
-    say(told(options.long, needs_button));
+    say(message(options.long, needs_button));
     Ok(())
 }
 
-/// What is said of a press.
-fn told(long: bool, needs_button: bool) -> &'static str {
+/// The message after a press.
+fn message(long: bool, needs_button: bool) -> &'static str {
     match (long, needs_button) {
         (true, _) => "pressed long",
         (false, true) => "pressed",
         (false, false) => {
-            "pressed; this box needs no button: it takes photos as they come ([run] mode = \
-             \"button\" in the rig file has them wait)"
+            "pressed; this box needs no button: it restores photos as they come ([run] mode = \
+             \"button\" in the rig file makes them wait)"
         }
     }
 }
@@ -99,8 +98,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_press_that_nothing_waits_for_says_so() {
-        assert_eq!((told(false, true), told(true, false)), ("pressed", "pressed long"));
-        assert!(told(false, false).contains("this box needs no button"));
+    fn a_press_without_need_is_reported() {
+        assert_eq!((message(false, true), message(true, false)), ("pressed", "pressed long"));
+        assert!(message(false, false).contains("this box needs no button"));
     }
 }

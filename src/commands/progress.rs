@@ -1,4 +1,4 @@
-//! How far a command is: one line at the foot of a terminal, with the log's lines above it.
+//! A command's progress: one line at the foot of the terminal, below the log.
 //!
 //! Nothing is drawn where standard error is no terminal, or one that cannot move its cursor
 //! (`TERM=dumb`). There are no colours.
@@ -14,19 +14,18 @@ use relens::measurement::CalibrationProgress;
 use super::output::is_quiet;
 use super::service::service_manager;
 
-/// Columns that are left free: there a terminal shows the `^C` of a key, and it is cleared with the
-/// line.
+/// Columns kept free, where terminals echo `^C`, so that it is cleared with the line.
 const ECHO_COLUMNS: u16 = 4;
 
-/// A terminal that says it is a little narrower than it is.
+/// A terminal, with its width reduced by [`ECHO_COLUMNS`].
 #[derive(Debug)]
 struct Narrowed(Term);
 
 impl TermLike for Narrowed {
     fn width(&self) -> u16 {
-        // Whoever says how wide it is, for a terminal that cannot or lies, is believed.
-        let said = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
-        let columns: u16 = said.filter(|&columns| columns > 0).unwrap_or(self.0.size().1);
+        // `COLUMNS` is for terminals that do not report their width.
+        let stated = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
+        let columns: u16 = stated.filter(|&columns| columns > 0).unwrap_or(self.0.size().1);
         columns.saturating_sub(ECHO_COLUMNS).max(1)
     }
     fn height(&self) -> u16 {
@@ -58,14 +57,14 @@ impl TermLike for Narrowed {
     }
 }
 
-/// Whether there is a terminal to draw on, and somebody who wants to see it.
+/// Whether progress is drawn: on a terminal that can, and without `--quiet`.
 pub(super) fn is_drawn() -> bool {
     let moves = !is_quiet()
         && std::env::var_os("TERM").is_some_and(|name| !name.is_empty() && name != "dumb");
     moves && std::io::stderr().is_terminal()
 }
 
-/// The line, which is the program's only one.
+/// The program's only line.
 fn bar() -> &'static ProgressBar {
     static BAR: OnceLock<ProgressBar> = OnceLock::new();
     BAR.get_or_init(|| {
@@ -77,7 +76,7 @@ fn bar() -> &'static ProgressBar {
             false => ProgressDrawTarget::hidden(),
         };
         let bar = ProgressBar::with_draw_target(Some(1), target);
-        // The words get what the terminal has left, and are cut there.
+        // The message takes the remaining width, and is cut there.
         if let Ok(style) = ProgressStyle::with_template("{bar:10} {percent:>3} %  {wide_msg}") {
             bar.set_style(style.progress_chars("█░"));
         }
@@ -86,8 +85,8 @@ fn bar() -> &'static ProgressBar {
     })
 }
 
-/// Draws that `done` of `all` is done, and what is being done. Control characters, which a photo's
-/// name may hold, are shown and not obeyed.
+/// Shows `done` of `all`, and the step in progress. Control characters, which a photo's name may
+/// hold, are replaced.
 pub(super) fn show(done: u64, all: u64, doing: &str) {
     let bar = bar();
     if bar.is_finished() {
@@ -101,23 +100,23 @@ pub(super) fn show(done: u64, all: u64, doing: &str) {
     bar.set_message(doing.chars().map(safe).collect::<String>());
 }
 
-/// Takes the line away until the next [`show`].
+/// Clears the line until the next [`show`].
 pub(super) fn clear() {
     bar().finish_and_clear();
 }
 
-/// Takes the line away for good: the program ends while others may still draw.
+/// Clears the line for good: other threads may still draw while the program ends.
 pub(super) fn leave() {
     clear();
     bar().set_draw_target(ProgressDrawTarget::hidden());
 }
 
-/// Writes above the line of progress what `write` writes.
+/// Runs `write`, whose output goes above the progress line.
 pub(super) fn above(write: impl FnOnce()) {
     bar().suspend(write);
 }
 
-/// The progress of a calibration, each of whose captures is a sign of life.
+/// Shows the progress of a calibration, and reports each capture to the watchdog.
 pub(super) fn calibrating(progress: CalibrationProgress) {
     service_manager().worked();
     let CalibrationProgress { step, captures, total } = progress;
@@ -145,7 +144,7 @@ impl Watcher for PhotoProgress {
             1 => ", 1 capture".to_owned(),
             n => format!(", {n} captures"),
         };
-        // A share that is not a number is none.
+        // NaN counts as 0.
         let percent = (progress.done.clamp(0.0, 1.0) * 100.0) as u64;
         show(percent, 100, &format!("{}{captures}: {}", progress.doing, self.label));
     }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
-use relens::config::{self, LargerPhotos, MethodName, RigFile};
+use relens::config::{self, MethodName, RigFile};
 use relens::daemon::{Report, Restorer, Watcher};
-use relens::picture::{Format, Limits, Photo, bytes_of, result_name};
-use relens::pipeline::Verdict;
+use relens::picture::{Format, Photo, Reading, bytes_of, result_name};
+use relens::pipeline::{Outcome, Verdict};
 
 use super::error::CliError;
 use super::new_file::{format_of, must_be_new, write_new};
@@ -17,7 +17,7 @@ use super::options::{FolderOption, RigOption};
 use super::output::{note, say};
 use super::progress::PhotoProgress;
 
-/// The methods that `--method` takes.
+/// The values of `--method`.
 fn methods() -> impl TypedValueParser<Value = MethodName> {
     PossibleValuesParser::new(MethodName::ALL.map(MethodName::name)).try_map(|name| {
         MethodName::ALL
@@ -29,8 +29,8 @@ fn methods() -> impl TypedValueParser<Value = MethodName> {
 
 /// Restore photos
 ///
-/// PHOTO is a JPEG, PNG, TIFF, WebP, BMP or GIF, or a raw photo of the rig's sensor (DNG); RESULT a
-/// JPEG, PNG or TIFF by its ending. Of several photos one that cannot be restored stops no other.
+/// PHOTO is a JPEG, PNG, TIFF, WebP, BMP or GIF, or a raw photo of the rig's sensor (DNG). RESULT
+/// is a JPEG, PNG or TIFF, by its ending. A photo that cannot be restored does not stop the others.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -46,89 +46,131 @@ pub(super) struct RestoreOptions {
     /// Photos taken through the rig's lens; `-` is standard input
     #[arg(value_name = "PHOTO", value_hint = ValueHint::FilePath, required = true)]
     photos: Vec<PathBuf>,
-    /// Restored picture, which must not exist yet; its ending tells the format. `-` is standard
-    /// output, in the photo's format. For several photos a folder, where each keeps its name
+    /// New file for the restored picture, in the format of its ending; `-` is standard output, in
+    /// the photo's format. For several photos a folder, where each result has its photo's name
     #[arg(short, long, value_name = "RESULT", value_hint = ValueHint::AnyPath)]
     out: PathBuf,
-    /// Method, the rig file's when not given
+    /// Method, by default the rig file's
     #[arg(short, long, value_name = "NAME", value_parser = methods())]
     method: Option<MethodName>,
-    /// Report to write, which must not exist yet; for one photo
+    /// New file for a report on the one photo
     #[arg(long, value_name = "REPORT.json", value_hint = ValueHint::FilePath)]
     report: Option<PathBuf>,
 }
 
-/// Where results go.
+/// Where results are written.
 enum ResultPlace {
     StandardOutput,
     File(PathBuf),
-    /// Each with its photo's name.
+    /// Each under its photo's name.
     Folder(PathBuf),
 }
 
+/// The destination of one result.
+struct Destination {
+    /// The new file; standard output without one.
+    file: Option<PathBuf>,
+    format: Format,
+}
+
 impl ResultPlace {
-    /// The file of the result of `photo`, which must not exist yet, and its format.
-    fn of(&self, photo: &Photo) -> Result<(Option<PathBuf>, Format), CliError> {
+    /// The place of `options`.
+    ///
+    /// # Errors
+    /// When several photos have no folder, or the result's file exists or has no format's ending.
+    fn of(options: &RestoreOptions) -> Result<ResultPlace, CliError> {
+        let RestoreOptions { photos, out, .. } = options;
+        if out.is_dir() {
+            return Ok(ResultPlace::Folder(out.clone()));
+        }
+        if photos.len() > 1 {
+            return Err(CliError::NoSuchFolder(out.clone()));
+        }
+        if is_dash(out) {
+            return Ok(ResultPlace::StandardOutput);
+        }
+        must_be_new(out)?;
+        format_of(out)?;
+        Ok(ResultPlace::File(out.clone()))
+    }
+
+    /// The destination of the result of `photo`.
+    ///
+    /// # Errors
+    /// When the file exists, or has no format's ending.
+    fn destination(&self, photo: &Photo) -> Result<Destination, CliError> {
         let usual = photo.manner.format;
-        let out = match self {
-            ResultPlace::StandardOutput => return Ok((None, usual)),
+        let file = match self {
+            ResultPlace::StandardOutput => return Ok(Destination { file: None, format: usual }),
             ResultPlace::File(out) => out.clone(),
             ResultPlace::Folder(folder) => {
                 let name = if photo.name == STANDARD_INPUT { "photo" } else { &photo.name };
                 folder.join(result_name(name.as_ref(), usual))
             }
         };
-        must_be_new(&out)?;
-        let format = format_of(&out)?;
-        Ok((Some(out), format))
+        must_be_new(&file)?;
+        let format = format_of(&file)?;
+        Ok(Destination { file: Some(file), format })
     }
 }
 
-/// The name of a photo that was piped in.
+impl Destination {
+    /// The file's name for messages.
+    fn name(&self) -> &Path {
+        self.file.as_deref().unwrap_or(Path::new("standard output"))
+    }
+
+    fn write(&self, bytes: &[u8]) -> Result<(), CliError> {
+        let Some(file) = &self.file else {
+            let mut stdout = std::io::stdout().lock();
+            return stdout
+                .write_all(bytes)
+                .and_then(|()| stdout.flush())
+                .map_err(|e| CliError::writing(self.name(), e));
+        };
+        write_new(file, bytes)
+    }
+}
+
+/// The name of a photo read from standard input.
 const STANDARD_INPUT: &str = "standard input";
 
-/// `-`, in place of a file.
+/// Whether `path` is `-`, in place of a file.
 fn is_dash(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// `relens restore`.
+/// A photo and the bytes of its file.
+struct ReadPhoto {
+    photo: Photo,
+    bytes: Vec<u8>,
+}
+
+/// Runs `relens restore`.
 pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
-    let RestoreOptions { photos, out, report, .. } = options;
+    let photos = &options.photos;
     let rig = config::load(&options.rig.rig)?;
-    if report.is_some() && photos.len() > 1 {
+    if options.report.is_some() && photos.len() > 1 {
         return Err(CliError::OneReport(photos.len()));
     }
-    let into_folder = photos.len() > 1 || out.is_dir();
-    if into_folder && !out.is_dir() {
-        return Err(CliError::NoSuchFolder(out.clone()));
-    }
-    let place = match () {
-        () if into_folder => ResultPlace::Folder(out.clone()),
-        () if is_dash(out) => ResultPlace::StandardOutput,
-        () => ResultPlace::File(out.clone()),
-    };
+    let place = ResultPlace::of(options)?;
     let restorer = || {
         let (folder, method) = (&options.folder.folder, options.method);
         opening::restorer(&rig, folder, method, None, opening::devices)
     };
-    // A single photo, and the name of its result, are looked at before the rig.
-    if let [photo] = &photos[..] {
-        if let ResultPlace::File(out) = &place {
-            must_be_new(out)?;
-            format_of(out)?;
-        }
-        let (photo, bytes) = read(photo, &rig)?;
-        let to = place.of(&photo)?;
-        return one(options, &rig.name, (&photo, bytes), to, &mut *restorer()?);
+    // A single photo and the name of its result are checked before the rig is opened.
+    if let [path] = &photos[..] {
+        let read = read(path, &rig)?;
+        let destination = place.destination(&read.photo)?;
+        return restore(options, &rig.name, read, &destination, &mut *restorer()?);
     }
     let mut restorer = restorer()?;
     let mut failed = 0;
     for path in photos {
-        let done = read(path, &rig).and_then(|(photo, bytes)| {
-            let named = |error| CliError::OfPhoto(photo.name.clone(), Box::new(error));
-            let to = place.of(&photo).map_err(named)?;
-            one(options, &rig.name, (&photo, bytes), to, &mut *restorer)
+        let done = read(path, &rig).and_then(|read| {
+            let named = |error| CliError::OfPhoto(read.photo.name.clone(), Box::new(error));
+            let destination = place.destination(&read.photo).map_err(named)?;
+            restore(options, &rig.name, read, &destination, &mut *restorer)
         });
         match done {
             Err(error) if error.exit_code() == 3 => return Err(error),
@@ -145,12 +187,13 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
     }
 }
 
-/// The photo in a file or from standard input, on the rig's grid, and the bytes of the file.
-fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
-    let limits = Limits::default();
+/// Reads a photo from a file or standard input, and fits it to the rig's grid.
+fn read(path: &Path, rig: &RigFile) -> Result<ReadPhoto, CliError> {
+    let reading = Reading::of(rig);
+    let limits = reading.limits;
     let (name, bytes) = if is_dash(path) {
         let mut bytes = Vec::new();
-        // A byte more than is allowed tells that there are too many.
+        // One byte over the limit shows that there are too many.
         std::io::stdin()
             .take(limits.bytes_max + 1)
             .read_to_end(&mut bytes)
@@ -160,77 +203,80 @@ fn read(path: &Path, rig: &RigFile) -> Result<(Photo, Vec<u8>), CliError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
         (name, bytes_of(path, &limits).map_err(CliError::of)?)
     };
-    let photo = Photo::from_bytes(&name, &bytes, rig.photo.curve, &limits);
-    let photo = photo.and_then(|photo| photo.fit(rig.photo_grid()));
-    let photo = photo.and_then(|photo| match rig.run.larger_photos {
-        LargerPhotos::Shrink => Ok(photo),
-        LargerPhotos::Refuse => photo.no_larger(),
-    });
-    let photo = photo.map_err(CliError::of)?;
-    Ok((photo.with_raw_results(rig.photo.raw_results), bytes))
+    let photo = reading.photo_of_bytes(&name, &bytes).map_err(CliError::of)?;
+    Ok(ReadPhoto { photo, bytes })
 }
 
-/// One photo restored, its result written, and what was done said.
-fn one(
+/// Restores one photo, and writes the result, the summary and the report.
+fn restore(
     options: &RestoreOptions,
     rig: &str,
-    (photo, bytes): (&Photo, Vec<u8>),
-    (out, format): (Option<PathBuf>, Format),
+    ReadPhoto { photo, bytes }: ReadPhoto,
+    destination: &Destination,
     restorer: &mut dyn Restorer,
 ) -> Result<(), CliError> {
     let mut line = PhotoProgress::default();
     line.begun(&photo.name, 1, 1);
-    let outcome = restorer.restore(photo, &mut |progress| line.progress(progress));
+    let outcome = restorer.restore(&photo, &mut |progress| line.progress(progress));
     line.ended();
     let outcome = outcome?;
-    // The file itself is returned where its result would be of the same format.
-    let untouched = outcome.verdict == Verdict::Untouched;
-    let is_returned = untouched && photo.file.format == Some(format);
-    let bytes = match is_returned {
-        true => bytes,
-        false => photo.with_picture(&outcome.picture, format).map_err(CliError::of)?,
-    };
-    let place = out.as_deref().unwrap_or(Path::new("standard output"));
-    match &out {
-        Some(out) => write_new(out, &bytes)?,
-        None => {
-            let mut stdout = std::io::stdout().lock();
-            stdout
-                .write_all(&bytes)
-                .and_then(|()| stdout.flush())
-                .map_err(|e| CliError::writing(place, e))?;
+    let format = destination.format;
+    // An untouched photo is returned byte by byte where the format allows.
+    let is_returned = outcome.verdict == Verdict::Untouched && photo.file.format == Some(format);
+    let written = (!is_returned).then_some(format);
+    match written {
+        None => destination.write(&bytes)?,
+        Some(format) => {
+            let bytes = photo.with_picture(&outcome.picture, format).map_err(CliError::of)?;
+            destination.write(&bytes)?;
         }
     }
-    let by = match outcome.verdict {
-        Verdict::Untouched if is_returned => "the photo as it is".to_owned(),
-        Verdict::Untouched => format!("the photo as it is, written as {}", format.name()),
-        Verdict::Sound | Verdict::Replaced => format!("restored by {}", outcome.method),
-    };
-    let (captures, seconds) = (outcome.captures, outcome.seconds);
-    let (size, stored) = (photo.light.size(), photo.stored);
-    let smaller = match !is_returned && stored.area() > size.area() {
-        true => format!("comes back smaller, {size} for {stored}; "),
-        false => String::new(),
-    };
-    let mut said =
-        format!("{}: {smaller}{by}; captures: {captures}, {seconds:.1} s", place.display());
-    let certificate = outcome.certificate.map(|certificate| certificate.meaning());
-    let result = (!is_returned).then_some(format);
-    let of_file = photo.told(result);
-    let notes = certificate.iter().chain(&of_file).chain(&outcome.notes);
-    for note in [&outcome.reason].into_iter().chain(notes) {
-        said.push_str(&format!("\n  {note}"));
-    }
-    match out {
-        Some(_) => say(&said),
-        // Standard output is the picture's.
-        None => note(&said),
+    let summary = summary(&photo, &outcome, destination, written);
+    match &destination.file {
+        Some(_) => say(&summary),
+        // Standard output carries the picture.
+        None => note(&summary),
     }
     if let Some(path) = &options.report {
-        let report = Report::single(rig, photo, &outcome, (place, result));
+        let report = Report::single(rig, &photo, &outcome, (destination.name(), written));
         let json =
             serde_json::to_vec_pretty(&report).map_err(|e| CliError::writing(path, e.into()))?;
         write_new(path, &json)?;
     }
     Ok(())
+}
+
+/// The summary of a restored photo: a line on the result, then one for each note. `written` is the
+/// result's format, `None` where the photo's own file was returned.
+fn summary(
+    photo: &Photo,
+    outcome: &Outcome,
+    destination: &Destination,
+    written: Option<Format>,
+) -> String {
+    let by = match (outcome.verdict, written) {
+        (Verdict::Untouched, None) => "the photo as it is".to_owned(),
+        (Verdict::Untouched, Some(format)) => {
+            format!("the photo as it is, written as {}", format.name())
+        }
+        (Verdict::Sound | Verdict::Replaced, _) => format!("restored by {}", outcome.method),
+    };
+    let (size, stored) = (photo.light.size(), photo.stored);
+    let smaller = match written.is_some() && stored.area() > size.area() {
+        true => format!("comes back smaller, {size} for {stored}; "),
+        false => String::new(),
+    };
+    let mut lines = format!(
+        "{}: {smaller}{by}; captures: {}, {:.1} s",
+        destination.name().display(),
+        outcome.captures,
+        outcome.seconds
+    );
+    let certificate = outcome.certificate.map(|certificate| certificate.meaning());
+    let of_file = photo.report_notes(written);
+    let notes = certificate.iter().chain(&of_file).chain(&outcome.notes);
+    for note in [&outcome.reason].into_iter().chain(notes) {
+        lines.push_str(&format!("\n  {note}"));
+    }
+    lines
 }

@@ -1,5 +1,4 @@
-//! What a simulated rig has before its lens: a scene for its photos, and its panel when it asks for
-//! that.
+//! The scene and the panel before a simulated rig's lens.
 
 use std::path::Path;
 
@@ -20,17 +19,17 @@ use relens::rig::simulated::{self, Witness};
 use super::error::CliError;
 use super::opening;
 
-/// The picture at `path` as the sensor of `rig` would see it through a perfect lens.
+/// The picture at `path` on the sensor of `rig`, as by a perfect lens.
 ///
 /// # Errors
-/// When it cannot be read.
+/// When the file cannot be read.
 pub(super) fn read(rig: &RigFile, path: &Path) -> Result<Frame<Work>, CliError> {
     let sharp = Photo::read(path, rig.photo.curve, &Limits::default()).map_err(CliError::of)?;
     Ok(cut(&sharp.in_colour(), rig.photo_grid().sensor))
 }
 
-/// The restorer of the simulated `rig`, as [`opening::restorer`] makes it, whose photos are of
-/// `scene`.
+/// The restorer of the simulated `rig`, as by [`opening::restorer`], with `scene` before the lens
+/// for photos.
 ///
 /// # Errors
 /// As [`opening::restorer`].
@@ -40,31 +39,31 @@ pub(super) fn restorer_before(
     folder: &Path,
     interrupted: Interruption,
 ) -> Result<Box<dyn Restorer>, CliError> {
-    let mut seen_through = None;
+    let mut witness = None;
     let open = |rig: &RigFile| {
-        let (mut devices, witness) = simulated::open(rig).map_err(CliError::of)?;
+        let (mut devices, opened) = simulated::open(rig).map_err(CliError::of)?;
         if let Some(place) = MarkPlace::of(rig) {
             devices.find_marks(place).map_err(CliError::of)?;
         }
-        seen_through = Some(witness);
+        witness = Some(opened);
         Ok(devices)
     };
     let inner = opening::restorer(rig, folder, None, Some(interrupted), open)?;
     let scene = scene.clone();
-    Ok(match seen_through {
-        Some(witness) => Box::new(SceneThenPanel { inner, witness, scene, looked: false }),
+    Ok(match witness {
+        Some(witness) => Box::new(SceneThenPanel { inner, witness, scene, was_asked: false }),
         None => inner,
     })
 }
 
-/// A rig whose owner takes the panel away for a photo, and brings it when it was looked for in
-/// vain.
+/// A rig whose owner removes the panel for a photo, and brings it back after the first search
+/// failed.
 struct SceneThenPanel {
     inner: Box<dyn Restorer>,
     witness: Witness,
     scene: Frame<Work>,
-    /// The panel was looked for since the last photo.
-    looked: bool,
+    /// Whether the panel was searched since the last photo.
+    was_asked: bool,
 }
 
 impl SceneThenPanel {
@@ -99,13 +98,13 @@ impl Restorer for SceneThenPanel {
 
     fn take(&mut self) -> Result<Option<TakenPhoto>, AnyFailure> {
         self.aim();
-        self.looked = false;
+        self.was_asked = false;
         self.inner.take()
     }
 
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
-        if std::mem::replace(&mut self.looked, true) {
-            log::info!("the simulated panel is put before the lens");
+        if std::mem::replace(&mut self.was_asked, true) {
+            log::info!("putting the simulated panel before the lens");
             self.bring_panel();
         } else {
             self.aim();

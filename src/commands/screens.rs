@@ -1,4 +1,4 @@
-//! `relens screens`: what the panel shows between jobs, as pictures to look at.
+//! `relens screens`: the panel's screens between jobs, as pictures.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use super::error::CliError;
 use super::options::RigOption;
 use super::output::say;
 
-/// Draw what the panel shows between jobs, as pictures
+/// Draw the panel's screens between jobs
 ///
 /// Draws one screen of each kind for the rig's panel, as PNG files.
 #[derive(Debug, Args)]
@@ -23,14 +23,14 @@ Examples:
 pub(super) struct ScreensOptions {
     #[command(flatten)]
     rig: RigOption,
-    /// Folder of the pictures, which is made if need be
+    /// Folder for the pictures, made if missing
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
 }
 
-/// Draws one screen of each kind for the rig's panel.
+/// Runs `relens screens`.
 pub(super) fn run(options: &ScreensOptions) -> Result<(), CliError> {
-    // Also of a rig whose devices this program knows nothing of: its panel is looked at beforehand.
+    // The sizes alone, so that a panel can be viewed before its devices are supported.
     let [panel, camera] = config::sizes(&options.rig.rig)?;
     let out = &options.out;
     std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, e))?;
@@ -40,7 +40,7 @@ pub(super) fn run(options: &ScreensOptions) -> Result<(), CliError> {
     let manner = Manner::plain(Format::Png, 8, Curve::Linear);
     for (name, screen) in examples() {
         let codes = draw(&screen, panel, Some((&picture, &picture)));
-        // Codes as they are: the file's viewer is the panel.
+        // Codes as they are, for the viewer stands for the panel.
         let light: Frame<Work> = Frame::from_fn(|c| codes.plane(c).map(f32::from));
         let path = out.join(format!("{name}.png"));
         let bytes = encode(name, &light, &manner, false).map_err(CliError::of)?;

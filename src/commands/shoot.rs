@@ -1,4 +1,4 @@
-//! `relens shoot`: the photo itself, taken by the rig's own camera through its own lens.
+//! `relens shoot`: photos by the rig's own camera.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -24,8 +24,8 @@ use super::{opening, scene};
 
 /// Take a photo with the rig's own camera
 ///
-/// A sensor with colour filters gives a raw photo (.dng) of all its sites; any other a TIFF or PNG
-/// of 16 bits. Put it into the inbox. A simulated rig photographs the picture that --scene names.
+/// A sensor with colour filters gives a raw photo (.dng) of all its sites, any other a TIFF or PNG
+/// of 16 bits. A simulated rig photographs the picture of --scene.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -37,23 +37,24 @@ pub(super) struct ShootOptions {
     rig: RigOption,
     #[command(flatten)]
     folder: FolderOption,
-    /// Photo, which must not exist yet; its ending tells the format
+    /// New file for the photo, in the format of its ending
     #[arg(short, long, value_name = "PHOTO", value_hint = ValueHint::FilePath)]
     out: PathBuf,
-    /// Exposures that are averaged
+    /// Number of exposures to average
     #[arg(long, value_name = "N", default_value = "1", value_parser = frames())]
     frames: u8,
-    /// Exposures with the lens covered, whose mean is taken off: for long ones, and warm sensors
+    /// Number of exposures with the lens covered, whose mean is subtracted; for long exposures and
+    /// warm sensors
     #[arg(long, value_name = "N", value_parser = frames())]
     dark: Option<u8>,
-    /// Exposure as a multiple of the rig file's, or `auto` for one that clips next to nothing
+    /// Exposure as a multiple of the rig file's, or `auto` for the longest that hardly clips
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = exposure)]
     exposure: PhotoExposure,
-    /// Gain as a multiple of the rig file's, for light so dim that no exposure is long enough. The
-    /// noise that the file states is computed from what was measured at the rig file's
+    /// Gain as a multiple of the rig file's, for light too dim for any exposure. The photo's stated
+    /// noise is computed from that at the rig file's gain
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = gain)]
     gain: f64,
-    /// Sharp picture that a simulated rig photographs
+    /// Sharp picture for a simulated rig to photograph
     #[arg(long, value_name = "PICTURE", value_hint = ValueHint::FilePath)]
     scene: Option<PathBuf>,
 }
@@ -62,7 +63,7 @@ fn frames() -> impl TypedValueParser<Value = u8> {
     value_parser!(u8).range(1..=64)
 }
 
-/// How long a photo is exposed.
+/// The exposure of a photo.
 #[derive(Debug, Clone, Copy)]
 enum PhotoExposure {
     Auto,
@@ -84,7 +85,7 @@ fn gain(word: &str) -> Result<f64, String> {
     }
 }
 
-/// `relens shoot`.
+/// Runs `relens shoot`.
 pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     let rig = config::load(&options.rig.rig)?;
     let out = &options.out;
@@ -96,14 +97,14 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
     }
     must_be_new(out)?;
     make_inbox(&options.folder.folder, out)?;
-    let mut rigged = before_the_scene(&rig, options)?;
+    let mut rigged = open_before_scene(&rig, options)?;
     let range = rigged.sensor.range;
     let gain = set_gain(&mut rigged, options.gain)?;
     let times = set_exposure(&mut rigged.devices, mosaic, range, options.exposure)?;
     let mut shot =
         shoot(&mut rigged.devices, mosaic, range, options.frames).map_err(CliError::of)?;
     if let Some(frames) = options.dark {
-        let dark = in_the_dark(&rig, &mut rigged, range, frames)?;
+        let dark = shoot_dark(&rig, &mut rigged, range, frames)?;
         shot = shot.without_dark(&dark, range);
     }
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
@@ -113,29 +114,34 @@ pub(super) fn run(options: &ShootOptions) -> Result<(), CliError> {
         (None, None) => return Err(CliError::NoFilters(rig.name)),
     };
     write_new(out, &bytes)?;
-    let frames = match options.frames {
-        1 => "an exposure".to_owned(),
-        more => format!("{more} exposures"),
-    };
-    let amplified = match gain {
-        1.0 => String::new(),
-        times => format!(" at {times:.2} times the gain"),
-    };
-    say(&format!(
-        "{}: {frames} of {exposure_s:.4} s{amplified}, {:.2} % clipped",
-        out.display(),
-        100.0 * shot.clipped_share
-    ));
-    if shot.clipped_share > CLIPPED_SHARE_MAX {
-        say("  full pixels are lost to the restoration: try --exposure auto");
-    }
+    print_shot(options, &shot, exposure_s, gain);
     let photo = rig.photo_grid();
     say(&format!("  the rig restores {} of the sensor's {}", photo.photo.size, photo.sensor));
     Ok(())
 }
 
-/// Makes the inbox of `folder` if `out` goes there: an owner's first photo comes before the first
-/// run, which makes it else. Any other folder may be a slip of the pen.
+/// Prints the exposures of `shot`, at `gain` times the rig file's.
+fn print_shot(options: &ShootOptions, shot: &PhotoShot, exposure_s: f64, gain: f64) {
+    let exposures = match options.frames {
+        1 => "1 exposure".to_owned(),
+        more => format!("{more} exposures"),
+    };
+    let gain = match gain {
+        1.0 => String::new(),
+        times => format!(" at {times:.2} times the gain"),
+    };
+    say(&format!(
+        "{}: {exposures} of {exposure_s:.4} s{gain}, {:.2} % clipped",
+        options.out.display(),
+        100.0 * shot.clipped_share
+    ));
+    if shot.clipped_share > CLIPPED_SHARE_MAX {
+        say("  clipped pixels are lost to the restoration: try --exposure auto");
+    }
+}
+
+/// Makes the inbox of `folder` if `out` goes there, for the first photo precedes the first run. Any
+/// other folder may be a typing error.
 fn make_inbox(folder: &Path, out: &Path) -> Result<(), CliError> {
     fn plain(path: &Path) -> &Path {
         path.strip_prefix(".").unwrap_or(path)
@@ -147,15 +153,15 @@ fn make_inbox(folder: &Path, out: &Path) -> Result<(), CliError> {
     std::fs::create_dir_all(&inbox).map_err(|e| CliError::writing(out, e))
 }
 
-/// The devices, with what is to be photographed before the lens.
+/// The devices, with the scene before the lens.
 struct Rigged {
     devices: Devices,
-    /// What puts scenes before the lens of a simulated rig.
+    /// Puts scenes before the lens of a simulated rig.
     witness: Option<Witness>,
     sensor: SensorFacts,
 }
 
-fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, CliError> {
+fn open_before_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, CliError> {
     let range = |black| CountRange { black, max: file.camera.count_max() };
     match (file.simulation(), &options.scene) {
         (Some(_), Some(scene)) => {
@@ -169,7 +175,7 @@ fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, Cl
         (Some(_), None) => Err(CliError::NoScene(file.name.clone())),
         (None, Some(_)) => Err(CliError::NotSimulated(file.name.clone())),
         (None, None) => {
-            // What the camera counts in the dark, and its noise, are measured with the panel.
+            // The camera's black level and noise come from the calibration.
             let kept = opening::calibration_folder(&options.folder.folder);
             let calibration = store::load(&kept, file.identity).map_err(CliError::of)?;
             let devices = rig::open_without_marks(file).map_err(CliError::of)?;
@@ -183,8 +189,8 @@ fn before_the_scene(file: &RigFile, options: &ShootOptions) -> Result<Rigged, Cl
     }
 }
 
-/// Exposures behind a covered lens, for which one waits.
-fn in_the_dark(
+/// Takes exposures with the lens covered, after asking for it.
+fn shoot_dark(
     file: &RigFile,
     rigged: &mut Rigged,
     range: CountRange,
@@ -197,7 +203,7 @@ fn in_the_dark(
         }
         None => {
             say("cover the lens and press Enter");
-            // Without anybody there to press it, what is seen tells.
+            // At the end of input the check for darkness decides.
             let _ = std::io::stdin().lock().read_line(&mut String::new());
         }
     }
@@ -209,7 +215,7 @@ fn in_the_dark(
     }
 }
 
-/// Sets the gain; how many times the rig file's it is.
+/// Sets the gain to `times` the rig file's; returns the factor that was set.
 fn set_gain(rigged: &mut Rigged, times: f64) -> Result<f64, CliError> {
     if times == 1.0 {
         return Ok(times);
@@ -217,12 +223,12 @@ fn set_gain(rigged: &mut Rigged, times: f64) -> Result<f64, CliError> {
     let set = rigged.devices.amplify_times(times).map_err(CliError::of)?;
     let times = set.ok_or(CliError::FixedGain)?;
     rigged.sensor.noise = rigged.sensor.noise.map(|noise| noise.amplified(times));
-    // The first frame after a change may still be as before.
+    // The first frame after a change may have the old gain.
     rigged.devices.expose().map_err(CliError::of)?;
     Ok(times)
 }
 
-/// Sets the exposure; how many times as long it is as the rig file's.
+/// Sets the exposure; returns its multiple of the rig file's.
 fn set_exposure(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -233,7 +239,7 @@ fn set_exposure(
         PhotoExposure::Times(1.0) => Ok(1.0),
         PhotoExposure::Times(times) => match devices.expose_times(times).map_err(CliError::of)? {
             true => {
-                // The first frame after a change may still be exposed as before.
+                // The first frame after a change may have the old exposure.
                 devices.expose().map_err(CliError::of)?;
                 Ok(times)
             }

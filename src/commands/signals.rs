@@ -1,6 +1,6 @@
-//! What signals do: at SIGINT and SIGTERM a daemon ends in good order, and every other command ends
-//! at once and leaves no line of progress behind; a daemon says at SIGUSR1 what it does, and at
-//! SIGHUP that it goes on, or ends if its terminal went away.
+//! Signals. SIGINT and SIGTERM stop a daemon in good order, and any other command at once, with its
+//! progress line cleared. A daemon logs its state at SIGUSR1. At SIGHUP it stops if its terminal
+//! closed, and otherwise continues.
 
 use std::io::IsTerminal;
 use std::os::raw::c_int;
@@ -17,27 +17,26 @@ use relens::remedy::full_message;
 use super::error::CliError;
 use super::{progress, status};
 
-/// True once the daemon whose state is kept in `home` is to end: the photo under way is given up
-/// before its next capture, or finished. A second SIGINT ends the program at once, for those who
-/// sit before it.
+/// A flag that is set once the daemon with its state in `home` is to stop: the photo in progress is
+/// finished, or given up before its next capture. A second SIGINT ends the program at once.
 ///
 /// # Errors
-/// When the system has no thread or socket left.
+/// When the system has no free thread or socket.
 pub(super) fn stop_flag(home: PathBuf) -> Result<Arc<AtomicBool>, CliError> {
     let stopped = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stopped);
     let at_terminal = std::io::stderr().is_terminal();
-    attend(&[SIGINT, SIGTERM, SIGHUP, SIGUSR1], move |signal| {
+    listen(&[SIGINT, SIGTERM, SIGHUP, SIGUSR1], move |signal| {
         if signal == SIGUSR1 {
             match status::of(&home) {
                 Ok(words) => words.lines().for_each(|line| log::info!("{line}")),
                 Err(error) => log::warn!("{}", full_message(&error)),
             }
         } else if signal == SIGHUP && at_terminal == std::io::stderr().is_terminal() {
-            // A terminal that went away is none any more.
+            // A closed terminal is no terminal any more.
             log::info!(
-                "SIGHUP changes nothing: the rig file is read at the start alone; start relens \
-                 again to have it read anew"
+                "SIGHUP is ignored, for the rig file is read at the start alone; restart relens to \
+                 read it again"
             );
         } else if flag.swap(true, Ordering::AcqRel) && signal == SIGINT {
             end(signal);
@@ -46,22 +45,22 @@ pub(super) fn stop_flag(home: PathBuf) -> Result<Arc<AtomicBool>, CliError> {
     Ok(stopped)
 }
 
-/// Ends the program at the first of the two, with a clean line.
+/// Ends the program at SIGINT or SIGTERM, with its progress line cleared.
 ///
 /// # Errors
 /// As [`stop_flag`].
 pub(super) fn end_cleanly() -> Result<(), CliError> {
-    attend(&[SIGINT, SIGTERM], end)
+    listen(&[SIGINT, SIGTERM], end)
 }
 
-fn attend(which: &[c_int], mut came: impl FnMut(c_int) + Send + 'static) -> Result<(), CliError> {
+fn listen(which: &[c_int], mut handle: impl FnMut(c_int) + Send + 'static) -> Result<(), CliError> {
     let mut signals = Signals::new(which).map_err(CliError::Signals)?;
     let thread = std::thread::Builder::new().name("signals".to_owned());
-    let begun = thread.spawn(move || signals.forever().for_each(&mut came));
+    let begun = thread.spawn(move || signals.forever().for_each(&mut handle));
     begun.map(drop).map_err(CliError::Signals)
 }
 
-/// Ends as if nobody had listened, so that a shell sees why.
+/// Ends by the signal's default action, so that a shell sees the reason.
 fn end(signal: c_int) {
     progress::leave();
     let _ = emulate_default_handler(signal);

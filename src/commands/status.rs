@@ -1,4 +1,4 @@
-//! `relens status`: what the daemon is doing, from its state file.
+//! `relens status`: the daemon's state, from its state file.
 
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -11,7 +11,7 @@ use super::error::CliError;
 use super::options::FolderOption;
 use super::output::say;
 
-/// Say what the daemon on a folder is doing
+/// Show what the daemon on a folder is doing
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -20,12 +20,12 @@ Examples:
 pub(super) struct StatusOptions {
     #[command(flatten)]
     folder: FolderOption,
-    /// Write it as JSON, for other programs
+    /// Print JSON, for other programs
     #[arg(long)]
     json: bool,
 }
 
-/// Says what the daemon does, from its state file.
+/// Runs `relens status`.
 pub(super) fn run(options: &StatusOptions) -> Result<(), CliError> {
     let folder = &options.folder.folder;
     if !options.json {
@@ -33,23 +33,23 @@ pub(super) fn run(options: &StatusOptions) -> Result<(), CliError> {
         return Ok(());
     }
     let (state, running) = read(folder)?;
-    let told = Told { running, inbox_is_there: inbox_is_there(folder), state };
-    let json = serde_json::to_string_pretty(&told);
+    let status = Status { running, inbox_is_there: inbox_is_there(folder), state };
+    let json = serde_json::to_string_pretty(&status);
     say(&json.map_err(|e| CliError::writing(folder, e.into()))?);
     Ok(())
 }
 
-/// What `--json` writes.
+/// The output of `--json`.
 #[derive(Serialize)]
 #[serde(rename_all = "kebab-case")]
-struct Told {
+struct Status {
     running: bool,
     inbox_is_there: bool,
     #[serde(flatten)]
     state: State,
 }
 
-/// The state in `folder`, and whether a daemon is at work there.
+/// The state in `folder`, and whether a daemon is running there.
 fn read(folder: &Path) -> Result<(State, bool), CliError> {
     let state = State::read(folder)
         .map_err(CliError::BrokenState)?
@@ -57,7 +57,7 @@ fn read(folder: &Path) -> Result<(State, bool), CliError> {
     Ok((state, Folders::in_use(folder)))
 }
 
-/// What the daemon on `folder` does, in a few lines.
+/// The state of the daemon on `folder`, in a few lines.
 pub(super) fn of(folder: &Path) -> Result<String, CliError> {
     let (state, running) = read(folder)?;
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
@@ -69,12 +69,12 @@ fn inbox_is_there(folder: &Path) -> bool {
     folder.join("inbox").is_dir() || folder.join("../inbox").is_dir()
 }
 
-/// What is said of an inbox that went away.
-const GONE: &str = "its inbox is not there: make the folder again, or mount its disk";
+/// The message on a missing inbox.
+const GONE: &str = "its inbox is missing: make the folder again, or mount its disk";
 
 fn words(state: &State, running: bool, is_there: bool, now_unix_s: u64) -> String {
     let doing = match (&state.doing, running) {
-        // It learns of that at its next look.
+        // The daemon notices at its next poll.
         (Doing::Waiting | Doing::Paused { .. } | Doing::Held { .. }, true) if !is_there => {
             format!("needs help: {GONE}")
         }
@@ -92,8 +92,7 @@ fn words(state: &State, running: bool, is_there: bool, now_unix_s: u64) -> Strin
         (Doing::Ended, false) => "not running; it ended in good order".to_owned(),
         (Doing::Held { reason }, false) => format!("not running; it needed help: {reason}"),
         (_, false) => {
-            "not running, and it did not end in good order; the next start goes on with what was \
-             under way"
+            "not running, and it did not end in good order; the next start resumes its work"
                 .to_owned()
         }
     };
@@ -125,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_daemon_that_died_is_told_from_one_that_ended() {
+    fn a_daemon_that_died_differs_from_one_that_ended() {
         let mut state = State {
             rig: "small".into(),
             doing: Doing::Waiting,
@@ -142,15 +141,15 @@ mod tests {
         );
         assert!(words(&state, false, true, 160).contains("did not end in good order"));
         let gone = words(&state, true, false, 160);
-        assert!(gone.starts_with("needs help: its inbox is not there"), "{gone}");
+        assert!(gone.starts_with("needs help: its inbox is missing"), "{gone}");
         assert!(!gone.contains("waiting for photos"), "{gone}");
         state.doing = Doing::Ended;
         assert!(words(&state, false, true, 160).contains("ended in good order"));
         state.doing = Doing::Restoring { photo: "a.jpg".into(), done: 0.4, left_s: Some(200.0) };
         state.counts.waiting = Waiting { turn: 2, settling: 1, ..Waiting::default() };
-        let told = words(&state, true, true, 160);
-        assert!(told.starts_with("restoring a.jpg: 40 %, about 3 min left for all\n"), "{told}");
-        assert!(told.contains("3 waiting (2 for a turn, 1 settling)"), "{told}");
+        let lines = words(&state, true, true, 160);
+        assert!(lines.starts_with("restoring a.jpg: 40 %, about 3 min left for all\n"), "{lines}");
+        assert!(lines.contains("3 waiting (2 for a turn, 1 settling)"), "{lines}");
         state.attention.push("no photo was restored".into());
         assert!(words(&state, true, true, 160).contains("\nattention: no photo was restored\n"));
     }

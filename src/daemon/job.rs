@@ -273,8 +273,9 @@ impl Job<'_> {
         let opened = files.raw().open(path);
         let opened =
             opened.map_err(|source| PictureError::Read { path: photo.shown().into(), source });
-        let read =
-            opened.and_then(|file| self.setting.reader.photo(&photo.shown(), file, self.setting));
+        let read = opened.and_then(|file| {
+            self.setting.reader.photo(&photo.shown(), file, &self.setting.reading)
+        });
         let error = match read {
             Ok(read) => return Ok(read),
             Err(error) => error,

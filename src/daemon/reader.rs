@@ -1,24 +1,21 @@
-//! How a photo's bytes become a photo: here, or in a process of their own.
+//! Reading of photos, in this process or in a worker.
 
 use std::fs::File;
 
-use crate::config::LargerPhotos;
 use crate::picture::worker::Worker;
-use crate::picture::{Limits, Photo, PictureError, whole};
-
-use super::setting::DaemonSetting;
+use crate::picture::{Limits, Photo, PictureError, Reading, whole};
 
 /// Where photos are read.
 #[derive(Debug, Clone)]
 pub enum Reader {
-    /// In this process. For files that nobody could have tampered with.
+    /// In this process, for trusted files.
     Here,
-    /// In a worker for each.
+    /// In a worker process for each.
     Worker(Worker),
 }
 
 impl Reader {
-    /// Whether `file`, called `name`, is all there.
+    /// Checks that `file`, called `name`, is complete.
     pub(super) fn whole(
         &self,
         name: &str,
@@ -36,20 +33,14 @@ impl Reader {
         &self,
         name: &str,
         file: File,
-        setting: &DaemonSetting,
+        reading: &Reading,
     ) -> Result<Photo, PictureError> {
-        let photo = match self {
-            Reader::Here => {
-                Photo::of_file(name, file, setting.curve, &setting.limits)?.fit(setting.grid)
-            }
+        match self {
+            Reader::Here => reading.photo_of_file(name, file),
             Reader::Worker(worker) => {
-                worker.photo(name, file, setting.curve, &setting.limits, setting.grid)
+                let Reading { curve, limits, grid, .. } = reading;
+                reading.finish(worker.photo(name, file, *curve, limits, *grid)?)
             }
-        }?
-        .with_raw_results(setting.raw_results);
-        match setting.larger_photos {
-            LargerPhotos::Shrink => Ok(photo),
-            LargerPhotos::Refuse => photo.no_larger(),
         }
     }
 }

@@ -344,7 +344,7 @@ impl<'a> Daemon<'a> {
                 Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
                 opened => opened?,
             };
-            match setting.reader.whole(&name, file, &setting.limits) {
+            match setting.reader.whole(&name, file, &setting.reading.limits) {
                 Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &path)(source)),
                 Err(lacking) if lacking.growth() == Growth::Likely => {
                     Ok(Some(full_message(&lacking)))

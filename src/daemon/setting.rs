@@ -1,8 +1,8 @@
 //! What the daemon is told once.
 
-use crate::config::{Curve, LargerPhotos, RawResults};
+use crate::config::Curve;
 use crate::frame::PhotoGrid;
-use crate::picture::Limits;
+use crate::picture::Reading;
 
 use super::reader::Reader;
 
@@ -13,16 +13,8 @@ pub struct DaemonSetting {
     pub rig: String,
     /// Whether photos wait for a button.
     pub needs_button: bool,
-    /// What photos the rig takes.
-    pub grid: PhotoGrid,
-    /// Curve of photos that carry no profile.
-    pub curve: Curve,
-    /// What becomes of photos with more pixels than that.
-    pub larger_photos: LargerPhotos,
-    /// What is made of raw photos.
-    pub raw_results: RawResults,
-    /// What one photo may ask of the box.
-    pub limits: Limits,
+    /// How photos are read.
+    pub reading: Reading,
     /// A photo is taken when it has not changed for this long.
     pub quiet_s: f64,
     /// Longest time between two looks at the inbox.
@@ -49,11 +41,7 @@ impl DaemonSetting {
         DaemonSetting {
             rig: rig.to_owned(),
             needs_button: false,
-            grid: grid.into(),
-            curve,
-            larger_photos: LargerPhotos::Shrink,
-            raw_results: RawResults::Tiff,
-            limits: Limits::default(),
+            reading: Reading::new(grid, curve),
             reader: Reader::Here,
             unfinished_s: 900.0,
             floor_bytes: 256 << 20,

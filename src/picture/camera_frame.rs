@@ -1,20 +1,20 @@
-//! A frame of a camera that codes its frames as JPEG (`MJPG`), decoded into counts.
+//! Frames of cameras that code them as JPEG (`MJPG`), decoded into counts.
 //!
-//! Such frames often leave out the code tables, which are then ITU-T T.81's own (annex K). A frame
-//! that is cut, or whose codes do not add up to its blocks, is refused: a decoder would fill up the
+//! Such frames often omit the code tables, which are then the standard ones (ITU-T T.81, annex K).
+//! A frame that is cut, or lacks codes for some blocks, is refused, for the decoder would fill the
 //! rest with grey.
 
 use super::decode::{Limits, decode};
 use super::{Flaw, jpeg};
 use crate::frame::{Counts, Size};
 
-/// Longest frame in bytes a pixel: more than samples that are not coded.
+/// Longest frame, bytes a pixel: more than uncoded samples take.
 const BYTES_A_PIXEL_MAX: usize = 4;
 
-/// The counts in `bytes`, a frame of a camera of `size`. A grey one fills all three planes.
+/// The counts in `bytes`, a frame of a camera of `size`; a grey frame fills all three planes.
 ///
 /// # Errors
-/// The [`Flaw`] that keeps it from being this camera's frame, whole.
+/// The [`Flaw`] of a frame that is damaged or of another size.
 pub fn camera_frame(bytes: &[u8], size: Size) -> Result<Counts, Flaw> {
     let limits = Limits {
         bytes_max: (BYTES_A_PIXEL_MAX * size.area() + (64 << 10)) as u64,
@@ -28,12 +28,12 @@ pub fn camera_frame(bytes: &[u8], size: Size) -> Result<Counts, Flaw> {
     let with_codes = jpeg::with_usual_codes(bytes);
     let bytes = with_codes.as_deref().unwrap_or(bytes);
     let raster = decode(bytes, &limits)?;
-    // Whether the samples agree with the codes is not asked: strong colours are clipped.
+    // The samples need not agree with the coefficients, for strong colours are clipped.
     let has_all = || jpeg::coefficients(bytes).is_some_and(|coding| coding.size == size);
     if raster.size != size || !has_all() {
         return Err(Flaw::Damaged {
             kind: "JPEG",
-            found: format!("a frame of {}, or codes that give less than it", raster.size),
+            found: format!("a frame of {}, or codes for less than it", raster.size),
             allowed: format!("a whole frame of {size}"),
         });
     }

@@ -1,4 +1,4 @@
-//! Colour as people see it: CIELAB of sRGB codes, and how far apart two colours look (CIEDE2000).
+//! Perceived colour: CIELAB of sRGB codes, and the colour difference CIEDE2000.
 
 /// A colour of CIELAB under D65: lightness 0..100, then green to red and blue to yellow.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +27,7 @@ impl Lab {
 
     /// The colour of red, green and blue light 0..1.
     fn of([r, g, b]: [f64; 3]) -> Lab {
-        // Rows of the standard's matrix over the white they add up to: codes of grey are grey.
+        // Each row of the standard's matrix over its sum, so that grey codes are grey.
         let over_white = |[x, y, z]: [f64; 3]| (x * r + y * g + z * b) / (x + y + z);
         let root = |t: f64| match t > (6.0f64 / 29.0).powi(3) {
             true => t.cbrt(),
@@ -39,12 +39,12 @@ impl Lab {
         Lab { lightness: 116.0 * y - 16.0, a: 500.0 * (x - y), b: 200.0 * (y - z) }
     }
 
-    /// C*ab: how far from grey.
+    /// C*ab, the distance from grey.
     pub fn chroma(self) -> f64 {
         self.a.hypot(self.b)
     }
 
-    /// ΔE00: 1 is about what is just seen (Sharma, Wu & Dalal 2005, "The CIEDE2000
+    /// ΔE00; 1 is about just noticeable (Sharma, Wu & Dalal 2005, "The CIEDE2000
     /// color-difference formula", with all weights 1).
     pub fn difference(self, other: Lab) -> f64 {
         let to_seventh = |c: f64| (c.powi(7) / (c.powi(7) + 25f64.powi(7))).sqrt();
@@ -105,7 +105,7 @@ mod tests {
     ];
 
     #[test]
-    fn differences_are_those_published() {
+    fn differences_are_as_published() {
         let lab = |[lightness, a, b]: [f64; 3]| Lab { lightness, a, b };
         for (one, other, want) in PAIRS {
             for found in [lab(one).difference(lab(other)), lab(other).difference(lab(one))] {
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn grey_is_grey_and_srgb_s_red_is_where_it_is_known_to_be() {
+    fn grey_and_srgb_s_red_have_their_known_colours() {
         for code in [0.0, 7.0, 128.0, 255.0] {
             assert!(Lab::of_srgb([code; 3]).chroma() < 1e-6, "{code}");
         }

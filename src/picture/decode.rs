@@ -1,8 +1,8 @@
 //! Bytes to samples, under limits and with the decoder's panics caught.
 //!
-//! [`decode`] is a pure function of the bytes; the daemon has it done in a
-//! [`worker`](super::worker).
+//! [`decode`] is a pure function of the bytes; the daemon runs it in a [`worker`](super::worker).
 
+use std::collections::BTreeSet;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -16,12 +16,11 @@ use serde::{Deserialize, Serialize};
 use crate::frame::{Coding, Size};
 
 use super::dng::{self, RawFile, Sites};
-use super::iptc::IPTC_LOST;
 use super::kind::{Content, Format, recognise};
-use super::losses::{DENSITY_LOST, EXIF_LOST, WORDS_LOST};
+use super::metadata::{Lost, Walked};
 use super::{Flaw, Orientation, jpeg, others, png, tiff};
 
-/// How much one photo may ask of the box.
+/// The resources that one photo may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Limits {
     /// Longest file in bytes.
@@ -33,14 +32,14 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Room for a 24-megapixel photo in 16-bit TIFF with a third to spare: on a 4 GiB board its
-    /// planes take a fifth of the memory. Guess.
+    /// A 24-megapixel photo in 16-bit TIFF, and a third more: on a 4 GiB board its planes take a
+    /// fifth of the memory. Guess.
     fn default() -> Self {
         Limits { bytes_max: 256 << 20, pixels_max: 32_000_000, decoder_bytes_max: 512 << 20 }
     }
 }
 
-/// What a pixel of the file is made of.
+/// The samples of a pixel in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PixelLayout {
     /// One grey sample.
@@ -54,7 +53,7 @@ pub enum PixelLayout {
 }
 
 impl PixelLayout {
-    /// Samples a pixel, alpha included.
+    /// The number of samples, alpha included.
     pub const fn samples(self) -> usize {
         match self {
             PixelLayout::Grey => 1,
@@ -64,18 +63,18 @@ impl PixelLayout {
         }
     }
 
-    /// Whether the pixel has one grey sample in place of three colours.
+    /// Whether there is one grey sample in place of three colours.
     pub const fn is_grey(self) -> bool {
         matches!(self, PixelLayout::Grey | PixelLayout::GreyAlpha)
     }
 
-    /// Whether the pixel has an alpha sample.
+    /// Whether there is an alpha sample.
     pub const fn has_alpha(self) -> bool {
         matches!(self, PixelLayout::GreyAlpha | PixelLayout::RgbAlpha)
     }
 }
 
-/// A decoded file: its samples as stored, and what it carried.
+/// A decoded file: its samples as stored, and its metadata.
 #[derive(Debug)]
 pub(super) struct Raster {
     pub(super) content: Content,
@@ -89,93 +88,65 @@ pub(super) struct Raster {
     pub(super) icc: Option<Vec<u8>>,
     /// The raw EXIF block, from its TIFF header on.
     pub(super) exif: Option<Vec<u8>>,
-    /// What cannot be carried over into the result.
-    pub(super) losses: Vec<String>,
-    /// Who took a raw photo.
+    /// What its result lacks.
+    pub(super) lost: BTreeSet<Lost>,
+    /// The camera of a raw photo.
     pub(super) camera: Option<super::PhotoCamera>,
-    /// What the samples mean, where they are a sensor's counts.
+    /// The scale and pattern of a sensor's counts.
     pub(super) sites: Option<Sites>,
-    /// How a sensor's counts become sRGB.
+    /// The colours of a sensor's counts.
     pub(super) colours: Option<super::CameraColours>,
-    /// What a raw photo says of its noise; see [`RawSites::noise`](crate::frame::RawSites::noise).
+    /// The noise of a raw photo as stated; see [`RawSites::noise`](crate::frame::RawSites::noise).
     pub(super) noise: Option<[[f32; 2]; 3]>,
-    /// What a JPEG states of them.
+    /// A JPEG's quantised coefficients.
     pub(super) coding: Option<Coding>,
 }
 
-/// What a file says of itself, nothing decoded.
+/// A file walked to its end, nothing decoded.
 pub(super) struct Heading {
     content: Content,
-    losses: Vec<String>,
+    lost: BTreeSet<Lost>,
     raw: Option<RawFile>,
 }
 
 /// Walks a whole photo to its end without decoding anything.
 ///
 /// # Errors
-/// The [`Flaw`] that keeps it from being a photo, as far as that can be told without decoding.
+/// The [`Flaw`] of the file, as far as the walk finds it.
 pub(super) fn walk(bytes: &[u8], limits: &Limits) -> Result<Heading, Flaw> {
     if bytes.len() as u64 > limits.bytes_max {
         return Err(Flaw::TooLong { found: bytes.len() as u64, allowed: limits.bytes_max });
     }
     let content = recognise(bytes)?;
-    let (mut losses, mut raw) = (Vec::new(), None);
-    let size = match content {
-        Content::Written(Format::Jpeg) => {
-            let walked = jpeg::walk(bytes)?;
-            losses.extend(walked.words.then(|| WORDS_LOST.to_owned()));
-            losses.extend(walked.density.then(|| DENSITY_LOST.to_owned()));
-            losses.extend(walked.iptc.then(|| IPTC_LOST.to_owned()));
-            if walked.components == 4 {
-                return Err(Flaw::Unsupported {
-                    kind: "JPEG",
-                    found: "four inks (CMYK)".to_owned(),
-                    allowed: "grey and RGB photos; save it as RGB in an image program",
-                });
-            }
-            walked.size
-        }
-        Content::Written(Format::Png) => png::walk(bytes, &mut losses)?,
+    let mut raw = None;
+    let Walked { size, lost } = match content {
+        Content::Written(Format::Jpeg) => jpeg::walk(bytes)?,
+        Content::Written(Format::Png) => png::walk(bytes)?,
         Content::Written(Format::Tiff) => {
             raw = dng::find(bytes)?;
-            let (size, more_pages, exif) = match &raw {
-                Some(raw) => (raw.whole(), false, raw.exif),
-                None => {
-                    let walked = tiff::walk(bytes)?;
-                    losses.extend(walked.words.then(|| WORDS_LOST.to_owned()));
-                    losses.extend(walked.density.then(|| DENSITY_LOST.to_owned()));
-                    losses.extend(walked.iptc.then(|| IPTC_LOST.to_owned()));
-                    (walked.size, walked.more_pages, walked.exif)
-                }
-            };
-            if more_pages {
-                losses.push("only the first picture of this TIFF file was restored".to_owned());
+            match &raw {
+                Some(raw) => raw.walked(),
+                None => tiff::walk(bytes)?,
             }
-            if exif {
-                losses.push(EXIF_LOST.to_owned());
-            }
-            size
         }
-        Content::Bmp | Content::Gif | Content::Webp => {
-            others::walk(bytes, content)?;
-            losses.extend(others::losses(bytes, content));
-            // Its decoder tells, before it allocates anything.
-            Size::new(0, 0)
-        }
+        // Their size is checked by the decoder's header, before anything is allocated.
+        Content::Bmp | Content::Gif | Content::Webp => others::walk(bytes, content)?,
     };
-    if size.width as u64 * size.height as u64 > limits.pixels_max {
-        return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
+    match size {
+        Some(size) if size.width as u64 * size.height as u64 > limits.pixels_max => {
+            Err(Flaw::Oversized { found: size, allowed: limits.pixels_max })
+        }
+        _ => Ok(Heading { content, lost, raw }),
     }
-    Ok(Heading { content, losses, raw })
 }
 
-/// Decodes a whole photo, a raw one among them.
+/// Decodes a whole photo, developed or raw.
 ///
 /// # Errors
-/// The [`Flaw`] that keeps it from being a photo; nothing large is allocated before the header's
-/// size is found within `limits`.
+/// The [`Flaw`] of the file; nothing large is allocated before the header's size is found within
+/// `limits`.
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
-    let Heading { content, losses, raw } = walk(bytes, limits)?;
+    let Heading { content, lost, raw } = walk(bytes, limits)?;
     if let Some(raw) = raw {
         return Ok(Raster {
             content,
@@ -187,7 +158,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
                 .unwrap_or(Orientation::NoTransforms),
             icc: None,
             exif: None,
-            losses,
+            lost,
             camera: raw.camera,
             sites: Some(raw.sites),
             colours: raw.colours,
@@ -200,7 +171,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
         let input = Cursor::new(bytes);
         match content {
             Content::Written(Format::Jpeg) => {
-                let mut raster = collect(JpegDecoder::new(input), content, limits, losses)?;
+                let mut raster = collect(JpegDecoder::new(input), content, limits)?;
                 let step = raster.layout.samples();
                 let agrees = |coding: &Coding| jpeg::agrees(coding, &raster.samples, step);
                 raster.coding = jpeg::coefficients(bytes)
@@ -208,21 +179,18 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Raster, Flaw> {
                 Ok(raster)
             }
             Content::Written(Format::Png) => {
-                let decoder = PngDecoder::with_limits(input, decoder_limits(limits));
-                collect(decoder, content, limits, losses)
+                collect(PngDecoder::with_limits(input, decoder_limits(limits)), content, limits)
             }
-            Content::Written(Format::Tiff) => {
-                collect(TiffDecoder::new(input), content, limits, losses)
-            }
-            Content::Bmp => collect(BmpDecoder::new(input), content, limits, losses),
-            Content::Gif => collect(GifDecoder::new(input), content, limits, losses),
-            Content::Webp => collect(WebPDecoder::new(input), content, limits, losses),
+            Content::Written(Format::Tiff) => collect(TiffDecoder::new(input), content, limits),
+            Content::Bmp => collect(BmpDecoder::new(input), content, limits),
+            Content::Gif => collect(GifDecoder::new(input), content, limits),
+            Content::Webp => collect(WebPDecoder::new(input), content, limits),
         }
     }));
-    match decoded {
-        Ok(result) => result,
-        Err(_) => Err(Flaw::BrokeTheDecoder { kind: content.name() }),
-    }
+    let mut raster =
+        decoded.unwrap_or_else(|_| Err(Flaw::BrokeTheDecoder { kind: content.name() }))?;
+    raster.lost.extend(lost);
+    Ok(raster)
 }
 
 fn decoder_limits(limits: &Limits) -> image::Limits {
@@ -231,20 +199,20 @@ fn decoder_limits(limits: &Limits) -> image::Limits {
     inner
 }
 
+/// The varieties that are read.
+const READ: &str = "grey and RGB of 8 or 16 bits; save it so in an image program and drop it again";
+
+/// Reads all that `decoder` gives.
 fn collect<D: ImageDecoder>(
     decoder: image::ImageResult<D>,
     content: Content,
     limits: &Limits,
-    mut losses: Vec<String>,
 ) -> Result<Raster, Flaw> {
     let kind = content.name();
-    const ALLOWED: &str =
-        "grey and RGB of 8 or 16 bits; save it so in an image program and drop it again";
+    let unsupported =
+        |found: &str| Flaw::Unsupported { kind, found: found.to_owned(), allowed: READ };
     let undecodable = |error| match error {
-        image::ImageError::Unsupported(_) => {
-            let found = "one of its rarer forms".to_owned();
-            Flaw::Unsupported { kind, found, allowed: ALLOWED }
-        }
+        image::ImageError::Unsupported(_) => unsupported("one of its rarer forms"),
         _ => Flaw::Undecodable { kind },
     };
     let mut decoder = decoder.map_err(undecodable)?;
@@ -255,31 +223,13 @@ fn collect<D: ImageDecoder>(
     {
         return Err(Flaw::Oversized { found: size, allowed: limits.pixels_max });
     }
-    let (layout, bits) = match decoder.color_type() {
-        ColorType::L8 => (PixelLayout::Grey, 8),
-        ColorType::La8 => (PixelLayout::GreyAlpha, 8),
-        ColorType::Rgb8 => (PixelLayout::Rgb, 8),
-        ColorType::Rgba8 => (PixelLayout::RgbAlpha, 8),
-        ColorType::L16 => (PixelLayout::Grey, 16),
-        ColorType::La16 => (PixelLayout::GreyAlpha, 16),
-        ColorType::Rgb16 => (PixelLayout::Rgb, 16),
-        ColorType::Rgba16 => (PixelLayout::RgbAlpha, 16),
-        other => {
-            let floating = matches!(other, ColorType::Rgb32F | ColorType::Rgba32F);
-            let found =
-                if floating { "numbers with fractions" } else { "samples of another depth" };
-            let found = found.to_owned();
-            return Err(Flaw::Unsupported { kind, found, allowed: ALLOWED });
-        }
-    };
+    let (layout, bits) = layout_of(decoder.color_type()).map_err(unsupported)?;
     let icc = decoder.icc_profile().unwrap_or(None).filter(|icc| !icc.is_empty());
     let exif = decoder.exif_metadata().unwrap_or(None).filter(|exif| !exif.is_empty());
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    if matches!(decoder.xmp_metadata(), Ok(Some(block)) if !block.is_empty()) {
-        losses.push("XMP data cannot be carried over into the result".to_owned());
-    }
-    // Only now: the TIFF decoder would measure the profile by the picture's own size. Up to here
-    // its default limits hold.
+    let has_xmp = matches!(decoder.xmp_metadata(), Ok(Some(block)) if !block.is_empty());
+    // Set only now, because the TIFF decoder would limit the profile by the picture's size. Up to
+    // here its default limits hold.
     decoder.set_limits(decoder_limits(limits)).map_err(undecodable)?;
     let mut raw = vec![0u8; decoder.total_bytes() as usize];
     decoder.read_image(&mut raw).map_err(undecodable)?;
@@ -287,7 +237,6 @@ fn collect<D: ImageDecoder>(
         8 => raw.into_iter().map(u16::from).collect(),
         _ => raw.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]])).collect(),
     };
-    let sites = None;
     Ok(Raster {
         content,
         size,
@@ -297,13 +246,29 @@ fn collect<D: ImageDecoder>(
         orientation,
         icc,
         exif,
-        losses,
+        lost: has_xmp.then_some(Lost::Xmp).into_iter().collect(),
         camera: None,
-        sites,
+        sites: None,
         colours: None,
         noise: None,
         coding: None,
     })
+}
+
+/// Layout and bits a sample, or the words for a variety that is not read.
+fn layout_of(colours: ColorType) -> Result<(PixelLayout, u8), &'static str> {
+    match colours {
+        ColorType::L8 => Ok((PixelLayout::Grey, 8)),
+        ColorType::La8 => Ok((PixelLayout::GreyAlpha, 8)),
+        ColorType::Rgb8 => Ok((PixelLayout::Rgb, 8)),
+        ColorType::Rgba8 => Ok((PixelLayout::RgbAlpha, 8)),
+        ColorType::L16 => Ok((PixelLayout::Grey, 16)),
+        ColorType::La16 => Ok((PixelLayout::GreyAlpha, 16)),
+        ColorType::Rgb16 => Ok((PixelLayout::Rgb, 16)),
+        ColorType::Rgba16 => Ok((PixelLayout::RgbAlpha, 16)),
+        ColorType::Rgb32F | ColorType::Rgba32F => Err("numbers with fractions"),
+        _ => Err("samples of another depth"),
+    }
 }
 
 #[cfg(test)]
@@ -337,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn hostile_bytes_bring_an_error_and_no_panic() {
+    fn hostile_bytes_give_an_error_and_no_panic() {
         let png = include_bytes!("../../tests/scenes/coffee.png");
         let jpeg = include_bytes!("../../tests/scenes/rocket.jpg");
         let limits = Limits { pixels_max: 4_000_000, ..Limits::default() };

@@ -1,16 +1,15 @@
-//! Raw photos: a sensor's sites in a DNG (1.4, Adobe) or TIFF/EP (ISO 12234-2) file, as they are,
-//! uncompressed. What else such files may be is refused, and what lies beside the sites, a preview
-//! above all, is never taken in their place.
+//! Raw photos: a sensor's uncompressed sites in a DNG (1.4, Adobe) or TIFF/EP (ISO 12234-2) file.
+//! Other varieties are refused, and a preview is never read in place of the sites.
 
 mod blocks;
 mod camera;
 mod colours;
-mod directory;
 mod write;
 
 use super::Flaw;
+use super::metadata::{Lost, Walked};
 use super::tiff::{
-    BITS_PER_SAMPLE, COMPRESSION, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH,
+    BITS_PER_SAMPLE, COMPRESSION, Directory, EXIF_DIRECTORY, File, IMAGE_LENGTH, IMAGE_WIDTH,
     NEW_SUBFILE_TYPE, PHOTOMETRIC, ROWS_PER_STRIP, SAMPLE_FORMAT, STRIP_BYTE_COUNTS, STRIP_OFFSETS,
     SUB_DIRECTORIES,
 };
@@ -19,7 +18,6 @@ use blocks::SiteBlocks;
 
 pub use camera::{PhotoCamera, RawTags, RigSetting};
 pub use colours::CameraColours;
-use directory::Directory;
 pub use write::Dng;
 
 const FILL_ORDER: u16 = 266;
@@ -48,19 +46,19 @@ const NOISE_PROFILE: u16 = 51041;
 
 /// [`PHOTOMETRIC`]: sites behind colour filters.
 const SITES: usize = 32803;
-/// [`PHOTOMETRIC`]: what a program has made of them.
+/// [`PHOTOMETRIC`]: demosaiced by a program.
 const LINEAR_RAW: usize = 34892;
 
 /// [`CALIBRATION_ILLUMINANTS`]: D65.
 const D65: u16 = 21;
 
-/// [`MAKE`] of the raw photos that relens takes.
+/// [`MAKE`] of relens's own raw photos.
 pub(crate) const OUR_MAKE: &str = "relens";
 
-/// More directories than this are no photo of ours but a file made to keep us busy. Guess.
+/// Most directories, so that a hostile file does not keep the program busy. Guess.
 const DIRECTORIES_MAX: usize = 32;
 
-/// Numbers that can only be one: the tag, what holds without it, what is read, and its name.
+/// Fields with one supported value: tag, default, that value, name.
 const ONLY: [(u16, usize, usize, &str); 6] = [
     (PHOTOMETRIC, 0, SITES, "photometric interpretation"),
     (COMPRESSION, 1, 1, "compression"),
@@ -70,14 +68,14 @@ const ONLY: [(u16, usize, usize, &str); 6] = [
     (CFA_LAYOUT, 1, 1, "layout of the colour filters"),
 ];
 
-/// What is not read, by its tag.
+/// Fields that are not supported, and their names.
 const NEVER: [(u16, &str); 3] = [
     (LINEARIZATION, "a table to make its counts linear"),
     (BLACK_ALONG, "a black level for each column"),
     (BLACK_DOWN, "a black level for each row"),
 ];
 
-/// Maker and model that the photos of the rig `name` say.
+/// Maker and model in photos of the rig `name`.
 pub(crate) fn camera_of(name: &str) -> String {
     format!("{OUR_MAKE} {}", write::plain(name))
 }
@@ -87,42 +85,42 @@ pub(crate) fn camera_of(name: &str) -> String {
 pub(super) struct RawFile {
     pub(super) size: Size,
     pub(super) sites: Sites,
-    /// As EXIF numbers them.
+    /// EXIF's number.
     pub(super) orientation: u8,
-    /// Whether the file holds an EXIF directory, which cannot be carried over.
-    pub(super) exif: bool,
-    /// Who took it, as far as the file says.
+    /// Whether the file holds an EXIF directory.
+    has_exif: bool,
+    /// The camera, as far as stated.
     pub(super) camera: Option<PhotoCamera>,
-    /// What its colours are, where they are not sRGB's.
+    /// Its colours, unless sRGB's.
     pub(super) colours: Option<CameraColours>,
-    /// What its noise is, where it says: of each channel the variance without light and what each
-    /// grey level adds, squared grey levels.
+    /// The stated noise of each channel: variance without light, and variance per grey level,
+    /// squared grey levels.
     pub(super) noise: Option<[[f32; 2]; 3]>,
-    /// The counts of all its sites,
+    /// The counts of all sites.
     blocks: SiteBlocks,
-    /// and which of them see light.
+    /// The part of them that sees light.
     active: Rect,
 }
 
-/// What counts mean.
+/// The scale and pattern of counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sites {
     pub(super) mosaic: Mosaic,
-    /// Counts without light, of the first two sites of the first two rows.
+    /// Counts without light, for two rows and columns of the pattern.
     black: [[f32; 2]; 2],
-    /// The largest count there can be.
+    /// The largest count.
     white: f32,
 }
 
-/// The raw photo in a TIFF's `bytes`; `None` of a TIFF that is no raw photo.
+/// The raw photo in a TIFF's `bytes`; `None` for a TIFF without one.
 ///
 /// # Errors
-/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`], [`Flaw::Damaged`], or [`Flaw::Unsupported`] of a raw
-/// photo that is not read.
+/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`], [`Flaw::Damaged`], or [`Flaw::Unsupported`] for a raw
+/// photo of another variety.
 pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     let file = File::new(bytes);
-    // Where a directory is, and whether the file is broken without it: what merely follows a plain
-    // TIFF's picture is no business of ours.
+    // The place of each directory, and whether the file is invalid without it: what follows a plain
+    // TIFF's picture may be damaged.
     let mut waiting = vec![(file.u32(4)? as usize, true)];
     let mut all: Vec<Directory> = Vec::new();
     let mut declared = false;
@@ -131,14 +129,15 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
             continue;
         }
         let read = Directory::read(&file, at).and_then(|directory| {
+            let next = directory.next()?;
             let below = directory.numbers(SUB_DIRECTORIES)?.unwrap_or_default();
             waiting.extend(below.into_iter().take(DIRECTORIES_MAX).map(|at| (at, true)));
-            Ok(directory)
+            Ok((directory, next))
         });
         match read {
-            Ok(directory) => {
+            Ok((directory, next)) => {
                 declared |= directory.find(DNG_VERSION).is_some() || directory.is_raw();
-                waiting.extend((directory.next > 0).then_some((directory.next, false)));
+                waiting.extend((next > 0).then_some((next, false)));
                 all.push(directory);
             }
             Err(flaw) if needed || declared => return Err(flaw),
@@ -155,27 +154,29 @@ pub(super) fn find(bytes: &[u8]) -> Result<Option<RawFile>, Flaw> {
     };
     let raw = directory.raw_file()?;
     let turned = all[0].number(ORIENTATION)?.or(directory.number(ORIENTATION)?);
-    let exif = all.iter().any(|d| d.find(EXIF_DIRECTORY).is_some());
+    let has_exif = all.iter().any(|d| d.find(EXIF_DIRECTORY).is_some());
     let orientation = turned.and_then(|o| u8::try_from(o).ok()).unwrap_or(1);
     let (camera, colours) = (all[0].camera(), all[0].colours().or_else(|| directory.colours()));
     let noise = directory.noise().or_else(|| all[0].noise());
-    Ok(Some(RawFile { orientation, exif, camera, colours, noise, ..raw }))
+    Ok(Some(RawFile { orientation, has_exif, camera, colours, noise, ..raw }))
 }
 
 impl RawFile {
-    /// All its sites, those in the dark among them.
-    pub(super) fn whole(&self) -> Size {
-        self.blocks.size()
+    /// The walk over the file; its size is that of all sites, masked ones included.
+    pub(super) fn walked(&self) -> Walked {
+        let mut walked = Walked { size: Some(self.blocks.size()), ..Walked::default() };
+        walked.lose(Lost::Exif, self.has_exif);
+        walked
     }
 
-    /// Its counts, row by row; `bytes` are those it was found in.
+    /// Its counts, row by row, in the `bytes` of its file.
     pub(super) fn counts(&self, bytes: &[u8]) -> Vec<u16> {
         self.blocks.counts(bytes, self.active)
     }
 }
 
 impl Sites {
-    /// Counts that one grey level is.
+    /// Counts a grey level.
     pub(super) fn counts_per_level(&self) -> f32 {
         let black = self.black.as_flattened().iter().sum::<f32>() / 4.0;
         (self.white - black) / FULL_SCALE
@@ -198,14 +199,13 @@ impl Directory<'_> {
     fn raw_file(&self) -> Result<RawFile, Flaw> {
         for (tag, without, allowed, name) in ONLY {
             let found = self.number(tag)?.unwrap_or(without);
-            // What most cameras write.
             match (tag, found) {
                 _ if found == allowed => {}
                 (COMPRESSION, how) => {
                     return Err(unsupported(format!("compressed counts (compression {how})")));
                 }
                 (PHOTOMETRIC, LINEAR_RAW) => {
-                    let found = "a picture that a program has begun to develop (linear DNG)";
+                    let found = "a partly developed picture (linear DNG)";
                     return Err(unsupported(found.to_owned()));
                 }
                 _ => return Err(unsupported(format!("{name} {found} in place of {allowed}"))),
@@ -240,14 +240,14 @@ impl Directory<'_> {
             blocks,
             active,
             orientation: 1,
-            exif: false,
+            has_exif: false,
             camera,
             colours,
             noise,
         })
     }
 
-    /// The part of the picture whose sites see light; filters and black levels begin with it.
+    /// The part whose sites see light, where the filter pattern and black levels begin.
     fn active_area(&self, size: Size) -> Result<Rect, Flaw> {
         let Some(area) = self.numbers(ACTIVE_AREA)? else {
             return Ok(Rect { x: 0, y: 0, size });
@@ -263,7 +263,7 @@ impl Directory<'_> {
         Ok(Rect { x: left, y: top, size: Size::new(right - left, bottom - top) })
     }
 
-    /// Who took the photo; a file need not say.
+    /// The camera, if stated.
     fn camera(&self) -> Option<PhotoCamera> {
         let text = |tag| self.text(tag).ok().flatten().filter(|text| !text.is_empty());
         let words = [MAKE, MODEL].map(|tag| text(tag).unwrap_or_default());
@@ -272,8 +272,7 @@ impl Directory<'_> {
         (!name.is_empty()).then(|| PhotoCamera { name, serial: text(SERIAL), setting })
     }
 
-    /// What the file says of its camera's colours; of two matrices the one for daylight. A file
-    /// need not say anything, nor anything that can be used.
+    /// The camera's colours, if stated and valid; of two matrices the one for daylight.
     fn colours(&self) -> Option<CameraColours> {
         let daylight = |&n: &usize| {
             self.number(CALIBRATION_ILLUMINANTS[n]).is_ok_and(|v| v == Some(D65.into()))
@@ -287,15 +286,15 @@ impl Directory<'_> {
         CameraColours::of_file(&of_xyz, [red, green, blue].map(f64::from))
     }
 
-    /// What the file says of its noise, for all channels alike or for each.
+    /// The stated noise, for all channels together or for each.
     fn noise(&self) -> Option<[[f32; 2]; 3]> {
-        let said = self.reals(NOISE_PROFILE).ok().flatten()?;
-        let each = match said.len() {
+        let stated = self.reals(NOISE_PROFILE).ok().flatten()?;
+        let each = match stated.len() {
             2 => [0; 3],
             6 => [0, 2, 4],
             _ => return None,
         };
-        let noise = each.map(|n| [said[n + 1] * FULL_SCALE.powi(2), said[n] * FULL_SCALE]);
+        let noise = each.map(|n| [stated[n + 1] * FULL_SCALE.powi(2), stated[n] * FULL_SCALE]);
         noise.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0).then_some(noise)
     }
 
@@ -308,7 +307,7 @@ impl Directory<'_> {
             repeat == [2, 2] && planes == [0, 1, 2] && pattern == [0, 1, 2, 3].map(place)
         };
         if pattern.is_empty() {
-            return Err(unsupported("no word of its colour filters".to_owned()));
+            return Err(unsupported("no colour filters".to_owned()));
         }
         Mosaic::ALL.into_iter().find(is).ok_or_else(|| {
             unsupported(format!(
@@ -319,7 +318,7 @@ impl Directory<'_> {
         })
     }
 
-    /// Black and white; the mosaic is any.
+    /// Black and white levels, with an arbitrary mosaic.
     fn levels(&self, bits: usize) -> Result<Sites, Flaw> {
         let repeat = self.numbers(BLACK_REPEAT)?.unwrap_or_else(|| vec![1, 1]);
         let [rows @ 1..=2, columns @ 1..=2] = repeat[..] else {
@@ -348,7 +347,7 @@ fn unsupported(found: String) -> Flaw {
     let allowed = "counts of a sensor's sites, of 8, 10, 12, 14 or 16 bits, behind filters of \
                    three colours that repeat by two, uncompressed; convert it so, or develop it \
                    with the camera maker's program, without sharpening and lens corrections, and \
-                   save it as TIFF of 16 bits; no preview in it is restored";
+                   save it as TIFF of 16 bits; previews are not restored";
     Flaw::Unsupported { kind: "raw photo", found, allowed }
 }
 

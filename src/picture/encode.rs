@@ -1,4 +1,4 @@
-//! A restored frame to bytes: the photo's own format, depth and curve, turned upright.
+//! Encoding of restored frames in the photo's format, depth and curve, turned upright.
 
 use std::io::Cursor;
 
@@ -12,15 +12,14 @@ use super::exif;
 use super::turn::turn;
 use super::{Format, Manner, Photo, PictureError, PixelLayout};
 
-/// JPEG quality of results. High enough that its loss stays below the noise of a capture; guess.
+/// JPEG quality of results, so that the loss stays below a capture's noise. Guess.
 const QUALITY: u8 = 95;
-/// JPEG quality of the gallery's previews; guess.
+/// JPEG quality of the gallery's previews. Guess.
 const PREVIEW_QUALITY: u8 = 88;
 
 /// The file for `picture` (linear light 0..255, stored orientation), named `name` in errors.
 ///
-/// For grey layouts the green plane is written; for colour ones whose red and blue planes are black
-/// because the photo was grey throughout, pass `grey`.
+/// Grey layouts get the green plane alone; with `grey`, colour layouts get it in all channels.
 ///
 /// # Errors
 /// [`PictureError::Encode`].
@@ -36,7 +35,7 @@ pub fn encode(
 
 impl Photo {
     /// The file of `picture` (linear light 0..255, the photo's stored orientation) in `format`,
-    /// with all that this photo's file carried along.
+    /// with the photo's metadata.
     ///
     /// # Errors
     /// [`PictureError::Encode`].
@@ -49,9 +48,9 @@ impl Photo {
         encode(&self.name, picture, &manner, self.channels == Channels::Green)
     }
 
-    /// `picture` (linear light, the photo's stored orientation) as it is looked at: upright, in the
-    /// colours of screens, a grey one grey.
-    pub fn as_looked_at(&self, picture: &Frame<Work>) -> Frame<Work> {
+    /// `picture` (linear light, the photo's stored orientation) for display: upright, in sRGB's
+    /// primaries, grey photos grey.
+    pub fn for_display(&self, picture: &Frame<Work>) -> Frame<Work> {
         let developed = self.manner.colours.as_ref().map(|colours| colours.developed(picture));
         let picture = developed.as_ref().unwrap_or(picture);
         let grey = self.channels == Channels::Green || self.manner.layout.is_grey();
@@ -94,7 +93,7 @@ fn encoded(
 ) -> image::ImageResult<Vec<u8>> {
     let developed = manner.colours.as_ref().map(|colours| colours.developed(picture));
     let picture = developed.as_ref().unwrap_or(picture);
-    // TIFF writers know no grey with alpha, and JPEG none at all.
+    // The TIFF encoder has no grey with alpha, and JPEG no alpha.
     let layout = match (manner.format, manner.layout) {
         (Format::Tiff, PixelLayout::GreyAlpha) => PixelLayout::RgbAlpha,
         (Format::Jpeg, PixelLayout::GreyAlpha) => PixelLayout::Grey,
@@ -115,7 +114,7 @@ fn encoded(
         let top = if deep { 65535.0 } else { 255.0 };
         planes.push(alpha.data().iter().map(|a| (a.clamp(0.0, 1.0) * top + 0.5) as u16).collect());
     }
-    // A JPEG has 8 bits; a table of 16 is read at every 257th step's code.
+    // A JPEG has 8 bits; codes of 16 are divided by 257.
     let narrow = deep && manner.format == Format::Jpeg;
     let size = super::turn::turned_size(picture.size(), manner.orientation);
     let mut raw = Vec::with_capacity(size.area() * planes.len() * if deep { 2 } else { 1 });
@@ -128,16 +127,7 @@ fn encoded(
             }
         }
     }
-    let colour = match (layout, deep && !narrow) {
-        (PixelLayout::Grey, false) => ExtendedColorType::L8,
-        (PixelLayout::GreyAlpha, false) => ExtendedColorType::La8,
-        (PixelLayout::Rgb, false) => ExtendedColorType::Rgb8,
-        (PixelLayout::RgbAlpha, false) => ExtendedColorType::Rgba8,
-        (PixelLayout::Grey, true) => ExtendedColorType::L16,
-        (PixelLayout::GreyAlpha, true) => ExtendedColorType::La16,
-        (PixelLayout::Rgb, true) => ExtendedColorType::Rgb16,
-        (PixelLayout::RgbAlpha, true) => ExtendedColorType::Rgba16,
-    };
+    let colour = colour_type(layout, deep && !narrow);
     let mut bytes = Vec::new();
     let out = Cursor::new(&mut bytes);
     match manner.format {
@@ -148,6 +138,20 @@ fn encoded(
         Format::Tiff => write(TiffEncoder::new(out), manner, &raw, size, colour)?,
     }
     Ok(bytes)
+}
+
+/// The encoder's type for 8 or, if `deep`, 16 bits a sample.
+fn colour_type(layout: PixelLayout, deep: bool) -> ExtendedColorType {
+    match (layout, deep) {
+        (PixelLayout::Grey, false) => ExtendedColorType::L8,
+        (PixelLayout::GreyAlpha, false) => ExtendedColorType::La8,
+        (PixelLayout::Rgb, false) => ExtendedColorType::Rgb8,
+        (PixelLayout::RgbAlpha, false) => ExtendedColorType::Rgba8,
+        (PixelLayout::Grey, true) => ExtendedColorType::L16,
+        (PixelLayout::GreyAlpha, true) => ExtendedColorType::La16,
+        (PixelLayout::Rgb, true) => ExtendedColorType::Rgb16,
+        (PixelLayout::RgbAlpha, true) => ExtendedColorType::Rgba16,
+    }
 }
 
 fn write<E: ImageEncoder>(
@@ -162,7 +166,7 @@ fn write<E: ImageEncoder>(
         encoder.set_icc_profile(icc.clone()).map_err(image::ImageError::Unsupported)?;
     }
     if let Some(exif) = &manner.exif {
-        // TIFF cannot; the decoder has noted that.
+        // TIFF cannot hold it, which the report notes.
         let _ = encoder.set_exif_metadata(exif::of_result(exif, size));
     }
     encoder.write_image(raw, size.width as u32, size.height as u32, colour)
@@ -194,12 +198,12 @@ mod tests {
     }
 
     #[test]
-    fn a_photo_is_looked_at_upright_and_a_grey_one_is_grey() {
+    fn a_photo_is_displayed_upright_and_a_grey_one_grey() {
         let size = Size::new(20, 14);
         let mut manner = Manner::plain(Format::Png, 8, Curve::Srgb);
         let mut photo = back(&encode("p", &scene(size), &manner, false).unwrap());
         photo.manner.orientation = Orientation::Rotate90;
-        let seen = photo.as_looked_at(&photo.light);
+        let seen = photo.for_display(&photo.light);
         assert_eq!(seen.size(), Size::new(14, 20));
         assert_eq!(seen.plane(Channel::Red).at(13, 0), photo.light.plane(Channel::Red).at(0, 0));
 
@@ -208,12 +212,12 @@ mod tests {
         // A solver of grey photos gives green alone.
         let mut picture = Frame::zeros(size);
         *picture.plane_mut(Channel::Green) = Plane::filled(size, 90.0);
-        let seen = photo.as_looked_at(&picture);
+        let seen = photo.for_display(&picture);
         assert_eq!(seen.plane(Channel::Red), seen.plane(Channel::Green));
     }
 
     #[test]
-    fn lossless_formats_give_every_sample_back_at_either_depth() {
+    fn lossless_formats_keep_every_sample_at_either_depth() {
         for format in [Format::Png, Format::Tiff] {
             for bits in [8, 16] {
                 for layout in [
@@ -253,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_profile_travels_byte_by_byte() {
+    fn a_profile_is_carried_byte_by_byte() {
         let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
         for format in [Format::Jpeg, Format::Png, Format::Tiff] {
             let mut manner = Manner::plain(format, 8, Curve::Srgb);

@@ -1,25 +1,26 @@
-//! What can be wrong with a photo file, each in its own sentence: what, found, allowed.
+//! Flaws of photo files, each with a sentence: what, found, allowed.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::metadata::HOLE_BYTES;
 use crate::frame::{Mosaic, Size};
 use crate::remedy::{Remediable, Remedy};
 
-/// What is wrong with the content of a file. The file's name is added by [`PictureError`].
+/// A flaw of a file's content; [`PictureError`] adds the file's name.
 #[derive(Debug, thiserror::Error)]
 pub enum Flaw {
     /// Zero bytes long.
     #[error("the file is empty: found 0 bytes, allowed a whole photo")]
     Empty,
     /// Not a plain file.
-    #[error("this is no plain file: found {found}, allowed a photo itself, not a way to one")]
+    #[error("this is no plain file: found {found}, allowed a photo file")]
     NotAFile {
         /// What it is.
         found: &'static str,
     },
-    /// Longer than the box is prepared to read.
+    /// Longer than the limit.
     #[error("the file is too long: found {found} bytes, allowed {allowed}")]
     TooLong {
         /// Its length.
@@ -27,8 +28,7 @@ pub enum Flaw {
         /// The limit.
         allowed: u64,
     },
-    /// Zeros where the picture should be, as a copy leaves that reserved the space and never filled
-    /// it.
+    /// Zeros in place of the picture, as a copy leaves that reserved the space and did not fill it.
     #[error(
         "the file was never filled: found nothing but zero bytes from byte {from} to byte {to} of \
          {length}, allowed picture data; copy it again"
@@ -41,10 +41,10 @@ pub enum Flaw {
         /// Length of the file.
         length: usize,
     },
-    /// Some other kind of file.
+    /// No photo.
     #[error("this is not a photo: found {found}, allowed JPEG, PNG, TIFF, WebP, BMP or GIF")]
     NotAPhoto {
-        /// What the content says it is.
+        /// The kind of file.
         found: String,
     },
     /// A photo of a kind that is not read.
@@ -53,9 +53,9 @@ pub enum Flaw {
          {to_do}"
     )]
     Unread {
-        /// What the content says it is.
+        /// The kind of file.
         found: &'static str,
-        /// What to do with it.
+        /// The advice.
         to_do: &'static str,
     },
     /// The file ends before the picture does.
@@ -71,18 +71,17 @@ pub enum Flaw {
         /// What a whole file ends with.
         end: &'static str,
     },
-    /// The file is complete but something in it is not as written.
+    /// The file is complete but not valid.
     #[error("the {kind} file is damaged: found {found}, allowed {allowed}")]
     Damaged {
         /// Kind of file.
         kind: &'static str,
         /// What was found.
         found: String,
-        /// What should have been there.
+        /// What is valid.
         allowed: String,
     },
-    /// More pixels than the box is prepared to hold; read from the header, before anything is
-    /// allocated.
+    /// More pixels than the limit, by the header, before anything is allocated.
     #[error(
         "the picture is too large: found {found} pixels by its header, allowed {allowed} pixels \
          in all; save it smaller, in the same shape"
@@ -100,23 +99,23 @@ pub enum Flaw {
         kind: &'static str,
         /// What was found.
         found: String,
-        /// What is read.
+        /// The varieties that are read.
         allowed: &'static str,
     },
     /// The decoder refused it.
     #[error(
-        "the {kind} data cannot be decoded, allowed are whole and valid files; copy it again, or \
-         save it anew in an image program"
+        "the {kind} data cannot be decoded, allowed are whole and valid files; copy the file \
+         again, or save it anew in an image program"
     )]
     Undecodable {
         /// Kind of file.
         kind: &'static str,
     },
-    /// Its result would be smaller, and the rig file will have none that are.
+    /// The result would be smaller, which the rig file refuses.
     #[error(
-        "the result would be smaller than the photo: found {found}, allowed at most {allowed}, for \
-         the rig file says run.larger-photos = \"refuse\"; save the photo at that size, or take \
-         the line out"
+        "the result would be smaller than the photo: found {found}, allowed at most {allowed} by \
+         run.larger-photos = \"refuse\" in the rig file; save the photo at that size, or remove \
+         that line"
     )]
     Larger {
         /// Width and height as stored.
@@ -124,29 +123,27 @@ pub enum Flaw {
         /// The rig's photo size.
         allowed: Size,
     },
-    /// The decoder panicked, which hostile or damaged files can make it do.
-    #[error(
-        "the {kind} decoder gave up on this file: found data that broke it, allowed are valid files"
-    )]
+    /// The decoder panicked, which hostile or damaged files can cause.
+    #[error("the {kind} decoder failed on this file, allowed are valid files")]
     BrokeTheDecoder {
         /// Kind of file.
         kind: &'static str,
     },
     /// Not the rig's shape.
     #[error(
-        "the photo has not this rig's shape: found {found}{held}, allowed {allowed} or the same \
-         shape at another size; set the camera to that shape and take the photo again, whole and \
-         not cropped: a lens blurs each place in its own way, and a crop does not say where it was"
+        "the photo does not have this rig's shape: found {found}{held}, allowed {allowed} or the \
+         same shape at another size; take the photo again in that shape, not cropped: the lens's \
+         blur differs from place to place, and a crop does not state its place"
     )]
     Shape {
         /// Width and height as stored.
         found: Size,
-        /// A remark on how the camera was held, or nothing.
+        /// How the camera was held, if that explains the shape.
         held: &'static str,
         /// The rig's photo size.
         allowed: Size,
     },
-    /// A raw photo that is not the rig's, site for site.
+    /// A raw photo of another size than the rig's sensor and photo.
     #[error(
         "a raw photo is not resampled: found {found} sites, allowed the rig's whole sensor, \
          {sensor}, or its photo, {allowed}"
@@ -156,12 +153,12 @@ pub enum Flaw {
         found: Size,
         /// The rig's photo size.
         allowed: Size,
-        /// The rig's sensor's.
+        /// The sites of the rig's sensor.
         sensor: Size,
     },
-    /// A raw photo that another rig took.
+    /// A raw photo of another rig.
     #[error(
-        "this raw photo was taken by another rig, whose lens is another: found {found}, allowed \
+        "this raw photo was taken by another rig, with another lens: found {found}, allowed \
          {allowed}"
     )]
     OtherRig {
@@ -170,37 +167,37 @@ pub enum Flaw {
         /// This rig's.
         allowed: String,
     },
-    /// A raw photo that this rig took at another focus or aperture, or with another camera.
+    /// A raw photo of this rig at another focus or aperture, or of another camera.
     #[error(
-        "this raw photo was taken otherwise than the lens was measured: {what} found {found}, \
-         allowed {allowed}; see camera.focus in the rig file"
+        "this raw photo was taken with other settings than the lens was measured with: {what} \
+         found {found}, allowed {allowed}; see camera.focus in the rig file"
     )]
     OtherSetting {
-        /// What differs.
+        /// The setting that differs.
         what: &'static str,
         /// The photo's.
         found: String,
         /// The rig's.
         allowed: String,
     },
-    /// A raw photo of a sensor that is not the rig's.
+    /// A raw photo of another sensor.
     #[error(
         "this raw photo is of another sensor: found colour filters {}, allowed {}", .found.name(),
-        .allowed.map_or("photos that are not raw, for the rig's camera gives no raw sites",
+        .allowed.map_or("developed photos, for the rig's camera has no raw sites",
                         Mosaic::name)
     )]
     OtherSensor {
         /// The photo's.
         found: Mosaic,
-        /// Those of the rig's photos, if its sensor has any.
+        /// The rig's, if its sensor has any.
         allowed: Option<Mosaic>,
     },
 }
 
-/// Why a photo could not be read or a result not be encoded.
+/// Why a photo could not be read, or a result not encoded.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// The file system did not hand the file over.
+    /// The file cannot be read.
     #[error("cannot read the photo {path}")]
     Read {
         /// The file.
@@ -209,60 +206,60 @@ pub enum PictureError {
         #[source]
         source: std::io::Error,
     },
-    /// The file's content is no photo that this rig can restore.
+    /// The file is no photo that this rig can restore.
     #[error("{name}: {flaw}")]
     Refused {
         /// The file's name.
         name: String,
-        /// What is wrong with it.
+        /// Its flaw.
         #[source]
         flaw: Flaw,
     },
-    /// The same, told by the worker that read the file.
-    #[error("{words}")]
-    Told {
-        /// Its whole message.
-        words: String,
-        /// Whether more of the file may be to come.
+    /// The worker refused the file.
+    #[error("{message}")]
+    RefusedByWorker {
+        /// Its message.
+        message: String,
+        /// Whether more of the file may follow.
         growth: Growth,
     },
-    /// The worker that read the file died of it.
-    #[error("{name}: reading this photo killed the worker that read it: {how}")]
+    /// The worker died while reading the file.
+    #[error("{name}: the worker process died while reading this photo: {how}")]
     Died {
         /// The file's name.
         name: String,
-        /// What is known of how it died.
+        /// How it died, as far as known.
         how: String,
     },
-    /// There is no worker to read the file.
+    /// No worker could be started.
     #[error("cannot start a worker to read photos")]
     NoWorker {
         /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// The result could not be encoded, which is a bug of ours: it has the photo's own format.
+    /// The result could not be encoded, which is a bug.
     #[error("cannot encode the result for {name}")]
     Encode {
         /// The file's name.
         name: String,
-        /// The encoder's words.
+        /// The encoder's error.
         #[source]
         source: image::ImageError,
     },
 }
 
 impl PictureError {
-    /// The refusal of something that is no plain file but `found`.
+    /// The refusal of `found`, which is no plain file.
     pub fn not_a_file(name: &str, found: &'static str) -> PictureError {
         PictureError::Refused { name: name.to_owned(), flaw: Flaw::NotAFile { found } }
     }
 
-    /// Whether more of the file may be to come.
+    /// Whether more of the file may follow.
     pub fn growth(&self) -> Growth {
         match self {
             PictureError::Refused { flaw, .. } => flaw.growth(),
-            PictureError::Told { growth, .. } => *growth,
+            PictureError::RefusedByWorker { growth, .. } => *growth,
             PictureError::Read { .. }
             | PictureError::Died { .. }
             | PictureError::NoWorker { .. }
@@ -272,6 +269,16 @@ impl PictureError {
 }
 
 impl Flaw {
+    /// The flaw of a file that ends in a hole of zero bytes, in place of `other`.
+    pub(super) fn hole_or(bytes: &[u8], other: Flaw) -> Flaw {
+        let length = bytes.len();
+        let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
+        match zeros >= HOLE_BYTES {
+            true => Flaw::ZeroFilled { from: length - zeros, to: length, length },
+            false => other,
+        }
+    }
+
     fn growth(&self) -> Growth {
         match self {
             Flaw::Empty | Flaw::ZeroFilled { .. } | Flaw::Truncated { .. } => Growth::Likely,
@@ -281,14 +288,14 @@ impl Flaw {
     }
 }
 
-/// Whether a file that was refused may simply not be there in full yet.
+/// Whether a refused file may still be incomplete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Growth {
-    /// It is what it is.
+    /// No.
     None,
-    /// Copies that fill a file in no order look like this for a moment; damaged files do for ever.
+    /// Perhaps: copies that fill a file out of order look like damage meanwhile.
     Possible,
-    /// Its end is missing: it is worth waiting for.
+    /// Its end is missing.
     Likely,
 }
 
@@ -297,7 +304,7 @@ impl Remediable for PictureError {
         match self {
             PictureError::Read { .. } | PictureError::NoWorker { .. } => Remedy::RetryLater,
             PictureError::Refused { .. }
-            | PictureError::Told { .. }
+            | PictureError::RefusedByWorker { .. }
             | PictureError::Died { .. }
             | PictureError::Encode { .. } => Remedy::SkipPhoto,
         }

@@ -1,33 +1,30 @@
-//! Whether a photo's image resources hold what IPTC's tags say of it (Adobe Photoshop File Formats
-//! Specification, Image Resource Blocks): JPEGs have them in APP13, TIFFs in a field of their own.
+//! IPTC data in Photoshop image resources: APP13 of a JPEG, a field of a TIFF (Adobe Photoshop File
+//! Formats Specification, Image Resource Blocks).
 
-/// Said of a photo with such data.
-pub(super) const IPTC_LOST: &str = "IPTC data cannot be carried over into the result";
-/// What APP13 begins with where it holds image resources.
+/// The beginning of an APP13 with image resources.
 pub(super) const RESOURCES: &[u8] = b"Photoshop 3.0\0";
-/// The resource of IPTC's data, IPTC-NAA.
+/// The number of the IPTC-NAA resource.
 const IPTC: u16 = 1028;
 
-/// Whether `resources`, one after the other, hold IPTC's data: a signature, a number, a name and
-/// data, both with their length before them and filled up to an even one.
-pub(super) fn is_in(mut resources: &[u8]) -> bool {
+/// Whether `resources` hold IPTC data. A resource is a signature, a number, a name and data; name
+/// and data begin with their length and are padded to an even one.
+pub(super) fn has_iptc(resources: &[u8]) -> bool {
+    search(resources).unwrap_or(false)
+}
+
+fn search(mut resources: &[u8]) -> Option<bool> {
     loop {
-        let Some((head, rest)) = resources.split_at_checked(7) else { return false };
-        let Some((_name, rest)) = rest.split_at_checked(usize::from(head[6]) | 1) else {
-            return false;
-        };
-        let Some((&length, rest)) = rest.split_first_chunk::<4>() else { return false };
+        let (head, rest) = resources.split_at_checked(7)?;
+        let (_name, rest) = rest.split_at_checked(usize::from(head[6]) | 1)?;
+        let (&length, rest) = rest.split_first_chunk::<4>()?;
         let length = u32::from_be_bytes(length) as usize;
         if !head.starts_with(b"8BIM") {
-            return false;
+            return Some(false);
         }
         if u16::from_be_bytes([head[4], head[5]]) == IPTC && length > 0 {
-            return true;
+            return Some(true);
         }
-        let Some(next) = length.checked_next_multiple_of(2).and_then(|at| rest.get(at..)) else {
-            return false;
-        };
-        resources = next;
+        resources = rest.get(length.checked_next_multiple_of(2)?..)?;
     }
 }
 
@@ -48,14 +45,14 @@ mod tests {
     }
 
     #[test]
-    fn iptc_is_found_behind_other_resources_and_nothing_else_is_taken_for_it() {
+    fn iptc_is_found_among_other_resources() {
         let size = resource(1005, b"", &[0; 16]);
         let words = resource(IPTC, b"", b"\x1c\x02\x50\0\x03Ada");
         for before in [&[][..], &size, &resource(1000, b"odd", b"odd"), &resource(1, b"ev", b"")] {
             let all = [before, &words].concat();
-            assert!(is_in(&all) && !is_in(before));
-            (0..before.len()).for_each(|cut| assert!(!is_in(&all[..cut])));
+            assert!(has_iptc(&all) && !has_iptc(before));
+            (0..before.len()).for_each(|cut| assert!(!has_iptc(&all[..cut])));
         }
-        assert!(!is_in(&resource(IPTC, b"", b"")), "an empty one");
+        assert!(!has_iptc(&resource(IPTC, b"", b"")), "an empty one");
     }
 }

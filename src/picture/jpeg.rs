@@ -1,9 +1,7 @@
-//! Walks a JPEG's markers to its end, because the decoder would take one percent of a file for a
-//! photo.
+//! Walks a JPEG's markers to its end, for the decoder accepts a file that is mostly missing.
 //!
-//! Marker syntax: ITU-T T.81 annex B. A file is whole when its first image runs from SOI over at
-//! least one scan to EOI; whatever cameras append after EOI (previews, depth maps) is not looked
-//! at.
+//! Marker syntax: ITU-T T.81 annex B. A whole file goes from SOI over at least one scan to EOI; what
+//! cameras append after EOI (previews, depth maps) is ignored.
 
 mod agreement;
 mod coefficients;
@@ -13,93 +11,134 @@ mod scan;
 mod tests;
 mod usual_codes;
 
-use crate::frame::Size;
+use std::ops::Range;
 
 use super::Flaw;
 use super::iptc::{self, RESOURCES};
+use super::metadata::{HOLE_BYTES, Lost, Walked};
+use crate::frame::Size;
 pub(super) use agreement::agrees;
 pub(super) use coefficients::coefficients;
 pub(super) use usual_codes::with_usual_codes;
 
-/// What the walk learns without decoding anything.
-pub(super) struct WalkedJpeg {
-    pub(super) size: Size,
-    /// Number of colour components.
-    pub(super) components: u8,
-    /// It holds a comment.
-    pub(super) words: bool,
-    /// It states dots per inch or centimetre, and not in EXIF, which is carried over.
-    pub(super) density: bool,
-    /// It holds IPTC data.
-    pub(super) iptc: bool,
-}
-
-/// A run of zero bytes this long inside the coded data is a hole, unless the picture is nearly
-/// blank. Guess: coded photographs hold runs of a few bytes; file systems leave holes of whole
-/// blocks, 512 and up.
-const HOLE_BYTES: usize = 512;
-
-/// Below this many coded bits a pixel a picture is so blank that zero runs may be its code. Guess.
+/// Coded bits a pixel below which a picture is so blank that zero runs may be its code. Guess.
 const BLANK_BITS_PER_PIXEL: f64 = 0.1;
+
+/// The marker of a scan.
+const SCAN: u8 = 0xda;
 
 /// Walks `bytes` from SOI to EOI.
 ///
 /// # Errors
-/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
-pub(super) fn walk(bytes: &[u8]) -> Result<WalkedJpeg, Flaw> {
-    let mut at = 2; // past SOI, which made it a JPEG
-    let mut frame: Option<WalkedJpeg> = None;
-    let mut coded_bytes = 0;
-    let mut hole: Option<(usize, usize)> = None;
-    let (mut words, mut density, mut exif, mut iptc) = (false, false, false, false);
-    loop {
-        let marker = next_marker(bytes, &mut at)?;
-        match marker {
-            0xd9 => break,
-            0x01 | 0xd0..=0xd8 => continue,
-            _ => {}
-        }
-        let segment = segment(bytes, at)?;
-        at += segment.len() + 2;
+/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`], [`Flaw::Damaged`], or [`Flaw::Unsupported`] of a
+/// picture in four inks.
+pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
+    let mut walked = Walked::default();
+    let mut frame: Option<FrameHeader> = None;
+    let (mut coded_bytes, mut hole) = (0, 0..0);
+    let (mut has_density, mut has_exif) = (false, false);
+    for segment in Segments::new(bytes) {
+        let Segment { marker, body, coded } = segment?;
         match marker {
             // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
             0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
-                frame = Some(frame_header(segment)?);
+                frame = Some(frame_header(body)?);
             }
             // JFIF, ITU-T T.871: two bytes of version, then the unit, 0 for a mere ratio.
-            0xe0 if segment.starts_with(b"JFIF\0") => {
-                density |= segment.get(7).is_some_and(|&unit| unit != 0);
+            0xe0 if body.starts_with(b"JFIF\0") => {
+                has_density |= body.get(7).is_some_and(|&unit| unit != 0);
             }
-            0xe1 if segment.starts_with(b"Exif\0") => exif = true,
-            0xed => iptc |= segment.strip_prefix(RESOURCES).is_some_and(iptc::is_in),
-            0xfe => words |= !segment.is_empty(),
-            0xda => {
-                let end = end_of_scan(bytes, at);
-                let zeros = longest_zero_run(&bytes[at..end]);
-                if zeros.1 > hole.map_or(0, |(from, to)| to - from) {
-                    hole = Some((at + zeros.0, at + zeros.0 + zeros.1));
+            0xe1 if body.starts_with(b"Exif\0") => has_exif = true,
+            0xed => {
+                let resources = body.strip_prefix(RESOURCES);
+                walked.lose(Lost::Iptc, resources.is_some_and(iptc::has_iptc));
+            }
+            0xfe => walked.lose(Lost::Texts, !body.is_empty()),
+            SCAN => {
+                let zeros = longest_zero_run(&bytes[coded.clone()]);
+                if zeros.len() > hole.len() {
+                    hole = coded.start + zeros.start..coded.start + zeros.end;
                 }
-                coded_bytes += end - at;
-                at = end;
-                if end == bytes.len() {
-                    return Err(ended_early(bytes, "coded data without an end-of-image marker"));
-                }
+                coded_bytes += coded.len();
             }
             _ => {}
         }
     }
-    let Some(walked) = frame.filter(|_| coded_bytes > 0) else {
+    let Some(FrameHeader { size, components }) = frame.filter(|_| coded_bytes > 0) else {
         return Err(damaged(
             "an end-of-image marker before any picture",
             "a frame header and a scan",
         ));
     };
-    let blank = (coded_bytes as f64) * 8.0 < BLANK_BITS_PER_PIXEL * walked.size.area() as f64;
-    match hole {
-        Some((from, to)) if to - from >= HOLE_BYTES && !blank => {
-            Err(Flaw::ZeroFilled { from, to, length: bytes.len() })
+    let blank = (coded_bytes as f64) * 8.0 < BLANK_BITS_PER_PIXEL * size.area() as f64;
+    if hole.len() >= HOLE_BYTES && !blank {
+        return Err(Flaw::ZeroFilled { from: hole.start, to: hole.end, length: bytes.len() });
+    }
+    if components == 4 {
+        return Err(Flaw::Unsupported {
+            kind: "JPEG",
+            found: "four inks (CMYK)".to_owned(),
+            allowed: "grey and RGB photos; save it as RGB in an image program",
+        });
+    }
+    // EXIF, which is carried, states it too.
+    walked.lose(Lost::Density, has_density && !has_exif);
+    walked.size = Some(size);
+    Ok(walked)
+}
+
+/// A marker with its segment.
+struct Segment<'a> {
+    marker: u8,
+    body: &'a [u8],
+    /// The entropy-coded data of a scan; elsewhere empty, where the segment ends.
+    coded: Range<usize>,
+}
+
+/// The segments of a JPEG from SOI to EOI; markers without a segment are passed over.
+struct Segments<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Segments<'a> {
+    /// Of `bytes` that begin with SOI.
+    fn new(bytes: &'a [u8]) -> Self {
+        Segments { bytes, at: 2 }
+    }
+
+    /// The segment of `marker`, whose length field is next.
+    fn segment(&mut self, marker: u8) -> Result<Segment<'a>, Flaw> {
+        let (bytes, at) = (self.bytes, self.at);
+        let short = || ended_early(bytes, "a segment that is not all there");
+        let field = bytes.get(at..at + 2).ok_or_else(short)?;
+        let length = usize::from(u16::from_be_bytes([field[0], field[1]]));
+        if length < 2 {
+            return Err(damaged(&format!("a segment of length {length} at {at}"), "2 or more"));
         }
-        _ => Ok(WalkedJpeg { words, density: density && !exif, iptc, ..walked }),
+        let body = bytes.get(at + 2..at + length).ok_or_else(short)?;
+        let begin = at + length;
+        let end = if marker == SCAN { end_of_scan(bytes, begin) } else { begin };
+        if marker == SCAN && end == bytes.len() {
+            return Err(ended_early(bytes, "coded data without an end-of-image marker"));
+        }
+        self.at = end;
+        Ok(Segment { marker, body, coded: begin..end })
+    }
+}
+
+impl<'a> Iterator for Segments<'a> {
+    type Item = Result<Segment<'a>, Flaw>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            match next_marker(self.bytes, &mut self.at) {
+                Ok(0xd9) => return None,
+                Ok(0x01 | 0xd0..=0xd8) => {}
+                Ok(marker) => return Some(self.segment(marker)),
+                Err(flaw) => return Some(Err(flaw)),
+            }
+        }
     }
 }
 
@@ -124,19 +163,13 @@ fn next_marker(bytes: &[u8], at: &mut usize) -> Result<u8, Flaw> {
     Ok(marker)
 }
 
-/// The body of the segment whose length field is at `at`.
-fn segment(bytes: &[u8], at: usize) -> Result<&[u8], Flaw> {
-    let short = || ended_early(bytes, "a segment that is not all there");
-    let field = bytes.get(at..at + 2).ok_or_else(short)?;
-    let length = usize::from(u16::from_be_bytes([field[0], field[1]]));
-    if length < 2 {
-        return Err(damaged(&format!("a segment of length {length} at {at}"), "2 or more"));
-    }
-    bytes.get(at + 2..at + length).ok_or_else(short)
+struct FrameHeader {
+    size: Size,
+    components: u8,
 }
 
-fn frame_header(segment: &[u8]) -> Result<WalkedJpeg, Flaw> {
-    let [precision, h1, h0, w1, w0, components, ..] = *segment else {
+fn frame_header(body: &[u8]) -> Result<FrameHeader, Flaw> {
+    let [precision, h1, h0, w1, w0, components, ..] = *body else {
         return Err(damaged("a short frame header", "at least 6 bytes"));
     };
     if precision != 8 {
@@ -150,11 +183,10 @@ fn frame_header(segment: &[u8]) -> Result<WalkedJpeg, Flaw> {
     if size.area() == 0 {
         return Err(damaged(&format!("a frame of {size}"), "at least 1×1"));
     }
-    Ok(WalkedJpeg { size, components, words: false, density: false, iptc: false })
+    Ok(FrameHeader { size, components })
 }
 
-/// Where the entropy-coded data from `at` on ends: at the next marker that is no restart, or at the
-/// end.
+/// The end of the entropy-coded data from `at`: the next marker but a restart, or the file's end.
 fn end_of_scan(bytes: &[u8], at: usize) -> usize {
     let mut i = at;
     while let Some(step) = bytes[i..].iter().position(|&b| b == 0xff) {
@@ -169,34 +201,23 @@ fn end_of_scan(bytes: &[u8], at: usize) -> usize {
     bytes.len()
 }
 
-/// Start and length of the longest run of zero bytes.
-fn longest_zero_run(data: &[u8]) -> (usize, usize) {
-    let (mut best, mut start) = ((0, 0), 0);
+/// The longest run of zero bytes.
+fn longest_zero_run(data: &[u8]) -> Range<usize> {
+    let (mut longest, mut start) = (0..0, 0);
     for (i, &b) in data.iter().enumerate() {
         if b != 0 {
             start = i + 1;
-        } else if i + 1 - start > best.1 {
-            best = (start, i + 1 - start);
+        } else if i + 1 - start > longest.len() {
+            longest = start..i + 1;
         }
     }
-    best
+    longest
 }
 
-/// The right words for a file that stops: cut short, or never filled to its end.
+/// The flaw of a file that stops.
 fn ended_early(bytes: &[u8], found: &str) -> Flaw {
-    let zeros = bytes.iter().rev().take_while(|&&b| b == 0).count();
-    if zeros >= HOLE_BYTES {
-        return Flaw::ZeroFilled {
-            from: bytes.len() - zeros,
-            to: bytes.len(),
-            length: bytes.len(),
-        };
-    }
-    Flaw::Truncated {
-        kind: "JPEG",
-        found: format!("{found} in {} bytes", bytes.len()),
-        end: "its end-of-image marker",
-    }
+    let found = format!("{found} in {} bytes", bytes.len());
+    Flaw::hole_or(bytes, Flaw::Truncated { kind: "JPEG", found, end: "its end-of-image marker" })
 }
 
 fn damaged(found: &str, allowed: &str) -> Flaw {

@@ -1,4 +1,4 @@
-//! What a file is, told by its content and never by its name.
+//! The kind of a file, by its content and never by its name.
 
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
@@ -20,7 +20,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The word for messages.
+    /// The name in messages.
     pub const fn name(self) -> &'static str {
         match self {
             Format::Jpeg => "JPEG",
@@ -29,7 +29,7 @@ impl Format {
         }
     }
 
-    /// The usual ending of a file name, without the dot.
+    /// The usual file ending, without the dot.
     pub const fn extension(self) -> &'static str {
         match self {
             Format::Jpeg => "jpg",
@@ -38,7 +38,7 @@ impl Format {
         }
     }
 
-    /// The format that a file name's ending (without the dot, any case) promises.
+    /// The format of a file ending (without the dot, any case).
     pub fn of_extension(extension: &str) -> Option<Format> {
         match extension.to_ascii_lowercase().as_str() {
             "jpg" | "jpeg" | "jpe" | "jfif" => Some(Format::Jpeg),
@@ -49,10 +49,10 @@ impl Format {
     }
 }
 
-/// What the content of a file that is read says it is.
+/// The kinds of files that are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Content {
-    /// One that is written, too.
+    /// A kind that is written, too.
     Written(Format),
     Bmp,
     Gif,
@@ -60,7 +60,7 @@ pub(super) enum Content {
 }
 
 impl Content {
-    /// The word for messages.
+    /// The name in messages.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Content::Written(format) => format.name(),
@@ -78,7 +78,7 @@ impl Content {
         }
     }
 
-    fn is_promised_by(self, extension: &str) -> bool {
+    fn has_ending(self, extension: &str) -> bool {
         match self {
             Content::Written(format) => Format::of_extension(extension) == Some(format),
             other => extension.eq_ignore_ascii_case(other.name()),
@@ -86,19 +86,19 @@ impl Content {
     }
 }
 
-/// The ending of a sensor's sites in a TIFF.
+/// The ending of raw photos, which are TIFFs.
 const RAW_ENDING: &str = "dng";
 
-/// Whether a file name's ending (without the dot, any case) is that of a photo that is read.
+/// Whether files of this ending (without the dot, any case) are read.
 fn is_photo_ending(extension: &str) -> bool {
-    let is_promised = |content: Content| content.is_promised_by(extension);
+    let is_its = |content: Content| content.has_ending(extension);
     Format::of_extension(extension).is_some()
-        || [Content::Bmp, Content::Gif, Content::Webp].into_iter().any(is_promised)
+        || [Content::Bmp, Content::Gif, Content::Webp].into_iter().any(is_its)
         || extension.eq_ignore_ascii_case(RAW_ENDING)
 }
 
-/// The name of a result of `format` for a photo called `name`: the same, with an ending if it has
-/// none, or with the format's in place of another photo's.
+/// The name of a result of `format` for a photo called `name`: with the format's ending added, or
+/// in place of another photo ending.
 pub fn result_name(name: &OsStr, format: Format) -> OsString {
     let ending = Path::new(name).extension().map(|ending| ending.to_string_lossy());
     match ending {
@@ -106,7 +106,7 @@ pub fn result_name(name: &OsStr, format: Format) -> OsString {
         Some(ending) if is_photo_ending(&ending) => {
             Path::new(name).with_extension(format.extension()).into()
         }
-        // `12.5.2024` has no ending: nothing of it is taken away.
+        // `12.5.2024` has no photo ending to replace.
         _ => {
             let mut wanted = name.to_owned();
             wanted.push(format!(".{}", format.extension()));
@@ -115,16 +115,16 @@ pub fn result_name(name: &OsStr, format: Format) -> OsString {
     }
 }
 
-/// What people are to do with a photo that their camera's maker alone understands.
+/// The advice on a raw photo of a camera maker's own format.
 const DEVELOP: &str = "develop it with the camera maker's program, without sharpening and lens \
-                       corrections, and save it as TIFF of 16 bits; no preview in it is restored";
-/// With pictures that most programs can save in another form.
+                       corrections, and save it as TIFF of 16 bits; previews are not restored";
+/// The advice on pictures that image programs read.
 const SAVE: &str = "open it in an image program and save it as JPEG or PNG";
-/// With those of a telephone.
+/// The advice on telephone photos.
 const TELEPHONE: &str = "save it as JPEG, and set the telephone to do so (iPhone: Settings, \
                          Camera, Formats, Most Compatible)";
 
-/// Kinds of photos that are not read: where which bytes stand, what to call them, what to do.
+/// Kinds of photos that are not read: place and bytes of the signature, name, advice.
 const UNREAD: &[(usize, &[u8], &str, &str)] = &[
     (4, b"ftypcrx", "a camera raw photo (Canon CR3)", DEVELOP),
     (4, b"ftypavif", "an AVIF picture", SAVE),
@@ -149,12 +149,12 @@ const UNREAD: &[(usize, &[u8], &str, &str)] = &[
     (0, b"MM\0+", "a BigTIFF picture", "save it as a plain TIFF"),
 ];
 
-/// A camera raw photo in a TIFF that says so.
+/// The refusal of a camera raw photo in a TIFF.
 pub(super) fn tiff_of_a_camera() -> Flaw {
     Flaw::Unread { found: "a camera raw photo", to_do: DEVELOP }
 }
 
-/// First bytes of files that people have beside their photos, and what to call them.
+/// Signatures of other files: place, bytes, name.
 const FOREIGN: &[(usize, &[u8], &str)] = &[
     (0, b"%PDF", "a PDF document"),
     (0, b"PK\x03\x04", "a ZIP archive or office document"),
@@ -171,11 +171,10 @@ const FOREIGN: &[(usize, &[u8], &str)] = &[
     (0, b"RIFF", "a RIFF sound or video file"),
 ];
 
-/// What `bytes` are.
+/// The kind of `bytes`.
 ///
 /// # Errors
-/// [`Flaw::Empty`], [`Flaw::ZeroFilled`], [`Flaw::Unread`] or [`Flaw::NotAPhoto`] with the kind of
-/// file by name.
+/// [`Flaw::Empty`], [`Flaw::ZeroFilled`], [`Flaw::Unread`] or [`Flaw::NotAPhoto`].
 pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if bytes.is_empty() {
         return Err(Flaw::Empty);
@@ -187,13 +186,13 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     if let Some((.., found, to_do)) = UNREAD.iter().find(|(from, magic, ..)| at(*from, magic)) {
         return Err(Flaw::Unread { found, to_do });
     }
-    // Of a PNG's signature the first half is enough: a copy cut inside it is a PNG cut short.
+    // Half of PNG's signature is enough, so that a copy cut inside it is a PNG cut short.
     let read = [
         (at(0, b"\xff\xd8"), Content::Written(Format::Jpeg)),
         (at(0, b"\x89PNG"), Content::Written(Format::Png)),
         (at(0, b"II*\0") || at(0, b"MM\0*"), Content::Written(Format::Tiff)),
         (at(0, b"RIFF") && at(8, b"WEBP"), Content::Webp),
-        // Two letters could begin a text, too; four zeros are reserved behind a bitmap's length.
+        // Two letters may begin a text; a bitmap has four reserved zeros after its length.
         (at(0, b"BM") && at(6, &[0; 4]), Content::Bmp),
         (at(0, b"GIF8"), Content::Gif),
     ];
@@ -209,12 +208,10 @@ pub(super) fn recognise(bytes: &[u8]) -> Result<Content, Flaw> {
     Err(Flaw::NotAPhoto { found })
 }
 
-/// A remark on a name whose ending contradicts the content, which is believed; a name without an
-/// ending promises nothing. `raw` of a sensor's sites, in a TIFF.
+/// A note on a file name with another kind's ending. `raw` for a TIFF with a sensor's sites.
 pub(super) fn misnamed(name: &str, content: Content, raw: bool) -> Option<String> {
     let extension = Path::new(name).extension()?.to_string_lossy().into_owned();
-    let fits =
-        content.is_promised_by(&extension) || raw && extension.eq_ignore_ascii_case(RAW_ENDING);
+    let fits = content.has_ending(&extension) || raw && extension.eq_ignore_ascii_case(RAW_ENDING);
     let found = if raw { "DNG" } else { content.name() };
     (!fits).then(|| format!("the file is named .{extension} and holds a {found}, which was read"))
 }
@@ -234,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn content_decides_and_is_named() {
+    fn files_are_recognised_by_their_content() {
         let found = |bytes: &[u8]| recognise(bytes).unwrap_err().to_string();
         assert_eq!(recognise(b"\xff\xd8\xff\xe0").unwrap(), Content::Written(Format::Jpeg));
         assert_eq!(recognise(b"MM\0*....").unwrap(), Content::Written(Format::Tiff));
@@ -247,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn content_is_believed_and_a_name_that_lies_is_remarked_upon() {
+    fn a_wrong_ending_is_noted() {
         let png = Content::Written(Format::Png);
         assert_eq!(misnamed("holiday.JPEG", Content::Written(Format::Jpeg), false), None);
         assert_eq!(misnamed("holiday", png, false), None);
@@ -259,13 +256,13 @@ mod tests {
     }
 
     #[test]
-    fn endings_of_photos_are_told_from_other_last_words() {
+    fn photo_endings_are_recognised() {
         assert!(["JPEG", "tif", "dng", "WebP", "bmp", "GIF"].into_iter().all(is_photo_ending));
         assert!(!["2024", "heic", "txt", ""].into_iter().any(is_photo_ending));
     }
 
     #[test]
-    fn what_is_not_read_comes_with_what_to_do() {
+    fn kinds_that_are_not_read_come_with_advice() {
         for (bytes, found, to_do) in [
             (&b"\0\0\0\x18ftypheic"[..], "an HEIC picture", "Most Compatible"),
             (b"\0\0\0\x18ftypavif", "an AVIF picture", "save it as JPEG"),

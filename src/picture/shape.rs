@@ -1,12 +1,12 @@
-//! Whether a photo has the rig's shape.
+//! The aspect ratio of photos.
 
 use crate::frame::Size;
 
-/// Whether two sizes have one shape, up to the rounding of a side to whole pixels.
+/// Whether two sizes have the same aspect ratio, up to the rounding of a side to whole pixels.
 pub(super) fn same_shape(found: Size, allowed: Size) -> bool {
     let (fw, fh) = (found.width as i128, found.height as i128);
     let (aw, ah) = (allowed.width as i128, allowed.height as i128);
-    // The height of `allowed`'s shape at `found`'s width is fw·ah/aw; half a pixel off is rounding.
+    // At `found`'s width, the height of the same shape is fw·ah/aw; half a pixel is rounding.
     2 * (fw * ah - fh * aw).abs() <= aw.max(ah)
 }
 
@@ -15,7 +15,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shape_allows_rounding_and_nothing_more() {
+    fn a_shape_is_the_same_up_to_rounding() {
         let rig = Size::new(1024, 768);
         for same in
             [Size::new(1024, 768), Size::new(4000, 3000), Size::new(641, 481), Size::new(333, 250)]

@@ -17,15 +17,15 @@ fn light(curve: Curve, code: f64) -> f64 {
     }
 }
 
-/// Tables from code to linear light, one a channel, strictly as deep as the file's samples.
+/// Tables from code to linear light, one a channel, as deep as the file's samples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tone {
     tables: [Vec<f32>; 3],
-    /// Where the tables come from, for the report.
+    /// For the report.
     origin: Origin,
 }
 
-/// Where a curve comes from.
+/// The origin of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Origin {
     Srgb,
@@ -47,8 +47,8 @@ impl Tone {
     /// The tone curves of an embedded ICC profile; `grey` when the samples are grey.
     ///
     /// # Errors
-    /// A sentence saying why the profile has no usable curves (not an RGB or grey one, look-up
-    /// tables only, curves that fall).
+    /// Why the profile has no usable curves: neither RGB nor grey, look-up tables only, falling
+    /// curves.
     pub fn of_profile(icc: &[u8], bits: u8, grey: bool) -> Result<Tone, &'static str> {
         let profile = ColorProfile::new_from_slice(icc).map_err(|_| "it cannot be read")?;
         let curves = match (profile.color_space, grey) {
@@ -72,7 +72,7 @@ impl Tone {
         Ok(Tone { tables, origin: Origin::Profile })
     }
 
-    /// Where the curve comes from: `sRGB`, `linear` or `ICC profile`.
+    /// The origin of the curve: `sRGB`, `linear` or `ICC profile`.
     pub fn origin(&self) -> &'static str {
         match self.origin {
             Origin::Srgb => "sRGB",
@@ -81,7 +81,7 @@ impl Tone {
         }
     }
 
-    /// Whether each of its tables has `steps` of light that rises from one to the next.
+    /// Whether each table has `steps` entries that do not fall.
     pub(super) fn has_steps(&self, steps: usize) -> bool {
         let rises = |table: &Vec<f32>| table.windows(2).all(|w| w[0] <= w[1]);
         self.tables.iter().all(|table| table.len() == steps && rises(table))
@@ -93,10 +93,10 @@ impl Tone {
         table[usize::from(code).min(table.len() - 1)]
     }
 
-    /// The code whose light lies at `light`, rounded in codes; light outside the range is clipped.
+    /// The nearest code of `light`, rounded in codes; light outside the range is clipped.
     pub(super) fn code(&self, channel: usize, light: f32) -> u16 {
         let table = &self.tables[channel];
-        // First entry above: `light` lies in the step that ends there.
+        // `light` lies in the step that ends at the first entry above it.
         let above = table.partition_point(|&v| v <= light);
         if above == 0 {
             return 0;
@@ -107,7 +107,7 @@ impl Tone {
         (if share >= 0.5 { above } else { below }) as u16
     }
 
-    /// Linear light 0..255 of each code of `channel`, from none to full.
+    /// Linear light 0..255 of each code of `channel`.
     pub fn lights(&self, channel: Channel) -> &[f32] {
         &self.tables[channel.index()]
     }
@@ -117,7 +117,7 @@ impl Tone {
         codes.map(|code| self.light(channel.index(), u16::from(code)))
     }
 
-    /// The display values, 0..255, of a plane of linear light: its codes, rounded as a file's are.
+    /// The display values, 0..255, of a plane of linear light, rounded as a file's codes.
     pub fn display(&self, channel: Channel, light: &Plane) -> Plane {
         let scale = 255.0 / (self.tables[channel.index()].len() - 1) as f32;
         light.map(|v| f32::from(self.code(channel.index(), v)) * scale)
@@ -133,7 +133,7 @@ impl Tone {
     }
 }
 
-/// The profile of a picture with sRGB's primaries whose codes are proportional to light.
+/// The ICC profile of sRGB's primaries with a linear curve.
 pub(super) fn linear_profile() -> Option<Vec<u8>> {
     let mut profile = ColorProfile::new_srgb();
     let straight = moxcms::curve_from_gamma(1.0);
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_code_comes_back() {
+    fn every_code_survives_the_round_trip() {
         for bits in [8u8, 16] {
             for curve in [Curve::Srgb, Curve::Linear] {
                 let tone = Tone::of_curve(curve, bits);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn srgb_is_the_standards_curve() {
+    fn srgb_has_the_standard_curve() {
         let tone = Tone::of_curve(Curve::Srgb, 8);
         // IEC 61966-2-1: code 128 is 21.586 % light.
         assert!((tone.light(0, 128) / FULL_SCALE - 0.215_861).abs() < 1e-5);
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_profiles_curve_is_used_and_a_broken_profile_says_so() {
+    fn a_profile_s_curve_is_used_and_a_broken_profile_refused() {
         let mut profile = ColorProfile::new_srgb();
         let gamma = moxcms::curve_from_gamma(1.8);
         (profile.red_trc, profile.green_trc, profile.blue_trc) =

@@ -16,12 +16,11 @@ pub(super) fn swaps(orientation: Orientation) -> bool {
     matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
 }
 
-/// The plane as it is to be looked at.
+/// The plane turned upright.
 pub(super) fn turn<T: Copy + Default>(plane: &Plane<T>, orientation: Orientation) -> Plane<T> {
     let (w, h) = (plane.width(), plane.height());
     let (right, bottom) = (w.wrapping_sub(1), h.wrapping_sub(1));
-    // (x, y) is a place in the upright picture; the EXIF standard's table of where row 0 and column
-    // 0 are.
+    // (x, y) in the upright picture; the places of row 0 and column 0 by EXIF's table.
     Plane::from_fn(turned_size(plane.size(), orientation), |x, y| match orientation {
         Orientation::NoTransforms => plane.at(x, y),
         Orientation::FlipHorizontal => plane.at(right - x, y),

@@ -209,7 +209,7 @@ impl Restorer for OnRig {
         outcome.notes.extend(prepared.notes);
         if outcome.verdict != Verdict::Untouched {
             outcome.notes.extend(self.remove_vignetting(&mut outcome.picture));
-            let pair = [&photo.light, &outcome.picture].map(|light| photo.as_looked_at(light));
+            let pair = [&photo.light, &outcome.picture].map(|light| photo.for_display(light));
             self.last = Some(pair.into());
             let noise = prepared.observation.noise[Channel::Green.index()];
             outcome.notes.push(format!("noise of the photo: {noise:.2} grey levels"));

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use image::ImageEncoder;
 use relens::config::{Curve, LargerPhotos};
-use relens::daemon::{Daemon, DaemonSetting, Folders, PhotoCounts, Report, State};
+use relens::daemon::{Daemon, Folders, PhotoCounts, Report, State};
 use relens::frame::{Plane, Size};
 use relens::picture::{Format, Manner, Orientation, PixelLayout, encode};
 
@@ -305,7 +305,8 @@ fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
     // Unless the rig file will have none of that.
     drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
     drop_in(root, "small.png", &file(Format::Png, 8, Size::new(32, 24)));
-    let refusing = DaemonSetting { larger_photos: LargerPhotos::Refuse, ..setting() };
+    let mut refusing = setting();
+    refusing.reading.larger_photos = LargerPhotos::Refuse;
     let (clock, calendar) = (TestClock::default(), || std::time::SystemTime::now());
     let (mut restorer, mut watcher) = (Brightener::default(), ());
     let folders = Folders::open(root).unwrap();

@@ -4,9 +4,10 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use relens::config::Curve;
 use relens::daemon::{Daemon, DaemonSetting, Doing, Folders, State, Summary};
 use relens::frame::Size;
-use relens::picture::Format;
+use relens::picture::{Format, Reading};
 
 use crate::bed::*;
 
@@ -54,7 +55,7 @@ fn a_jpeg_cut_anywhere_waits_and_is_taken_once_when_whole() {
         let (_, restored) = watch(
             root,
             500.0,
-            DaemonSetting { grid: Size::new(64, 48).into(), ..deaf() },
+            DaemonSetting { reading: Reading::new(Size::new(64, 48), Curve::Srgb), ..deaf() },
             &mut |_| (),
         );
         assert_eq!((restored, names(&root.join("done"))), (1, set(&["a.jpg"])));

@@ -1,7 +1,6 @@
-//! What fuzzing starts from: `seeds PROGRAM DIR` writes a small file or two of every kind for each
-//! target of `tests/fuzz` into `DIR/TARGET`. Each is made by the program itself and is one that it
-//! takes.
-#![allow(clippy::unwrap_used, missing_docs)] // a bench program: it says what failed and stops
+//! Seeds for fuzzing: `seeds PROGRAM DIR` writes small valid files of every kind for each target of
+//! `tests/fuzz` into `DIR/TARGET`, made by the program itself.
+#![allow(clippy::unwrap_used, missing_docs)] // a bench program: it stops at the first failure
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -17,7 +16,7 @@ use relens::deconvolution::level_norms::LevelNorms;
 use relens::frame::{Channel, Frame, Mosaic, Plane, Size, Work};
 use relens::picture::{Dng, Format, Limits, Manner, Photo, PixelLayout, RawTags, encode, worker};
 
-/// A few files of each format, depth and layout, with and without a profile; a photo of a scene.
+/// Photos of each format, depth and layout, with and without a profile, and a raw photo.
 fn photos(folder: &Path) {
     let icc = moxcms::ColorProfile::new_display_p3().encode().unwrap();
     let scene: Frame<Work> = Frame::from_fn(|c| {
@@ -57,7 +56,7 @@ fn photos(folder: &Path) {
     fs::write(folder.join("raw.dng"), raw.bytes()).unwrap();
 }
 
-/// What a worker of `program` answers about two photos and a raw one.
+/// Answers of a worker of `program` to two photos, a raw one and no photo.
 fn answers(program: &Path, photos: &Path, folder: &Path) {
     let size = Size::new(16, 12);
     let grid = format!(r#"{{"width":{},"height":{}}}"#, size.width, size.height);
@@ -93,14 +92,14 @@ fn rig_files(from: &Path, folder: &Path) {
             continue;
         }
         let text = fs::read_to_string(entry.path()).unwrap();
-        // Comments are nothing to a fuzzer but bytes.
+        // Comments only slow the fuzzer down.
         let bare: Vec<&str> = text
             .lines()
             .map(|line| line.split(" #").next().unwrap_or(line))
             .filter(|l| !l.starts_with('#'))
             .collect();
         let bare = bare.join("\n");
-        // One of devices is read to its end as well, and then refused by a program without them.
+        // A rig of devices is parsed to its end, and then refused by a program without them.
         if let Err(refused) = config::parse(&bare, "seed", from) {
             assert!(
                 refused.to_string().contains("a rig of real devices"),
@@ -112,7 +111,7 @@ fn rig_files(from: &Path, folder: &Path) {
     }
 }
 
-/// A calibration of the rig and the photo that the target has.
+/// A calibration of the target's rig.
 fn calibration(folder: &Path) {
     let canvas = Domain { left: -4.0, top: -4.0, right: 43.0, bottom: 33.0 };
     let geometry = Geometry::one_to_one(canvas, 5.0, 5.0);

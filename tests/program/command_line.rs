@@ -166,7 +166,7 @@ fn what_became_of_photos_is_said_once_and_told_to_programs() {
     assert_eq!((&json["running"], &json["failed"]), (&false.into(), &1.into()), "{json}");
     assert_eq!(json["waiting"]["unfinished"], 0, "{json}");
     std::fs::remove_dir(folder.join("inbox")).unwrap();
-    assert!(text(&relens(&["status"], folder).stdout).contains("its inbox is not there"));
+    assert!(text(&relens(&["status"], folder).stdout).contains("its inbox is missing"));
 }
 
 #[test]

@@ -70,10 +70,7 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
     assert!(ended_within(&mut child, 30));
     let mut said = String::new();
     child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-    assert!(
-        said.contains("SIGHUP changes nothing") && said.contains("waiting for photos"),
-        "{said}"
-    );
+    assert!(said.contains("SIGHUP is ignored") && said.contains("waiting for photos"), "{said}");
     assert!(said.contains("0 restored, 0 left as they were, 0 failed, 0 waiting"), "{said}");
     assert!(!said.contains("<6>"), "no priorities in a pipe: {said}");
 }

@@ -113,7 +113,11 @@ impl Report {
             curve: photo.manner.tone.origin().to_owned(),
             grey: photo.channels == Channels::Green,
             turned: photo.turned(),
-            notes: photo.told(about.format).into_iter().chain(outcome.notes.clone()).collect(),
+            notes: photo
+                .report_notes(about.format)
+                .into_iter()
+                .chain(outcome.notes.clone())
+                .collect(),
             iterations: outcome.iterations.clone(),
             photo_crc32: format!("{:08x}", photo.file.crc32),
             photo_bytes: photo.file.bytes,

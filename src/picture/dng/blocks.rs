@@ -1,10 +1,10 @@
-//! Where a raw photo's counts lie in its file: strips or tiles, of 8 to 16 bits a site.
+//! The strips or tiles of a raw photo's counts, of 8 to 16 bits a site.
 
 use super::super::Flaw;
 use super::super::tiff::{
-    File, ROWS_PER_STRIP, STRIP_BYTE_COUNTS, STRIP_OFFSETS, TILE_BYTE_COUNTS, TILE_OFFSETS,
+    Directory, File, ROWS_PER_STRIP, STRIP_BYTE_COUNTS, STRIP_OFFSETS, TILE_BYTE_COUNTS,
+    TILE_OFFSETS,
 };
-use super::directory::Directory;
 use crate::frame::{Rect, Size};
 
 const TILE_WIDTH: u16 = 322;
@@ -13,10 +13,9 @@ const TILE_LENGTH: u16 = 323;
 /// Bits a site may have.
 pub(super) const BITS: [usize; 5] = [8, 10, 12, 14, 16];
 
-/// By so much may a tile be larger than the picture. Guess: tiles are multiples of 16 sites, most
-/// are of 256 or 512.
+/// Most sites by which a tile may exceed the picture. Guess: most tiles are of 256 or 512 sites.
 const TILE_MORE: usize = 1024;
-/// Bytes that may follow a strip's or tile's counts. Guess: up to the next multiple of 16.
+/// Most padding bytes of a strip or tile. Guess: up to the next multiple of 16.
 const FILLED_MAX: usize = 15;
 
 /// A strip or tile.
@@ -27,7 +26,7 @@ struct SiteBlock {
     /// The first of its sites.
     x: usize,
     y: usize,
-    /// What of it lies in the picture.
+    /// Its part inside the picture.
     size: Size,
 }
 
@@ -35,15 +34,18 @@ struct SiteBlock {
 #[derive(Debug)]
 pub(super) struct SiteBlocks {
     bits: usize,
-    /// Bytes of a row of a block; a row begins with a byte of its own.
+    /// Bytes of a block's row; each row begins at a byte.
     row_bytes: usize,
-    /// All of them hold each site of the picture once.
+    /// Together they hold each site once.
     blocks: Vec<SiteBlock>,
     size: Size,
 }
 
 impl SiteBlocks {
-    /// Those of `directory`, which is of a picture of `size`.
+    /// The blocks of `directory`, with a picture of `size`.
+    ///
+    /// # Errors
+    /// [`Flaw::Damaged`], [`Flaw::Truncated`] or [`Flaw::ZeroFilled`].
     pub(super) fn of(
         directory: &Directory<'_>,
         size: Size,
@@ -67,7 +69,6 @@ impl SiteBlocks {
             let found = format!("{} {kind} of {block} for {size}", counts.len());
             file.damaged(&found, &format!("{kind} that hold each site once"))
         };
-        // A tile may be larger than the picture, but not by more than any program makes it.
         let (most_width, most_height) = (size.width + TILE_MORE, size.height + TILE_MORE);
         let fits =
             (1..=most_width).contains(&block.width) && (1..=most_height).contains(&block.height);
@@ -87,14 +88,13 @@ impl SiteBlocks {
         };
         let blocks: Vec<SiteBlock> = (0..counts.len()).map(place).collect();
         let rows = |of: &SiteBlock| if in_tiles { block.height } else { of.size.height };
-        // Tiles and strips may be filled up to a whole word.
         let whole = |(of, &count): (&SiteBlock, &usize)| {
             (rows(of) * row_bytes..=rows(of) * row_bytes + FILLED_MAX).contains(&count)
         };
         if !blocks.iter().zip(&counts).all(whole) {
             return Err(misfit());
         }
-        // What fills a tile up below the picture is zeros.
+        // A tile's padding below the picture is zeros.
         let lengths: Vec<usize> = blocks.iter().map(|of| of.size.height * row_bytes).collect();
         file.strips(&offsets, &lengths, true)?;
         Ok(SiteBlocks { bits, row_bytes, blocks, size })
@@ -105,7 +105,7 @@ impl SiteBlocks {
         self.size
     }
 
-    /// The counts in `part` of the picture, row by row; `bytes` are those they were found in.
+    /// The counts in `part` of the picture, row by row, in the `bytes` of its file.
     pub(super) fn counts(&self, bytes: &[u8], part: Rect) -> Vec<u16> {
         let big_endian = File::new(bytes).big_endian;
         let mut all = vec![0u16; self.size.area()];

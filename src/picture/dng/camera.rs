@@ -1,4 +1,4 @@
-//! What a raw photo says of the camera that took it, and how that is written.
+//! A raw photo's camera and rig settings, as they stand in the file.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,11 +9,11 @@ pub struct PhotoCamera {
     pub name: String,
     /// Its serial number.
     pub serial: Option<String>,
-    /// How the rig was set, of photos that relens has taken.
+    /// The rig's settings, in relens's own photos.
     pub setting: Option<RigSetting>,
 }
 
-/// A rig at the time of a photo.
+/// A rig's settings at the time of a photo.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RigSetting {
     /// The rig file's identity.
@@ -22,36 +22,36 @@ pub struct RigSetting {
     pub focus: Option<String>,
 }
 
-/// What a raw photo says beyond its counts.
+/// Metadata of a raw photo.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RawTags<'a> {
     /// The camera's serial number.
     pub serial: Option<&'a str>,
-    /// How the rig was set.
+    /// The rig's settings.
     pub setting: Option<&'a RigSetting>,
-    /// What light of sRGB's red, green and blue gives in each of the three channels, in one unit
-    /// for all; where it is not known the channels are taken for sRGB's.
+    /// The response of each channel to light of sRGB's red, green and blue, in one unit; `None`
+    /// where the channels count as sRGB's.
     pub gains: Option<[[f64; 3]; 3]>,
-    /// The variance of the sites in red, green and blue, where it is known: what light of 0 to 1
-    /// adds to it, and without light (DNG 1.4, NoiseProfile).
+    /// Noise variance of the sites in red, green and blue: per unit of light 0..1, and without
+    /// light (DNG 1.4, NoiseProfile).
     pub noise: Option<[[f64; 2]; 3]>,
 }
 
-/// Beginning of a description of ours, and of the second part of it.
+/// The beginnings of the two parts of relens's description.
 const RIG: &str = "relens rig ";
 const FOCUS: &str = "; focus ";
 
 impl RigSetting {
-    /// The words for the description, which other programs show and hand on.
+    /// The description, which other programs show and keep.
     pub(super) fn words(&self) -> String {
         let focus = self.focus.as_ref().map(|focus| format!("{FOCUS}{focus}"));
         format!("{RIG}{:016x}{}", self.identity, focus.unwrap_or_default())
     }
 
-    /// What [`RigSetting::words`] said; `None` of any other words.
+    /// The settings in a description by [`RigSetting::words`]; `None` for others.
     pub(super) fn of_words(words: &str) -> Option<RigSetting> {
-        let said = words.strip_prefix(RIG)?;
-        let (identity, focus) = said.split_once(FOCUS).map_or((said, None), |(i, f)| (i, Some(f)));
+        let rest = words.strip_prefix(RIG)?;
+        let (identity, focus) = rest.split_once(FOCUS).map_or((rest, None), |(i, f)| (i, Some(f)));
         let identity = u64::from_str_radix(identity, 16).ok()?;
         Some(RigSetting { identity, focus: focus.map(str::to_owned) })
     }

@@ -1,9 +1,8 @@
-//! The colours of a raw photo: from what a camera's filters see to linear sRGB, and what a file
-//! says of it (DNG 1.4, chapter 6: ColorMatrix and AsShotNeutral).
+//! Conversion of a raw photo's colours to linear sRGB, by the file's matrices (DNG 1.4, chapter 6:
+//! ColorMatrix and AsShotNeutral).
 //!
-//! As dcraw and LibRaw have it: each channel is divided by what white gives in it, what is fuller
-//! than white then is white, and a matrix that leaves white alone undoes what the filters mix. No
-//! adaptation to another white is made, for white is white already.
+//! As in dcraw and LibRaw, each channel is divided by its response to white and clipped there, and
+//! a matrix that preserves white separates the colours. White needs no further adaptation.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -13,22 +12,21 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Work};
 /// XYZ to the linear light of sRGB (IEC 61966-2-1), in ten-thousandths.
 const SRGB_OF_XYZ: [i32; 9] = [32406, -15372, -4986, -9689, 18758, 415, 557, -2040, 10570];
 
-/// A channel in which white gives less than this of what it gives in the fullest is none. Guess.
+/// Least response of a channel to white, relative to the strongest channel. Guess.
 const NEUTRAL_MIN: f64 = 0.01;
 
-/// Numbers that make linear sRGB of light behind a camera's filters.
+/// Conversion from a camera's channels to linear sRGB.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraColours {
-    /// What the channels are multiplied by, so that white is full in all of them.
+    /// Factors of the channels, by which white is full in all of them.
     balance: [f32; 3],
-    /// Red, green and blue of sRGB, each of what the three balanced channels give it; the numbers
-    /// of a row add up to 1.
+    /// sRGB's red, green and blue (rows) from the balanced channels; each row adds up to 1.
     matrix: [[f32; 3]; 3],
 }
 
 impl CameraColours {
-    /// Of a file's numbers: XYZ to the camera's channels row by row, and what white gives in each
-    /// channel. `None` where they mean nothing, or no more than that the channels are sRGB's.
+    /// The conversion from a file's matrix, XYZ to camera, row by row, and its channels' responses
+    /// to white. `None` where these are invalid, or the channels are sRGB's.
     pub(super) fn of_file(camera_of_xyz: &[f64], neutral: [f64; 3]) -> Option<CameraColours> {
         let largest = neutral.iter().copied().fold(0.0, f64::max);
         let neutral = neutral.map(|v| v / largest);
@@ -43,27 +41,27 @@ impl CameraColours {
             row /= white;
         }
         let srgb_of_camera = camera_of_srgb.try_inverse()?;
-        // So far off no camera is: such numbers would make noise of any picture. Guess.
+        // Larger numbers would amplify noise, and no camera has them. Guess.
         let sound = srgb_of_camera.iter().all(|v| v.is_finite() && v.abs() < 20.0);
         let rows = [0, 1, 2].map(|to| [0, 1, 2].map(|from| srgb_of_camera[(to, from)] as f32));
         let colours = CameraColours { balance: neutral.map(|v| (1.0 / v) as f32), matrix: rows };
         (sound && !colours.are_srgb()).then_some(colours)
     }
 
-    /// Whether light is left as it is, but for what a file's numbers are rounded to.
+    /// Whether the conversion is the identity, up to the file's rounding.
     fn are_srgb(&self) -> bool {
         let near = |v: f32, to: f32| (v - to).abs() < 1e-3;
         self.balance.iter().all(|&v| near(v, 1.0))
             && (0..3).all(|i| (0..3).all(|j| near(self.matrix[i][j], f32::from(i == j))))
     }
 
-    /// Whether whoever says so can be followed: a worker may have been taken over.
+    /// Whether the numbers are finite; a worker's answer is untrusted.
     pub(in crate::picture) fn are_sound(&self) -> bool {
         let all = self.balance.iter().chain(self.matrix.as_flattened());
         all.into_iter().all(|v| v.is_finite())
     }
 
-    /// Linear sRGB of `light` behind the filters.
+    /// `light` behind the filters in linear sRGB.
     pub fn developed(&self, light: &Frame<Work>) -> Frame<Work> {
         let size = light.size();
         let balanced = Channel::ALL.map(|c| {
@@ -81,10 +79,10 @@ impl CameraColours {
     }
 }
 
-/// What a camera says of its colours: `gains[c]` is what light of sRGB's red, green and blue gives
-/// in its channel `c`, in one unit for all. The matrix from XYZ in ten-thousandths, and white.
+/// The file's matrix from XYZ in ten-thousandths, and the responses to white. `gains[c]` are the
+/// responses of channel `c` to sRGB's red, green and blue, in one unit.
 pub(super) fn numbers_of(gains: Option<[[f64; 3]; 3]>) -> ([i32; 9], [f64; 3]) {
-    // Whose colours nobody measured is taken for one that sees sRGB.
+    // Without a measurement the channels count as sRGB's.
     let Some(gains) = gains else { return (SRGB_OF_XYZ, [1.0; 3]) };
     let gains = Matrix3::from_fn(|to, from| gains[to][from]);
     let white = gains * Vector3::repeat(1.0);
@@ -103,7 +101,7 @@ mod tests {
     use super::*;
     use crate::frame::Size;
 
-    /// What light of sRGB's colours gives in the channels of a made-up camera.
+    /// The responses of an invented camera to sRGB's colours.
     const GAINS: [[f64; 3]; 3] = [[0.5, 0.08, 0.02], [0.1, 0.9, 0.15], [0.01, 0.2, 0.6]];
 
     fn flat(light: [f64; 3]) -> Frame<Work> {
@@ -116,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_camera_s_filters_mix_is_undone_by_what_its_file_says() {
+    fn the_file_s_matrix_separates_the_filters_colours() {
         let colours = of(GAINS).unwrap();
         for light in [[1.0, 1.0, 1.0], [0.9, 0.3, 0.2], [0.1, 0.2, 0.8]] {
             let white: f64 = GAINS[1].iter().sum();
@@ -132,13 +130,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_full_in_all_channels_is_white() {
+    fn full_channels_are_white() {
         let white = of(GAINS).unwrap().developed(&flat([255.0; 3]));
         assert!(Channel::ALL.iter().all(|&c| (white.plane(c).at(0, 0) - 255.0).abs() < 0.01));
     }
 
     #[test]
-    fn numbers_that_mean_nothing_leave_the_light_alone() {
+    fn invalid_numbers_give_no_conversion() {
         let (of_xyz, neutral) = numbers_of(None);
         let of_xyz = of_xyz.map(|n| f64::from(n) / 10_000.0);
         assert_eq!(CameraColours::of_file(&of_xyz, neutral), None, "it is sRGB");

@@ -13,7 +13,7 @@ const LONG: u16 = 4;
 const RATIONAL: u16 = 5;
 const SRATIONAL: u16 = 10;
 
-/// A tag, its type, how many values, and their bytes.
+/// Tag, type, number of values, and their bytes.
 type Entry = (u16, u16, u32, Vec<u8>);
 
 fn shorts(values: &[u16]) -> Vec<u8> {
@@ -24,13 +24,13 @@ fn longs(values: &[u32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// Fractions as libtiff makes them of floating numbers.
+/// Fractions as libtiff converts floating numbers.
 fn fractions(values: &[f64]) -> Vec<u8> {
     let each = |v: &f64| [((v * 1e6).round() as i32).to_le_bytes(), 1_000_000i32.to_le_bytes()];
     values.iter().flat_map(each).flatten().collect()
 }
 
-/// Appends a directory, its longer values after it; where it begins.
+/// Appends a directory with its longer values after it; returns its place.
 fn directory(bytes: &mut Vec<u8>, entries: Vec<Entry>) -> u32 {
     let at = bytes.len() as u32;
     let mut beyond = at + 2 + 12 * entries.len() as u32 + 4;
@@ -51,13 +51,13 @@ fn directory(bytes: &mut Vec<u8>, entries: Vec<Entry>) -> u32 {
     at
 }
 
-/// What its automatic white balance and colour correction gave a camera: gains of red and blue, and
-/// the matrix from balanced channels to sRGB.
+/// A camera's automatic white balance and colour correction: gains of red and blue, and the matrix
+/// from balanced channels to sRGB.
 const GAINS: [f64; 3] = [2.0, 1.0, 1.6];
 const TO_SRGB: [f64; 9] = [1.8, -0.6, -0.2, -0.3, 1.7, -0.4, 0.0, -0.5, 1.5];
 
 /// A Raspberry Pi's file of the sites, blue first, in strips of seven rows behind a thumbnail.
-fn of_a_raspberry_pi() -> Vec<u8> {
+fn raspberry_pi_file() -> Vec<u8> {
     const ROWS: usize = 7;
     let mut bytes = b"II*\0\0\0\0\0".to_vec();
     let thumbnail = bytes.len() as u32;
@@ -125,11 +125,11 @@ fn of_a_raspberry_pi() -> Vec<u8> {
 }
 
 fn read() -> Photo {
-    Photo::from_bytes("a.dng", &of_a_raspberry_pi(), Curve::Linear, &Limits::default()).unwrap()
+    Photo::from_bytes("a.dng", &raspberry_pi_file(), Curve::Linear, &Limits::default()).unwrap()
 }
 
 #[test]
-fn a_raspberry_pi_s_raw_photo_is_its_sites_and_its_colours() {
+fn a_raspberry_pi_s_raw_photo_is_read_with_its_colours() {
     let photo = read();
     let raw = photo.raw.unwrap();
     assert_eq!((raw.mosaic, photo.light.size()), (Mosaic::Bggr, SIZE));
@@ -155,7 +155,7 @@ fn a_raspberry_pi_s_raw_photo_is_its_sites_and_its_colours() {
 }
 
 #[test]
-fn a_raw_photo_s_result_is_what_the_rig_file_says() {
+fn a_raw_photo_s_result_has_the_rig_file_s_format() {
     let formats = [RawResults::Tiff, RawResults::Jpeg].map(|results| {
         let photo = read().with_raw_results(results);
         let bytes = photo.with_picture(&photo.light, photo.manner.format).unwrap();

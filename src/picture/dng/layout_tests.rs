@@ -8,11 +8,11 @@ use crate::config::Curve;
 use crate::frame::{Channel, Frame, Work};
 use crate::picture::{Limits, Photo};
 
-/// How a file of the [`sites`] is laid out.
+/// The layout of a file of the [`sites`].
 #[derive(Debug, Clone, Copy)]
 struct Laid {
     bits: usize,
-    /// A strip's or tile's sites.
+    /// Sites of a strip or tile.
     block: Size,
     in_tiles: bool,
     big_endian: bool,
@@ -37,7 +37,7 @@ impl Laid {
         if self.big_endian { bytes } else { bytes.into_iter().rev().collect() }
     }
 
-    /// The counts, as many bits of each as there are.
+    /// The counts, cut to the layout's bits.
     fn counts(&self) -> Plane<u16> {
         sites().map(|count| if self.bits == 8 { count >> 2 } else { count })
     }
@@ -67,7 +67,7 @@ impl Laid {
         bytes
     }
 
-    /// Tag by tag: its type, and its numbers.
+    /// The file's bytes.
     fn file(&self) -> Vec<u8> {
         let mut bytes = if self.big_endian { b"MM\0*".to_vec() } else { b"II*\0".to_vec() };
         bytes.extend([0; 4]);
@@ -128,7 +128,7 @@ impl Laid {
         bytes
     }
 
-    /// What is to be read: light at the sites that see some.
+    /// The expected light, at the active sites.
     fn light(&self) -> (Plane, Mosaic) {
         let [top, left, bottom, right] = self
             .active
@@ -151,7 +151,7 @@ fn read(bytes: &[u8]) -> Result<Photo, String> {
 }
 
 #[test]
-fn sites_in_strips_and_tiles_of_eight_to_sixteen_bits_are_read_as_they_are() {
+fn strips_and_tiles_of_eight_to_sixteen_bits_are_read() {
     let tiles = Laid { block: Size { width: 16, height: 16 }, in_tiles: true, ..STRIPS };
     let mut layouts = Vec::new();
     for bits in [8, 10, 12, 14, 16] {
@@ -177,7 +177,7 @@ fn sites_in_strips_and_tiles_of_eight_to_sixteen_bits_are_read_as_they_are() {
 }
 
 #[test]
-fn layouts_that_hold_no_picture_are_refused_with_what_they_are() {
+fn layouts_without_a_picture_are_refused_by_name() {
     let refused = |layout: &Laid, change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = layout.file();
         change(&mut bytes);
@@ -201,8 +201,7 @@ fn layouts_that_hold_no_picture_are_refused_with_what_they_are() {
     }
 }
 
-/// Where the site of a column and row is looked at, by EXIF's definition of the orientations that
-/// cameras write: the visual sides of row 0 and of column 0.
+/// The upright place of a site, by EXIF's visual sides of row 0 and column 0.
 fn upright(orientation: u8, (column, row): (usize, usize)) -> (usize, usize) {
     let (right, bottom) = (SIZE.width - 1, SIZE.height - 1);
     match orientation {

@@ -1,9 +1,9 @@
 //! Raw photos read again as written, and refused where they are not what is read.
 
-use super::directory::LETTERS_MAX;
 use super::*;
 use crate::config::Curve;
 use crate::frame::{Channel, Frame, Work};
+use crate::picture::tiff::LETTERS_MAX;
 use crate::picture::{Format, Growth, Limits, Photo, PictureError};
 
 pub(super) const SIZE: Size = Size { width: 42, height: 30 };
@@ -36,17 +36,17 @@ fn words(bytes: &[u8]) -> String {
     read(bytes).unwrap_err().to_string()
 }
 
-/// Where the first directory is.
+/// The place of the first directory.
 fn first(bytes: &[u8]) -> usize {
     File::new(bytes).u32(4).unwrap() as usize
 }
 
-/// Where the entry of `tag` is.
+/// The place of the entry of `tag`.
 fn entry(bytes: &[u8], tag: u16) -> usize {
     Directory::read(&File::new(bytes), first(bytes)).unwrap().find(tag).unwrap()
 }
 
-/// The file with other bytes in the entry of `tag`, from its type on.
+/// The file with another type, count and value in the entry of `tag`.
 pub(super) fn with(tag: u16, kind: u16, count: u32, value: [u8; 4]) -> Vec<u8> {
     let mut bytes = file(Mosaic::Rggb);
     let at = entry(&bytes, tag);
@@ -56,7 +56,7 @@ pub(super) fn with(tag: u16, kind: u16, count: u32, value: [u8; 4]) -> Vec<u8> {
     bytes
 }
 
-/// The file with the entry of `tag` turned into that of another tag.
+/// The file with the entry of `tag` renamed to `to`.
 fn renamed(tag: u16, to: u16) -> Vec<u8> {
     let mut bytes = file(Mosaic::Rggb);
     let at = entry(&bytes, tag);
@@ -98,7 +98,7 @@ fn behind_a_preview(raw: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The same file, the greater byte of each number first.
+/// The same file in big-endian order.
 fn big_endian(bytes: &[u8]) -> Vec<u8> {
     let file = File::new(bytes);
     let directory = Directory::read(&file, first(bytes)).unwrap();
@@ -134,7 +134,7 @@ fn big_endian(bytes: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_written_is_read_again_site_for_site() {
+fn written_sites_are_read_back() {
     let counts = sites();
     let light = counts.map(|count| (f32::from(count) - 64.25) / (1023.0 - 64.25) * 255.0);
     for mosaic in Mosaic::ALL {
@@ -157,7 +157,7 @@ fn what_is_written_is_read_again_site_for_site() {
 }
 
 #[test]
-fn a_photo_says_whose_it_is_however_long_the_rig_s_name() {
+fn a_photo_names_its_rig_however_long_the_name() {
     for name in ["a rig".to_owned(), "läng ".repeat(30), "x".repeat(LETTERS_MAX + 1)] {
         let (sites, mosaic) = (sites(), Mosaic::Rggb);
         let file = Dng {
@@ -175,7 +175,7 @@ fn a_photo_says_whose_it_is_however_long_the_rig_s_name() {
 }
 
 #[test]
-fn a_photo_says_which_camera_took_it_at_which_setting() {
+fn a_photo_names_its_camera_and_settings() {
     let focus = Some("2.5 m, f/4; tape at the second mark".to_owned());
     for setting in
         [RigSetting { identity: 0x18f, focus }, RigSetting { identity: u64::MAX, focus: None }]
@@ -190,13 +190,13 @@ fn a_photo_says_which_camera_took_it_at_which_setting() {
         let bytes = raw.bytes();
         let neutral = Directory::read(&File::new(&bytes), first(&bytes)).unwrap().reals(50728);
         assert_eq!(neutral.unwrap().unwrap(), [0.5, 1.0, 0.75]);
-        let said = PhotoCamera {
+        let expected = PhotoCamera {
             name: "relens a rig".to_owned(),
             serial: Some("4711".to_owned()),
             setting: Some(setting.clone()),
         };
         let photo = read(&bytes).unwrap();
-        assert_eq!(photo.camera, Some(said));
+        assert_eq!(photo.camera, Some(expected));
         let noise = photo.raw.unwrap().noise.unwrap();
         let wanted = [[0.13005, 0.0255], [0.2601, 0.0765], [0.39015, 0.1275]];
         for (found, wanted) in noise.as_flattened().iter().zip(wanted.as_flattened()) {
@@ -209,7 +209,7 @@ fn a_photo_says_which_camera_took_it_at_which_setting() {
 }
 
 #[test]
-fn a_raw_photo_cut_anywhere_or_never_filled_is_not_taken_for_whole() {
+fn a_raw_photo_cut_anywhere_or_never_filled_is_refused() {
     for whole in [file(Mosaic::Rggb), behind_a_preview(&file(Mosaic::Rggb))] {
         assert!(read(&whole).is_ok());
         for percent in 0..100 {
@@ -223,15 +223,15 @@ fn a_raw_photo_cut_anywhere_or_never_filled_is_not_taken_for_whole() {
 }
 
 #[test]
-fn the_sites_are_taken_and_never_the_preview() {
+fn the_sites_are_read_and_never_the_preview() {
     let photo = read(&behind_a_preview(&file(Mosaic::Grbg))).unwrap();
     assert_eq!(photo.light, read(&file(Mosaic::Grbg)).unwrap().light);
-    assert_eq!(photo.turned(), Some(6), "as the first directory says");
+    assert_eq!(photo.turned(), Some(6), "by the first directory");
     let packed = behind_a_preview(&with(COMPRESSION, 3, 1, [7, 0, 0, 0]));
     assert!(words(&packed).contains("compressed counts (compression 7)"), "{}", words(&packed));
     let without = behind_a_preview(&with(PHOTOMETRIC, 3, 1, [1, 0, 0, 0]));
     assert!(words(&without).contains("no picture of a sensor's sites"), "{}", words(&without));
-    // TIFF/EP says no version of DNG; its sites may not have come yet.
+    // TIFF/EP states no DNG version, and its sites may still be missing.
     let mut lost = behind_a_preview(&file(Mosaic::Rggb));
     let (version, below) = (entry(&lost, DNG_VERSION), entry(&lost, SUB_DIRECTORIES));
     lost[version..version + 2].copy_from_slice(&60000u16.to_le_bytes());
@@ -246,7 +246,7 @@ fn the_sites_are_taken_and_never_the_preview() {
 }
 
 #[test]
-fn what_is_not_read_is_refused_with_what_it_is() {
+fn other_varieties_are_refused_by_name() {
     let mosaic_of = |pattern| with(CFA_PATTERN, 1, 4, pattern);
     let half_a_file = u32::MAX / 2;
     for (bytes, wanted) in [
@@ -301,7 +301,7 @@ const EXPOSURE: u16 = 33434;
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn bytes_that_mean_harm_bring_a_sentence_or_a_photo() {
+fn hostile_bytes_give_a_flaw_or_a_photo() {
     let raw = file(Mosaic::Bggr);
     let whole = behind_a_preview(&raw);
     let (mut photos, mut state) = (0, 1u64);

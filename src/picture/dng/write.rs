@@ -1,4 +1,4 @@
-//! A sensor's sites to the bytes of a DNG file.
+//! Writing of a sensor's sites as a DNG file.
 
 use std::io::Cursor;
 
@@ -9,7 +9,6 @@ use tiff::encoder::{
 use tiff::tags::Tag;
 
 use super::camera::RawTags;
-use super::directory::LETTERS_MAX;
 use super::{
     AS_SHOT_NEUTRAL, BITS_PER_SAMPLE, BLACK_LEVEL, CALIBRATION_ILLUMINANTS, CFA_LAYOUT,
     CFA_PATTERN, CFA_PLANE_COLOUR, CFA_REPEAT, COLOUR_MATRICES, COMPRESSION, D65, DESCRIPTION,
@@ -18,6 +17,7 @@ use super::{
     STRIP_BYTE_COUNTS, STRIP_OFFSETS, WHITE_LEVEL, colours,
 };
 use crate::frame::{Mosaic, Plane, Rect};
+use crate::picture::tiff::LETTERS_MAX;
 
 const SOFTWARE: u16 = 305;
 const EXPOSURE_TIME: u16 = 33434;
@@ -31,19 +31,19 @@ const DEFAULT_CROP_SIZE: u16 = 50720;
 pub struct Dng<'a> {
     /// Counts.
     pub sites: &'a Plane<u16>,
-    /// Their colours.
+    /// Their colour filters.
     pub mosaic: Mosaic,
     /// Counts without light, 0..65535.
     pub black: f64,
-    /// The largest count there can be, above `black`.
+    /// The largest count, above `black`.
     pub white: u16,
     /// The camera: the rig's name.
     pub camera: &'a str,
-    /// How long it was exposed, seconds, where that is known.
+    /// Exposure time, seconds, if known.
     pub exposure_s: Option<f64>,
-    /// The part to be looked at, where it is not all: the rig's photo.
+    /// The rig's photo, where it is a part of the sensor.
     pub crop: Option<Rect>,
-    /// What else is known.
+    /// Further metadata.
     pub tags: RawTags<'a>,
 }
 
@@ -113,14 +113,13 @@ impl Dng<'_> {
     }
 }
 
-/// TIFF knows tags by their numbers.
 fn put<T: TiffValue>(directory: &mut DirectoryAt<'_>, tag: u16, value: T) -> TiffResult<()> {
     directory.write_tag(Tag::from_u16_exhaustive(tag), value)
 }
 
 type DirectoryAt<'a> = DirectoryEncoder<'a, &'a mut Cursor<Vec<u8>>, TiffKindStandard>;
 
-/// TIFF's text is ASCII, and no more of it is read than [`super::directory::LETTERS_MAX`].
+/// `words` in ASCII, as TIFF requires, and at most [`LETTERS_MAX`] of it.
 pub(super) fn plain(words: &str) -> String {
     let letter = |c: char| if c.is_ascii_graphic() || c == ' ' { c } else { '_' };
     let plain: String = words.chars().take(LETTERS_MAX).map(letter).collect();

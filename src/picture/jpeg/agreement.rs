@@ -1,13 +1,13 @@
-//! Whether what a JPEG states is what its decoder shows.
+//! Agreement of a JPEG's coefficients with its decoded picture.
 
 use crate::frame::block_transform::{cosines, transform, transposed};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, Coding};
 
-/// Codes by which brightness may differ at every second pixel. Rounding to whole colours and back
-/// is half of one; a file that is understood wrongly differs by tens.
+/// Largest median difference in brightness, codes. Rounding to whole colours and back makes half a
+/// code; a file that is read wrongly differs by tens. Guess.
 const APART: f32 = 1.5;
 
-/// Whether the brightness in `coding` is that of the decoded `samples`, `step` of them a pixel.
+/// Whether the brightness of `coding` is that of the decoded `samples`, `step` a pixel.
 pub(in crate::picture) fn agrees(coding: &Coding, samples: &[u16], step: usize) -> bool {
     let size = coding.size;
     let Some(first) = coding.components.first() else { return false };

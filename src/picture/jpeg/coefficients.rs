@@ -1,72 +1,71 @@
-//! A JPEG's coefficients and steps out of the file, which no decoder in the tree gives.
+//! A JPEG's quantised coefficients and steps, which the decoder does not give.
 //!
-//! ITU-T T.81: sequential and progressive, Huffman coding, 8 bits, one component or three of which
-//! the last two may be stored at half the width, height or both. Whatever else there is gives
-//! nothing, and the photo is taken as its decoder shows it. Memory is bounded by the picture's
-//! size, which the walk before has checked, and time by [`SCANS_MAX`] passes over it.
+//! ITU-T T.81: sequential and progressive, Huffman coding, 8 bits, one component or three, the last
+//! two perhaps at half the width, height or both. Photos of other kinds are solved as decoded.
+//! Memory is bounded by the picture's size, already checked by the walk, and time by [`SCANS_MAX`]
+//! passes over it.
 
 use super::huffman::{Bits, HuffmanCodes};
 use super::scan::{Running, Scan, Tables, ZIGZAG};
-use super::{end_of_scan, next_marker, segment};
+use super::{SCAN, Segment, Segments};
 use crate::frame::{BLOCK_AREA, BLOCK_PX, CodedComponent, Coding, Size};
 
 /// Most scans of one picture. Guess: progressive coders write ten.
 const SCANS_MAX: usize = 64;
 
-/// What the tables of a file hold at one place in it.
+/// The tables in force at one place of a file.
 #[derive(Default)]
 struct CodedFile {
     steps: [Option<Vec<u16>>; 4],
     dc: [Option<HuffmanCodes>; 4],
     ac: [Option<HuffmanCodes>; 4],
     restart: usize,
-    /// Whether colours were not changed to brightness and two differences, as Adobe's marker says.
-    colours_kept: bool,
+    /// Whether the components are red, green and blue, by Adobe's marker.
+    is_rgb: bool,
     frame: Option<CodedFrame>,
 }
 
-/// The picture under way.
+/// The picture being read.
 struct CodedFrame {
     progressive: bool,
     size: Size,
-    /// Identifier, samples of a unit across and down, place of its steps.
-    heads: Vec<(u8, (u8, u8), usize)>,
+    heads: Vec<ComponentHeader>,
     components: Vec<CodedComponent>,
 }
 
-/// What the JPEG `bytes` states, if it is of a kind that is understood and all there.
+/// A component in the frame header (T.81, B.2.2).
+struct ComponentHeader {
+    identifier: u8,
+    /// Samples of a unit across and down.
+    sampling: (u8, u8),
+    /// Place of its steps.
+    steps: usize,
+}
+
+/// The coefficients and steps of the JPEG `bytes`; `None` of a kind that is not read, or of a file
+/// that is not whole.
 pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Option<Coding> {
     let mut state = CodedFile::default();
-    let (mut at, mut scans) = (2, 0);
-    loop {
-        let marker = next_marker(bytes, &mut at).ok()?;
-        match marker {
-            0xd9 => break,
-            0x01 | 0xd0..=0xd8 => continue,
-            _ => {}
-        }
-        let segment = segment(bytes, at).ok()?;
-        at += segment.len() + 2;
+    let mut scans = 0;
+    for segment in Segments::new(bytes) {
+        let Segment { marker, body, coded } = segment.ok()?;
         match marker {
             0xc0..=0xc2 if state.frame.is_none() => {
-                state.frame = Some(frame_of(segment, marker == 0xc2)?);
+                state.frame = Some(frame_of(body, marker == 0xc2)?);
             }
-            0xc4 => state.take_codes(segment)?,
+            0xc4 => state.read_codes(body)?,
             0xc3 | 0xc5..=0xcf | 0xc0..=0xc2 => return None,
-            0xdb => state.take_steps(segment)?,
-            0xdd => state.restart = usize::from(u16_at(segment, 0)?),
-            0xee if segment.starts_with(b"Adobe") => {
-                state.colours_kept = segment.get(11) == Some(&0);
-            }
-            0xda => {
+            0xdb => state.read_steps(body)?,
+            0xdd => state.restart = usize::from(u16_at(body, 0)?),
+            0xee if body.starts_with(b"Adobe") => state.is_rgb = body.get(11) == Some(&0),
+            SCAN => {
                 scans += 1;
-                state.scan(segment, bytes, at).filter(|()| scans <= SCANS_MAX)?;
-                at = end_of_scan(bytes, at);
+                state.read_scan(body, bytes, coded.start).filter(|()| scans <= SCANS_MAX)?;
             }
             _ => {}
         }
     }
-    let frame = state.frame.filter(|f| f.heads.len() == 1 || !state.colours_kept)?;
+    let frame = state.frame.filter(|f| f.heads.len() == 1 || !state.is_rgb)?;
     let coding = Coding { size: frame.size, components: frame.components };
     coding.is_whole().then_some(coding)
 }
@@ -75,38 +74,82 @@ fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
     Some(u16::from_be_bytes([*bytes.get(at)?, *bytes.get(at + 1)?]))
 }
 
-/// The frame header's picture, all coefficients zero (T.81, B.2.2).
-fn frame_of(segment: &[u8], progressive: bool) -> Option<CodedFrame> {
-    let size = Size::new(u16_at(segment, 3)?.into(), u16_at(segment, 1)?.into());
-    let count = usize::from(*segment.get(5)?);
-    let heads: Vec<_> = (segment.get(6..)?.chunks_exact(3))
-        .map(|c| (c[0], (c[1] >> 4, c[1] & 15), usize::from(c[2])))
-        .collect();
+/// The picture of a frame header, all coefficients zero (T.81, B.2.2).
+fn frame_of(body: &[u8], progressive: bool) -> Option<CodedFrame> {
+    let size = Size::new(u16_at(body, 3)?.into(), u16_at(body, 1)?.into());
+    let count = usize::from(*body.get(5)?);
+    let head = |c: &[u8]| {
+        let sampling = (c[1] >> 4, c[1] & 15);
+        ComponentHeader { identifier: c[0], sampling, steps: usize::from(c[2]) }
+    };
+    let heads: Vec<_> = body.get(6..)?.chunks_exact(3).map(head).collect();
     let few = matches!(count, 1 | 3) && heads.len() == count && size.area() > 0;
-    // Three colours that say so by their names are no brightness and two differences.
-    if segment.first() != Some(&8) || !few || heads.iter().map(|h| h.0).eq(*b"RGB") {
+    // Components named R, G and B are no brightness and two differences.
+    if body.first() != Some(&8) || !few || heads.iter().map(|h| h.identifier).eq(*b"RGB") {
         return None;
     }
-    let densest = if count == 1 { (1, 1) } else { heads[0].1 };
-    let whole = |(across, down): (u8, u8)| {
+    let densest = if count == 1 { (1, 1) } else { heads[0].sampling };
+    let divides = |(across, down): (u8, u8)| {
         count == 1 || (across > 0 && down > 0 && densest.0 % across == 0 && densest.1 % down == 0)
     };
     let sound = (1..=2).contains(&densest.0) && (1..=2).contains(&densest.1);
-    if !sound || !heads.iter().all(|head| whole(head.1)) {
+    if !sound || !heads.iter().all(|head| divides(head.sampling)) {
         return None;
     }
-    let components = heads.iter().map(|&(_, (across, down), _)| {
+    let component = |head: &ComponentHeader| {
+        let (across, down) = head.sampling;
         let pixels = if count == 1 { (1, 1) } else { (densest.0 / across, densest.1 / down) };
         let blocks = Coding::blocks(size, densest, pixels);
         let coefficients = vec![0; blocks.area() * BLOCK_AREA];
         CodedComponent { pixels, blocks, steps: Vec::new(), coefficients }
-    });
-    Some(CodedFrame { progressive, size, components: components.collect(), heads })
+    };
+    let components = heads.iter().map(component).collect();
+    Some(CodedFrame { progressive, size, components, heads })
+}
+
+impl CodedFrame {
+    /// Samples of a unit across and down, of the densest component.
+    fn densest(&self) -> (u8, u8) {
+        if self.components.len() == 1 { (1, 1) } else { self.heads[0].sampling }
+    }
+
+    /// The scan with the header fields `first`, `last` and `bit`, of `count` components.
+    fn scan(&self, [first, last, bit]: [u8; 3], count: usize) -> Option<Scan> {
+        if !self.progressive {
+            let band = (0, BLOCK_AREA - 1);
+            return Some(Scan { progressive: false, band, high: 0, low: 0 });
+        }
+        let band = (usize::from(first), usize::from(last));
+        let (high, low) = (u32::from(bit >> 4), u32::from(bit & 15));
+        let is_sound = band.0 <= band.1 && band.1 < BLOCK_AREA && low < 14;
+        let is_alone = band.0 == 0 || count == 1;
+        (is_sound && is_alone).then_some(Scan { progressive: true, band, high, low })
+    }
+
+    /// Columns and rows of units in a scan of the components `parts`.
+    fn units(&self, parts: &[ScanPart]) -> Size {
+        let [ScanPart { component, .. }] = *parts else {
+            return Coding::blocks(self.size, self.densest(), self.densest());
+        };
+        // A component by itself comes block by block, without the padding blocks (A.2.2).
+        let (across, down) = self.components[component].pixels;
+        let blocks =
+            |side: usize, pixels: u8| side.div_ceil(usize::from(pixels)).div_ceil(BLOCK_PX);
+        Size::new(blocks(self.size.width, across), blocks(self.size.height, down))
+    }
+}
+
+/// A component in a scan.
+struct ScanPart {
+    /// Its place in the frame.
+    component: usize,
+    dc: Option<HuffmanCodes>,
+    ac: Option<HuffmanCodes>,
 }
 
 impl CodedFile {
-    /// The codes of a DHT segment.
-    fn take_codes(&mut self, mut segment: &[u8]) -> Option<()> {
+    /// Reads the codes of a DHT segment.
+    fn read_codes(&mut self, mut segment: &[u8]) -> Option<()> {
         while let [head, rest @ ..] = segment {
             let counts: &[u8; 16] = rest.first_chunk()?;
             let total = counts.iter().map(|&count| usize::from(count)).sum::<usize>();
@@ -118,8 +161,8 @@ impl CodedFile {
         Some(())
     }
 
-    /// The steps of a DQT segment, row by row.
-    fn take_steps(&mut self, mut segment: &[u8]) -> Option<()> {
+    /// Reads the steps of a DQT segment, row by row.
+    fn read_steps(&mut self, mut segment: &[u8]) -> Option<()> {
         while let [head, rest @ ..] = segment {
             let bytes = if head >> 4 == 0 { 1 } else { 2 };
             let values = rest.get(..bytes * BLOCK_AREA)?;
@@ -134,61 +177,27 @@ impl CodedFile {
         Some(())
     }
 
-    /// The scan with the header `segment`, whose data begin at `at`.
-    fn scan(&mut self, segment: &[u8], bytes: &[u8], at: usize) -> Option<()> {
+    /// Reads the scan with the header `body`, whose data begin at `at`.
+    fn read_scan(&mut self, body: &[u8], bytes: &[u8], at: usize) -> Option<()> {
+        let count = usize::from(*body.first()?);
+        let fields = *body.get(1 + 2 * count..)?.first_chunk()?;
+        let scan = self.frame.as_ref()?.scan(fields, count)?;
+        let parts = self.scan_parts(body.get(1..1 + 2 * count)?)?;
         let frame = self.frame.as_mut()?;
-        let count = usize::from(*segment.first()?);
-        let [first, last, bit] = *segment.get(1 + 2 * count..)?.first_chunk()?;
-        let band = (usize::from(first), usize::from(last));
-        let (high, low) = (u32::from(bit >> 4), u32::from(bit & 15));
-        let scan = match frame.progressive {
-            true => Scan { progressive: true, band, high, low },
-            false => Scan { progressive: false, band: (0, BLOCK_AREA - 1), high: 0, low: 0 },
-        };
-        let bands = band.0 <= band.1 && band.1 < BLOCK_AREA && low < 14;
-        let alone = !frame.progressive || band.0 == 0 || count == 1;
-        if frame.progressive && !(bands && alone) {
-            return None;
-        }
-        let mut taken = Vec::with_capacity(count);
-        for which in segment.get(1..1 + 2 * count)?.chunks_exact(2) {
-            let n = frame.heads.iter().position(|head| head.0 == which[0])?;
-            if taken.iter().any(|&(other, _)| other == n) {
-                return None;
-            }
-            let component = &mut frame.components[n];
-            if component.steps.is_empty() {
-                component.steps = self.steps.get(frame.heads[n].2)?.clone()?;
-            }
-            let table =
-                |of: &'_ [Option<HuffmanCodes>; 4], at: u8| of.get(usize::from(at)).cloned();
-            let dc = table(&self.dc, which[1] >> 4)?;
-            taken.push((n, (dc, table(&self.ac, which[1] & 15)?)));
-        }
-        let size = frame.size;
+        let (units, densest) = (frame.units(&parts), frame.densest());
         let (mut bits, mut running) = (Bits::new(bytes, at), Running::default());
-        let densest = if frame.components.len() == 1 { (1, 1) } else { frame.heads[0].1 };
-        let units = match taken[..] {
-            // A component by itself comes block by block, without those that fill up (A.2.2).
-            [(n, _)] => {
-                let (across, down) = frame.components[n].pixels;
-                let of =
-                    |side: usize, pixels: u8| side.div_ceil(usize::from(pixels)).div_ceil(BLOCK_PX);
-                Size::new(of(size.width, across), of(size.height, down))
-            }
-            _ => Coding::blocks(size, densest, densest),
-        };
         for unit in 0..units.area() {
             if self.restart > 0 && unit > 0 && unit % self.restart == 0 {
                 bits.restart()?;
                 running = Running::default();
             }
             let (column, row) = (unit % units.width, unit / units.width);
-            for (n, (dc, ac)) in &taken {
+            for ScanPart { component, dc, ac } in &parts {
                 let tables = Tables { dc: dc.as_ref(), ac: ac.as_ref() };
-                let component = &mut frame.components[*n];
+                let n = *component;
+                let component = &mut frame.components[n];
                 let (across, down) = component.pixels;
-                let (wide, high) = match taken.len() {
+                let (wide, high) = match parts.len() {
                     1 => (1, 1),
                     _ => (usize::from(densest.0 / across), usize::from(densest.1 / down)),
                 };
@@ -197,10 +206,31 @@ impl CodedFile {
                     let y = row * high + part / wide;
                     let begin = (y * component.blocks.width + x) * BLOCK_AREA;
                     let block = component.coefficients.get_mut(begin..begin + BLOCK_AREA)?;
-                    scan.block(&mut bits, &tables, (&mut running, *n), block)?;
+                    scan.block(&mut bits, &tables, (&mut running, n), block)?;
                 }
             }
         }
         Some(())
+    }
+
+    /// The components of a scan that `listed` names, with their tables; fixes the steps of each.
+    fn scan_parts(&mut self, listed: &[u8]) -> Option<Vec<ScanPart>> {
+        let frame = self.frame.as_mut()?;
+        let mut parts: Vec<ScanPart> = Vec::with_capacity(listed.len() / 2);
+        for which in listed.chunks_exact(2) {
+            let n = frame.heads.iter().position(|head| head.identifier == which[0])?;
+            if parts.iter().any(|part| part.component == n) {
+                return None;
+            }
+            let component = &mut frame.components[n];
+            if component.steps.is_empty() {
+                component.steps = self.steps.get(frame.heads[n].steps)?.clone()?;
+            }
+            let table =
+                |tables: &[Option<HuffmanCodes>; 4], at: u8| tables.get(usize::from(at)).cloned();
+            let (dc, ac) = (table(&self.dc, which[1] >> 4)?, table(&self.ac, which[1] & 15)?);
+            parts.push(ScanPart { component: n, dc, ac });
+        }
+        Some(parts)
     }
 }

@@ -1,6 +1,6 @@
-//! Bits of a JPEG's entropy-coded data, and the codes they make.
+//! The bits of a JPEG's entropy-coded data, and its Huffman codes.
 
-/// Bits of one stretch between restarts, stuffed zeros taken out.
+/// The bits of a scan, without stuffed zeros.
 pub(super) struct Bits<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -9,12 +9,12 @@ pub(super) struct Bits<'a> {
 }
 
 impl<'a> Bits<'a> {
-    /// From `at` in `bytes` on.
+    /// The bits from `at` in `bytes`.
     pub(super) fn new(bytes: &'a [u8], at: usize) -> Self {
         Bits { bytes, at, held: 0, count: 0 }
     }
 
-    /// The next bit; none at a marker or the end.
+    /// The next bit; `None` at a marker or the end.
     pub(super) fn bit(&mut self) -> Option<u32> {
         if self.count == 0 {
             let byte = *self.bytes.get(self.at)?;
@@ -44,7 +44,7 @@ impl<'a> Bits<'a> {
         Some(if negative { value - (1 << size) + 1 } else { value })
     }
 
-    /// Goes past the restart marker that must be next.
+    /// Moves past a restart marker; `None` where there is none.
     pub(super) fn restart(&mut self) -> Option<()> {
         self.count = 0;
         let marker = self.bytes.get(self.at..self.at + 2)?;
@@ -60,8 +60,8 @@ impl<'a> Bits<'a> {
 #[derive(Clone)]
 pub(super) struct HuffmanCodes {
     values: Vec<u8>,
-    /// Of each length of 1 to 16: the first code past those of it, and what gives the value's
-    /// place when the code is added.
+    /// For each length, 1 to 16: the first code past those of this length, and the offset from a
+    /// code to the place of its value.
     ends: [(i32, i32); 16],
 }
 

@@ -1,9 +1,9 @@
-//! One scan of a JPEG: its blocks, decoded into their coefficients.
+//! Decoding of one scan's blocks into their coefficients.
 
 use super::huffman::{Bits, HuffmanCodes};
 use crate::frame::BLOCK_AREA;
 
-/// Where a block's coefficients stand row by row, in the order of a scan (T.81, figure A.6).
+/// The places of a block's coefficients, row by row, in scan order (T.81, figure A.6).
 #[rustfmt::skip]
 pub(super) const ZIGZAG: [u8; BLOCK_AREA] = [
      0,  1,  8, 16,  9,  2,  3, 10, 17, 24, 32, 25, 18, 11,  4,  5,
@@ -12,14 +12,14 @@ pub(super) const ZIGZAG: [u8; BLOCK_AREA] = [
     58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63,
 ];
 
-/// What a scan's header says (T.81, B.2.3).
+/// A scan's header (T.81, B.2.3).
 pub(super) struct Scan {
     pub(super) progressive: bool,
     /// First and last coefficient.
     pub(super) band: (usize, usize),
-    /// The bit that is refined, one up; 0 in a first pass.
+    /// The bit above the refined one; 0 in a first pass.
     pub(super) high: u32,
-    /// The bit that is coded last.
+    /// The lowest bit coded.
     pub(super) low: u32,
 }
 
@@ -29,12 +29,12 @@ pub(super) struct Tables<'a> {
     pub(super) ac: Option<&'a HuffmanCodes>,
 }
 
-/// What goes from block to block; a restart begins it anew.
+/// State from block to block, reset by a restart.
 #[derive(Default)]
 pub(super) struct Running {
-    /// The last block's first coefficient, of each component.
+    /// The last block's first coefficient, for each component.
     pub(super) dc: [i32; 4],
-    /// Blocks to come that end where they begin.
+    /// Empty blocks to come.
     pub(super) blank: u32,
 }
 
@@ -58,7 +58,7 @@ impl Scan {
                 Some(())
             }
             (_, 0) => self.ac_first(bits, tables.ac?, &mut running.blank, block),
-            _ => self.ac_again(bits, tables.ac?, &mut running.blank, block),
+            _ => self.ac_refine(bits, tables.ac?, &mut running.blank, block),
         }
     }
 
@@ -108,8 +108,8 @@ impl Scan {
         Some(())
     }
 
-    /// A pass that adds a bit to a band (T.81, G.1.2.3).
-    fn ac_again(
+    /// A pass that refines a band by one bit (T.81, G.1.2.3).
+    fn ac_refine(
         &self,
         bits: &mut Bits<'_>,
         codes: &HuffmanCodes,
@@ -156,7 +156,7 @@ impl Scan {
     }
 }
 
-/// A block's other coefficients where all come at once (T.81, F.2.2.2).
+/// A sequential scan's AC coefficients of a block (T.81, F.2.2.2).
 fn sequential(bits: &mut Bits<'_>, codes: &HuffmanCodes, block: &mut [i16]) -> Option<()> {
     let mut k = 1;
     while k < BLOCK_AREA {
@@ -187,7 +187,7 @@ fn shifted(value: i32, low: u32) -> Option<i16> {
     i16::try_from(value.checked_shl(low)?).ok()
 }
 
-/// Adds a bit to a coefficient that is none of the zeros.
+/// Adds a bit to a nonzero coefficient.
 fn refine(value: &mut i16, one: i16, bits: &mut Bits<'_>) -> Option<()> {
     if bits.bit()? == 1 && *value & one == 0 {
         *value = value.checked_add(if *value > 0 { one } else { -one })?;

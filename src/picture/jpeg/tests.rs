@@ -1,4 +1,4 @@
-//! The walk over a JPEG's markers, and what it states against what its decoder shows.
+//! The walk over a JPEG's markers, and its coefficients against the decoded picture.
 
 use super::*;
 use crate::frame::block_transform::{cosines, transform, transposed};
@@ -8,8 +8,7 @@ const ROCKET: &[u8] = include_bytes!("../../../tests/scenes/rocket.jpg");
 
 #[test]
 fn a_whole_photo_passes_and_every_cut_of_it_does_not() {
-    let walked = walk(ROCKET).unwrap();
-    assert_eq!(walked.components, 3);
+    assert!(walk(ROCKET).unwrap().size.is_some());
     for percent in 0..100 {
         let cut = &ROCKET[..(ROCKET.len() * percent / 100).max(2)];
         assert!(matches!(walk(cut), Err(Flaw::Truncated { .. })), "cut to {percent} %");
@@ -18,7 +17,7 @@ fn a_whole_photo_passes_and_every_cut_of_it_does_not() {
 }
 
 #[test]
-fn zeros_in_place_of_data_are_called_by_name() {
+fn zeros_in_place_of_data_are_reported_as_a_hole() {
     let half = ROCKET.len() / 2;
     let mut tail = ROCKET.to_vec();
     tail[half..].fill(0);
@@ -30,13 +29,13 @@ fn zeros_in_place_of_data_are_called_by_name() {
 }
 
 #[test]
-fn what_follows_the_end_is_the_cameras_business() {
+fn data_after_the_end_is_ignored() {
     let mut more = ROCKET.to_vec();
     more.extend_from_slice(&[0; 5000]);
     assert!(walk(&more).is_ok());
 }
 
-/// What another coder wrote, and what this program's own writes.
+/// Files of another coder, and one of this program's own.
 fn files() -> Vec<(&'static str, Vec<u8>)> {
     use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
     let whole = include_bytes!("../../../tests/jpegs/baseline-444.jpg");
@@ -56,7 +55,7 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// The samples of one component, 128 levels too dark.
+/// The samples of one component, less 128 levels.
 fn samples(component: &CodedComponent) -> Plane {
     let back = transposed(&cosines());
     let blocks = component.blocks;
@@ -72,7 +71,7 @@ fn samples(component: &CodedComponent) -> Plane {
     plane
 }
 
-/// `plane` as large as `size`, between samples as the decoder does: three parts of the nearer one.
+/// `plane` interpolated to `size` as the decoder does: three parts of the nearer sample.
 fn enlarged(plane: &Plane, (across, down): (u8, u8), size: Size) -> Plane {
     let own = Size::new(
         size.width.div_ceil(usize::from(across)),
@@ -91,7 +90,7 @@ fn enlarged(plane: &Plane, (across, down): (u8, u8), size: Size) -> Plane {
 }
 
 #[test]
-fn what_files_state_is_what_the_decoder_shows() {
+fn coefficients_give_the_decoded_picture() {
     for (name, bytes) in files() {
         let coding = coefficients(&bytes).unwrap_or_else(|| panic!("{name}"));
         assert_eq!(coding.size, Size::new(75, 50), "{name}");
@@ -111,21 +110,21 @@ fn what_files_state_is_what_the_decoder_shows() {
                 (worst, total) = (worst.max(apart), total + apart);
             }
         }
-        // Half a code each for brightness, the colour, a sample of chroma and what lies between
-        // its samples either way; chroma counts up to 1.772 times.
+        // Half a code each for brightness, the colour, a sample of chroma and interpolation
+        // either way; chroma counts up to 1.772 times.
         let between = |component: &CodedComponent| {
             f32::from(component.pixels.0 - 1) + f32::from(component.pixels.1 - 1)
         };
         let ways = coding.components.last().map_or(0.0, between);
         assert!(worst < 0.5 + 0.5 + 1.772 * (0.5 + 0.5 * ways), "{name}: {worst}");
-        // Of so many roundings together, about half a code.
+        // Half a code, for many roundings together.
         let mean = total / (3.0 * 75.0 * 50.0);
         assert!(mean < 0.6, "{name}: {mean} in the mean");
     }
 }
 
 #[test]
-fn damaged_files_state_nothing_or_something_whole() {
+fn damaged_files_give_no_coefficients_or_whole_ones() {
     for (name, whole) in files() {
         let mut state = 7u64;
         for round in 0..400 {
@@ -138,8 +137,10 @@ fn damaged_files_state_nothing_or_something_whole() {
                 let at = 2 + (state >> 33) as usize % (bytes.len() - 2);
                 bytes[at] = (state >> 20) as u8;
             }
-            // What comes through the walk before, which bounds the size.
-            if walk(&bytes).is_ok_and(|walked| walked.size.area() < 1 << 20) {
+            // The walk comes first, and bounds the size.
+            if walk(&bytes)
+                .is_ok_and(|walked| walked.size.is_some_and(|size| size.area() < 1 << 20))
+            {
                 assert!(coefficients(&bytes).is_none_or(|coding| coding.is_whole()), "{name}");
             }
         }
@@ -147,22 +148,22 @@ fn damaged_files_state_nothing_or_something_whole() {
 }
 
 #[test]
-fn what_no_result_carries_is_told_of_unless_exif_carries_it() {
+fn metadata_that_no_result_carries_is_noted() {
     let (name, plain) = files().into_iter().next().unwrap();
-    let told = |segments: &[&[u8]]| {
+    let lost = |segments: &[&[u8]]| {
         let bytes = [&plain[..2], &segments.concat(), &plain[2..]].concat();
         let walked = walk(&bytes).unwrap_or_else(|flaw| panic!("{name}: {flaw}"));
-        (walked.words, walked.density, walked.iptc)
+        walked.lost.into_iter().collect::<Vec<_>>()
     };
     let inches = b"\xff\xe0\0\x10JFIF\0\x01\x02\x01\x01\x2c\x01\x2c\0\0";
     let ratio = b"\xff\xe0\0\x10JFIF\0\x01\x02\0\0\x01\0\x01\0\0";
     let exif = b"\xff\xe1\0\x08Exif\0\0";
     let iptc = b"\xff\xed\0\x1ePhotoshop 3.0\x008BIM\x04\x04\0\0\0\0\0\x02\x1c\x02";
     let size = b"\xff\xed\0\x1ePhotoshop 3.0\x008BIM\x03\xed\0\0\0\0\0\x02\0\x48";
-    assert_eq!(told(&[]), (false, false, false));
-    assert_eq!(told(&[b"\xff\xfe\0\x07hello"]), (true, false, false));
-    assert_eq!(told(&[inches]), (false, true, false));
-    assert_eq!(told(&[ratio]), (false, false, false));
-    assert_eq!(told(&[inches, exif]), (false, false, false));
-    assert_eq!((told(&[iptc]), told(&[size])), ((false, false, true), (false, false, false)));
+    assert_eq!(lost(&[]), []);
+    assert_eq!(lost(&[b"\xff\xfe\0\x07hello"]), [Lost::Texts]);
+    assert_eq!(lost(&[inches]), [Lost::Density]);
+    assert_eq!(lost(&[ratio]), []);
+    assert_eq!(lost(&[inches, exif]), [], "EXIF carries it");
+    assert_eq!((lost(&[iptc]), lost(&[size])), (vec![Lost::Iptc], vec![]));
 }

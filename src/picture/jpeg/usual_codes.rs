@@ -1,15 +1,15 @@
-//! The code tables that frames of cameras leave out: ITU-T T.81, tables K.3 to K.6.
+//! The standard code tables, which camera frames omit: ITU-T T.81, tables K.3 to K.6.
 
-use super::{next_marker, segment};
+use super::{SCAN, Segment, Segments};
 
-/// How many codes of each length 1 to 16 there are, and the values in their order: brightness and
-/// colour of the first coefficients.
+/// The first coefficients' tables for brightness and colour: the number of codes of each length, 1
+/// to 16, and the values in their order.
 const DC: [([u8; 16], [u8; 12]); 2] = [
     ([0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]),
     ([0, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]),
 ];
 
-/// The same of the other coefficients.
+/// The other coefficients' tables.
 #[rustfmt::skip]
 const AC: [([u8; 16], [u8; 162]); 2] = [
     (
@@ -48,24 +48,20 @@ const AC: [([u8; 16], [u8; 162]); 2] = [
     ),
 ];
 
-/// `bytes` with the usual tables before their first scan, where they come to it without any.
+/// `bytes` with the standard tables before their first scan; `None` where they have tables, or no
+/// scan.
 pub(in crate::picture) fn with_usual_codes(bytes: &[u8]) -> Option<Vec<u8>> {
-    let mut at = 2;
-    loop {
-        let marker = next_marker(bytes, &mut at).ok()?;
-        match marker {
-            0xc4 | 0xd9 => return None,
-            0xda => break,
-            0x01 | 0xd0..=0xd8 => continue,
-            _ => at += segment(bytes, at).ok()?.len() + 2,
-        }
-    }
+    let first = Segments::new(bytes)
+        .take_while(|segment| !matches!(segment, Ok(Segment { marker: 0xc4, .. })))
+        .find(|segment| !matches!(segment, Ok(segment) if segment.marker != SCAN))?
+        .ok()?;
+    // The scan's marker and length come before its body.
+    let scan = first.coded.start - first.body.len() - 4;
     let mut tables = Vec::new();
     for (n, ((dc, dc_values), (ac, ac_values))) in DC.iter().zip(&AC).enumerate() {
         tables.extend([&[n as u8][..], dc, dc_values, &[0x10 | n as u8], ac, ac_values].concat());
     }
-    // Past the scan's marker; its two bytes come after the tables.
-    let (before, after) = bytes.split_at(at - 2);
+    let (before, after) = bytes.split_at(scan);
     let length = (tables.len() as u16 + 2).to_be_bytes();
     Some([before, &[0xff, 0xc4], &length, &tables, after].concat())
 }

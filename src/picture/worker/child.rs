@@ -1,4 +1,4 @@
-//! The worker's own side: walls around itself first, then the file.
+//! The worker's side: limits itself, then reads the file.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -9,16 +9,16 @@ use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal,
 use super::super::{Photo, PictureError, camera_frame, whole};
 use super::wire::{self, Answer, Ask, Purpose};
 use crate::frame::Counts;
-use crate::picture::photo::read_bytes;
+use crate::picture::reading::read_bytes;
 use crate::remedy::full_message;
 
 /// Answers the question `ask` (JSON) about the file at standard input, on standard output.
 ///
 /// # Errors
-/// When the question is none, a wall cannot be raised, or nobody takes the answer.
+/// When the question is invalid, a limit cannot be set, or the answer cannot be written.
 pub fn serve(ask: &str) -> io::Result<()> {
     let ask: Ask = serde_json::from_str(ask)?;
-    raise_walls(&ask)?;
+    limit_itself(&ask)?;
     let file = File::from(io::stdin().as_fd().try_clone_to_owned()?);
     let mut out = BufWriter::new(io::stdout().lock());
     let name = &ask.name;
@@ -37,38 +37,37 @@ pub fn serve(ask: &str) -> io::Result<()> {
         Ok(Read::Frame(counts)) => wire::write_frame(&mut out, &counts)?,
         Ok(Read::Whole) => wire::write(&mut out, &Answer::Whole)?,
         Err(PictureError::Read { source, .. }) => {
-            wire::write(&mut out, &Answer::Unread { words: source.to_string() })?;
+            wire::write(&mut out, &Answer::Unread { message: source.to_string() })?;
         }
         Err(error) => {
-            let answer = Answer::Refused { growth: error.growth(), words: full_message(&error) };
+            let answer = Answer::Refused { growth: error.growth(), message: full_message(&error) };
             wire::write(&mut out, &answer)?;
         }
     }
     out.flush()
 }
 
-/// What was found in a file.
+/// The result of reading a file.
 enum Read {
     Whole,
     Photo(Box<Photo>),
     Frame(Counts),
 }
 
-/// Whatever the file makes of this process from here on, it is small, short, mute and alone.
-fn raise_walls(ask: &Ask) -> io::Result<()> {
-    let wall =
+/// Limits this process in memory, time and files, whatever the file makes it do.
+fn limit_itself(ask: &Ask) -> io::Result<()> {
+    let limit =
         |resource, most| setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) });
-    // The daemon's end is the worker's end.
+    // The worker ends with the daemon.
     set_parent_process_death_signal(Some(Signal::KILL))?;
     rustix::thread::set_no_new_privs(true)?;
-    wall(Resource::As, ask.memory_bytes_max)?;
-    wall(Resource::Cpu, ask.processor_s_max)?;
-    // No file can be written, none opened beyond those that are, none left behind by a crash.
-    wall(Resource::Fsize, 0)?;
-    wall(Resource::Nofile, 8)?;
-    wall(Resource::Core, 0)?;
-    // Should the box run out of memory all the same, this is the process that goes. Not every
-    // kernel lets one say so.
+    limit(Resource::As, ask.memory_bytes_max)?;
+    limit(Resource::Cpu, ask.processor_s_max)?;
+    // No file can be written, hardly any opened, and a crash leaves no core.
+    limit(Resource::Fsize, 0)?;
+    limit(Resource::Nofile, 8)?;
+    limit(Resource::Core, 0)?;
+    // When memory runs out, the kernel is to end this process first; not every kernel lets it.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
     Ok(())
 }

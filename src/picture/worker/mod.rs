@@ -1,10 +1,9 @@
-//! Photo files read in a process of their own, which a hostile file may kill and no more.
+//! Photo files read in a process of their own, the most that a hostile file can harm.
 //!
-//! The worker is this same program, started anew for each file with the file at its standard input.
-//! Before it looks at a byte it bounds its own memory, processor time, open files and written files
-//! to what a photo needs (setrlimit(2)); a timer ends it when it sits still. The daemon gets linear
-//! light of the rig's size, and never parses a byte of the file itself. Frames of cameras that code
-//! them go the same way.
+//! The worker is this program, started for each file with the file as standard input. Before it
+//! reads a byte it limits its memory, processor time, open and written files (setrlimit(2)); a
+//! timer ends it when it hangs. The daemon receives linear light of the rig's size, and parses no
+//! byte of the file. Frames of cameras that code them are read the same way.
 
 mod child;
 mod wire;
@@ -29,13 +28,13 @@ use wire::{Answer, Ask, Purpose};
 
 pub use child::serve;
 
-/// The word that makes the program a worker.
+/// The command that makes the program a worker.
 pub const WORD: &str = "read-photo";
 
-/// Starts workers, and bounds them.
+/// How workers are started and limited.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Worker {
-    /// The program: this one.
+    /// The program.
     pub program: PathBuf,
     /// Most address space in bytes.
     pub memory_bytes_max: u64,
@@ -46,9 +45,9 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Workers of the program that is running, whatever has its name by now. The bounds are
-    /// guesses: a 24-megapixel photo of 16 bits takes 1.0 GiB and 2 s of processor time on a
-    /// desktop, a board is ten times slower.
+    /// Workers of the running program, even if its file was replaced. The limits are guesses: a
+    /// 24-megapixel photo of 16 bits takes 1.0 GiB and 2 s of processor time on a desktop, ten
+    /// times as long on a board.
     pub fn of_this_program() -> Worker {
         Worker::of("/proc/self/exe".into())
     }
@@ -58,10 +57,10 @@ impl Worker {
         Worker { program, memory_bytes_max: 1536 << 20, processor_s_max: 60, wall_s_max: 120 }
     }
 
-    /// Whether `file`, called `name`, is all there.
+    /// Checks that `file`, called `name`, is complete.
     ///
     /// # Errors
-    /// As [`whole`](super::whole), or that the worker died.
+    /// As [`whole`](super::whole), or [`PictureError::Died`].
     pub fn whole(&self, name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
         let ask = self.ask(name, limits, Purpose::Whole);
         match read(name, &mut &self.answer(&ask, file)?[..])? {
@@ -73,7 +72,7 @@ impl Worker {
     /// The photo in `file`, called `name`, on the grid `grid`.
     ///
     /// # Errors
-    /// Why it is none; [`PictureError::Died`] when the worker died of it.
+    /// The refusal, or [`PictureError::Died`].
     pub fn photo(
         &self,
         name: &str,
@@ -87,25 +86,25 @@ impl Worker {
         photo_of_answer(name, &self.answer(&ask, file)?, grid.photo.size)
     }
 
-    /// The counts in `bytes`, a JPEG that a camera of `size` sent for a frame.
+    /// The counts in `bytes`, a camera's frame of `size` coded as JPEG.
     ///
     /// # Errors
-    /// As [`camera_frame`](super::camera_frame), or that the worker died.
+    /// As [`camera_frame`](super::camera_frame), or [`PictureError::Died`].
     pub fn frame(&self, bytes: &[u8], size: Size) -> Result<Counts, PictureError> {
         let name = "a camera's frame";
-        let held = || -> io::Result<File> {
+        let in_memory = || -> io::Result<File> {
             let mut file = File::from(memfd_create("relens-frame", MemfdFlags::CLOEXEC)?);
             file.write_all(bytes)?;
             file.rewind()?;
             Ok(file)
         };
-        let file = held().map_err(|source| PictureError::NoWorker { source })?;
+        let file = in_memory().map_err(|source| PictureError::NoWorker { source })?;
         let limits = Limits { bytes_max: bytes.len() as u64, ..Limits::default() };
         let answer = self.answer(&self.ask(name, &limits, Purpose::Frame(size)), file)?;
         let mut rest = &answer[..];
         match read(name, &mut rest)? {
             Answer::Frame => {
-                wire::read_frame(rest, size).map_err(|how| died(name, format!("it gave {how}")))
+                wire::read_frame(rest, size).map_err(|how| died(name, format!("it answered {how}")))
             }
             other => Err(refusal(name, other)),
         }
@@ -116,39 +115,37 @@ impl Worker {
         Ask { name: name.to_owned(), limits: *limits, purpose, memory_bytes_max, processor_s_max }
     }
 
-    /// All that one worker answers.
+    /// The whole answer of one worker.
     fn answer(&self, ask: &Ask, file: File) -> Result<Vec<u8>, PictureError> {
         let no_worker = |source| PictureError::NoWorker { source };
-        let words = serde_json::to_string(ask).map_err(|e| no_worker(e.into()))?;
+        let ask_json = serde_json::to_string(ask).map_err(|e| no_worker(e.into()))?;
         let mut child = Command::new(&self.program)
-            .args([WORD, &words])
+            .args([WORD, &ask_json])
             .env_clear()
-            // One thread is enough for one photo, and stacks of more would count as memory.
+            // More threads would not help one photo, and their stacks count as memory.
             .env("RAYON_NUM_THREADS", "1")
             .stdin(Stdio::from(file))
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
             .map_err(no_worker)?;
-        let taken = self.take(&mut child, wire::bytes_max(ask));
-        if !matches!(taken, Ok(WorkerOutput::All(_))) {
+        let output = self.read_output(&mut child, wire::bytes_max(ask));
+        if !matches!(output, Ok(WorkerOutput::All(_))) {
             let _ = child.kill();
         }
         let ended = child.wait().map_err(no_worker)?;
-        match taken.map_err(no_worker)? {
+        match output.map_err(no_worker)? {
             WorkerOutput::All(bytes) if ended.success() => Ok(bytes),
             WorkerOutput::All(_) => Err(died(&ask.name, self.cause(ended))),
-            WorkerOutput::TooMuch => {
-                Err(died(&ask.name, "it gave more than was asked for".to_owned()))
-            }
+            WorkerOutput::TooMuch => Err(died(&ask.name, "its answer was too long".to_owned())),
             WorkerOutput::TooLate => {
-                Err(died(&ask.name, format!("found no answer, allowed {} s", self.wall_s_max)))
+                Err(died(&ask.name, format!("no answer within {} s", self.wall_s_max)))
             }
         }
     }
 
-    /// All that `child` writes, if it ends in time.
-    fn take(&self, child: &mut Child, bytes_max: u64) -> io::Result<WorkerOutput> {
+    /// Reads all that `child` writes, within the time limit.
+    fn read_output(&self, child: &mut Child, bytes_max: u64) -> io::Result<WorkerOutput> {
         let Some(mut out) = child.stdout.take() else { return Ok(WorkerOutput::All(Vec::new())) };
         let timer = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;
         let zero = Timespec { tv_sec: 0, tv_nsec: 0 };
@@ -181,38 +178,41 @@ impl Worker {
         }
     }
 
-    /// Why a worker ended that should not have.
+    /// Why a worker failed.
     fn cause(&self, ended: ExitStatus) -> String {
         match ended.signal() {
-            // Rust's answer to memory that is refused is to abort.
+            // Rust aborts when memory is refused.
             Some(6) => {
-                format!("it aborted; {} MiB of memory are allowed", self.memory_bytes_max >> 20)
+                format!("it aborted, perhaps at its {} MiB of memory", self.memory_bytes_max >> 20)
             }
             Some(9 | 24) => {
-                format!("it was killed; {} s of processor time are allowed", self.processor_s_max)
+                format!(
+                    "it was killed, perhaps at its {} s of processor time",
+                    self.processor_s_max
+                )
             }
             Some(signal) => format!("signal {signal} ended it"),
-            None => format!("it gave up with {ended}"),
+            None => format!("it ended with {ended}"),
         }
     }
 }
 
-/// The photo called `name` in all that a worker answered when it was asked for one on the grid
-/// `size`. The worker is trusted in nothing: the file may have taken it over.
+/// The photo called `name` of `size` in a worker's `answer`, which is untrusted: the file may have
+/// taken the worker over.
 ///
 /// # Errors
-/// Why it is none: as [`Worker::photo`].
+/// As [`Worker::photo`].
 pub fn photo_of_answer(name: &str, answer: &[u8], size: Size) -> Result<Photo, PictureError> {
     let mut rest = answer;
     match read(name, &mut rest)? {
         Answer::Photo(header) => wire::read_photo(*header, &mut rest, size)
-            .map_err(|how| died(name, format!("it gave {how}"))),
+            .map_err(|how| died(name, format!("it answered {how}"))),
         other => Err(refusal(name, other)),
     }
 }
 
 fn read(name: &str, answer: &mut &[u8]) -> Result<Answer, PictureError> {
-    wire::read(answer).map_err(|how| died(name, format!("it gave {how}")))
+    wire::read(answer).map_err(|how| died(name, format!("it answered {how}")))
 }
 
 enum WorkerOutput {
@@ -227,12 +227,12 @@ fn died(name: &str, how: String) -> PictureError {
 
 fn refusal(name: &str, answer: Answer) -> PictureError {
     match answer {
-        Answer::Refused { words, growth } => PictureError::Told { words, growth },
-        Answer::Unread { words } => {
-            PictureError::Read { path: name.into(), source: io::Error::other(words) }
+        Answer::Refused { message, growth } => PictureError::RefusedByWorker { message, growth },
+        Answer::Unread { message } => {
+            PictureError::Read { path: name.into(), source: io::Error::other(message) }
         }
         Answer::Whole | Answer::Photo(_) | Answer::Frame => {
-            died(name, "it answered something else".to_owned())
+            died(name, "it answered another question".to_owned())
         }
     }
 }

@@ -1,9 +1,8 @@
-//! What goes between the daemon and a worker: one question in, one answer out, planes as plain
-//! numbers.
+//! The protocol between daemon and worker: one question, one answer.
 //!
-//! An answer is a length (u32, little-endian), that many bytes of postcard, and then the planes
-//! named in them, row by row, f32 little-endian. Whoever reads it trusts none of it: a worker may
-//! have been taken over by the file it read.
+//! An answer is a length (u32, little-endian), as many bytes of postcard, and then the planes that
+//! they list, row by row, f32 little-endian. It is validated as untrusted: the file may have taken
+//! the worker over.
 
 use std::io::{self, Read, Write};
 
@@ -27,10 +26,10 @@ pub(super) struct Ask {
     pub(super) processor_s_max: u64,
 }
 
-/// What a file is read for.
+/// The purpose of reading a file.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) enum Purpose {
-    /// Whether it is whole.
+    /// To check that it is complete.
     Whole,
     /// The photo, with this curve and on this grid.
     Photo(Curve, PhotoGrid),
@@ -41,16 +40,16 @@ pub(super) enum Purpose {
 /// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Answer {
-    /// The file is all there.
+    /// The file is complete.
     Whole,
     /// The photo; its planes follow.
     Photo(Box<Header>),
     /// A camera's frame; its counts follow, a byte each, plane by plane.
     Frame,
     /// The file is refused.
-    Refused { words: String, growth: Growth },
+    Refused { message: String, growth: Growth },
     /// The file could not be read.
-    Unread { words: String },
+    Unread { message: String },
 }
 
 /// A photo without its planes.
@@ -110,7 +109,7 @@ pub(super) fn write_frame(out: &mut dyn Write, counts: &Counts) -> io::Result<()
 /// Reads a camera's frame of `size` from `bytes`.
 ///
 /// # Errors
-/// A few words on what is wrong with it.
+/// A few words on the flaw.
 pub(super) fn read_frame(bytes: &[u8], size: Size) -> Result<Counts, &'static str> {
     if bytes.len() != 3 * size.area() {
         return Err("a frame of another size");
@@ -135,22 +134,9 @@ pub(super) fn write(out: &mut dyn Write, answer: &Answer) -> io::Result<()> {
 
 /// Writes a photo.
 pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> {
-    // All of it, so that none is forgotten here.
-    let Photo {
-        // What is seen.
-        name,
-        light,
-        raw,
-        coding,
-        camera,
-        channels,
-        // What goes along.
-        manner,
-        stored,
-        file,
-        losses,
-        notes,
-    } = photo;
+    // Without `..`, so that no field is forgotten.
+    let Photo { name, light, raw, coding, camera, channels, manner, stored, file, losses, notes } =
+        photo;
     let Manner { format, layout, bits, tone, orientation, icc, exif, alpha, colours } = manner;
     let header = Header {
         name: name.clone(),
@@ -186,10 +172,10 @@ pub(super) fn write_photo(out: &mut dyn Write, photo: &Photo) -> io::Result<()> 
     out.flush()
 }
 
-/// Reads an answer from `bytes`, what follows it being left there.
+/// Reads an answer from the front of `bytes`, and moves `bytes` past it.
 ///
 /// # Errors
-/// A few words on what is wrong with it.
+/// A few words on the flaw.
 pub(super) fn read(bytes: &mut &[u8]) -> Result<Answer, &'static str> {
     let mut length = [0; 4];
     bytes.read_exact(&mut length).map_err(|_| "no answer")?;
@@ -202,38 +188,20 @@ pub(super) fn read(bytes: &mut &[u8]) -> Result<Answer, &'static str> {
 /// The photo of `header` on the grid `allowed`, its planes read from `bytes`.
 ///
 /// # Errors
-/// A few words on what is wrong with it.
+/// A few words on the flaw.
 pub(super) fn read_photo(
     header: Header,
     bytes: &mut &[u8],
     allowed: Size,
 ) -> Result<Photo, &'static str> {
-    let steps = match header.bits {
-        8 => 256,
-        16 => 65536,
-        _ => return Err("samples of no known depth"),
-    };
-    if header.size != allowed || !header.tone.has_steps(steps) {
-        return Err("a photo of another size");
-    }
-    let sound = |raw: RawSites| {
-        let noise = raw.noise.unwrap_or_default();
-        let noise = noise.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0);
-        noise && raw.counts_per_level.is_finite() && raw.counts_per_level > 0.0
-    };
-    if !header.raw.is_none_or(|raw| sound(raw) && header.channels == Channels::Colour) {
-        return Err("raw sites that mean nothing");
-    }
-    if !header.colours.is_none_or(|colours| colours.are_sound() && header.raw.is_some()) {
-        return Err("colours that mean nothing");
-    }
+    header.validate(allowed)?;
     let mut plane = || {
         let (plane, rest) = bytes.split_at_checked(4 * allowed.area()).ok_or("planes cut short")?;
         *bytes = rest;
         let light: Vec<f32> =
             plane.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         if light.iter().any(|v| !v.is_finite()) {
-            return Err("light without a value");
+            return Err("light that is not finite");
         }
         Plane::from_vec(allowed, light).ok_or("planes of another size")
     };
@@ -249,7 +217,7 @@ pub(super) fn read_photo(
         None => None,
     };
     if !bytes.is_empty() {
-        return Err("more than was asked for");
+        return Err("more than the photo");
     }
     Ok(Photo {
         name: header.name,
@@ -264,7 +232,7 @@ pub(super) fn read_photo(
             bits: header.bits,
             tone: header.tone,
             orientation: Orientation::from_exif(header.orientation)
-                .ok_or("no known orientation")?,
+                .ok_or("an unknown orientation")?,
             icc: header.icc,
             exif: header.exif,
             alpha,
@@ -277,6 +245,33 @@ pub(super) fn read_photo(
     })
 }
 
+impl Header {
+    /// Checks all that is not checked on reading the planes.
+    fn validate(&self, allowed: Size) -> Result<(), &'static str> {
+        let steps = match self.bits {
+            8 => 256,
+            16 => 65536,
+            _ => return Err("samples of another depth"),
+        };
+        if self.size != allowed || !self.tone.has_steps(steps) {
+            return Err("a photo of another size");
+        }
+        let is_sound = |raw: RawSites| {
+            let noise = raw.noise.unwrap_or_default();
+            noise.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0)
+                && raw.counts_per_level.is_finite()
+                && raw.counts_per_level > 0.0
+        };
+        if !self.raw.is_none_or(|raw| is_sound(raw) && self.channels == Channels::Colour) {
+            return Err("invalid raw sites");
+        }
+        if !self.colours.is_none_or(|colours| colours.are_sound() && self.raw.is_some()) {
+            return Err("invalid colours");
+        }
+        Ok(())
+    }
+}
+
 /// `coding` with its coefficients, read from `bytes`.
 fn read_coding(
     mut coding: Coding,
@@ -285,7 +280,7 @@ fn read_coding(
 ) -> Result<Coding, &'static str> {
     let densest = coding.densest();
     for component in &mut coding.components {
-        // Before anything is reckoned with what may be any number.
+        // Checked before any arithmetic on untrusted numbers.
         if component.blocks != Coding::blocks(allowed, densest, component.pixels) {
             return Err("coefficients of another size");
         }
@@ -296,7 +291,7 @@ fn read_coding(
             numbers.chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect();
     }
     let sound = coding.size == allowed && coding.is_whole();
-    if sound { Ok(coding) } else { Err("coefficients that mean nothing") }
+    if sound { Ok(coding) } else { Err("invalid coefficients") }
 }
 
 #[cfg(test)]
@@ -311,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_jpeg_states_comes_over_and_is_trusted_in_nothing() {
+    fn coefficients_are_transferred_and_validated() {
         let (photo, size) = (photo(), Size::new(75, 50));
         let answered = |photo: &Photo| {
             let mut bytes = Vec::new();
@@ -343,7 +338,7 @@ mod tests {
             other.coding.as_mut().map(spoil);
             assert!(photo_of_answer("a.jpg", &answered(&other), size).is_err(), "{n}");
         }
-        // On another grid blocks are no more the photo's.
+        // On another grid the blocks are not the photo's.
         assert!(photo.fit(Size::new(150, 100)).unwrap().coding.is_none());
     }
 }

@@ -1,6 +1,5 @@
-//! A customer's file as the worker reads it: bytes to linear light, fitted to the rig's grid, and
-//! encoded again. What is taken is light with values, and what is written of it is read back at the
-//! same size.
+//! A photo file as the worker reads it: decoded to linear light, fitted to the rig's grid, and
+//! encoded again. All light is finite, and the result is read back at the same size.
 
 #![no_main]
 
@@ -13,8 +12,8 @@ const RIG: Size = Size::new(64, 48);
 const LIMITS: Limits =
     Limits { bytes_max: 1 << 20, pixels_max: 1 << 16, decoder_bytes_max: 16 << 20 };
 
-/// The program catches a decoder's panic and refuses the file; a panic of its own is a bug.
-fn forgive_decoders() {
+/// Ignores panics of decoders, which the program catches; its own are bugs.
+fn ignore_decoder_panics() {
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |about| {
         if !about.location().is_some_and(|at| at.file().contains("/registry/src/")) {
@@ -27,12 +26,12 @@ fn all_finite(light: &Frame<Work>) -> bool {
     light.planes().iter().all(|plane| plane.data().iter().all(|level| level.is_finite()))
 }
 
-fuzz_target!(init: forgive_decoders(), |bytes: &[u8]| {
+fuzz_target!(init: ignore_decoder_panics(), |bytes: &[u8]| {
     let Ok(photo) = Photo::from_bytes("photo", bytes, Curve::Srgb, &LIMITS) else { return };
     assert!(all_finite(&photo.light));
     let grey = photo.channels == Channels::Green;
     if let Ok(written) = encode("photo", &photo.light, &photo.manner, grey) {
-        // What the photo carried may take more room than it had in there.
+        // Metadata may take more room than in the photo.
         let room = Limits { bytes_max: 1 << 24, ..LIMITS };
         let back = Photo::from_bytes("photo", &written, Curve::Srgb, &room).expect("a result that \
          can be read");

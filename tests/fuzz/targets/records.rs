@@ -1,7 +1,6 @@
-//! What the daemon writes down for itself, read back as anything at all: the record of a photo
-//! under way, of the night, of the pilots, the report beside a result, the note beside a failure,
-//! the state. No photo may be lost or doubled by it, no result that is somebody else's touched,
-//! nothing outside the folders.
+//! The daemon's own records with arbitrary content: the ledger of a photo in progress, the night,
+//! the pilots, a report, a note on a failure, the state. No photo may be lost or doubled, and no
+//! foreign result or file outside the folders touched.
 
 #![no_main]
 
@@ -35,7 +34,7 @@ impl Clock for Still {
     }
 }
 
-/// Gives each photo back, on a rig that never drifts.
+/// Returns each photo, on a rig that never drifts.
 struct Returner;
 
 impl Restorer for Returner {
@@ -44,7 +43,7 @@ impl Restorer for Returner {
         photo: &Photo,
         _: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, AnyFailure> {
-        Ok(Outcome { captures: 0, ..Outcome::untouched(photo.light.clone(), "told to") })
+        Ok(Outcome { captures: 0, ..Outcome::untouched(photo.light.clone(), "as asked") })
     }
     fn mend(&mut self, _: Remedy) -> Result<(), AnyFailure> {
         Ok(())
@@ -84,13 +83,13 @@ fn nights() -> Nights {
     }
 }
 
-/// FNV-1a, by which the record of a photo under way has its name.
+/// FNV-1a, which names the record of a photo in progress.
 fn hash(name: &str) -> u64 {
     name.bytes()
         .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }
 
-/// A box that was stopped with one photo under way and one done.
+/// A box that was stopped with one photo in progress and one done.
 fn stopped(root: &Path, under_way: &[u8], done: &[u8], written: &[u8]) {
     for folder in ["inbox", "working", "outbox/gallery", "done", "failed"] {
         fs::create_dir_all(root.join(folder)).expect("a folder");
@@ -99,8 +98,8 @@ fn stopped(root: &Path, under_way: &[u8], done: &[u8], written: &[u8]) {
     put("working/a.png", under_way);
     put("done/c.png", done);
     put("outbox/c.png", b"the result of c");
-    put("outbox/b.png", b"a result of somebody else");
-    // What only the disk knows about the photo under way.
+    put("outbox/b.png", b"a foreign result");
+    // The inode of the photo in progress, which only the disk knows.
     let about = fs::metadata(root.join("working/a.png")).expect("the photo");
     let file = format!(
         "{{\"inode\":{},\"size\":{},\"changed\":[{},{}]}}",
@@ -134,18 +133,18 @@ fn stopped(root: &Path, under_way: &[u8], done: &[u8], written: &[u8]) {
 fuzz_target!(|bytes: &[u8]| {
     let (under_way, done) = (photo(50.0), photo(90.0));
     let outside = tempfile::tempdir().expect("a folder");
-    fs::write(outside.path().join("c.png"), b"nobody's business").expect("a file");
+    fs::write(outside.path().join("c.png"), b"untouched").expect("a file");
     let root = outside.path().join("box");
     stopped(&root, &under_way, &done, bytes);
     let _ = State::read(&root);
     {
         let clock = Still::default();
         let calendar = || UNIX_EPOCH + Duration::from_secs(4_000_000_000);
-        let folders = Folders::open(&root).expect("folders that were all right");
+        let folders = Folders::open(&root).expect("valid folders");
         let (set, temperature) = (|| true, || None);
         let times =
             Times { clock: &clock, calendar: &calendar, is_set: &set, temperature_c: &temperature };
-        let night = Nightly::new(&nights(), &folders, times).expect("hours that can be read");
+        let night = Nightly::new(&nights(), &folders, times).expect("valid hours");
         let setting = DaemonSetting {
             hints: false,
             floor_bytes: 0,
@@ -153,7 +152,7 @@ fuzz_target!(|bytes: &[u8]| {
         };
         let (mut restorer, mut watcher) = (Returner, ());
         let daemon = Daemon::open(folders, setting, &mut restorer, &clock, &calendar, &mut watcher);
-        let _ = daemon.expect("folders that were all right").scheduled(Box::new(night)).once();
+        let _ = daemon.expect("valid folders").scheduled(Box::new(night)).once();
     }
     for (name, photo) in [("under way", &under_way), ("done", &done)] {
         let found =
@@ -164,7 +163,7 @@ fuzz_target!(|bytes: &[u8]| {
             "the photo {name} in inbox, working, done, failed: {found:?}"
         );
     }
-    for result in [&b"a result of somebody else"[..], b"the result of c"] {
+    for result in [&b"a foreign result"[..], b"the result of c"] {
         assert_eq!(copies(&root.join("outbox"), result), 1, "{}", String::from_utf8_lossy(result));
     }
     assert_eq!(

@@ -1,4 +1,4 @@
-//! A rig file: refused in words, or a rig whose parts fit into each other.
+//! A rig file: refused with a message, or a consistent rig.
 
 #![no_main]
 

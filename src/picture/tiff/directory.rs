@@ -1,51 +1,59 @@
-//! One directory of a TIFF file: its entries by their tags, and where the next one is.
+//! One directory of a TIFF file.
 
-use super::super::Flaw;
-use super::super::tiff::File;
+use super::File;
+use crate::picture::Flaw;
 
-/// Letters of a text that are read. Guess: enough of a name.
-pub(super) const LETTERS_MAX: usize = 128;
+/// Most letters of a text that are read. Guess: enough for a name.
+pub(in crate::picture) const LETTERS_MAX: usize = 128;
 
-/// A directory's entries.
-pub(super) struct Directory<'a> {
-    pub(super) file: &'a File<'a>,
-    pub(super) at: usize,
+/// The entries of a directory; a tag that stands twice counts once, by its first entry.
+pub(in crate::picture) struct Directory<'a> {
+    pub(in crate::picture) file: &'a File<'a>,
+    pub(in crate::picture) at: usize,
     /// Tag and place of each entry.
-    pub(super) entries: Vec<(u16, usize)>,
-    pub(super) next: usize,
+    pub(in crate::picture) entries: Vec<(u16, usize)>,
 }
 
 impl<'a> Directory<'a> {
-    pub(super) fn read(file: &'a File<'a>, at: usize) -> Result<Directory<'a>, Flaw> {
+    /// The directory at `at`.
+    ///
+    /// # Errors
+    /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`].
+    pub(in crate::picture) fn read(file: &'a File<'a>, at: usize) -> Result<Directory<'a>, Flaw> {
         let count = usize::from(file.u16(at)?);
         if count == 0 {
-            // As a file does that was given its room before its bytes.
-            let flaw = file.ended_early("a directory");
-            let room = matches!(flaw, Flaw::ZeroFilled { .. });
-            let damaged = || file.damaged("a directory of no entries", "at least one");
-            return Err(if room { flaw } else { damaged() });
+            return Err(file.damaged("a directory of no entries", "at least one"));
         }
         let places = (0..count).map(|n| at + 2 + 12 * n);
         let entries = places.map(|entry| Ok((file.u16(entry)?, entry)));
         let entries = entries.collect::<Result<Vec<_>, Flaw>>()?;
-        let next = file.u32(at + 2 + 12 * count)? as usize;
-        Ok(Directory { file, at, entries, next })
+        Ok(Directory { file, at, entries })
     }
 
-    pub(super) fn find(&self, tag: u16) -> Option<usize> {
+    /// Where the place of the next directory is stated.
+    pub(in crate::picture) fn next_field(&self) -> usize {
+        self.at + 2 + 12 * self.entries.len()
+    }
+
+    /// The place of the next directory; 0 after the last one.
+    pub(in crate::picture) fn next(&self) -> Result<usize, Flaw> {
+        self.file.u32(self.next_field()).map(|at| at as usize)
+    }
+
+    pub(in crate::picture) fn find(&self, tag: u16) -> Option<usize> {
         self.entries.iter().find(|(found, _)| *found == tag).map(|&(_, entry)| entry)
     }
 
-    pub(super) fn numbers(&self, tag: u16) -> Result<Option<Vec<usize>>, Flaw> {
+    pub(in crate::picture) fn numbers(&self, tag: u16) -> Result<Option<Vec<usize>>, Flaw> {
         self.find(tag).map(|entry| self.file.numbers(entry)).transpose()
     }
 
-    pub(super) fn number(&self, tag: u16) -> Result<Option<usize>, Flaw> {
+    pub(in crate::picture) fn number(&self, tag: u16) -> Result<Option<usize>, Flaw> {
         self.find(tag).map(|entry| self.file.first(entry)).transpose()
     }
 
-    /// Text as far as it can be printed, up to its closing zero or [`LETTERS_MAX`].
-    pub(super) fn text(&self, tag: u16) -> Result<Option<String>, Flaw> {
+    /// The printable letters of a text, at most [`LETTERS_MAX`].
+    pub(in crate::picture) fn text(&self, tag: u16) -> Result<Option<String>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let (count, at) = self.file.place(entry, 1)?;
         let bytes = self.file.bytes.get(at..).unwrap_or_default().iter();
@@ -54,8 +62,8 @@ impl<'a> Directory<'a> {
         Ok(Some(printed.collect::<String>().trim().to_owned()))
     }
 
-    /// Numbers that may be fractions, with a sign or without, or floating.
-    pub(super) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
+    /// Whole, fractional or floating numbers.
+    pub(in crate::picture) fn reals(&self, tag: u16) -> Result<Option<Vec<f32>>, Flaw> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         let kind = self.file.u16(entry + 2)?;
         if kind == 12 {

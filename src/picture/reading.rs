@@ -1,0 +1,143 @@
+//! Photo files opened and read as a rig asks.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use rustix::fs::{Mode, OFlags};
+
+use super::decode::{Limits, walk};
+use super::{Flaw, Growth, Photo, PictureError};
+use crate::config::{Curve, LargerPhotos, RawResults, RigFile};
+use crate::frame::PhotoGrid;
+
+/// How the photos of a rig are read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// Curve of photos without a usable ICC profile.
+    pub curve: Curve,
+    /// The resources that one photo may take.
+    pub limits: Limits,
+    /// The rig's photo on its sensor.
+    pub grid: PhotoGrid,
+    /// What becomes of photos with more pixels than that.
+    pub larger_photos: LargerPhotos,
+    /// Format of raw photos' results.
+    pub raw_results: RawResults,
+}
+
+impl Reading {
+    /// With the usual limits, larger photos resampled, and TIFFs of raw ones.
+    pub fn new(grid: impl Into<PhotoGrid>, curve: Curve) -> Reading {
+        Reading {
+            curve,
+            limits: Limits::default(),
+            grid: grid.into(),
+            larger_photos: LargerPhotos::Shrink,
+            raw_results: RawResults::Tiff,
+        }
+    }
+
+    /// As the rig file asks.
+    pub fn of(rig: &RigFile) -> Reading {
+        Reading {
+            larger_photos: rig.run.larger_photos,
+            raw_results: rig.photo.raw_results,
+            ..Reading::new(rig.photo_grid(), rig.photo.curve)
+        }
+    }
+
+    /// The photo in the plain file `file`, called `name`, on the rig's grid.
+    ///
+    /// # Errors
+    /// As [`Photo::of_file`] and [`Photo::fit`], or [`Flaw::Larger`].
+    pub fn photo_of_file(&self, name: &str, file: File) -> Result<Photo, PictureError> {
+        self.finish(Photo::of_file(name, file, self.curve, &self.limits)?.fit(self.grid)?)
+    }
+
+    /// The photo in `bytes`, called `name`, on the rig's grid.
+    ///
+    /// # Errors
+    /// As [`Photo::from_bytes`] and [`Photo::fit`], or [`Flaw::Larger`].
+    pub fn photo_of_bytes(&self, name: &str, bytes: &[u8]) -> Result<Photo, PictureError> {
+        self.finish(Photo::from_bytes(name, bytes, self.curve, &self.limits)?.fit(self.grid)?)
+    }
+
+    /// Sets the result's format of `photo`, which is on the rig's grid, and checks its size.
+    ///
+    /// # Errors
+    /// [`Flaw::Larger`].
+    pub fn finish(&self, photo: Photo) -> Result<Photo, PictureError> {
+        let photo = photo.with_raw_results(self.raw_results);
+        let (found, allowed) = (photo.stored, photo.light.size());
+        if self.larger_photos == LargerPhotos::Refuse && found.area() > allowed.area() {
+            let flaw = Flaw::Larger { found, allowed };
+            return Err(PictureError::Refused { name: photo.name, flaw });
+        }
+        Ok(photo)
+    }
+}
+
+/// Checks that `file`, called `name`, is complete: a JPEG to its end marker, a PNG to its end
+/// chunk, a TIFF to its last strip, none with a hole of zeros in it. Other flaws are not reported.
+///
+/// # Errors
+/// [`PictureError::Refused`] with the missing part, always of [`Growth::Likely`];
+/// [`PictureError::Read`].
+pub fn whole(name: &str, file: File, limits: &Limits) -> Result<(), PictureError> {
+    let walked = read_bytes(file, name, limits).and_then(|bytes| {
+        walk(&bytes, limits).map_err(|flaw| PictureError::Refused { name: name.to_owned(), flaw })
+    });
+    match walked {
+        Err(error)
+            if error.growth() == Growth::Likely || matches!(error, PictureError::Read { .. }) =>
+        {
+            Err(error)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The bytes of the photo in `path`, which is no link, pipe or device.
+///
+/// # Errors
+/// As [`Photo::read`].
+pub fn bytes_of(path: &Path, limits: &Limits) -> Result<Vec<u8>, PictureError> {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    read_bytes(open(path, &name)?, &name, limits)
+}
+
+/// Opens a plain file.
+pub(super) fn open(path: &Path, name: &str) -> Result<File, PictureError> {
+    // A pipe would block the open, and a link may lead anywhere.
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    match rustix::fs::open(path, flags, Mode::empty()) {
+        Ok(fd) => Ok(File::from(fd)),
+        Err(rustix::io::Errno::LOOP) => Err(PictureError::not_a_file(name, "a link")),
+        Err(errno) => Err(PictureError::Read { path: path.to_owned(), source: errno.into() }),
+    }
+}
+
+/// The bytes of a plain file no longer than the limit.
+pub(super) fn read_bytes(file: File, name: &str, limits: &Limits) -> Result<Vec<u8>, PictureError> {
+    let read = |source: std::io::Error| PictureError::Read { path: name.into(), source };
+    let about = file.metadata().map_err(read)?;
+    if !about.is_file() {
+        let found = if about.is_dir() { "a folder" } else { "a pipe or device" };
+        return Err(PictureError::not_a_file(name, found));
+    }
+    let too_long = |found: u64| {
+        let flaw = Flaw::TooLong { found, allowed: limits.bytes_max };
+        PictureError::Refused { name: name.to_owned(), flaw }
+    };
+    if about.len() > limits.bytes_max {
+        return Err(too_long(about.len()));
+    }
+    let mut bytes = Vec::with_capacity(about.len() as usize);
+    file.take(limits.bytes_max + 1).read_to_end(&mut bytes).map_err(read)?;
+    if bytes.len() as u64 > limits.bytes_max {
+        Err(too_long(bytes.len() as u64))
+    } else {
+        Ok(bytes)
+    }
+}
