@@ -76,94 +76,150 @@ impl Wiener {
     ) -> Plane {
         let noise = observation.pixel_noise(channel).max(NOISE_MIN);
         let ratio = self.noise_to_signal * noise * noise;
-        filter_tiles(model.functions(), channel, blurred, observation.rect, ratio)
+        TileFilter::new(model.functions(), channel, blurred, observation.rect, ratio).filter()
     }
 }
 
-/// One channel of a `photo` at `rect` filtered tile by tile.
-fn filter_tiles(
-    functions: &LensFunctions,
+/// One channel of a photo to be filtered tile by tile.
+struct TileFilter<'a> {
+    functions: &'a LensFunctions,
     channel: Channel,
-    photo: &Plane,
+    photo: &'a Plane,
     rect: Rect,
     ratio: f32,
-) -> Plane {
-    let size = photo.size();
-    let tile = Size::new(
-        rect.size.width.div_ceil(functions.columns.max(1)),
-        rect.size.height.div_ceil(functions.rows.max(1)),
-    );
-    // The tile with its overlap, and the blur's reach on both sides, so that nothing wraps around.
-    let reach = functions.support_px / 2;
-    let [across, down] = [tile.width, tile.height].map(TileWindow::of);
-    let length = |window: &TileWindow| smooth_length(window.length() + 2 * reach);
-    let transform = Transform2::new(Size::new(length(&across), length(&down)));
-    let columns = across.places(rect.x, size.width);
-    let rows = down.places(rect.y, size.height);
-    let clamped = |v: isize, end: usize| v.clamp(0, end as isize - 1) as usize;
-    // One row of tiles, which overlaps the next.
-    let filtered_row = |row: isize| {
-        let mut strip = Plane::zeros(Size::new(size.width, down.length()));
-        let (y0, along_y) = (down.corner(row, rect.y), down.weights(row, &rows));
-        let [mut values, mut lens] =
-            [(); 2].map(|()| vec![Complex32::default(); transform.size.area()]);
-        let all: Vec<isize> = columns.clone().collect();
-        for pair in all.chunks(2) {
-            // Two tiles in one transform, the second one (the first again, where there is none) as
-            // its imaginary part.
-            let pair = [pair[0], pair[pair.len() - 1]];
-            let left = pair.map(|column| across.corner(column, rect.x));
-            let columns_of = |x0: isize| -> Vec<usize> {
-                let place = |x: usize| clamped(x0 + x as isize - reach as isize, size.width);
-                (0..transform.size.width).map(place).collect()
-            };
-            let from = left.map(columns_of);
-            for (y, line) in values.chunks_exact_mut(transform.size.width).enumerate() {
-                let row = photo.row(clamped(y0 + y as isize - reach as isize, size.height));
-                for ((value, &first), &second) in line.iter_mut().zip(&from[0]).zip(&from[1]) {
-                    *value = Complex32 { re: row[first], im: row[second] };
+    across: TileWindow,
+    down: TileWindow,
+    columns: Range<isize>,
+    rows: Range<isize>,
+    /// Pixels beyond a window that the blur reaches, so that nothing wraps around.
+    reach: usize,
+    transform: Transform2,
+}
+
+/// A row of tiles, which overlaps the next.
+struct FilteredRow {
+    top: isize,
+    light: Plane,
+}
+
+fn clamp_index(v: isize, end: usize) -> usize {
+    v.clamp(0, end as isize - 1) as usize
+}
+
+impl<'a> TileFilter<'a> {
+    fn new(
+        functions: &'a LensFunctions,
+        channel: Channel,
+        photo: &'a Plane,
+        rect: Rect,
+        ratio: f32,
+    ) -> TileFilter<'a> {
+        let (size, reach) = (photo.size(), functions.support_px / 2);
+        let across = TileWindow::of(rect.size.width.div_ceil(functions.columns.max(1)));
+        let down = TileWindow::of(rect.size.height.div_ceil(functions.rows.max(1)));
+        let length = |window: &TileWindow| smooth_length(window.length() + 2 * reach);
+        let transform = Transform2::new(Size::new(length(&across), length(&down)));
+        let columns = across.places(rect.x, size.width);
+        let rows = down.places(rect.y, size.height);
+        TileFilter {
+            functions,
+            channel,
+            photo,
+            rect,
+            ratio,
+            across,
+            down,
+            columns,
+            rows,
+            reach,
+            transform,
+        }
+    }
+
+    /// The whole channel filtered.
+    fn filter(&self) -> Plane {
+        let rows = self.rows.clone().into_par_iter();
+        let filtered: Vec<FilteredRow> = rows.map(|row| self.filter_row(row)).collect();
+        let mut picture: Plane = Plane::zeros(self.photo.size());
+        for FilteredRow { top, light } in &filtered {
+            for y in 0..light.height() {
+                let to_y = top + y as isize;
+                if (0..picture.height() as isize).contains(&to_y) {
+                    let pairs = picture.row_mut(to_y as usize).iter_mut().zip(light.row(y));
+                    pairs.for_each(|(sum, value)| *sum += value);
                 }
-            }
-            let taps = pair.map(|column| {
-                functions.function(
-                    channel,
-                    clamped(row, functions.rows),
-                    clamped(column, functions.columns),
-                )
-            });
-            transform.filter(&mut values, taps, functions.support_px, ratio, &mut lens);
-            let mut add = |n: usize, value_of: fn(&Complex32) -> f32| {
-                let (x0, along_x) = (left[n], across.weights(pair[n], &columns));
-                for (y, weight) in along_y.iter().enumerate() {
-                    let from = &values[(y + reach) * transform.size.width + reach..];
-                    let to = strip.row_mut(y);
-                    for (x, value) in from[..across.length()].iter().enumerate() {
-                        let to_x = x0 + x as isize;
-                        if (0..size.width as isize).contains(&to_x) {
-                            to[to_x as usize] += weight * along_x[x] * value_of(value);
-                        }
-                    }
-                }
-            };
-            add(0, |value| value.re);
-            if pair[1] != pair[0] {
-                add(1, |value| value.im);
             }
         }
-        (y0, strip)
-    };
-    let strips: Vec<(isize, Plane)> = rows.clone().into_par_iter().map(filtered_row).collect();
-    let mut picture: Plane = Plane::zeros(size);
-    for (y0, strip) in &strips {
-        for y in 0..strip.height() {
-            let to_y = y0 + y as isize;
-            if (0..size.height as isize).contains(&to_y) {
-                let pairs = picture.row_mut(to_y as usize).iter_mut().zip(strip.row(y));
-                pairs.for_each(|(sum, value)| *sum += value);
+        picture
+    }
+
+    /// One row of tiles filtered, two tiles in one transform: the second, or the first again at the
+    /// end of the row, is the imaginary part.
+    fn filter_row(&self, row: isize) -> FilteredRow {
+        let mut light = Plane::zeros(Size::new(self.photo.width(), self.down.length()));
+        let top = self.down.corner(row, self.rect.y);
+        let [mut values, mut lens] =
+            [(); 2].map(|()| vec![Complex32::default(); self.transform.size.area()]);
+        let all: Vec<isize> = self.columns.clone().collect();
+        for pair in all.chunks(2) {
+            let pair = [pair[0], pair[pair.len() - 1]];
+            self.load(pair, top, &mut values);
+            let taps = pair.map(|column| {
+                let row = clamp_index(row, self.functions.rows);
+                let column = clamp_index(column, self.functions.columns);
+                self.functions.function(self.channel, row, column)
+            });
+            let support_px = self.functions.support_px;
+            self.transform.filter(&mut values, taps, support_px, self.ratio, &mut lens);
+            self.add(&values, |value| value.re, (row, pair[0]), &mut light);
+            if pair[1] != pair[0] {
+                self.add(&values, |value| value.im, (row, pair[1]), &mut light);
+            }
+        }
+        FilteredRow { top, light }
+    }
+
+    /// Loads the photo under the tiles of the columns `pair`, whose row starts at `top`.
+    fn load(&self, pair: [isize; 2], top: isize, values: &mut [Complex32]) {
+        let (size, width) = (self.photo.size(), self.transform.size.width);
+        let from = pair.map(|column| {
+            let start = self.across.corner(column, self.rect.x) - self.reach as isize;
+            let place = |x: usize| clamp_index(start + x as isize, size.width);
+            (0..width).map(place).collect::<Vec<usize>>()
+        });
+        for (y, line) in values.chunks_exact_mut(width).enumerate() {
+            let y = clamp_index(top + y as isize - self.reach as isize, size.height);
+            let row = self.photo.row(y);
+            for ((value, &first), &second) in line.iter_mut().zip(&from[0]).zip(&from[1]) {
+                *value = Complex32 { re: row[first], im: row[second] };
             }
         }
     }
-    picture
+
+    /// Adds one `part` of the filtered `values`, the tile at `(row, column)`, to its row under its
+    /// window.
+    fn add(
+        &self,
+        values: &[Complex32],
+        part: fn(&Complex32) -> f32,
+        (row, column): (isize, isize),
+        light: &mut Plane,
+    ) {
+        let along_y = self.down.weights(row, &self.rows);
+        let along_x = self.across.weights(column, &self.columns);
+        let x0 = self.across.corner(column, self.rect.x);
+        let width = light.width() as isize;
+        for (y, weight) in along_y.iter().enumerate() {
+            let from = &values[(y + self.reach) * self.transform.size.width + self.reach..];
+            let to = light.row_mut(y);
+            for (x, value) in from[..self.across.length()].iter().enumerate() {
+                let to_x = x0 + x as isize;
+                if (0..width).contains(&to_x) {
+                    to[to_x as usize] += weight * along_x[x] * part(value);
+                }
+            }
+        }
+    }
 }
 
 /// The least product of 2, 3 and 5 from `least` on: other lengths transform several times slower.
