@@ -59,8 +59,9 @@
 //! | 3 | [`picture`] | photo files and coded camera frames |
 //! | 4 | [`calibration`], [`rig`] | fits and their store; the devices, real or simulated |
 //! | 5 | [`light_path`], [`measurement`] | forward convolution by a rig; measurement and fits |
-//! | 5 | [`alignment`], [`diagnosis`] | a rig's focus, aim and brightness; its timing |
+//! | 5 | [`diagnosis`] | a rig's timing |
 //! | 5 | [`kiosk`] | button, lamps, screens |
+//! | 6 | [`alignment`] | a rig's focus, aim and brightness |
 //! | 6 | [`pipeline`], [`nights`] | one photo on a calibrated rig; schedule, clock, drift |
 //! | 7 | [`restorer`] | a rig's restorer and its kept files |
 //! | 8 | [`daemon`], [`chart`] | drop folder, jobs, reports; speed, operating point |

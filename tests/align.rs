@@ -6,7 +6,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use relens::alignment::{Action, Advice, AlignmentReport, FocusTurn, PictureSide, RigView};
+use relens::alignment::{Action, Advice, AlignmentReport, FocusTurn, RigView};
 use relens::config::{self, Kind, Lens, RigFile};
 use relens::frame::Mosaic;
 use relens::measurement;
@@ -72,12 +72,11 @@ impl Builder {
                 self.pose.sensor_px_per_panel_px /= times;
             }
             // The advice has no angle: two degrees at a time until it ceases.
-            Action::Nearer(side) => match side {
-                PictureSide::Right => self.pose.tilt_y_deg += 2.0,
-                PictureSide::Left => self.pose.tilt_y_deg -= 2.0,
-                PictureSide::Lower => self.pose.tilt_x_deg -= 2.0,
-                PictureSide::Upper => self.pose.tilt_x_deg += 2.0,
-            },
+            Action::Nearer([right, below]) => {
+                let step = |share: f64| if share == 0.0 { 0.0 } else { 2.0 * share.signum() };
+                self.pose.tilt_y_deg += step(right);
+                self.pose.tilt_x_deg -= step(below);
+            }
             Action::Expose(exposure_ms) => {
                 self.white_share *= exposure_ms / self.exposure_ms;
                 self.exposure_ms = exposure_ms;

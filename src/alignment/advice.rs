@@ -61,28 +61,11 @@ pub enum FocusTurn {
     Stay,
 }
 
-/// A side of the picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PictureSide {
-    /// Left.
-    Left,
-    /// Right.
-    Right,
-    /// Upper.
-    Upper,
-    /// Lower.
-    Lower,
-}
-
 /// The action that a piece of advice asks for. Directions are those of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
-    /// Bring the panel's middle into view.
-    Find,
     /// Bring the panel before unlit places.
     Cover,
-    /// Remove a mirror image.
-    Unmirror,
     /// Set the exposure time, ms.
     Expose(f64),
     /// Multiply the light.
@@ -95,16 +78,13 @@ pub enum Action {
     Move([f64; 2]),
     /// Rotate the panel clockwise, degrees.
     Rotate(f64),
-    /// Turn a side of the panel nearer.
-    Nearer(PictureSide),
-    /// Steady the light.
-    Steady,
-    /// Switch off what bends the camera's counts.
-    Straighten,
-    /// Seal a leak of light.
-    Seal,
+    /// Turn the right (negative: left) or the lower (negative: upper) side nearer, by a share of
+    /// the distance.
+    Nearer([f64; 2]),
     /// Turn the focus ring.
     Focus(FocusTurn),
+    /// As the sentence says.
+    Other,
 }
 
 /// An action and the sentence for the user.
@@ -131,7 +111,7 @@ impl Advice {
     pub fn find() -> Advice {
         let sentence = "the panel's middle is not in view: aim the camera at it, or turn the \
                         focus ring a good deal";
-        Advice { action: Action::Find, sentence: sentence.to_owned() }
+        Advice { action: Action::Other, sentence: sentence.to_owned() }
     }
 
     /// Advice on the focus ring.
@@ -149,7 +129,7 @@ impl Advice {
     pub fn flicker(share: f64) -> Option<Advice> {
         Advice::when(
             share > FLICKER_MAX,
-            Action::Steady,
+            Action::Other,
             format!(
                 "the light changes by {:.1} % from one exposure to the next: expose for whole \
                  refreshes, and set the panel to its full brightness",
@@ -163,7 +143,7 @@ impl Advice {
         let leaking = names(light, |light| light > LEAK_MAX);
         Advice::when(
             !leaking.is_empty(),
-            Action::Seal,
+            Action::Other,
             format!("light leaks in at the {leaking}: seal that seam with felt"),
         )
     }
@@ -173,7 +153,7 @@ impl Advice {
         let [twice, thrice] = linearity.ratios;
         Advice::when(
             !linearity.is_straight(),
-            Action::Straighten,
+            Action::Other,
             format!(
                 "2 and 3 times the exposure give {twice:.2} and {thrice:.2} times the counts: \
                  switch off the camera's gamma, contrast and automatic gain"
@@ -246,7 +226,7 @@ impl Aim {
         let mut rows = vec![
             Advice::when(
                 self.mirrored,
-                Action::Unmirror,
+                Action::Other,
                 "left and right are swapped: remove the mirror, or change the camera's setting",
             ),
             Advice::when(
@@ -275,17 +255,16 @@ impl Aim {
             ),
         ));
         let [across, down] = self.keystone;
-        for (share, positive, negative) in [
-            (across, (PictureSide::Left, "left"), (PictureSide::Right, "right")),
-            (down, (PictureSide::Upper, "upper"), (PictureSide::Lower, "lower")),
-        ] {
-            let (side, name) = if share < 0.0 { negative } else { positive };
+        for (share, action, names) in
+            [(across, [-across, 0.0], ["left", "right"]), (down, [0.0, -down], ["upper", "lower"])]
+        {
             rows.push(Advice::when(
                 share.abs() > KEYSTONE_MAX,
-                Action::Nearer(side),
+                Action::Nearer(action),
                 format!(
-                    "the {name} side of the panel in the picture is {:.1} % farther away than the \
+                    "the {} side of the panel in the picture is {:.1} % farther away than the \
                      opposite one: turn it nearer",
+                    names[usize::from(share < 0.0)],
                     100.0 * share.abs()
                 ),
             ));
@@ -334,7 +313,7 @@ impl Steadiness {
             Advice::flicker(self.flicker),
             Advice::when(
                 self.bands > FLICKER_MAX,
-                Action::Steady,
+                Action::Other,
                 format!(
                     "bands across the picture change by {:.1} %: the exposure is no whole number \
                      of the backlight's periods; set the panel to its full brightness",
@@ -343,7 +322,7 @@ impl Steadiness {
             ),
             Advice::when(
                 self.drift.abs() > DRIFT_MAX,
-                Action::Steady,
+                Action::Other,
                 format!(
                     "the light {} by {:.1} %: let the panel warm up, and switch off its automatic \
                      brightness",

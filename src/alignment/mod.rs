@@ -18,7 +18,7 @@ use crate::patterns::{self, Trial};
 use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 
-pub use advice::{Action, Advice, FocusTurn, PictureSide};
+pub use advice::{Action, Advice, FocusTurn};
 pub use pose::Aim;
 pub use report::AlignmentReport;
 pub use sharpness::{FocusHistory, Sharpness};

@@ -186,11 +186,21 @@ impl AlignmentReport {
                 if aim.magnification > 1.0 { "coarser" } else { "finer" }
             ),
             format!(
-                "reserve of panel px: {left:.0} left, {right:.0} right, {top:.0} above, {bottom:.0} \
+                "panel reserve: {left:.0} px left, {right:.0} right, {top:.0} above, {bottom:.0} \
                  below: {}",
                 if aim.covers() { "it covers the sensor" } else { "the sensor sees past it" }
             ),
         ]
+    }
+
+    /// The lines on light and position.
+    fn measurements(&self) -> Vec<String> {
+        let mut lines: Vec<String> = self.light_line().into_iter().collect();
+        if let Some(light) = &self.brightness {
+            lines.push(format!("histogram of white |{}|", light.histogram.line()));
+        }
+        lines.extend(self.aim_lines());
+        lines
     }
 
     /// The report as lines for a terminal.
@@ -209,11 +219,7 @@ impl AlignmentReport {
             });
             lines.push(format!("  {}", cells.collect::<Vec<String>>().join("  ")));
         }
-        lines.extend(self.light_line());
-        if let Some(light) = &self.brightness {
-            lines.push(format!("white's histogram |{}|", light.histogram.line()));
-        }
-        lines.extend(self.aim_lines());
+        lines.extend(self.measurements());
         lines.extend(self.advice().iter().map(|advice| format!("-> {advice}")));
         lines
     }
@@ -245,19 +251,13 @@ impl AlignmentReport {
             100.0 * self.best_mean
         );
         self.write_places(&mut page, picture);
-        page.push_str("<ol>\n");
-        for advice in self.advice() {
-            let _ = writeln!(page, "<li>{}</li>", escape(&advice.to_string()));
-        }
-        page.push_str("</ol>\n");
-        for line in self.light_line().into_iter().chain(self.aim_lines()) {
-            let _ = writeln!(page, "<p>{}</p>", escape(&line));
-        }
-        self.write_histogram(&mut page);
+        let advice: Vec<String> = self.advice().iter().map(Advice::to_string).collect();
         let _ = write!(
             page,
-            "<p><small>reading {}, {:.1} per second; updated while relens align runs</small></p>\n\
-             </body></html>\n",
+            "<ol>\n<li>{}</li>\n</ol>\n<p>{}</p>\n<p><small>reading {}, {:.1} per second; updated \
+             while relens align runs</small></p>\n</body></html>\n",
+            escape(&advice.join("\n")).replace('\n', "</li>\n<li>"),
+            escape(&self.measurements().join("\n")).replace('\n', "</p>\n<p>"),
             self.readings,
             self.rate()
         );
@@ -292,23 +292,6 @@ impl AlignmentReport {
         }
         page.push_str("</svg>\n");
     }
-
-    fn write_histogram(&self, page: &mut String) {
-        let Some(light) = &self.brightness else { return };
-        page.push_str(
-            "<svg class=\"histogram\" viewBox=\"0 0 320 64\" role=\"img\" \
-             aria-label=\"Histogram of white\">",
-        );
-        for (n, height) in light.histogram.heights().into_iter().enumerate() {
-            let high = (60.0 * height).max(if height > 0.0 { 1.0 } else { 0.0 });
-            let (x, y) = (10 * n, 62.0 - high);
-            let _ = write!(page, "<rect x=\"{x}\" y=\"{y:.1}\" width=\"9\" height=\"{high:.1}\"/>");
-        }
-        page.push_str(
-            "</svg>\n<p><small>histogram of white: black on the left, saturated on the right\
-             </small></p>\n",
-        );
-    }
 }
 
 const HEAD: &str = "<!doctype html>
@@ -326,8 +309,6 @@ svg { width: 100%; height: auto; background: #000; }
 svg rect { fill: none; stroke: #6c6; stroke-width: .3%; }
 svg text { fill: #fff; stroke: #000; stroke-width: .15em; paint-order: stroke; \
 text-anchor: middle; }
-svg.histogram { background: none; border-bottom: 1px solid; }
-svg.histogram rect { fill: currentColor; stroke: none; }
 ol { font-size: 1.2rem; padding-left: 1.5rem; }
 p { margin: .3rem 0; }
 </style></head><body>

@@ -124,7 +124,7 @@ pub struct Histogram(pub [u64; BINS]);
 
 impl Histogram {
     /// Heights of the bins relative to the highest, 0..1.
-    pub fn heights(&self) -> [f64; BINS] {
+    fn heights(&self) -> [f64; BINS] {
         let most = self.0.iter().copied().max().unwrap_or(0).max(1) as f64;
         self.0.map(|count| count as f64 / most)
     }

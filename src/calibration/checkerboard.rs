@@ -142,7 +142,7 @@ pub fn corners(
         radius: (0.38 * side).max(2.0),
         reach: 0.3 * side,
     };
-    let board = Board {
+    let board = CornerGrid {
         square: square_px as f64,
         last: ((panel.width / square_px) as i64, (panel.height / square_px) as i64),
     };
@@ -169,14 +169,14 @@ pub fn corners(
 }
 
 /// A checkerboard; corner (a, b) is that of a × b squares from the panel's origin.
-struct Board {
+struct CornerGrid {
     /// Side of a square, panel pixels.
     square: f64,
     /// Largest indices of corners.
     last: (i64, i64),
 }
 
-impl Board {
+impl CornerGrid {
     /// Panel position of a corner.
     fn on_panel(&self, a: i64, b: i64) -> (f64, f64) {
         (a as f64 * self.square - 0.5, b as f64 * self.square - 0.5)

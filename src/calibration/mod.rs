@@ -158,10 +158,8 @@ impl Calibration {
                 [&g.work_to_panel.x, &g.work_to_panel.y, &g.panel_to_work.x, &g.panel_to_work.y]
             }));
         if surfaces.into_iter().any(|s| !s.is_whole()) {
-            return Err(
-                "a surface has the wrong number of coefficients, or a coefficient that is not finite"
-                    .to_owned(),
-            );
+            return Err("a surface has a wrong number of coefficients, or one that is not finite"
+                .to_owned());
         }
         if self.counts_per_level.iter().any(|c| !c.is_finite() || *c <= 0.0) {
             return Err(format!(

@@ -51,8 +51,8 @@ pub enum FocusError {
     TooMany,
     /// The functions are on another grid.
     #[error(
-        "the lens was measured with {found} functions of {found_px} px; allowed {allowed} of {allowed_px} \
-         px, as in the panel's focus"
+        "the lens was measured with {found} functions of {found_px} px; allowed {allowed} of \
+         {allowed_px} px, as in the panel's focus"
     )]
     Grid {
         /// Number of functions.

@@ -108,7 +108,7 @@ impl Registration {
 
     /// Fits shift, gain and added light to first order, pixel by pixel. All NaN without data.
     pub fn fit_with_offset(comparison: &Comparison<'_>) -> OffsetRegistration {
-        let Sums { normal, right } = total(&comparison.parts(1));
+        let RegistrationSums { normal, right } = total(&comparison.parts(1));
         let found = normal.lu().solve(&right).unwrap_or(Vector4::from_element(f64::NAN));
         let gain = 1.0 + found[0];
         // g·P(x − s) has the gradient term g·s.
@@ -195,14 +195,14 @@ impl Registration {
 
 /// Normal equations of y − P on P, 1, −∂P/∂x and −∂P/∂y, in means over cells.
 #[derive(Clone, Copy)]
-struct Sums {
+struct RegistrationSums {
     normal: Matrix4<f64>,
     right: Vector4<f64>,
 }
 
-impl Sums {
-    fn zero() -> Sums {
-        Sums { normal: Matrix4::zeros(), right: Vector4::zeros() }
+impl RegistrationSums {
+    fn zero() -> RegistrationSums {
+        RegistrationSums { normal: Matrix4::zeros(), right: Vector4::zeros() }
     }
 
     /// Adds one cell of a comparison.
@@ -234,7 +234,7 @@ impl Sums {
     }
 
     fn shift_and_gain(&self) -> Registration {
-        let Sums { normal, right } = self;
+        let RegistrationSums { normal, right } = self;
         let (light, residual) = (normal[(0, 1)], right[1]);
         let more = if light > 0.0 { residual / light } else { 0.0 };
         let (bx, by) = (right[2] - more * normal[(0, 2)], right[3] - more * normal[(0, 3)]);
@@ -251,13 +251,13 @@ impl Sums {
 
 impl Comparison<'_> {
     /// The sums of each part of the area, in cells of `cell_px`.
-    fn parts(&self, cell_px: usize) -> Vec<Sums> {
+    fn parts(&self, cell_px: usize) -> Vec<RegistrationSums> {
         let Rect { x, y, size } = self.area;
         let cells = (size.width.div_ceil(cell_px), size.height.div_ceil(cell_px));
         let span =
             |n: usize, parts: usize, cells: usize| n * cells / parts..(n + 1) * cells / parts;
         let add_part = |n: usize| {
-            let mut sums = Sums::zero();
+            let mut sums = RegistrationSums::zero();
             for row in span(n / PARTS.0, PARTS.1, cells.1) {
                 for column in span(n % PARTS.0, PARTS.0, cells.0) {
                     let (left, top) = (column * cell_px, row * cell_px);
@@ -275,20 +275,21 @@ impl Comparison<'_> {
     }
 }
 
-fn total(parts: &[Sums]) -> Sums {
-    parts.iter().fold(Sums::zero(), |all, part| Sums {
+fn total(parts: &[RegistrationSums]) -> RegistrationSums {
+    parts.iter().fold(RegistrationSums::zero(), |all, part| RegistrationSums {
         normal: all.normal + part.normal,
         right: all.right + part.right,
     })
 }
 
 /// Standard errors of shift and gain, from leaving out each part in turn.
-fn jackknife(parts: &[Sums]) -> Registration {
+fn jackknife(parts: &[RegistrationSums]) -> Registration {
     let all = total(parts);
     let whole = all.shift_and_gain();
     let (mut x, mut y, mut gain) = (0.0, 0.0, 0.0);
     for part in parts {
-        let others = Sums { normal: all.normal - part.normal, right: all.right - part.right };
+        let others =
+            RegistrationSums { normal: all.normal - part.normal, right: all.right - part.right };
         let one = others.shift_and_gain();
         x += (one.shift_px.0 - whole.shift_px.0).powi(2);
         y += (one.shift_px.1 - whole.shift_px.1).powi(2);

@@ -3,15 +3,16 @@
 use rayon::prelude::*;
 
 use super::board::{self, Board};
-use super::session::{Session, difference, rim_px};
+use super::series::{BROAD_PATTERNS, GREY, Series, on_grey, pattern, random, shoot, squares};
+use super::session::{Session, difference};
 use super::{CalibrateError, judge, photometric};
-use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurError, Shot};
-use crate::calibration::{Calibration, Corrected, Correction, dark_corner, noise};
+use crate::calibration::lens_blur::{self, FunctionFit, FunctionGrid, LensBlurError};
+use crate::calibration::{Calibration, Corrected, Correction, noise};
 use crate::config;
 use crate::deconvolution::data_term::TRUSTED;
 use crate::deconvolution::forward_convolution::Seen;
 use crate::deconvolution::lens_model::{LensFunctions, LensModel};
-use crate::deconvolution::panel_beat::{self, PanelBeat, SeenChannel};
+use crate::deconvolution::panel_beat;
 use crate::deconvolution::registration::{Comparison, Registration};
 use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::patterns;
@@ -27,25 +28,10 @@ const CENTRING_PIXEL_PX: usize = 2;
 /// Width of the functions during centring as a share of the rig file's, in such pixels: 1.7 times
 /// as wide on the sensor. Measured, see tests/tables/README.md.
 const CENTRING_SHARE: f64 = 0.85;
-/// Grey level that patterns oscillate about.
-const GREY: f32 = 127.5;
-/// Amplitude of the patterns. The bicubic warp overshoots by up to 1.5; this stays within the
-/// panel's range.
-const AMPLITUDE: f32 = 80.0;
 /// Rounds of conjugate gradients for centring, with many taps for few pixels.
 const CENTRING_ROUNDS: usize = 8;
 /// Rounds for the functions themselves.
 const ROUNDS: usize = 12;
-/// Sides of the squares for the broad light, in function widths; the last is held out. Guess.
-const SQUARES: [usize; BROAD_PATTERNS] = [2, 4, 8, 3];
-/// Largest gain of a capture against grey that is corrected; a larger one is no flicker. Guess:
-/// several times a backlight's flicker.
-const GAIN_MAX: f64 = 0.03;
-/// Patterns for the broad light.
-pub(super) const BROAD_PATTERNS: usize = 4;
-/// Border of the canvas that stays grey in a pattern. The panel repeats the canvas's border, so all
-/// beyond it is grey and no light enters that the model does not have.
-const GREY_BORDER_PX: usize = 2;
 /// Brightest level of the dominant picture shown to measure ‖K‖.
 const DOMINANT_LEVEL: f32 = 220.0;
 
@@ -124,22 +110,6 @@ fn broad_light(
     Ok(())
 }
 
-/// The `n`-th of [`BROAD_PATTERNS`]: large random squares, up to the canvas's border.
-fn squares(session: &Session<'_>, n: usize) -> Frame<Work> {
-    let size = session.layout.canvas();
-    let widest = (size.width.min(size.height) / 2).max(1);
-    let side =
-        (SQUARES[n % BROAD_PATTERNS] * session.config.calibration.function_support_px).min(widest);
-    Frame::from_fn(|c| {
-        let seed = patterns::nth_seed(300, (3 * n + c.index()) as u64);
-        let signs = patterns::pseudo_random(
-            Size::new(size.width.div_ceil(side), size.height.div_ceil(side)),
-            seed,
-        );
-        Plane::from_fn(size, |x, y| AMPLITUDE * signs.at(x / side, y / side))
-    })
-}
-
 /// RMS radius of green's sharpest function, pixels, as a lens may be poor in its corners; infinite
 /// if no function has a radius.
 fn sharpest_px(functions: &LensFunctions) -> f64 {
@@ -154,207 +124,6 @@ fn correction(
     calibration: &Calibration,
 ) -> Result<Correction, CalibrateError> {
     Correction::new(calibration, session.layout).map_err(CalibrateError::Correction)
-}
-
-/// The `n`-th pseudo-random pattern of a series: squares of `pixel_px`, different in each channel,
-/// with a grey border.
-fn pattern(session: &Session<'_>, series: u64, n: usize, pixel_px: usize) -> Frame<Work> {
-    let size = session.layout.canvas();
-    let coarse = Size::new(size.width / pixel_px, size.height / pixel_px);
-    Frame::from_fn(|c| {
-        let seed = patterns::nth_seed(series, (3 * n + c.index()) as u64);
-        let signs = patterns::pseudo_random(coarse, seed);
-        Plane::from_fn(size, |x, y| {
-            let to_border = x.min(y).min(size.width - 1 - x).min(size.height - 1 - y);
-            if to_border < GREY_BORDER_PX {
-                0.0
-            } else {
-                AMPLITUDE * signs.at(x / pixel_px, y / pixel_px)
-            }
-        })
-    })
-}
-
-/// The generator of a series of pseudo-random patterns.
-fn random(series: u64, pixel_px: usize) -> impl Fn(&Session<'_>, usize) -> Frame<Work> {
-    move |session, n| pattern(session, series, n, pixel_px)
-}
-
-/// Means of `plane` over squares of `pixel_px`.
-fn averaged(plane: &Plane, pixel_px: usize) -> Plane {
-    let coarse = Size::new(plane.width() / pixel_px, plane.height() / pixel_px);
-    Plane::from_fn(coarse, |x, y| {
-        let rows = (0..pixel_px).map(|v| &plane.row(y * pixel_px + v)[x * pixel_px..][..pixel_px]);
-        rows.flatten().sum::<f32>() / (pixel_px * pixel_px) as f32
-    })
-}
-
-/// `picture` on grey.
-fn on_grey(picture: &Frame<Work>) -> Frame<Work> {
-    Frame::from_fn(|c| picture.plane(c).map(|v| GREY + v))
-}
-
-/// `picture` on grey as a perfect lens would see it on the panel, minus grey: the input of the
-/// lens model.
-fn on_panel(correction: &Correction, picture: &Frame<Work>) -> Frame<Work> {
-    let seen = correction.by_perfect_lens(&Channel::ALL, &on_grey(picture));
-    Frame::from_fn(|c| seen.plane(c).map(|v: f32| v - GREY))
-}
-
-/// Captures of a series of patterns.
-struct Series {
-    /// Differences from grey, per channel, averaged to the pattern's squares.
-    shots: [Vec<Shot>; 3],
-    /// 1 where all captures can be trusted, per channel.
-    trusted: [Plane<u8>; 3],
-    /// Green light captured of the first pattern.
-    first: Plane,
-}
-
-/// Shows `count` patterns, made of squares of `pixel_px`, and grey.
-fn shoot(
-    session: &mut Session<'_>,
-    correction: &Correction,
-    count: usize,
-    nth: &dyn Fn(&Session<'_>, usize) -> Frame<Work>,
-    pixel_px: usize,
-) -> Result<Series, CalibrateError> {
-    let size = session.layout.canvas();
-    let mut grey = session.seen(correction, &Frame::filled(size, GREY))?;
-    remove_beat(session, correction, &mut grey, &Frame::zeros(size));
-    let mut trusted = grey.trusted.clone();
-    let flat = smooth_grey(session, &grey)?;
-    let scale = grey_scale(session, &grey, &flat);
-    let mut shots = [Vec::new(), Vec::new(), Vec::new()];
-    let mut first = None;
-    for n in 0..count {
-        let shown = nth(session, n);
-        let mut seen = session.seen(correction, &on_grey(&shown))?;
-        remove_beat(session, correction, &mut seen, &shown);
-        for (trusted, seen) in trusted.planes_mut().iter_mut().zip(seen.trusted.planes()) {
-            trusted.data_mut().iter_mut().zip(seen.data()).for_each(|(a, &b)| *a &= b);
-        }
-        if first.is_none() {
-            first = Some(seen.light.plane(Channel::Green).clone());
-        }
-        let gain = pattern_gain(session, &seen, &shown, &flat);
-        log::debug!("pattern {n} is {gain:.4} times as bright as grey");
-        for (c, shown) in Channel::ALL.iter().zip(on_panel(correction, &shown).into_planes()) {
-            let mut light = seen.light.plane(*c).clone();
-            light.scale(1.0 / gain);
-            let mut seen = difference(&light, flat.plane(*c));
-            seen.scale(1.0 / scale[c.index()]);
-            shots[c.index()]
-                .push(Shot { shown: averaged(&shown, pixel_px), seen: averaged(&seen, pixel_px) });
-        }
-    }
-    let first = first.unwrap_or_else(|| Plane::filled(size, GREY));
-    let whole = trusted.planes().each_ref().map(|plane| {
-        averaged(&plane.map(f32::from), pixel_px).map(|share| u8::from(share > 0.999))
-    });
-    Ok(Series { shots, trusted: whole, first })
-}
-
-/// Removes the noise of a capture of grey by a smooth surface. Where the panel ends with the canvas
-/// grey falls off at the border and stays as captured.
-fn smooth_grey(session: &Session<'_>, grey: &Corrected) -> Result<Frame<Work>, CalibrateError> {
-    let mut flat = grey.light.clone();
-    if rim_px(session.config) > 0 {
-        return Ok(flat);
-    }
-    let margin = session.layout.margin_px;
-    for plane in flat.planes_mut() {
-        let surface = dark_corner::smooth(plane, (margin, margin), session.layout.domain(), 0)
-            .map_err(|source| CalibrateError::Fit { step: "grey", source })?;
-        for y in 0..plane.height() {
-            surface.row(y as f64 - margin as f64, -(margin as f64), 1.0, plane.row_mut(y));
-        }
-    }
-    Ok(flat)
-}
-
-/// Removes the beat of the panel's columns from `seen`, the capture of a pattern on grey. There is
-/// no lens model yet: within large squares the light equals what was `shown`, and finer patterns
-/// count as noise about grey.
-fn remove_beat(
-    session: &Session<'_>,
-    correction: &Correction,
-    seen: &mut Corrected,
-    shown: &Frame<Work>,
-) {
-    let layout = correction.layout();
-    let support_px = session.config.calibration.function_support_px;
-    let margin = layout.margin_px;
-    for c in Channel::ALL {
-        let inside = lens_blur::within_a_square(shown.plane(c), support_px);
-        let is_fine = !inside.data().contains(&1);
-        let expected = |light: f32| if is_fine { GREY } else { GREY + light };
-        let (trusted, column) = (seen.trusted.plane(c), correction.panel_columns().plane(c));
-        let beat = PanelBeat::estimate(&SeenChannel {
-            light: seen.light.plane(c),
-            predicted: &shown.plane(c).map(expected),
-            valid: &|x, y| trusted.at(x, y) == TRUSTED && (is_fine || inside.at(x, y) == TRUSTED),
-            photo: Rect { x: margin, y: margin, size: layout.photo },
-            column,
-            at_sites: layout.mosaic.is_some(),
-        });
-        if let Some(beat) = beat {
-            beat.remove(seen.light.plane_mut(c), column);
-        }
-    }
-}
-
-/// Gain of the capture of grey in each channel against the calibrated brightness; a backlight's
-/// flicker would otherwise count as light lost by patterns. 1 where the panel ends with the canvas.
-fn grey_scale(session: &Session<'_>, grey: &Corrected, flat: &Frame<Work>) -> [f32; 3] {
-    if rim_px(session.config) > 0 {
-        return [1.0; 3];
-    }
-    let size = session.layout.canvas();
-    let predicted = Frame::filled(size, GREY);
-    Channel::ALL.map(|c| {
-        let comparison = Comparison {
-            seen: flat,
-            predicted: &predicted,
-            mask: &grey.trusted,
-            area: Rect { x: 0, y: 0, size },
-            channels: &[c],
-        };
-        Registration::fit_gain(&comparison, GAIN_MAX) as f32
-    })
-}
-
-/// Gain of a capture of a pattern on grey against the capture of that grey. A lens moves light and
-/// keeps its sum. 1 where the panel ends with the canvas, as light is lost there.
-fn pattern_gain(
-    session: &Session<'_>,
-    seen: &Corrected,
-    shown: &Frame<Work>,
-    flat: &Frame<Work>,
-) -> f32 {
-    if rim_px(session.config) > 0 {
-        return 1.0;
-    }
-    let border = session.config.calibration.function_support_px / 2;
-    let canvas = session.layout.canvas();
-    let inner = |side: usize| side.saturating_sub(2 * border);
-    let predicted = Frame::from_fn(|c| {
-        let mut plane = flat.plane(c).clone();
-        plane.add_scaled(1.0, shown.plane(c));
-        plane
-    });
-    let comparison = Comparison {
-        seen: &seen.light,
-        predicted: &predicted,
-        mask: &seen.trusted,
-        area: Rect {
-            x: border,
-            y: border,
-            size: Size::new(inner(canvas.width), inner(canvas.height)),
-        },
-        channels: &Channel::ALL,
-    };
-    Registration::fit_gain(&comparison, GAIN_MAX) as f32
 }
 
 /// Fits the lens functions to `series`, on pixels of `pixel_px`.

@@ -22,6 +22,7 @@ mod judge;
 mod lens;
 mod linearity;
 mod photometric;
+mod series;
 mod session;
 mod sites;
 
@@ -88,7 +89,7 @@ pub fn captures(config: &config::RigFile) -> u32 {
         }
         config::Alignment::OneToOne => (0, 0),
     };
-    let broad = if config.calibration.broad_term { 1 + lens::BROAD_PATTERNS } else { 0 };
+    let broad = if config.calibration.broad_term { 1 + series::BROAD_PATTERNS } else { 0 };
     let averaged = broad
         + board.0
         + 3

@@ -157,7 +157,7 @@ impl InkMark {
 
 /// The marks of a chart of `width` picture heights.
 fn marks(width: f64) -> Vec<InkMark> {
-    let mut marks = Marks { width, all: Vec::new() };
+    let mut marks = ChartMarks { width, all: Vec::new() };
     marks.put_middle();
     marks.put_edges_and_corners();
     marks.put_line_pairs_and_numbers();
@@ -167,13 +167,13 @@ fn marks(width: f64) -> Vec<InkMark> {
     marks.all
 }
 
-/// Marks, in drawing order.
-struct Marks {
+/// ChartMarks, in drawing order.
+struct ChartMarks {
     width: f64,
     all: Vec<InkMark>,
 }
 
-impl Marks {
+impl ChartMarks {
     fn put(&mut self, x: f64, y: f64, shape: Shape) {
         self.all.push(InkMark { x, y, shape, light: INK });
     }

@@ -27,7 +27,6 @@ struct Calibrated {
 fn calibrated(config: &config::RigFile) -> Calibrated {
     let (rig, witness) = simulated::open(config).expect("a simulated rig");
     let calibration = measured(config).unwrap_or_else(|error| panic!("{error}"));
-    println!("{}: {} captures", config.name, calibration.captures);
     assert_eq!(calibration.captures, captures(config), "the number of captures is as announced");
     Calibrated { rig, witness, calibration }
 }
@@ -198,8 +197,6 @@ fn score_operator(
         ("coffee", photograph(Scene::Coffee), 1.0),
         ("rocket", photograph(Scene::Rocket), 1.0),
     ];
-    let noisy = operator_error(config, rig, witness, calibration, scenes[0].1.clone());
-    println!("chart, one capture with noise: operator {:.2?}", noisy.operator);
     // The operator error excludes noise, which is switched off here.
     witness.set_read_noise_levels(0.0);
     witness.set_full_well_electrons(f64::INFINITY);
@@ -237,7 +234,6 @@ fn the_default_rig_is_calibrated_within_the_bounds() {
     score_operator(&config, &mut rig, &witness, &calibration, 1.0);
 }
 
-/// The bounds must hold for other seeds; takes minutes.
 #[test]
 #[ignore = "calibrates the default rig three times"]
 fn the_default_rig_keeps_the_bounds_with_other_noise() {

@@ -51,7 +51,7 @@ fn every_truncation_and_extension_is_noticed() {
 }
 
 #[test]
-fn an_interrupted_write_leaves_the_old_slot() {
+fn a_write_cut_short_leaves_the_old_slot() {
     let folder = tempfile::tempdir().unwrap();
     let old = calibration();
     save(folder.path(), &old).unwrap();
