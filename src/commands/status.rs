@@ -64,9 +64,9 @@ pub(super) fn of(folder: &Path) -> Result<String, CliError> {
     Ok(words(&state, running, inbox_is_there(folder), now))
 }
 
-/// Whether `folder`, or the one that its box shares, has an inbox.
+/// Whether `folder` has an inbox.
 fn inbox_is_there(folder: &Path) -> bool {
-    folder.join("inbox").is_dir() || folder.join("../inbox").is_dir()
+    folder.join("inbox").is_dir()
 }
 
 /// The message on a missing inbox.

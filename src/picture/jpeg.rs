@@ -30,7 +30,7 @@ const SCAN: u8 = 0xda;
 /// Walks `bytes` from SOI to EOI.
 ///
 /// # Errors
-/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`], [`Flaw::Damaged`], or [`Flaw::Unsupported`] of a
+/// [`Flaw::Truncated`], [`Flaw::ZeroFilled`], [`Flaw::Damaged`], or [`Flaw::Unsupported`] for a
 /// picture in four inks.
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     let mut walked = Walked::default();
@@ -81,7 +81,7 @@ pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
             allowed: "grey and RGB photos; save it as RGB in an image program",
         });
     }
-    // EXIF, which is carried, states it too.
+    // EXIF states it too, and is carried.
     walked.lose(Lost::Density, has_density && !has_exif);
     walked.size = Some(size);
     Ok(walked)

@@ -21,7 +21,7 @@ pub(super) fn walk(bytes: &[u8], content: Content) -> Result<Walked, Flaw> {
     let stated = |at: usize| word(bytes, at).map_or(usize::MAX, |length| length as usize);
     let (whole, end) = match content {
         Content::Gif => (bytes[..length - zeros].ends_with(b";"), "its trailer"),
-        // A stream that was not rewound to state its length has none.
+        // A program that could not seek back states no length.
         Content::Bmp => (stated(2) <= length || stated(2) == 0, "the length it states"),
         _ => (stated(4).saturating_add(8) <= length, "the length it states"),
     };
@@ -86,7 +86,7 @@ fn gif_blocks(bytes: &[u8]) -> Option<GifBlocks> {
     }
 }
 
-/// The number of frames of an animated WebP, 0 of a still one (RFC 9649, §2.7.1).
+/// The number of frames of an animated WebP, 0 for a still one (RFC 9649, §2.7.1).
 fn webp_pictures(bytes: &[u8]) -> usize {
     let (mut at, mut pictures) = (12usize, 0);
     while let (Some(name), Some(length)) = (bytes.get(at..at + 4), word(bytes, at + 4)) {

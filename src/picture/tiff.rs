@@ -70,7 +70,7 @@ const VALUES_MAX: usize = 1 << 20;
 ///
 /// # Errors
 /// [`Flaw::Truncated`], [`Flaw::ZeroFilled`] or [`Flaw::Damaged`]; [`Flaw::Unread`] or
-/// [`Flaw::Unsupported`] of a picture that is not read.
+/// [`Flaw::Unsupported`] for a picture that is not read.
 pub(super) fn walk(bytes: &[u8]) -> Result<Walked, Flaw> {
     let file = File::new(bytes);
     let directory = Directory::read(&file, file.u32(4)? as usize)?;

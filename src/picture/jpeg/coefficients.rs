@@ -42,7 +42,7 @@ struct ComponentHeader {
     steps: usize,
 }
 
-/// The coefficients and steps of the JPEG `bytes`; `None` of a kind that is not read, or of a file
+/// The coefficients and steps of the JPEG `bytes`; `None` for a kind that is not read, or a file
 /// that is not whole.
 pub(in crate::picture) fn coefficients(bytes: &[u8]) -> Option<Coding> {
     let mut state = CodedFile::default();
@@ -84,7 +84,7 @@ fn frame_of(body: &[u8], progressive: bool) -> Option<CodedFrame> {
     };
     let heads: Vec<_> = body.get(6..)?.chunks_exact(3).map(head).collect();
     let few = matches!(count, 1 | 3) && heads.len() == count && size.area() > 0;
-    // Components named R, G and B are no brightness and two differences.
+    // Components named R, G and B are not brightness and colour differences.
     if body.first() != Some(&8) || !few || heads.iter().map(|h| h.identifier).eq(*b"RGB") {
         return None;
     }
@@ -131,7 +131,7 @@ impl CodedFrame {
         let [ScanPart { component, .. }] = *parts else {
             return Coding::blocks(self.size, self.densest(), self.densest());
         };
-        // A component by itself comes block by block, without the padding blocks (A.2.2).
+        // A single component is coded block by block, without padding blocks (A.2.2).
         let (across, down) = self.components[component].pixels;
         let blocks =
             |side: usize, pixels: u8| side.div_ceil(usize::from(pixels)).div_ceil(BLOCK_PX);
