@@ -74,7 +74,7 @@ fn dioptres(word: &str) -> Result<f32, String> {
 pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let rig = &config::load(&options.rig.rig)?;
     rig.doubts().iter().for_each(|doubt| log::warn!("{doubt}"));
-    let _alone = Folders::keep_out(&options.folder.folder)?;
+    let _alone = Folders::lock(&options.folder.folder)?;
     let kept = opening::calibration_folder(&options.folder.folder);
     if options.forget_focuses {
         let forgotten = focus::forget(rig, &kept)?;

@@ -79,11 +79,11 @@ pub(super) fn run(options: &DemoOptions) -> Result<(), CliError> {
             before.ssim, after.ssim, before.psnr_db, after.psnr_db, report.captures, report.seconds
         ));
     }
-    for photo in summary.failed.iter().chain(&summary.left) {
+    for photo in summary.failed.iter().chain(&summary.deferred) {
         say(&format!("not restored: {}", photo.reason));
     }
     say(&format!("\nbefore and after: open {} in a browser", outbox.join("index.html").display()));
-    match summary.failed.len() + summary.left.len() {
+    match summary.failed.len() + summary.deferred.len() {
         0 => Ok(()),
         failed => Err(CliError::SomeFailed { failed, all: names.len() }),
     }

@@ -31,7 +31,7 @@ impl FrontPanelThread {
         let ended = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&ended);
         let (rig, folder) = (rig.clone(), folder.to_owned());
-        front.comes_round();
+        front.count_round();
         let begun = std::thread::Builder::new().name("front panel".to_owned()).spawn(move || {
             run(&rig, &folder, &front, &|| asked.load(Ordering::Acquire));
         });

@@ -64,7 +64,7 @@ pub(crate) fn run(words: Vec<OsString>) -> ExitCode {
             | Command::Man(_)
     );
     if line.quiet && !prints {
-        output::be_quiet();
+        progress::be_quiet();
     }
     let journal_stream = std::env::var_os("JOURNAL_STREAM");
     log_writer::start(level, journal_stream.as_deref(), output::log);

@@ -1,21 +1,8 @@
 //! Lines on standard output, and the log on standard error.
 
 use std::io::Write;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::progress::above;
-
-static QUIET: AtomicBool = AtomicBool::new(false);
-
-/// Prints warnings and errors alone from now on.
-pub(super) fn be_quiet() {
-    QUIET.store(true, Ordering::Relaxed);
-}
-
-/// Whether warnings and errors alone are printed.
-pub(super) fn is_quiet() -> bool {
-    QUIET.load(Ordering::Relaxed)
-}
+use super::progress::{above, is_quiet};
 
 /// Writes lines to standard output; a closed one is ignored.
 pub(super) fn say(lines: &str) {

@@ -5,17 +5,29 @@
 
 use std::io::{IsTerminal, Result};
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use console::Term;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
 use relens::daemon::{self, Doing, Watcher};
 use relens::measurement::CalibrationProgress;
 
-use super::output::is_quiet;
 use super::service::service_manager;
 
 /// Columns kept free, where terminals echo `^C`, so that it is cleared with the line.
 const ECHO_COLUMNS: u16 = 4;
+
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Suppresses all output but warnings and errors.
+pub(super) fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+/// Whether output but warnings and errors is suppressed.
+pub(super) fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
 
 /// A terminal, with its width reduced by [`ECHO_COLUMNS`].
 #[derive(Debug)]

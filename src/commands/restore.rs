@@ -238,7 +238,7 @@ fn restore(
         None => note(&summary),
     }
     if let Some(path) = &options.report {
-        let report = Report::single(rig, &photo, &outcome, (destination.name(), written));
+        let report = Report::single(rig, &photo, &outcome, destination.name(), written);
         let json =
             serde_json::to_vec_pretty(&report).map_err(|e| CliError::writing(path, e.into()))?;
         write_new(path, &json)?;
@@ -263,7 +263,7 @@ fn summary(
     };
     let (size, stored) = (photo.light.size(), photo.stored);
     let smaller = match written.is_some() && stored.area() > size.area() {
-        true => format!("comes back smaller, {size} for {stored}; "),
+        true => format!("smaller, {size} instead of {stored}; "),
         false => String::new(),
     };
     let mut lines = format!(

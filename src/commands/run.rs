@@ -14,6 +14,7 @@ use relens::daemon::{
 };
 use relens::frame::{Frame, Work};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
+use relens::nights::trust::unix_s;
 use relens::picture::Reading;
 use relens::picture::worker::Worker;
 use relens::pipeline::Interruption;
@@ -190,18 +191,20 @@ impl Trouble {
     fn report(&self, last: &Trouble, rig: &RigFile, folders: &Folders) {
         let Trouble { reason, attention } = self;
         if last.reason != *reason {
-            log::warn!("holding: {reason}");
+            log::warn!("held: {reason}");
         }
         if last.attention != *attention {
             attention.iter().for_each(|line| log::warn!("{line}"));
-            let written = write_report(folders, &rig.name, attention, unix_s());
+            let written = write_report(folders, &rig.name, attention, now_unix_s());
             let _ =
                 written.inspect_err(|error| log::debug!("{}", relens::remedy::full_message(error)));
         }
         if last != self {
             let doing = Doing::Held { reason: reason.clone() };
-            let state =
-                State { attention: attention.clone(), ..State::new(&rig.name, doing, unix_s()) };
+            let state = State {
+                attention: attention.clone(),
+                ..State::new(&rig.name, doing, now_unix_s())
+            };
             // The log reports a full disk.
             let _ = state.write(folders);
         }
@@ -232,7 +235,7 @@ fn open_patiently(
             let reason = relens::remedy::full_message(&error);
             front.set(BoxState::Trouble);
             let attention = night.as_deref_mut().map_or(Vec::new(), |night| {
-                night.shut_out(&reason);
+                night.set_rig_unavailable(&reason);
                 night.attention().iter().map(ToString::to_string).collect()
             });
             let trouble = Trouble { reason, attention };
@@ -245,7 +248,7 @@ fn open_patiently(
         while Monotonic.now().0 < until {
             if stopped.load(Ordering::Acquire) {
                 // The log reports a full disk.
-                let _ = State::new(&rig.name, Doing::Ended, unix_s()).write(folders);
+                let _ = State::new(&rig.name, Doing::Ended, now_unix_s()).write(folders);
                 return Ok(None);
             }
             Monotonic.wait_until(Moment(Monotonic.now().0 + 0.2));
@@ -256,8 +259,8 @@ fn open_patiently(
     }
 }
 
-fn unix_s() -> u64 {
-    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs())
+fn now_unix_s() -> u64 {
+    unix_s(SystemTime::now()) as u64
 }
 
 /// Whether the network has set the clock: by the kernel, or, where a service may not ask it, by the

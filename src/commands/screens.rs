@@ -6,7 +6,7 @@ use clap::{Args, ValueHint};
 use relens::chart::scenes::Scene;
 use relens::config::{self, Curve};
 use relens::frame::{Frame, Work};
-use relens::kiosk::screen::{draw, examples};
+use relens::kiosk::screen::{PhotoPair, draw, examples};
 use relens::picture::{Format, Manner, encode};
 
 use super::error::CliError;
@@ -39,7 +39,7 @@ pub(super) fn run(options: &ScreensOptions) -> Result<(), CliError> {
         Frame::from_fn(|c| picture.plane(c).map(|v| 255.0 * (v / 255.0).max(0.0).powf(2.2)));
     let manner = Manner::plain(Format::Png, 8, Curve::Linear);
     for (name, screen) in examples() {
-        let codes = draw(&screen, panel, Some((&picture, &picture)));
+        let codes = draw(&screen, panel, Some(PhotoPair { before: &picture, after: &picture }));
         // Codes as they are, for the viewer stands for the panel.
         let light: Frame<Work> = Frame::from_fn(|c| codes.plane(c).map(f32::from));
         let path = out.join(format!("{name}.png"));

@@ -1,10 +1,11 @@
 //! `relens status`: the daemon's state, from its state file.
 
 use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 use clap::Args;
 use relens::daemon::{Doing, Folders, State};
+use relens::nights::trust::unix_s;
 use serde::Serialize;
 
 use super::error::CliError;
@@ -60,7 +61,7 @@ fn read(folder: &Path) -> Result<(State, bool), CliError> {
 /// The state of the daemon on `folder`, in a few lines.
 pub(super) fn of(folder: &Path) -> Result<String, CliError> {
     let (state, running) = read(folder)?;
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let now = unix_s(SystemTime::now()) as u64;
     Ok(words(&state, running, inbox_is_there(folder), now))
 }
 
@@ -78,10 +79,10 @@ fn words(state: &State, running: bool, is_there: bool, now_unix_s: u64) -> Strin
         (Doing::Waiting | Doing::Paused { .. } | Doing::Held { .. }, true) if !is_there => {
             format!("needs help: {GONE}")
         }
-        (Doing::Restoring { photo, done, left_s }, true) => {
-            let left = left_s.map_or(String::new(), |left_s| {
+        (Doing::Restoring { photo, done, remaining_s }, true) => {
+            let left = remaining_s.map_or(String::new(), |remaining_s| {
                 let all = if state.counts.waiting.turn > 0 { " for all" } else { "" };
-                format!(", about {} left{all}", duration(left_s.ceil() as u64))
+                format!(", about {} left{all}", duration(remaining_s.ceil() as u64))
             });
             format!("restoring {photo}: {:.0} %{left}", 100.0 * done)
         }
@@ -135,8 +136,7 @@ mod tests {
         };
         assert!(words(&state, true, true, 160).starts_with("waiting for photos\n"));
         assert!(
-            words(&state, true, true, 160)
-                .contains("3 restored, 2 left as they were, 1 failed, 0 waiting")
+            words(&state, true, true, 160).contains("3 restored, 2 unchanged, 1 failed, 0 waiting")
                 && words(&state, true, true, 160).contains("60 s ago")
         );
         assert!(words(&state, false, true, 160).contains("did not end in good order"));
@@ -145,11 +145,12 @@ mod tests {
         assert!(!gone.contains("waiting for photos"), "{gone}");
         state.doing = Doing::Ended;
         assert!(words(&state, false, true, 160).contains("ended in good order"));
-        state.doing = Doing::Restoring { photo: "a.jpg".into(), done: 0.4, left_s: Some(200.0) };
+        state.doing =
+            Doing::Restoring { photo: "a.jpg".into(), done: 0.4, remaining_s: Some(200.0) };
         state.counts.waiting = Waiting { turn: 2, settling: 1, ..Waiting::default() };
         let lines = words(&state, true, true, 160);
         assert!(lines.starts_with("restoring a.jpg: 40 %, about 3 min left for all\n"), "{lines}");
-        assert!(lines.contains("3 waiting (2 for a turn, 1 settling)"), "{lines}");
+        assert!(lines.contains("3 waiting (2 for their turn, 1 arriving)"), "{lines}");
         state.attention.push("no photo was restored".into());
         assert!(words(&state, true, true, 160).contains("\nattention: no photo was restored\n"));
     }

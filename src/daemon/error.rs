@@ -1,39 +1,63 @@
-//! Why the daemon holds: a drop folder, or a rig, that needs somebody or some time.
+//! Errors that hold the whole daemon, in the drop folder or the rig.
 
 use super::store::error::FolderError;
 use crate::disk::FileError;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 
-/// Why nothing goes on.
+/// Why work is held.
 #[derive(Debug, thiserror::Error)]
 pub enum DaemonError {
-    /// The drop folder.
+    /// The drop folder cannot be used.
     #[error(transparent)]
     Store(#[from] FolderError),
-    /// The rig failed, and doing it again or putting it right has not helped.
-    #[error("the operator is needed: {about}{}", full_message(&**failure))]
+    /// The rig failed, and repeating or repairing has not helped.
+    #[error("the operator is needed: {}{}", prefix(photo.as_deref()), full_message(&**failure))]
     Rig {
-        /// The photo's name and a colon, if a photo was being restored.
-        about: String,
-        /// What failed.
+        /// The photo under way, if any.
+        photo: Option<String>,
+        /// The failure.
         failure: AnyFailure,
     },
-    /// The rig is no longer what was calibrated, and may not be calibrated by itself.
+    /// The camera failed to take a photo.
+    #[error("the operator is needed: no photo was taken: {}", full_message(&**failure))]
+    NotTaken {
+        /// The failure.
+        failure: AnyFailure,
+    },
+    /// The rig has drifted since its calibration and may not be calibrated by itself.
     #[error("the operator is needed: the rig has drifted{}: {complaint}", again(*.calibrations))]
     Drifted {
-        /// What is past its limit.
+        /// The drifts past their limits.
         complaint: String,
         /// Calibrations in a row that have not helped.
         calibrations: u32,
     },
-    /// A calibration that was needed failed.
-    #[error("the operator is needed: {why}cannot be calibrated: {}", full_message(&**failure))]
+    /// A calibration failed.
+    #[error("the operator is needed: {cause} cannot be calibrated: {}", full_message(&**failure))]
     Calibration {
-        /// What it was needed for: the beginning of the sentence.
-        why: String,
-        /// What failed.
+        /// What made it necessary.
+        cause: CalibrationCause,
+        /// The failure.
         failure: AnyFailure,
     },
+}
+
+/// What made a calibration necessary.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum CalibrationCause {
+    /// The photo under way.
+    #[error("the rig")]
+    Photo,
+    /// The drifts past their limits.
+    #[error("the rig has drifted ({0}) and")]
+    Drifted(String),
+    /// The displacement of the panel since the last calibration.
+    #[error("the panel was moved ({0}) and")]
+    PanelMoved(String),
+}
+
+fn prefix(photo: Option<&str>) -> String {
+    photo.map_or(String::new(), |photo| format!("{photo}: "))
 }
 
 fn again(calibrations: u32) -> &'static str {
@@ -61,14 +85,16 @@ impl Remediable for DaemonError {
     fn what_to_do(&self) -> &'static str {
         match self {
             DaemonError::Store(error) => error.what_to_do(),
-            DaemonError::Rig { failure, .. } => failure.what_to_do(),
+            DaemonError::Rig { failure, .. } | DaemonError::NotTaken { failure } => {
+                failure.what_to_do()
+            }
             DaemonError::Drifted { .. } => {
-                "Look whether lens, camera or panel were moved, and whether light falls in. Then \
-                 measure the lens anew: hold the button while the box starts, then press it long."
+                "Check whether lens, camera or panel were moved, and whether stray light falls in. \
+                 Then measure the lens: hold the button while the box starts, then press it long."
             }
             DaemonError::Calibration { .. } => {
-                "The lens could not be measured: see that the camera sees the whole panel, sharp, \
-                 and that no light falls in. The box tries again every minute."
+                "The lens could not be measured: check that the camera sees the whole panel, \
+                 sharp, and that no stray light falls in. The box tries again every minute."
             }
         }
     }

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use super::error::DaemonError;
+use super::error::{CalibrationCause, DaemonError};
 use super::setting::DaemonSetting;
 use super::store::claim::{Claim, Claimed, JobStep, claim};
 use super::store::deliver::{Delivery, Encoded};
@@ -21,35 +21,35 @@ use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::{Progress, Restorer};
 use crate::rig::{Clock, Moment};
 
-/// Times one photo is begun again in one go when the rig stumbles. Guess.
+/// Attempts at a photo in one job when the rig fails. Guess.
 const TRIES_MAX: u32 = 3;
 
-/// A damaged file that changed within as many seconds is watched for growth. Guess.
-const LATELY_S: i64 = 10;
+/// A damaged file that changed within this many seconds is checked for growth. Guess.
+const RECENT_S: i64 = 10;
 
-/// How long it is.
+/// Duration of the check for growth.
 const GROWTH_WATCH_S: f64 = 1.0;
 
-/// What became of a photo.
+/// Outcome of a job.
 #[derive(Debug)]
 pub enum JobEnd {
-    /// Its result is in the outbox.
+    /// The result is in the outbox.
     Done {
         /// The report beside it.
         report: Box<Report>,
-        /// Name of the original in `done`, and of the result in the outbox.
+        /// Names of original and result.
         delivered: Delivered,
     },
-    /// It is in `failed`.
+    /// The photo is in `failed`.
     Failed(Failed),
-    /// It is back in the inbox, to be tried later.
-    Left {
-        /// The way to it from the inbox.
-        way: PathBuf,
-        /// Why.
-        left: Failed,
+    /// The photo is back in the inbox, to be tried later.
+    Deferred {
+        /// Path, relative to the inbox.
+        path: PathBuf,
+        /// Name and reason.
+        failed: Failed,
     },
-    /// It was removed from the inbox before it could be claimed.
+    /// The photo was removed from the inbox before it could be claimed.
     Gone,
 }
 
@@ -58,40 +58,39 @@ pub enum JobEnd {
 enum JobError {
     #[error(transparent)]
     Picture(#[from] PictureError),
-    #[error("{0} (it is still being written)")]
-    Growing(String),
-    #[error("{0}")]
-    Kept(String),
+    #[error("{} (it is still being written)", full_message(.0))]
+    Growing(PictureError),
+    #[error("{}", .0.message_for_owner())]
+    NotDurable(FileError),
     #[error(
         "{photo}: the program ended while it worked on this photo: found {attempts} such \
          attempts, allowed {ATTEMPTS_MAX}"
     )]
     Interrupted { photo: String, attempts: u32 },
-    #[error("{}; found {ATTEMPTS_MAX} such attempts, allowed {ATTEMPTS_MAX}", full_message(source))]
-    Died { source: PictureError },
-    #[error("{photo}: a mistake of relens: found a result of {found}, allowed {allowed}")]
+    #[error("{}; found {ATTEMPTS_MAX} such attempts, allowed {ATTEMPTS_MAX}", full_message(.0))]
+    WorkerDied(PictureError),
+    #[error("{photo}: internal error: the result has {found} pixels, expected {allowed}")]
     WrongSize { photo: String, found: Size, allowed: Size },
-    #[error("{photo}: a mistake of relens: found a panic while restoring, allowed none")]
+    #[error("{photo}: internal error: the restoration panicked")]
     Panicked { photo: String },
-    #[error("{}", named(photo, full_message(&**failure)))]
+    #[error("{}", with_name(photo, full_message(&**failure)))]
     Rig { photo: String, failure: AnyFailure },
-    #[error("{}: {}", mending(&**failure), full_message(&**failure))]
-    Mending { remedy: Remedy, failure: AnyFailure },
+    #[error("{}: {}", describe_repair(&**failure), full_message(&**failure))]
+    Repair { remedy: Remedy, failure: AnyFailure },
     #[error(transparent)]
     Files(#[from] FileError),
 }
 
-/// `words` with the `photo`'s name before them, once.
-fn named(photo: &str, words: String) -> String {
-    let has_name = words.strip_prefix(photo).is_some_and(|rest| rest.starts_with(": "));
-    if has_name { words } else { format!("{photo}: {words}") }
+/// `message` with the name of the `photo` in front, once.
+fn with_name(photo: &str, message: String) -> String {
+    let has_name = message.strip_prefix(photo).is_some_and(|rest| rest.starts_with(": "));
+    if has_name { message } else { format!("{photo}: {message}") }
 }
 
-/// What became of putting the rig right.
-fn mending(failure: &dyn Remediable) -> &'static str {
+fn describe_repair(failure: &dyn Remediable) -> &'static str {
     match failure.was_asked_for() {
-        true => "the rig was being put right for this photo",
-        false => "the rig cannot be put right",
+        true => "the repair of the rig for this photo was cancelled",
+        false => "the rig cannot be repaired",
     }
 }
 
@@ -99,37 +98,34 @@ impl Remediable for JobError {
     fn remedy(&self) -> Remedy {
         match self {
             JobError::Picture(error) => error.remedy(),
-            JobError::Growing(_) | JobError::Kept(_) => Remedy::RetryLater,
+            JobError::Growing(_) | JobError::NotDurable(_) => Remedy::RetryLater,
             JobError::Interrupted { .. }
-            | JobError::Died { .. }
+            | JobError::WorkerDied(_)
             | JobError::WrongSize { .. }
             | JobError::Panicked { .. } => Remedy::SkipPhoto,
             JobError::Rig { failure, .. } => failure.remedy(),
-            JobError::Mending { failure, .. } if failure.was_asked_for() => Remedy::RetryLater,
-            JobError::Mending { .. } => Remedy::CallOperator,
+            JobError::Repair { failure, .. } if failure.was_asked_for() => Remedy::RetryLater,
+            JobError::Repair { .. } => Remedy::CallOperator,
             JobError::Files(error) => error.remedy(),
         }
     }
 }
 
-impl JobError {
-    /// The same for the whole daemon, which holds for it.
-    fn holds(self) -> DaemonError {
-        match self {
+impl From<JobError> for DaemonError {
+    fn from(error: JobError) -> DaemonError {
+        match error {
             JobError::Files(error) => error.into(),
-            JobError::Rig { photo, failure } => {
-                DaemonError::Rig { about: format!("{photo}: "), failure }
+            JobError::Rig { photo, failure } => DaemonError::Rig { photo: Some(photo), failure },
+            JobError::Repair { remedy: Remedy::Recalibrate, failure } => {
+                DaemonError::Calibration { cause: CalibrationCause::Photo, failure }
             }
-            JobError::Mending { remedy: Remedy::Recalibrate, failure } => {
-                DaemonError::Calibration { why: "the rig ".to_owned(), failure }
-            }
-            JobError::Mending { failure, .. } => DaemonError::Rig { about: String::new(), failure },
-            error => DaemonError::Rig { about: String::new(), failure: Box::new(error) },
+            JobError::Repair { failure, .. } => DaemonError::Rig { photo: None, failure },
+            error => DaemonError::Rig { photo: None, failure: Box::new(error) },
         }
     }
 }
 
-/// What a job is done with.
+/// What a job works with.
 pub(super) struct Job<'a> {
     pub(super) folders: &'a Folders,
     pub(super) setting: &'a DaemonSetting,
@@ -137,18 +133,17 @@ pub(super) struct Job<'a> {
     pub(super) clock: &'a dyn Clock,
     pub(super) unix_s: &'a dyn Fn() -> u64,
     pub(super) watcher: &'a mut dyn Watcher,
-    /// Told how far the restoration is.
-    pub(super) further: &'a mut dyn FnMut(Progress),
-    /// Photos that an error left in `working`: name, and whether their result was delivered.
+    /// Receives the progress of the restoration.
+    pub(super) on_progress: &'a mut dyn FnMut(Progress),
     pub(super) unsettled: &'a mut Unsettled,
 }
 
-/// Photos that an error left in `working`.
+/// Photos left in `working` by an error: name, and whether the result was delivered.
 #[derive(Debug, Default)]
 pub(super) struct Unsettled(Vec<(std::ffi::OsString, bool)>);
 
 impl Unsettled {
-    /// Tries again what could not be made good before.
+    /// Moves them out of `working`.
     pub(super) fn settle(&mut self, folders: &Folders) -> Result<(), FileError> {
         while let Some((name, delivered)) = self.0.last() {
             settle(folders, name, *delivered)?;
@@ -159,37 +154,36 @@ impl Unsettled {
 }
 
 impl Job<'_> {
-    /// Takes the photo at `way` from the inbox through the whole job.
+    /// Takes the photo at `path`, relative to the inbox, through the whole job.
     ///
     /// # Errors
-    /// When the folders or the rig need help; the photo is then back in the inbox if that was
-    /// possible, and in `working` otherwise, from where the next look or start takes it back.
-    pub(super) fn work(mut self, way: &Path) -> Result<JobEnd, DaemonError> {
-        let path = match claim(self.folders, way)? {
+    /// When the folders or the rig need help; the photo is then back in the inbox where possible,
+    /// else in `working` until the next scan or start.
+    pub(super) fn run(mut self, path: &Path) -> Result<JobEnd, DaemonError> {
+        let claimed = match claim(self.folders, path)? {
             Claim::Path(path) => path,
             Claim::Gone => return Ok(JobEnd::Gone),
             Claim::Refused(error) => {
-                let photo = way.to_string_lossy().into_owned();
-                let left = Failed { photo, reason: error.of_photo() };
-                return Ok(JobEnd::Left { way: way.to_owned(), left });
+                let photo = path.to_string_lossy().into_owned();
+                let failed = Failed { photo, reason: error.message_for_owner() };
+                return Ok(JobEnd::Deferred { path: path.to_owned(), failed });
             }
         };
         self.watcher.step(JobStep::Claimed);
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
+        let name = claimed.file_name().unwrap_or(claimed.as_os_str()).to_owned();
         let mut delivered = false;
-        self.work_on(path, &mut delivered).inspect_err(|_| {
-            // The first error is the one to tell. If this meets another, it is tried again at the
-            // next look.
+        self.run_claimed(claimed, &mut delivered).inspect_err(|_| {
+            // The first error is reported; one met here is retried at the next scan.
             if settle(self.folders, &name, delivered).is_err() {
                 self.unsettled.0.push((name.clone(), delivered));
             }
         })
     }
 
-    fn work_on(&mut self, path: PathBuf, delivered: &mut bool) -> Result<JobEnd, DaemonError> {
+    fn run_claimed(&mut self, path: PathBuf, delivered: &mut bool) -> Result<JobEnd, DaemonError> {
         let folders = self.folders;
         let mut photo = match Claimed::at(folders, path) {
-            // Taken away again by whoever dropped it.
+            // Removed by its owner.
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(JobEnd::Gone),
             claimed => claimed?,
         };
@@ -205,15 +199,16 @@ impl Job<'_> {
         };
         let reason = full_message(&error);
         match error.remedy() {
-            Remedy::SkipPhoto => Ok(JobEnd::Failed(photo.set_aside(folders, reason)?)),
+            Remedy::SkipPhoto => Ok(JobEnd::Failed(photo.reject(folders, reason)?)),
             Remedy::RetryLater => {
-                let left = Failed { photo: photo.shown(), reason };
-                let way = settle(folders, &photo.name, false)?;
-                Ok(JobEnd::Left { way: way.unwrap_or_else(|| PathBuf::from(&photo.name)), left })
+                let failed = Failed { photo: photo.display_name(), reason };
+                let path = settle(folders, &photo.name, false)?;
+                let path = path.unwrap_or_else(|| PathBuf::from(&photo.name));
+                Ok(JobEnd::Deferred { path, failed })
             }
-            // Tried often enough by now. The error puts the photo back.
+            // Retried often enough. The caller puts the photo back.
             Remedy::ShootAgain | Remedy::Recalibrate | Remedy::ReopenRig | Remedy::CallOperator => {
-                Err(error.holds())
+                Err(error.into())
             }
         }
     }
@@ -222,34 +217,32 @@ impl Job<'_> {
     fn attempt(&mut self, photo: &mut Claimed) -> Result<Report, JobError> {
         let attempts = photo.ledger.attempts();
         if attempts >= ATTEMPTS_MAX {
-            return Err(JobError::Interrupted { photo: photo.shown(), attempts });
+            return Err(JobError::Interrupted { photo: photo.display_name(), attempts });
         }
-        // A link, a pipe, a device: no photo, and nothing to open.
-        let found = match photo.kind {
+        let not_a_file = match photo.kind {
             FileKind::File => None,
             FileKind::Link => Some("a link"),
             FileKind::Folder => Some("a folder"),
             FileKind::Other => Some("a pipe or device"),
         };
-        if let Some(found) = found {
-            Err(PictureError::not_a_file(&photo.shown(), found))?;
+        if let Some(found) = not_a_file {
+            Err(PictureError::not_a_file(&photo.display_name(), found))?;
         }
-        // Whoever dropped it may not have waited until it was on the disk; from here on it is ours
-        // to keep.
+        // The writer may not have synchronised the file; from here on the daemon is responsible.
         let home = self.folders.inbox().join(&photo.name);
         self.folders.files().sync_file(&photo.path).map_err(|error| match error.is_of_disk() {
             true => JobError::Files(error),
-            false => JobError::Kept(error.now_at(home).of_photo()),
+            false => JobError::NotDurable(error.with_path(home)),
         })?;
         let read = loop {
             photo.ledger.begin(self.folders)?;
             self.watcher.step(JobStep::Recorded);
             match self.read(photo) {
-                Err(JobError::Picture(source @ PictureError::Died { .. })) => {
+                Err(JobError::Picture(error @ PictureError::Died { .. })) => {
                     if photo.ledger.attempts() >= ATTEMPTS_MAX {
-                        return Err(JobError::Died { source });
+                        return Err(JobError::WorkerDied(error));
                     }
-                    log::warn!("{}", full_message(&source));
+                    log::warn!("{}", full_message(&error));
                 }
                 read => break read?,
             }
@@ -268,77 +261,81 @@ impl Job<'_> {
     }
 
     fn read(&self, photo: &Claimed) -> Result<Photo, JobError> {
-        let (files, path) = (self.folders.files(), &photo.path);
-        let before = files.look(path).ok();
+        let (files, path, name) = (self.folders.files(), &photo.path, photo.display_name());
+        let before = files.metadata(path).ok();
         let opened = files.raw().open(path);
-        let opened =
-            opened.map_err(|source| PictureError::Read { path: photo.shown().into(), source });
-        let read = opened.and_then(|file| {
-            self.setting.reader.photo(&photo.shown(), file, &self.setting.reading)
-        });
+        let opened = opened.map_err(|source| PictureError::Read { path: (&name).into(), source });
+        let read =
+            opened.and_then(|file| self.setting.reader.photo(&name, file, &self.setting.reading));
         let error = match read {
             Ok(read) => return Ok(read),
             Err(error) => error,
         };
-        // What has not changed for a while was waited for before: four hundred damaged photos would
-        // keep the next one waiting for as many times the watch.
+        // An older file was watched before: checking hundreds of damaged photos would delay others.
         let now = (self.unix_s)() as i64;
-        let lately = before.is_none_or(|look| now - look.changed.0 < LATELY_S);
-        let may_grow = error.growth() != Growth::None && lately;
+        let is_recent = before.is_none_or(|metadata| now - metadata.changed.0 < RECENT_S);
+        let may_grow = error.growth() != Growth::None && is_recent;
         if may_grow && !matches!(error, PictureError::Died { .. }) {
             self.clock.wait_until(Moment(self.clock.now().0 + GROWTH_WATCH_S));
-            if files.look(path).ok() != before {
-                return Err(JobError::Growing(full_message(&error)));
+            if files.metadata(path).ok() != before {
+                return Err(JobError::Growing(error));
             }
         }
         Err(error.into())
     }
 
-    /// Restores, and on a stumble of the rig does what the failure's remedy says and tries again.
+    /// Restores the photo, repairing the rig and retrying as a failure's remedy demands.
     fn restore(&mut self, photo: &Photo) -> Result<Outcome, JobError> {
         let mut tries = 1;
-        let mut told_of = None;
+        let mut logged = None;
         loop {
-            let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
-            let further = &mut self.further;
-            let mut told = |progress| {
-                watcher.progress(progress);
-                further(progress);
-            };
-            let name = || photo.name.clone();
-            let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut told)));
-            let failure = match restored {
-                Ok(Ok(restored)) => {
-                    let (found, allowed) = (restored.picture.size(), photo.light.size());
-                    if found == allowed {
-                        return Ok(restored);
-                    }
-                    let error = JobError::WrongSize { photo: name(), found, allowed };
-                    log::error!("{error}");
-                    return Err(error);
-                }
-                Ok(Err(failure)) => failure,
-                Err(_) => {
-                    log::error!("{}: the restoration panicked", photo.name);
-                    return Err(JobError::Panicked { photo: name() });
-                }
+            let failure = match self.try_to_restore(photo)? {
+                Ok(restored) => return Ok(restored),
+                Err(failure) => failure,
             };
             let remedy = failure.remedy();
-            let mends = matches!(remedy, Remedy::Recalibrate | Remedy::ReopenRig);
-            let error = JobError::Rig { photo: name(), failure };
-            if tries == TRIES_MAX || !(mends || remedy == Remedy::ShootAgain) {
+            let repairs = matches!(remedy, Remedy::Recalibrate | Remedy::ReopenRig);
+            let error = JobError::Rig { photo: photo.name.clone(), failure };
+            if tries == TRIES_MAX || !(repairs || remedy == Remedy::ShootAgain) {
                 return Err(error);
             }
-            if mends {
-                let words = error.to_string();
-                if told_of.as_ref() != Some(&words) {
-                    log::warn!("{words}; the rig is being put right");
+            if repairs {
+                let message = error.to_string();
+                if logged.as_ref() != Some(&message) {
+                    log::warn!("{message}; repairing the rig");
                 }
-                told_of = Some(words);
-                let mended = self.restorer.mend(remedy);
-                mended.map_err(|failure| JobError::Mending { remedy, failure })?;
+                logged = Some(message);
+                let repaired = self.restorer.mend(remedy);
+                repaired.map_err(|failure| JobError::Repair { remedy, failure })?;
             }
             tries += 1;
+        }
+    }
+
+    /// Restores the photo once.
+    ///
+    /// # Errors
+    /// Outer: internal errors. Inner: failures of the rig.
+    fn try_to_restore(&mut self, photo: &Photo) -> Result<Result<Outcome, AnyFailure>, JobError> {
+        let (watcher, restorer) = (&mut self.watcher, &mut self.restorer);
+        let on_progress = &mut self.on_progress;
+        let mut report = |progress| {
+            watcher.progress(progress);
+            on_progress(progress);
+        };
+        let restored = catch_unwind(AssertUnwindSafe(|| restorer.restore(photo, &mut report)));
+        match restored {
+            Ok(Ok(restored)) if restored.picture.size() != photo.light.size() => {
+                let (found, allowed) = (restored.picture.size(), photo.light.size());
+                let error = JobError::WrongSize { photo: photo.name.clone(), found, allowed };
+                log::error!("{error}");
+                Err(error)
+            }
+            Ok(restored) => Ok(restored),
+            Err(_) => {
+                log::error!("{}: the restoration panicked", photo.name);
+                Err(JobError::Panicked { photo: photo.name.clone() })
+            }
         }
     }
 }

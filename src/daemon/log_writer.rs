@@ -1,8 +1,7 @@
-//! The log on standard error: journald's priorities before each line where the journal reads it,
-//! plain words elsewhere.
+//! The log on standard error, with journald's priority prefixes where the journal reads it.
 //!
-//! Levels are a promise: `error` is a bug of ours, `warn` is the world misbehaving, `info` is one
-//! line a photo, `debug` may be hidden without loss.
+//! `error` is an internal error, `warn` a problem outside the program, `info` one line a photo,
+//! `debug` detail.
 
 use std::ffi::OsStr;
 use std::os::fd::AsFd;
@@ -10,8 +9,8 @@ use std::sync::OnceLock;
 
 use log::{Level, LevelFilter, Log, Metadata, Record};
 
-/// Starts logging; `write` puts a line on standard error. `journal_stream` is the environment's
-/// `JOURNAL_STREAM`. A second call changes nothing.
+/// Starts logging through `write`, which writes a line to standard error. `journal_stream` is the
+/// value of the environment variable `JOURNAL_STREAM`. A second call has no effect.
 pub fn start(level: LevelFilter, journal_stream: Option<&OsStr>, write: fn(&str)) {
     static WRITER: OnceLock<LogWriter> = OnceLock::new();
     let is_journal = is_journal(std::io::stderr(), journal_stream);
@@ -21,8 +20,8 @@ pub fn start(level: LevelFilter, journal_stream: Option<&OsStr>, write: fn(&str)
     }
 }
 
-/// Whether `stream` leads to the journal: `JOURNAL_STREAM` holds the device and inode of the stream
-/// that does (systemd.exec(5)). The service may have sent it elsewhere since.
+/// Whether `stream` is the journal's: `JOURNAL_STREAM` holds its device and inode
+/// (systemd.exec(5)). The stream may have been redirected since.
 fn is_journal(stream: impl AsFd, journal_stream: Option<&OsStr>) -> bool {
     let named = journal_stream.and_then(|words| words.to_str()?.split_once(':'));
     let Some((device, inode)) = named else { return false };
@@ -49,7 +48,7 @@ impl Log for LogWriter {
     fn flush(&self) {}
 }
 
-/// One line. Control characters, which a photo's name may hold, are shown and not obeyed.
+/// Formats a line. Control characters, which a photo's name may hold, are replaced.
 fn line(level: Level, message: &str, is_journal: bool) -> String {
     let safe: String =
         message.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
@@ -70,20 +69,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn journald_gets_its_priority_and_names_cannot_forge_lines() {
+    fn lines_have_journald_priorities_and_names_cannot_forge_them() {
         assert_eq!(line(Level::Info, "a.jpg restored", true), "<6>a.jpg restored");
         assert_eq!(line(Level::Warn, "disk full", false), "warning: disk full");
         assert_eq!(line(Level::Error, "a\n<3>b", true), "<3>a\u{fffd}<3>b");
     }
 
     #[test]
-    fn the_journal_is_the_stream_that_the_environment_names_and_no_other() {
+    fn only_the_stream_named_by_the_environment_is_the_journal() {
         let (stream, other) = (tempfile::tempfile().unwrap(), tempfile::tempfile().unwrap());
         let about = stream.metadata().unwrap();
         let named = format!("{}:{}", about.dev(), about.ino());
         let named = Some(OsStr::new(&named));
         assert!(is_journal(&stream, named));
-        assert!(!is_journal(&other, named), "sent to a file");
+        assert!(!is_journal(&other, named), "redirected to a file");
         for words in [None, Some("9:"), Some("elsewhere")] {
             assert!(!is_journal(&stream, words.map(OsStr::new)), "{words:?}");
         }

@@ -1,13 +1,12 @@
-//! The drop folder: photos in, restored photos out, and at every instant nothing lost.
+//! The drop folder: photos in, restored photos out, nothing lost at any instant.
 //!
-//! [`store`] knows what lies on the disk and moves it, [`report`] tells of it, [`schedule`] gives
-//! turns (the button's, the night's), [`job`] takes one photo through, and [`run`] is the loop.
-//! Everything asked of a disk goes through [`Disk`](crate::disk::Disk), and a photo's bytes are
-//! read in a [`worker`](crate::picture::worker) process.
+//! [`store`] moves the files, [`report`] writes the gallery and the state, [`schedule`] decides
+//! when photos are restored (button, night), [`job`] processes one photo, and [`run`] is the loop.
+//! Disk operations go through [`Disk`](crate::disk::Disk); photos are decoded in a
+//! [`worker`](crate::picture::worker) process.
 //!
-//! The daemon decides by an error's [`Remedy`](crate::remedy::Remedy) alone. What restores is
-//! behind [`Restorer`]; what watches (a terminal, a test) behind [`Watcher`]; what decides when
-//! photos may be taken behind [`Schedule`].
+//! The daemon acts on an error's [`Remedy`](crate::remedy::Remedy) alone. Restoration is behind
+//! [`Restorer`], observers are behind [`Watcher`], schedules behind [`Schedule`].
 
 mod error;
 mod job;
@@ -21,7 +20,7 @@ mod setting;
 mod store;
 mod watcher;
 
-pub use error::DaemonError;
+pub use error::{CalibrationCause, DaemonError};
 pub use job::JobEnd;
 pub use reader::Reader;
 pub use report::gallery::{SCENES, write_report};

@@ -1,22 +1,22 @@
-//! Reading of photos, in this process or in a worker.
+//! Decoding of photos, in this process or in a separate one.
 
 use std::fs::File;
 
 use crate::picture::worker::Worker;
 use crate::picture::{Limits, Photo, PictureError, Reading, whole};
 
-/// Where photos are read.
+/// Where photos are decoded.
 #[derive(Debug, Clone)]
 pub enum Reader {
     /// In this process, for trusted files.
     Here,
-    /// In a worker process for each.
+    /// In a worker process for each photo.
     Worker(Worker),
 }
 
 impl Reader {
     /// Checks that `file`, called `name`, is complete.
-    pub(super) fn whole(
+    pub(super) fn check_complete(
         &self,
         name: &str,
         file: File,
@@ -28,7 +28,7 @@ impl Reader {
         }
     }
 
-    /// The photo in `file`, called `name`, on the rig's grid.
+    /// Decodes `file`, called `name`, onto the rig's grid.
     pub(super) fn photo(
         &self,
         name: &str,

@@ -1,15 +1,15 @@
-//! The loop: empty the inbox once, or watch it until told to stop.
+//! The loop: empties the inbox once, or watches it until stopped.
 
 use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 use super::error::DaemonError;
 use super::job::{Job, JobEnd, Unsettled};
 use super::report::state::Doing;
 use super::report::summary::Summary;
-use super::report::{Reporter, Telling};
+use super::report::{Reporter, Snapshot};
 use super::schedule::{Event, Question, Schedule, Turn};
 use super::setting::DaemonSetting;
 use super::store::folders::Folders;
@@ -21,54 +21,61 @@ use super::store::withdraw::withdraw;
 use super::watcher::Watcher;
 use crate::config::Keep;
 use crate::disk::FileError;
+use crate::nights::trust::unix_s;
 use crate::picture::{Growth, PictureError};
 use crate::remedy::{Remediable, full_message};
 use crate::restorer::{Progress, Restorer};
 use crate::rig::{Clock, Moment};
 
-/// While the schedule holds, it is asked again after this long at the most.
-const HOLD_LOOK_S: f64 = 15.0;
+/// Longest interval between two questions to a schedule that holds.
+const HOLD_POLL_S: f64 = 15.0;
 
-/// A wait is made of steps of this length, after each of which a stop is heard.
+/// Interval at which a stop is noticed during a wait.
 const STEP_S: f64 = 0.2;
 
-/// How far a photo is, is written down after this long. Each is a small file that is not
-/// synchronised.
-const TELL_S: f64 = 1.0;
+/// Interval between two writes of a photo's progress: a small file, not synchronised.
+const PROGRESS_S: f64 = 1.0;
 
-/// An inbox that is not there is looked for after this long.
-const GONE_LOOK_S: f64 = 2.0;
+/// Interval between two checks for a missing inbox.
+const MISSING_POLL_S: f64 = 2.0;
 
-/// A photo whose end is missing is spoken about after this long without a change. Guess.
+/// Time without a change after which an incomplete photo is reported. Guess.
 const MENTION_S: f64 = 60.0;
 
-/// The clocks.
+/// Monotonic clock and calendar.
 #[derive(Clone, Copy)]
 struct Clocks<'a> {
-    /// Measures waits.
     clock: &'a dyn Clock,
-    /// Dates the reports.
     calendar: &'a dyn Fn() -> SystemTime,
 }
 
 impl Clocks<'_> {
+    fn now(&self) -> Now {
+        Now { moment: self.clock.now(), unix_s: self.unix_s() }
+    }
+
     fn moment(&self) -> Moment {
         self.clock.now()
     }
 
     fn unix_s(&self) -> u64 {
-        (self.calendar)().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
-    }
-
-    fn now(&self) -> Now {
-        Now { moment: self.moment(), unix_s: self.unix_s() }
+        unix_s((self.calendar)()) as u64
     }
 }
 
-/// What is looked after at each look at the inbox, beside the photos that wait there.
+/// Chores at each scan of the inbox.
 struct Upkeep<'a> {
     keeping: Keeping<'a>,
     unsettled: Unsettled,
+}
+
+/// Progress of a pass over the inbox.
+#[derive(Default)]
+struct InboxPass {
+    /// Photos begun.
+    number: usize,
+    /// Whether the newest photo is next.
+    newest_next: bool,
 }
 
 /// The daemon over one set of folders and one rig.
@@ -85,8 +92,7 @@ pub struct Daemon<'a> {
 }
 
 impl<'a> Daemon<'a> {
-    /// A daemon over `folders`, which were made good by opening them. `clock` measures waits,
-    /// `calendar` dates the reports.
+    /// Opens a daemon on `folders`. `clock` measures waiting times, `calendar` dates the reports.
     ///
     /// # Errors
     /// When the outbox cannot be read.
@@ -108,39 +114,37 @@ impl<'a> Daemon<'a> {
                 keeping: Keeping::new(Keep::default(), &|| true),
                 unsettled: Unsettled::default(),
             },
-            reporter: Reporter::open(&folders, (&setting.rig, setting.needs_button))?,
+            reporter: Reporter::open(&folders, &setting.rig, setting.needs_button)?,
             folders,
             setting,
         })
     }
 
-    /// The same daemon, taking photos when `schedule` says so. Without one it takes each at once.
+    /// Sets the schedule; without one photos are restored at once.
     #[must_use]
     pub fn scheduled(mut self, schedule: Box<dyn Schedule + 'a>) -> Daemon<'a> {
         self.schedule = schedule;
         self
     }
 
-    /// The same daemon, which keeps results and originals within `keep`. Ages count for as long as
-    /// the calendar is `believed`: a board that wakes up in the wrong year would find everything
-    /// old.
+    /// Sets the limits of kept results and originals. Ages count while `is_calendar_trusted`: to a
+    /// board that boots in the wrong year everything would look old.
     #[must_use]
-    pub fn keeping(mut self, keep: Keep, believed: &'a dyn Fn() -> bool) -> Daemon<'a> {
-        self.upkeep.keeping = Keeping::new(keep, believed);
+    pub fn keeping(mut self, keep: Keep, is_calendar_trusted: &'a dyn Fn() -> bool) -> Daemon<'a> {
+        self.upkeep.keeping = Keeping::new(keep, is_calendar_trusted);
         self
     }
 
-    /// Empties the inbox and returns what became of each photo. Files need not have been quiet; one
-    /// whose end is missing is left when it changed not long ago, as are those for which the
-    /// schedule holds.
+    /// Empties the inbox once. Files need not be quiet; recently changed incomplete ones stay, as
+    /// do those for which the schedule holds.
     ///
     /// # Errors
-    /// When the folders or the rig need help; photos not begun are still in the inbox.
+    /// When the folders or the rig need help; photos not begun stay in the inbox.
     pub fn once(&mut self) -> Result<Summary, DaemonError> {
         self.once_until(&|| false)
     }
 
-    /// The same until `stop` says so, which is asked between photos: those not begun stay.
+    /// As [`Daemon::once`], until `stop` returns true, which is asked between photos.
     ///
     /// # Errors
     /// As [`Daemon::once`].
@@ -149,11 +153,11 @@ impl<'a> Daemon<'a> {
             quiet_s: 0.0,
             mention_s: 0.0,
             unfinished_s: self.setting.unfinished_s,
-            by_its_record: Some(self.clocks.unix_s()),
+            trusted_unix_s: Some(self.clocks.unix_s()),
         };
         let passed = self.pass(patience, f64::INFINITY, stop);
         let shown = self.show_gallery();
-        self.tell(match &passed {
+        self.set_doing(match &passed {
             Ok(_) => Doing::Ended,
             Err(error) => Doing::Held { reason: full_message(error) },
         });
@@ -161,18 +165,18 @@ impl<'a> Daemon<'a> {
         Ok(self.summary())
     }
 
-    /// Watches the inbox until `stop` says so, which is asked between photos and between looks.
-    /// Needs of the operator are said once, held, and tried again, as is a disk that is full or
-    /// gone. The summary is of the last thousand of each kind.
+    /// Watches the inbox until `stop` returns true, which is asked between photos and scans. An
+    /// error is logged once and held; work is then tried again. The summary holds the last thousand
+    /// photos of each kind.
     pub fn run(&mut self, stop: &dyn Fn() -> bool) -> Summary {
         let patience = Patience {
             quiet_s: self.setting.quiet_s,
             mention_s: MENTION_S,
             unfinished_s: self.setting.unfinished_s,
-            by_its_record: None,
+            trusted_unix_s: None,
         };
         let mut held: Option<String> = None;
-        self.tell(Doing::Waiting);
+        self.set_doing(Doing::Waiting);
         self.try_to_show_gallery();
         while !stop() {
             let passed = self.pass(patience, self.setting.retry_s, stop);
@@ -180,181 +184,201 @@ impl<'a> Daemon<'a> {
                 break;
             }
             if let Err(error) = &passed {
-                self.schedule.told(Event::Held(error), &mut *self.restorer);
+                self.schedule.notify(Event::Held(error), &mut *self.restorer);
             }
-            self.call_attention();
+            self.publish_notices();
             let (reason, wait_s) = match passed {
                 Ok(Turn::Stop) => break,
                 Ok(Turn::Hold { reason, until, .. }) => {
                     if held.as_ref() != Some(&reason) {
-                        log::info!("not now: {reason}");
-                        self.tell(Doing::Paused { reason: reason.clone() });
+                        log::info!("waiting: {reason}");
+                        self.set_doing(Doing::Paused { reason: reason.clone() });
                     }
-                    // Whoever supervises the loop must see it come round.
+                    // Bounded, so that the watchdog sees the loop advance.
                     let wait_s = until.map_or(0.0, |at| at.0 - self.clocks.moment().0);
-                    (reason, wait_s.min(HOLD_LOOK_S).max(self.setting.poll_s))
+                    (reason, wait_s.min(HOLD_POLL_S).max(self.setting.poll_s))
                 }
                 Ok(Turn::Go | Turn::Again(_) | Turn::Help(_)) => {
                     if held.take().is_some() {
-                        log::info!("going on");
-                        self.tell(Doing::Waiting);
+                        log::info!("continuing");
+                        self.set_doing(Doing::Waiting);
                     }
-                    self.watcher.looked();
-                    self.tell_who_waits();
+                    self.watcher.scanned();
+                    self.update_waiting();
                     self.wait_for_photos(stop);
                     continue;
                 }
                 Err(error) => {
                     let reason = full_message(&error);
                     if held.as_ref() != Some(&reason) {
-                        log::warn!("holding: {reason}");
-                        self.tell(Doing::Held { reason: reason.clone() });
+                        log::warn!("held: {reason}");
+                        self.set_doing(Doing::Held { reason: reason.clone() });
                     }
-                    let inbox = self.folders.files().look(self.folders.inbox());
-                    (reason, if inbox.is_err() { GONE_LOOK_S } else { self.setting.retry_s })
+                    let inbox = self.folders.files().metadata(self.folders.inbox());
+                    (reason, if inbox.is_err() { MISSING_POLL_S } else { self.setting.retry_s })
                 }
             };
             held = Some(reason);
-            self.tell_who_waits();
-            self.watcher.looked();
+            self.update_waiting();
+            self.watcher.scanned();
             self.wait(wait_s, stop);
         }
         self.try_to_show_gallery();
-        self.tell(Doing::Ended);
+        self.set_doing(Doing::Ended);
         self.summary()
     }
 
-    /// Takes what is ready until nothing is or the schedule holds: then that turn. Oldest first;
-    /// but after one that came to nothing the newest is next, of those, too, that came to rest
-    /// meanwhile: no heap of such keeps it waiting.
+    /// Restores ready photos until there are none or the schedule holds; returns that turn. Oldest
+    /// first, but after a photo without a result the newest is next, those included that became
+    /// ready meanwhile: a pile of unreadable photos does not delay it.
     fn pass(
         &mut self,
         patience: Patience,
         retry_s: f64,
         stop: &dyn Fn() -> bool,
     ) -> Result<Turn, DaemonError> {
-        let (mut number, mut newest_next) = (0, false);
-        let turn = 'all: loop {
+        let mut pass = InboxPass::default();
+        let turn = loop {
             if self.schedule.impatient() {
-                self.inbox.end_rest();
+                self.inbox.retry_now();
             }
-            let looked = self.clocks.moment();
-            let Ready { photos, waiting } = self.look(patience)?;
-            if photos.is_empty() {
-                match self.ask(waiting, false)? {
-                    Turn::Again(photos) => self.withdraw(&photos)?,
-                    turn => break turn,
+            let scanned = self.clocks.moment();
+            let ready = self.scan(patience)?;
+            if !ready.photos.is_empty() {
+                match self.take(ready, scanned, &mut pass, patience, retry_s, stop)? {
+                    None => continue,
+                    Some(Turn::Stop) => return Ok(Turn::Stop),
+                    Some(turn) => break turn,
                 }
-                continue;
             }
-            let of = number + photos.len();
-            let (mut photos, mut taken) = (VecDeque::from(photos), 0);
-            loop {
-                if newest_next && taken > 0 && self.is_look_due(looked) {
-                    continue 'all;
-                }
-                let newest = photos.iter().rposition(|way| !self.inbox.is_left(way));
-                let next = match newest.filter(|_| newest_next) {
-                    Some(newest) => photos.remove(newest),
-                    None => photos.pop_front(),
-                };
-                let Some(way) = next else { break };
-                if stop() {
-                    return Ok(Turn::Stop);
-                }
-                newest_next = !newest_next;
-                taken += 1;
-                match self.may_be_taken(&way, patience) {
-                    Ok(true) => {}
-                    Ok(false) => {
-                        self.inbox.has_turn();
-                        continue;
-                    }
-                    Err(unread) => {
-                        self.inbox.has_turn();
-                        self.leave(way, unread.of_photo(), retry_s);
-                        continue;
-                    }
-                }
-                self.make_room()?;
-                match self.ask(waiting + 1 - taken, true)? {
-                    Turn::Go => {}
-                    Turn::Again(photos) => {
-                        self.withdraw(&photos)?;
-                        continue 'all;
-                    }
-                    other => break 'all other,
-                }
-                number += 1;
-                let end = self.work(&way, number, of)?;
-                newest_next &= !matches!(end, JobEnd::Done { .. });
-                self.note(&way, end, retry_s);
-                if self.reporter.is_due(self.clocks.moment()) {
-                    self.show_gallery()?;
-                }
+            match self.ask(ready.waiting, false)? {
+                Turn::Again(photos) => self.withdraw(&photos)?,
+                turn => break turn,
             }
         };
-        if number > 0 || self.reporter.is_stale() {
+        if pass.number > 0 || self.reporter.is_stale() {
             self.show_gallery()?;
         }
-        if number > 0 {
-            self.tell(Doing::Waiting);
+        if pass.number > 0 {
+            self.set_doing(Doing::Waiting);
         }
         Ok(turn)
     }
 
-    /// Whether a file that was not quiet at the look at `looked` may be by now.
-    fn is_look_due(&self, looked: Moment) -> bool {
-        let now = self.clocks.moment();
-        now.0 - looked.0 >= self.setting.poll_s || self.inbox.due().is_some_and(|due| now >= due)
+    /// Restores the photos of one scan, made at `scanned`; `None` when the next scan is due.
+    fn take(
+        &mut self,
+        ready: Ready,
+        scanned: Moment,
+        pass: &mut InboxPass,
+        patience: Patience,
+        retry_s: f64,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Turn>, DaemonError> {
+        let Ready { photos, waiting } = ready;
+        let of = pass.number + photos.len();
+        let (mut photos, mut taken) = (VecDeque::from(photos), 0);
+        loop {
+            if pass.newest_next && taken > 0 && self.is_scan_due(scanned) {
+                return Ok(None);
+            }
+            let newest = photos.iter().rposition(|path| !self.inbox.is_deferred(path));
+            let next = match newest.filter(|_| pass.newest_next) {
+                Some(newest) => photos.remove(newest),
+                None => photos.pop_front(),
+            };
+            let Some(path) = next else { return Ok(None) };
+            if stop() {
+                return Ok(Some(Turn::Stop));
+            }
+            pass.newest_next = !pass.newest_next;
+            taken += 1;
+            match self.may_be_taken(&path, patience) {
+                Ok(true) => {}
+                Ok(false) => {
+                    self.inbox.count_turn();
+                    continue;
+                }
+                Err(unread) => {
+                    self.inbox.count_turn();
+                    self.defer(path, unread.message_for_owner(), retry_s);
+                    continue;
+                }
+            }
+            self.make_room()?;
+            match self.ask(waiting + 1 - taken, true)? {
+                Turn::Go => {}
+                Turn::Again(photos) => {
+                    self.withdraw(&photos)?;
+                    return Ok(None);
+                }
+                other => return Ok(Some(other)),
+            }
+            pass.number += 1;
+            let end = self.work(&path, pass.number, of)?;
+            pass.newest_next &= !matches!(end, JobEnd::Done { .. });
+            self.note(&path, end, retry_s);
+            if self.reporter.is_due(self.clocks.moment()) {
+                self.show_gallery()?;
+            }
+        }
     }
 
-    /// The schedule's turn; an error when somebody must help first.
+    /// Whether a file that was not quiet at the scan at `scanned` may be so by now.
+    fn is_scan_due(&self, scanned: Moment) -> bool {
+        let now = self.clocks.moment();
+        now.0 - scanned.0 >= self.setting.poll_s || self.inbox.due().is_some_and(|due| now >= due)
+    }
+
+    /// Asks the schedule.
+    ///
+    /// # Errors
+    /// When help is needed.
     fn ask(&mut self, waiting: usize, is_ready: bool) -> Result<Turn, DaemonError> {
         let asked = Question { waiting, is_ready, parts: self.inbox.waiting() };
         match self.schedule.turn(asked, &mut *self.restorer) {
             Turn::Help(error) => Err(error),
             Turn::Hold { reason, until, awaited } => {
-                self.inbox.held_for(awaited);
+                self.inbox.hold_for(awaited);
                 Ok(Turn::Hold { reason, until, awaited })
             }
             turn => Ok(turn),
         }
     }
 
-    /// One look at the inbox, and at all that is to be looked after.
-    fn look(&mut self, patience: Patience) -> Result<Ready, DaemonError> {
+    /// Does the chores and scans the inbox.
+    fn scan(&mut self, patience: Patience) -> Result<Ready, DaemonError> {
         let (folders, now) = (&self.folders, self.clocks.now());
         let Upkeep { keeping, unsettled } = &mut self.upkeep;
         unsettled.settle(folders)?;
         if keeping.sweep(folders, self.schedule.unproven(), now) {
             self.reporter.reload(folders);
         }
-        Ok(self.inbox.look(folders, now.moment, patience)?)
+        Ok(self.inbox.scan(folders, now.moment, patience)?)
     }
 
-    /// Whether the photo at `way` is all there, or never will be; an error when it cannot be read.
-    /// Whatever else is wrong with it is the job's to say.
-    fn may_be_taken(&mut self, way: &Path, patience: Patience) -> Result<bool, FileError> {
-        let (setting, path) = (&self.setting, self.folders.inbox().join(way));
+    /// Whether the photo at `path` is complete, or will never be. Other flaws are found by the job.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    fn may_be_taken(&mut self, path: &Path, patience: Patience) -> Result<bool, FileError> {
+        let (setting, full) = (&self.setting, self.folders.inbox().join(path));
         let files = self.folders.files();
-        self.inbox.may_be_taken(way, self.clocks.moment(), patience, || {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let file = match files.open(&path) {
+        self.inbox.may_be_taken(path, self.clocks.moment(), patience, || {
+            let name = full.file_name().unwrap_or_default().to_string_lossy();
+            let file = match files.open(&full) {
                 Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
                 opened => opened?,
             };
-            match setting.reader.whole(&name, file, &setting.reading.limits) {
-                Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &path)(source)),
-                Err(lacking) if lacking.growth() == Growth::Likely => {
-                    Ok(Some(full_message(&lacking)))
-                }
+            match setting.reader.check_complete(&name, file, &setting.reading.limits) {
+                Err(PictureError::Read { source, .. }) => Err(FileError::at("read", &full)(source)),
+                Err(flaw) if flaw.growth() == Growth::Likely => Ok(Some(full_message(&flaw))),
                 _ => Ok(None),
             }
         })
     }
 
-    /// Makes room on the disk for one more photo, if the limits have something to remove.
+    /// Frees space for one more photo by the limits, if necessary.
     fn make_room(&mut self) -> Result<(), DaemonError> {
         let (now, unproven) = (self.clocks.now(), self.schedule.unproven());
         let floor_bytes = self.setting.floor_bytes;
@@ -364,29 +388,31 @@ impl<'a> Daemon<'a> {
         Ok(())
     }
 
-    fn work(&mut self, way: &Path, number: usize, of: usize) -> Result<JobEnd, DaemonError> {
-        let photo = &*way.to_string_lossy();
-        self.inbox.has_turn();
-        let restoring = |done, left_s| Doing::Restoring { photo: photo.to_owned(), done, left_s };
-        self.tell(restoring(0.0, None));
+    fn work(&mut self, path: &Path, number: usize, of: usize) -> Result<JobEnd, DaemonError> {
+        let photo = &*path.to_string_lossy();
+        self.inbox.count_turn();
+        let restoring =
+            |done, remaining_s| Doing::Restoring { photo: photo.to_owned(), done, remaining_s };
+        self.set_doing(restoring(0.0, None));
         self.watcher.begun(photo, number, of);
-        self.schedule.told(Event::Begun { photo, number, of }, &mut *self.restorer);
+        self.schedule.notify(Event::Begun { photo, number, of }, &mut *self.restorer);
         let (begun, usual_s) = (self.clocks.moment(), self.reporter.usual_s());
-        let (mut told, telling) = (begun, self.telling());
-        let mut further = |progress: Progress| {
+        let (mut written, snapshot) = (begun, self.snapshot());
+        let mut on_progress = |progress: Progress| {
             let Now { moment, unix_s } = self.clocks.now();
-            if moment.0 - told.0 < TELL_S {
+            if moment.0 - written.0 < PROGRESS_S {
                 return;
             }
-            told = moment;
+            written = moment;
             let (done, passed_s) = (f64::from(progress.done).clamp(0.0, 1.0), moment.0 - begun.0);
             let whole_s = usual_s.unwrap_or(passed_s / done.max(0.01)).max(passed_s);
-            let left_s = whole_s * (1.0 - done + telling.waiting.turn as f64);
-            let telling = Telling { moment, unix_s, ..telling.clone() };
-            self.reporter.tell(&self.folders, restoring(done, Some(left_s)), &telling);
+            let remaining_s = whole_s * (1.0 - done + snapshot.waiting.turn as f64);
+            let snapshot = Snapshot { moment, unix_s, ..snapshot.clone() };
+            let doing = restoring(done, Some(remaining_s));
+            self.reporter.set_doing(&self.folders, doing, &snapshot);
         };
         let job = Job {
-            further: &mut further,
+            on_progress: &mut on_progress,
             folders: &self.folders,
             setting: &self.setting,
             restorer: &mut *self.restorer,
@@ -395,29 +421,29 @@ impl<'a> Daemon<'a> {
             watcher: &mut *self.watcher,
             unsettled: &mut self.upkeep.unsettled,
         };
-        let end = job.work(way);
+        let end = job.run(path);
         self.watcher.ended();
         end
     }
 
-    fn note(&mut self, way: &Path, end: JobEnd, retry_s: f64) {
-        self.schedule.told(Event::Ended(&end), &mut *self.restorer);
-        if !matches!(end, JobEnd::Left { .. }) {
-            self.inbox.taken(way);
+    fn note(&mut self, path: &Path, end: JobEnd, retry_s: f64) {
+        self.schedule.notify(Event::Ended(&end), &mut *self.restorer);
+        if !matches!(end, JobEnd::Deferred { .. }) {
+            self.inbox.forget(path);
         }
         match end {
             JobEnd::Done { report, .. } => self.reporter.add(*report),
             JobEnd::Failed(failed) => self.reporter.add_failed(failed),
-            JobEnd::Left { way, left } => self.leave(way, left.reason, retry_s),
+            JobEnd::Deferred { path, failed } => self.defer(path, failed.reason, retry_s),
             JobEnd::Gone => {}
         }
     }
 
-    /// The photo at `way` stays in the inbox, and is tried again after `retry_s`.
-    fn leave(&mut self, way: PathBuf, reason: String, retry_s: f64) {
-        let left = Failed { photo: way.to_string_lossy().into_owned(), reason };
-        let until = Moment(self.clocks.moment().0 + retry_s);
-        self.inbox.put_back(&self.folders, way, left, until);
+    /// Keeps the photo at `path` in the inbox, to be tried again after `retry_s`.
+    fn defer(&mut self, path: PathBuf, reason: String, retry_s: f64) {
+        let photo = path.to_string_lossy().into_owned();
+        let retry_at = Moment(self.clocks.moment().0 + retry_s);
+        self.inbox.put_back(&self.folders, path, Failed { photo, reason }, retry_at);
     }
 
     fn withdraw(&mut self, photos: &[Delivered]) -> Result<(), DaemonError> {
@@ -427,23 +453,23 @@ impl<'a> Daemon<'a> {
     }
 
     fn summary(&self) -> Summary {
-        self.reporter.summary(self.inbox.left(), self.inbox.waiting())
+        self.reporter.summary(self.inbox.deferred(), self.inbox.waiting())
     }
 
-    /// Writes down that other photos wait, or for something else, than was told last.
-    fn tell_who_waits(&mut self) {
-        let telling = self.telling();
-        self.reporter.tell_who_waits(&self.folders, &telling);
+    /// Writes the numbers of waiting photos, where they have changed.
+    fn update_waiting(&mut self) {
+        let snapshot = self.snapshot();
+        self.reporter.update_waiting(&self.folders, &snapshot);
     }
 
-    fn telling(&self) -> Telling {
+    fn snapshot(&self) -> Snapshot {
         let Now { moment, unix_s } = self.clocks.now();
-        Telling { left: self.inbox.left(), waiting: self.inbox.waiting(), moment, unix_s }
+        Snapshot { deferred: self.inbox.deferred(), waiting: self.inbox.waiting(), moment, unix_s }
     }
 
     fn show_gallery(&mut self) -> Result<(), DaemonError> {
-        let telling = self.telling();
-        Ok(self.reporter.show(&self.folders, &telling)?)
+        let snapshot = self.snapshot();
+        Ok(self.reporter.write_gallery(&self.folders, &snapshot)?)
     }
 
     fn try_to_show_gallery(&mut self) {
@@ -452,31 +478,31 @@ impl<'a> Daemon<'a> {
         }
     }
 
-    /// Says once what the operator should know, and that there is nothing more to know.
-    fn call_attention(&mut self) {
+    /// Publishes changed notices to the operator.
+    fn publish_notices(&mut self) {
         let attention = self.schedule.attention().iter().map(ToString::to_string).collect();
-        if self.reporter.call_attention(attention) {
-            self.tell(self.reporter.doing());
+        if self.reporter.set_attention(attention) {
+            self.set_doing(self.reporter.doing());
             self.try_to_show_gallery();
         }
     }
 
-    fn tell(&mut self, doing: Doing) {
+    fn set_doing(&mut self, doing: Doing) {
         self.watcher.doing(&doing);
-        let telling = self.telling();
-        self.reporter.tell(&self.folders, doing, &telling);
+        let snapshot = self.snapshot();
+        self.reporter.set_doing(&self.folders, doing, &snapshot);
     }
 
-    /// Waits for the next look at the inbox: until it is due, a file there will have been quiet for
-    /// long enough, or something happens.
+    /// Waits for the next scan of the inbox: until it is due, a file will have been quiet for long
+    /// enough, or an event comes.
     fn wait_for_photos(&self, stop: &dyn Fn() -> bool) {
         let DaemonSetting { quiet_s, poll_s, .. } = self.setting;
         let due_s = self.inbox.due().map_or(f64::INFINITY, |due| due.0 - self.clocks.moment().0);
         let soonest_s = quiet_s.min(poll_s).min(STEP_S);
-        self.wait(poll_s.min(due_s.max(soonest_s)), &|| stop() || self.inbox.heard());
+        self.wait(poll_s.min(due_s.max(soonest_s)), &|| stop() || self.inbox.has_events());
     }
 
-    /// Waits in short steps, so that a stop is heard.
+    /// Waits in short steps, so that a stop is noticed.
     fn wait(&self, wait_s: f64, stop: &dyn Fn() -> bool) {
         let clock = self.clocks.clock;
         let until = clock.now().0 + wait_s;

@@ -1,8 +1,8 @@
-//! What the service manager is told: ready, what is being done, that work goes on, and the end.
+//! Notifications to the service manager: ready, status, watchdog, stopping (sd_notify(3): datagrams
+//! of `KEY=value` lines to the socket named in `NOTIFY_SOCKET`).
 //!
-//! The watchdog is fed by finished work alone: a look at the inbox, a step of a restoration, a
-//! capture of a calibration, a photo. There is no timer: a loop that hangs starves it.
-//! (sd_notify(3): datagrams of `KEY=value` lines to the socket named in `NOTIFY_SOCKET`.)
+//! The watchdog is fed by finished work alone: a scan of the inbox, a step of a restoration, a
+//! capture of a calibration, a photo. There is no timer, so that a loop that hangs starves it.
 
 use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;
@@ -15,16 +15,17 @@ use super::store::claim::JobStep;
 use super::watcher::Watcher;
 use crate::restorer::Progress;
 
-/// The service manager, or nobody.
+/// The service manager, if there is one.
 #[derive(Debug, Default)]
 pub struct ServiceManager {
     socket: Option<UnixDatagram>,
-    /// The status told last; each is told once.
+    /// The last status sent; each is sent once.
     status: Mutex<String>,
 }
 
 impl ServiceManager {
-    /// The one at `address`, the value of `NOTIFY_SOCKET`: a path, or a name after `@`.
+    /// The manager at `address`, the value of `NOTIFY_SOCKET`: a path, or an abstract name after
+    /// `@`.
     pub fn at(address: Option<&OsStr>) -> ServiceManager {
         let socket = address.and_then(|address| {
             let bytes = address.as_bytes();
@@ -39,41 +40,41 @@ impl ServiceManager {
         ServiceManager { socket, status: Mutex::default() }
     }
 
-    /// A manager that does not listen is no trouble of ours; one that waits in vain acts by itself.
-    fn tell(&self, words: &str) {
+    /// Sends a notification. Errors are ignored: a manager that waits in vain acts by itself.
+    fn send(&self, words: &str) {
         if let Some(socket) = &self.socket {
             let _ = socket.send(words.as_bytes());
         }
     }
 
-    /// The service has started.
+    /// Reports that the service has started.
     pub fn ready(&self) {
-        self.tell("READY=1");
+        self.send("READY=1");
     }
 
-    /// Work was finished: the watchdog may rest.
+    /// Feeds the watchdog.
     pub fn worked(&self) {
-        self.tell("WATCHDOG=1");
+        self.send("WATCHDOG=1");
     }
 
-    /// The service ends in good order.
+    /// Reports that the service is stopping.
     pub fn stopping(&self) {
-        self.tell("STOPPING=1\nSTATUS=ending");
+        self.send("STOPPING=1\nSTATUS=stopping");
     }
 
-    /// What the service is doing, in one line for `systemctl status`.
+    /// Sets the status line of `systemctl status`.
     pub fn status(&self, words: &str) {
         let one_line: String =
             words.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        let mut told = self.status.lock().unwrap_or_else(PoisonError::into_inner);
-        if *told != one_line {
-            self.tell(&format!("STATUS={one_line}"));
-            *told = one_line;
+        let mut last = self.status.lock().unwrap_or_else(PoisonError::into_inner);
+        if *last != one_line {
+            self.send(&format!("STATUS={one_line}"));
+            *last = one_line;
         }
     }
 }
 
-/// A watcher that tells the service manager, and another one.
+/// A watcher that notifies the service manager and forwards to another watcher.
 pub struct Supervised<'a> {
     manager: &'a ServiceManager,
     inner: Box<dyn Watcher + 'a>,
@@ -81,7 +82,7 @@ pub struct Supervised<'a> {
 }
 
 impl<'a> Supervised<'a> {
-    /// Tells `manager` what `inner` is told.
+    /// Notifies `manager`, then `inner`.
     pub fn new(manager: &'a ServiceManager, inner: Box<dyn Watcher + 'a>) -> Supervised<'a> {
         Supervised { manager, inner, photo: String::new() }
     }
@@ -110,16 +111,16 @@ impl Watcher for Supervised<'_> {
         self.inner.ended();
     }
 
-    fn looked(&mut self) {
+    fn scanned(&mut self) {
         self.manager.worked();
-        self.inner.looked();
+        self.inner.scanned();
     }
 
     fn doing(&mut self, doing: &Doing) {
         match doing {
             Doing::Restoring { .. } => {}
             Doing::Waiting => self.manager.status("waiting for photos"),
-            Doing::Paused { reason } => self.manager.status(&format!("not now: {reason}")),
+            Doing::Paused { reason } => self.manager.status(&format!("waiting: {reason}")),
             Doing::Held { reason } => self.manager.status(&format!("needs help: {reason}")),
             Doing::Ended => self.manager.stopping(),
         }
@@ -131,7 +132,7 @@ impl Watcher for Supervised<'_> {
 mod tests {
     use super::*;
 
-    fn heard(socket: &UnixDatagram) -> Vec<String> {
+    fn received(socket: &UnixDatagram) -> Vec<String> {
         socket.set_nonblocking(true).unwrap();
         let mut words = Vec::new();
         let mut buffer = [0; 4096];
@@ -142,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn the_manager_hears_states_once_and_work_each_time() {
+    fn each_status_is_sent_once_and_work_each_time() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("notify");
         let socket = UnixDatagram::bind(&path).unwrap();
@@ -151,28 +152,28 @@ mod tests {
         manager.ready();
         watcher.doing(&Doing::Waiting);
         watcher.doing(&Doing::Waiting);
-        watcher.looked();
+        watcher.scanned();
         watcher.begun("a\nREADY=0.jpg", 1, 2);
         watcher.doing(&Doing::Ended);
         assert_eq!(
-            heard(&socket),
+            received(&socket),
             [
                 "READY=1",
                 "STATUS=waiting for photos",
                 "WATCHDOG=1",
                 "STATUS=restoring a READY=0.jpg, 1 of 2",
-                "STOPPING=1\nSTATUS=ending"
+                "STOPPING=1\nSTATUS=stopping"
             ]
         );
     }
 
     #[test]
-    fn an_abstract_name_is_found_and_nobody_is_no_trouble() {
+    fn abstract_names_work_and_a_missing_manager_is_ignored() {
         let name = format!("relens-test-{}", std::process::id());
         let address = SocketAddr::from_abstract_name(name.as_bytes()).unwrap();
         let socket = UnixDatagram::bind_addr(&address).unwrap();
         ServiceManager::at(Some(OsStr::new(&format!("@{name}")))).worked();
-        assert_eq!(heard(&socket), ["WATCHDOG=1"]);
+        assert_eq!(received(&socket), ["WATCHDOG=1"]);
         ServiceManager::at(None).worked();
         ServiceManager::at(Some(OsStr::new("/nowhere/at/all"))).worked();
     }

@@ -1,4 +1,4 @@
-//! What the daemon is told once.
+//! Settings of the daemon.
 
 use crate::config::Curve;
 use crate::frame::PhotoGrid;
@@ -6,36 +6,35 @@ use crate::picture::Reading;
 
 use super::reader::Reader;
 
-/// What the daemon is told once.
+/// Settings of the daemon.
 #[derive(Debug, Clone)]
 pub struct DaemonSetting {
     /// Name of the rig, for reports.
     pub rig: String,
     /// Whether photos wait for a button.
     pub needs_button: bool,
-    /// How photos are read.
+    /// How photos are decoded.
     pub reading: Reading,
-    /// A photo is taken when it has not changed for this long.
+    /// Time without a change after which a photo is taken.
     pub quiet_s: f64,
-    /// Longest time between two looks at the inbox.
+    /// Longest time between two scans of the inbox.
     pub poll_s: f64,
-    /// Whether events of the inbox make the next look come sooner.
+    /// Whether events of the inbox make the next scan come sooner.
     pub hints: bool,
-    /// Where photos are read.
+    /// Where photos are decoded.
     pub reader: Reader,
-    /// A photo whose end is missing is waited for this long after its last change, then set aside.
+    /// Time without a change after which an incomplete photo is rejected.
     pub unfinished_s: f64,
-    /// Bytes of the disk that are left free whatever happens.
+    /// Free bytes always kept on the disk.
     pub floor_bytes: u64,
-    /// Time after which a photo that was put back, or a rig that needed help, is tried again.
+    /// Time after which a deferred photo, or a rig in need of help, is tried again.
     pub retry_s: f64,
 }
 
 impl DaemonSetting {
-    /// The usual waits, which are guesses: 5 s quiet as paperless-ngx has it, a look every 5 s if
-    /// nothing happens before, a minute until a retry, a quarter of an hour for an upload that was
-    /// broken off to be taken up again; and a disk that is never filled beyond its last 256 MiB, so
-    /// that the system can still log in whoever is to help.
+    /// Default times, which are guesses: 5 s without a change (as paperless-ngx has it), a scan
+    /// every 5 s, a retry after a minute, a quarter of an hour to resume an upload that broke off.
+    /// The last 256 MiB of the disk stay free, so that an operator can log in.
     pub fn new(rig: &str, grid: impl Into<PhotoGrid>, curve: Curve) -> DaemonSetting {
         let (quiet_s, poll_s, retry_s) = (5.0, 5.0, 60.0);
         DaemonSetting {

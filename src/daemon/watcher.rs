@@ -1,32 +1,32 @@
-//! Who looks on: a line on a terminal, nobody, or a test that stops the daemon between two steps.
+//! Observers of the daemon: a terminal, a service manager, or a test that stops it between steps.
 
 use super::report::state::Doing;
 use super::store::claim::JobStep;
 use crate::restorer::Progress;
 
-/// Looks on while the daemon works. Each method may do nothing.
+/// Observes the daemon. The default methods do nothing.
 pub trait Watcher {
-    /// A photo is begun: its name, its number in this pass and how many are waiting in all.
+    /// A photo is begun: its name, its number in this pass and the number of photos.
     fn begun(&mut self, name: &str, number: usize, of: usize) {
         let _ = (name, number, of);
     }
-    /// The restoration of the photo begun last has come further.
+    /// The restoration has progressed.
     fn progress(&mut self, progress: Progress) {
         let _ = progress;
     }
-    /// The disk has changed.
+    /// A step of the job has changed the disk.
     fn step(&mut self, step: JobStep) {
         let _ = step;
     }
-    /// The photo begun last is over and its log line is about to be written.
+    /// The job has ended; its log line follows.
     fn ended(&mut self) {}
-    /// The loop has come round: a look at the inbox is over, whatever it found.
-    fn looked(&mut self) {}
-    /// What the daemon does has changed.
+    /// The inbox was scanned.
+    fn scanned(&mut self) {}
+    /// The state of the daemon has changed.
     fn doing(&mut self, doing: &Doing) {
         let _ = doing;
     }
 }
 
-/// Nobody looks on.
+/// No observer.
 impl Watcher for () {}

@@ -1,8 +1,8 @@
-//! Files that are whole or absent, on any disk: temporary file, synchronised, renamed, folder
-//! synchronised. Every error says what was tried, on which path.
+//! Atomic file operations on any disk: a temporary file is written, synchronised and renamed, then
+//! the folder is synchronised. Every error names operation and path.
 //!
-//! Each of these steps is needed: `tests/drop_folder/power.rs` takes each away in turn and sees a
-//! photo or a result come to harm.
+//! Each of these steps is needed: `tests/drop_folder/power.rs` omits each in turn and finds a photo
+//! or a result damaged.
 
 use std::collections::HashSet;
 use std::collections::hash_map::RandomState;
@@ -19,36 +19,38 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::error::FileError;
-use super::{Disk, FileKind, LocalDisk, Look, Unsynced};
+use super::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 
-/// Beginning and end of the names of temporary files; they never depend on a photo's name, which
-/// may be long.
+/// Prefix and suffix of the names of temporary files, which are independent of photos' names.
 const TEMPORARY: (&str, &str) = (".relens-", ".tmp");
 
 /// Longest file name in bytes on the file systems of a board (ext4, f2fs, NAME_MAX).
 const NAME_BYTES_MAX: usize = 255;
+
+/// Longest JSON file read: room for the names of ten thousand photos.
+const JSON_BYTES_MAX: u64 = 16 << 20;
 
 /// The files of a disk.
 #[derive(Clone)]
 pub struct Files(Arc<dyn Disk>);
 
 impl Files {
-    /// Those of any disk.
+    /// The files of `disk`.
     pub fn on(disk: Arc<dyn Disk>) -> Files {
         Files(disk)
     }
 
-    /// Those of the machine's disks that lie beneath `folders`; see [`LocalDisk::new`].
+    /// The files beneath `folders` on the machine's disks; see [`LocalDisk::new`].
     pub fn beneath(folders: Vec<PathBuf>) -> Files {
         Files(Arc::new(LocalDisk::new(folders)))
     }
 
-    /// The disk itself.
+    /// The disk.
     pub fn raw(&self) -> &dyn Disk {
         &*self.0
     }
 
-    /// Names and kinds of what `folder` holds, in no order.
+    /// Names and types of the entries of `folder`, in no order.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -56,34 +58,34 @@ impl Files {
         self.0.list(folder).map_err(FileError::at("read the folder", folder))
     }
 
-    /// A look at what has the name `path`.
+    /// Metadata of `path`.
     ///
     /// # Errors
-    /// `NotFound`, or whatever the disk says.
-    pub fn look(&self, path: &Path) -> Result<Look, FileError> {
-        self.0.look(path).map_err(FileError::at("look at", path))
+    /// `NotFound`, or any error of the disk.
+    pub fn metadata(&self, path: &Path) -> Result<Metadata, FileError> {
+        self.0.metadata(path).map_err(FileError::at("query", path))
     }
 
-    /// Whether anything has the name `path`.
+    /// Whether `path` exists.
     ///
     /// # Errors
-    /// When the disk cannot tell.
+    /// When unknown.
     pub fn exists(&self, path: &Path) -> Result<bool, FileError> {
-        match self.look(path) {
+        match self.metadata(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
             looked => looked.map(|_| true),
         }
     }
 
-    /// The plain file `path` for reading.
+    /// Opens the regular file `path` for reading.
     ///
     /// # Errors
-    /// When there is none.
+    /// As [`Disk::open`].
     pub fn open(&self, path: &Path) -> Result<File, FileError> {
         self.0.open(path).map_err(FileError::at("open", path))
     }
 
-    /// At most `bytes_max` bytes of the file `path`; `None` when it is not there.
+    /// The first `bytes_max` bytes of the file `path`; `None` when it does not exist.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -97,34 +99,30 @@ impl Files {
         Ok(Some(bytes))
     }
 
-    /// The value in the JSON file `path`; `None` when it is not there, or is something else, such
-    /// as a file longer than `bytes_max`.
+    /// The value in the JSON file `path`; `None` when the file does not exist, is longer than 16
+    /// MiB or holds something else.
     ///
     /// # Errors
     /// When it cannot be read.
-    pub fn read_json<T: DeserializeOwned>(
-        &self,
-        path: &Path,
-        bytes_max: u64,
-    ) -> Result<Option<T>, FileError> {
-        Ok(self.read(path, bytes_max)?.and_then(|bytes| serde_json::from_slice(&bytes).ok()))
+    pub fn read_json<T: DeserializeOwned>(&self, path: &Path) -> Result<Option<T>, FileError> {
+        Ok(self.read(path, JSON_BYTES_MAX)?.and_then(|bytes| serde_json::from_slice(&bytes).ok()))
     }
 
-    /// Bytes that may still be written to the disk of `folder`.
+    /// Free bytes on the disk of `folder`.
     ///
     /// # Errors
-    /// When the disk does not tell.
+    /// When unknown.
     pub fn free_bytes(&self, folder: &Path) -> Result<u64, FileError> {
-        self.0.free_bytes(folder).map_err(FileError::at("measure the disk of", folder))
+        self.0.free_bytes(folder).map_err(FileError::at("query the free space of", folder))
     }
 
-    /// Makes the folder, unless it is there.
+    /// Makes the folder, unless it exists.
     ///
     /// # Errors
-    /// When it cannot.
+    /// Any error of the disk.
     pub fn make_folder(&self, folder: &Path) -> Result<(), FileError> {
         self.0.make_folder(folder).map_err(|error| {
-            let words = "found a file of that name, allowed a folder, or a name that is free";
+            let words = "a file of that name is in the way";
             let error = match error.kind() {
                 kind @ ErrorKind::AlreadyExists => io::Error::new(kind, words),
                 _ => error,
@@ -133,10 +131,10 @@ impl Files {
         })
     }
 
-    /// Removes the file `path`, unless somebody else was quicker.
+    /// Removes the file `path`, if it exists.
     ///
     /// # Errors
-    /// When it stays.
+    /// Any other error of the disk.
     pub fn remove(&self, path: &Path) -> Result<(), FileError> {
         match self.0.remove(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
@@ -144,34 +142,34 @@ impl Files {
         }
     }
 
-    /// Gives `from` the name `to`, which must be free.
+    /// Renames `from` to `to`, which must not exist.
     ///
     /// # Errors
-    /// `AlreadyExists` when it is not; nothing has changed then.
+    /// `AlreadyExists`, or any error of the disk; nothing has changed then.
     pub fn rename_new(&self, from: &Path, to: &Path) -> Result<(), FileError> {
         self.0.rename_new(from, to).map_err(FileError::at("move", from))
     }
 
-    /// Makes the names in `folder` last over a power cut.
+    /// Makes the names in `folder` durable.
     ///
     /// # Errors
-    /// When they may not.
+    /// When they may not be.
     pub fn sync_folder(&self, folder: &Path) -> Result<(), FileError> {
         self.0.sync_folder(folder).map_err(FileError::at("synchronise the folder", folder))
     }
 
-    /// Makes what the file `path` holds last over a power cut, whoever wrote it.
+    /// Makes the content of the file `path` durable.
     ///
     /// # Errors
-    /// When it may not.
+    /// When it may not be.
     pub fn sync_file(&self, path: &Path) -> Result<(), FileError> {
         self.0.sync_file(path).map_err(FileError::at("synchronise", path))
     }
 
-    /// Writes `content` to the new file `folder/name`, whole or not at all, and makes it last.
+    /// Writes `content` to the new file `folder/name`, atomically and durably.
     ///
     /// # Errors
-    /// When it cannot, or when `name` is taken (`AlreadyExists`).
+    /// `AlreadyExists`, or any error of the disk.
     pub fn write_new(
         &self,
         folder: &Path,
@@ -187,20 +185,20 @@ impl Files {
         self.sync_folder(folder)
     }
 
-    /// Writes `bytes` to `folder/name` in place of what is there, whole or not at all. Until the
-    /// folder is synchronised a power cut may bring back what was there before.
+    /// Replaces `folder/name` by `bytes`, atomically. Until the folder is synchronised, a power cut
+    /// may restore the previous file.
     ///
     /// # Errors
-    /// When it cannot.
+    /// Any error of the disk.
     pub fn replace(&self, folder: &Path, name: &OsStr, bytes: &[u8]) -> Result<(), FileError> {
         let temporary = self.write_temporary(folder, &mut &*bytes)?;
         self.rename_over(&temporary, &folder.join(name))
     }
 
-    /// The same, made to last.
+    /// Replaces `folder/name` by `bytes`, atomically and durably.
     ///
     /// # Errors
-    /// When it cannot.
+    /// Any error of the disk.
     pub fn replace_for_good(
         &self,
         folder: &Path,
@@ -211,12 +209,11 @@ impl Files {
         self.sync_folder(folder)
     }
 
-    /// The same for what is written anew at every start: whole for whoever reads it now, anything
-    /// at all after a power cut. It costs the memory card nothing until the system writes back by
-    /// itself.
+    /// Replaces `folder/name` by `bytes`, atomically for readers, undefined after a power cut: for
+    /// files rewritten at every start. Spares the memory card until the system writes back.
     ///
     /// # Errors
-    /// When it cannot.
+    /// Any error of the disk.
     pub fn replace_for_now(
         &self,
         folder: &Path,
@@ -231,17 +228,17 @@ impl Files {
         self.rename_over(&temporary, &folder.join(name))
     }
 
-    /// Moves `from` to `folder/name`, with a number when the name is taken, and returns the new
-    /// path. It is there for good once [`Files::sync_folder`] was called for either folder.
+    /// Moves `from` to `folder/name`, numbered when that exists, and returns the new path. The move
+    /// is durable once [`Files::sync_folder`] was called for either folder.
     ///
     /// # Errors
-    /// When it cannot; the file then is where it was.
+    /// Any error of the disk; the file has not moved then.
     pub fn move_to(&self, from: &Path, folder: &Path, name: &OsStr) -> Result<PathBuf, FileError> {
         self.move_by(&|from, to| self.0.rename_new(from, to), from, folder, name)
     }
 
-    /// The same for a `folder` in which only this process makes files: one step on every disk, also
-    /// where renaming cannot be asked not to overwrite (NFS).
+    /// Moves `from` to `folder/name`, where only this process makes files in `folder`: in one step
+    /// on every disk, also where a rename may overwrite (NFS).
     ///
     /// # Errors
     /// As [`Files::move_to`].
@@ -265,7 +262,7 @@ impl Files {
         for name in numbered(name).filter(|name| !taken.holds(name)) {
             let path = folder.join(name);
             match rename(from, &path) {
-                // Given to another since the look.
+                // The name was taken since the check.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 done => return done.map(|()| path).map_err(FileError::at("move", from)),
             }
@@ -273,7 +270,7 @@ impl Files {
         Err(FileError::at("move", from)(ErrorKind::AlreadyExists.into()))
     }
 
-    /// The names in `folder`.
+    /// Names in `folder`.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -281,7 +278,7 @@ impl Files {
         Ok(TakenNames(self.list(folder)?.iter().map(|(name, _)| folded(name)).collect()))
     }
 
-    /// Removes temporary files that a cut left in `folder`.
+    /// Removes temporary files left in `folder` by a power cut.
     ///
     /// # Errors
     /// When one cannot be removed.
@@ -317,12 +314,12 @@ impl Files {
 /// `value` as JSON, to be written to `path`.
 ///
 /// # Errors
-/// When it cannot be said in JSON.
+/// When it has no JSON form.
 pub fn json(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, FileError> {
     serde_json::to_vec(value).map_err(|e| FileError::at("write", path)(e.into()))
 }
 
-/// The same in lines, for people who look into the file.
+/// `value` as indented JSON, for human readers.
 ///
 /// # Errors
 /// As [`json`].
@@ -330,8 +327,8 @@ pub fn json_in_lines(value: &impl Serialize, path: &Path) -> Result<Vec<u8>, Fil
     serde_json::to_vec_pretty(value).map_err(|e| FileError::at("write", path)(e.into()))
 }
 
-/// The names of a folder, upper and lower case being one: on a share that does not tell them apart,
-/// or for a customer whose computer does not, `A.jpg` would hide `a.jpg`.
+/// Names in a folder, compared without case: on a case-insensitive share or computer `A.jpg` would
+/// hide `a.jpg`.
 pub struct TakenNames(HashSet<Vec<u8>>);
 
 impl TakenNames {
@@ -341,7 +338,7 @@ impl TakenNames {
     }
 }
 
-/// A name without the difference of cases. Names are bytes: what is no text is compared as it is.
+/// `name` in lower case; in bytes that are not UTF-8, only ASCII letters.
 fn folded(name: &OsStr) -> Vec<u8> {
     match name.to_str() {
         Some(text) => text.to_lowercase().into_bytes(),
@@ -349,8 +346,7 @@ fn folded(name: &OsStr) -> Vec<u8> {
     }
 }
 
-/// `name` itself, then `stem-2.ext`, `stem-3.ext` and so on; cut to leave room for `.json` and the
-/// like.
+/// `name`, then `stem-2.ext`, `stem-3.ext` and so on, shortened to leave room for `.json`.
 pub fn numbered(name: &OsStr) -> impl Iterator<Item = OsString> + use<> {
     let name = name.to_owned();
     (1..).map(move |number| with_number(&name, number))
@@ -359,13 +355,13 @@ pub fn numbered(name: &OsStr) -> impl Iterator<Item = OsString> + use<> {
 fn with_number(name: &OsStr, number: u32) -> OsString {
     let suffix = if number > 1 { format!("-{number}") } else { String::new() };
     let extension = Path::new(name).extension().map(OsStr::as_bytes).unwrap_or_default();
-    // An ending longer than any real one is part of the name.
+    // A longer extension than any real one is part of the stem.
     let extension = if extension.len() > 16 { &[] } else { extension };
     let mut stem = match extension.is_empty() {
         true => name.as_bytes().to_vec(),
         false => name.as_bytes()[..name.len() - extension.len() - 1].to_vec(),
     };
-    // Room for the dot, the extension, the number and the longest ending that is added, `.json`.
+    // Room for the dot, the extension, the number and the longest suffix added, `.json`.
     let room = NAME_BYTES_MAX.saturating_sub(extension.len() + 1 + suffix.len() + 5).max(1);
     if stem.len() > room {
         // Not through the middle of a UTF-8 character.
@@ -383,8 +379,8 @@ fn with_number(name: &OsStr, number: u32) -> OsString {
     OsString::from_vec(stem)
 }
 
-/// A unique path. Processes in different containers share process numbers, so a random number is
-/// part of the name.
+/// A path unique among processes: those in different containers may share a process number, so a
+/// random number is part of it.
 fn temporary_in(folder: &Path) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     static DRAWN: LazyLock<u64> = LazyLock::new(drawn);
@@ -392,7 +388,7 @@ fn temporary_in(folder: &Path) -> PathBuf {
     folder.join(format!("{}{:016x}-{number}{}", TEMPORARY.0, *DRAWN, TEMPORARY.1))
 }
 
-/// A number by the system's randomness, with which the standard library's hash maps begin.
+/// A random number, from the seed of the standard library's hash maps.
 fn drawn() -> u64 {
     RandomState::new().hash_one(std::process::id())
 }
@@ -402,7 +398,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_go_before_the_ending_and_names_stay_short_enough() {
+    fn numbers_precede_the_extension_and_names_are_short_enough() {
         assert_eq!(with_number(OsStr::new("a.jpg"), 1), "a.jpg");
         assert_eq!(with_number(OsStr::new("a.b.jpg"), 3), "a.b-3.jpg");
         assert_eq!(with_number(OsStr::new("plain"), 2), "plain-2");
@@ -427,6 +423,6 @@ mod tests {
         let moved = files.move_to(&at.join("b.txt"), at, OsStr::new("A.txt")).unwrap();
         assert_eq!(moved.file_name().unwrap(), "A-2.txt");
         assert_eq!(std::fs::read(at.join("a.txt")).unwrap(), b"first");
-        assert_eq!(std::fs::read_dir(at).unwrap().count(), 2, "no temporary file stays");
+        assert_eq!(std::fs::read_dir(at).unwrap().count(), 2, "no temporary file remains");
     }
 }

@@ -1,8 +1,8 @@
-//! The machine's own disks, local or mounted over a network.
+//! The machine's disks, local or network mounts.
 //!
-//! Every name is reached from one of a few anchor folders, without following a link on the way
-//! (openat2 with RESOLVE_BENEATH and RESOLVE_NO_SYMLINKS), so that whoever may write to the inbox
-//! cannot lead the daemon out of it, not even by swapping a folder for a link between two calls.
+//! Every path is resolved from one of a few anchor folders without following links (openat2 with
+//! RESOLVE_BENEATH and RESOLVE_NO_SYMLINKS): a user with write access to the inbox cannot lead the
+//! daemon out of it, not even by replacing a folder by a link between two calls.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -17,44 +17,47 @@ use rustix::fs::{
 };
 use rustix::io::Errno;
 
-use super::{Disk, FileKind, Look, Unsynced};
+use super::{Disk, FileKind, Metadata, Unsynced};
 
-/// Times an openat2 that met a rename on its way (EAGAIN) is begun again. Guess.
+/// Attempts of an openat2 disturbed by a rename (EAGAIN). Guess.
 const TRIES_MAX: usize = 16;
 
-/// The disk as seen from a few folders.
+/// The disk beneath a few anchor folders.
 #[derive(Debug, Clone)]
 pub struct LocalDisk {
     anchors: Vec<PathBuf>,
 }
 
 impl LocalDisk {
-    /// A disk that reaches what lies beneath `anchors`, which are absolute and hold no links.
+    /// The disk beneath `anchors`, which are absolute and without links.
     pub fn new(anchors: Vec<PathBuf>) -> LocalDisk {
         LocalDisk { anchors }
     }
 
-    /// The folder that `path` is reached from: the deepest anchor above it, and the way from there.
+    /// The deepest anchor above `path`, and the path relative to it.
     fn anchored<'a>(&'a self, path: &'a Path) -> io::Result<(&'a Path, &'a Path)> {
         let above = self
             .anchors
             .iter()
             .filter_map(|anchor| Some((&**anchor, path.strip_prefix(anchor).ok()?)));
-        above.min_by_key(|(_, way)| way.as_os_str().len()).ok_or_else(|| {
-            let words = format!("{} is in none of the folders in use", path.display());
+        above.min_by_key(|(_, relative)| relative.as_os_str().len()).ok_or_else(|| {
+            let words = format!("{} is outside the drop folder", path.display());
             io::Error::new(io::ErrorKind::PermissionDenied, words)
         })
     }
 
     fn folder(&self, folder: &Path) -> io::Result<OwnedFd> {
-        let (anchor, way) = self.anchored(folder)?;
+        let (anchor, relative) = self.anchored(folder)?;
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
         let anchor = openat(CWD, anchor, flags, Mode::empty())?;
-        if way.as_os_str().is_empty() { Ok(anchor) } else { Ok(beneath(&anchor, way, flags)?) }
+        match relative.as_os_str().is_empty() {
+            true => Ok(anchor),
+            false => Ok(open_beneath(&anchor, relative, flags)?),
+        }
     }
 
-    /// The folder that holds `path`, and its name there.
-    fn place<'a>(&self, path: &'a Path) -> io::Result<(OwnedFd, &'a OsStr)> {
+    /// The parent folder of `path`, opened, and the file name.
+    fn parent_and_name<'a>(&self, path: &'a Path) -> io::Result<(OwnedFd, &'a OsStr)> {
         match (path.parent(), path.file_name()) {
             (Some(parent), Some(name)) => Ok((self.folder(parent)?, name)),
             _ => Err(io::ErrorKind::InvalidInput.into()),
@@ -62,23 +65,23 @@ impl LocalDisk {
     }
 }
 
-/// Opens `way` from `anchor` without leaving it and without following a link.
-fn beneath(anchor: &OwnedFd, way: &Path, flags: OFlags) -> rustix::io::Result<OwnedFd> {
+/// Opens `path` from `anchor` without leaving it and without following links.
+fn open_beneath(anchor: &OwnedFd, path: &Path, flags: OFlags) -> rustix::io::Result<OwnedFd> {
     let resolve = ResolveFlags::BENEATH | ResolveFlags::NO_SYMLINKS | ResolveFlags::NO_MAGICLINKS;
     for _ in 0..TRIES_MAX {
-        match openat2(anchor, way, flags, Mode::empty(), resolve) {
+        match openat2(anchor, path, flags, Mode::empty(), resolve) {
             Err(Errno::AGAIN) => {}
-            // Kernels before 5.6, and sandboxes that do not know the call.
-            Err(Errno::NOSYS | Errno::PERM) => return step_by_step(anchor, way, flags),
+            // Kernels before 5.6, and sandboxes without the call.
+            Err(Errno::NOSYS | Errno::PERM) => return open_by_steps(anchor, path, flags),
             done => return done,
         }
     }
     Err(Errno::AGAIN)
 }
 
-/// The same, one folder at a time.
-fn step_by_step(anchor: &OwnedFd, way: &Path, flags: OFlags) -> rustix::io::Result<OwnedFd> {
-    let mut names = way.iter().peekable();
+/// [`open_beneath`] one folder at a time.
+fn open_by_steps(anchor: &OwnedFd, path: &Path, flags: OFlags) -> rustix::io::Result<OwnedFd> {
+    let mut names = path.iter().peekable();
     let mut at = anchor.try_clone().map_err(|_| Errno::MFILE)?;
     while let Some(name) = names.next() {
         if name == OsStr::new("..") {
@@ -91,22 +94,22 @@ fn step_by_step(anchor: &OwnedFd, way: &Path, flags: OFlags) -> rustix::io::Resu
     Ok(at)
 }
 
-/// Gives a file a name that must be free, on file systems that cannot do it in one step. A cut
-/// between the two steps leaves it under both names.
-fn rename_in_steps(
+/// Renames a file to a name that must not exist, on file systems that cannot do so in one step. A
+/// power cut between the two steps leaves the file under both names.
+fn rename_by_steps(
     source: &OwnedFd,
     from: &OsStr,
     target: &OwnedFd,
     to: &OsStr,
 ) -> rustix::io::Result<()> {
     match linkat(source, from, target, to, AtFlags::empty()) {
-        // Over NFS the answer to a removal may be lost: found removed already.
+        // Over NFS the reply to a removal may be lost, and the repeated one finds no file.
         Ok(()) => match unlinkat(source, from, AtFlags::empty()) {
             Err(Errno::NOENT) => return Ok(()),
             done => return done,
         },
         Err(Errno::EXIST) => return Err(Errno::EXIST),
-        // No hard links either: a look first, which is as good as one daemon a folder makes it.
+        // No hard links either: check first, which suffices while one daemon uses the folder.
         Err(_) => {}
     }
     match statat(target, to, AtFlags::SYMLINK_NOFOLLOW) {
@@ -124,8 +127,8 @@ fn kind(of: FileType) -> FileKind {
     }
 }
 
-fn look(stat: &Stat) -> Look {
-    Look {
+fn metadata_of(stat: &Stat) -> Metadata {
+    Metadata {
         kind: kind(FileType::from_raw_mode(stat.st_mode)),
         size: u64::try_from(stat.st_size).unwrap_or(0),
         changed: (stat.st_mtime, stat.st_mtime_nsec as i64),
@@ -153,7 +156,7 @@ impl Disk for LocalDisk {
                 continue;
             }
             let kind = match entry.file_type() {
-                // Some file systems do not say so in the listing.
+                // Some file systems list names without types.
                 FileType::Unknown => match statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW) {
                     Ok(stat) => kind(FileType::from_raw_mode(stat.st_mode)),
                     Err(Errno::NOENT) => continue,
@@ -166,23 +169,23 @@ impl Disk for LocalDisk {
         Ok(found)
     }
 
-    fn look(&self, path: &Path) -> io::Result<Look> {
-        let (folder, name) = self.place(path)?;
-        Ok(look(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?))
+    fn metadata(&self, path: &Path) -> io::Result<Metadata> {
+        let (folder, name) = self.parent_and_name(path)?;
+        Ok(metadata_of(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?))
     }
 
     fn open(&self, path: &Path) -> io::Result<File> {
-        let (folder, name) = self.place(path)?;
+        let (folder, name) = self.parent_and_name(path)?;
         let flags =
             OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
-        // Asked before opening, too: opening a device may do something, opening a file does not.
-        let no_file = || io::Error::new(io::ErrorKind::InvalidInput, "no plain file");
-        let before = look(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?);
+        // Checked before opening, too: opening a device may have side effects.
+        let not_a_file = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
+        let before = metadata_of(&statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?);
         if before.kind != FileKind::File {
-            return Err(no_file());
+            return Err(not_a_file());
         }
-        let file = File::from(beneath(&folder, name.as_ref(), flags)?);
-        if file.metadata()?.is_file() { Ok(file) } else { Err(no_file()) }
+        let file = File::from(open_beneath(&folder, name.as_ref(), flags)?);
+        if file.metadata()?.is_file() { Ok(file) } else { Err(not_a_file()) }
     }
 
     fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
@@ -191,15 +194,15 @@ impl Disk for LocalDisk {
     }
 
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
-        let (above, name) = self.place(folder)?;
+        let (above, name) = self.parent_and_name(folder)?;
         match mkdirat(&above, name, Mode::from_raw_mode(0o777)) {
-            Err(Errno::EXIST) if self.look(folder)?.kind == FileKind::Folder => Ok(()),
+            Err(Errno::EXIST) if self.metadata(folder)?.kind == FileKind::Folder => Ok(()),
             done => Ok(done?),
         }
     }
 
     fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>> {
-        let (folder, name) = self.place(path)?;
+        let (folder, name) = self.parent_and_name(path)?;
         let flags =
             OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let mut file = File::from(openat(&folder, name, flags, Mode::from_raw_mode(0o666))?);
@@ -213,28 +216,30 @@ impl Disk for LocalDisk {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        let ((source, from), (target, to)) = (self.place(from)?, self.place(to)?);
+        let ((source, from), (target, to)) =
+            (self.parent_and_name(from)?, self.parent_and_name(to)?);
         Ok(renameat(&source, from, &target, to)?)
     }
 
     fn rename_new(&self, from: &Path, to: &Path) -> io::Result<()> {
-        let ((source, from), (target, to)) = (self.place(from)?, self.place(to)?);
+        let ((source, from), (target, to)) =
+            (self.parent_and_name(from)?, self.parent_and_name(to)?);
         match renameat_with(&source, from, &target, to, RenameFlags::NOREPLACE) {
-            // File systems without the flag, some network and FUSE ones.
+            // Some network and FUSE file systems lack the flag.
             Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {}
             done => return Ok(done?),
         }
-        Ok(rename_in_steps(&source, from, &target, to)?)
+        Ok(rename_by_steps(&source, from, &target, to)?)
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        let (folder, name) = self.place(path)?;
+        let (folder, name) = self.parent_and_name(path)?;
         Ok(unlinkat(&folder, name, AtFlags::empty())?)
     }
 
     fn sync_folder(&self, folder: &Path) -> io::Result<()> {
         match File::from(self.folder(folder)?).sync_all() {
-            // Network mounts that cannot synchronise a folder do so with every rename.
+            // Network mounts that cannot synchronise a folder do so at every rename.
             Err(error) if error.raw_os_error() == Some(Errno::INVAL.raw_os_error()) => Ok(()),
             done => done,
         }
@@ -246,7 +251,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_link_leads_out_and_nothing_blocks() {
+    fn links_are_not_followed_and_pipes_do_not_block() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path().canonicalize().unwrap();
         let (inside, outside) = (root.join("inbox"), root.join("outside"));
@@ -270,9 +275,9 @@ mod tests {
         assert!(disk.rename(&inside.join("way/secret"), &inside.join("mine")).is_err());
         let anchor = disk.folder(&inside).unwrap();
         let flags = OFlags::RDONLY | OFlags::CLOEXEC;
-        assert!(step_by_step(&anchor, Path::new("plain"), flags).is_ok());
+        assert!(open_by_steps(&anchor, Path::new("plain"), flags).is_ok());
         for bad in ["way/secret", "link", "../outside/secret"] {
-            assert!(step_by_step(&anchor, Path::new(bad), flags).is_err(), "{bad}");
+            assert!(open_by_steps(&anchor, Path::new(bad), flags).is_err(), "{bad}");
         }
         let kinds: std::collections::BTreeMap<_, _> =
             disk.list(&inside).unwrap().into_iter().collect();
@@ -284,19 +289,18 @@ mod tests {
     }
 
     #[test]
-    fn a_mount_that_cannot_rename_without_overwriting_overwrites_nothing_either() {
+    fn renaming_by_steps_overwrites_nothing() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path().canonicalize().unwrap();
         let folder = LocalDisk::new(vec![root.clone()]).folder(&root).unwrap();
         let rename =
-            |from: &str, to: &str| rename_in_steps(&folder, from.as_ref(), &folder, to.as_ref());
+            |from: &str, to: &str| rename_by_steps(&folder, from.as_ref(), &folder, to.as_ref());
         for (name, holds) in [("a", "first"), ("b", "second")] {
             std::fs::write(root.join(name), holds).unwrap();
         }
         assert_eq!(rename("a", "b"), Err(Errno::EXIST));
         rename("a", "c").unwrap();
-        // A folder has no second name anywhere: the look comes first, as where there are no links
-        // at all.
+        // A folder cannot be hard-linked: the check comes first, as on a disk without links.
         std::fs::create_dir(root.join("d")).unwrap();
         assert_eq!(rename("d", "b"), Err(Errno::EXIST));
         rename("d", "e").unwrap();

@@ -1,12 +1,15 @@
-//! Everything that is asked of a disk to keep, behind one small trait: what a test stands in for to
-//! cut the power between any two operations, to fill the disk, or to take it away.
+//! Disk operations behind one small trait, which tests replace to cut the power between any two
+//! operations, to fill the disk, or to remove it.
 //!
-//! The promises of the drop folder and of the calibration slots rest on this much, which POSIX file
-//! systems with a journal keep (ext4, f2fs, xfs, btrfs) and FAT does not: a rename is atomic, also
-//! from one folder to another; what a file holds is safe once [`Unsynced::sync`] has returned, and
-//! not before; a name given, changed or taken away is safe once one of the folders concerned was
-//! synchronised with [`Disk::sync_folder`], and not before. Nothing is assumed about the order in
-//! which anything else reaches the disk.
+//! The guarantees of the drop folder and of the calibration slots rest on these properties, which
+//! journalling POSIX file systems have (ext4, f2fs, xfs, btrfs) and FAT has not:
+//!
+//! - a rename is atomic, also between folders;
+//! - a file's content is durable once [`Unsynced::sync`] has returned;
+//! - a name made, changed or removed is durable once [`Disk::sync_folder`] has returned for one of
+//!   the folders concerned.
+//!
+//! No order is assumed in which anything else reaches the disk.
 
 mod error;
 pub mod files;
@@ -21,110 +24,111 @@ pub use error::FileError;
 pub use files::Files;
 pub use local::LocalDisk;
 
-/// What something in a folder is.
+/// Type of a directory entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FileKind {
-    /// A plain file.
+    /// A regular file.
     File,
     /// A folder.
     Folder,
-    /// A symbolic link, to whatever.
+    /// A symbolic link.
     Link,
     /// A pipe, socket or device.
     Other,
 }
 
-/// What changes while a file is being written. Size alone does not: some copies set it first.
+/// Metadata of a file, which changes while it is written. Size alone would not do: some copying
+/// programs set it first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Look {
-    /// What it is.
+pub struct Metadata {
+    /// Type.
     pub kind: FileKind,
     /// Length in bytes.
     pub size: u64,
-    /// When its content last changed: seconds and nanoseconds since 1970. Whoever owns the file may
-    /// set it.
+    /// Time of the last change of content: seconds and nanoseconds since 1970. The owner may set
+    /// it.
     pub changed: (i64, i64),
-    /// When anything about it last changed, by the disk's own calendar. Nobody may set it.
+    /// Time of the last change of content or metadata, seconds since 1970. No user may set it.
     pub touched_unix_s: i64,
-    /// Which file it is.
+    /// Inode number.
     pub inode: u64,
 }
 
-/// A file written and not yet safe.
+/// A file written and not yet durable.
 pub trait Unsynced {
-    /// Returns when what was written is safe. After an error nothing is known about it, and asking
-    /// again would be answered wrongly (the kernel has by then forgotten the pages): write anew.
+    /// Returns once the content is durable. After an error the file must be written anew: the
+    /// kernel has dropped the pages, and a repeated call would report success.
     ///
     /// # Errors
-    /// When it is not safe.
+    /// When it may not be durable.
     fn sync(self: Box<Self>) -> io::Result<()>;
 }
 
-/// A disk. Paths are absolute; a link is never followed below the folders the disk was opened on.
+/// A disk. Paths are absolute; below the folders the disk was opened on, links are not followed.
 pub trait Disk: Send + Sync {
-    /// Names and kinds of what `folder` holds, in no order.
+    /// Names and types of the entries of `folder`, in no order.
     ///
     /// # Errors
-    /// When it cannot be read, `NotADirectory` when it is none.
+    /// `NotADirectory`, or any error of the disk.
     fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, FileKind)>>;
 
-    /// A look at `path` itself.
+    /// Metadata of `path` itself.
     ///
     /// # Errors
-    /// `NotFound`, or whatever the disk says.
-    fn look(&self, path: &Path) -> io::Result<Look>;
+    /// `NotFound`, or any error of the disk.
+    fn metadata(&self, path: &Path) -> io::Result<Metadata>;
 
-    /// The plain file `path` for reading. Never blocks on a pipe, never follows a link.
+    /// Opens the regular file `path` for reading, without blocking on a pipe or following a link.
     ///
     /// # Errors
-    /// `NotFound`; `InvalidInput` for anything but a plain file; whatever the disk says.
+    /// `NotFound`; `InvalidInput` for anything but a regular file; any error of the disk.
     fn open(&self, path: &Path) -> io::Result<File>;
 
-    /// Bytes that may still be written to the disk of `folder`.
+    /// Free bytes on the disk of `folder`.
     ///
     /// # Errors
-    /// When the disk does not tell.
+    /// When unknown.
     fn free_bytes(&self, folder: &Path) -> io::Result<u64>;
 
-    /// Makes the folder, unless it is there.
+    /// Makes the folder, unless it exists.
     ///
     /// # Errors
-    /// When it cannot.
+    /// Any error of the disk.
     fn make_folder(&self, folder: &Path) -> io::Result<()>;
 
-    /// Writes all of `content` to the file `path`, made new or emptied first.
+    /// Writes `content` to the file `path`, created or truncated first.
     ///
     /// # Errors
-    /// When it cannot; part of it may then be there.
+    /// Any error of the disk; part of the content may then be written.
     fn write(&self, path: &Path, content: &mut dyn Read) -> io::Result<Box<dyn Unsynced>>;
 
-    /// Returns when what the file `path` holds is safe, whoever wrote it.
+    /// Returns once the content of the file `path` is durable.
     ///
     /// # Errors
-    /// When it is not.
+    /// When it may not be.
     fn sync_file(&self, path: &Path) -> io::Result<()>;
 
-    /// Gives `from` the name `to`, in place of what had it.
+    /// Renames `from` to `to`, replacing an existing file.
     ///
     /// # Errors
-    /// When it cannot; nothing has changed then.
+    /// Any error of the disk; nothing has changed then.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
 
-    /// Gives `from` the name `to`, which must be free.
+    /// Renames `from` to `to`, which must not exist.
     ///
     /// # Errors
-    /// `AlreadyExists` when it is not; nothing has changed then.
+    /// `AlreadyExists`, or any error of the disk; nothing has changed then.
     fn rename_new(&self, from: &Path, to: &Path) -> io::Result<()>;
 
     /// Removes the file `path`.
     ///
     /// # Errors
-    /// `NotFound`, or whatever the disk says.
+    /// `NotFound`, or any error of the disk.
     fn remove(&self, path: &Path) -> io::Result<()>;
 
-    /// Returns when the names in `folder` are safe.
+    /// Returns once the names in `folder` are durable.
     ///
     /// # Errors
-    /// When they are not.
+    /// When they may not be.
     fn sync_folder(&self, folder: &Path) -> io::Result<()>;
 }

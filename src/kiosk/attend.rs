@@ -1,30 +1,29 @@
-//! The front panel's loop: hears the button and drives the lamps, on a thread of its own, whatever
-//! else goes on.
+//! The loop of the front panel, on its own thread: reads the button and drives the lamps.
 
 use super::front_panel::FrontPanel;
 use super::lamp::{self, LampColour};
 use super::press::Presses;
 use crate::rig::{Clock, Moment, RigError};
 
-/// A change of state by the daemon is seen on the lamps after this long at the most.
-const LOOK_S: f64 = 0.05;
+/// Longest delay from a change of state to the lamps.
+const POLL_S: f64 = 0.05;
 
-/// Time between two looks at the least.
-const LOOK_MIN_S: f64 = 0.001;
+/// Shortest interval between two rounds.
+const POLL_MIN_S: f64 = 0.001;
 
-/// A button's level.
+/// The level of a button.
 pub trait ButtonLevel {
-    /// Waits for the level to change, until `deadline` at the longest, and returns the level then
-    /// read. It may return early.
+    /// Waits for a change of level, at most until `deadline`, and returns the level. May return
+    /// early.
     ///
     /// # Errors
     /// When the line can no longer be read.
     fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError>;
 }
 
-/// The box's lamps.
+/// The lamps of a box.
 pub trait LampRow {
-    /// Lights `lit` and no other.
+    /// Lights exactly `lit`.
     ///
     /// # Errors
     /// When a line cannot be set.
@@ -38,17 +37,17 @@ impl LampRow for () {
     }
 }
 
-/// Times of the button.
+/// Timing of the button.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ButtonTiming {
-    /// How long a level must hold to count.
+    /// Time a level must hold to count.
     pub debounce_ms: f64,
-    /// How long a long press lasts.
+    /// Duration of a long press.
     pub long_press_ms: f64,
 }
 
-/// Attends to button and lamps until `ended` says so, then leaves the lamps dark. A lamp or button
-/// that fails is told of once, and tried again: the photos do not need them.
+/// Serves button and lamps until `ended` returns true, then switches the lamps off. A failure is
+/// logged once and retried: photos do not depend on them.
 pub fn attend(
     panel: &FrontPanel,
     mut button: Option<&mut (dyn ButtonLevel + '_)>,
@@ -62,18 +61,18 @@ pub fn attend(
     let mut shown: Option<&[LampColour]> = None;
     let (mut lamp_failed, mut button_failed) = (false, false);
     while !ended() {
-        panel.comes_round();
+        panel.count_round();
         let now = clock.now();
         let state_now = panel.state();
         if state_now != state {
             (state, since) = (state_now, now);
         }
-        let (lights, left_s) = lamp::lit(state, now.0 - since.0);
+        let (lights, remaining_s) = lamp::lit(state, now.0 - since.0);
         if shown != Some(lights) {
             shown = Some(lights);
             once(lamps.show(lights), &mut lamp_failed);
         }
-        let mut deadline = now.0 + left_s.min(LOOK_S);
+        let mut deadline = now.0 + remaining_s.min(POLL_S);
         if let Some(again) = presses.look_again_at() {
             deadline = deadline.min(again.0);
         }
@@ -81,8 +80,8 @@ pub fn attend(
             clock.wait_until(Moment(deadline));
             continue;
         };
-        // Never in the past, whatever rounding says: the loop must not spin.
-        deadline = deadline.max(now.0 + LOOK_MIN_S);
+        // Never in the past: the loop must not spin.
+        deadline = deadline.max(now.0 + POLL_MIN_S);
         match button.level_by(Moment(deadline)) {
             Ok(level) => {
                 button_failed = false;
@@ -100,9 +99,9 @@ pub fn attend(
 }
 
 /// Logs a failure the first time of many.
-fn once(outcome: Result<(), RigError>, told: &mut bool) {
+fn once(outcome: Result<(), RigError>, logged: &mut bool) {
     if let Err(error) = outcome
-        && !std::mem::replace(told, true)
+        && !std::mem::replace(logged, true)
     {
         log::warn!("{}", crate::remedy::full_message(&error));
     }
@@ -165,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_press_is_on_the_lamp_within_100_ms_of_the_debounced_edge() {
+    fn a_press_is_acknowledged_within_100_ms() {
         // Bounces for 12 ms; debounced 30 ms after the last bounce.
         let bouncing = [(2.0, true), (2.004, false), (2.009, true), (2.5, false)];
         for edges_lost in [false, true] {
@@ -179,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lamps_end_dark_and_a_state_is_shown_soon() {
+    fn a_state_is_shown_at_once_and_the_lamps_end_dark() {
         let panel = FrontPanel::default();
         panel.set(BoxState::Trouble);
         let seen = attended(&panel, &[], false, 1.0);
@@ -188,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_press_in_a_job_cancels_it_and_short_ones_do_not() {
+    fn only_a_long_press_cancels_a_job() {
         let panel = FrontPanel::default();
         panel.set(BoxState::Working);
         attended(&panel, &[(1.0, true), (1.2, false), (1.5, true), (1.7, false)], false, 3.0);
@@ -198,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_button_leaves_the_lamps_alive() {
+    fn the_lamps_work_without_the_button() {
         struct Dead;
         impl ButtonLevel for Dead {
             fn level_by(&mut self, _: Moment) -> Result<bool, RigError> {
@@ -210,6 +209,6 @@ mod tests {
         let timing = ButtonTiming { debounce_ms: 30.0, long_press_ms: 1500.0 };
         let ended = || clock.0.get() > 3.0;
         attend(&panel, Some(&mut Dead), &mut LampRecord(&clock, &seen), &clock, timing, &ended);
-        assert!(seen.into_inner().len() > 2, "starting goes on flashing");
+        assert!(seen.into_inner().len() > 2, "the start goes on flashing");
     }
 }

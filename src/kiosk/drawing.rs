@@ -1,4 +1,4 @@
-//! A sheet of panel codes to draw on.
+//! Drawing on a sheet of panel codes.
 
 use super::lettering;
 use crate::frame::resample::resize;
@@ -7,7 +7,7 @@ use crate::frame::{Channel, Codes, FULL_SCALE, Frame, Size, Work};
 /// A colour in panel codes: red, green, blue.
 pub(super) type PanelColour = [u8; 3];
 
-/// What is drawn on.
+/// A sheet.
 pub(super) struct Sheet {
     codes: Codes,
 }
@@ -18,17 +18,17 @@ impl Sheet {
         Sheet { codes: Frame::from_fn(|c| crate::frame::Plane::filled(size, ground[c.index()])) }
     }
 
-    /// Its size.
+    /// Size, pixels.
     pub(super) fn size(&self) -> Size {
         self.codes.size()
     }
 
-    /// The sheet as the panel takes it.
+    /// The codes for the panel.
     pub(super) fn finish(self) -> Codes {
         self.codes
     }
 
-    /// Lays `share` (0..1) of `colour` over the pixel; nothing outside the sheet.
+    /// Blends `share` (0..1) of `colour` into a pixel; pixels outside the sheet are ignored.
     pub(super) fn blend(&mut self, x: i32, y: i32, colour: PanelColour, share: f32) {
         let size = self.codes.size();
         let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return };
@@ -43,8 +43,7 @@ impl Sheet {
         }
     }
 
-    /// Every pixel whose centre `inside` accepts, at (x, y) relative to the upper left corner of
-    /// the box.
+    /// Fills the part of a box that `inside` accepts, at (x, y) relative to its upper left corner.
     pub(super) fn shape(
         &mut self,
         (left, top): (i32, i32),
@@ -54,7 +53,7 @@ impl Sheet {
     ) {
         for y in 0..height {
             for x in 0..width {
-                // Four samples a pixel are enough for edges without steps.
+                // Four samples a pixel smooth the edges.
                 let hits = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
                 let hits =
                     hits.iter().filter(|(dx, dy)| inside(x as f32 + dx, y as f32 + dy)).count();
@@ -65,18 +64,18 @@ impl Sheet {
         }
     }
 
-    /// A filled rectangle.
+    /// Fills a rectangle.
     pub(super) fn rectangle(&mut self, at: (i32, i32), size: (i32, i32), colour: PanelColour) {
         self.shape(at, size, colour, |_, _| true);
     }
 
-    /// One line of text with its upper left corner at `at`.
+    /// Draws one line of text with its upper left corner at `at`.
     pub(super) fn line(&mut self, text: &str, at: (f32, f32), height_px: f32, colour: PanelColour) {
         lettering::set(text, at, height_px, &mut |x, y, share| self.blend(x, y, colour, share));
     }
 
-    /// `picture` (linear light 0..255) in the box, as large as it fits, centred; returns its place
-    /// and size.
+    /// Draws `picture` (linear light 0..255) centred in a box, as large as fits; returns its
+    /// position and size.
     pub(super) fn picture(
         &mut self,
         picture: &Frame<Work>,
@@ -102,8 +101,7 @@ impl Sheet {
     }
 }
 
-/// The code of a light on an ordinary display (gamma 2.2; screens are for eyes, not for the
-/// camera).
+/// The code of `light` on a display of gamma 2.2; screens are for eyes, not for the camera.
 fn code(light: f32) -> u8 {
     let share = (light / FULL_SCALE).clamp(0.0, 1.0);
     (255.0 * share.powf(1.0 / 2.2)).round() as u8

@@ -1,4 +1,4 @@
-//! What the front panel's loop and the daemon tell each other: the state one way, presses the
+//! State shared by the daemon and the loop of the front panel: box state one way, presses the
 //! other.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -6,48 +6,48 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::press::Press;
 
-/// What the box is doing, as far as somebody before it cares.
+/// State of the box for lamps and button.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BoxState {
     /// Devices are being opened or measured.
     #[default]
     Starting,
-    /// Nothing to do.
+    /// No photo waits.
     Ready,
-    /// Nothing to do; the photo of before was restored.
+    /// No photo waits; the last one was restored.
     Done,
-    /// Nothing to do; the photo of before was returned as it was, or refused.
+    /// No photo waits; the last one was returned unchanged or rejected.
     Refused,
     /// Photos wait for the button.
     Waiting,
-    /// The button was pressed, work is about to begin.
+    /// The button was pressed; work follows.
     Heard,
-    /// It counts down to the photo.
+    /// Countdown to a photo.
     Counting,
     /// A photo is being taken or restored, or the lens measured.
     Working,
-    /// Photos wait for the panel to be put before the lens.
+    /// Photos wait for the panel before the lens.
     Asking,
-    /// Photos wait for their time.
+    /// Photos wait for the night.
     Resting,
-    /// Somebody is needed.
+    /// The operator is needed.
     Trouble,
-    /// The button was held at the start.
+    /// Maintenance.
     Maintenance,
 }
 
-/// What the button asked for and the daemon has not answered yet.
+/// Requests by the button, pending for the daemon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Requests {
-    /// Restore what is waiting, or take a photo.
+    /// Restore waiting photos, or take a photo.
     pub go: bool,
-    /// Try again what somebody was needed for.
+    /// Try again after trouble.
     pub again: bool,
-    /// Do not wait for the panel, or do not take the photo that is counted down to.
-    pub put_off: bool,
-    /// Leave maintenance, or enter it (held at start).
+    /// Stop asking for the panel, or cancel the countdown.
+    pub postpone: bool,
+    /// Enter (held at start) or leave maintenance.
     pub maintenance: Option<bool>,
-    /// Calibrate; asked for in maintenance only.
+    /// Calibrate; in maintenance only.
     pub calibrate: bool,
 }
 
@@ -55,58 +55,57 @@ pub struct Requests {
 struct Inner {
     state: BoxState,
     requests: Requests,
-    /// The button went down while the panel was asked for: short or long tells what is meant.
+    /// Whether the button went down in [`BoxState::Asking`], where short and long presses differ.
     asked_when_down: bool,
 }
 
-/// Both sides of the front panel.
+/// The shared state.
 #[derive(Debug, Clone, Default)]
 pub struct FrontPanel {
     inner: Arc<Mutex<Inner>>,
     cancel: Arc<AtomicBool>,
-    /// Rounds of the loop, from 1; 0 for a box whose front panel nobody attends.
+    /// Rounds of the loop, from 1; 0 without a loop.
     rounds: Arc<AtomicU64>,
 }
 
 impl BoxState {
-    /// Whether a press begins something.
-    fn takes_a_press(self) -> bool {
+    /// Whether a press starts work.
+    fn accepts_press(self) -> bool {
         use BoxState::{Done, Ready, Refused, Waiting};
         matches!(self, Ready | Done | Refused | Waiting)
     }
 }
 
 impl FrontPanel {
-    /// Also after a panic elsewhere: each value is whole at any time.
+    /// Usable after a panic elsewhere: each value is consistent at any time.
     fn inner(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The side of the loop: it comes round once more. Called for the first time before its
-    /// devices are opened, which may hang as well.
-    pub fn comes_round(&self) {
+    /// Counts a round of the loop; the first before its devices are opened, which may hang.
+    pub fn count_round(&self) {
         self.rounds.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How often the loop came round; `None` for a box whose front panel nobody attends.
+    /// Rounds of the loop; `None` without a loop.
     pub fn rounds(&self) -> Option<u64> {
         Some(self.rounds.load(Ordering::Relaxed)).filter(|&rounds| rounds > 0)
     }
 
-    /// The state the box is in.
+    /// State of the box.
     pub fn state(&self) -> BoxState {
         self.inner().state
     }
 
-    /// The daemon's side: the box now is in `state`.
+    /// Sets the state; called by the daemon.
     pub fn set(&self, state: BoxState) {
         let mut inner = self.inner();
-        // A press that came just before the daemon looked must not seem to have been forgotten.
-        let heard = inner.requests.go && state.takes_a_press();
+        // A pending press stays acknowledged.
+        let heard = inner.requests.go && state.accepts_press();
         inner.state = if heard { BoxState::Heard } else { state };
     }
 
-    /// The side of the loop: what a press means in the state the box is in.
+    /// Processes a press according to the state; called by the loop.
     pub fn press(&self, press: Press) {
         let mut inner = self.inner();
         let was_asked = match press {
@@ -126,8 +125,8 @@ impl FrontPanel {
                 inner.requests.go = true;
                 inner.state = BoxState::Heard;
             }
-            (Press::Long, _) if was_asked => inner.requests.put_off = true,
-            (Press::Down, state) if state.takes_a_press() || state == BoxState::Heard => {
+            (Press::Long, _) if was_asked => inner.requests.postpone = true,
+            (Press::Down, state) if state.accepts_press() || state == BoxState::Heard => {
                 inner.requests.go = true;
                 inner.state = BoxState::Heard;
             }
@@ -136,7 +135,7 @@ impl FrontPanel {
                 inner.state = BoxState::Heard;
             }
             (Press::Down | Press::Long, BoxState::Counting) => {
-                inner.requests.put_off = true;
+                inner.requests.postpone = true;
                 inner.state = BoxState::Heard;
             }
             (Press::Long, BoxState::Working) => {
@@ -144,31 +143,31 @@ impl FrontPanel {
                 self.cancel.store(true, Ordering::Release);
             }
             (Press::Long, _) if inner.requests.go => {
-                // Taken back before it began: the daemon says what comes next.
+                // Cancelled before work began; the daemon sets the next state.
                 inner.requests.go = false;
                 inner.state = BoxState::Ready;
             }
-            // A press during a job or while resting changes nothing.
+            // A press during a job or at rest has no effect.
             (Press::Down | Press::Short | Press::Long, _) => {}
         }
     }
 
-    /// Whether the button asked for something.
+    /// Whether requests are pending.
     pub fn has_requests(&self) -> bool {
         self.inner().requests != Requests::default()
     }
 
-    /// What the button asked for, which counts as answered from now on.
+    /// Takes the pending requests.
     pub fn take_requests(&self) -> Requests {
         std::mem::take(&mut self.inner().requests)
     }
 
-    /// Whether the job under way is to be given up.
+    /// Whether the job is to be cancelled.
     pub fn cancelled(&self) -> bool {
         self.cancel.load(Ordering::Acquire)
     }
 
-    /// Whether a job was to be given up; the request counts as answered.
+    /// Whether a job was to be cancelled; clears the request.
     pub fn take_cancelled(&self) -> bool {
         self.cancel.swap(false, Ordering::AcqRel)
     }
@@ -179,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn presses_during_a_job_ask_for_nothing() {
+    fn short_presses_during_a_job_have_no_effect() {
         let panel = FrontPanel::default();
         panel.set(BoxState::Working);
         for _ in 0..10 {
@@ -190,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_press_in_trouble_asks_to_try_again_and_for_no_photo() {
+    fn a_press_in_trouble_tries_again_and_takes_no_photo() {
         let panel = FrontPanel::default();
         panel.set(BoxState::Trouble);
         panel.press(Press::Down);
@@ -198,11 +197,11 @@ mod tests {
         assert_eq!(panel.state(), BoxState::Heard);
         assert_eq!(panel.take_requests(), Requests { again: true, ..Requests::default() });
         panel.set(BoxState::Trouble);
-        assert_eq!(panel.state(), BoxState::Trouble, "it was no use");
+        assert_eq!(panel.state(), BoxState::Trouble, "still in trouble");
     }
 
     #[test]
-    fn a_long_press_gives_the_job_up_once() {
+    fn a_long_press_cancels_the_job_once() {
         let panel = FrontPanel::default();
         panel.set(BoxState::Working);
         panel.press(Press::Down);
@@ -211,31 +210,31 @@ mod tests {
     }
 
     #[test]
-    fn a_press_is_kept_until_the_daemon_looks() {
+    fn a_press_is_pending_until_the_daemon_takes_it() {
         let panel = FrontPanel::default();
         panel.set(BoxState::Waiting);
         panel.press(Press::Down);
         assert_eq!(panel.state(), BoxState::Heard);
         panel.set(BoxState::Waiting);
-        assert_eq!(panel.state(), BoxState::Heard, "the daemon has not looked yet");
+        assert_eq!(panel.state(), BoxState::Heard, "not taken yet");
         assert!(panel.take_requests().go);
         panel.set(BoxState::Waiting);
         assert_eq!(panel.state(), BoxState::Waiting);
     }
 
     #[test]
-    fn while_the_panel_is_asked_for_short_takes_a_photo_and_long_puts_off() {
+    fn while_asking_short_takes_a_photo_and_long_postpones() {
         let panel = FrontPanel::default();
-        for (press, go, put_off) in [(Press::Short, true, false), (Press::Long, false, true)] {
+        for (press, go, postpone) in [(Press::Short, true, false), (Press::Long, false, true)] {
             panel.set(BoxState::Asking);
             panel.press(Press::Down);
             assert_eq!((panel.state(), panel.has_requests()), (BoxState::Heard, false));
-            // The daemon goes on asking meanwhile.
+            // The daemon sets the state again meanwhile.
             panel.set(BoxState::Asking);
             panel.press(press);
-            assert_eq!(panel.take_requests(), Requests { go, put_off, ..Requests::default() });
+            assert_eq!(panel.take_requests(), Requests { go, postpone, ..Requests::default() });
         }
-        // The release after a press that took a photo at once asks for nothing more.
+        // The release after a press that took a photo has no effect.
         panel.set(BoxState::Ready);
         panel.press(Press::Down);
         assert!(panel.take_requests().go);
@@ -245,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_press_or_a_long_one_takes_the_photo_back_that_is_counted_down_to() {
+    fn a_second_or_long_press_cancels_the_countdown() {
         let panel = FrontPanel::default();
         for second in [Press::Down, Press::Long] {
             panel.set(BoxState::Ready);
@@ -254,11 +253,11 @@ mod tests {
             panel.set(BoxState::Counting);
             panel.press(second);
             assert_eq!(panel.state(), BoxState::Heard);
-            let back = Requests { put_off: true, ..Requests::default() };
+            let back = Requests { postpone: true, ..Requests::default() };
             assert_eq!(panel.take_requests(), back);
             panel.set(BoxState::Ready);
             panel.press(Press::Short);
-            assert!(!panel.has_requests(), "its release asks for nothing more");
+            assert!(!panel.has_requests(), "its release has no effect");
         }
     }
 
@@ -272,7 +271,7 @@ mod tests {
         panel.press(Press::Long);
         assert_eq!(panel.take_requests(), Requests { calibrate: true, ..Requests::default() });
         panel.press(Press::Down);
-        assert!(!panel.has_requests(), "short or long is not known yet");
+        assert!(!panel.has_requests(), "short or long is unknown yet");
         panel.press(Press::Short);
         assert_eq!(panel.take_requests().maintenance, Some(false));
     }

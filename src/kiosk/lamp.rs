@@ -1,21 +1,21 @@
-//! Lamps by state: a colour and a rhythm each, so that no state is told by colour alone (one man in
-//! twelve does not tell red from green). Colours and rates after IEC 60073 as summarised in trade
-//! pages: green normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
+//! Lamps by state: colour and rhythm, so that states differ without colours (one man in twelve
+//! confuses red and green). Colours and rates after IEC 60073 as summarised in trade pages: green
+//! normal, red fault; slow flashing below 0.8 Hz, normal 1.4 to 2.8 Hz.
 
 use super::front_panel::BoxState;
 
-/// A lamp by what it stands for.
+/// A lamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LampColour {
-    /// All is well.
+    /// Normal.
     Green,
-    /// The box is busy.
+    /// Busy.
     White,
-    /// Somebody is needed.
+    /// Help is needed.
     Red,
 }
 
-/// A repeated rhythm: for each part how long it lasts and what is lit.
+/// A repeated rhythm: duration in seconds and lit lamps of each part.
 type Rhythm = &'static [(f64, &'static [LampColour])];
 
 const GREEN: &[LampColour] = &[LampColour::Green];
@@ -29,25 +29,25 @@ fn rhythm(state: BoxState) -> Rhythm {
     match state {
         BoxState::Starting => &[(1.0, WHITE), (1.0, DARK)],
         BoxState::Ready => &[(3600.0, GREEN)],
-        // Ready again, and how it ended beside it.
+        // Ready, with the outcome of the last photo.
         BoxState::Done => &[(0.2, GREEN_WHITE), (1.8, GREEN)],
         BoxState::Refused => &[(0.2, GREEN_RED), (1.8, GREEN)],
-        // Slow flashing: your turn.
+        // Slow flashing: press the button.
         BoxState::Waiting => &[(1.0, GREEN), (1.0, DARK)],
         BoxState::Heard => &[(0.25, WHITE), (0.25, DARK)],
-        // Once a second, as it counts.
+        // Once a second, with the countdown.
         BoxState::Counting => &[(0.1, WHITE), (0.9, DARK)],
         BoxState::Working => &[(3600.0, WHITE)],
-        // Twice, slowly: your turn, and not with the button.
+        // Twice, slowly: action needed, not at the button.
         BoxState::Asking => &[(0.3, GREEN), (0.3, DARK), (0.3, GREEN), (1.1, DARK)],
-        // A wink in the dark: asleep, not dead.
+        // A flash in the dark: sleeping.
         BoxState::Resting => &[(0.2, GREEN), (3.8, DARK)],
         BoxState::Trouble => &[(0.2, RED), (0.2, DARK), (0.2, RED), (0.9, DARK)],
         BoxState::Maintenance => &[(0.5, RED), (0.5, WHITE)],
     }
 }
 
-/// What is lit `since_s` seconds after the state began, and for how many seconds more.
+/// The lamps lit `since_s` seconds after the state began, and the seconds until they change.
 pub fn lit(state: BoxState, since_s: f64) -> (&'static [LampColour], f64) {
     let parts = rhythm(state);
     let period: f64 = parts.iter().map(|part| part.0).sum();
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn every_state_can_be_told_from_every_other() {
+    fn all_states_differ() {
         let shown =
             |s: BoxState| (0..160).map(|n| lit(s, f64::from(n) * 0.05).0).collect::<Vec<_>>();
         for (n, a) in all().iter().enumerate() {
@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// The rhythm of `state` as the page has it.
+    /// The rhythm of `state` as in the operator's page.
     fn in_words(state: BoxState) -> String {
         let colours = |lit: &[LampColour]| match lit {
             [] => "dark".to_owned(),
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_of_the_box_has_every_rhythm() {
+    fn the_operator_s_page_lists_every_rhythm() {
         let page = include_str!("../../systemd/README.md");
         for state in all() {
             let row = format!("| {} |", in_words(state));
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn trouble_is_told_without_colours() {
+    fn trouble_differs_without_colours() {
         let trouble = BoxState::Trouble;
         for other in all().iter().filter(|s| **s != trouble) {
             assert_ne!(beats(trouble), beats(*other), "{other:?}");
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_light_of_being_heard_is_immediate_and_no_state_stays_dark() {
+    fn a_press_is_acknowledged_at_once_and_no_state_is_dark() {
         assert_eq!(lit(BoxState::Heard, 0.0).0, WHITE);
         for state in all() {
             let longest =
@@ -144,11 +144,14 @@ mod tests {
     }
 
     #[test]
-    fn the_next_change_is_where_the_light_changes() {
+    fn the_next_change_is_when_the_lamps_change() {
         for state in all() {
-            let (before, left) = lit(state, 0.3);
-            let after = lit(state, 0.3 + left + 1e-6).0;
-            assert!(left > 0.0 && (after != before || rhythm(state).len() == 1), "{state:?}");
+            let (before, remaining_s) = lit(state, 0.3);
+            let after = lit(state, 0.3 + remaining_s + 1e-6).0;
+            assert!(
+                remaining_s > 0.0 && (after != before || rhythm(state).len() == 1),
+                "{state:?}"
+            );
         }
     }
 }

@@ -1,18 +1,17 @@
-//! Words in pixels: one bold face, set in lines that fit.
+//! Text in pixels: one bold face, broken into lines that fit.
 
 use std::sync::OnceLock;
 
 use ab_glyph::{Font as _, FontRef, PxScale, ScaleFont as _};
 
-/// DejaVu Sans Bold, cut down to Latin, Greek and Cyrillic; its licence lies beside it.
+/// DejaVu Sans Bold, subset to Latin, Greek and Cyrillic; its licence is beside it.
 const FACE: &[u8] = include_bytes!("font/DejaVuSans-Bold-subset.ttf");
 
-/// Letters of a word and words of a text that any screen has room for; what comes after is not
-/// looked at.
+/// Letters of a word and words of a text that fit on any screen; the rest is ignored.
 const LETTERS_MAX: usize = 100;
 const WORDS_MAX: usize = 200;
 
-/// The face; `None` if the file built in were damaged, which a test rules out.
+/// The face; `None` for a damaged file, which a test excludes.
 fn face() -> Option<&'static FontRef<'static>> {
     static PARSED: OnceLock<Option<FontRef<'static>>> = OnceLock::new();
     PARSED.get_or_init(|| FontRef::try_from_slice(FACE).ok()).as_ref()
@@ -25,8 +24,8 @@ pub fn width(text: &str, height_px: f32) -> f32 {
     text.chars().map(|c| face.h_advance(face.glyph_id(c))).sum()
 }
 
-/// Sets `text` with its upper left corner at (`x`, `y`): calls `ink` with place and coverage, 0..1,
-/// of each pixel.
+/// Draws `text` with its upper left corner at (`x`, `y`) through `ink`, called with position and
+/// coverage, 0..1, of each pixel.
 pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i32, i32, f32)) {
     let Some(face) = face() else { return };
     let scaled = face.as_scaled(PxScale::from(height_px));
@@ -44,8 +43,8 @@ pub fn set(text: &str, (x, y): (f32, f32), height_px: f32, ink: &mut dyn FnMut(i
     }
 }
 
-/// `text` in lines no wider than `width_px`. A word too long for a line is cut in its middle, so
-/// that the ending of a file's name stays.
+/// `text` in lines no wider than `width_px`. A word too long for a line is shortened in its middle,
+/// so that a file name keeps its extension.
 pub fn wrapped(text: &str, height_px: f32, width_px: f32) -> Vec<String> {
     let fits = |line: &str| width(line, height_px) <= width_px;
     let mut lines: Vec<String> = Vec::new();
@@ -62,14 +61,14 @@ pub fn wrapped(text: &str, height_px: f32, width_px: f32) -> Vec<String> {
     lines
 }
 
-/// Distance from line to line, in heights of a line.
+/// Line spacing, in line heights.
 pub const SPACING: f32 = 1.2;
-/// More distance between two texts.
+/// Extra spacing between two texts, in line heights.
 pub const GAP: f32 = 0.35;
 
-/// `texts` in lines, in letters at most `height_px` high and small enough that all of them have
-/// room in `room` (width, height): the letters' height and each text's lines. Where even letters of
-/// a third of that height do not fit, the last lines are left out.
+/// Breaks `texts` into lines that fit into `room` (width, height), in letters at most `height_px`
+/// high; returns the letters' height and the lines of each text. Where letters of a third of that
+/// height do not fit, the last lines are dropped.
 pub fn fitted(texts: &[&str], height_px: f32, room: (f32, f32)) -> (f32, Vec<Vec<String>>) {
     let set = |px: f32| -> Vec<Vec<String>> {
         texts.iter().map(|text| wrapped(text, px, room.0)).collect()
@@ -96,7 +95,7 @@ pub fn fitted(texts: &[&str], height_px: f32, room: (f32, f32)) -> (f32, Vec<Vec
     }
 }
 
-/// `word` with as much of its middle left out as `fits` asks for.
+/// `word` without as much of its middle as `fits` demands.
 fn shortened(word: &str, fits: &dyn Fn(&str) -> bool) -> String {
     if fits(word) {
         return word.to_owned();
@@ -118,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_face_is_whole_and_has_the_letters_of_the_screens() {
+    fn the_face_has_the_letters_of_the_screens() {
         let face = face().expect("a font");
         for c in "Ready.0123456789 äöüß éèñ øå čšž ąęł … · × — →".chars() {
             assert_ne!(face.glyph_id(c).0, 0, "no letter {c}");
@@ -126,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_set_smaller_until_all_of_it_has_room() {
+    fn text_shrinks_until_it_fits() {
         let text =
             "No frame came from the camera, and the panel is gone as well, and so is the light";
         let (px, lines) = fitted(&[text, "Help."], 40.0, (300.0, 150.0));
@@ -135,13 +134,13 @@ mod tests {
         assert_eq!(lines[0].join(" "), text);
         assert_eq!(lines[1], ["Help."]);
         assert_eq!(fitted(&[text], 20.0, (1e6, 100.0)), (20.0, vec![vec![text.to_owned()]]));
-        // Words without end end with a line, and without a mark.
+        // Endless text ends at a line, without an ellipsis.
         let (_, lines) = fitted(&[&"light ".repeat(1000)], 40.0, (300.0, 150.0));
         assert!(lines[0].len() > 3 && lines[0].iter().all(|line| line.ends_with("light")));
     }
 
     #[test]
-    fn a_long_name_keeps_its_ending() {
+    fn a_long_name_keeps_its_extension() {
         let name = "a".repeat(200) + ".jpg";
         let lines = wrapped(&name, 20.0, 300.0);
         assert!(

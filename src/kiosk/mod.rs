@@ -1,14 +1,14 @@
-//! What a box shows to the one who stands before it: lamps, screens, and what it makes of a press.
+//! The user interface of a box: lamps, screens, button.
 //!
 //! ```text
-//! button ─ edge, then level ─► [`press`] ─► [`attend`] ─► [`lamp`] lit at once
+//! button ─ edge, then level ─► [`press`] ─► [`attend`] ─► [`lamp`] at once
 //!                                             │  ▲
 //!                                     presses ▼  │ state
 //!                                      [`front_panel`], shared with the daemon ─► [`screen`]
 //! ```
 //!
-//! [`attend`] runs on a thread of its own and touches neither camera, panel nor disk: a press is
-//! acknowledged whatever the daemon is doing. Screens are shown on the rig's panel, between jobs.
+//! [`attend`] runs on its own thread and uses neither camera, panel nor disk, so that a press is
+//! acknowledged whatever the daemon is doing. Screens are shown on the rig's panel between jobs.
 
 pub mod attend;
 pub mod front_panel;

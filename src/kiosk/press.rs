@@ -1,29 +1,29 @@
-//! What a finger means: a press, a long one, or a button held while the box starts.
+//! Presses of the button: short, long, or held while the box starts.
 
 use crate::rig::Moment;
 use crate::rig::button::Debounce;
 
-/// What the finger did.
+/// A press.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Press {
-    /// The button went down; told as soon as the level has held for the debounce time.
+    /// The button went down; reported after the debounce time.
     Down,
-    /// It came up again before that was long.
+    /// It was released before a long press.
     Short,
-    /// It has been held down long enough to mean something else; told while it still is down.
+    /// It is held for a long press; reported while it is down.
     Long,
     /// It was down when the box started.
     HeldAtStart,
 }
 
-/// Levels in, presses out.
+/// Converts levels to presses.
 #[derive(Debug, Clone)]
 pub struct Presses {
     debounce: Debounce,
     long_s: f64,
     down_since: Option<Moment>,
-    told_long: bool,
-    /// Until when a first press counts as one that was there before.
+    is_reported: bool,
+    /// Until when a press counts as held at the start.
     starting_until: Moment,
 }
 
@@ -35,38 +35,39 @@ impl Presses {
             debounce: Debounce::new(debounce_ms, now),
             long_s: long_ms / 1e3,
             down_since: None,
-            told_long: false,
-            // Down at the very first reading, and steadily so: half a debounce time of grace for
-            // that reading.
+            is_reported: false,
+            // Half a debounce time of grace for the first reading.
             starting_until: Moment(now.0 + 1.5 * debounce_ms / 1e3),
         }
     }
 
-    /// Takes the level read at `now`.
+    /// Processes the level read at `now`.
     pub fn read(&mut self, level: bool, now: Moment) -> Option<Press> {
         if self.debounce.read(level, now) {
             self.down_since = Some(now);
             let at_start = now.0 <= self.starting_until.0;
-            // Nobody means both "maintenance" and "cancel" by one press.
-            self.told_long = at_start;
+            // Held at the start, the press is not a long one as well.
+            self.is_reported = at_start;
             return Some(if at_start { Press::HeldAtStart } else { Press::Down });
         }
         let since = self.down_since?;
         if !self.debounce.is_pressed() {
             self.down_since = None;
-            return (!self.told_long).then_some(Press::Short);
+            return (!self.is_reported).then_some(Press::Short);
         }
-        if level && !self.told_long && now.0 - since.0 >= self.long_s {
-            self.told_long = true;
+        if level && !self.is_reported && now.0 - since.0 >= self.long_s {
+            self.is_reported = true;
             return Some(Press::Long);
         }
         None
     }
 
-    /// When the level should be read again though no edge came.
+    /// When to read the level again without an edge.
     pub fn look_again_at(&self) -> Option<Moment> {
-        let long =
-            self.down_since.filter(|_| !self.told_long).map(|since| Moment(since.0 + self.long_s));
+        let long = self
+            .down_since
+            .filter(|_| !self.is_reported)
+            .map(|since| Moment(since.0 + self.long_s));
         match (self.debounce.look_again_at(), long) {
             (Some(a), Some(b)) => Some(if a <= b { a } else { b }),
             (a, b) => a.or(b),
@@ -82,7 +83,7 @@ mod tests {
     fn presses(levels: impl IntoIterator<Item = bool>) -> Vec<(usize, Press)> {
         let mut presses = Presses::new(20.0, 500.0, Moment(0.0));
         let each = levels.into_iter().enumerate();
-        // A hair late, so that rounding does not decide whether a debounce time is over.
+        // Slightly late, so that rounding does not affect the debounce time.
         each.filter_map(|(ms, level)| {
             Some((ms, presses.read(level, Moment(ms as f64 * 1.000_001e-3))?))
         })
@@ -94,19 +95,19 @@ mod tests {
     }
 
     #[test]
-    fn a_short_press_is_told_once_when_the_level_is_steady() {
+    fn a_short_press_is_reported_once() {
         let read = presses(levels(&[(false, 100), (true, 200), (false, 100)]));
         assert_eq!(read, [(120, Press::Down), (320, Press::Short)]);
     }
 
     #[test]
-    fn a_long_press_is_told_while_it_lasts_and_only_once() {
+    fn a_long_press_is_reported_once_while_it_lasts() {
         let read = presses(levels(&[(false, 100), (true, 3000), (false, 100)]));
         assert_eq!(read, [(120, Press::Down), (620, Press::Long)]);
     }
 
     #[test]
-    fn a_press_that_bounces_at_its_end_is_neither_long_nor_two() {
+    fn a_press_that_bounces_at_its_end_is_one_short_press() {
         let mut bouncing = levels(&[(false, 100), (true, 300)]);
         bouncing.extend((0..200).map(|ms| ms % 5 < 2));
         bouncing.extend(levels(&[(false, 600)]));
@@ -115,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn held_at_start_is_told_apart_and_is_never_long() {
+    fn a_press_held_at_the_start_is_never_long() {
         assert_eq!(presses(levels(&[(true, 3000), (false, 50)])), [(20, Press::HeldAtStart)]);
         let later = presses(levels(&[(false, 15), (true, 100), (false, 50)]));
         assert_eq!(later[0], (35, Press::Down));
@@ -123,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_lost_release_edge_does_not_repeat_the_press() {
-        // The level is read again and again; the edges do not matter.
+        // The level is polled; edges do not matter.
         let read =
             presses(levels(&[(false, 50), (true, 100), (false, 30), (true, 100), (false, 30)]));
         assert_eq!(read.iter().filter(|p| p.1 == Press::Down).count(), 2, "{read:?}");

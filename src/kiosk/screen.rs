@@ -1,105 +1,143 @@
-//! What the panel shows between jobs: the state in large plain words. Never black without a reason.
+//! Screens of the panel between jobs: the state in large letters, never black.
 
 use super::drawing::{PanelColour, Sheet};
 use super::lettering;
 use crate::frame::{Codes, Frame, Size, Work};
 
-/// A screen. What the words are about is in their fields; [`draw`] knows the words.
+/// A screen; [`draw`] adds the fixed words. `others` describes incomplete photos, empty without
+/// any.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Screen {
     /// Devices are being opened.
     Starting {
-        /// What is going on.
+        /// Details.
         words: String,
     },
-    /// Nothing waits.
+    /// No photo waits.
     Ready {
-        /// What one may do now.
+        /// What to do next.
         hint: String,
     },
     /// Photos wait for the button.
     Waiting {
-        /// How many.
+        /// Their number.
         photos: usize,
-        /// Those that cannot be taken yet, in words; empty when there are none.
+        /// Incomplete photos.
         others: String,
     },
-    /// A photo is about to be taken.
+    /// Countdown to a photo.
     Counting {
-        /// In so many seconds.
+        /// Seconds to go.
         seconds: u32,
     },
     /// A photo is being taken.
     Taking,
-    /// Photos wait for the panel to be put before the lens.
+    /// Photos wait for the panel before the lens.
     Asking {
-        /// How many.
+        /// Their number.
         photos: usize,
-        /// How, or what is wrong with how it stands.
+        /// What to do, or what is wrong with the position.
         words: String,
-        /// Those that cannot be taken yet, in words; empty when there are none.
+        /// Incomplete photos.
         others: String,
     },
-    /// The panel stands otherwise than it did.
+    /// The lens is being measured because the panel was moved.
     Measuring {
-        /// By how much.
+        /// The displacement.
         why: String,
     },
-    /// A photo is being read and computed; its captures will follow on this panel.
+    /// A photo is being computed; captures follow on this panel.
     Working {
-        /// Its name.
+        /// File name.
         photo: String,
-        /// Its number in this go, from 1.
+        /// Number in this pass, from 1.
         number: usize,
-        /// How many there are in this go.
+        /// Photos in this pass.
         of: usize,
     },
-    /// The photo restored last, before and after.
+    /// The last photo, before and after.
     Result {
-        /// Its name.
+        /// File name.
         photo: String,
-        /// The photo itself is the result.
+        /// Whether the photo was returned unchanged.
         untouched: bool,
-        /// The certificate in words, or why it was left as it was.
+        /// The certificate in words, or the reason.
         words: String,
-        /// What one may do now.
+        /// What to do next.
         hint: String,
     },
-    /// Photos wait for their time.
+    /// Photos wait for the night.
     Resting {
-        /// For what.
+        /// What they wait for.
         words: String,
-        /// How many wait.
+        /// Their number.
         photos: usize,
-        /// Those that cannot be taken yet, in words; empty when there are none.
+        /// Incomplete photos.
         others: String,
     },
-    /// Photos wait for their time, and the last night passed them by.
+    /// The last night was missed.
     Missed {
-        /// Since when, and what passed.
+        /// The notice.
         what: String,
-        /// Why.
+        /// The reason.
         why: String,
-        /// How many wait.
+        /// Photos waiting.
         photos: usize,
-        /// Those that cannot be taken yet, in words; empty when there are none.
+        /// Incomplete photos.
         others: String,
     },
-    /// Somebody is needed.
+    /// The operator is needed.
     Trouble {
-        /// What is wrong.
+        /// The problem.
         what: String,
         /// What to do.
         to_do: String,
     },
-    /// The button was held at the start.
+    /// Maintenance.
     Maintenance {
-        /// What is going on.
+        /// State of the maintenance.
         words: String,
     },
 }
 
-/// The symbol beside the title: a shape a state, so that no state is told by colour alone.
+impl Screen {
+    fn others(&self) -> Option<&str> {
+        match self {
+            Screen::Waiting { others, .. }
+            | Screen::Asking { others, .. }
+            | Screen::Resting { others, .. }
+            | Screen::Missed { others, .. } => Some(others),
+            _ => None,
+        }
+    }
+}
+
+/// Hint of a box that waits for photos and the button.
+pub(crate) const DROP_AND_PRESS: &str = "Put photos into the inbox, then press the button.";
+
+/// Hint of a box that waits for photos.
+pub(crate) const DROP: &str = "Put photos into the inbox.";
+
+/// Hint of a box that takes photos.
+pub(crate) const AIM: &str = "Aim the camera, then press the button.";
+
+/// Hint after a result.
+pub(crate) const RESULT_IN_OUTBOX: &str = "The result is in the outbox.";
+
+/// Asks for the panel.
+pub(crate) const ASK: &str =
+    "The photo is saved. Put this panel before the lens, or the camera into its dock.";
+
+/// Text of an idle box in maintenance.
+pub(crate) const IDLE: &str = "The box waits for you.";
+
+const FLICKER: &str = "Test pictures will flicker here while the box works.";
+const KEEP_STILL: &str = "Keep still until the white lamp goes out.";
+const MAINTENANCE_KEYS: &str =
+    "Photos wait. Short press: back to work. Long press: measure the lens.";
+const RECOVERS: &str = "This message disappears once the problem is fixed. No photo is lost.";
+
+/// The symbol beside the title: one shape per kind of state, legible without colours.
 #[derive(Clone, Copy)]
 enum Symbol {
     Disc,
@@ -110,16 +148,35 @@ enum Symbol {
     Moon,
 }
 
-/// Everything a screen says.
-struct Said {
+/// Contents of a screen.
+struct ScreenContent {
     ground: PanelColour,
-    symbol: (Symbol, PanelColour),
+    symbol: Symbol,
+    symbol_colour: PanelColour,
     title: String,
     lines: Vec<(String, PanelColour)>,
+    /// Progress, 0..1.
     progress: Option<f32>,
 }
 
-/// Dark, and clearly not black: a panel that is on looks on.
+impl ScreenContent {
+    fn new(
+        symbol: Symbol,
+        title: impl Into<String>,
+        lines: Vec<(String, PanelColour)>,
+    ) -> ScreenContent {
+        let (ground, symbol_colour) = match symbol {
+            Symbol::Disc => (SLATE, GREEN),
+            Symbol::Ring | Symbol::Bars => (SLATE, SKY),
+            Symbol::Square => (SLATE, AMBER),
+            Symbol::Moon => (NIGHT, AMBER),
+            Symbol::Triangle => (RUST, AMBER),
+        };
+        ScreenContent { ground, symbol, symbol_colour, title: title.into(), lines, progress: None }
+    }
+}
+
+/// Dark but not black, so that the panel visibly is on.
 const SLATE: PanelColour = [28, 38, 54];
 const RUST: PanelColour = [96, 24, 16];
 const NIGHT: PanelColour = [16, 22, 60];
@@ -133,7 +190,7 @@ fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }
 
-fn wait(count: usize) -> String {
+fn waiting_title(count: usize) -> String {
     match count {
         0 => "Resting".to_owned(),
         1 => "1 photo waits".to_owned(),
@@ -141,162 +198,121 @@ fn wait(count: usize) -> String {
     }
 }
 
-/// With a capital and a full stop.
+/// `words` with a capital and a full stop.
 pub(crate) fn sentence(words: &str) -> String {
     let mut letters = words.chars();
     let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
     format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
-/// `lines`, and the `others` under them, if there are any.
-fn with(others: &str, lines: Vec<(String, PanelColour)>) -> Vec<(String, PanelColour)> {
-    let last = Some(others).filter(|words| !words.is_empty());
-    lines.into_iter().chain(last.map(|words| (words.to_owned(), SOFT))).collect()
-}
-
-fn said(screen: &Screen) -> Said {
-    let plain = |symbol, title: &str, lines: Vec<(String, PanelColour)>| Said {
-        ground: SLATE,
-        symbol,
-        title: title.to_owned(),
-        lines,
-        progress: None,
+fn working(photo: &str, number: usize, of: usize) -> ScreenContent {
+    let title = match of {
+        0 | 1 => "Working".to_owned(),
+        of => format!("Working: {number} of {of}"),
     };
-    match screen {
-        Screen::Starting { words } => {
-            plain((Symbol::Ring, SKY), "One moment", vec![(words.clone(), PAPER)])
-        }
-        Screen::Ready { hint } => {
-            plain((Symbol::Disc, GREEN), "Ready", vec![(hint.clone(), PAPER)])
-        }
-        Screen::Waiting { photos: count, others } => plain(
-            (Symbol::Disc, GREEN),
-            "Press the button",
-            with(others, vec![(format!("{} to restore", photos(*count)), PAPER)]),
-        ),
-        Screen::Counting { seconds } => plain(
-            (Symbol::Ring, SKY),
-            &format!("Photo in {seconds} s"),
-            vec![
-                ("Keep still.".to_owned(), PAPER),
-                ("Press again to take no photo.".to_owned(), SOFT),
-            ],
-        ),
-        Screen::Taking => {
-            let words = "Keep still until the white lamp goes out.".to_owned();
-            plain((Symbol::Ring, SKY), "Taking the photo", vec![(words, PAPER)])
-        }
-        Screen::Asking { photos: count, words, others } => {
-            let count = photos(*count);
-            let press =
-                format!("{count} to restore. Short press: take another. Long press: not now.");
-            plain(
-                (Symbol::Square, GREEN),
-                "Put me before the lens",
-                with(others, vec![(words.clone(), PAPER), (press, SOFT)]),
-            )
-        }
-        Screen::Measuring { why } => plain(
-            (Symbol::Bars, SKY),
-            "Measuring the lens",
-            vec![
-                (sentence(why), PAPER),
-                ("Test pictures will flicker here: that is the work.".to_owned(), SOFT),
-            ],
-        ),
-        Screen::Working { photo, number, of } => Said {
-            progress: Some((number.saturating_sub(1)) as f32 / (*of).max(1) as f32),
-            ..plain(
-                (Symbol::Bars, SKY),
-                &if *of > 1 { format!("Working: {number} of {of}") } else { "Working".to_owned() },
-                vec![
-                    (photo.clone(), PAPER),
-                    ("Test pictures will flicker here: that is the work.".to_owned(), SOFT),
-                ],
-            )
-        },
-        Screen::Result { photo, untouched, words, hint } => plain(
-            (Symbol::Disc, GREEN),
-            if *untouched { "Left as it was" } else { "Done" },
-            vec![(photo.clone(), PAPER), (words.clone(), SOFT), (hint.clone(), SOFT)],
-        ),
-        Screen::Resting { words, photos: count, others } => Said {
-            ground: NIGHT,
-            ..plain(
-                (Symbol::Moon, AMBER),
-                &wait(*count),
-                with(others, vec![(sentence(words), PAPER)]),
-            )
-        },
-        Screen::Missed { what, why, photos: count, others } => Said {
-            ground: RUST,
-            ..plain(
-                (Symbol::Triangle, AMBER),
-                &wait(*count),
-                with(others, vec![(sentence(what), PAPER), (sentence(why), AMBER)]),
-            )
-        },
-        Screen::Trouble { what, to_do } => Said {
-            ground: RUST,
-            ..plain(
-                (Symbol::Triangle, AMBER),
-                "Please help",
-                vec![
-                    (what.clone(), PAPER),
-                    (to_do.clone(), AMBER),
-                    (
-                        "This goes away by itself when it is well again. No photo is lost."
-                            .to_owned(),
-                        SOFT,
-                    ),
-                ],
-            )
-        },
-        Screen::Maintenance { words } => plain(
-            (Symbol::Square, AMBER),
-            "Maintenance",
-            vec![
-                (words.clone(), PAPER),
-                (
-                    "Photos wait. Short press: back to work. Long press: measure the lens anew."
-                        .to_owned(),
-                    SOFT,
-                ),
-            ],
-        ),
-    }
+    let progress = Some((number.saturating_sub(1)) as f32 / of.max(1) as f32);
+    let lines = vec![(photo.to_owned(), PAPER), (FLICKER.to_owned(), SOFT)];
+    ScreenContent { progress, ..ScreenContent::new(Symbol::Bars, title, lines) }
 }
 
-/// Draws `screen` for a panel of `size`; `pictures` are the photo and its result for
-/// [`Screen::Result`].
-pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<Work>)>) -> Codes {
-    let Said { ground, symbol, mut title, mut lines, progress } = said(screen);
+fn content(screen: &Screen) -> ScreenContent {
+    let main = |words: &str| (words.to_owned(), PAPER);
+    let soft = |words: &str| (words.to_owned(), SOFT);
+    let alert = |words: &str| (words.to_owned(), AMBER);
+    let mut content = match screen {
+        Screen::Starting { words } => {
+            ScreenContent::new(Symbol::Ring, "One moment", vec![main(words)])
+        }
+        Screen::Ready { hint } => ScreenContent::new(Symbol::Disc, "Ready", vec![main(hint)]),
+        Screen::Waiting { photos: count, .. } => {
+            let lines = vec![main(&format!("{} to restore", photos(*count)))];
+            ScreenContent::new(Symbol::Disc, "Press the button", lines)
+        }
+        Screen::Counting { seconds } => {
+            let lines = vec![main("Keep still."), soft("Press again to cancel.")];
+            ScreenContent::new(Symbol::Ring, format!("Photo in {seconds} s"), lines)
+        }
+        Screen::Taking => {
+            ScreenContent::new(Symbol::Ring, "Taking the photo", vec![main(KEEP_STILL)])
+        }
+        Screen::Asking { photos: count, words, .. } => {
+            let keys = format!(
+                "{} to restore. Short press: take another. Long press: not now.",
+                photos(*count)
+            );
+            let lines = vec![main(words), soft(&keys)];
+            let content = ScreenContent::new(Symbol::Square, "Put me before the lens", lines);
+            ScreenContent { symbol_colour: GREEN, ..content }
+        }
+        Screen::Measuring { why } => {
+            let lines = vec![main(&sentence(why)), soft(FLICKER)];
+            ScreenContent::new(Symbol::Bars, "Measuring the lens", lines)
+        }
+        Screen::Working { photo, number, of } => working(photo, *number, *of),
+        Screen::Result { photo, untouched, words, hint } => {
+            let title = if *untouched { "Returned unchanged" } else { "Done" };
+            ScreenContent::new(Symbol::Disc, title, vec![main(photo), soft(words), soft(hint)])
+        }
+        Screen::Resting { words, photos, .. } => {
+            ScreenContent::new(Symbol::Moon, waiting_title(*photos), vec![main(&sentence(words))])
+        }
+        Screen::Missed { what, why, photos, .. } => {
+            let lines = vec![main(&sentence(what)), alert(&sentence(why))];
+            ScreenContent::new(Symbol::Triangle, waiting_title(*photos), lines)
+        }
+        Screen::Trouble { what, to_do } => {
+            let lines = vec![main(what), alert(to_do), soft(RECOVERS)];
+            ScreenContent::new(Symbol::Triangle, "Please help", lines)
+        }
+        Screen::Maintenance { words } => {
+            let lines = vec![main(words), soft(MAINTENANCE_KEYS)];
+            ScreenContent::new(Symbol::Square, "Maintenance", lines)
+        }
+    };
+    if let Some(others) = screen.others().filter(|others| !others.is_empty()) {
+        content.lines.push(soft(others));
+    }
+    content
+}
+
+/// Photo and result, shown side by side.
+#[derive(Debug, Clone, Copy)]
+pub struct PhotoPair<'a> {
+    /// The photo, linear light 0..255.
+    pub before: &'a Frame<Work>,
+    /// The result, linear light 0..255.
+    pub after: &'a Frame<Work>,
+}
+
+/// Draws `screen` for a panel of `size`; `pair` is for [`Screen::Result`].
+pub fn draw(screen: &Screen, size: Size, pair: Option<PhotoPair<'_>>) -> Codes {
+    let ScreenContent { ground, symbol, symbol_colour, mut title, mut lines, progress } =
+        content(screen);
     let mut sheet = Sheet::new(size, ground);
     let (width, height) = (size.width as f32, size.height as f32);
-    // All measures follow the panel's height; 0.06 of it keeps words clear of the edges some panels
-    // cut.
+    // Dimensions scale with the panel's height; 0.06 of it keeps clear of edges that panels crop.
     let edge = (0.06 * height).max(2.0);
-    let pictures = pictures.filter(|_| matches!(screen, Screen::Result { .. }));
-    let (top, title_px, line_px) = match pictures {
-        Some(pictures) => {
+    let pair = pair.filter(|_| matches!(screen, Screen::Result { .. }));
+    let (top, title_px, line_px) = match pair {
+        Some(pair) => {
             let below = 0.27 * height;
-            (draw_pair(&mut sheet, pictures, height - below, ground) + 0.2 * edge, 0.1, 0.06)
+            (draw_pair(&mut sheet, pair, height - below, ground) + 0.2 * edge, 0.1, 0.06)
         }
         None => (edge, 0.17, 0.085),
     };
     let (title_px, line_px) = (title_px * height, line_px * height);
     let room = width - 2.0 * edge;
     let side = title_px * 0.8;
-    draw_symbol(&mut sheet, symbol, (edge, top + 0.1 * title_px), side);
+    draw_symbol(&mut sheet, (symbol, symbol_colour), (edge, top + 0.1 * title_px), side);
     let words_at = edge + side * 1.35;
-    // A title is one line, smaller if it must be.
+    // A title is one line, shrunk if necessary.
     let shrunk = |title: &str| {
         let needed = lettering::width(title, title_px);
         title_px * ((width - edge - words_at) / needed.max(1.0)).min(1.0)
     };
-    // Beside pictures there is little room: a name that is not too long goes into the title.
+    // Below pictures there is little room: a short name goes into the title.
     let named = format!("{title}: {}", lines.first().map_or("", |(name, _)| name));
-    if pictures.is_some() && lines.len() > 1 && shrunk(&named) > 0.5 * title_px {
+    if pair.is_some() && lines.len() > 1 && shrunk(&named) > 0.5 * title_px {
         (title, lines) = (named, lines.split_off(1));
     }
     let shrunk = shrunk(&title);
@@ -320,19 +336,16 @@ pub fn draw(screen: &Screen, size: Size, pictures: Option<(&Frame<Work>, &Frame<
     sheet.finish()
 }
 
-/// Both pictures side by side from edge to edge, at most `tall_px` high; returns where they end.
-fn draw_pair(
-    sheet: &mut Sheet,
-    (before, after): (&Frame<Work>, &Frame<Work>),
-    tall_px: f32,
-    ground: PanelColour,
-) -> f32 {
+/// Draws `pair` side by side from edge to edge, at most `tall_px` high; returns the height used.
+fn draw_pair(sheet: &mut Sheet, pair: PhotoPair<'_>, tall_px: f32, ground: PanelColour) -> f32 {
     let size = sheet.size();
     let gap = (size.width / 200).max(1) as i32;
     let half = (size.width as i32 - gap) / 2;
-    let shape = before.size();
+    let shape = pair.before.size();
     let tall = (half as f32 * shape.height as f32 / shape.width as f32).min(tall_px);
-    for (n, (picture, word)) in [(before, "before"), (after, "after")].into_iter().enumerate() {
+    for (n, (picture, word)) in
+        [(pair.before, "before"), (pair.after, "after")].into_iter().enumerate()
+    {
         let left = n as i32 * (size.width as i32 - half);
         let (place, _) = sheet.picture(picture, (left, 0), (half, tall.ceil() as i32));
         let px = 0.045 * size.height as f32;
@@ -375,25 +388,21 @@ fn draw_symbol(
     });
 }
 
-/// One screen of each kind, for looking at them.
+const MISSED: &str = "no photo was restored in the night up to 2026-01-11 06:00 (Europe/Vienna), \
+                      though photos wait since 2026-01-10 21:50 (Europe/Vienna)";
+
+/// One screen of each kind, by name.
 pub fn examples() -> Vec<(&'static str, Screen)> {
     let text = str::to_owned;
+    let photo = text("Sommer am Attersee, 1987.jpg");
     vec![
-        (
-            "starting",
-            Screen::Starting { words: text("The camera and the panel are being looked for.") },
-        ),
-        (
-            "ready",
-            Screen::Ready { hint: text("Put photos into the inbox, then press the button.") },
-        ),
+        ("starting", Screen::Starting { words: text("Opening camera and panel.") }),
+        ("ready", Screen::Ready { hint: text(DROP_AND_PRESS) }),
         (
             "waiting",
             Screen::Waiting {
                 photos: 12,
-                others: text(
-                    "2 photos are still arriving. 1 photo waits for the rest of its file.",
-                ),
+                others: text("2 photos are still arriving. 1 photo will be tried again."),
             },
         ),
         ("counting", Screen::Counting { seconds: 2 }),
@@ -402,22 +411,19 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
             "asking",
             Screen::Asking {
                 photos: 1,
-                words: text("The camera does not see this panel yet."),
+                words: text(ASK),
                 others: text("1 photo is still arriving."),
             },
         ),
         ("measuring", Screen::Measuring { why: text("displaced by 0.41 px, allowed 0.25") }),
-        (
-            "working",
-            Screen::Working { photo: text("Sommer am Attersee, 1987.jpg"), number: 3, of: 12 },
-        ),
+        ("working", Screen::Working { photo: photo.clone(), number: 3, of: 12 }),
         (
             "result",
             Screen::Result {
-                photo: text("Sommer am Attersee, 1987.jpg"),
+                photo,
                 untouched: false,
                 words: text("Photographed through the lens again, this picture is your photo."),
-                hint: text("The result is in the outbox."),
+                hint: text(RESULT_IN_OUTBOX),
             },
         ),
         (
@@ -431,11 +437,8 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
         (
             "missed",
             Screen::Missed {
-                what: text(
-                    "no photo was restored in the night up to 2026-01-11 06:00 (Europe/Vienna), \
-                     though photos wait since 2026-01-10 21:50 (Europe/Vienna)",
-                ),
-                why: text("the time is not known: no network has set the clock yet"),
+                what: text(MISSED),
+                why: text("the time is unknown: no network has set the clock yet"),
                 photos: 4000,
                 others: String::new(),
             },
@@ -444,13 +447,10 @@ pub fn examples() -> Vec<(&'static str, Screen)> {
             "trouble",
             Screen::Trouble {
                 what: text("The camera is gone: no frame came within 500 ms."),
-                to_do: text("Look at the camera's cable. The box tries again every minute."),
+                to_do: text("Check the camera's cable. The box tries again every minute."),
             },
         ),
-        (
-            "maintenance",
-            Screen::Maintenance { words: text("The box does no work until you say so.") },
-        ),
+        ("maintenance", Screen::Maintenance { words: text(IDLE) }),
     ]
 }
 

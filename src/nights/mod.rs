@@ -1,10 +1,8 @@
-//! Nights: when they are, whether the clock may be believed, and whether the rig still is what was
-//! calibrated.
+//! Nights: hours, trust in the calendar, drift of the rig since its calibration.
 //!
-//! [`window`] knows the hours, through daylight saving; [`trust`] whether the calendar is one to go
-//! by; [`pilot`] shows one known picture and reads from its captures how far the rig has drifted;
-//! [`warm_up`] waits until it no longer does. What follows from all that is decided in
-//! [`crate::daemon`].
+//! [`window`] has the hours, also across daylight saving; [`trust`] judges the calendar; [`pilot`]
+//! measures drift with one known picture; [`warm_up`] waits for the rig to become steady. The
+//! daemon decides what follows.
 
 pub mod pilot;
 pub mod trust;

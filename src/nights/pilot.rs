@@ -1,4 +1,4 @@
-//! The pilot picture: one known picture, shown and seen, and what its captures say about the rig.
+//! The pilot: one known picture whose captures measure the drift of the rig.
 //!
 //! The lens model predicts the capture. Each channel of the capture is fitted to its prediction
 //! with shift, gain and added light ([`Registration::fit_with_offset`]); the difference of two
@@ -18,20 +18,20 @@ use crate::frame::{Channel, Frame, Plane, Rect, Size, Work};
 use crate::light_path::LightPath;
 use crate::remedy::AnyFailure;
 
-/// Side of the pilot's squares in Work pixels: wide against the blur, so that their middles tell
-/// the brightness and their edges the place.
+/// Side of the pilot's squares, Work pixels: wide against the blur, so that their middles give the
+/// brightness and their edges the position.
 const SQUARE_PX: usize = 16;
 
-/// The pilot's lights: away from black and white, where captures clip.
+/// Range of the pilot's light, grey levels: away from black and white, where captures clip.
 const LIGHTS: (f32, f32) = (40.0, 200.0);
 
-/// What one pilot says of one channel.
+/// Fit of one channel of a pilot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct PilotFit {
-    /// Brightness over the prediction's.
+    /// Brightness relative to the prediction.
     pub gain: f64,
-    /// Light added, grey levels.
+    /// Added light, grey levels.
     pub offset_levels: f64,
     /// Displacement to the right, sensor pixels.
     pub shift_x_px: f64,
@@ -41,39 +41,39 @@ pub struct PilotFit {
     pub noise_levels: f64,
 }
 
-/// What one pilot says, channel by channel.
+/// Fits of a pilot, by channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Reading(pub [PilotFit; 3]);
 
-/// How far the rig is from what it was; the worst channel of each.
+/// Change of the rig since its calibration; each in its worst channel.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Drift {
     /// Displacement, sensor pixels.
     pub shift_px: f64,
-    /// Brighter (or darker, negative), per cent.
+    /// Change of brightness, per cent.
     pub gain_percent: f64,
-    /// Light added, grey levels.
+    /// Change of added light, grey levels.
     pub offset_levels: f64,
-    /// Noise as a multiple of what it was.
+    /// Noise relative to that at calibration.
     pub noise_ratio: f64,
 }
 
-/// How far it may be.
+/// Limits of drift.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriftLimits {
     /// Displacement, sensor pixels.
     pub shift_max_px: f64,
-    /// Brighter or darker, per cent.
+    /// Change of brightness, per cent.
     pub gain_max_percent: f64,
-    /// Light added or lost, grey levels.
+    /// Change of added light, grey levels.
     pub offset_max_levels: f64,
-    /// Noise as a multiple of what it was.
+    /// Noise relative to that at calibration.
     pub noise_max_ratio: f64,
 }
 
 impl Default for DriftLimits {
-    /// Those of a `[nights]` that says none.
+    /// The defaults of `[nights]`.
     fn default() -> DriftLimits {
         DriftLimits {
             shift_max_px: 0.25,
@@ -94,7 +94,7 @@ impl DriftLimits {
 }
 
 impl Reading {
-    /// What has changed since `before`.
+    /// Drift since `before`.
     pub fn since(&self, before: &Reading) -> Drift {
         let worst = |of: &dyn Fn(&PilotFit, &PilotFit) -> f64| {
             let each = self.0.iter().zip(&before.0).map(|(now, then)| of(now, then));
@@ -105,7 +105,6 @@ impl Reading {
                 (now.shift_x_px - then.shift_x_px).hypot(now.shift_y_px - then.shift_y_px)
             }),
             gain_percent: worst(&|now, then| 100.0 * (now.gain / then.gain.max(1e-9) - 1.0)),
-            // At the pilot's mean light, so that a change of gain is not told twice.
             offset_levels: worst(&|now, then| now.offset_levels - then.offset_levels),
             noise_ratio: worst(&|now, then| now.noise_levels / then.noise_levels.max(1e-9)),
         }
@@ -113,29 +112,29 @@ impl Reading {
 }
 
 impl Drift {
-    /// What is past its limit, in words; `None` when nothing is.
+    /// Describes the drifts past their limits; `None` without any.
     pub fn complaint(&self, limits: &DriftLimits) -> Option<String> {
-        let mut said = Vec::new();
-        let mut hold = |found: f64, allowed: f64, words: String| {
-            // Not finite is past every limit.
+        let mut complaints = Vec::new();
+        let mut check = |found: f64, allowed: f64, words: String| {
+            // NaN is past every limit.
             if found.is_nan() || found.abs() > allowed {
-                said.push(words);
+                complaints.push(words);
             }
         };
         let DriftLimits { shift_max_px, gain_max_percent, offset_max_levels, noise_max_ratio } =
             *limits;
         let Drift { shift_px, gain_percent, offset_levels, noise_ratio } = *self;
-        hold(
+        check(
             shift_px,
             shift_max_px,
             format!("displaced by {shift_px:.2} px, allowed {shift_max_px}"),
         );
-        hold(
+        check(
             gain_percent,
             gain_max_percent,
             format!("brightness changed by {gain_percent:+.1} %, allowed {gain_max_percent}"),
         );
-        hold(
+        check(
             offset_levels,
             offset_max_levels,
             format!(
@@ -143,15 +142,15 @@ impl Drift {
                  {offset_max_levels}"
             ),
         );
-        hold(
+        check(
             noise_ratio,
             noise_max_ratio,
-            format!("noise {noise_ratio:.1} times its own, allowed {noise_max_ratio}"),
+            format!("noise {noise_ratio:.1} times that at calibration, allowed {noise_max_ratio}"),
         );
-        (!said.is_empty()).then(|| said.join("; "))
+        (!complaints.is_empty()).then(|| complaints.join("; "))
     }
 
-    /// The largest difference to `other`, each as a share of its limit.
+    /// Largest difference to `other`, as a share of the limits.
     pub fn difference(&self, other: &Drift, limits: &DriftLimits) -> f64 {
         [
             (self.shift_px - other.shift_px) / limits.shift_max_px,
@@ -164,11 +163,11 @@ impl Drift {
     }
 }
 
-/// The pilot picture for a canvas of `size`: squares of seeming chance, the same ones for ever.
+/// The pilot for a canvas of `size`: pseudorandom squares, always the same.
 pub fn picture(size: Size) -> Frame<Work> {
     Frame::from_fn(|c| {
         Plane::from_fn(size, |x, y| {
-            // A multiplicative hash (Knuth) of the square's place; its top bits are well mixed.
+            // A multiplicative hash (Knuth) of the square's position; its top bits are well mixed.
             let square =
                 (x / SQUARE_PX) as u32 + 251 * (y / SQUARE_PX) as u32 + 65_521 * c.index() as u32;
             let mixed =
@@ -251,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_drift_is_read_back() {
+    fn a_known_drift_is_measured() {
         let (predicted, once) = seen(0.2, -0.1, 1.04, 2.0, 0.5);
         let (_, twice) = seen(0.2, -0.1, 1.04, 2.0, -0.5);
         let photo = Rect { x: 0, y: 0, size: SIZE };
@@ -269,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_past_its_limit_is_said_with_what_is_allowed() {
+    fn drifts_past_their_limits_are_described_with_the_limits() {
         let limits = DriftLimits {
             shift_max_px: 0.25,
             gain_max_percent: 3.0,
@@ -285,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_without_nights_has_the_limits_of_nights_that_say_none() {
+    fn default_limits_are_those_of_the_rig_file() {
         let small = include_str!("../../rig-config/small.toml");
         let nights = "[nights]\nwindow = \"always\"\ntime-zone = \"UTC\"\nclock = \
                       \"network\"\nrecalibrate = true\n";
@@ -295,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pilot_is_coloured_and_keeps_away_from_black_and_white() {
+    fn the_pilot_is_coloured_and_not_near_black_or_white() {
         let pilot = picture(SIZE);
         for c in Channel::ALL {
             assert!(pilot.plane(c).data().iter().all(|v| (LIGHTS.0..=LIGHTS.1).contains(v)));

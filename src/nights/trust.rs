@@ -1,62 +1,68 @@
-//! Whether the calendar may be believed. A board without a battery clock wakes up in the past: at
-//! the time its image was made, or where it was when the power failed.
+//! Trust in the calendar. A board without a battery clock boots in the past: at the time of its
+//! image or of the last power failure.
+
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::config::ClockSource;
 
-/// Jumps of the calendar against the monotonic clock that are worth a line in the log.
+/// Seconds since 1970 UTC; 0 for earlier times.
+pub fn unix_s(time: SystemTime) -> f64 {
+    time.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
+}
+
+/// Smallest jump of the calendar against the monotonic clock that is reported, seconds.
 const JUMP_S: f64 = 60.0;
 
-/// The calendar, judged.
+/// Judge of the calendar.
 #[derive(Debug, Clone)]
 pub struct Calendar {
     source: ClockSource,
-    /// The latest believed time, seconds since 1970 UTC: time does not go back before it.
+    /// Latest trusted time, seconds since 1970 UTC.
     floor_unix_s: f64,
-    /// The last look: monotonic, calendar.
+    /// Last reading: monotonic, calendar.
     last: Option<(f64, f64)>,
 }
 
-/// A look at the calendar.
+/// Trust in a reading of the calendar.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Belief {
-    /// This time may be gone by.
-    Believed {
-        /// Seconds the calendar has jumped since the last look, if it has.
+pub enum Trust {
+    /// The time is trusted.
+    Trusted {
+        /// Jump of the calendar since the last reading, seconds, if any.
         jumped_s: Option<f64>,
     },
-    /// Nobody has set the clock since the box was switched on.
+    /// The clock was not set since the box was switched on.
     NotSet,
-    /// It is before a time that already was.
-    Before {
-        /// That time, seconds since 1970 UTC.
+    /// The time is before the latest trusted one.
+    Past {
+        /// Latest trusted time, seconds since 1970 UTC.
         floor_unix_s: f64,
     },
 }
 
 impl Calendar {
-    /// A calendar that is believed for `source`; times before `floor_unix_s` have already been.
+    /// A calendar set by `source`, trusted last at `floor_unix_s`.
     pub fn new(source: ClockSource, floor_unix_s: f64) -> Calendar {
         Calendar { source, floor_unix_s, last: None }
     }
 
-    /// The latest believed time.
+    /// Latest trusted time, seconds since 1970 UTC.
     pub fn floor_unix_s(&self) -> f64 {
         self.floor_unix_s
     }
 
-    /// Judges `unix_s`, read at the monotonic time `now_s`; `set` is whether the kernel calls its
-    /// clock synchronised.
-    pub fn look(&mut self, unix_s: f64, now_s: f64, set: bool) -> Belief {
+    /// Judges `unix_s`, read at the monotonic time `now_s`; `set` is whether the kernel reports its
+    /// clock as synchronised.
+    pub fn judge(&mut self, unix_s: f64, now_s: f64, set: bool) -> Trust {
         let jumped_s = self.last.map(|(then_s, then_unix)| (unix_s - then_unix) - (now_s - then_s));
         self.last = Some((now_s, unix_s));
         let jumped_s = jumped_s.filter(|jump| jump.abs() > JUMP_S);
         match self.source {
-            // Set by the network: believed even when that takes it back, for then the floor was
-            // wrong.
+            // Trusted even when the network sets it back: then the floor was wrong.
             ClockSource::Network if set => {}
-            ClockSource::Network => return Belief::NotSet,
+            ClockSource::Network => return Trust::NotSet,
             ClockSource::Battery if unix_s + JUMP_S < self.floor_unix_s => {
-                return Belief::Before { floor_unix_s: self.floor_unix_s };
+                return Trust::Past { floor_unix_s: self.floor_unix_s };
             }
             ClockSource::Battery => {}
         }
@@ -64,7 +70,7 @@ impl Calendar {
             ClockSource::Network => unix_s,
             ClockSource::Battery => self.floor_unix_s.max(unix_s),
         };
-        Belief::Believed { jumped_s }
+        Trust::Trusted { jumped_s }
     }
 }
 
@@ -73,35 +79,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_a_battery_only_a_set_clock_is_believed() {
+    fn without_a_battery_only_a_set_clock_is_trusted() {
         let mut calendar = Calendar::new(ClockSource::Network, 1000.0);
-        assert_eq!(calendar.look(500.0, 0.0, false), Belief::NotSet);
-        assert_eq!(calendar.look(5000.0, 1.0, false), Belief::NotSet);
-        assert_eq!(calendar.look(9000.0, 2.0, true), Belief::Believed { jumped_s: Some(3999.0) });
-        assert_eq!(calendar.look(9001.0, 3.0, true), Belief::Believed { jumped_s: None });
+        assert_eq!(calendar.judge(500.0, 0.0, false), Trust::NotSet);
+        assert_eq!(calendar.judge(5000.0, 1.0, false), Trust::NotSet);
+        assert_eq!(calendar.judge(9000.0, 2.0, true), Trust::Trusted { jumped_s: Some(3999.0) });
+        assert_eq!(calendar.judge(9001.0, 3.0, true), Trust::Trusted { jumped_s: None });
         assert_eq!(calendar.floor_unix_s(), 9001.0);
     }
 
     #[test]
-    fn with_a_battery_time_does_not_go_back_over_a_reboot() {
+    fn with_a_battery_time_does_not_go_back_after_a_reboot() {
         let mut calendar = Calendar::new(ClockSource::Battery, 1e6);
-        assert_eq!(calendar.look(10.0, 0.0, false), Belief::Before { floor_unix_s: 1e6 });
+        assert_eq!(calendar.judge(10.0, 0.0, false), Trust::Past { floor_unix_s: 1e6 });
         assert_eq!(
-            calendar.look(1e6 + 5.0, 1.0, false),
-            Belief::Believed { jumped_s: Some(1e6 - 6.0) }
+            calendar.judge(1e6 + 5.0, 1.0, false),
+            Trust::Trusted { jumped_s: Some(1e6 - 6.0) }
         );
         assert_eq!(
-            calendar.look(1e6 - 90_000.0, 2.0, false),
-            Belief::Before { floor_unix_s: 1e6 + 5.0 }
+            calendar.judge(1e6 - 90_000.0, 2.0, false),
+            Trust::Past { floor_unix_s: 1e6 + 5.0 }
         );
     }
 
     #[test]
-    fn a_day_forward_and_back_are_told_as_jumps() {
+    fn a_day_forward_and_back_are_reported_as_jumps() {
         let mut calendar = Calendar::new(ClockSource::Network, 0.0);
-        calendar.look(1e6, 0.0, true);
+        calendar.judge(1e6, 0.0, true);
         let day = 86_400.0;
-        assert_eq!(calendar.look(1e6 + day, 0.0, true), Belief::Believed { jumped_s: Some(day) });
-        assert_eq!(calendar.look(1e6, 0.0, true), Belief::Believed { jumped_s: Some(-day) });
+        assert_eq!(calendar.judge(1e6 + day, 0.0, true), Trust::Trusted { jumped_s: Some(day) });
+        assert_eq!(calendar.judge(1e6, 0.0, true), Trust::Trusted { jumped_s: Some(-day) });
     }
 }

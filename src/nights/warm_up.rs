@@ -1,12 +1,12 @@
-//! Waiting until the rig no longer changes. A panel was measured to take 70 minutes to become
-//! steady (colour work; a web source), and a lens and its mount warm up as well.
+//! Waiting until the rig is steady. A panel needs 70 minutes (colour work; a web source), and lens
+//! and mount warm up as well.
 
 use super::pilot::{Drift, DriftLimits};
 
-/// Pilots in a row that must agree.
+/// Consecutive pilots that must agree.
 const STEADY_PILOTS: usize = 3;
 
-/// They agree when they differ by less than this share of the limits. Guess.
+/// Largest difference of agreeing pilots, as a share of the limits. Guess.
 const STEADY_SHARE: f64 = 0.25;
 
 /// The pilots of a warm-up.
@@ -16,25 +16,25 @@ pub struct WarmUp {
     seen: Vec<Drift>,
 }
 
-/// Whether to wait on.
+/// State of a warm-up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Warmth {
-    /// The rig still changes, or is not known not to.
+    /// The rig still changes, or too few pilots were shown.
     Warming,
-    /// It has become steady.
+    /// The rig is steady.
     Steady,
-    /// It has not, and the time given to it is over.
+    /// The rig is not steady within the time allowed.
     OutOfTime,
 }
 
 impl WarmUp {
-    /// A warm-up that begins at the monotonic time `now_s`.
+    /// A warm-up begun at the monotonic time `now_s`.
     pub fn new(now_s: f64) -> WarmUp {
         WarmUp { begun_s: now_s, seen: Vec::new() }
     }
 
-    /// Takes one pilot more, read at `now_s`.
-    pub fn take(&mut self, drift: Drift, limits: &DriftLimits, now_s: f64, max_s: f64) -> Warmth {
+    /// Adds a pilot read at `now_s`; `max_s` is the time allowed.
+    pub fn add(&mut self, drift: Drift, limits: &DriftLimits, now_s: f64, max_s: f64) -> Warmth {
         self.seen.push(drift);
         let last = &self.seen[self.seen.len().saturating_sub(STEADY_PILOTS)..];
         let agree = |a: &Drift| last.iter().all(|b| a.difference(b, limits) < STEADY_SHARE);
@@ -64,12 +64,12 @@ mod tests {
     }
 
     #[test]
-    fn a_panel_that_grows_brighter_is_waited_for() {
+    fn a_panel_that_grows_brighter_is_warming() {
         let mut warm_up = WarmUp::new(0.0);
-        // 8 % to come, with a time constant of ten pilots.
+        // 8 % below its final brightness, with a time constant of ten pilots.
         let warmth = |n: i32| {
             let missing = -8.0 * (-f64::from(n) / 10.0).exp();
-            warm_up.take(brighter_by(missing), &LIMITS, 30.0 * f64::from(n), 3600.0)
+            warm_up.add(brighter_by(missing), &LIMITS, 30.0 * f64::from(n), 3600.0)
         };
         let all: Vec<Warmth> = (0..60).map(warmth).collect();
         let steady = all.iter().position(|w| *w == Warmth::Steady).unwrap();
@@ -79,11 +79,11 @@ mod tests {
     }
 
     #[test]
-    fn one_that_never_settles_is_not_waited_for_for_ever() {
+    fn a_panel_that_never_settles_runs_out_of_time() {
         let mut warm_up = WarmUp::new(0.0);
         let mut last = Warmth::Warming;
         for n in 0..100 {
-            last = warm_up.take(brighter_by(f64::from(n)), &LIMITS, 30.0 * f64::from(n), 600.0);
+            last = warm_up.add(brighter_by(f64::from(n)), &LIMITS, 30.0 * f64::from(n), 600.0);
             assert_eq!(last, if n < 20 { Warmth::Warming } else { Warmth::OutOfTime });
         }
         assert_eq!(last, Warmth::OutOfTime);

@@ -1,4 +1,4 @@
-//! The hours of the night by the clock on the wall.
+//! The hours of the night in local time.
 
 use jiff::civil::Time;
 use jiff::tz::TimeZone;
@@ -8,11 +8,10 @@ use crate::config::{self, Nights};
 
 const DAY_S: f64 = 86_400.0;
 
-/// Days that are looked back for whole windows: photos that wait for longer are spoken of as
-/// waiting for this long.
+/// Longest time searched back for whole windows, days.
 const DAYS_MAX: i64 = 400;
 
-/// Hours in a time zone; through daylight saving they are what the clock on the wall says.
+/// Hours in a time zone, in local time also across daylight saving.
 #[derive(Debug, Clone)]
 pub struct Window {
     minutes: config::NightMinutes,
@@ -20,48 +19,58 @@ pub struct Window {
     zone_name: String,
 }
 
-/// Where a moment lies.
+/// Position of a time relative to the window.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Hours {
-    /// Inside, for so many seconds more; `None` for always.
+    /// Inside.
     Open {
-        /// Seconds until the window closes.
-        left_s: Option<f64>,
+        /// Seconds until the window closes; `None` for always.
+        remaining_s: Option<f64>,
     },
     /// Outside.
     Closed {
         /// Seconds until it opens.
         opens_in_s: f64,
-        /// In words: "the night begins at 22:00 (Europe/Vienna)".
+        /// For example "the night begins at 22:00 (Europe/Vienna)".
         words: String,
     },
 }
 
+/// Whole windows in an interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WholeWindows {
+    /// Their number.
+    pub count: usize,
+    /// Begin of the last one, seconds since 1970 UTC.
+    pub begins_unix_s: f64,
+    /// End of the last one, seconds since 1970 UTC.
+    pub ends_unix_s: f64,
+}
+
 impl Window {
-    /// The window of a rig file; `None` for one that its check would have refused.
+    /// The window of a rig file; `None` for an invalid one.
     pub fn new(nights: &Nights) -> Option<Window> {
         let zone = TimeZone::get(&nights.time_zone).ok()?;
         Some(Window { minutes: nights.minutes()?, zone, zone_name: nights.time_zone.clone() })
     }
 
-    /// Where the moment `unix_s`, seconds since 1970 UTC, lies.
+    /// Position of `unix_s`, seconds since 1970 UTC.
     pub fn at(&self, unix_s: f64) -> Hours {
-        let Some((from, to)) = self.minutes else { return Hours::Open { left_s: None } };
+        let Some((from, to)) = self.minutes else { return Hours::Open { remaining_s: None } };
         let Ok(stamp) = Timestamp::from_millisecond((unix_s * 1e3) as i64) else {
             return self.closed(86_400.0, from);
         };
         let now = stamp.to_zoned(self.zone.clone());
-        // Tonight's opening and closing, and those of the days around: whatever daylight saving
-        // does to them.
+        // Tonight's window and those of the days around it.
         let each = [-1i64, 0, 1, 2].into_iter().filter_map(|day| {
-            let begins = self.on_wall(&now, day, from)?;
-            let ends = self.on_wall(&now, day + i64::from(to <= from), to)?;
+            let begins = self.at_local_time(&now, day, from)?;
+            let ends = self.at_local_time(&now, day + i64::from(to <= from), to)?;
             Some((begins, ends))
         });
         let mut opens_in_s = f64::INFINITY;
         for (begins, ends) in each {
             if (begins..ends).contains(&unix_s) {
-                return Hours::Open { left_s: Some(ends - unix_s) };
+                return Hours::Open { remaining_s: Some(ends - unix_s) };
             }
             if begins > unix_s {
                 opens_in_s = opens_in_s.min(begins - unix_s);
@@ -70,48 +79,48 @@ impl Window {
         self.closed(opens_in_s.min(2.0 * 86_400.0), from)
     }
 
-    /// How many whole windows lie between two moments, seconds since 1970 UTC, and where the last
-    /// one begins and ends; `None` when none does. A window that is always open counts by days of
-    /// 24 hours.
-    pub fn whole_between(&self, from_unix_s: f64, to_unix_s: f64) -> Option<(usize, (f64, f64))> {
+    /// Whole windows between two times, seconds since 1970 UTC; `None` without any. A window that
+    /// is always open counts by days of 24 hours.
+    pub fn whole_between(&self, from_unix_s: f64, to_unix_s: f64) -> Option<WholeWindows> {
         let Some((from, to)) = self.minutes else {
             let days = ((to_unix_s - from_unix_s) / DAY_S).floor();
-            let last = from_unix_s + days * DAY_S;
-            return (days >= 1.0).then_some((days as usize, (last - DAY_S, last)));
+            let ends_unix_s = from_unix_s + days * DAY_S;
+            let begins_unix_s = ends_unix_s - DAY_S;
+            let count = days.max(0.0) as usize;
+            return (count > 0).then_some(WholeWindows { count, begins_unix_s, ends_unix_s });
         };
         let now =
             Timestamp::from_millisecond((to_unix_s * 1e3) as i64).ok()?.to_zoned(self.zone.clone());
-        let mut found = None;
-        let mut nights = 0;
+        let mut last = None;
+        let mut count = 0;
         for day in (-DAYS_MAX..=0).rev() {
-            let begins = self.on_wall(&now, day, from)?;
-            let ends = self.on_wall(&now, day + i64::from(to <= from), to)?;
+            let begins = self.at_local_time(&now, day, from)?;
+            let ends = self.at_local_time(&now, day + i64::from(to <= from), to)?;
             if begins < from_unix_s {
                 break;
             }
             if ends <= to_unix_s {
-                nights += 1;
-                found = found.or(Some((begins, ends)));
+                count += 1;
+                last = last.or(Some((begins, ends)));
             }
         }
-        found.map(|last| (nights, last))
+        last.map(|(begins_unix_s, ends_unix_s)| WholeWindows { count, begins_unix_s, ends_unix_s })
     }
 
-    /// How long the window lasts at most, seconds; daylight saving may add an hour. Each day more
-    /// holds a whole one.
+    /// Longest duration of the window, seconds; daylight saving may add an hour.
     pub fn longest_s(&self) -> f64 {
         let minutes = self.minutes.map_or(0, |(from, to)| (1440 + to - from) % 1440);
         f64::from(minutes + 60) * 60.0
     }
 
-    /// The moment `unix_s` in words: date, time of day and zone.
-    pub fn on_the_wall(&self, unix_s: f64) -> String {
+    /// Local date and time of `unix_s`, with the zone.
+    pub fn local_time(&self, unix_s: f64) -> String {
         match Timestamp::from_millisecond((unix_s * 1e3) as i64) {
             Ok(stamp) => {
                 let zoned = stamp.to_zoned(self.zone.clone());
                 format!("{} ({})", zoned.strftime("%Y-%m-%d %H:%M"), self.zone_name)
             }
-            Err(_) => "a time beyond all calendars".to_owned(),
+            Err(_) => "an unknown time".to_owned(),
         }
     }
 
@@ -121,10 +130,9 @@ impl Window {
         Hours::Closed { opens_in_s, words }
     }
 
-    /// The moment at which the wall's clock of the day `days` after that of `now` says `minute`. A
-    /// time that daylight saving skips is the one as long after midnight; one that comes twice is
-    /// its first coming.
-    fn on_wall(&self, now: &Zoned, days: i64, minute: u16) -> Option<f64> {
+    /// Time of the local `minute` on the day `days` after that of `now`. A time skipped by daylight
+    /// saving is the one as long after midnight; of a repeated one, the first.
+    fn at_local_time(&self, now: &Zoned, days: i64, minute: u16) -> Option<f64> {
         let date = now.date().checked_add(days.days()).ok()?;
         let time = Time::new((minute / 60) as i8, (minute % 60) as i8, 0, 0).ok()?;
         let zoned = date.to_datetime(time).to_zoned(self.zone.clone()).ok()?;
@@ -177,26 +185,29 @@ mod tests {
         );
         assert_eq!(
             vienna.at(unix("2026-01-10T21:00:00Z")),
-            Hours::Open { left_s: Some(8.0 * 3600.0) }
+            Hours::Open { remaining_s: Some(8.0 * 3600.0) }
         );
-        assert_eq!(vienna.at(unix("2026-01-11T04:59:00Z")), Hours::Open { left_s: Some(60.0) });
+        assert_eq!(
+            vienna.at(unix("2026-01-11T04:59:00Z")),
+            Hours::Open { remaining_s: Some(60.0) }
+        );
         assert!(matches!(vienna.at(unix("2026-01-11T05:00:00Z")), Hours::Closed { .. }));
     }
 
     #[test]
-    fn the_night_the_clocks_change_is_an_hour_longer_or_shorter_and_ends_by_the_wall() {
+    fn a_night_with_a_clock_change_ends_by_local_time() {
         let vienna = window("22:00-06:00", "Europe/Vienna");
         assert_eq!(open_hours(&vienna, "2026-03-28T12:00:00Z", "2026-03-29T12:00:00Z"), 7.0);
         assert_eq!(open_hours(&vienna, "2026-10-24T12:00:00Z", "2026-10-25T12:00:00Z"), 9.0);
         assert!(
             matches!(vienna.at(unix("2026-03-29T03:59:00Z")), Hours::Open { .. }),
-            "05:59 by the wall"
+            "05:59 local time"
         );
         assert!(matches!(vienna.at(unix("2026-03-29T04:00:00Z")), Hours::Closed { .. }));
     }
 
     #[test]
-    fn an_hour_that_is_skipped_or_comes_twice_is_no_trouble() {
+    fn a_skipped_or_repeated_hour_opens_the_window_at_most_once() {
         // 02:00 to 03:00 does not exist on the 29th of March and comes twice on the 25th of
         // October.
         let hour = window("02:15-02:45", "Europe/Vienna");
@@ -206,9 +217,10 @@ mod tests {
     }
 
     #[test]
-    fn whole_windows_are_counted_and_the_last_is_named() {
+    fn whole_windows_are_counted_and_the_last_is_returned() {
         let vienna = window("22:00-06:00", "Europe/Vienna");
-        let between = |from: &str, to: &str| vienna.whole_between(unix(from), unix(to));
+        let pair = |w: WholeWindows| (w.count, (w.begins_unix_s, w.ends_unix_s));
+        let between = |from: &str, to: &str| vienna.whole_between(unix(from), unix(to)).map(pair);
         let night = (unix("2026-01-10T21:00:00Z"), unix("2026-01-11T05:00:00Z"));
         assert_eq!(between("2026-01-10T20:00:00Z", "2026-01-11T05:00:00Z"), Some((1, night)));
         assert_eq!(between("2026-01-10T20:00:00Z", "2026-01-11T04:59:00Z"), None, "it is not over");
@@ -222,8 +234,11 @@ mod tests {
         );
         let always = window("always", "UTC");
         assert_eq!(always.whole_between(0.0, 86_399.0), None);
-        assert_eq!(always.whole_between(0.0, 200_000.0), Some((2, (86_400.0, 172_800.0))));
-        assert_eq!(vienna.on_the_wall(night.1), "2026-01-11 06:00 (Europe/Vienna)");
+        assert_eq!(
+            always.whole_between(0.0, 200_000.0).map(pair),
+            Some((2, (86_400.0, 172_800.0)))
+        );
+        assert_eq!(vienna.local_time(night.1), "2026-01-11 06:00 (Europe/Vienna)");
         assert_eq!([vienna.longest_s(), always.longest_s()], [9.0 * 3600.0, 3600.0]);
     }
 
@@ -235,11 +250,11 @@ mod tests {
             matches!(day.at(unix("2026-01-10T03:30:00Z")), Hours::Open { .. }),
             "09:00 in Kolkata"
         );
-        assert_eq!(window("always", "UTC").at(0.0), Hours::Open { left_s: None });
+        assert_eq!(window("always", "UTC").at(0.0), Hours::Open { remaining_s: None });
     }
 
     #[test]
-    fn every_closed_moment_names_when_it_opens() {
+    fn every_closed_time_has_its_opening() {
         let vienna = window("22:00-06:00", "Europe/Vienna");
         let mut at = unix("2026-03-27T00:00:00Z");
         while at < unix("2026-03-31T00:00:00Z") {

@@ -7,7 +7,7 @@ use super::on_rig::watch;
 use crate::calibration::{Calibration, store};
 use crate::config;
 use crate::measurement::{CalibrationProgress, calibrate};
-use crate::remedy::{AnyFailure, Remediable};
+use crate::remedy::AnyFailure;
 use crate::rig::exposure::Devices;
 
 /// Checks that the lens can be measured at a focus `offset`, dioptres, on the rig whose calibration
@@ -16,7 +16,7 @@ use crate::rig::exposure::Devices;
 /// # Errors
 /// When the offset is out of range, too many others are kept, or there is no calibration.
 pub fn check(config: &config::RigFile, slots: &Path, offset: f32) -> Result<(), AnyFailure> {
-    store::load(slots, config.identity).map_err(boxed)?.check_offset(offset).map_err(boxed)
+    store::load(slots, config.identity)?.check_offset(offset).map_err(AnyFailure::from)
 }
 
 /// Measures the lens of `devices` at a focus `offset` dioptres nearer than the panel's, and keeps
@@ -31,11 +31,10 @@ pub fn measure(
     offset: f32,
     calibrating: fn(CalibrationProgress),
 ) -> Result<Calibration, AnyFailure> {
-    let before = store::load(slots, config.identity).map_err(boxed)?;
-    before.check_offset(offset).map_err(boxed)?;
-    let measured =
-        calibrate(devices, config, None, &mut watch(calibrating, None)).map_err(boxed)?;
-    let after = before.with_focus(offset, &measured).map_err(boxed)?;
+    let before = store::load(slots, config.identity)?;
+    before.check_offset(offset)?;
+    let measured = calibrate(devices, config, None, &mut watch(calibrating, None))?;
+    let after = before.with_focus(offset, &measured)?;
     keep(slots, &before, &after)?;
     Ok(after)
 }
@@ -45,7 +44,7 @@ pub fn measure(
 /// # Errors
 /// When there is no calibration, or the rest cannot be kept.
 pub fn forget(config: &config::RigFile, slots: &Path) -> Result<usize, AnyFailure> {
-    let before = store::load(slots, config.identity).map_err(boxed)?;
+    let before = store::load(slots, config.identity)?;
     let forgotten = before.focuses.len();
     if forgotten > 0 {
         let generation = before.generation.wrapping_add(1);
@@ -57,13 +56,9 @@ pub fn forget(config: &config::RigFile, slots: &Path) -> Result<usize, AnyFailur
 
 /// Keeps `after` in `slots`. The panel has not moved, so the baseline of drift is carried over.
 fn keep(slots: &Path, before: &Calibration, after: &Calibration) -> Result<(), AnyFailure> {
-    store::save(slots, after).map_err(boxed)?;
+    store::save(slots, after)?;
     if let Some(reading) = baseline::load(slots, before.generation) {
         baseline::save(slots, after.generation, &reading);
     }
     Ok(())
-}
-
-fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
-    Box::new(error)
 }

@@ -11,12 +11,12 @@ use crate::calibration::{Calibration, LensFlat, store};
 use crate::config;
 use crate::deconvolution::method::{Method, Step};
 use crate::frame::{Channel, Frame, Work};
-use crate::kiosk::screen::{Screen, draw};
+use crate::kiosk::screen::{PhotoPair, Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
 use crate::nights::pilot::{self, Drift, Reading};
 use crate::picture::{Photo, PictureError};
 use crate::pipeline::{Interruption, Outcome, Pipeline, Restoration, Setting, Stopwatch, Verdict};
-use crate::remedy::{AnyFailure, Remediable, Remedy};
+use crate::remedy::{AnyFailure, Remedy};
 use crate::rig::exposure::Devices;
 use crate::rig::frame_mark::MarkPlace;
 use crate::rig::shoot::CountRange;
@@ -57,17 +57,16 @@ pub fn measure(
     calibrating: fn(CalibrationProgress),
     interrupted: Option<&Interruption>,
 ) -> Result<Calibration, AnyFailure> {
-    store::make_folder(slots).map_err(boxed)?;
+    store::make_folder(slots)?;
     let previous = store::load(slots, config.identity).ok();
     let mut measured =
-        calibrate(devices, config, previous.as_ref(), &mut watch(calibrating, interrupted))
-            .map_err(boxed)?;
+        calibrate(devices, config, previous.as_ref(), &mut watch(calibrating, interrupted))?;
     if let Some(previous) = &previous {
         measured = measured.with_focuses_of(previous);
     }
-    store::save(slots, &measured).map_err(boxed)?;
+    store::save(slots, &measured)?;
     measured.warning().into_iter().for_each(|warning| log::warn!("{warning}"));
-    let pipeline = Pipeline::new(config, &measured).map_err(boxed)?;
+    let pipeline = Pipeline::new(config, &measured)?;
     let reading = read_pilot(config, devices, &pipeline)?;
     baseline::save(slots, measured.generation, &reading);
     Ok(measured)
@@ -112,10 +111,6 @@ fn read_pilot(
     pilot::read(&mut pipeline.light_path(devices), pipeline.model(), config.photo_on_canvas())
 }
 
-fn boxed(error: impl Remediable + Send + Sync + 'static) -> AnyFailure {
-    Box::new(error)
-}
-
 impl OnRig {
     /// The restorer on `devices`, described by `config`, with the calibration in `slots`; by
     /// `method`, or by the operating point.
@@ -130,8 +125,8 @@ impl OnRig {
         stopwatch: Stopwatch,
         calibrating: fn(CalibrationProgress),
     ) -> Result<Self, AnyFailure> {
-        let calibration = store::load(&slots, config.identity).map_err(boxed)?;
-        let pipeline = Pipeline::new(config, &calibration).map_err(boxed)?.timed_by(stopwatch);
+        let calibration = store::load(&slots, config.identity)?;
+        let pipeline = Pipeline::new(config, &calibration)?.timed_by(stopwatch);
         let asked = config.restore.remove_vignetting;
         let setting = operating_point::setting(&slots, config, method);
         Ok(OnRig {
@@ -196,13 +191,11 @@ impl Restorer for OnRig {
         if let Some(raw) = photo.raw
             && let Some(flaw) = provenance::other_camera(&self.config, camera, raw)
         {
-            return Err(boxed(PictureError::Refused { name: photo.name.clone(), flaw }));
+            return Err(AnyFailure::from(PictureError::Refused { name: photo.name.clone(), flaw }));
         }
         let prepared = self.pipeline.prepare(photo);
-        let Restoration { mut outcome, .. } = self
-            .pipeline
-            .restore(&mut self.devices, &prepared, &*self.method, &mut watch)
-            .map_err(boxed)?;
+        let Restoration { mut outcome, .. } =
+            self.pipeline.restore(&mut self.devices, &prepared, &*self.method, &mut watch)?;
         if photo.raw.is_some() {
             outcome.notes.extend(provenance::camera_note(&self.config, camera));
         }
@@ -223,7 +216,7 @@ impl Restorer for OnRig {
             if let Some(place) = MarkPlace::of(&self.config)
                 && !self.devices.has_marks()
             {
-                self.devices.find_marks(place).map_err(boxed)?;
+                self.devices.find_marks(place)?;
             }
             let calibration = measure(
                 &self.config,
@@ -232,19 +225,19 @@ impl Restorer for OnRig {
                 self.calibrating,
                 self.interruption.as_ref(),
             )?;
-            self.pipeline = self.pipeline.calibrated(&self.config, &calibration).map_err(boxed)?;
+            self.pipeline = self.pipeline.calibrated(&self.config, &calibration)?;
             self.baseline = baseline::load(&self.slots, calibration.generation);
             self.black = calibration.black_level(Channel::Green);
             self.gains = gains_of(&self.config, &calibration);
         } else {
-            self.devices.reopen().map_err(boxed)?;
+            self.devices.reopen()?;
         }
         Ok(())
     }
 
     fn show(&mut self, screen: &Screen) {
-        let pictures = self.last.as_ref().map(|(before, after)| (before, after));
-        let codes = draw(screen, self.devices.panel.size(), pictures);
+        let pair = self.last.as_ref().map(|(before, after)| PhotoPair { before, after });
+        let codes = draw(screen, self.devices.panel.size(), pair);
         if let Err(error) = self.devices.panel.show(&codes) {
             log::debug!("cannot show the screen on the panel: {error}");
         }
@@ -259,14 +252,14 @@ impl Restorer for OnRig {
 
     fn look_for_panel(&mut self) -> Result<PanelView, AnyFailure> {
         let (mosaic, range) = (self.config.mosaic(), self.count_range());
-        if !presence::is_panel_there(&mut self.devices, mosaic, range).map_err(boxed)? {
+        if !presence::is_panel_there(&mut self.devices, mosaic, range)? {
             return Ok(PanelView::Absent);
         }
         let Some(place) = MarkPlace::of(&self.config) else { return Ok(PanelView::There) };
         match self.devices.find_marks(place) {
             Ok(()) => Ok(PanelView::There),
             Err(RigError::NoMarks { what }) => Ok(PanelView::Askew(what)),
-            Err(grave) => Err(boxed(grave)),
+            Err(grave) => Err(AnyFailure::from(grave)),
         }
     }
 
@@ -274,8 +267,7 @@ impl Restorer for OnRig {
         let reading = read_pilot(&self.config, &mut self.devices, &self.pipeline)?;
         if self.baseline.is_none() {
             // The baseline was not kept: drift is measured from now on.
-            let generation =
-                store::load(&self.slots, self.config.identity).map_err(boxed)?.generation;
+            let generation = store::load(&self.slots, self.config.identity)?.generation;
             baseline::save(&self.slots, generation, &reading);
         }
         Ok(Some(reading.since(self.baseline.get_or_insert(reading))))

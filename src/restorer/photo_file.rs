@@ -5,6 +5,7 @@ use crate::config::RigFile;
 use crate::frame::{Frame, Mosaic, Work};
 use crate::picture::{Dng, Format, Manner, PictureError, RawTags, RigSetting, encode};
 use crate::remedy::AnyFailure;
+use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::{CountRange, PhotoShot, SiteNoise, meter, shoot, sites_of};
 
@@ -44,7 +45,7 @@ pub fn take(
     sensor: &SensorFacts,
 ) -> Result<TakenPhoto, AnyFailure> {
     let (mosaic, range) = (rig.mosaic(), sensor.range);
-    let mut taken = || {
+    let mut taken = || -> Result<_, RigError> {
         let times = meter(devices, mosaic, range, PROPOSED)?.unwrap_or(1.0);
         Ok((times, shoot(devices, mosaic, range, 1)?))
     };
@@ -52,8 +53,8 @@ pub fn take(
     // The exposure returns to the rig file's, whatever became of the photo; the first frame after a
     // change may still have the old one.
     let back = devices.expose_times(1.0).and_then(|_| devices.expose());
-    let (times, shot) = taken.map_err(boxed)?;
-    back.map_err(boxed)?;
+    let (times, shot) = taken?;
+    back?;
     let clipped_share = shot.clipped_share;
     let exposure_s = times * rig.camera.exposure_ms / 1000.0;
     Ok(match mosaic {
@@ -67,10 +68,6 @@ pub fn take(
             TakenPhoto { bytes, ending: "tif", clipped_share }
         }
     })
-}
-
-fn boxed(error: crate::rig::RigError) -> AnyFailure {
-    Box::new(error)
 }
 
 /// The raw photo as a DNG file, with the noise of the mean of its exposures.

@@ -1,4 +1,4 @@
-//! Somebody before the box: the button says when, the panel says what.
+//! A box with button and panel.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -19,7 +19,7 @@ use relens::remedy::{AnyFailure, Remedy};
 
 use crate::bed::*;
 
-/// Brightens, and remembers what it was asked to show.
+/// Brightens, and records the screens shown.
 struct Shown {
     inner: Brightener,
     screens: Rc<RefCell<Vec<Screen>>>,
@@ -41,8 +41,7 @@ impl Restorer for Shown {
     }
 }
 
-/// Runs a box in `mode` over `root` until `until_s`, doing what `act` says at each look at the
-/// time.
+/// Runs a box in `mode` on `root` until `until_s`, calling `act` at each reading of the clock.
 fn attended(
     root: &Path,
     mode: Mode,
@@ -86,7 +85,7 @@ fn press_at(at_s: f64, press: Press) -> impl FnMut(f64, &FrontPanel) {
 }
 
 #[test]
-fn photos_wait_for_the_button_and_one_press_restores_those_that_wait() {
+fn one_press_restores_all_photos_that_wait() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 3);
     let (summary, screens, _) =
@@ -104,7 +103,7 @@ fn photos_wait_for_the_button_and_one_press_restores_those_that_wait() {
 }
 
 #[test]
-fn ten_presses_are_one_and_photos_that_come_later_wait_for_their_own() {
+fn later_photos_wait_for_another_press() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);
     let (mut dropped, mut presses) = (false, 0);
@@ -123,7 +122,7 @@ fn ten_presses_are_one_and_photos_that_come_later_wait_for_their_own() {
 }
 
 #[test]
-fn a_press_with_nothing_to_do_ends_in_ready() {
+fn a_press_without_photos_ends_in_ready() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     let press = press_at(5.0, Press::Down);
     attended(root.path(), Mode::Button, Brightener::default(), 20.0, &front, press);
@@ -131,7 +130,7 @@ fn a_press_with_nothing_to_do_ends_in_ready() {
 }
 
 #[test]
-fn held_at_the_start_is_maintenance_until_a_short_press() {
+fn a_button_held_at_the_start_means_maintenance_until_a_short_press() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 2);
     front.press(Press::HeldAtStart);
@@ -147,11 +146,11 @@ fn held_at_the_start_is_maintenance_until_a_short_press() {
     let said = |words: &str| {
         screens.iter().any(|s| matches!(s, Screen::Maintenance { words: w } if w.contains(words)))
     };
-    assert!(said("no work") && said("measured anew"), "{screens:?}");
+    assert!(said("waits for you") && said("has been measured"), "{screens:?}");
 }
 
 #[test]
-fn measuring_the_lens_in_maintenance_can_be_given_up() {
+fn measuring_the_lens_in_maintenance_can_be_cancelled() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     front.press(Press::HeldAtStart);
     let inner = Brightener { gives_up: true, ..Brightener::default() };
@@ -159,14 +158,16 @@ fn measuring_the_lens_in_maintenance_can_be_given_up() {
     let (_, screens, mended) = attended(root.path(), Mode::Folder, inner, 40.0, &front, press);
     assert_eq!(mended, [Remedy::Recalibrate]);
     let said = |screen: &Screen| match screen {
-        Screen::Maintenance { words } => words.contains("given up") && !words.contains("could not"),
+        Screen::Maintenance { words } => {
+            words.contains("cancelled") && !words.contains("could not")
+        }
         _ => false,
     };
     assert!(screens.last().is_some_and(said), "{screens:?}");
 }
 
 #[test]
-fn a_photo_returned_untouched_is_not_said_to_be_restored() {
+fn an_unchanged_photo_is_not_shown_as_restored() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);
     let inner = Brightener { untouched: true, ..Brightener::default() };
@@ -179,7 +180,7 @@ fn a_photo_returned_untouched_is_not_said_to_be_restored() {
     assert!(screens.iter().any(said), "{screens:?}");
 }
 
-/// Needs somebody, each time it is asked.
+/// Needs help at each turn.
 struct Needy(fn() -> DaemonError);
 
 impl Schedule for Needy {
@@ -188,7 +189,7 @@ impl Schedule for Needy {
     }
 }
 
-/// What the panel says to do when a box over one photo is in trouble.
+/// The instructions on the panel of a box in trouble.
 fn to_do(floor_bytes: u64, inner: Brightener, schedule: Box<dyn Schedule>) -> String {
     let (root, clock, screens) = (fresh_root(), TestClock::default(), Rc::default());
     photos(root.path(), 1);
@@ -209,7 +210,7 @@ fn to_do(floor_bytes: u64, inner: Brightener, schedule: Box<dyn Schedule>) -> St
 }
 
 #[test]
-fn each_trouble_has_its_own_thing_to_do() {
+fn each_trouble_has_its_own_instructions() {
     let failing = |remedy, cannot_mend| Brightener {
         failures: vec![remedy],
         cannot_mend,
@@ -217,7 +218,7 @@ fn each_trouble_has_its_own_thing_to_do() {
     };
     let well = Brightener::default;
     let full = to_do(u64::MAX, well(), Box::new(()));
-    assert!(full.contains("Make room on the disk"), "{full}");
+    assert!(full.contains("Free some disk space"), "{full}");
     let gone = to_do(0, failing(Remedy::CallOperator, false), Box::new(()));
     assert!(gone.contains("cables"), "{gone}");
     let lost = to_do(0, failing(Remedy::ReopenRig, true), Box::new(()));
@@ -227,14 +228,14 @@ fn each_trouble_has_its_own_thing_to_do() {
     let drifted =
         || DaemonError::Drifted { complaint: "displaced by 3 px".into(), calibrations: 0 };
     let drifted = to_do(0, well(), Box::new(Needy(drifted)));
-    assert!(drifted.contains("moved") && drifted.contains("measure the lens anew"), "{drifted}");
+    assert!(drifted.contains("moved") && drifted.contains("measure the lens"), "{drifted}");
     for words in [full, drifted, uncalibrated] {
         assert!(!words.contains("cables"), "{words}");
     }
 }
 
 #[test]
-fn a_press_tries_again_what_somebody_was_needed_for() {
+fn a_press_in_trouble_tries_again() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);
     let failing = Brightener { failures: vec![Remedy::CallOperator], ..Brightener::default() };
@@ -248,12 +249,13 @@ fn a_press_tries_again_what_somebody_was_needed_for() {
         });
     assert_eq!(summary.restored.len(), 1);
     assert!((20.0..40.0).contains(&done), "done at {done} s");
-    let told = |s: &Screen| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains("A press"));
-    assert!(screens.iter().any(told), "{screens:?}");
+    let hint = "Press the button to try again";
+    let shown = |s: &Screen| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains(hint));
+    assert!(screens.iter().any(shown), "{screens:?}");
 }
 
 #[test]
-fn trouble_is_on_the_panel_with_what_to_do_and_clears_itself() {
+fn trouble_is_shown_with_instructions_and_clears_itself() {
     let (root, front) = (fresh_root(), FrontPanel::default());
     photos(root.path(), 1);
     let failing = Brightener { failures: vec![Remedy::CallOperator], ..Brightener::default() };
@@ -268,6 +270,6 @@ fn trouble_is_on_the_panel_with_what_to_do_and_clears_itself() {
                 .iter()
                 .any(|s| matches!(s, Screen::Trouble { to_do, .. } if to_do.contains("cables")))
     );
-    assert_eq!(summary.restored.len(), 1, "it went on by itself");
+    assert_eq!(summary.restored.len(), 1, "continued by itself");
     assert!(!matches!(front.state(), BoxState::Trouble));
 }

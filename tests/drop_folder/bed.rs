@@ -1,5 +1,4 @@
-//! The bed of these tests: a rig's size, a clock, a restorer that brightens, and files made on the
-//! spot.
+//! Test bed: size of the rig, clock, a restorer that brightens, generated files.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -20,11 +19,10 @@ use relens::rig::{Clock, Moment};
 
 pub const RIG: Size = Size::new(64, 48);
 
-/// The calendar of these tests, far in the future: whatever is in an inbox has been there for
-/// years.
+/// The calendar of these tests, far in the future: every file in an inbox is years old.
 pub const CALENDAR_UNIX_S: u64 = 4_000_000_000;
 
-/// A clock that passes when waited on.
+/// A clock that advances when waited on.
 #[derive(Default)]
 pub struct TestClock(pub Cell<f64>);
 
@@ -47,14 +45,14 @@ impl Remediable for LampOut {
     }
 }
 
-/// Adds ten grey levels of light, or fails as told.
+/// Adds ten grey levels of light, or fails as scripted.
 #[derive(Default)]
 pub struct Brightener {
-    /// Failures to come, the next one last.
+    /// Failures, the next one last.
     pub failures: Vec<Remedy>,
     pub mended: Vec<Remedy>,
     pub cannot_mend: bool,
-    /// Somebody does not let it mend.
+    /// Repairs are cancelled.
     pub gives_up: bool,
     pub untouched: bool,
     pub panics: bool,
@@ -141,7 +139,7 @@ pub fn drop_in(root: &Path, name: &str, bytes: &[u8]) {
     std::fs::write(root.join("inbox").join(name), bytes).unwrap();
 }
 
-/// Visible names in a folder, without the gallery's own.
+/// Visible names in a folder, without those of the gallery.
 pub fn names(folder: &Path) -> BTreeSet<String> {
     let entries = std::fs::read_dir(folder).unwrap();
     let names = entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned());
@@ -156,7 +154,7 @@ pub fn read_back(path: &Path) -> Photo {
     Photo::read(path, Curve::Srgb, &Limits::default()).unwrap()
 }
 
-/// A fresh root, in memory where there is such a place: these tests sync a thousand files.
+/// A new root folder, in memory if possible: these tests synchronise a thousand files.
 pub fn fresh_root() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() {

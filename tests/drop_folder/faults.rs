@@ -1,10 +1,9 @@
-//! Random scripts of everything that goes wrong with a box: the disk fails, fills and goes away,
-//! the power is cut, the rig stumbles, the calendar jumps, customers drop, complete and take back
-//! photos, the service is stopped.
+//! Random scripts of faults: the disk fails, fills up or disappears, power cuts, failures of the
+//! rig, jumps of the calendar, photos dropped, completed and taken back, stops of the service.
 //!
-//! After every step each photo is whole and in one place; when the world has calmed down each has
-//! exactly one result or one reason. A script is its seed: `RELENS_FAULT_SEED=n` replays one,
-//! `RELENS_FAULT_SCRIPTS=n` runs more.
+//! After every step each photo is whole and in one place; in the end each has exactly one result or
+//! one reason. A script is its seed: `RELENS_FAULT_SEED=n` replays one, `RELENS_FAULT_SCRIPTS=n`
+//! runs more.
 
 use std::cell::{Cell, RefCell};
 use std::io::ErrorKind;
@@ -23,10 +22,10 @@ use crate::model_disk::{Contents, ModelDisk, Op, Verdict};
 use crate::power::{TINY, good};
 use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
 
-/// Scripts in the short form.
+/// Scripts by default.
 const SCRIPTS: u64 = 60;
 
-/// Lives of the daemon in one script, and steps in one life.
+/// Runs of the daemon in a script, and steps in a run.
 const LIVES: usize = 6;
 const STEPS: usize = 60;
 
@@ -47,7 +46,7 @@ impl Chance {
     }
 }
 
-/// What goes wrong with the disk at present.
+/// Current faults of the disk.
 #[derive(Debug, Clone, Default)]
 struct Plan {
     full: bool,
@@ -93,11 +92,11 @@ struct World {
     disk: ModelDisk,
     /// Photos not dropped yet, whole.
     to_come: Vec<Dropped>,
-    /// The one that is being copied, and where to.
+    /// The photo being copied, and its path.
     half: Option<(PathBuf, Dropped)>,
     dropped: Vec<Dropped>,
     inodes: u64,
-    told: Vec<String>,
+    log: Vec<String>,
 }
 
 impl World {
@@ -110,7 +109,7 @@ impl World {
         self.disk.drop_in(path, bytes, self.inodes);
     }
 
-    /// The copy that was broken off is done again from its beginning, unless its place is taken.
+    /// Repeats the interrupted copy, unless another file has its name.
     fn finish_half(&mut self) -> String {
         let Some((path, photo)) = self.half.take() else { return nothing() };
         let half = &photo.bytes[..photo.bytes.len() / 2];
@@ -120,10 +119,10 @@ impl World {
         }
         self.put(&path, &photo.bytes);
         self.dropped.push(photo);
-        "the half photo is all there".to_owned()
+        "the half photo is complete".to_owned()
     }
 
-    /// One thing happens. Whether the service is to be stopped.
+    /// Performs a random step; returns whether the service is to be stopped.
     fn step(
         &mut self,
         failures: &RefCell<Vec<Remedy>>,
@@ -235,7 +234,7 @@ impl World {
                 "the service is stopped".to_owned()
             }
         };
-        self.told.push(words);
+        self.log.push(words);
         at_every_instant(&self.disk.contents().now(), &self.dropped)?;
         Ok(stop)
     }
@@ -245,7 +244,7 @@ fn nothing() -> String {
     "nothing".to_owned()
 }
 
-/// Runs the script of `seed`; what went wrong in the end.
+/// Runs the script of `seed`; returns the number of photos dropped.
 fn script(seed: u64) -> Result<usize, String> {
     let empty = ModelDisk::new(Contents::default(), Box::new(|_, _| Ok(Verdict::Done)));
     empty.make_folder(Path::new(ROOT)).map_err(|e| e.to_string())?;
@@ -268,29 +267,28 @@ fn script(seed: u64) -> Result<usize, String> {
         half: None,
         dropped: vec![],
         inodes: 0,
-        told: vec![],
+        log: vec![],
     };
-    let told = |world: &World, words: &str| {
-        let told =
-            world.told.iter().filter(|w| *w != "nothing").cloned().collect::<Vec<_>>().join("; ");
-        format!("{words}\nafter: {told}")
+    let with_log = |world: &World, words: &str| {
+        let log =
+            world.log.iter().filter(|w| *w != "nothing").cloned().collect::<Vec<_>>().join("; ");
+        format!("{words}\nafter: {log}")
     };
     let calendar = Cell::new(CALENDAR_UNIX_S);
     for life in 0..=LIVES {
         let calm = life == LIVES;
         let harm = live(&mut world, calm, &calendar);
-        harm.map_err(|words| told(&world, &words))?;
+        harm.map_err(|words| with_log(&world, &words))?;
     }
     let end = world.disk.contents().now();
-    in_the_end(&end, &world.dropped).map_err(|words| told(&world, &words))?;
+    in_the_end(&end, &world.dropped).map_err(|words| with_log(&world, &words))?;
     Ok(world.dropped.len())
 }
 
-/// One life of the service: until it is stopped or the power is cut, or, in a calm world, until all
-/// is done.
+/// One run of the service: until a stop or a power cut or, in a calm world, until all is done.
 fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), String> {
     let plan = Arc::clone(&world.plan);
-    // Whoever restarts the box sees to the disk, or it would not start.
+    // The disk is repaired before a restart.
     *plan.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Plan::default();
     if calm {
         world.finish_half();
@@ -309,7 +307,7 @@ fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), Strin
             if calm {
                 return clock.0.get() > 7200.0;
             }
-            // A step of the world now and then, between photos and within waits.
+            // A step of the world now and then, between photos and during waits.
             if !calls.get().is_multiple_of(23) {
                 return false;
             }
@@ -325,7 +323,7 @@ fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), Strin
         catch_unwind(AssertUnwindSafe(|| -> Result<(), String> {
             let folders =
                 Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).map_err(|e| e.to_string())?;
-            let mut restorer = Stumbling { inner: Brightener::default(), failures: &failures };
+            let mut restorer = Failing { inner: Brightener::default(), failures: &failures };
             let mut watcher = ();
             let mut daemon =
                 Daemon::open(folders, setting, &mut restorer, &clock, &dates, &mut watcher)
@@ -340,26 +338,26 @@ fn live(world: &mut World, calm: bool, calendar: &Cell<u64>) -> Result<(), Strin
     match ended {
         Ok(ended) => ended,
         Err(_) => {
-            // The power is back, and the disk holds one of the things it may.
+            // The power is back, and the disk is in one of its possible states.
             let contents = disk.contents();
             let mut cuts = contents.cuts(&|_| false);
             let survivors = cuts.swap_remove(world.chance.below(cuts.len()));
             at_every_instant(&survivors, &world.dropped)?;
             let contents = Contents::after(&survivors, contents.folders());
-            world.told.push("the power is cut".to_owned());
+            world.log.push("the power is cut".to_owned());
             world.disk = ModelDisk::new(contents, guard(Arc::clone(&world.plan)));
             Ok(())
         }
     }
 }
 
-/// Restores, unless the world says otherwise.
-struct Stumbling<'a> {
+/// Restores, or fails as scripted.
+struct Failing<'a> {
     inner: Brightener,
     failures: &'a RefCell<Vec<Remedy>>,
 }
 
-impl relens::daemon::Restorer for Stumbling<'_> {
+impl relens::daemon::Restorer for Failing<'_> {
     fn restore(
         &mut self,
         photo: &relens::picture::Photo,
@@ -374,7 +372,7 @@ impl relens::daemon::Restorer for Stumbling<'_> {
 }
 
 #[test]
-fn whatever_goes_wrong_no_photo_comes_to_harm() {
+fn no_fault_harms_a_photo() {
     let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
     let seeds = match number("RELENS_FAULT_SEED") {
         Some(seed) => seed..seed + 1,

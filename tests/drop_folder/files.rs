@@ -1,4 +1,4 @@
-//! What goes in and what comes out: formats, bad files, names, orientation, profiles, shapes.
+//! Photos and results: formats, bad files, names, orientation, profiles, shapes.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use relens::picture::{Format, Manner, Orientation, PixelLayout, encode};
 use crate::bed::*;
 
 #[test]
-fn every_format_comes_out_as_it_came_in() {
+fn results_have_the_format_of_their_photos() {
     let root = fresh_root();
     let root = root.path();
     for (name, format, bits) in [
@@ -41,7 +41,7 @@ fn every_format_comes_out_as_it_came_in() {
 }
 
 #[test]
-fn a_raw_photo_comes_out_developed() {
+fn a_raw_photo_is_delivered_developed() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "a.dng", &raw_file(RIG));
@@ -53,10 +53,10 @@ fn a_raw_photo_comes_out_developed() {
     assert_eq!((result.manner.format, result.manner.bits), (Format::Tiff, 16));
     assert!(result.raw.is_none() && read_back(&root.join("done/a.dng")).raw.is_some());
     assert!(root.join("outbox/a.tif.json").is_file());
-    let told = format!("{:?}", summary.failed);
+    let failed = format!("{:?}", summary.failed);
     assert!(
-        told.contains("not resampled: found 128×96 sites, allowed the rig's whole sensor, 64×48"),
-        "{told}"
+        failed.contains("not resampled: found 128×96 sites, allowed the rig's whole sensor, 64×48"),
+        "{failed}"
     );
     let notes = summary.restored.iter().map(|report| report.notes.concat()).collect::<String>();
     assert!(notes.contains("named .jpg and holds a DNG"), "{notes}");
@@ -64,7 +64,7 @@ fn a_raw_photo_comes_out_developed() {
 }
 
 #[test]
-fn each_bad_file_gets_its_own_sentence_and_is_kept() {
+fn each_bad_file_is_kept_with_its_own_reason() {
     let root = fresh_root();
     let root = root.path();
     let jpeg = file(Format::Jpeg, 8, Size::new(512, 384));
@@ -106,7 +106,7 @@ fn each_bad_file_gets_its_own_sentence_and_is_kept() {
         (summary.failed.len(), summary.restored.len()),
         (cases.len(), 0),
         "{:?}",
-        summary.left
+        summary.deferred
     );
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     let mut sentences = BTreeSet::new();
@@ -123,12 +123,12 @@ fn each_bad_file_gets_its_own_sentence_and_is_kept() {
         sentences.insert(reason.replace(name, ""));
         assert!(page.contains(name), "{name} is in the gallery");
     }
-    assert_eq!(sentences.len(), cases.len(), "no two share a sentence");
+    assert_eq!(sentences.len(), cases.len(), "no two share a reason");
     assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
 }
 
 #[test]
-fn content_is_believed_and_what_is_read_alone_comes_back_as_png() {
+fn formats_are_recognised_by_content_and_unwritable_ones_become_png() {
     let root = fresh_root();
     let root = root.path();
     let rgb: Vec<u8> = (0..64 * 48 * 3).map(|n| (n % 200) as u8).collect();
@@ -163,7 +163,7 @@ fn content_is_believed_and_what_is_read_alone_comes_back_as_png() {
         assert!(report.result.ends_with(".png"), "{}", report.result);
     }
     assert!(root.join("outbox/12.5.2024.png").is_file());
-    // Cut, they wait as the others do; left as they were, they are themselves.
+    // Incomplete ones are rejected; unchanged ones are delivered as they are.
     for (name, bytes) in [("a.webp", &webp), ("b.bmp", &bmp), ("c.gif", &gif)] {
         drop_in(root, name, &bytes[..bytes.len() / 2]);
         let failed = once(root).failed;
@@ -178,7 +178,7 @@ fn content_is_believed_and_what_is_read_alone_comes_back_as_png() {
 }
 
 #[test]
-fn names_collide_and_nothing_is_overwritten() {
+fn duplicate_names_overwrite_nothing() {
     let root = fresh_root();
     let root = root.path();
     let first = file(Format::Png, 8, RIG);
@@ -204,7 +204,7 @@ fn names_collide_and_nothing_is_overwritten() {
 }
 
 #[test]
-fn names_are_bytes_and_may_be_hostile_or_long() {
+fn names_may_be_any_bytes_hostile_or_long() {
     use std::os::unix::ffi::OsStringExt;
     let root = fresh_root();
     let root = root.path();
@@ -226,19 +226,19 @@ fn names_are_bytes_and_may_be_hostile_or_long() {
 }
 
 #[test]
-fn junk_and_uploads_under_way_stay_where_they_are() {
+fn junk_and_uploads_under_way_are_ignored() {
     let root = fresh_root();
     let root = root.path();
     for name in [".DS_Store", "a.jpg.part", "Thumbs.db", "b.jpg~"] {
         drop_in(root, name, b"x");
     }
     let summary = once(root);
-    assert!(summary.failed.is_empty() && summary.left.is_empty());
+    assert!(summary.failed.is_empty() && summary.deferred.is_empty());
     assert_eq!(names(&root.join("inbox")), set(&["a.jpg.part", "Thumbs.db", "b.jpg~"]));
 }
 
 #[test]
-fn links_and_pipes_are_set_aside_and_never_followed() {
+fn links_and_pipes_are_rejected() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "secret", &file(Format::Png, 8, RIG));
@@ -255,7 +255,7 @@ fn links_and_pipes_are_set_aside_and_never_followed() {
 }
 
 #[test]
-fn a_turned_photo_is_restored_as_the_sensor_saw_it_and_delivered_upright() {
+fn a_rotated_photo_is_restored_in_sensor_orientation_and_delivered_upright() {
     let root = fresh_root();
     let root = root.path();
     // EXIF: one directory with one entry, orientation 6; and a profile to carry.
@@ -270,18 +270,18 @@ fn a_turned_photo_is_restored_as_the_sensor_saw_it_and_delivered_upright() {
         assert_eq!(summary.restored.len(), 1, "{:?}", summary.failed);
         let result = read_back(&root.join("outbox").join(name));
         assert_eq!(result.light.size(), Size::new(48, 64), "upright");
-        assert_eq!(result.manner.orientation, Orientation::NoTransforms, "and says so");
+        assert_eq!(result.manner.orientation, Orientation::NoTransforms, "and tagged so");
         assert_eq!(result.manner.icc.as_ref(), Some(&icc));
         assert_eq!(result.manner.exif.as_ref().map(Vec::len), Some(exif.len()));
     }
-    // Stored upright, nothing says which way the camera was held.
+    // Stored upright, its rotation is unknown.
     drop_in(root, "upright.png", &file(Format::Png, 8, Size::new(48, 64)));
     let failed = once(root).failed;
     assert!(failed[0].reason.contains("found 48×64 in portrait"), "{failed:?}");
 }
 
 #[test]
-fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
+fn another_size_of_the_same_shape_is_resampled_with_a_note() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
@@ -295,14 +295,14 @@ fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
     assert_eq!(read_back(&root.join("outbox/big.png")).light.size(), RIG);
     let report = &summary.restored[0];
     assert!(report.notes[0].contains("its result is smaller"), "first of all: {:?}", report.notes);
-    assert!(report.line().starts_with("big.png: comes back smaller, 64×48 for 256×192; restored"));
-    // What is left as it was loses nothing, for it is the file itself.
+    assert!(report.line().starts_with("big.png: restored smaller, 64×48 instead of 256×192"));
+    // An unchanged photo is the file itself, without loss.
     drop_in(root, "left.png", &file(Format::Png, 8, Size::new(256, 192)));
     let mut restorer = Brightener { untouched: true, ..Brightener::default() };
     let untouched = once_with(root, &mut restorer, &mut ()).unwrap().untouched;
     assert!(untouched[0].notes.is_empty(), "{:?}", untouched[0].notes);
     assert_eq!(read_back(&root.join("outbox/left.png")).light.size(), Size::new(256, 192));
-    // Unless the rig file will have none of that.
+    // Larger photos are rejected where the rig file says so.
     drop_in(root, "big.png", &file(Format::Png, 8, Size::new(256, 192)));
     drop_in(root, "small.png", &file(Format::Png, 8, Size::new(32, 24)));
     let mut refusing = setting();
@@ -318,7 +318,7 @@ fn another_size_of_the_same_shape_is_resampled_and_the_report_says_so() {
 }
 
 #[test]
-fn grey_photos_stay_grey_and_alpha_comes_back() {
+fn grey_photos_stay_grey_and_alpha_is_kept() {
     let root = fresh_root();
     let root = root.path();
     let mut manner = Manner::plain(Format::Png, 8, Curve::Srgb);
@@ -335,7 +335,7 @@ fn grey_photos_stay_grey_and_alpha_comes_back() {
 }
 
 #[test]
-fn an_untouched_photo_goes_out_byte_by_byte() {
+fn an_unchanged_photo_is_delivered_byte_by_byte() {
     let root = fresh_root();
     let root = root.path();
     let photos = [("a.jpg", file(Format::Jpeg, 8, RIG)), ("b.dng", raw_file(RIG))];
@@ -348,7 +348,7 @@ fn an_untouched_photo_goes_out_byte_by_byte() {
 }
 
 #[test]
-fn restored_untouched_failed_and_left_are_counted_apart_everywhere() {
+fn outcomes_are_counted_separately_everywhere() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "whole.png", &file(Format::Png, 8, RIG));
@@ -357,11 +357,11 @@ fn restored_untouched_failed_and_left_are_counted_apart_everywhere() {
     let summary = once_with(root, &mut restorer, &mut ()).unwrap();
     let counts = PhotoCounts { untouched: 1, failed: 1, ..PhotoCounts::default() };
     assert_eq!((summary.counts(), State::read(root).unwrap().unwrap().counts), (counts, counts));
-    let words = "0 restored, 1 left as it was, 1 failed, 0 waiting";
+    let words = "0 restored, 1 unchanged, 1 failed, 0 waiting";
     assert_eq!(counts.to_string(), words);
-    assert!(summary.untouched[0].line().contains("left as it was: told to (1 c"), "the log");
+    assert!(summary.untouched[0].line().contains("returned unchanged: told to (1 c"), "the log");
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
-    for words in ["<b>0</b> restored", "<b>1</b> left as it was", "<b>1</b> failed"] {
+    for words in ["<b>0</b> restored", "<b>1</b> unchanged", "<b>1</b> failed"] {
         assert!(page.contains(words), "{words}");
     }
 }

@@ -1,7 +1,6 @@
-//! Bytes that mean harm, wherever bytes come in: photos of each format, the rig file, the
-//! calibration slots, the record of a photo under way. A seed each, a bounded number of mutations:
-//! cuts, flips, runs, splices, and numbers at their limits. Nothing may panic, hang or be believed
-//! that is not so.
+//! Mutated input: photos of each format, the rig file, calibration slots, records of photos under
+//! way. A fixed seed and number of mutations: cuts, flips, runs, splices, numbers at their limits.
+//! No input may cause a panic or a hang, or be accepted wrongly.
 
 use std::path::Path;
 
@@ -13,23 +12,23 @@ use relens::picture::{Format, Limits, Photo};
 use crate::bed::*;
 
 /// Numerical Recipes' linear congruential generator; any will do.
-pub struct Mischief(pub u64);
+pub struct Mutator(pub u64);
 
-impl Mischief {
+impl Mutator {
     fn below(&mut self, n: usize) -> usize {
         self.0 =
             self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % n.max(1)
     }
 
-    /// `bytes` changed in one to four ways.
-    fn changed(&mut self, bytes: &[u8]) -> Vec<u8> {
+    /// `bytes` with one to five mutations.
+    fn mutate(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut bytes = bytes.to_vec();
         for _ in 0..=self.below(4) {
             if bytes.is_empty() {
                 break;
             }
-            // Headers are where the harm is.
+            // Headers are more sensitive.
             let reach = if self.below(3) == 0 { bytes.len() } else { bytes.len().min(200) };
             let at = self.below(reach);
             let run = (1 + self.below(8)).min(bytes.len() - at);
@@ -58,9 +57,9 @@ impl Mischief {
 }
 
 #[test]
-fn photos_of_every_format_that_mean_harm_bring_a_sentence_or_a_photo() {
+fn mutated_photos_give_an_error_message_or_a_photo() {
     let limits = Limits { pixels_max: 200_000, decoder_bytes_max: 8 << 20, ..Limits::default() };
-    let mut told = [0; 2];
+    let mut counts = [0; 2];
     for (seed, (name, format, bits)) in [
         ("a.jpg", Format::Jpeg, 8),
         ("a.png", Format::Png, 8),
@@ -72,36 +71,36 @@ fn photos_of_every_format_that_mean_harm_bring_a_sentence_or_a_photo() {
     .enumerate()
     {
         let whole = file(format, bits, Size::new(32, 24));
-        let mut mischief = Mischief(seed as u64);
+        let mut mutator = Mutator(seed as u64);
         for _ in 0..1500 {
-            let bytes = mischief.changed(&whole);
+            let bytes = mutator.mutate(&whole);
             match Photo::from_bytes(name, &bytes, Curve::Srgb, &limits)
                 .and_then(|photo| photo.fit(RIG))
             {
                 Ok(photo) => {
-                    told[0] += 1;
+                    counts[0] += 1;
                     assert!(
                         photo.light.size() == RIG
                             && photo.light.planes()[1].data().iter().all(|v| v.is_finite())
                     );
                 }
                 Err(error) => {
-                    told[1] += 1;
+                    counts[1] += 1;
                     let words = relens::remedy::full_message(&error);
                     assert!(words.contains(name) && words.contains("allowed"), "{words}");
                 }
             }
         }
     }
-    println!("{} photos, {} sentences", told[0], told[1]);
-    assert!(told[0] > 100 && told[1] > 1000, "{told:?}");
+    println!("{} photos, {} errors", counts[0], counts[1]);
+    assert!(counts[0] > 100 && counts[1] > 1000, "{counts:?}");
 }
 
 #[test]
-fn rig_files_that_mean_harm_are_read_or_refused() {
+fn mutated_rig_files_are_read_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rig.toml");
-    let mut told = [0; 2];
+    let mut counts = [0; 2];
     for (seed, name) in
         ["small.toml", "simulated.toml", "raspberry-pi-5.toml"].into_iter().enumerate()
     {
@@ -120,32 +119,32 @@ fn rig_files_that_mean_harm_are_read_or_refused() {
             "\"\"",
             "[]",
         ];
-        let mut mischief = Mischief(seed as u64);
+        let mut mutator = Mutator(seed as u64);
         for n in 0..300 {
             let bytes = match n % 3 {
-                0 => mischief.changed(&whole),
-                // One value for another.
+                0 => mutator.mutate(&whole),
+                // Replace one value by another.
                 _ => {
                     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
                     let valued: Vec<usize> =
                         (0..lines.len()).filter(|&i| lines[i].contains(" = ")).collect();
-                    let at = valued[mischief.below(valued.len())];
+                    let at = valued[mutator.below(valued.len())];
                     let key = lines[at].split(" = ").next().unwrap_or_default().to_owned();
-                    lines[at] = format!("{key} = {}", numbers[mischief.below(numbers.len())]);
+                    lines[at] = format!("{key} = {}", numbers[mutator.below(numbers.len())]);
                     lines.join("\n").into_bytes()
                 }
             };
             std::fs::write(&path, &bytes).unwrap();
-            told[usize::from(config::load(&path).is_err())] += 1;
+            counts[usize::from(config::load(&path).is_err())] += 1;
         }
     }
-    println!("{} rigs, {} sentences", told[0], told[1]);
-    assert!(told[1] > 300, "{told:?}");
+    println!("{} rigs, {} errors", counts[0], counts[1]);
+    assert!(counts[1] > 300, "{counts:?}");
 }
 
 #[test]
-fn slots_that_mean_harm_are_not_believed() {
-    // A slot's header around a payload that is none: every field at every limit.
+fn invalid_slots_are_refused() {
+    // A valid header before a random payload.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration-a.slot");
     let mut header = b"relenscl".to_vec();
@@ -153,31 +152,31 @@ fn slots_that_mean_harm_are_not_believed() {
     header.extend(7u64.to_le_bytes());
     header.extend(1u32.to_le_bytes());
     header.extend(64u32.to_le_bytes());
-    let (mut mischief, mut looked_at) = (Mischief(5), 0);
+    let (mut mutator, mut parsed) = (Mutator(5), 0);
     for n in 0..2000 {
         let mut bytes = header.clone();
-        bytes.extend((0..64).map(|_| mischief.below(256) as u8));
+        bytes.extend((0..64).map(|_| mutator.below(256) as u8));
         if n % 2 == 0 {
-            bytes = mischief.changed(&bytes);
+            bytes = mutator.mutate(&bytes);
         }
-        // With a checksum that is right, so that the payload is looked at.
+        // A valid checksum, so that the payload is parsed.
         let crc = crc32fast::hash(&bytes);
         bytes.extend(crc.to_le_bytes());
         std::fs::write(&path, &bytes).unwrap();
         let refused = store::load(folder.path(), 7).unwrap_err();
         let StoreError::BothBad { a, .. } = &refused else { panic!("{refused}") };
-        looked_at += usize::from(matches!(a, SlotFault::Contents(_)));
+        parsed += usize::from(matches!(a, SlotFault::Contents(_)));
     }
-    assert!(looked_at >= 1000, "{looked_at} payloads were looked at");
+    assert!(parsed >= 1000, "{parsed} payloads were parsed");
 }
 
 #[test]
-fn records_that_mean_harm_cost_no_photo() {
+fn mutated_records_lose_no_photo() {
     let root = fresh_root();
     let root = root.path();
     let bytes = file(Format::Png, 8, RIG);
     drop_in(root, "a.png", &bytes);
-    // What a record of this photo looks like.
+    // A valid record of this photo.
     let record = std::cell::RefCell::new(Vec::new());
     struct Look<'a>(&'a Path, &'a std::cell::RefCell<Vec<u8>>);
     impl relens::daemon::Watcher for Look<'_> {
@@ -192,24 +191,21 @@ fn records_that_mean_harm_cost_no_photo() {
     }
     once_with(root, &mut Brightener::default(), &mut Look(root, &record)).unwrap();
     let record = record.into_inner();
-    let mut mischief = Mischief(9);
+    let mut mutator = Mutator(9);
     for n in 0..150 {
         let root = fresh_root();
         let root = root.path();
         std::fs::create_dir_all(root.join("working")).unwrap();
         std::fs::create_dir_all(root.join("outbox")).unwrap();
-        // A foreign result of that name, too.
+        // A foreign result of that name.
         std::fs::write(root.join("outbox/a.png"), b"somebody else's").unwrap();
         std::fs::write(root.join("working/a.png"), &bytes).unwrap();
-        // FNV-1a of the name, as the ledger has it.
+        // FNV-1a of the name, as in the ledger.
         let hash = b"a.png".iter().fold(0xcbf2_9ce4_8422_2325u64, |h, b| {
             (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3)
         });
-        std::fs::write(
-            root.join(format!("working/.ledger-{hash:016x}")),
-            mischief.changed(&record),
-        )
-        .unwrap();
+        std::fs::write(root.join(format!("working/.ledger-{hash:016x}")), mutator.mutate(&record))
+            .unwrap();
         let summary = once(root);
         assert_eq!(summary.restored.len(), 1, "{n}: {summary:?}");
         assert_eq!(std::fs::read(root.join("outbox/a.png")).unwrap(), b"somebody else's");

@@ -1,5 +1,4 @@
-//! What is kept, and for how long: limits of age and size take the oldest, and nothing else,
-//! whatever the power does.
+//! Removal by the limits of `[keep]`: the oldest files and nothing else, also across power cuts.
 
 use std::cell::Cell;
 use std::os::unix::fs::MetadataExt;
@@ -24,7 +23,7 @@ const KEEP: Keep = Keep {
     originals_mib_max: f64::INFINITY,
 };
 
-/// A night may still ask these back.
+/// A night that may still withdraw these.
 struct Night(Vec<Delivered>);
 
 impl Schedule for Night {
@@ -33,11 +32,11 @@ impl Schedule for Night {
     }
 }
 
-/// A box left alone.
+/// An unattended box.
 struct Later<'a> {
     root: &'a Path,
     keep: Keep,
-    /// So many days from now.
+    /// Days from now.
     days: u32,
     believed: bool,
     unproven: Vec<Delivered>,
@@ -54,11 +53,11 @@ impl Later<'_> {
         self
     }
 
-    /// Lives until the inbox is empty.
+    /// Runs until the inbox is empty.
     fn live(self) -> Summary {
         let Later { root, keep, days, believed, unproven, floor_bytes } = self;
         let (clock, mut restorer, mut watcher) = (TestClock::default(), Brightener::default(), ());
-        // The disk dates what is moved by the machine's own calendar.
+        // The disk dates moved files by the machine's calendar.
         let calendar = || SystemTime::now() + days * DAY;
         let folders = Folders::open(root).unwrap();
         let setting = DaemonSetting { floor_bytes, ..setting() };
@@ -70,8 +69,7 @@ impl Later<'_> {
     }
 }
 
-/// Photos that are done: their results bear the date of so many days from now, their originals that
-/// of today.
+/// Restores `photos`: results are dated so many days from now, originals today.
 fn done(root: &Path, photos: &[(&str, u32)]) {
     for &(name, days) in photos {
         drop_in(root, name, &file(Format::Png, 8, RIG));
@@ -80,7 +78,7 @@ fn done(root: &Path, photos: &[(&str, u32)]) {
 }
 
 #[test]
-fn what_is_past_its_age_goes_with_all_that_belongs_to_it_and_nothing_else_does() {
+fn files_past_their_age_are_removed_and_nothing_else() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "bad.png", b"Dear Sir or Madam");
@@ -94,7 +92,7 @@ fn what_is_past_its_age_goes_with_all_that_belongs_to_it_and_nothing_else_does()
     assert_eq!(names(&root.join("outbox")), all);
     let days = 31;
     later(root, days).believed(false).live();
-    assert_eq!(names(&root.join("outbox")), all, "nobody knows what day it is");
+    assert_eq!(names(&root.join("outbox")), all, "the date is unknown");
 
     later(root, days).live();
     assert_eq!(names(&root.join("outbox")), set(&["b.png", "b.png.json", "mine.txt", "mine.json"]));
@@ -103,17 +101,17 @@ fn what_is_past_its_age_goes_with_all_that_belongs_to_it_and_nothing_else_does()
     assert_eq!(pictures.iter().filter(|name| name.ends_with(".jpg")).count(), 3, "{pictures:?}");
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     assert!(!page.contains("a.png") && page.contains("b.png"));
-    assert!(page.contains("1 of the results, 0 of the originals"), "{page}");
+    assert!(page.contains("results 1, originals 0"), "{page}");
 
     later(root, 61).live();
     assert!(names(&root.join("done")).is_empty());
     assert_eq!(names(&root.join("outbox")), set(&["mine.txt", "mine.json"]));
-    assert_eq!(names(&root.join("failed")), failed, "set aside is for a person to look at");
+    assert_eq!(names(&root.join("failed")), failed, "rejected photos are never removed");
     let page = std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
-    assert!(page.contains("2 of the results, 2 of the originals"), "{page}");
+    assert!(page.contains("results 2, originals 2"), "{page}");
 }
 
-/// MiB of the files in `folder` whose names end so.
+/// MiB of the files in `folder` with this `ending`.
 fn mib(folder: &Path, ending: &str) -> f64 {
     let files = names(folder)
         .into_iter()
@@ -123,7 +121,7 @@ fn mib(folder: &Path, ending: &str) -> f64 {
 }
 
 #[test]
-fn beyond_the_size_the_oldest_go_and_what_is_under_way_or_may_be_asked_back_stays() {
+fn beyond_the_size_the_oldest_are_removed_except_unproven_and_reserved_ones() {
     let root = fresh_root();
     let root = root.path();
     done(root, &[("a.png", 1), ("b.png", 2), ("c.png", 3), ("d.png", 4)]);
@@ -146,7 +144,7 @@ fn beyond_the_size_the_oldest_go_and_what_is_under_way_or_may_be_asked_back_stay
     std::fs::write(root.join("working/.ledger-1"), record.to_string()).unwrap();
     Later { keep, unproven, believed: false, ..later(root, 9) }.live();
     let kept = set(&["a.png", "a.png.json", "b.png", "b.png.json"]);
-    assert_eq!(names(&root.join("outbox")), kept, "may be asked back, and under way");
+    assert_eq!(names(&root.join("outbox")), kept, "unproven, and reserved");
     assert_eq!(names(&root.join("done")), set(&["a.png", "d.png"]));
 
     let keep = Keep { results_mib_max: results_mib_max / 2.0, ..keep };
@@ -155,7 +153,7 @@ fn beyond_the_size_the_oldest_go_and_what_is_under_way_or_may_be_asked_back_stay
 }
 
 #[test]
-fn a_full_disk_is_a_reason_to_look_before_the_hour_and_else_the_photo_waits() {
+fn a_full_disk_triggers_removal_and_the_photo_waits() {
     let root = fresh_root();
     let root = root.path();
     done(root, &[("a.png", 0)]);
@@ -167,7 +165,7 @@ fn a_full_disk_is_a_reason_to_look_before_the_hour_and_else_the_photo_waits() {
     let folders = Folders::open(root).unwrap();
     let daemon =
         Daemon::open(folders, floor, &mut restorer, &clock, &calendar, &mut watcher).unwrap();
-    // Everything grows old while the photo waits for room.
+    // Everything ages while the photo waits for space.
     daemon.keeping(KEEP, &believed).run(&|| {
         days.set(if clock.0.get() > 300.0 { 99 } else { 0 });
         if clock.0.get() < 290.0 {
@@ -179,15 +177,15 @@ fn a_full_disk_is_a_reason_to_look_before_the_hour_and_else_the_photo_waits() {
     assert!(root.join("inbox/b.png").is_file(), "the disk is as full as before");
 }
 
-/// A photo done a month ago and past the limits by now: the power fails at every instant, any
-/// number of times.
+/// A photo restored a month ago, past the limits now: power cuts at every instant, any number of
+/// times.
 fn search(skip: Option<&Label>) -> Result<Found, String> {
     let photo = good("a.png", 30.0);
     let begun = Age { calendar_unix_s: 0, ..Age::default() };
     let life = live_at(begun, filled(std::slice::from_ref(&photo), None), None, false);
     let (end, _) = life.instants.last().ok_or("no instants")?;
     let start = Contents::after(&end.now(), end.folders());
-    // The model's disk dates files by their numbers, and the photo's is 1.
+    // The model disk dates files by their inodes, and the photo's is 1.
     let keep = Keep { results_days_max: 30.0, originals_days_max: 30.0, ..Keep::default() };
     let age = Age { calendar_unix_s: 1 + 30 * DAY.as_secs(), keep, ..Age::default() };
     search_at(age, vec![start], &[Dropped { past_limits: true, ..photo }], skip, &|disk, _| {
@@ -196,18 +194,17 @@ fn search(skip: Option<&Label>) -> Result<Found, String> {
 }
 
 #[test]
-fn the_power_may_fail_while_things_are_removed_and_each_synchronisation_is_needed() {
+fn removal_survives_power_cuts_and_needs_each_synchronisation() {
     let found = search(None).unwrap();
     println!("{} states of the disk, {} cuts", found.states, found.cuts);
     let removals = found.labels.iter().filter(|(_, words, _)| words.starts_with("remove"));
-    // Result, report, three pictures, original; the rest is swept at every start.
+    // Result, report, three pictures, original; temporary files are removed at every start.
     let removals: Vec<_> = removals.filter(|(_, words, _)| !words.contains("temporary")).collect();
     assert!(removals.len() >= 6 && found.cuts > 100, "{removals:?}, {} cuts", found.cuts);
     for words in ["sync folder box/outbox", "sync folder box/outbox/gallery"] {
-        // The outbox is synchronised when the folders are opened as well, which is the first of its
-        // like.
+        // The first synchronisation of the outbox is that at the start.
         let ours = found.labels.iter().rfind(|(_, w, _)| w == words).unwrap();
-        let harm = search(Some(ours)).expect_err("left out and nobody was harmed");
+        let harm = search(Some(ours)).expect_err("omitted without harm");
         println!("{ours:?}: {harm}");
     }
 }

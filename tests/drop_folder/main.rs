@@ -1,9 +1,8 @@
-//! The drop folder with a restorer that only brightens: what goes in, what comes out, what survives
-//! a stop.
+//! The drop folder, with a restorer that only brightens.
 
-// The functions that the tests share stop a test as the tests themselves do.
+// Shared test functions may panic as tests do.
 #![allow(clippy::unwrap_used)]
-// One crate of a few files, which share by `pub`.
+// Files of one test crate share by `pub`.
 #![allow(unreachable_pub)]
 
 mod attended;

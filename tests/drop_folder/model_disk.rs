@@ -1,5 +1,5 @@
-//! A disk made of nothing but its promises: what was synchronised is safe, and of everything else a
-//! power cut keeps whatever it likes.
+//! A model disk with minimal guarantees: synchronised data survive a power cut; of everything else
+//! any part may.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -8,12 +8,12 @@ use std::io::{self, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use relens::disk::{Disk, FileKind, Look, Unsynced};
+use relens::disk::{Disk, FileKind, Metadata, Unsynced};
 
-/// One operation.
+/// An operation.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Op {
-    /// A look at names or content.
+    /// Reads names or content.
     Read(PathBuf),
     Write(PathBuf),
     Sync(PathBuf),
@@ -22,7 +22,7 @@ pub enum Op {
     SyncFolder(PathBuf),
 }
 
-/// A change of names that is not safe yet.
+/// A change of names not yet durable.
 #[derive(Debug, Clone)]
 enum Change {
     Made(PathBuf, u64),
@@ -42,10 +42,10 @@ impl Change {
 #[derive(Debug, Clone)]
 struct Inode {
     holds: Arc<[u8]>,
-    safe: bool,
+    durable: bool,
 }
 
-/// Everything there is to know about the disk at one moment.
+/// State of the disk.
 #[derive(Debug, Clone, Default)]
 pub struct Contents {
     folders: BTreeSet<PathBuf>,
@@ -56,10 +56,10 @@ pub struct Contents {
     next: u64,
 }
 
-/// Files and what they hold, all of it safe: the disk after a power cut.
+/// Files and their durable contents: the disk after a power cut.
 pub type Survivors = BTreeMap<PathBuf, (u64, Arc<[u8]>)>;
 
-/// What a power cut makes of content that was not safe.
+/// Effect of a power cut on content that was not durable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unsafe {
     Kept,
@@ -85,42 +85,41 @@ impl Unsafe {
 }
 
 impl Contents {
-    /// Makes safe whatever changes names that `concern` somebody, and what came before it on the
-    /// same names.
-    fn make_safe(&mut self, concern: &dyn Fn(&Path) -> bool) {
+    /// Makes changes durable that `concern` a name, and earlier ones of the same names.
+    fn make_durable(&mut self, concern: &dyn Fn(&Path) -> bool) {
         let Contents { pending, kept, .. } = self;
         let mut names: BTreeSet<PathBuf> = BTreeSet::new();
-        let mut safe = vec![false; pending.len()];
+        let mut durable = vec![false; pending.len()];
         for (n, change) in pending.iter().enumerate().rev() {
             let touched = change.names();
             if touched.iter().any(|path| concern(path) || names.contains(*path)) {
                 names.extend(touched.into_iter().cloned());
-                safe[n] = true;
+                durable[n] = true;
             }
         }
-        let mut safe = safe.into_iter();
+        let mut durable = durable.into_iter();
         pending.retain(|change| {
-            let safe = safe.next() == Some(true);
-            if safe {
+            let durable = durable.next() == Some(true);
+            if durable {
                 apply(change, kept);
             }
-            !safe
+            !durable
         });
     }
 
-    /// A disk that holds `survivors` in `folders`.
+    /// A disk with `survivors` in `folders`.
     pub fn after(survivors: &Survivors, folders: &BTreeSet<PathBuf>) -> Contents {
         let mut contents = Contents { folders: folders.clone(), ..Contents::default() };
         for (path, (inode, holds)) in survivors {
             contents.names.insert(path.clone(), *inode);
-            contents.inodes.insert(*inode, Inode { holds: Arc::clone(holds), safe: true });
+            contents.inodes.insert(*inode, Inode { holds: Arc::clone(holds), durable: true });
         }
         contents.kept = contents.names.clone();
         contents.next = contents.inodes.keys().copied().max().unwrap_or(0);
         contents
     }
 
-    /// What is where now, safe or not.
+    /// Current files, durable or not.
     pub fn now(&self) -> Survivors {
         let holds = |inode: &u64| (*inode, Arc::clone(&self.inodes[inode].holds));
         self.names.iter().map(|(path, inode)| (path.clone(), holds(inode))).collect()
@@ -130,30 +129,30 @@ impl Contents {
         &self.folders
     }
 
-    /// Makes the content of `path` not safe, as a customer's copy is that nobody synchronised.
+    /// Makes the content of `path` not durable, as that of a copy not synchronised.
     pub fn forget_sync(&mut self, path: &Path) {
         if let Some(inode) = self.names.get(path).and_then(|inode| self.inodes.get_mut(inode)) {
-            inode.safe = false;
+            inode.durable = false;
         }
     }
 
-    /// All that may be left after a power cut now: every choice among the changes of names, or the
-    /// telling ones when there are too many; content that is not safe in every state of damage.
+    /// All states possible after a power cut: every subset of the pending changes of names, or the
+    /// significant ones when there are too many; content not durable in every state of damage.
     /// `spared` files are not damaged.
     pub fn cuts(&self, spared: &dyn Fn(&Path) -> bool) -> Vec<Survivors> {
-        // What is written anew at each start concerns nobody, and would only multiply the choices.
-        let dull = |path: &&PathBuf| {
+        // Files rewritten at each start would only multiply the choices.
+        let ignored = |path: &&PathBuf| {
             path.file_name()
                 .is_some_and(|name| name == ".relens-state.json" || name == "removed.json")
         };
-        let dull: BTreeSet<&PathBuf> = (self.pending.iter())
-            .filter(|change| change.names().iter().any(dull))
+        let ignored: BTreeSet<&PathBuf> = (self.pending.iter())
+            .filter(|change| change.names().iter().any(ignored))
             .flat_map(Change::names)
             .collect();
         let pending: Vec<&Change> = self
             .pending
             .iter()
-            .filter(|change| !change.names().iter().any(|path| dull.contains(path)))
+            .filter(|change| !change.names().iter().any(|path| ignored.contains(path)))
             .collect();
         let n = pending.len();
         let every = (1u64 << n.min(6)) - 1;
@@ -166,12 +165,13 @@ impl Contents {
         let mut cuts = Vec::new();
         for choice in choices {
             let mut names = self.kept.clone();
-            // Beyond what a number holds they share the fate of the last.
+            // Changes beyond 64 follow the last bit.
             let kept = |i: usize| choice >> i.min(63) & 1 == 1;
             for (_, change) in pending.iter().enumerate().filter(|&(i, _)| kept(i)) {
                 apply(change, &mut names);
             }
-            let damaged = |path: &PathBuf, inode: &u64| !self.inodes[inode].safe && !spared(path);
+            let damaged =
+                |path: &PathBuf, inode: &u64| !self.inodes[inode].durable && !spared(path);
             let any = names.iter().any(|(path, inode)| damaged(path, inode));
             for damage in Unsafe::ALL.into_iter().take(if any { 5 } else { 1 }) {
                 let survive = |(path, inode): (&PathBuf, &u64)| {
@@ -204,15 +204,14 @@ fn apply(change: &Change, names: &mut BTreeMap<PathBuf, u64>) {
     }
 }
 
-/// Called before each operation, with what the disk holds: may look on, refuse, or have it left
-/// out.
+/// Called before each operation with the state of the disk; may refuse or skip it.
 pub type Guard = Box<dyn FnMut(&Op, &Contents) -> io::Result<Verdict> + Send>;
 
-/// What becomes of an operation.
+/// Decision on an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     Done,
-    /// Said to be done, and not done.
+    /// Reported as done, but not done.
     Skipped,
 }
 
@@ -234,30 +233,30 @@ impl ModelDisk {
         self.inside().contents.clone()
     }
 
-    /// Puts a file there, all safe, as a customer does who takes care.
+    /// Adds a durable file.
     pub fn drop_in(&self, path: &Path, bytes: &[u8], inode: u64) {
         let contents = &mut self.inside().contents;
-        contents.make_safe(&|changed| changed == path);
-        contents.inodes.insert(inode, Inode { holds: bytes.into(), safe: true });
+        contents.make_durable(&|changed| changed == path);
+        contents.inodes.insert(inode, Inode { holds: bytes.into(), durable: true });
         contents.names.insert(path.to_owned(), inode);
         contents.kept.insert(path.to_owned(), inode);
     }
 
-    /// Takes a file away for good, as a customer does who takes care.
+    /// Removes a file durably.
     pub fn take_away(&self, path: &Path) {
         let contents = &mut self.inside().contents;
-        contents.make_safe(&|changed| changed == path);
+        contents.make_durable(&|changed| changed == path);
         contents.names.remove(path);
         contents.kept.remove(path);
     }
 
-    /// Question of nobody in particular from now on.
+    /// Replaces the guard.
     pub fn guarded_by(&self, guard: Guard) {
         self.inside().guard = guard;
     }
 
     fn inside(&self) -> MutexGuard<'_, Inside> {
-        // A test that stopped the daemon did so within an operation.
+        // Poisoned where a test stopped the daemon in an operation.
         self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
@@ -269,7 +268,7 @@ impl ModelDisk {
     }
 }
 
-/// Whether `folder` holds `path` itself.
+/// Whether `folder` is the parent of `path`.
 fn holds(folder: &Path, path: &Path) -> bool {
     path.parent() == Some(folder)
 }
@@ -284,7 +283,7 @@ impl Unsynced for Handle {
     fn sync(self: Box<Self>) -> io::Result<()> {
         let (mut inside, done) = self.0.ask(&Op::Sync(self.1.clone()))?;
         if let Some(inode) = inside.contents.inodes.get_mut(&self.2).filter(|_| done) {
-            inode.safe = true;
+            inode.durable = true;
         }
         Ok(())
     }
@@ -309,12 +308,12 @@ impl Disk for ModelDisk {
         Ok(files.chain(inner).collect())
     }
 
-    fn look(&self, path: &Path) -> io::Result<Look> {
+    fn metadata(&self, path: &Path) -> io::Result<Metadata> {
         let (inside, _) = self.ask(&Op::Read(path.to_owned()))?;
         let inode = *inside.contents.names.get(path).ok_or_else(not_found)?;
         let size = inside.contents.inodes[&inode].holds.len() as u64;
         let (changed, touched_unix_s) = ((inode as i64, 0), inode as i64);
-        Ok(Look { kind: FileKind::File, size, changed, touched_unix_s, inode })
+        Ok(Metadata { kind: FileKind::File, size, changed, touched_unix_s, inode })
     }
 
     fn open(&self, path: &Path) -> io::Result<File> {
@@ -332,7 +331,7 @@ impl Disk for ModelDisk {
     }
 
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
-        // Folders are made once in the life of a box, and are safe at once here.
+        // Folders are durable at once.
         self.inside().contents.folders.insert(folder.to_owned());
         Ok(())
     }
@@ -342,7 +341,7 @@ impl Disk for ModelDisk {
         content.read_to_end(&mut bytes)?;
         let asked = self.ask(&Op::Write(path.to_owned()));
         let (mut inside, _) = asked.inspect_err(|_| {
-            // What a full disk leaves: the name, and part of the content.
+            // A full disk leaves the name and part of the content.
             let mut inside = self.inside();
             make(&mut inside.contents, path, bytes[..bytes.len() / 3].into());
         })?;
@@ -354,7 +353,7 @@ impl Disk for ModelDisk {
         let (mut inside, done) = self.ask(&Op::Sync(path.to_owned()))?;
         let inode = *inside.contents.names.get(path).ok_or_else(not_found)?;
         if let Some(inode) = inside.contents.inodes.get_mut(&inode).filter(|_| done) {
-            inode.safe = true;
+            inode.durable = true;
         }
         Ok(())
     }
@@ -395,7 +394,7 @@ impl Disk for ModelDisk {
     fn sync_folder(&self, folder: &Path) -> io::Result<()> {
         let (mut inside, done) = self.ask(&Op::SyncFolder(folder.to_owned()))?;
         if done {
-            inside.contents.make_safe(&|path| holds(folder, path));
+            inside.contents.make_durable(&|path| holds(folder, path));
         }
         Ok(())
     }
@@ -403,13 +402,13 @@ impl Disk for ModelDisk {
 
 fn make(contents: &mut Contents, path: &Path, holds: Arc<[u8]>) -> u64 {
     if let Some(&inode) = contents.names.get(path) {
-        // Emptied and written anew.
-        contents.inodes.insert(inode, Inode { holds, safe: false });
+        // Truncated and rewritten.
+        contents.inodes.insert(inode, Inode { holds, durable: false });
         return inode;
     }
     contents.next = contents.next.max(1000) + 1;
     let inode = contents.next;
-    contents.inodes.insert(inode, Inode { holds, safe: false });
+    contents.inodes.insert(inode, Inode { holds, durable: false });
     let change = Change::Made(path.to_owned(), inode);
     apply(&change, &mut contents.names);
     contents.pending.push(change);

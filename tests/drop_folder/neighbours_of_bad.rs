@@ -1,5 +1,4 @@
-//! One bad file never stops another: however many the disk does not give, or does not let go, the
-//! good one after them is done at once.
+//! Unreadable or immovable files do not delay a good photo behind them.
 
 use std::io::{Error, ErrorKind};
 use std::path::Path;
@@ -14,14 +13,14 @@ use crate::bed::*;
 use crate::model_disk::{Contents, ModelDisk, Op, Verdict};
 use crate::power_checks::ROOT;
 
-/// What the disk does with files called `bad-…`.
+/// Fault of the files called `bad-…`.
 #[derive(Debug, Clone, Copy)]
 enum Fault {
-    /// Not even their sizes can be had.
+    /// Their metadata cannot be read.
     Hidden,
     /// They cannot be moved out of the inbox.
     Held,
-    /// A sector does not come back.
+    /// A sector cannot be read.
     Sector,
 }
 
@@ -41,8 +40,8 @@ impl Fault {
     }
 }
 
-/// A disk with `bad` bad files, the good one dropped last, and what a daemon makes of them, in
-/// `--once` or within `watch_s` of its clock.
+/// A disk with `bad` bad files and a good one dropped last, and the summary of a daemon that ran
+/// once or for `watch_s`.
 fn served(fault: Fault, bad: usize, watch_s: Option<f64>) -> (ModelDisk, Summary) {
     let guard = move |op: &Op, _: &Contents| fault.of(op).map_or(Ok(Verdict::Done), Err);
     let disk = ModelDisk::new(Contents::default(), Box::new(guard));
@@ -67,7 +66,7 @@ fn served(fault: Fault, bad: usize, watch_s: Option<f64>) -> (ModelDisk, Summary
 }
 
 #[test]
-fn a_good_photo_after_bad_ones_is_done_within_ten_seconds() {
+fn a_good_photo_after_bad_ones_is_restored_within_ten_seconds() {
     for fault in [Fault::Hidden, Fault::Held, Fault::Sector] {
         for bad in [1, 4, 400] {
             for watch_s in [None, Some(10.0)] {
@@ -77,21 +76,21 @@ fn a_good_photo_after_bad_ones_is_done_within_ten_seconds() {
                 println!("{words}: {:.1} s", begun.elapsed().as_secs_f64());
                 assert!(begun.elapsed() < Duration::from_secs(10), "{words}");
                 assert_eq!(summary.restored.len(), 1, "{words}");
-                assert_eq!((summary.left.len(), summary.failed.len()), (bad, 0), "{words}");
+                assert_eq!((summary.deferred.len(), summary.failed.len()), (bad, 0), "{words}");
                 let now = disk.contents().now();
-                for left in &summary.left {
-                    let path = Path::new(ROOT).join("inbox").join(&left.photo);
+                for failed in &summary.deferred {
+                    let path = Path::new(ROOT).join("inbox").join(&failed.photo);
                     assert!(now.contains_key(&path), "{words}: {} stays", path.display());
-                    assert!(!left.reason.contains("working"), "{words}: {}", left.reason);
-                    assert!(left.reason.contains("copy"), "a next step: {}", left.reason);
+                    assert!(!failed.reason.contains("working"), "{words}: {}", failed.reason);
+                    assert!(failed.reason.contains("copy"), "instructions: {}", failed.reason);
                 }
             }
         }
     }
 }
 
-/// Folders with so many files in the inbox that are no photos.
-fn heap_of_bad(files: usize) -> tempfile::TempDir {
+/// A root with `files` bad files in the inbox.
+fn with_bad(files: usize) -> tempfile::TempDir {
     let root = fresh_root();
     for n in 0..files {
         drop_in(root.path(), &format!("bad-{n}.png"), b"this is no photo");
@@ -99,7 +98,7 @@ fn heap_of_bad(files: usize) -> tempfile::TempDir {
     root
 }
 
-/// Whose turn came when.
+/// Order of turns.
 struct Turns(Vec<String>);
 
 impl Watcher for Turns {
@@ -109,8 +108,8 @@ impl Watcher for Turns {
 }
 
 #[test]
-fn a_heap_of_bad_photos_keeps_the_newest_waiting_for_one_of_them() {
-    let root = heap_of_bad(20);
+fn the_newest_photo_waits_for_one_bad_photo_only() {
+    let root = with_bad(20);
     let root = root.path();
     std::thread::sleep(Duration::from_millis(20));
     for good in ["good-1.png", "good-2.png"] {
@@ -142,8 +141,8 @@ impl Watcher for Dropper<'_> {
 }
 
 #[test]
-fn a_photo_that_comes_while_bad_ones_are_looked_at_does_not_wait_for_all_of_them() {
-    let root = heap_of_bad(40);
+fn a_photo_dropped_meanwhile_does_not_wait_for_all_bad_ones() {
+    let root = with_bad(40);
     let root = root.path();
     let (clock, mut restorer) = (TestClock::default(), Brightener::default());
     let mut watcher = Dropper { root, clock: &clock, turns: Vec::new() };
@@ -155,6 +154,6 @@ fn a_photo_that_comes_while_bad_ones_are_looked_at_does_not_wait_for_all_of_them
     drop(daemon);
     assert_eq!((summary.restored.len(), summary.failed.len()), (1, 40));
     let good = watcher.turns.iter().position(|name| name == "good.png").unwrap();
-    // It has to be quiet for five seconds, and is seen within as many.
+    // Five seconds of quiet, and five until the next scan.
     assert!(good <= 12, "{:?}", watcher.turns);
 }

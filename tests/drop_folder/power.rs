@@ -1,9 +1,8 @@
-//! The power fails at every instant, any number of times, and the disk keeps what it likes: every
-//! state that can be reached is visited, and in each every photo is whole and in one place.
+//! Power cuts at every instant, any number of times, with every outcome on the disk: all reachable
+//! states are visited, and in each every photo is whole and in one place.
 //!
-//! Then the other way round: each synchronisation and each renaming is left out in turn, and the
-//! same search must find harm. One whose absence goes unseen would be there for nothing, or the
-//! search blind.
+//! Conversely, each synchronisation and each rename is omitted in turn, and the same search must
+//! find harm; otherwise the operation would be superfluous or the search blind.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -27,14 +26,14 @@ use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
 
 pub const TINY: Size = Size::new(8, 6);
 
-/// An operation by what it is for: the part of the job, the operation without the numbers in its
-/// names, and which of its like it is.
+/// Identifies an operation: part of the job, operation with numbers removed from its names, and
+/// count among equals.
 pub type Label = (&'static str, String, usize);
 
 /// Names of photos.
 type Begun = BTreeSet<OsString>;
 
-/// Ends the program whenever an attempt has just been written down.
+/// Ends the program after each attempt recorded.
 struct Poison(bool);
 
 impl Watcher for Poison {
@@ -45,10 +44,9 @@ impl Watcher for Poison {
     }
 }
 
-/// One life of the daemon, from start to an empty inbox.
+/// One run of the daemon, from start to an empty inbox.
 pub struct Life {
-    /// What the disk held before each operation and at the end, and which photos had been begun by
-    /// then.
+    /// The disk before each operation and at the end, with the photos begun by then.
     pub instants: Vec<(Contents, Begun)>,
     labels: Vec<Label>,
     pub end: Result<Summary, DaemonError>,
@@ -80,23 +78,23 @@ fn without_numbers(op: &Op) -> String {
     }
 }
 
-/// When it is, and what is kept.
+/// Date and limits.
 #[derive(Debug, Clone, Copy)]
 pub struct Age {
     pub calendar_unix_s: u64,
     pub keep: Keep,
-    /// Whether it is a box with nights. It is day, so that no photo is begun.
+    /// Whether the box has nights; it is day, so that no photo is begun.
     pub nights: bool,
 }
 
 impl Default for Age {
-    /// Everything, for ever.
+    /// No limits.
     fn default() -> Age {
         Age { calendar_unix_s: CALENDAR_UNIX_S, keep: Keep::default(), nights: false }
     }
 }
 
-/// Nights, of which it is none by this model's calendar: photos wait.
+/// Nights; by this model's calendar it is day, and photos wait.
 fn nights() -> Nights {
     Nights {
         window: "22:00-06:00".into(),
@@ -112,12 +110,12 @@ fn nights() -> Nights {
     }
 }
 
-/// Lives once on `contents`, leaving out the operation `skip`.
+/// Runs once on `contents`, omitting the operation `skip`.
 fn live(contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
     live_at(Age::default(), contents, skip, poisoned)
 }
 
-/// The same at another time.
+/// [`live`] at another date.
 pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: bool) -> Life {
     type Seen = (Vec<(Contents, Begun)>, Vec<Label>);
     let seen: Arc<Mutex<Seen>> = Arc::default();
@@ -176,9 +174,9 @@ pub fn live_at(age: Age, contents: Contents, skip: Option<&Label>, poisoned: boo
     Life { instants, labels, end }
 }
 
-/// The same state under the same names: what the next start sweeps away, writes anew or overwrites
-/// unread is left out (temporary files, state, gallery, previews of no result), and inodes other
-/// than the photos' are numbered by name.
+/// Canonical form of a state: without files that the next start removes, rewrites or overwrites
+/// unread (temporary files, state, gallery, orphaned previews), and with inodes other than the
+/// photos' numbered by name.
 pub fn canonical(disk: Survivors) -> Survivors {
     let mut canonical = Survivors::new();
     let delivered: String = disk
@@ -204,7 +202,7 @@ pub fn canonical(disk: Survivors) -> Survivors {
     canonical
 }
 
-/// A box whose five folders are there, with `dropped` in the inbox that nobody synchronised.
+/// A box with its five folders and `dropped` in the inbox, not synchronised.
 pub fn filled(dropped: &[Dropped], before: Option<&Contents>) -> Contents {
     let empty = ModelDisk::new(Contents::default(), Box::new(|_, _| Ok(Verdict::Done)));
     empty.make_folder(Path::new(ROOT)).unwrap();
@@ -253,8 +251,7 @@ fn search(
     search_at(Age::default(), starts, dropped, skip, &|_, _| Ok(()))
 }
 
-/// The same at another time; `also` must be true of the disk at every instant, and whether it is
-/// the end.
+/// [`search`] at another date; `also` must hold for the disk at every instant, and is told the end.
 pub fn search_at(
     age: Age,
     starts: Vec<Contents>,
@@ -279,7 +276,7 @@ pub fn search_at(
                 }
                 also(&contents.now(), true)?;
             }
-            // A copy that nobody synchronised and nobody has begun is the customer's to lose.
+            // A copy not synchronised and not begun may be lost.
             let spared = |path: &Path| {
                 let name = path.file_name().unwrap_or_default();
                 dropped.iter().any(|photo| photo.name == name) && !begun.contains(name)
@@ -301,22 +298,21 @@ pub fn search_at(
     Ok(found)
 }
 
-/// What was said to be done or set aside stays so.
+/// Photos reported as done or rejected must not wait again.
 fn settled(disk: &Survivors, summary: &Summary) -> Result<(), String> {
     let waits = |name: &str| {
         disk.keys()
             .any(|p| p.ends_with(format!("inbox/{name}")) || p.ends_with(format!("working/{name}")))
     };
-    let told =
+    let reported =
         summary.restored.iter().map(|r| &r.photo).chain(summary.failed.iter().map(|f| &f.photo));
-    match told.into_iter().find(|name| waits(name)) {
-        Some(name) => Err(format!("{name} was said to be settled and waits again")),
+    match reported.into_iter().find(|name| waits(name)) {
+        Some(name) => Err(format!("{name} was reported as settled and waits again")),
         None => Ok(()),
     }
 }
 
-/// A photo during which the power always fails is set aside by the fourth start, whatever the disk
-/// forgot.
+/// A photo that always ends the program is rejected by the fourth start, whatever the disk forgot.
 fn search_poison(start: Contents, dropped: &[Dropped], skip: Option<&Label>) -> Result<(), String> {
     let mut level = vec![start];
     for _ in 0..3 {
@@ -342,7 +338,7 @@ fn search_poison(start: Contents, dropped: &[Dropped], skip: Option<&Label>) -> 
     Ok(())
 }
 
-/// A photo whose light is `level` and a little more to the right.
+/// A photo of brightness `level`, increasing to the right.
 pub fn good(name: &'static str, level: f32) -> Dropped {
     let light: Frame<Work> =
         Frame::from_fn(|_| Plane::from_fn(TINY, |x, y| level + (x * y) as f32));
@@ -360,8 +356,8 @@ pub fn good(name: &'static str, level: f32) -> Dropped {
     Dropped { name, bytes, result: Some(result), past_limits: false }
 }
 
-/// The whole search: a good photo and a bad one; a namesake dropped when the first was just done,
-/// whatever was forgotten of that; a photo that is never survived.
+/// The whole search: a good photo, a bad one, a duplicate name dropped just after the first was
+/// done, and a photo that always ends the program.
 fn everything(skip: Option<&Label>) -> Result<Found, String> {
     let bad = [Dropped {
         name: "b.png",
@@ -386,37 +382,29 @@ fn everything(skip: Option<&Label>) -> Result<Found, String> {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn the_power_may_fail_at_every_instant_any_number_of_times() {
+fn photos_survive_power_cuts_at_every_instant() {
     let found = everything(None).unwrap();
     println!("{} states of the disk, {} cuts", found.states, found.cuts);
     assert!(found.states > 50 && found.cuts > 10_000, "the search searches: {found:?}");
 }
 
-/// Operations whose absence goes unseen, each with why it is there.
+/// Operations whose omission does no harm, each with its purpose.
 const UNSEEN: [(&str, &str, &str); 4] = [
-    (
-        "start",
-        "rename box/temporary to box/.relens-state.json",
-        "`relens status` reads it, no start does",
-    ),
+    ("start", "rename box/temporary to box/.relens-state.json", "read by `relens status` only"),
     ("job", "rename box/temporary to box/.relens-state.json", "the same"),
-    (
-        "start",
-        "sync folder /box",
-        "makes the folders themselves last, which on this disk they do anyway",
-    ),
-    ("start", "sync folder box/outbox", "the same, of the previews' folder"),
+    ("start", "sync folder /box", "makes the folders durable, which they always are on this disk"),
+    ("start", "sync folder box/outbox", "the same for the folder of previews"),
 ];
 
-/// Of so many operations one is left out in turn; with `RELENS_POWER=all` each is, as `.ci/long`
-/// does. Prime, so that no kind of operation is passed over in step.
-const LEFT_OUT_EVERY: usize = 7;
+/// Every so many operations one is omitted; with `RELENS_POWER=all` each. Prime, so that no kind of
+/// operation is skipped systematically.
+const OMITTED_EVERY: usize = 7;
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn every_synchronisation_and_every_renaming_is_needed() {
+fn every_synchronisation_and_every_rename_is_needed() {
     let all = std::env::var("RELENS_POWER").is_ok_and(|word| word == "all");
-    let every = if all { 1 } else { LEFT_OUT_EVERY };
+    let every = if all { 1 } else { OMITTED_EVERY };
     let labels = everything(None).unwrap().labels;
     let matter = |words: &str| words.starts_with("sync") || words.starts_with("rename");
     let mut unseen = vec![];
@@ -428,9 +416,9 @@ fn every_synchronisation_and_every_renaming_is_needed() {
             Ok(_) => unseen.push(label.clone()),
         }
     }
-    println!("{tried} operations left out in turn; unseen: {unseen:#?}");
+    println!("{tried} operations omitted in turn; unseen: {unseen:#?}");
     let known = |(part, words, _): &Label| UNSEEN.iter().any(|(p, w, _)| p == part && w == words);
     let unknown: Vec<_> = unseen.iter().filter(|label| !known(label)).collect();
-    assert!(unknown.is_empty(), "left out and nobody was harmed: {unknown:#?}");
+    assert!(unknown.is_empty(), "omitted without harm: {unknown:#?}");
     assert!(tried > if all { 20 } else { 4 }, "{tried}");
 }

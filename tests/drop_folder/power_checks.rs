@@ -1,4 +1,4 @@
-//! What must be true of the disk at every instant, and when all is done.
+//! Invariants of the disk, at every instant and at the end.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -11,13 +11,13 @@ use crate::model_disk::Survivors;
 /// The root of the model's folders.
 pub const ROOT: &str = "/box";
 
-/// What was dropped, what its result is to be, and whether it can have one.
+/// A dropped photo and its expected result.
 #[derive(Clone)]
 pub struct Dropped {
     pub name: &'static str,
     pub bytes: Vec<u8>,
     pub result: Option<Vec<u8>>,
-    /// Done long ago, and past the limits of what is kept.
+    /// Done long ago, past the limits of `[keep]`.
     pub past_limits: bool,
 }
 
@@ -29,8 +29,8 @@ fn name(path: &Path) -> &str {
     path.file_name().and_then(OsStr::to_str).unwrap_or("")
 }
 
-/// Every photo whole and in exactly one place; whatever is in the outbox whole, with all that
-/// belongs to it; done only what is delivered, failed only with a reason.
+/// Every photo is whole and in exactly one place; every result is whole, with report and previews;
+/// photos in `done` have a result, photos in `failed` a note.
 pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
     let at =
         |path: &str| disk.get(Path::new(&format!("{ROOT}/{path}"))).map(|(_, holds)| &holds[..]);
@@ -48,13 +48,13 @@ pub fn at_every_instant(disk: &Survivors, dropped: &[Dropped]) -> Result<(), Str
         }
         let [home] = homes[..] else { return Err(format!("{} is in {homes:?}", photo.name)) };
         if folder(home) == "done" && results(disk, photo).is_empty() {
-            return Err(format!("{} is done and its result is nowhere", photo.name));
+            return Err(format!("{} is done without a result", photo.name));
         }
         let note = at(&format!("failed/{}.txt", name(home)));
         if folder(home) == "failed"
             && !note.is_some_and(|note| note.ends_with(b"put it back into the inbox.\n"))
         {
-            return Err(format!("{} is set aside without a reason: {note:?}", photo.name));
+            return Err(format!("{} is rejected without a note: {note:?}", photo.name));
         }
     }
     for (path, (_, holds)) in disk.iter().filter(|(path, _)| folder(path) == "outbox") {
@@ -97,29 +97,30 @@ fn results<'a>(disk: &'a Survivors, photo: &Dropped) -> Vec<&'a PathBuf> {
     disk.iter().filter(is).map(|(path, _)| path).collect()
 }
 
-/// No picture, and no report, of a result that is no more.
+/// No picture belongs to a removed result.
 pub fn nothing_is_orphaned(disk: &Survivors) -> Result<(), String> {
     let reports =
         disk.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "json"));
-    let known: String = reports.map(|(_, (_, report))| String::from_utf8_lossy(report)).collect();
+    let reports: String = reports.map(|(_, (_, report))| String::from_utf8_lossy(report)).collect();
     let picture = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "jpg");
-    // Named by the same beginning.
-    let owned = |path: &&PathBuf| known.contains(name(path).split('-').next().unwrap_or_default());
+    // Named with the same prefix.
+    let owned =
+        |path: &&PathBuf| reports.contains(name(path).split('-').next().unwrap_or_default());
     match disk.keys().filter(picture).find(|path| !owned(path)) {
-        Some(path) => Err(format!("{} is of no result", path.display())),
+        Some(path) => Err(format!("{} belongs to no result", path.display())),
         None => Ok(()),
     }
 }
 
-/// Nothing waits, nothing is under way, nothing of ours lies about; each photo is done with one
-/// result, or set aside with none.
+/// No photo waits or is under way, and no temporary file remains; each photo is done with one
+/// result or rejected without.
 pub fn in_the_end(disk: &Survivors, dropped: &[Dropped]) -> Result<(), String> {
     at_every_instant(disk, dropped)?;
     for photo in dropped {
         let home = disk
             .iter()
             .find(|(path, (_, holds))| folder(path) != "outbox" && holds[..] == photo.bytes[..]);
-        // Set aside although it is good, because the program ended too often while it worked on it.
+        // A good photo rejected because the program ended too often.
         let note =
             home.and_then(|(path, _)| disk.get(Path::new(&format!("{}.txt", path.display()))));
         let interrupted =

@@ -1,4 +1,4 @@
-//! When a photo is taken: not before it is all there, once it is, and however it came.
+//! Photos are restored once they are complete, however they arrive.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -11,8 +11,8 @@ use relens::picture::{Format, Reading};
 
 use crate::bed::*;
 
-/// Watches `root` for `seconds`, telling `world` the time before each step; what became of the
-/// photos and how many were restored.
+/// Watches `root` for `seconds`, calling `world` with the time before each step; returns the
+/// summary and the number of restorations.
 fn watch(
     root: &Path,
     seconds: f64,
@@ -34,28 +34,35 @@ fn watch(
     (summary, restorer.restored)
 }
 
-/// Without events of the inbox.
-fn deaf() -> DaemonSetting {
+/// Settings without events of the inbox.
+fn without_events() -> DaemonSetting {
     DaemonSetting { hints: false, ..setting() }
 }
 
 #[test]
-fn a_jpeg_cut_anywhere_waits_and_is_taken_once_when_whole() {
+fn an_incomplete_jpeg_waits_and_is_restored_once_complete() {
     let whole = file(Format::Jpeg, 8, Size::new(256, 192));
     for percent in (0..100).chain([1000]) {
         let root = fresh_root();
         let root = root.path();
         let length = if percent == 1000 { whole.len() - 2 } else { whole.len() * percent / 100 };
         drop_in(root, "a.jpg", &whole[..length]);
-        let (_, restored) = watch(root, 500.0, deaf(), &mut |_| ());
+        let (_, restored) = watch(root, 500.0, without_events(), &mut |_| ());
         assert_eq!(restored, 0, "cut to {length} of {}", whole.len());
-        assert_eq!(std::fs::read(root.join("inbox/a.jpg")).unwrap(), whole[..length], "left alone");
+        assert_eq!(
+            std::fs::read(root.join("inbox/a.jpg")).unwrap(),
+            whole[..length],
+            "not touched"
+        );
         assert!(names(&root.join("failed")).is_empty());
         std::fs::write(root.join("inbox/a.jpg"), &whole).unwrap();
         let (_, restored) = watch(
             root,
             500.0,
-            DaemonSetting { reading: Reading::new(Size::new(64, 48), Curve::Srgb), ..deaf() },
+            DaemonSetting {
+                reading: Reading::new(Size::new(64, 48), Curve::Srgb),
+                ..without_events()
+            },
             &mut |_| (),
         );
         assert_eq!((restored, names(&root.join("done"))), (1, set(&["a.jpg"])));
@@ -63,11 +70,11 @@ fn a_jpeg_cut_anywhere_waits_and_is_taken_once_when_whole() {
 }
 
 #[test]
-fn a_copy_that_reserves_its_space_first_is_waited_for() {
+fn a_copy_with_its_final_size_from_the_start_is_waited_for() {
     let whole = file(Format::Jpeg, 8, Size::new(512, 384));
     let root = fresh_root();
     let root = root.path();
-    // The final size from the start, filled in ten steps a minute apart: size alone never changes.
+    // Filled in ten steps a minute apart; the size never changes.
     let (mut filled, mut state) = (0, vec![0; whole.len()]);
     drop_in(root, "a.jpg", &state);
     let mut fill = |now: f64| {
@@ -79,13 +86,13 @@ fn a_copy_that_reserves_its_space_first_is_waited_for() {
         }
         assert!(filled == whole.len() || !root.join("done/a.jpg").exists(), "taken at {now} s");
     };
-    let (summary, restored) = watch(root, 700.0, deaf(), &mut fill);
-    assert_eq!((restored, summary.failed.len(), summary.left.len()), (1, 0, 0), "{summary:?}");
+    let (summary, restored) = watch(root, 700.0, without_events(), &mut fill);
+    assert_eq!((restored, summary.failed.len(), summary.deferred.len()), (1, 0, 0), "{summary:?}");
     assert_eq!(std::fs::read(root.join("done/a.jpg")).unwrap(), whole);
 }
 
 #[test]
-fn every_format_is_waited_for_and_a_broken_file_is_not() {
+fn incomplete_files_of_every_format_wait_and_broken_ones_do_not() {
     for (name, format, bits) in [
         ("a.jpg", Format::Jpeg, 8),
         ("a.png", Format::Png, 8),
@@ -99,27 +106,27 @@ fn every_format_is_waited_for_and_a_broken_file_is_not() {
         tail[whole.len() / 3..].fill(0);
         for part in [&whole[..0], &whole[..whole.len() / 2], &tail[..]] {
             drop_in(root, name, part);
-            let (summary, restored) = watch(root, 100.0, deaf(), &mut |_| ());
+            let (summary, restored) = watch(root, 100.0, without_events(), &mut |_| ());
             assert_eq!(
-                (restored, summary.failed.len(), summary.left.len()),
+                (restored, summary.failed.len(), summary.deferred.len()),
                 (0, 0, 1),
                 "{name} {summary:?}"
             );
-            assert!(summary.left[0].reason.contains("waiting for the rest of it"), "{summary:?}");
+            assert!(summary.deferred[0].reason.contains("waiting for the rest"), "{summary:?}");
         }
-        // Never whole: after a quarter of an hour without a change it is what it is.
-        let (summary, _) = watch(root, 1000.0, deaf(), &mut |_| ());
-        assert_eq!((summary.failed.len(), summary.left.len()), (1, 0), "{name}");
+        // Never complete: rejected after a quarter of an hour without a change.
+        let (summary, _) = watch(root, 1000.0, without_events(), &mut |_| ());
+        assert_eq!((summary.failed.len(), summary.deferred.len()), (1, 0), "{name}");
         assert_eq!(std::fs::read(root.join("failed").join(name)).unwrap(), tail, "unchanged");
     }
     let root = fresh_root();
     drop_in(root.path(), "letter.jpg", b"Dear Sir or Madam");
-    let (summary, _) = watch(root.path(), 10.0, deaf(), &mut |_| ());
+    let (summary, _) = watch(root.path(), 10.0, without_events(), &mut |_| ());
     assert_eq!(summary.failed.len(), 1, "nothing to wait for");
 }
 
 #[test]
-fn emptied_once_an_unfinished_photo_that_changed_lately_stays() {
+fn once_leaves_recently_changed_incomplete_photos() {
     let root = fresh_root();
     let root = root.path();
     let whole = file(Format::Jpeg, 8, RIG);
@@ -127,7 +134,7 @@ fn emptied_once_an_unfinished_photo_that_changed_lately_stays() {
     let clock = TestClock::default();
     let (mut restorer, mut watcher) = (Brightener::default(), ());
     let folders = Folders::open(root).unwrap();
-    // By the calendar that dates the file; and by one that jumped into the past.
+    // With the calendar that dates the file, and with one that jumped into the past.
     for calendar in [SystemTime::now(), UNIX_EPOCH] {
         let calendar = || calendar;
         let folders = Folders::on(
@@ -139,14 +146,14 @@ fn emptied_once_an_unfinished_photo_that_changed_lately_stays() {
             Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher)
                 .unwrap();
         let summary = daemon.once().unwrap();
-        assert_eq!((summary.failed.len(), summary.left.len()), (0, 1), "{summary:?}");
+        assert_eq!((summary.failed.len(), summary.deferred.len()), (0, 1), "{summary:?}");
     }
     drop(folders);
-    assert_eq!(once(root).failed.len(), 1, "years later it is what it is");
+    assert_eq!(once(root).failed.len(), 1, "rejected years later");
 }
 
 #[test]
-fn however_a_photo_comes_it_is_taken_without_events() {
+fn photos_are_found_without_events_however_they_arrive() {
     let root = fresh_root();
     let root = root.path();
     let bytes = file(Format::Png, 8, RIG);
@@ -165,20 +172,16 @@ fn however_a_photo_comes_it_is_taken_without_events() {
             std::fs::rename(aside.join("holiday"), root.join("inbox/holiday")).unwrap();
         }
     };
-    let (summary, restored) = watch(root, 60.0, deaf(), &mut come);
+    let (summary, restored) = watch(root, 60.0, without_events(), &mut come);
     assert_eq!(restored, 5, "{summary:?}");
     let all = ["plain.png", "moved.png", "linked.png", "holiday-1.png", "holiday-sea-1.png"];
     assert_eq!(names(&root.join("done")), set(&all));
-    assert_eq!(
-        std::fs::read(aside.join("linked.png")).unwrap(),
-        bytes,
-        "the other name of it stays"
-    );
+    assert_eq!(std::fs::read(aside.join("linked.png")).unwrap(), bytes, "its other name stays");
     assert_eq!(names(&root.join("inbox")), set(&["holiday"]), "nothing is deleted");
 }
 
 #[test]
-fn events_make_it_sooner_and_a_flood_of_them_does_no_harm() {
+fn events_trigger_scans_also_in_a_flood() {
     let root = fresh_root();
     let root = root.path();
     let bytes = file(Format::Png, 8, RIG);
@@ -202,13 +205,13 @@ fn events_make_it_sooner_and_a_flood_of_them_does_no_harm() {
 }
 
 #[test]
-fn a_photo_that_was_moved_in_is_under_way_within_two_seconds() {
+fn a_photo_moved_in_is_restored_within_two_seconds() {
     let root = fresh_root();
     let root = root.path();
     let bytes = file(Format::Png, 8, RIG);
     std::fs::create_dir_all(root.join("aside/sea")).unwrap();
     std::fs::create_dir_all(root.join("inbox")).unwrap();
-    // A folder that is there already is listened to as well.
+    // An existing folder is watched as well.
     std::fs::create_dir_all(root.join("inbox/hills")).unwrap();
     for name in ["a.png", "sea/b.png", "c.png"] {
         std::fs::write(root.join("aside").join(name), &bytes).unwrap();
@@ -221,7 +224,7 @@ fn a_photo_that_was_moved_in_is_under_way_within_two_seconds() {
                 std::fs::rename(root.join("aside").join(from), root.join("inbox").join(to))
                     .unwrap();
             }
-            // Copied: this one may not be all there yet.
+            // Copied: possibly incomplete.
             std::fs::write(root.join("inbox/copied.png"), &bytes).unwrap();
         }
         let names = ["a.png", "sea-b.png", "hills-c.png"];
@@ -230,17 +233,17 @@ fn a_photo_that_was_moved_in_is_under_way_within_two_seconds() {
         }
         assert!(
             now > 25.0 || !root.join("done/copied.png").exists(),
-            "a copy is let settle, and not taken at {now} s"
+            "a copy must settle, restored at {now} s"
         );
     };
     let (summary, restored) = watch(root, 60.0, setting(), &mut come);
     let came = came.unwrap();
     assert_eq!(restored, 4, "{summary:?}");
-    assert!(taken <= came + 2.0, "came at {came} s, done at {taken} s");
+    assert!(taken <= came + 2.0, "moved at {came} s, done at {taken} s");
 }
 
 #[test]
-fn an_inbox_that_was_made_anew_is_seen_within_five_seconds() {
+fn a_new_inbox_is_found_within_five_seconds() {
     let root = fresh_root();
     let root = root.path();
     std::fs::create_dir_all(root.join("inbox")).unwrap();
@@ -259,19 +262,19 @@ fn an_inbox_that_was_made_anew_is_seen_within_five_seconds() {
             seen = now.min(seen);
         }
     };
-    watch(root, 200.0, deaf(), &mut come);
+    watch(root, 200.0, without_events(), &mut come);
     let made = made.unwrap();
     assert!(seen <= made + 5.0, "made at {made} s, seen at {seen} s");
 }
 
 #[test]
-fn who_waits_and_for_what_is_told_while_it_is_so() {
+fn the_state_counts_waiting_photos_by_what_they_wait_for() {
     let root = fresh_root();
     let root = root.path();
     let whole = file(Format::Jpeg, 8, Size::new(256, 192));
     drop_in(root, "half.jpg", &whole[..whole.len() / 2]);
     let mut dropped = false;
-    let told = RefCell::new(Vec::new());
+    let states = RefCell::new(Vec::new());
     let mut look = |now: f64| {
         if now > 30.0 && !dropped {
             dropped = true;
@@ -279,32 +282,32 @@ fn who_waits_and_for_what_is_told_while_it_is_so() {
         }
         if let Some(state) = State::read(root).unwrap() {
             let words = state.counts.to_string();
-            if told.borrow().last() != Some(&words) {
-                told.borrow_mut().push(words);
+            if states.borrow().last() != Some(&words) {
+                states.borrow_mut().push(words);
             }
         }
     };
-    watch(root, 60.0, deaf(), &mut look);
-    let none = "0 restored, 0 left as they were, 0 failed";
-    let one = "1 restored, 0 left as they were, 0 failed";
+    watch(root, 60.0, without_events(), &mut look);
+    let none = "0 restored, 0 unchanged, 0 failed";
+    let one = "1 restored, 0 unchanged, 0 failed";
     let half = "1 for the rest of the file";
     let wanted = [
         format!("{none}, 0 waiting"),
-        format!("{none}, 1 waiting (1 settling)"),
+        format!("{none}, 1 waiting (1 arriving)"),
         format!("{none}, 1 waiting ({half})"),
-        format!("{none}, 2 waiting (1 settling, {half})"),
+        format!("{none}, 2 waiting (1 arriving, {half})"),
         format!("{one}, 1 waiting ({half})"),
     ];
-    let told = told.into_inner();
-    let mut rest = told.iter();
+    let states = states.into_inner();
+    let mut rest = states.iter();
     for words in &wanted {
-        assert!(rest.any(|told| told == words), "{words}, in order, in {told:#?}");
+        assert!(rest.any(|state| state == words), "{words}, in order, in {states:#?}");
     }
-    // Another life counts what is there.
-    watch(root, 10.0, deaf(), &mut |_| ());
+    // A restarted daemon counts the files present.
+    watch(root, 10.0, without_events(), &mut |_| ());
     let counts = State::read(root).unwrap().unwrap().counts.to_string();
     assert_eq!(counts, format!("{one}, 1 waiting ({half})"), "after a restart");
-    // The page says the same while the box stands idle, and which photo it is and why.
+    // The page of an idle box says the same, with name and reason.
     let page = || std::fs::read_to_string(root.join("outbox/index.html")).unwrap();
     let mut pages = Vec::new();
     let mut look = |now: f64| {
@@ -313,7 +316,7 @@ fn who_waits_and_for_what_is_told_while_it_is_so() {
             std::fs::remove_file(root.join("inbox/half.jpg")).unwrap();
         }
     };
-    watch(root, 140.0, deaf(), &mut look);
+    watch(root, 140.0, without_events(), &mut look);
     assert!(pages[0].contains(&format!("<b>1</b> waiting ({half})")), "{}", pages[0]);
     assert!(pages[0].contains("<b>half.jpg</b> <span>"), "{}", pages[0]);
     assert!(!page().contains("half.jpg") && !page().contains("waiting ("), "{}", page());
@@ -331,14 +334,14 @@ fn links_to_folders_are_not_entered_and_nested_folders_are_refused() {
     assert_eq!((summary.restored.len(), summary.failed.len()), (1, 1), "{summary:?}");
     assert!(summary.failed[0].reason.contains("found a link"), "{summary:?}");
     assert!(root.join("aside/secret.png").is_file());
-    // The outbox in the inbox, by a link.
+    // The outbox inside the inbox, through a link.
     let other = fresh_root();
     let other = other.path();
     std::fs::create_dir_all(other.join("inbox/results")).unwrap();
     std::os::unix::fs::symlink(other.join("inbox/results"), other.join("outbox")).unwrap();
     let refused = Folders::open(other).unwrap_err().to_string();
     assert!(
-        refused.contains("inbox/results lies in") && refused.contains("five apart"),
+        refused.contains("inbox/results is inside") && refused.contains("must be separate"),
         "{refused}"
     );
 }

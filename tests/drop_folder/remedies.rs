@@ -10,9 +10,9 @@ use relens::rig::Clock;
 use crate::bed::*;
 
 #[test]
-fn the_remedy_alone_decides() {
+fn the_remedy_decides_the_outcome() {
     use Remedy::{CallOperator, Recalibrate, ReopenRig, RetryLater, ShootAgain, SkipPhoto};
-    // Failures in order; what comes of it: restored, failed, left, held; what was mended.
+    // Failures in order; outcome; repairs.
     let cases: [(&[Remedy], &str, &[Remedy]); 7] = [
         (&[ShootAgain], "restored", &[]),
         (&[ReopenRig, Recalibrate], "restored", &[ReopenRig, Recalibrate]),
@@ -31,7 +31,7 @@ fn the_remedy_alone_decides() {
         let outcome = match once_with(root, &mut restorer, &mut ()) {
             Ok(summary) if summary.restored.len() == 1 => "restored",
             Ok(summary) if summary.failed.len() == 1 => "failed",
-            Ok(summary) if summary.left.len() == 1 => "left",
+            Ok(summary) if summary.deferred.len() == 1 => "left",
             Ok(_) => "nothing",
             Err(error) => {
                 assert!(error.to_string().contains("the lamp is out"), "{error}");
@@ -51,18 +51,18 @@ fn the_remedy_alone_decides() {
 }
 
 #[test]
-fn a_photo_whose_calibration_is_given_up_waits_and_nobody_is_called() {
+fn a_photo_whose_calibration_is_cancelled_waits() {
     let root = fresh_root();
     drop_in(root.path(), "a.png", &file(Format::Png, 8, RIG));
     let mut restorer =
         Brightener { failures: vec![Remedy::Recalibrate], gives_up: true, ..Brightener::default() };
     let summary = once_with(root.path(), &mut restorer, &mut ()).unwrap();
-    assert_eq!((summary.left.len(), restorer.mended.len()), (1, 1));
+    assert_eq!((summary.deferred.len(), restorer.mended.len()), (1, 1));
     assert!(root.path().join("inbox/a.png").is_file());
 }
 
 #[test]
-fn a_panic_in_the_restoration_costs_one_photo_and_not_the_night() {
+fn a_panic_in_the_restoration_rejects_one_photo() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "a.png", &file(Format::Png, 8, RIG));
@@ -70,11 +70,11 @@ fn a_panic_in_the_restoration_costs_one_photo_and_not_the_night() {
     let mut restorer = Brightener { panics: true, ..Brightener::default() };
     let summary = once_with(root, &mut restorer, &mut ()).unwrap();
     assert_eq!(summary.failed.len(), 2);
-    assert!(summary.failed[0].reason.contains("mistake of relens"));
+    assert!(summary.failed[0].reason.contains("internal error"));
 }
 
 #[test]
-fn one_daemon_a_folder_and_the_state_says_what_it_did() {
+fn a_folder_has_one_daemon_and_a_state_file() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "a.png", &file(Format::Png, 8, RIG));
@@ -83,13 +83,13 @@ fn one_daemon_a_folder_and_the_state_says_what_it_did() {
     assert_eq!((state.doing, state.counts.restored), (Doing::Ended, 1));
     let held = Folders::open(root).unwrap();
     assert!(Folders::in_use(root));
-    assert!(Folders::open(root).unwrap_err().to_string().contains("a running relens"));
+    assert!(Folders::open(root).unwrap_err().to_string().contains("in use by another relens"));
     drop(held);
     assert!(!Folders::in_use(root));
 }
 
 #[test]
-fn watching_takes_a_photo_once_it_is_quiet_and_stops_when_told() {
+fn a_watched_photo_is_restored_once_it_is_quiet() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "a.png", &file(Format::Png, 8, RIG));
@@ -99,7 +99,7 @@ fn watching_takes_a_photo_once_it_is_quiet_and_stops_when_told() {
     let folders = Folders::open(root).unwrap();
     let mut daemon =
         Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
-    // Held once, tried again after a minute of the clock.
+    // Held once, tried again after a minute.
     let stop = || clock.now().0 > 100.0;
     let summary = daemon.run(&stop);
     drop(daemon);
@@ -108,7 +108,7 @@ fn watching_takes_a_photo_once_it_is_quiet_and_stops_when_told() {
 }
 
 #[test]
-fn a_disk_at_its_floor_holds_with_its_reason_and_goes_on_by_itself() {
+fn a_nearly_full_disk_holds_photos_until_there_is_space() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "a.png", &file(Format::Png, 8, RIG));
@@ -127,9 +127,9 @@ fn a_disk_at_its_floor_holds_with_its_reason_and_goes_on_by_itself() {
             clock.now().0 > 100.0
         });
         assert_eq!((summary.restored.len(), summary.failed.len()), (wanted, 0));
-        let told =
+        let reported =
             reasons.borrow().iter().any(|r| r.contains("nearly full") && r.contains("by itself"));
-        assert_eq!(told, wanted == 0, "{reasons:?}");
+        assert_eq!(reported, wanted == 0, "{reasons:?}");
     }
     assert!(root.join("done/a.png").is_file());
 }

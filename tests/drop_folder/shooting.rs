@@ -1,4 +1,4 @@
-//! A box that takes its photos itself: press, photo, panel, restoration; and what comes between.
+//! A box that takes its photos itself: press, photo, panel, restoration.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -26,27 +26,27 @@ use crate::model_disk::{Contents, ModelDisk, Op, Survivors, Verdict};
 use crate::power::{TINY, canonical, filled};
 use crate::power_checks::{Dropped, ROOT, at_every_instant, in_the_end};
 
-/// What a test's box has before it and in it.
+/// The world of a test's box.
 #[derive(Default)]
 pub struct Scene {
     pub panel: Option<PanelView>,
-    /// How far the panel is from where it was, px; calibrating takes that away `if steady`.
+    /// Displacement of the panel, px; a calibration resets it unless `unsteady`.
     pub moved_px: f64,
     pub unsteady: bool,
-    /// Whoever is there does not let the lens be measured.
+    /// The user cancels measurements of the lens.
     pub gives_up: bool,
     /// Failures of the next photos, the next one last.
     pub failures: Vec<Remedy>,
-    /// Photos are returned as they are.
+    /// Photos are returned unchanged.
     pub untouched: bool,
-    /// From the press to the photo.
+    /// Time from the press to the photo.
     pub countdown_s: f64,
 }
 
-/// The line of the gallery that says what the box is doing.
+/// The status line of the gallery.
 const NOW: &str = "outbox/gallery/now.html";
 
-/// A camera of a few pixels before that scene.
+/// A camera of a few pixels in that world.
 #[derive(Default)]
 struct Camera {
     inner: Brightener,
@@ -55,7 +55,7 @@ struct Camera {
     taken: usize,
 }
 
-/// The `n`-th photo that a test's camera takes.
+/// The `n`-th photo of the camera.
 fn photo(n: usize) -> Vec<u8> {
     let light = scene(TINY);
     let light = relens::frame::Frame::from_fn(|c| light.plane(c).map(|v: f32| v + n as f32));
@@ -75,9 +75,9 @@ impl Restorer for Camera {
     fn mend(&mut self, remedy: Remedy) -> Result<(), AnyFailure> {
         let mut scene = self.scene.borrow_mut();
         if remedy == Remedy::Recalibrate {
-            // It takes a minute, and whoever does not see the panel reads the page.
-            let told = std::fs::read_to_string(&self.now).unwrap();
-            assert!(told.contains("the lens is being measured"), "{told}");
+            // It takes a minute; without a view of the panel, users read the page.
+            let page = std::fs::read_to_string(&self.now).unwrap();
+            assert!(page.contains("measuring the lens"), "{page}");
         }
         self.inner.gives_up = scene.gives_up;
         if remedy == Remedy::Recalibrate && !scene.unsteady {
@@ -102,12 +102,12 @@ impl Restorer for Camera {
     }
 }
 
-/// Passes on, and remembers screens and photos.
+/// Forwards, and records screens and photos.
 pub struct Watched<'a> {
     pub inner: &'a mut dyn Restorer,
     pub screens: Rc<RefCell<Vec<Screen>>>,
     pub taken: Rc<RefCell<Vec<Vec<u8>>>>,
-    /// Whether somebody was told that the photo is kept.
+    /// Whether the panel was asked for, after the photo was saved.
     pub asked: Arc<AtomicBool>,
 }
 
@@ -142,14 +142,14 @@ impl Restorer for Watched<'_> {
     }
 }
 
-/// What became of a run.
+/// Outcome of a run.
 pub struct Ran {
     pub summary: Summary,
     pub screens: Vec<Screen>,
     pub taken: Vec<Vec<u8>>,
 }
 
-/// Runs a box that takes photos over `folders` until `until_s`, doing what `act` says.
+/// Runs a box that takes photos on `folders` until `until_s`, calling `act`.
 pub fn run(
     folders: Folders,
     setting: DaemonSetting,
@@ -181,7 +181,7 @@ pub fn run(
     Ran { summary, screens, taken }
 }
 
-/// The same with the small camera: what is done when, each once.
+/// Runs a box with the small camera and timed `acts`.
 fn journey(root: &Path, scene: Scene, until_s: f64, acts: &[(f64, Act)]) -> (Ran, Vec<Remedy>) {
     let times = (scene.countdown_s, until_s);
     let scene = Rc::new(RefCell::new(scene));
@@ -258,10 +258,10 @@ fn a_press_takes_a_photo_that_is_restored_when_the_panel_is_there() {
 }
 
 #[test]
-fn a_photo_returned_as_it_was_is_told_from_a_restored_one_by_the_lamps() {
+fn the_lamps_show_whether_a_photo_was_restored() {
     let root = fresh_root();
     let scene = Scene { panel: Some(PanelView::There), untouched: true, ..Scene::default() };
-    // For as long as the result is shown, and the button is heard all the same.
+    // While the result is shown; the button works meanwhile.
     let (refused, ready) = (Is(BoxState::Refused), Is(BoxState::Ready));
     let acts = [(10.0, Act::Press), (40.0, refused), (40.0, Act::Press), (299.0, ready)];
     let (ran, _) = journey(root.path(), scene, 300.0, &acts);
@@ -269,7 +269,7 @@ fn a_photo_returned_as_it_was_is_told_from_a_restored_one_by_the_lamps() {
 }
 
 #[test]
-fn the_box_counts_down_to_the_photo_and_a_second_press_takes_it_back() {
+fn a_second_press_cancels_the_countdown() {
     let root = fresh_root();
     let counting =
         |from: f64| [(from + 1.0, Is(BoxState::Counting)), (from + 2.6, Is(BoxState::Counting))];
@@ -277,7 +277,7 @@ fn the_box_counts_down_to_the_photo_and_a_second_press_takes_it_back() {
     acts.extend(counting(10.0));
     acts.extend([(14.0, Is(BoxState::Asking)), (30.0, Act::Press)]);
     acts.extend(counting(30.0));
-    // What was asked for before goes on.
+    // The earlier request continues.
     acts.extend([(32.7, Act::Press), (40.0, Is(BoxState::Asking))]);
     let scene = Scene { countdown_s: 3.0, ..Scene::default() };
     let (ran, _) = journey(root.path(), scene, 50.0, &acts);
@@ -291,10 +291,10 @@ fn the_box_counts_down_to_the_photo_and_a_second_press_takes_it_back() {
     let [three, two, one] = [3, 2, 1].map(Some);
     assert_eq!(counted, [three, two, one, None, three, two, one]);
 
-    // Before any photo was taken, and by holding the button.
-    for take_back in [Act::Press, Hold] {
+    // Before the first photo, by a short and a long press.
+    for cancel in [Act::Press, Hold] {
         let root = fresh_root();
-        let acts = [(10.0, Act::Press), (11.0, take_back), (20.0, Is(BoxState::Ready))];
+        let acts = [(10.0, Act::Press), (11.0, cancel), (20.0, Is(BoxState::Ready))];
         let scene = Scene { countdown_s: 3.0, ..Scene::default() };
         let (ran, _) = journey(root.path(), scene, 30.0, &acts);
         assert!(ran.taken.is_empty() && names(&root.path().join("inbox")).is_empty());
@@ -302,25 +302,25 @@ fn the_box_counts_down_to_the_photo_and_a_second_press_takes_it_back() {
 }
 
 #[test]
-fn whoever_puts_it_off_or_does_not_come_finds_the_photo_with_the_next_one() {
-    for (how, put_off) in [(Some((30.0, Hold)), 45.0), (None, 960.0)] {
+fn postponed_photos_are_restored_with_the_next_one() {
+    for (how, postponed_s) in [(Some((30.0, Hold)), 45.0), (None, 960.0)] {
         let root = fresh_root();
         let mut acts = vec![(10.0, Act::Press)];
         acts.extend(how);
         acts.extend([
-            (put_off, Is(BoxState::Waiting)),
-            // It does not begin of itself what was put off.
-            (put_off, Panel(PanelView::There)),
-            (put_off + 60.0, Is(BoxState::Waiting)),
-            (put_off + 61.0, Act::Press),
+            (postponed_s, Is(BoxState::Waiting)),
+            // Postponed photos do not start by themselves.
+            (postponed_s, Panel(PanelView::There)),
+            (postponed_s + 60.0, Is(BoxState::Waiting)),
+            (postponed_s + 61.0, Act::Press),
         ]);
-        let (ran, _) = journey(root.path(), Scene::default(), put_off + 120.0, &acts);
+        let (ran, _) = journey(root.path(), Scene::default(), postponed_s + 120.0, &acts);
         assert_eq!((ran.taken.len(), ran.summary.restored.len()), (2, 2));
     }
 }
 
 #[test]
-fn a_short_press_takes_another_photo_before_the_panel_comes() {
+fn a_short_press_takes_another_photo_while_the_panel_is_asked_for() {
     let root = fresh_root();
     let acts = [(10.0, Act::Press), (30.0, Act::Press), (50.0, Panel(PanelView::There))];
     let (ran, _) = journey(root.path(), Scene::default(), 120.0, &acts);
@@ -328,7 +328,7 @@ fn a_short_press_takes_another_photo_before_the_panel_comes() {
 }
 
 #[test]
-fn a_panel_that_stands_otherwise_is_measured_and_one_that_does_not_hold_still_is_said() {
+fn a_moved_panel_is_measured_and_an_unsteady_one_reported() {
     let root = fresh_root();
     let there = || Scene { panel: Some(PanelView::There), moved_px: 2.0, ..Scene::default() };
     let acts = [(10.0, Act::Press)];
@@ -345,7 +345,7 @@ fn a_panel_that_stands_otherwise_is_measured_and_one_that_does_not_hold_still_is
 }
 
 #[test]
-fn whoever_gives_the_measuring_up_is_not_asked_for_the_panel_again() {
+fn after_a_cancelled_measurement_the_panel_is_not_asked_for() {
     let root = fresh_root();
     let scene = Scene {
         panel: Some(PanelView::There),
@@ -362,7 +362,7 @@ fn whoever_gives_the_measuring_up_is_not_asked_for_the_panel_again() {
 }
 
 #[test]
-fn a_camera_that_stumbles_is_asked_again_and_one_that_is_gone_is_said() {
+fn a_failing_camera_is_retried_and_a_missing_one_reported() {
     let root = fresh_root();
     let failures = vec![Remedy::ReopenRig, Remedy::ShootAgain];
     let scene = Scene { panel: Some(PanelView::There), failures, ..Scene::default() };
@@ -385,7 +385,7 @@ fn a_camera_that_stumbles_is_asked_again_and_one_that_is_gone_is_said() {
 }
 
 #[test]
-fn a_photo_in_the_inbox_at_the_start_is_asked_for() {
+fn a_photo_in_the_inbox_at_the_start_asks_for_the_panel() {
     let root = fresh_root();
     drop_in(root.path(), "before.png", &photo(0));
     let acts = [(20.0, Is(BoxState::Asking)), (20.0, Panel(PanelView::There))];
@@ -393,7 +393,7 @@ fn a_photo_in_the_inbox_at_the_start_is_asked_for() {
     assert_eq!(ran.summary.restored.len(), 1);
 }
 
-/// One life on `disk`: a press at the beginning if `press`, the panel there.
+/// One run on `disk`: a press at the beginning if `press`, the panel in place.
 fn live(disk: &ModelDisk, press: bool, asked: Arc<AtomicBool>) -> Ran {
     let scene = Rc::new(RefCell::new(Scene { panel: Some(PanelView::There), ..Scene::default() }));
     let mut camera = Camera { scene, ..Camera::default() };
@@ -409,7 +409,7 @@ fn live(disk: &ModelDisk, press: bool, asked: Arc<AtomicBool>) -> Ran {
 }
 
 #[test]
-fn a_power_cut_at_any_instant_leaves_the_photo_whole_or_absent_and_never_absent_once_told() {
+fn a_power_cut_leaves_a_taken_photo_whole_or_absent_and_whole_once_announced() {
     let asked: Arc<AtomicBool> = Arc::default();
     let instants: Arc<Mutex<Vec<(Contents, bool)>>> = Arc::default();
     let disk = ModelDisk::new(filled(&[], None), Box::new(|_, _| Ok(Verdict::Done)));
@@ -444,14 +444,14 @@ fn a_power_cut_at_any_instant_leaves_the_photo_whole_or_absent_and_never_absent_
     for (contents, told) in instants {
         for cut in contents.cuts(&|_| false) {
             cuts += 1;
-            // What has a temporary name is swept away at the next start.
+            // Temporary files are removed at the next start.
             let seen = |path: &Path| !path.to_string_lossy().ends_with(".tmp");
             let of_photo = |(path, (_, holds)): &(&PathBuf, &(u64, Arc<[u8]>))| {
                 seen(path) && holds[..] == dropped[0].bytes[..]
             };
             let is_there = cut.iter().any(|file| of_photo(&file));
             if !is_there {
-                assert!(!told, "told that it is kept, and lost: {:?}", cut.keys());
+                assert!(!told, "announced as saved, and lost: {:?}", cut.keys());
                 let half = cut.keys().find(|path| path.starts_with("/box/inbox") && seen(path));
                 assert_eq!(half, None, "half a photo");
                 absent += 1;
@@ -473,7 +473,7 @@ fn a_power_cut_at_any_instant_leaves_the_photo_whole_or_absent_and_never_absent_
 }
 
 #[test]
-fn a_full_disk_keeps_the_photo_in_mind_until_there_is_room() {
+fn a_photo_stays_in_memory_while_the_disk_is_full() {
     let disk = ModelDisk::new(filled(&[], None), Box::new(|_, _| Ok(Verdict::Done)));
     let mut refusals = 2;
     disk.guarded_by(Box::new(move |op, _| match op {

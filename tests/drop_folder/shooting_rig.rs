@@ -1,5 +1,4 @@
-//! The same on a simulated rig behind colour filters: its own photos, restored by its own lens; and
-//! many photos with everything failing that can.
+//! A simulated rig with colour filters that takes and restores its own photos, also with faults.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -26,7 +25,7 @@ use crate::power::filled;
 use crate::power_checks::ROOT;
 use crate::shooting::{Ran, run};
 
-/// small.toml behind colour filters, calibrated into `slots`.
+/// small.toml with colour filters, calibrated into `slots`.
 fn rig(slots: &Path) -> (config::RigFile, OnRig, Witness) {
     let mut rig = config::load(Path::new("small.toml")).unwrap();
     if let Kind::Simulated(simulation) = &mut rig.kind {
@@ -53,7 +52,7 @@ fn before_the_lens(rig: &config::RigFile) -> Frame<Work> {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_photo_of_the_rig_s_own_is_restored_when_its_panel_is_back_and_a_knock_is_measured() {
+fn own_photos_are_restored_and_a_knock_is_measured() {
     let (root, slots) = (fresh_root(), fresh_root());
     let (rig, mut restorer, witness) = rig(slots.path());
     let scene = before_the_lens(&rig);
@@ -113,7 +112,7 @@ fn photos_with_faults_are_whole_or_absent() {
         unplugged: 0.03,
         unplugged_ms: 20.0,
     });
-    // Each operation may find the disk full; what the disk holds before each is kept in mind.
+    // Each operation may find the disk full; the contents before each are recorded.
     let instants: Arc<Mutex<Vec<Contents>>> = Arc::default();
     let disk = ModelDisk::new(filled(&[], None), Box::new(|_, _| Ok(Verdict::Done)));
     let folders = Folders::on(Arc::new(disk.clone()), Path::new(ROOT)).unwrap();
@@ -136,7 +135,7 @@ fn photos_with_faults_are_whole_or_absent() {
     }));
     let (front, mut pressed, mut refused, mut was) =
         (FrontPanel::default(), 0, 0, BoxState::Starting);
-    // As long as every photo were to wait out a trouble.
+    // Time for every photo to wait for the end of a trouble.
     let until_s = 140.0 * shoots as f64;
     let ran = run(
         folders,
@@ -179,10 +178,10 @@ fn photos_with_faults_are_whole_or_absent() {
         }
     }
     println!(
-        "{shoots} presses, {} photos taken, {there} kept, {refused} troubles, {cuts} cuts",
+        "{shoots} presses, {} photos taken, {there} saved, {refused} troubles, {cuts} cuts",
         ran.taken.len()
     );
-    // The last cut is of the end, where nothing is pending.
+    // The last cut is at the end, where nothing is pending.
     assert!(there <= ran.taken.len() && ran.taken.len() <= shoots);
     assert!(ran.taken.len() + refused >= shoots && there >= shoots / 2);
 }

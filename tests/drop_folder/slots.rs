@@ -1,4 +1,4 @@
-//! The calibration on flash against power cuts: after each, the old one or the new one, whole.
+//! Calibration slots across power cuts: afterwards the old or the new calibration is whole.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -14,9 +14,9 @@ use crate::model_disk::{Contents, ModelDisk, Op, Survivors, Verdict};
 
 const FOLDER: &str = "/flash";
 
-/// Keeps `new` on `start`, leaving out the n-th operation if told to; every disk a cut may leave,
-/// with whether the keeping had come to its end, and the operations.
-fn keep(
+/// Saves `new` on `start`, omitting the operation `skip`. Returns every disk that a cut may leave,
+/// with whether saving had ended, and the operations.
+fn save(
     start: Contents,
     new: &Calibration,
     skip: Option<usize>,
@@ -43,15 +43,14 @@ fn keep(
     (cuts.collect(), ops)
 }
 
-fn kept_on(survivors: &Survivors, rig: u64) -> Result<u32, String> {
+fn saved_on(survivors: &Survivors, rig: u64) -> Result<u32, String> {
     let folders = BTreeSet::from([FOLDER.into()]);
     let disk =
         ModelDisk::new(Contents::after(survivors, &folders), Box::new(|_, _| Ok(Verdict::Done)));
     store::load_from(&disk, Path::new(FOLDER), rig).map(|c| c.generation).map_err(|e| e.to_string())
 }
 
-/// Keeps generation after generation, cut wherever it may be, and goes on from each disk that
-/// leaves.
+/// Saves one generation after another with cuts at every instant, continuing from each disk left.
 fn search(first: &Calibration, skip: Option<usize>) -> Result<(usize, usize), String> {
     let empty = ModelDisk::new(Contents::default(), Box::new(|_, _| Ok(Verdict::Done)));
     empty.make_folder(Path::new(FOLDER)).unwrap();
@@ -60,49 +59,49 @@ fn search(first: &Calibration, skip: Option<usize>) -> Result<(usize, usize), St
     let folders = empty.contents().folders().clone();
     let mut level: BTreeSet<Survivors> = BTreeSet::from([empty.contents().now()]);
     let (mut seen, mut ops) = (0, 0);
-    // Kept, cut; kept again on what that left, cut again; and a third time.
+    // Save and cut, three times in a row.
     for next in 2..=4 {
-        let mut left = BTreeSet::new();
+        let mut reached = BTreeSet::new();
         for survivors in &level {
-            let before = kept_on(survivors, first.rig)?;
-            let (cuts, done) = keep(Contents::after(survivors, &folders), &generation(next), skip);
+            let before = saved_on(survivors, first.rig)?;
+            let (cuts, done) = save(Contents::after(survivors, &folders), &generation(next), skip);
             ops = done.len();
             for (survivors, end) in cuts {
                 seen += 1;
-                let found = kept_on(&survivors, first.rig)?;
+                let found = saved_on(&survivors, first.rig)?;
                 if found != next && (end || found != before) {
                     return Err(format!(
-                        "generation {found}, allowed {next} or, before it is kept, {before}"
+                        "generation {found}, allowed {next} or, before the end, {before}"
                     ));
                 }
-                left.insert(survivors);
+                reached.insert(survivors);
             }
         }
-        // One disk of each kind is enough to go on from.
+        // Continue from one disk of each kind.
         let mut kinds = BTreeSet::new();
-        left.retain(|s| {
+        reached.retain(|s| {
             kinds.insert(
                 s.iter()
                     .map(|(p, (_, b))| (p.clone(), b.len(), crc32fast::hash(b)))
                     .collect::<Vec<_>>(),
             )
         });
-        level = left;
+        level = reached;
     }
     Ok((seen, ops))
 }
 
 #[test]
-fn whenever_the_power_fails_a_whole_calibration_is_there() {
+fn after_any_power_cut_a_calibration_is_whole() {
     let config = config::load(Path::new("small.toml")).unwrap();
     let (mut rig, _) = simulated::open(&config).unwrap();
     let measured = calibrate(&mut rig, &config, None, &mut to_the_end).unwrap();
     let (cuts, ops) = search(&measured, None).unwrap();
-    println!("{cuts} disks after cuts, {ops} operations a keeping");
+    println!("{cuts} disks after cuts, {ops} operations");
     for skip in 0..ops {
         let harm = search(&measured, Some(skip));
-        println!("operation {skip} left out: {harm:?}");
-        // The first is the writing itself, which this disk never leaves out.
-        assert!(skip == 0 || harm.is_err(), "operation {skip} is there for nothing");
+        println!("operation {skip} omitted: {harm:?}");
+        // The first is the write itself, which this disk never omits.
+        assert!(skip == 0 || harm.is_err(), "operation {skip} is not needed");
     }
 }

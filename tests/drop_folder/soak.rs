@@ -1,6 +1,6 @@
-//! A thousand photos, one in twenty of them broken, with two power cuts, a camera lost twice and a
-//! disk filled once: each is accounted for, none twice, and the memory stays flat.
-//! `RELENS_SOAK_PHOTOS=n` does more.
+//! A thousand photos, one in twenty broken, with two power cuts, two losses of the camera and one
+//! full disk: each is accounted for once, and memory does not grow. `RELENS_SOAK_PHOTOS=n` sets the
+//! number.
 
 use std::cell::{Cell, RefCell};
 use std::ffi::OsString;
@@ -13,22 +13,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, UNIX_EPOCH};
 
 use relens::daemon::{Daemon, DaemonSetting, Folders, JobStep, Watcher};
-use relens::disk::{Disk, FileKind, LocalDisk, Look, Unsynced};
+use relens::disk::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 use relens::frame::{Frame, Plane, Work};
 use relens::picture::{Format, Manner, encode};
 use relens::remedy::Remedy;
 
 use crate::bed::*;
 
-/// The machine's disk, which may be full.
+/// The machine's disk, which can be made full.
 struct Fillable(LocalDisk, Arc<AtomicBool>);
 
 impl Disk for Fillable {
     fn list(&self, folder: &Path) -> io::Result<Vec<(OsString, FileKind)>> {
         self.0.list(folder)
     }
-    fn look(&self, path: &Path) -> io::Result<Look> {
-        self.0.look(path)
+    fn metadata(&self, path: &Path) -> io::Result<Metadata> {
+        self.0.metadata(path)
     }
     fn open(&self, path: &Path) -> io::Result<File> {
         self.0.open(path)
@@ -63,7 +63,7 @@ impl Disk for Fillable {
     }
 }
 
-/// Cuts the power at a step of two photos, and fills the disk at that of a third.
+/// Cuts the power during two photos and fills the disk during a third.
 struct Night<'a> {
     photos: &'a Cell<usize>,
     of: usize,
@@ -83,7 +83,7 @@ impl Watcher for Night<'_> {
         if (n == self.of / 3 && step == JobStep::Named)
             || (n == self.of / 2 && step == JobStep::Delivered)
         {
-            // So that it is cut once.
+            // Cut only once.
             self.photos.set(n + 1);
             std::panic::resume_unwind(Box::new("the power fails"));
         }
@@ -93,7 +93,7 @@ impl Watcher for Night<'_> {
     }
 }
 
-/// Memory of this process in RAM, KiB.
+/// Resident memory of this process, KiB.
 fn resident_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).unwrap();
@@ -123,7 +123,7 @@ fn a_thousand_photos_are_all_accounted_for() {
     let (mut lives, mut restored) = (0, 0);
     loop {
         lives += 1;
-        // The camera is lost twice, each time for as long as the daemon tries in one go.
+        // The camera is lost twice, for all attempts of a job.
         let failures = if lives > 1 { vec![Remedy::ReopenRig; 3] } else { vec![] };
         let mut restorer = Brightener { failures, ..Brightener::default() };
         let mut watcher = Night { photos: &photos, of, full: &full, resident_kib: &resident };
@@ -137,7 +137,7 @@ fn a_thousand_photos_are_all_accounted_for() {
                 Daemon::open(folders, setting, &mut restorer, &clock, &dates, &mut watcher)
                     .unwrap();
             daemon.run(&|| {
-                // Somebody makes room after a while.
+                // Space is freed after a while.
                 if full.load(Ordering::SeqCst) {
                     freed.set(freed.get() + 1);
                     full.store(freed.get() < 1000, Ordering::SeqCst);
@@ -164,13 +164,11 @@ fn a_thousand_photos_are_all_accounted_for() {
         "each under its own name, none twice"
     );
     assert!(names(&root.join("inbox")).is_empty() && names(&root.join("working")).is_empty());
-    // One was cut before its result was delivered, and one lost its place on the full disk: made
-    // anew.
+    // Two were restored again: one after a cut before its delivery, one after the full disk.
     assert_eq!(restored, good + 2);
     let resident = resident.into_inner();
-    println!("{good} restored, {broken} set aside, in {lives} lives; memory {resident:?} KiB");
+    println!("{good} restored, {broken} rejected, in {lives} runs; memory {resident:?} KiB");
     let (early, late) = (resident[resident.len() / 3], *resident.last().unwrap());
-    // Other tests run in the same process; a photo of this size kept by mistake each time would be
-    // 37 MiB in all.
+    // Other tests run in the same process; one photo leaked each time would be 37 MiB in all.
     assert!(late < early + (24 << 10), "memory grew from {early} to {late} KiB");
 }

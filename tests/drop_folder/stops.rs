@@ -1,4 +1,4 @@
-//! A stop between any two steps: nothing lost, nothing doubled, nothing taken for what it is not.
+//! Stops between any two steps: nothing lost, nothing duplicated, nothing confused.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -7,20 +7,20 @@ use relens::picture::Format;
 
 use crate::bed::*;
 
-/// Stops the program, as far as the daemon can tell, at one step.
+/// Simulates the end of the program at one step.
 struct StopAt(JobStep);
 
 impl Watcher for StopAt {
     fn step(&mut self, step: JobStep) {
         if step == self.0 {
-            // A panic without its message and backtrace, which would be printed a hundred times.
+            // A panic without message and backtrace.
             std::panic::resume_unwind(Box::new("stopped"));
         }
     }
 }
 
 #[test]
-fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
+fn a_stop_between_any_two_steps_loses_and_duplicates_nothing() {
     for first in JobStep::ALL {
         for second in JobStep::ALL {
             let root = fresh_root();
@@ -41,7 +41,7 @@ fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
                 }
                 drop(stopped);
             }
-            // What another program left half written is no business of ours; what we left is.
+            // A temporary file of the daemon.
             std::fs::write(root.join("outbox/.relens-1-1.tmp"), b"half").unwrap();
             once(root);
             assert_eq!(
@@ -66,7 +66,7 @@ fn a_stop_between_any_two_steps_loses_nothing_and_doubles_nothing() {
 }
 
 #[test]
-fn another_photo_of_the_same_name_is_not_taken_for_the_one_delivered() {
+fn another_photo_of_the_same_name_is_not_confused_with_a_delivered_one() {
     let root = fresh_root();
     let root = root.path();
     for (stop, depth) in [(JobStep::Moved, 8), (JobStep::Claimed, 16)] {
@@ -85,7 +85,7 @@ fn another_photo_of_the_same_name_is_not_taken_for_the_one_delivered() {
 }
 
 #[test]
-fn a_photo_that_ends_the_program_each_time_is_set_aside() {
+fn a_photo_that_ends_the_program_each_time_is_rejected() {
     let root = fresh_root();
     let root = root.path();
     drop_in(root, "poison.png", &file(Format::Png, 8, RIG));

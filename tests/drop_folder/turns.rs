@@ -1,4 +1,4 @@
-//! A schedule decides when photos are taken, and hears what became of each.
+//! A schedule decides when photos are restored, and is notified of each outcome.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -11,31 +11,31 @@ use relens::picture::Format;
 
 use crate::bed::*;
 
-/// Answers from a list, the last one last; goes when the list is empty.
+/// Returns the turns of a list in order, then `Go`.
 #[derive(Default)]
 struct Script {
     turns: Vec<Turn>,
-    heard: Rc<RefCell<Vec<String>>>,
+    log: Rc<RefCell<Vec<String>>>,
 }
 
 impl Schedule for Script {
     fn turn(&mut self, asked: Question, _: &mut dyn Restorer) -> Turn {
-        let mut heard = self.heard.borrow_mut();
+        let mut log = self.log.borrow_mut();
         if !asked.is_ready {
-            heard.push("idle".into());
+            log.push("idle".into());
             return Turn::Go;
         }
-        heard.push(format!("before {}", asked.waiting));
+        log.push(format!("before {}", asked.waiting));
         if self.turns.is_empty() { Turn::Go } else { self.turns.remove(0) }
     }
-    fn told(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
+    fn notify(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
         let Event::Ended(end) = event else { return };
-        self.heard.borrow_mut().push(match end {
+        self.log.borrow_mut().push(match end {
             JobEnd::Done { report, delivered } => {
                 format!("{} is {}", report.result, delivered.kept.to_string_lossy())
             }
             JobEnd::Failed(failed) => format!("{} failed", failed.photo),
-            JobEnd::Left { left, .. } => format!("{} left", left.photo),
+            JobEnd::Deferred { failed, .. } => format!("{} deferred", failed.photo),
             JobEnd::Gone => "gone".into(),
         });
     }
@@ -66,11 +66,11 @@ fn inbox(root: &std::path::Path) {
 }
 
 #[test]
-fn photos_go_oldest_first_and_each_outcome_is_told() {
+fn photos_go_oldest_first_and_each_outcome_is_notified() {
     let root = fresh_root();
     inbox(root.path());
-    let heard = Rc::default();
-    let script = Script { turns: vec![], heard: Rc::clone(&heard) };
+    let log = Rc::default();
+    let script = Script { turns: vec![], log: Rc::clone(&log) };
     let (clock, mut restorer) = (TestClock::default(), Brightener::default());
     let folders = Folders::open(root.path()).unwrap();
     let mut watcher = ();
@@ -78,14 +78,14 @@ fn photos_go_oldest_first_and_each_outcome_is_told() {
         Daemon::open(folders, setting(), &mut restorer, &clock, &calendar, &mut watcher).unwrap();
     daemon = daemon.scheduled(Box::new(script));
     daemon.once().unwrap();
-    let told =
+    let expected =
         ["before 4", "c.png is c.png", "before 3", "b.png is b.png", "before 2", "a.png is a.png"];
-    let told = told.iter().chain(&["before 1", "broken.png failed", "idle"]);
-    assert_eq!(*heard.borrow(), told.map(|s| (*s).to_owned()).collect::<Vec<_>>());
+    let expected = expected.iter().chain(&["before 1", "broken.png failed", "idle"]);
+    assert_eq!(*log.borrow(), expected.map(|s| (*s).to_owned()).collect::<Vec<_>>());
 }
 
 #[test]
-fn a_hold_keeps_the_rest_in_the_inbox_and_is_asked_about_again() {
+fn a_hold_keeps_photos_in_the_inbox_until_the_next_turn() {
     let root = fresh_root();
     inbox(root.path());
     let script = Script {
@@ -121,7 +121,7 @@ fn a_hold_keeps_the_rest_in_the_inbox_and_is_asked_about_again() {
 }
 
 #[test]
-fn a_schedule_can_end_the_daemon() {
+fn a_schedule_can_stop_the_daemon() {
     let root = fresh_root();
     inbox(root.path());
     let script = Script { turns: vec![Turn::Go, Turn::Stop], ..Script::default() };

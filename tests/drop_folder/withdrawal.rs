@@ -1,5 +1,4 @@
-//! A result that cannot be stood by is withdrawn, and its photo restored anew, whatever the power
-//! does meanwhile.
+//! Withdrawal of results, also across power cuts.
 
 use std::path::Path;
 
@@ -9,8 +8,7 @@ use crate::model_disk::{Contents, ModelDisk, Survivors, Verdict};
 use crate::power::{Age, Found, Label, canonical, filled, good, live_at, search_at};
 use crate::power_checks::{Dropped, ROOT};
 
-/// A photo that is done, and a night that has decided to do it again: every state that power cuts
-/// can lead to.
+/// A restored photo and a night that withdraws its result: every state reachable by power cuts.
 fn search(skip: Option<&Label>) -> Result<Found, String> {
     let photo = good("a.png", 30.0);
     let night = Age { nights: true, ..Age::default() };
@@ -24,7 +22,8 @@ fn search(skip: Option<&Label>) -> Result<Found, String> {
     );
     let delivered = Delivered { kept: "a.png".into(), result: "a.png".into() };
     let record = serde_json::json!({
-        "floor_unix_s": 0.0, "unproven": [delivered], "doubted": true, "again": true
+        "floor_unix_s": 0.0, "unproven": [delivered], "must_repeat": true,
+        "is_withdrawing": true, "waiting_since_unix_s": null, "obstacle": "",
     });
     disk.drop_in(&Path::new(ROOT).join(".relens-night.json"), record.to_string().as_bytes(), 80);
     let dropped: [Dropped; 1] = [photo];
@@ -33,8 +32,7 @@ fn search(skip: Option<&Label>) -> Result<Found, String> {
     })
 }
 
-/// What is withdrawn is whole; in the end the photo waits, and all that belonged to its result is
-/// withdrawn.
+/// Withdrawn results are whole; in the end the photo waits, and result and report are withdrawn.
 fn withdrawn(disk: &Survivors, photo: &Dropped, end: bool) -> Result<(), String> {
     let root = Path::new(ROOT);
     let folder = root.join("outbox/withdrawn");
@@ -47,15 +45,15 @@ fn withdrawn(disk: &Survivors, photo: &Dropped, end: bool) -> Result<(), String>
     let there = |path: &&&str| disk.contains_key(&root.join(path));
     let wanted = ["inbox/a.png", "outbox/withdrawn/a.png", "outbox/withdrawn/a.png.json"];
     let elsewhere = ["done/a.png", "outbox/a.png", "outbox/a.png.json"];
-    let over = wanted.iter().all(|path| there(&path)) && !elsewhere.iter().any(|path| there(&path));
-    match over || !end {
+    let done = wanted.iter().all(|path| there(&path)) && !elsewhere.iter().any(|path| there(&path));
+    match done || !end {
         true => Ok(()),
         false => Err(format!("in the end there is {:?}", disk.keys().collect::<Vec<_>>())),
     }
 }
 
 #[test]
-fn the_power_may_fail_while_results_are_withdrawn_and_each_synchronisation_is_needed() {
+fn withdrawal_survives_power_cuts_and_needs_each_synchronisation() {
     let found = search(None).unwrap();
     println!("{} states of the disk, {} cuts", found.states, found.cuts);
     let moved = |from: &str| found.labels.iter().any(|(_, words, _)| words.starts_with(from));
@@ -68,9 +66,9 @@ fn the_power_may_fail_while_results_are_withdrawn_and_each_synchronisation_is_ne
             Ok(_) => unseen.push((&label.1[..], label.2)),
         }
     }
-    // Those of the folders themselves, which last at once on this disk; and of the night's record,
-    // without which the same is done again.
+    // Those of folders, which are durable at once on this disk, and of the night's record, without
+    // which the withdrawal is repeated.
     let harmless = ["sync folder /box", "sync folder box/outbox", "sync box/temporary"];
     unseen.retain(|(words, _)| !harmless.contains(words));
-    assert!(unseen.is_empty(), "left out and nobody was harmed: {unseen:#?}");
+    assert!(unseen.is_empty(), "omitted without harm: {unseen:#?}");
 }

@@ -170,7 +170,8 @@ fn records(folder: &Path) {
         r#"{"kept":{"Unix":[99,46,112,110,103]},"result":{"Unix":[99,46,112,110,103]}}"#;
     let night = |again: bool| {
         format!(
-            r#"{{"floor_unix_s":1.0,"unproven":[{delivered}],"doubted":{again},"again":{again}}}"#
+            r#"{{"floor_unix_s":1.0,"unproven":[{delivered}],"must_repeat":{again},
+                "is_withdrawing":{again},"waiting_since_unix_s":null,"obstacle":""}}"#
         )
     };
     let pilots = r#"[{"unix-s":1,
@@ -186,8 +187,11 @@ fn records(folder: &Path) {
     serde_json::from_str::<relens::daemon::Report>(&report.replace("@bytes", "1")).unwrap();
     let note =
         "d.png was not restored.\n\nd.png: it is no photo\n\nThe file lies beside this note.\n";
-    let state = r#"{"rig":"test","doing":{"is":"restoring","photo":"a.png"},
-        "restored":1,"failed":0,"left":0,"written-unix-s":1}"#;
+    let state = r#"{"rig":"test",
+        "doing":{"is":"restoring","photo":"a.png","done":0.5,"remaining_s":null},
+        "restored":1,"untouched":0,"failed":0,"waiting":{"turn":0,"button":0,"window":0,"panel":0,
+        "rig":0,"settling":0,"unfinished":0,"retry":0},"attention":[],"needs-button":true,
+        "written-unix-s":1}"#;
     serde_json::from_str::<relens::daemon::State>(state).unwrap();
     let all = [
         (

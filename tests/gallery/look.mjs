@@ -88,7 +88,7 @@ for (const [name, path] of PAGES) {
           if (await page.locator(".failed li", { hasText: "empty.jpg" }).isVisible()) say("a failed photo of another name is found");
         }
         await page.fill("#find input", "");
-        await page.locator("#find button[data-state=left]").click();
+        await page.locator("#find button[data-state=unchanged]").click();
         const shown = () => page.locator("#found .stamps a").count();
         const first = await shown(), more = page.locator("#found button");
         if (await more.count()) await more.click();

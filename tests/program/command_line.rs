@@ -60,7 +60,7 @@ fn help_and_version_go_to_standard_output() {
 }
 
 #[test]
-fn a_rig_of_devices_is_planned_by_any_program_before_they_are_bought() {
+fn a_rig_of_devices_can_be_planned_without_them() {
     let folder = tempfile::tempdir().unwrap();
     let words = ["align", "--rig", "raspberry-pi-5-gs.toml", "--plan", "25", "27", "3.45"];
     let output = relens(&words, folder.path());
@@ -70,7 +70,7 @@ fn a_rig_of_devices_is_planned_by_any_program_before_they_are_bought() {
 }
 
 #[test]
-fn alone_it_shows_what_it_can_do_and_that_this_was_no_command() {
+fn without_a_command_it_prints_help_and_fails() {
     let folder = tempfile::tempdir().unwrap();
     let output = relens(&[], folder.path());
     assert_eq!(output.status.code(), Some(2));
@@ -100,7 +100,7 @@ fn completions_and_manual_pages_are_made_for_every_command() {
 }
 
 #[test]
-fn nothing_but_text_goes_into_a_pipe() {
+fn pipes_get_plain_text() {
     let folder = tempfile::tempdir().unwrap();
     let output = relens(&["calibrate", "--rig", "small.toml", "-v"], folder.path());
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -145,11 +145,11 @@ fn wrong_use_ends_with_2_and_one_sentence() {
         assert!(said.contains(wanted), "{words:?}: {said}");
         assert_eq!(said.trim_end().lines().count(), 1, "{words:?}: {said}");
     }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "and leaves nothing behind");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "no files are left");
 }
 
 #[test]
-fn what_became_of_photos_is_said_once_and_told_to_programs() {
+fn outcomes_are_printed_once_and_available_to_programs() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     calibrated(folder);
@@ -158,7 +158,7 @@ fn what_became_of_photos_is_said_once_and_told_to_programs() {
     let output = relens(&["run", "--rig", "small.toml", "--once"], folder);
     let said = text(&output.stdout) + &text(&output.stderr);
     assert_eq!(said.matches("a text").count(), 1, "{said}");
-    let counts = "0 restored, 0 left as they were, 1 failed, 0 waiting";
+    let counts = "0 restored, 0 unchanged, 1 failed, 0 waiting";
     assert!(said.contains(counts), "{said}");
     assert!(text(&relens(&["status"], folder).stdout).contains(counts));
     let json = relens(&["status", "--json"], folder).stdout;
@@ -183,7 +183,7 @@ fn a_photo_that_cannot_be_restored_ends_with_1() {
 }
 
 #[test]
-fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
+fn photograph_never_overwrites_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let words = ["photograph", "--rig", "small.toml", SCENE, "-o", "photo.png"];
     let output = relens(&words, folder.path());
@@ -197,7 +197,7 @@ fn a_simulated_rig_photographs_a_picture_and_never_over_another_file() {
     assert!(text(&again.stderr).contains("photo.png exists already"));
 }
 
-/// The folder of a calibrated small rig with the photo `photo.png`, taken by it.
+/// The folder of a calibrated small rig with a photo taken by it, `photo.png`.
 fn folder_with_photo() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     calibrated(folder.path());
@@ -207,7 +207,7 @@ fn folder_with_photo() -> tempfile::TempDir {
 }
 
 #[test]
-fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
+fn a_bad_photo_stops_no_other_of_several() {
     let folder = folder_with_photo();
     let at = |name: &str| folder.path().join(name);
     std::fs::write(at("bad.png"), b"not a photo").unwrap();
@@ -216,7 +216,7 @@ fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
     let words = |more: &[&'static str]| [&restore[..], more].concat();
     let all = words(&["bad.png", "photo.png", "again.png", "-o", "results"]);
     let output = relens(&all, folder.path());
-    assert_eq!(output.status.code(), Some(2), "there is no folder yet");
+    assert_eq!(output.status.code(), Some(2), "the folder does not exist yet");
     assert!(text(&output.stderr).contains("allowed a folder for the results"));
     std::fs::create_dir(at("results")).unwrap();
     let output = relens(&all, folder.path());
@@ -224,7 +224,7 @@ fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
     assert!(text(&output.stderr).contains("1 of 3 photos were not restored"));
     assert!(at("results/photo.png").is_file() && at("results/again.png").is_file());
     assert!(!at("results/bad.png").exists());
-    // Names tell nothing: a telephone's picture stops no other, and a PNG called so is one.
+    // Names are ignored: a HEIC picture stops no other, and a PNG of that name is one.
     std::fs::write(at("phone.heic"), b"\0\0\0\x18ftypheic\0\0\0\0").unwrap();
     std::fs::copy(at("photo.png"), at("really.heic")).unwrap();
     let named = words(&["phone.heic", "really.heic", "photo.png", "-o", "results"]);
@@ -234,7 +234,7 @@ fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
     assert!(said.contains("phone.heic: this kind of photo is not read: found an HEIC"), "{said}");
     assert!(said.contains("photo.png: results/photo.png exists already"), "{said}");
     assert!(at("results/really.heic.png").is_file(), "{said}");
-    // No scene gives a sharp picture: it is the same file, or as good as the format can say.
+    // A sharp picture is returned: the same file, or converted to the format asked for.
     let size = Size::new(512, 384);
     let sharp = Frame::from_fn(|_| {
         Plane::from_fn(size, |x, y| if (x / 24 + y / 16) % 2 == 0 { 30.0 } else { 190.0 })
@@ -246,22 +246,22 @@ fn several_photos_are_restored_into_a_folder_and_a_bad_one_stops_no_other() {
     assert_eq!(std::fs::read(at("same.png")).unwrap(), std::fs::read(at("sharp.png")).unwrap());
     let said = text(&relens(&words(&["sharp.png", "-o", "other.tif"]), folder.path()).stdout);
     assert!(said.contains("the photo as it is, written as TIFF;"), "{said}");
-    assert!(said.contains("comes back smaller, 256×192 for 512×384"), "{said}");
-    // Quietly: nothing but what went wrong.
+    assert!(said.contains("smaller, 256×192 instead of 512×384"), "{said}");
+    // Quiet: errors only.
     let output = relens(&words(&["-q", "photo.png", "-o", "quiet.png"]), folder.path());
     assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
     assert!(at("quiet.png").is_file());
 }
 
 #[test]
-fn a_photo_comes_from_standard_input_and_goes_to_standard_output() {
+fn restore_works_with_standard_input_and_output() {
     let folder = folder_with_photo();
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
     command.args(["restore", "--rig", "small.toml", "-m", "digital", "-", "-o", "-"]);
     command.stdin(std::fs::File::open(folder.path().join("photo.png")).unwrap());
     let output = command.current_dir(folder.path()).output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
-    assert!(output.stdout.starts_with(b"\x89PNG"), "the picture and nothing before it");
-    assert!(output.stdout.ends_with(b"IEND\xaeB\x60\x82"), "and nothing behind it");
+    assert!(output.stdout.starts_with(b"\x89PNG"), "nothing before the picture");
+    assert!(output.stdout.ends_with(b"IEND\xaeB\x60\x82"), "nothing after the picture");
     assert!(text(&output.stderr).contains("standard output: restored by digital"));
 }

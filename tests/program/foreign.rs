@@ -1,4 +1,4 @@
-//! Raw photos of the rig's own sensor that another program has written.
+//! Raw photos of the rig's sensor, written by another program.
 
 use std::path::Path;
 use std::process::Command;
@@ -11,11 +11,11 @@ use crate::SCENE;
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn the_same_sites_counted_in_another_unit_are_the_same_photo() {
+fn the_same_sites_in_other_units_are_the_same_photo() {
     let folder = tempfile::tempdir().unwrap();
     let truthful = Path::new(env!("CARGO_MANIFEST_DIR")).join("rig-config/truthful.toml");
     let text = std::fs::read_to_string(truthful).unwrap();
-    // Without captures, so that chance has no part in it.
+    // Without captures, which are random.
     let text = text.replacen("method = \"block-matching\"", "method = \"digital\"", 1);
     let kept: Vec<&str> =
         text.lines().filter(|line| !line.starts_with("corrections-max")).collect();
@@ -30,7 +30,7 @@ fn the_same_sites_counted_in_another_unit_are_the_same_photo() {
     rig.calibrate(&slots).unwrap();
     let own = rig.read(folder.path().join("own.dng")).unwrap();
     let mut restorer = rig.restorer(&slots).unwrap();
-    // As a Raspberry Pi 5 writes ten bits: in the upper part of sixteen.
+    // Ten bits in the upper part of sixteen, as on a Raspberry Pi 5.
     let by = |times: f32, name: Option<&str>| {
         let raw = own.raw.unwrap();
         let camera =
@@ -44,7 +44,7 @@ fn the_same_sites_counted_in_another_unit_are_the_same_photo() {
     assert_eq!(upper.picture, wanted.picture);
     let told = |notes: &[String], word: &str| notes.iter().any(|note| note.contains(word));
     assert!(told(&upper.notes, "Raspberry Pi imx296 took this photo"), "{:?}", upper.notes);
-    // Where nothing is said of the camera, that is said.
+    // An unknown camera is noted.
     let unknown = restored(&by(1.0, None));
     assert!(told(&unknown.notes, "does not say what camera took"), "{:?}", unknown.notes);
     assert!(!told(&wanted.notes, "took this photo"), "{:?}", wanted.notes);

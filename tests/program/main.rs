@@ -1,7 +1,7 @@
-//! The built program: used rightly and wrongly, on a terminal, killed, hung, among files of others,
-//! taking photos by itself.
+//! The built program: correct and wrong use, terminals, kills, stalls, files of other users, taking
+//! photos.
 
-// The functions below stop a test as the tests themselves do.
+// Shared test functions may panic as tests do.
 #![allow(clippy::unwrap_used)]
 
 mod command_line;
@@ -16,12 +16,11 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// A scene before the lens.
+/// A scene.
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/coffee.png");
 
-/// What the program keeps of the small rig once it is calibrated: names in `calibration`, and what
-/// they hold.
-fn kept() -> &'static [(String, Vec<u8>)] {
+/// Names and contents of the calibration files of the small rig.
+fn calibration_files() -> &'static [(String, Vec<u8>)] {
     static KEPT: OnceLock<Vec<(String, Vec<u8>)>> = OnceLock::new();
     KEPT.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
@@ -38,10 +37,10 @@ fn kept() -> &'static [(String, Vec<u8>)] {
     })
 }
 
-/// Makes `folder` that of a small rig that is calibrated.
+/// Copies the calibration of the small rig into `folder`.
 fn calibrated(folder: &Path) {
     std::fs::create_dir_all(folder.join("calibration")).unwrap();
-    for (name, holds) in kept() {
+    for (name, holds) in calibration_files() {
         std::fs::write(folder.join("calibration").join(name), holds).unwrap();
     }
 }

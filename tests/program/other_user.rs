@@ -1,4 +1,4 @@
-//! The built program as a user of its own, among files of somebody else's.
+//! The built program among files of another user.
 
 use std::fs::Permissions;
 use std::os::unix::fs::{PermissionsExt, chown};
@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use crate::SCENE;
 
-/// A user without any right of its own: `nobody`, where these tests run as root.
+/// An unprivileged user, where these tests run as root.
 const NOBODY: u32 = 65534;
 
 fn relens(program: &Path, words: &[&str], folder: &Path) -> std::process::Output {
@@ -21,7 +21,7 @@ fn relens(program: &Path, words: &[&str], folder: &Path) -> std::process::Output
 }
 
 #[test]
-fn files_of_somebody_else_keep_no_photo_waiting() {
+fn files_of_another_user_delay_no_photo() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::set_permissions(folder, Permissions::from_mode(0o755)).unwrap();
@@ -32,7 +32,7 @@ fn files_of_somebody_else_keep_no_photo_waiting() {
     if rustix::process::geteuid().is_root() {
         chown(&home, Some(NOBODY), Some(NOBODY)).unwrap();
     }
-    // By the lens model alone: what is timed is the way to the photo.
+    // With a fast method: the delay before the photo is timed.
     let small = include_str!("../../rig-config/small.toml");
     let digital = small.replace("[restore]\n", "[restore]\nmethod = \"digital\"\n");
     assert_ne!(small, digital);
@@ -49,7 +49,7 @@ fn files_of_somebody_else_keep_no_photo_waiting() {
         for n in 0..bad {
             let path = inbox.join(format!("theirs-{n}.png"));
             std::fs::copy(home.join("photo.png"), &path).unwrap();
-            // Of root, or of oneself and closed all the same.
+            // Owned by root, or by the same user and unreadable.
             std::fs::set_permissions(&path, Permissions::from_mode(0o000)).unwrap();
         }
         let good = format!("good-{bad}.png");
@@ -64,15 +64,15 @@ fn files_of_somebody_else_keep_no_photo_waiting() {
         println!("{bad}: {seconds:.1} s");
         assert!(home.join("outbox").join(&good).is_file() && seconds < 10.0, "{bad}: {said}");
         assert_eq!(output.status.code(), Some(1), "{said}");
-        let told = said.lines().filter(|line| line.contains("/inbox/theirs-")).count();
+        let lines = said.lines().filter(|line| line.contains("/inbox/theirs-")).count();
         let by_root = rustix::process::geteuid().is_root();
         let remedy = if by_root { "chown" } else { "chmod u+r" };
-        assert_eq!((told, said.contains(remedy)), (bad, true), "each once: {said}");
+        assert_eq!((lines, said.contains(remedy)), (bad, true), "each once: {said}");
     }
     each_has_its_own_remedy(&program, &home);
 }
 
-/// What helps differs: for a file of one's own that is closed, and for a folder of somebody else's.
+/// The remedies differ between an unreadable file and a folder of another user.
 fn each_has_its_own_remedy(program: &Path, home: &Path) {
     if !rustix::process::geteuid().is_root() {
         return;

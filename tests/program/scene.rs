@@ -1,5 +1,4 @@
-//! The built program on a simulated rig that takes its own photos: the journey of a box for those
-//! who have none.
+//! The built program on a simulated rig that takes its own photos.
 
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -15,7 +14,7 @@ fn relens(words: &[&str], folder: &Path) -> Command {
     command
 }
 
-/// Waits until `is` it; what is waited for.
+/// Waits until `is` returns true; `what` describes it.
 fn wait_for(what: &str, is: impl Fn() -> bool) {
     let begun = Instant::now();
     while !is() {
@@ -24,7 +23,7 @@ fn wait_for(what: &str, is: impl Fn() -> bool) {
     }
 }
 
-/// Asks `child` to end; what it said.
+/// Terminates `child`; returns its log.
 fn stopped(child: Child) -> String {
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     let Output { status, stderr, .. } = child.wait_with_output().unwrap();
@@ -32,7 +31,7 @@ fn stopped(child: Child) -> String {
     String::from_utf8_lossy(&stderr).into_owned()
 }
 
-/// The names in `folder` that end with `ending`.
+/// Names in `folder` with this `ending`.
 fn names(folder: &Path, ending: &str) -> Vec<String> {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let names = files.map(|file| file.file_name().to_string_lossy().into_owned());
@@ -41,7 +40,7 @@ fn names(folder: &Path, ending: &str) -> Vec<String> {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_come() {
+fn a_press_takes_a_raw_photo_that_is_restored_before_the_panel() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let rig = include_str!("../../rig-config/small.toml");
@@ -58,13 +57,13 @@ fn a_press_takes_a_raw_photo_of_the_scene_that_is_restored_when_the_panel_has_co
     assert!(!names(&folder.join("outbox"), ".jpg").is_empty(), "as the rig file says");
     let said = stopped(child);
     let place = |words| said.find(words).unwrap_or_else(|| panic!("no `{words}` in {said}"));
-    let asked = place("photos wait for the panel: The photo is kept");
+    let asked = place("the panel is needed: The photo is saved");
     assert!(place("taken") < asked && asked < place("is put before the lens"), "{said}");
     assert!(place("restored (") > asked, "{said}");
 }
 
 #[test]
-fn a_scene_is_for_simulated_rigs_and_such_a_rig_needs_one() {
+fn only_simulated_rigs_take_a_scene_and_they_need_one() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let shooting =
@@ -85,7 +84,7 @@ fn a_scene_is_for_simulated_rigs_and_such_a_rig_needs_one() {
 }
 
 #[test]
-fn the_first_photo_finds_its_inbox() {
+fn the_inbox_is_made_for_the_first_photo() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let shoot = ["shoot", "--rig", "truthful.toml", "--scene", SCENE];

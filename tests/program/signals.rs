@@ -1,5 +1,4 @@
-//! The built program, killed and asked to stop while it works: every photo in one place, each done
-//! once.
+//! The built program killed or stopped at work: every photo in one place, each done once.
 
 use std::io::Read;
 use std::path::Path;
@@ -24,12 +23,12 @@ fn relens(words: &[&str], folder: &Path) -> Child {
 }
 
 #[test]
-fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
+fn hang_up_is_ignored_and_usr1_logs_the_status() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     calibrated(folder);
     let press = |long: &[&str]| relens(&[&["press"], long].concat(), folder).wait().unwrap();
-    assert_eq!(press(&[]).code(), Some(2), "there is nobody to press for");
+    assert_eq!(press(&[]).code(), Some(2), "no daemon to press for");
     assert!(!folder.join(".relens-button-is-down").exists());
     let mut child = Command::new(env!("CARGO_BIN_EXE_relens"))
         .args(["run", "--rig", "small.toml"])
@@ -39,13 +38,13 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
         .unwrap();
     let begun = Instant::now();
     while !folder.join("outbox/index.html").exists() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "it does not start");
+        assert!(begun.elapsed() < Duration::from_secs(60), "the daemon does not start");
         std::thread::sleep(Duration::from_millis(50));
     }
     for signal in [Signal::HUP, Signal::USR1] {
         kill_process(Pid::from_child(&child), signal).unwrap();
     }
-    assert!(!ended_within(&mut child, 1), "it goes on");
+    assert!(!ended_within(&mut child, 1), "still running");
     let calibrated = relens(&["calibrate", "--rig", "small.toml"], folder).wait().unwrap();
     assert_eq!(calibrated.code(), Some(3), "the folder is in use");
     let pressed =
@@ -62,7 +61,7 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{command}: {said}");
         assert!(said.contains(state) && said.contains("start it again"), "{command}: {said}");
-        assert!(!said.contains("EOF"), "no reader's own words: {said}");
+        assert!(!said.contains("EOF"), "no parser's message: {said}");
         assert!(said.contains("nothing was done") && !folder.join(down).exists(), "{said}");
     }
     std::fs::write(folder.join(state), kept).unwrap();
@@ -71,39 +70,39 @@ fn hang_up_changes_nothing_and_user_one_tells_what_is_done() {
     let mut said = String::new();
     child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
     assert!(said.contains("SIGHUP is ignored") && said.contains("waiting for photos"), "{said}");
-    assert!(said.contains("0 restored, 0 left as they were, 0 failed, 0 waiting"), "{said}");
+    assert!(said.contains("0 restored, 0 unchanged, 0 failed, 0 waiting"), "{said}");
     assert!(!said.contains("<6>"), "no priorities in a pipe: {said}");
 }
 
 #[test]
-fn asked_to_stop_while_it_measures_the_lens_it_ends_soon() {
+fn a_stop_during_a_calibration_is_quick() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let mut child = relens(&["run", "--rig", "simulated.toml"], folder);
     let begun = Instant::now();
     while !folder.join("calibration").exists() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "it does not begin");
+        assert!(begun.elapsed() < Duration::from_secs(60), "not begun");
         std::thread::sleep(Duration::from_millis(20));
     }
     std::thread::sleep(Duration::from_secs(1));
-    assert!(child.try_wait().unwrap().is_none(), "it measures the lens");
+    assert!(child.try_wait().unwrap().is_none(), "measuring the lens");
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     let asked = Instant::now();
-    // Ten times as long on a busy machine; all of it takes half a minute.
+    // Generous for a busy machine; a whole calibration takes half a minute.
     assert!(ended_within(&mut child, 5));
     println!("ended {:.2} s after it was asked to", asked.elapsed().as_secs_f64());
-    assert!(child.wait().unwrap().success(), "in good order");
-    assert!(!folder.join("outbox/index.html").exists(), "before it was done");
+    assert!(child.wait().unwrap().success(), "exits with 0");
+    assert!(!folder.join("outbox/index.html").exists(), "before the end");
     let kept = std::fs::read_dir(folder.join("calibration")).into_iter().flatten().flatten();
     let slots = kept.filter(|file| file.file_name().to_string_lossy().ends_with(".slot"));
-    assert_eq!(slots.count(), 0, "none that is half");
+    assert_eq!(slots.count(), 0, "none incomplete");
 }
 
 fn empty_inbox(folder: &Path) -> Child {
     relens(&["run", "--rig", "small.toml", "--once"], folder)
 }
 
-/// Every photo is in exactly one place; where.
+/// The places of the photos, one each.
 fn homes(folder: &Path) -> Vec<&'static str> {
     let home = |photo: &str| {
         let homes = ["inbox", "working", "done", "failed"];
@@ -131,7 +130,7 @@ fn ended_within(child: &mut Child, seconds: u64) -> bool {
 }
 
 #[test]
-fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
+fn kills_and_stops_lose_and_repeat_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::create_dir(folder.join("inbox")).unwrap();
@@ -142,7 +141,7 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
     }
     calibrated(folder);
 
-    // Killed at whatever it does by then.
+    // Killed at a random moment.
     for n in 0..5 {
         let mut child = empty_inbox(folder);
         std::thread::sleep(Duration::from_millis(150 + 170 * n));
@@ -151,12 +150,11 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
         homes(folder);
     }
 
-    // Asked to stop: it gives the photo under way back, or finishes it, and says that it ended in
-    // good order.
+    // Stopped: the photo under way is put back or finished.
     for n in 0..3 {
         let mut child = empty_inbox(folder);
         std::thread::sleep(Duration::from_millis(300 + 250 * n));
-        // It may have ended by itself.
+        // Possibly ended already.
         let _ = kill_process(Pid::from_child(&child), Signal::TERM);
         // A third of the unit's TimeoutStopSec.
         assert!(ended_within(&mut child, 30), "still there after 30 s");
@@ -171,7 +169,7 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
     let results = outbox.filter(|e| e.file_name().to_string_lossy().ends_with(".png")).count();
     assert_eq!(results, homes.iter().filter(|home| **home == "done").count(), "one result each");
     for (photo, home) in PHOTOS.iter().zip(homes) {
-        // One that was killed three times is taken for a killer.
+        // A photo interrupted three times is rejected.
         let note =
             std::fs::read_to_string(folder.join(format!("failed/{photo}.txt"))).unwrap_or_default();
         assert!(
@@ -182,7 +180,7 @@ fn killed_or_asked_to_stop_it_loses_nothing_and_does_nothing_twice() {
 }
 
 #[test]
-fn told_to_end_while_it_empties_the_inbox_it_begins_no_further_photo() {
+fn a_stop_while_emptying_the_inbox_begins_no_further_photo() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     calibrated(folder);
@@ -204,8 +202,8 @@ fn told_to_end_while_it_empties_the_inbox_it_begins_no_further_photo() {
     }
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     let said = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
-    // The one under way may have been done by then.
+    // The photo under way may be done.
     assert!(count("inbox") >= 6, "{} of 7 left: {said}", count("inbox"));
-    assert!(said.matches("left in the inbox").count() <= 1, "{said}");
+    assert!(said.matches("kept in the inbox").count() <= 1, "{said}");
     assert!(!said.contains("a capture failed"), "nothing failed: {said}");
 }

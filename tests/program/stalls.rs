@@ -1,9 +1,7 @@
-//! Whatever hangs: the service manager's watchdog is no longer fed, or the trouble has a name.
-//! Never a box that looks alive.
+//! Whatever hangs, the watchdog is no longer fed or the problem is reported.
 //!
-//! What the daemon's own thread may hang in: a capture or a solve, a pilot, a calibration, a
-//! picture for the panel, the disk, the worker that reads a photo. Beside it there is the desk's
-//! thread (button and lamps), and the threads that compute, for which it waits.
+//! The daemon's thread may hang in a capture or a solve, a pilot, a calibration, a screen, the disk
+//! or the worker that decodes a photo. The front panel (button and lamps) has its own thread.
 
 use std::io::{self, Read};
 use std::os::unix::fs::PermissionsExt;
@@ -19,7 +17,7 @@ use relens::daemon::{
     Attended, Daemon, DaemonSetting, Folders, Progress, Question, Reader, Restorer, Schedule,
     State, Turn,
 };
-use relens::disk::{Disk, FileKind, LocalDisk, Look, Unsynced};
+use relens::disk::{Disk, FileKind, LocalDisk, Metadata, Unsynced};
 use relens::frame::{Frame, Plane, Size, Work};
 use relens::kiosk::attend::{ButtonLevel, ButtonTiming, LampRow, attend};
 use relens::kiosk::front_panel::FrontPanel;
@@ -33,15 +31,15 @@ use relens::rig::{Clock, Moment, RigError};
 
 const RIG: Size = Size::new(64, 48);
 
-/// Long enough for a daemon that is not hung to come round a few times, on a busy machine as well.
+/// Time for a few rounds of a working daemon, also on a busy machine.
 const WHILE: Duration = Duration::from_millis(1500);
 
-/// Something that hangs while it is shut.
+/// A gate that blocks while it is shut.
 #[derive(Clone, Default)]
 struct Gate(Arc<(Mutex<(bool, bool)>, Condvar)>);
 
 impl Gate {
-    /// Passes through, as soon as it is open.
+    /// Waits until the gate is open.
     fn pass(&self) {
         let (state, changed) = &*self.0;
         let mut state = state.lock().unwrap();
@@ -56,17 +54,17 @@ impl Gate {
         state.lock().unwrap().0 = shut;
         changed.notify_all();
     }
-    /// Waits until somebody hangs in it.
-    fn hold_somebody(&self) {
+    /// Waits until a thread is blocked.
+    fn wait_for_blocked(&self) {
         let (state, changed) = &*self.0;
         let (state, waited) = changed
             .wait_timeout_while(state.lock().unwrap(), Duration::from_secs(60), |s| !s.1)
             .unwrap();
-        assert!(!waited.timed_out() && state.1, "nobody came to the gate");
+        assert!(!waited.timed_out() && state.1, "no thread is blocked");
     }
 }
 
-/// Real time, for real threads.
+/// Real time.
 struct Wall(Instant);
 
 impl Clock for Wall {
@@ -74,12 +72,12 @@ impl Clock for Wall {
         Moment(self.0.elapsed().as_secs_f64())
     }
     fn wait_until(&self, moment: Moment) {
-        let left = moment.0 - self.now().0;
-        std::thread::sleep(Duration::from_secs_f64(left.clamp(0.0, 0.02)));
+        let wait_s = moment.0 - self.now().0;
+        std::thread::sleep(Duration::from_secs_f64(wait_s.clamp(0.0, 0.02)));
     }
 }
 
-/// Where a stall is put.
+/// Location of a stall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Place {
     Restore,
@@ -90,7 +88,7 @@ enum Place {
 }
 
 #[derive(Debug, thiserror::Error)]
-#[error("the rig has to be measured anew")]
+#[error("the rig must be calibrated")]
 struct Stale;
 
 impl Remediable for Stale {
@@ -140,7 +138,7 @@ impl Restorer for Rig {
     }
 }
 
-/// Asks for a pilot before each photo.
+/// Shows a pilot before each photo.
 struct Piloted;
 
 impl Schedule for Piloted {
@@ -152,7 +150,7 @@ impl Schedule for Piloted {
     }
 }
 
-/// A disk that hangs when it is asked for a folder's names.
+/// A disk that hangs when listing a folder.
 struct Hanging(LocalDisk, Option<Gate>);
 
 impl Disk for Hanging {
@@ -162,8 +160,8 @@ impl Disk for Hanging {
         }
         self.0.list(folder)
     }
-    fn look(&self, path: &Path) -> io::Result<Look> {
-        self.0.look(path)
+    fn metadata(&self, path: &Path) -> io::Result<Metadata> {
+        self.0.metadata(path)
     }
     fn open(&self, path: &Path) -> io::Result<std::fs::File> {
         self.0.open(path)
@@ -210,7 +208,7 @@ fn setting() -> DaemonSetting {
     }
 }
 
-/// How often the watchdog was fed since this was last asked.
+/// Number of times the watchdog was fed since the last call.
 fn fed(socket: &UnixDatagram) -> usize {
     let (mut fed, mut buffer) = (0, [0; 4096]);
     while let Ok(length) = socket.recv(&mut buffer) {
@@ -219,8 +217,7 @@ fn fed(socket: &UnixDatagram) -> usize {
     fed
 }
 
-/// A daemon lives on a thread of its own and hangs in `place`: nobody feeds the watchdog until it
-/// is released.
+/// A daemon that hangs in `place` does not feed the watchdog until it is released.
 fn starves(place: Place) {
     let root = tempfile::tempdir().unwrap();
     let root = &root.path().canonicalize().unwrap();
@@ -260,7 +257,7 @@ fn starves(place: Place) {
         until_fed();
         gate.set_shut(true);
         photo(root);
-        gate.hold_somebody();
+        gate.wait_for_blocked();
         fed(&socket);
         std::thread::sleep(WHILE);
         let hungry = fed(&socket);
@@ -302,7 +299,7 @@ fn a_disk_that_hangs_starves_the_watchdog() {
 }
 
 #[test]
-fn a_worker_that_hangs_is_ended_and_its_photo_has_a_reason() {
+fn a_hanging_worker_is_killed_and_its_photo_has_a_reason() {
     let root = tempfile::tempdir().unwrap();
     let root = root.path();
     photo(root);
@@ -318,11 +315,11 @@ fn a_worker_that_hangs_is_ended_and_its_photo_has_a_reason() {
     let mut daemon =
         Daemon::open(folders, setting, &mut rig, &clock, &SystemTime::now, &mut watcher).unwrap();
     let summary = daemon.once().unwrap();
-    let told: Vec<_> = summary.failed.iter().chain(&summary.left).collect();
+    let told: Vec<_> = summary.failed.iter().chain(&summary.deferred).collect();
     assert!(told.len() == 1 && told[0].reason.contains("no answer within 1 s"), "{summary:?}");
 }
 
-/// LampRow on a bus that hangs, or that bring the desk's thread to its end.
+/// Lamps that hang or panic.
 struct Wire(Gate, bool);
 
 impl LampRow for Wire {
@@ -344,7 +341,7 @@ impl ButtonLevel for Stuck {
     }
 }
 
-/// A clock that goes as fast as it is waited on: half a minute is nothing.
+/// A clock that advances when waited on.
 struct Quick(Mutex<f64>);
 
 impl Clock for Quick {
@@ -352,16 +349,16 @@ impl Clock for Quick {
         Moment(*self.0.lock().unwrap())
     }
     fn wait_until(&self, moment: Moment) {
-        // A desk that is well comes round in between.
+        // A working front panel makes a round meanwhile.
         std::thread::sleep(Duration::from_millis(4));
         let mut now = self.0.lock().unwrap();
         *now = now.max(moment.0);
     }
 }
 
-/// A box for `lasts_s` seconds beside a desk with these lamps and this button: what it calls
-/// attention to in the end, and the last screen.
-fn beside_a_desk(
+/// Runs a box for `lasts_s` seconds with these lamps and this button; returns its final notices and
+/// last screen.
+fn with_front_panel(
     mut lamps: Wire,
     mut button: Stuck,
     mode: Mode,
@@ -387,7 +384,7 @@ fn beside_a_desk(
     let (front, ended) = (FrontPanel::default(), AtomicBool::new(false));
     let gates = [lamps.0.clone(), button.0.clone()];
     let mut panel = Panel(None);
-    front.comes_round();
+    front.count_round();
     std::thread::scope(|scope| {
         let desk = scope.spawn(|| {
             let timing = ButtonTiming { debounce_ms: 20.0, long_press_ms: 1500.0 };
@@ -405,18 +402,19 @@ fn beside_a_desk(
         daemon.scheduled(Box::new(schedule)).run(&|| clock.now().0 > lasts_s);
         ended.store(true, Ordering::Release);
         gates.iter().for_each(|gate| gate.set_shut(false));
-        // One that was told to end in a panic did.
+        // The one scripted to panic did.
         let _ = desk.join();
     });
     (State::read(root.path()).unwrap().unwrap().attention, panel.0)
 }
 
 #[test]
-fn a_desk_that_hangs_or_ends_is_called_by_its_name() {
+fn a_hanging_or_ended_front_panel_is_reported() {
     let shut = Gate::default();
     shut.set_shut(true);
     let open = Gate::default;
-    let (attention, screen) = beside_a_desk(Wire(open(), false), Stuck(open()), Mode::Button, 60.0);
+    let (attention, screen) =
+        with_front_panel(Wire(open(), false), Stuck(open()), Mode::Button, 60.0);
     assert!(
         attention.is_empty() && matches!(screen, Some(Screen::Ready { .. })),
         "{attention:?} {screen:?}"
@@ -427,9 +425,10 @@ fn a_desk_that_hangs_or_ends_is_called_by_its_name() {
         (Wire(open(), true), Stuck(open())),
     ] {
         shut.set_shut(true);
-        let (attention, screen) = beside_a_desk(lamps, button, Mode::Button, 60.0);
+        let (attention, screen) = with_front_panel(lamps, button, Mode::Button, 60.0);
         assert!(
-            attention.len() == 1 && attention[0].contains("the button and the lamps do not answer"),
+            attention.len() == 1
+                && attention[0].contains("the button and the lamps do not respond"),
             "{attention:?}"
         );
         assert!(matches!(screen, Some(Screen::Trouble { .. })), "{screen:?}");

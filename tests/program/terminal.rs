@@ -1,4 +1,4 @@
-//! The built program on a terminal: its line of progress, and what it leaves behind.
+//! The built program on a terminal: progress line and remaining output.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -17,18 +17,18 @@ use crate::{SCENE, calibrated};
 /// Rows of the terminals.
 const ROWS: u16 = 40;
 
-/// What was on a terminal.
+/// Contents of a terminal.
 struct Seen {
     status: ExitStatus,
     bytes: Vec<u8>,
     screen: vt100::Parser,
-    /// Every line of progress that was there after a write.
+    /// Every progress line visible after a write.
     bars: Vec<String>,
 }
 
 impl Seen {
-    /// The rows that are left in the end, those that wrap put together.
-    fn left(&self) -> String {
+    /// Remaining rows, with wrapped ones joined.
+    fn remaining(&self) -> String {
         self.screen.screen().contents()
     }
 }
@@ -37,7 +37,7 @@ fn is_bar(row: &str) -> bool {
     row.contains(['█', '░'])
 }
 
-/// Runs relens on a terminal of so many `columns`; `interrupt`: until its first line of progress.
+/// Runs relens on a terminal with `columns`; `interrupt` stops it at its first progress line.
 fn on_terminal(
     words: &[&str],
     folder: &Path,
@@ -53,24 +53,24 @@ fn on_terminal(
     let slave: OwnedFd =
         File::options().read(true).write(true).open(path.to_str().unwrap()).unwrap().into();
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
-    // Words before the command that set something are the environment's.
+    // Assignments before the command set the environment.
     let set = words.iter().map_while(|word| word.split_once('=')).collect::<Vec<_>>();
     command.args(&words[set.len()..]).current_dir(folder).env_remove("COLUMNS");
     command.envs(set).env("TERM", name).env("NO_COLOR", "1");
     command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap()).stderr(slave);
     let mut child = command.spawn().unwrap();
-    // The program holds the only other end now.
+    // The program now holds the only other end.
     drop(command);
     let mut screen = vt100::Parser::new(ROWS.try_into().unwrap(), columns.try_into().unwrap(), 0);
     let (mut bytes, mut bars) = (Vec::new(), Vec::new());
     let (mut master, mut piece) = (File::from(master), [0; 4096]);
-    // Reading ends with an error when nobody has the terminal open any more.
+    // Reading fails once the terminal is closed.
     while let Ok(length @ 1..) = master.read(&mut piece) {
         bytes.extend_from_slice(&piece[..length]);
         screen.process(&piece[..length]);
         let rows: Vec<String> =
             screen.screen().rows(0, columns).filter(|row| is_bar(row)).collect();
-        assert!(rows.len() <= 1, "one line of progress at a time: {rows:#?}");
+        assert!(rows.len() <= 1, "one progress line at a time: {rows:#?}");
         if interrupt && bars.is_empty() && !rows.is_empty() {
             // The key's echo comes before its signal, which this terminal does not send by itself.
             master.write_all(b"\x03").unwrap();
@@ -90,31 +90,34 @@ fn folder_with_photo() -> tempfile::TempDir {
     let words = ["photograph", "--rig", "small.toml", SCENE, "-o", photo];
     let mut command = Command::new(env!("CARGO_BIN_EXE_relens"));
     let output = command.args(words).current_dir(folder.path()).output().unwrap();
-    assert!(output.status.success() && output.stderr.is_empty(), "nothing is drawn into a pipe");
+    assert!(output.status.success() && output.stderr.is_empty(), "no progress in a pipe");
     folder
 }
 
 #[test]
-fn progress_fits_fifty_columns_and_leaves_nothing_behind() {
+fn progress_fits_fifty_columns_and_is_cleared() {
     let folder = folder_with_photo();
     let words = ["run", "--rig", "small.toml", "--once", "-v"];
     let seen = on_terminal(&words, folder.path(), ("xterm", 50), false);
-    let left = seen.left();
-    assert!(seen.status.success(), "{left}");
+    let remaining = seen.remaining();
+    assert!(seen.status.success(), "{remaining}");
     for doing in ["calibrating: ", "a-photo"] {
         let bar = seen.bars.iter().find(|bar| bar.contains(doing));
         assert!(bar.is_some_and(|bar| bar.contains(" %  ")), "{doing}: {:#?}", seen.bars);
     }
-    assert!(!is_bar(&left), "{left}");
+    assert!(!is_bar(&remaining), "{remaining}");
     assert!(!seen.bytes.windows(3).any(|bytes| bytes == b"\x1b[3"), "no colours");
-    // No line of the log is torn: each begins its row.
+    // Each log line begins a row.
     for line in ["calibrating the simulated rig small", "a-photo-with-a-name", "1 restored"] {
-        assert!(left.lines().any(|row| row.trim_start().starts_with(line)), "{line}: {left}");
+        assert!(
+            remaining.lines().any(|row| row.trim_start().starts_with(line)),
+            "{line}: {remaining}"
+        );
     }
 }
 
 #[test]
-fn columns_that_are_told_are_believed() {
+fn the_columns_variable_is_respected() {
     let folder = folder_with_photo();
     calibrated(folder.path());
     let words = ["run", "--rig", "small.toml", "--once"];
@@ -129,16 +132,16 @@ fn columns_that_are_told_are_believed() {
 }
 
 #[test]
-fn interrupted_it_leaves_a_clean_line_and_says_so_to_the_shell() {
+fn an_interrupt_clears_the_line_and_is_reported_to_the_shell() {
     let folder = tempfile::tempdir().unwrap();
     let words = ["calibrate", "--rig", "small.toml"];
     let seen = on_terminal(&words, folder.path(), ("xterm", 80), true);
     assert_eq!(seen.status.signal(), Some(Signal::INT.as_raw()));
-    assert!(!seen.bars.is_empty() && seen.left().trim().is_empty(), "{}", seen.left());
+    assert!(!seen.bars.is_empty() && seen.remaining().trim().is_empty(), "{}", seen.remaining());
 }
 
 #[test]
-fn a_terminal_without_a_cursor_gets_plain_lines() {
+fn a_dumb_terminal_gets_plain_lines() {
     let folder = tempfile::tempdir().unwrap();
     let words = ["photograph", "--rig", "small.toml", SCENE, "-o", "a.png", "-v"];
     let seen = on_terminal(&words, folder.path(), ("dumb", 50), false);

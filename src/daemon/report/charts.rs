@@ -1,5 +1,5 @@
-//! The last day drawn: photos by the minute or the quarter of an hour, drift, temperature. Lines
-//! and bars are SVG that fills its box; every letter is the page's own, legible on a phone.
+//! Charts of the last day: photos per interval, drift, temperature. Lines and bars are SVG that
+//! fills its box; text is HTML, legible on a phone.
 
 use std::fmt::Write;
 
@@ -7,20 +7,20 @@ use super::card::GalleryPhoto;
 use super::html::{photos, span};
 use crate::daemon::store::pilots::PilotEntry;
 
-/// What is drawn: this long before the newest event. A night and the evening before it.
+/// Time drawn, before the newest event: a night and the evening before it.
 const SPAN_S: u64 = 86_400;
 
-/// What a bar may count: a minute, five, a quarter of an hour.
+/// Intervals of a bar and their names.
 const BARS_S: [(u64, &str); 3] =
     [(60, "a minute"), (300, "5 minutes"), (900, "a quarter of an hour")];
 
-/// Bars that a phone has room for.
+/// Most bars, which fit on a phone.
 const BARS_MAX: u64 = 96;
 
-/// Height and width of a drawing in its own units.
+/// Height and width of a drawing in user units.
 const SIDE: f64 = 100.0;
 
-/// The charts' HTML for photos, newest first; empty when there is nothing to draw.
+/// HTML of the charts of `shown`, newest first; empty without data.
 pub(super) fn charts(shown: &[GalleryPhoto<'_>], pilots: &[PilotEntry]) -> String {
     let ends = shown.iter().map(|photo| photo.report.finished_unix_s);
     let events = ends.chain(pilots.iter().map(|p| p.unix_s));
@@ -34,31 +34,7 @@ pub(super) fn charts(shown: &[GalleryPhoto<'_>], pilots: &[PilotEntry]) -> Strin
     let mut html = String::from("<section class=\"charts\" aria-label=\"The last day\">\n");
 
     let night: Vec<_> = shown.iter().filter(|p| recent(p.report.finished_unix_s)).collect();
-    if let (Some(last), Some(first)) = (night.first(), night.last()) {
-        let mut bars = vec![0_usize; ((end - begin) / bar_s) as usize];
-        for photo in &night {
-            bars[((photo.report.finished_unix_s - begin) / bar_s) as usize] += 1;
-        }
-        let took = last.report.finished_unix_s as f64 - first.report.finished_unix_s as f64
-            + first.report.seconds;
-        let title = format!("{} in {}", photos(night.len()), span(took));
-        let most = bars.iter().copied().max().unwrap_or(1);
-        let width = SIDE / bars.len() as f64;
-        let mut drawn = String::new();
-        for (n, &count) in bars.iter().enumerate().filter(|(_, count)| **count > 0) {
-            let height = SIDE * count as f64 / most as f64;
-            let _ = write!(
-                drawn,
-                "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{height:.2}\"/>",
-                n as f64 * width + 0.05 * width,
-                SIDE - height,
-                0.9 * width,
-            );
-        }
-        let caption = format!("{title} <small>bars of {bar_words}</small>");
-        figure(&mut html, &caption, ["0", &most.to_string()], (begin, end), &drawn);
-    }
-
+    bar_chart(&mut html, &night, (begin, end), (bar_s, bar_words));
     let line = |of: &dyn Fn(&PilotEntry) -> Option<f64>| -> Vec<(f64, f64)> {
         let recent = pilots.iter().filter(|p| recent(p.unix_s));
         let points = recent.filter_map(|p| Some(((p.unix_s - begin) as f64, of(p)?)));
@@ -70,12 +46,12 @@ pub(super) fn charts(shown: &[GalleryPhoto<'_>], pilots: &[PilotEntry]) -> Strin
         ("Stray light", "grey levels", line(&|p| Some(p.drift.offset_levels))),
         ("Temperature of the board", "°C", line(&|p| p.temperature_c)),
     ];
-    // One point is no course of a night.
+    // A line needs two points.
     let lines: Vec<_> = lines.into_iter().filter(|(.., points)| points.len() > 1).collect();
     if !lines.is_empty() {
-        html.push_str("<details><summary>How steady the box was</summary>\n");
+        html.push_str("<details><summary>Drift of the box</summary>\n");
         for (title, unit, points) in lines {
-            course(&mut html, (title, unit), &points, (begin, end));
+            line_chart(&mut html, (title, unit), &points, (begin, end));
         }
         html.push_str("</details>\n");
     }
@@ -83,9 +59,46 @@ pub(super) fn charts(shown: &[GalleryPhoto<'_>], pilots: &[PilotEntry]) -> Strin
     html
 }
 
-/// A line through `points`: seconds since the beginning of `over`, and values.
-fn course(html: &mut String, (title, unit): (&str, &str), points: &[(f64, f64)], over: (u64, u64)) {
-    // Zero belongs to every one of them but temperature, which is near nothing.
+/// A bar chart of the photos of a `night`, newest first, with bars of a duration and its name.
+fn bar_chart(
+    html: &mut String,
+    night: &[&GalleryPhoto<'_>],
+    over: (u64, u64),
+    (bar_s, bar_words): (u64, &str),
+) {
+    let (Some(last), Some(first)) = (night.first(), night.last()) else { return };
+    let mut bars = vec![0_usize; ((over.1 - over.0) / bar_s) as usize];
+    for photo in night {
+        bars[((photo.report.finished_unix_s - over.0) / bar_s) as usize] += 1;
+    }
+    let took = last.report.finished_unix_s as f64 - first.report.finished_unix_s as f64
+        + first.report.seconds;
+    let most = bars.iter().copied().max().unwrap_or(1);
+    let width = SIDE / bars.len() as f64;
+    let mut drawn = String::new();
+    for (n, &count) in bars.iter().enumerate().filter(|(_, count)| **count > 0) {
+        let height = SIDE * count as f64 / most as f64;
+        let _ = write!(
+            drawn,
+            "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{height:.2}\"/>",
+            n as f64 * width + 0.05 * width,
+            SIDE - height,
+            0.9 * width,
+        );
+    }
+    let title = format!("{} in {}", photos(night.len()), span(took));
+    let caption = format!("{title} <small>bars of {bar_words}</small>");
+    figure(html, &caption, ["0", &most.to_string()], over, &drawn);
+}
+
+/// A line chart of `points`: seconds since the beginning of `over`, and values.
+fn line_chart(
+    html: &mut String,
+    (title, unit): (&str, &str),
+    points: &[(f64, f64)],
+    over: (u64, u64),
+) {
+    // Every axis but that of temperature includes zero.
     let about = if unit == "°C" { f64::INFINITY } else { 0.0 };
     let (mut low, mut high) =
         points.iter().fold((about, -about), |(l, h), &(_, v)| (l.min(v), h.max(v)));
@@ -98,13 +111,12 @@ fn course(html: &mut String, (title, unit): (&str, &str), points: &[(f64, f64)],
         points.iter().map(|&(at, v)| format!("{:.2},{:.2}", x(at), y(v))).collect();
     let drawn = format!("<polyline points=\"{}\"/>", path.join(" "));
     let caption = format!("{title} <small>{unit}</small>");
-    // Without a minus before what rounds to nothing.
+    // No minus sign before zero.
     let label = |value: f64| format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0);
     figure(html, &caption, [&label(low), &label(high)], over, &drawn);
 }
 
-/// A drawing with its lowest and highest value and its hours, in UTC until a script makes them
-/// local.
+/// A drawing with its range of values and its hours, in UTC until a script makes them local.
 fn figure(html: &mut String, caption: &str, [low, high]: [&str; 2], over: (u64, u64), drawn: &str) {
     let _ = write!(
         html,
@@ -113,7 +125,7 @@ fn figure(html: &mut String, caption: &str, [low, high]: [&str; 2], over: (u64, 
          aria-hidden=\"true\">{drawn}</svg></div><p class=\"hours\">"
     );
     let span_s = over.1 - over.0;
-    // Labels are minutes: none is said twice.
+    // Labels have minutes: none may be repeated.
     let parts = if span_s < 4 * 60 { 1 } else { 3 };
     for part in 0..=parts {
         let at = over.0 + span_s * part / parts;
@@ -145,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn every_bar_is_inside_also_the_newest_and_the_only_one() {
+    fn every_bar_is_inside_the_chart() {
         for count in [1, 4, 60, 4000] {
             let reports: Vec<Report> = (0..count).map(report).collect();
             let html = charts_of(&reports);
@@ -158,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_is_what_was_done() {
+    fn titles_state_number_and_duration() {
         let mut reports: Vec<Report> = (0..4).map(report).collect();
         for (n, report) in reports.iter_mut().enumerate() {
             report.finished_unix_s = 1_700_000_000 + 180 * n as u64;
@@ -168,7 +180,7 @@ mod tests {
         assert!(html.contains("4 photos in 12 min <small>bars of a minute"), "{html}");
         let one = charts_of(&reports[..1]);
         assert!(one.contains("1 photo in 3 min"));
-        assert_eq!(one.matches("data-hour").count(), 2, "a minute has no thirds: {one}");
+        assert_eq!(one.matches("data-hour").count(), 2, "a minute is not divided: {one}");
         assert_eq!(charts_of(&[]), "");
     }
 }

@@ -1,8 +1,8 @@
-//! Words for the gallery's pages. Whatever comes from a file's name or an error is escaped.
+//! Text of the gallery's pages. File names and errors are escaped.
 
 use jiff::Timestamp;
 
-/// Text for HTML, in content as in quoted attributes. Control characters are shown, not obeyed.
+/// `text` escaped for HTML content and quoted attributes, control characters replaced.
 pub(super) fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for c in text.chars().map(harmless) {
@@ -18,7 +18,7 @@ pub(super) fn escape(text: &str) -> String {
     safe
 }
 
-/// The letter, or a mark in place of one that makes a name read as another.
+/// Replaces characters that would disguise a name.
 pub(super) fn harmless(c: char) -> char {
     match c {
         // Bidirectional overrides.
@@ -28,7 +28,7 @@ pub(super) fn harmless(c: char) -> char {
     }
 }
 
-/// A time, in UTC for those without scripts; the page makes it local.
+/// A time in UTC, which the page's script converts to local time.
 pub(super) fn moment(unix_s: u64) -> String {
     let stamp = i64::try_from(unix_s).ok().and_then(|s| Timestamp::from_second(s).ok());
     match stamp.filter(|_| unix_s > 0) {
@@ -36,11 +36,11 @@ pub(super) fn moment(unix_s: u64) -> String {
             "<time datetime=\"{stamp}\" data-unix=\"{unix_s}\">{}</time>",
             stamp.strftime("%Y-%m-%d %H:%M UTC")
         ),
-        None => "at a time not known".to_owned(),
+        None => "at an unknown time".to_owned(),
     }
 }
 
-/// A length of time.
+/// A duration.
 pub(super) fn span(seconds: f64) -> String {
     match seconds {
         s if s < 9.95 => format!("{s:.1} s"),
@@ -53,7 +53,7 @@ pub(super) fn span(seconds: f64) -> String {
     }
 }
 
-/// So many photos.
+/// A number of photos.
 pub(super) fn photos(count: usize) -> String {
     if count == 1 { "1 photo".to_owned() } else { format!("{count} photos") }
 }
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spans_are_read_at_a_glance() {
+    fn durations_have_two_or_three_digits() {
         for (seconds, wanted) in
             [(4.31, "4.3 s"), (60.0, "60 s"), (720.0, "12 min"), (29_100.0, "8 h 05 min")]
         {

@@ -1,4 +1,4 @@
-//! What is told of the daemon's work, read from the store: the gallery, the state file, the sums.
+//! Reports on the daemon's work: the gallery, the state file, the summary.
 
 pub(super) mod gallery;
 pub(super) mod state;
@@ -20,39 +20,40 @@ use gallery::Gallery;
 use state::{Doing, State};
 use summary::Summary;
 
-/// Tells what the daemon does: in the state file, and in the gallery.
+/// Writes the state file and the gallery.
 pub(super) struct Reporter {
     rig: String,
     needs_button: bool,
     gallery: Gallery,
     written: Option<Moment>,
-    /// The gallery shows results that were removed.
+    /// Whether the gallery shows results that were removed.
     stale: bool,
-    /// What it said of photos without a result when it was written.
+    /// Photos without a result in the gallery as written.
     shown: (Vec<Failed>, Waiting),
     summary: Summary,
-    /// Who waits, as told last.
+    /// Numbers of waiting photos as written.
     waiting: Waiting,
-    /// What was told last.
+    /// State as written.
     doing: Doing,
-    /// What the operator should know, as told last.
+    /// Notices to the operator as published.
     attention: Vec<String>,
 }
 
-/// What is told together: photos that stay in the inbox, and when that is so.
+/// Photos in the inbox at a time.
 #[derive(Debug, Clone)]
-pub(super) struct Telling {
-    pub(super) left: Vec<Failed>,
+pub(super) struct Snapshot {
+    pub(super) deferred: Vec<Failed>,
     pub(super) waiting: Waiting,
     pub(super) moment: Moment,
     pub(super) unix_s: u64,
 }
 
 impl Reporter {
-    /// Tells of what the rig called `rig` does with `folders`, and whether it waits for a button.
+    /// Opens the reports of the rig called `rig` on `folders`.
     pub(super) fn open(
         folders: &Folders,
-        (rig, needs_button): (&str, bool),
+        rig: &str,
+        needs_button: bool,
     ) -> Result<Reporter, FileError> {
         Ok(Reporter {
             rig: rig.to_owned(),
@@ -68,10 +69,9 @@ impl Reporter {
         })
     }
 
-    /// A photo has a result.
+    /// Adds a photo with a result.
     pub(super) fn add(&mut self, report: Report) {
         log::info!("{}", report.line());
-        // What the file was, and what its result has not of it.
         for note in report.notes.iter().filter(|note| !note.starts_with("noise of the photo")) {
             log::info!("{}: {note}", report.photo);
         }
@@ -79,64 +79,63 @@ impl Reporter {
         self.summary.add(report);
     }
 
-    /// A photo was set aside.
+    /// Adds a rejected photo.
     pub(super) fn add_failed(&mut self, failed: Failed) {
         log::warn!("not restored: {}", failed.reason);
         self.gallery.add_failed(failed.clone());
         self.summary.add_failed(failed);
     }
 
-    /// A result is no longer in the outbox.
+    /// Removes the result called `result`.
     pub(super) fn forget(&mut self, result: &str) {
         self.gallery.remove(result);
         self.summary.forget(result);
         self.stale = true;
     }
 
-    /// Results were removed from the outbox.
+    /// Reads the outbox anew after results were removed.
     pub(super) fn reload(&mut self, folders: &Folders) {
         self.gallery = Gallery::load(folders).unwrap_or_default();
         self.stale = true;
     }
 
-    /// What was done, while `left` stay in the inbox, of `waiting` in all.
-    pub(super) fn summary(&self, left: Vec<Failed>, waiting: Waiting) -> Summary {
-        Summary { left, waiting, ..self.summary.clone() }
+    /// The summary, with the photos still in the inbox.
+    pub(super) fn summary(&self, deferred: Vec<Failed>, waiting: Waiting) -> Summary {
+        Summary { deferred, waiting, ..self.summary.clone() }
     }
 
-    /// Seconds that photos took of late.
+    /// Mean duration of the last photos, seconds.
     pub(super) fn usual_s(&self) -> Option<f64> {
         self.gallery.usual_s()
     }
 
-    /// What the daemon does, as told last.
+    /// The state as written.
     pub(super) fn doing(&self) -> Doing {
         self.doing.clone()
     }
 
-    /// Writes the state file and the page's line. That nobody can look on is no reason to stop.
-    pub(super) fn tell(&mut self, folders: &Folders, doing: Doing, telling: &Telling) {
-        (self.doing, self.waiting) = (doing.clone(), telling.waiting);
-        self.gallery.waiting = telling.waiting;
+    /// Writes the state file and the page's status line. Errors are logged only.
+    pub(super) fn set_doing(&mut self, folders: &Folders, doing: Doing, snapshot: &Snapshot) {
+        (self.doing, self.waiting) = (doing.clone(), snapshot.waiting);
+        self.gallery.waiting = snapshot.waiting;
         let state = State {
             rig: self.rig.clone(),
             doing,
             counts: self.gallery.counts(),
             attention: self.attention.clone(),
             needs_button: self.needs_button,
-            written_unix_s: telling.unix_s,
+            written_unix_s: snapshot.unix_s,
         };
         if let Err(error) = state.write(folders) {
             log::debug!("{}", full_message(&error));
         }
-        if let Err(error) = now::write(folders, &state.doing, telling.unix_s) {
+        if let Err(error) = now::write(folders, &state.doing, snapshot.unix_s) {
             log::debug!("{}", full_message(&error));
         }
     }
 
-    /// Says once what the operator should know. Whether that is something else than before, and so
-    /// to be told and shown.
-    pub(super) fn call_attention(&mut self, attention: Vec<String>) -> bool {
+    /// Sets the notices to the operator and logs new ones; returns whether they have changed.
+    pub(super) fn set_attention(&mut self, attention: Vec<String>) -> bool {
         let new = attention.iter().filter(|words| !self.attention.contains(words));
         new.for_each(|words| log::warn!("{words}"));
         let changed = attention != self.attention;
@@ -144,37 +143,41 @@ impl Reporter {
         changed
     }
 
-    /// Whether the gallery should be written though more photos are to come.
+    /// Whether the gallery is due to be written while photos are still being restored.
     pub(super) fn is_due(&self, now: Moment) -> bool {
         self.written.is_none_or(|at| now.0 - at.0 >= self.gallery.period_s())
     }
 
-    /// Tells who waits, where that changed; the page follows, which names them and says why.
-    pub(super) fn tell_who_waits(&mut self, folders: &Folders, telling: &Telling) {
-        if self.waiting != telling.waiting {
-            self.tell(folders, self.doing.clone(), telling);
+    /// Writes changed numbers of waiting photos, and the gallery when it is due.
+    pub(super) fn update_waiting(&mut self, folders: &Folders, snapshot: &Snapshot) {
+        if self.waiting != snapshot.waiting {
+            self.set_doing(folders, self.doing.clone(), snapshot);
         }
-        let (left, waiting) = &self.shown;
-        let is_shown = *left == telling.left && *waiting == telling.waiting;
+        let (deferred, waiting) = &self.shown;
+        let is_shown = *deferred == snapshot.deferred && *waiting == snapshot.waiting;
         if !is_shown
-            && self.is_due(telling.moment)
-            && let Err(error) = self.show(folders, telling)
+            && self.is_due(snapshot.moment)
+            && let Err(error) = self.write_gallery(folders, snapshot)
         {
             log::warn!("{}", full_message(&error));
         }
     }
 
-    /// Whether the gallery shows what is no more.
+    /// Whether the gallery shows results that were removed.
     pub(super) fn is_stale(&self) -> bool {
         self.stale
     }
 
     /// Writes the gallery.
-    pub(super) fn show(&mut self, folders: &Folders, telling: &Telling) -> Result<(), FileError> {
-        (self.written, self.stale) = (Some(telling.moment), false);
-        self.shown = (telling.left.clone(), telling.waiting);
-        self.gallery.waiting = telling.waiting;
-        self.gallery.write(folders, &self.rig, &telling.left, &self.attention, telling.unix_s)
+    pub(super) fn write_gallery(
+        &mut self,
+        folders: &Folders,
+        snapshot: &Snapshot,
+    ) -> Result<(), FileError> {
+        (self.written, self.stale) = (Some(snapshot.moment), false);
+        self.shown = (snapshot.deferred.clone(), snapshot.waiting);
+        self.gallery.waiting = snapshot.waiting;
+        self.gallery.write(folders, &self.rig, &snapshot.deferred, &self.attention, snapshot.unix_s)
     }
 }
 

@@ -2,7 +2,7 @@
 for (const time of document.querySelectorAll("time[data-unix]")) {
   time.textContent = new Date(Number(time.dataset.unix) * 1000).toLocaleString();
 }
-// The page around it has as much room as is needed.
+// Reports the height to the surrounding page.
 const tell = () => parent.postMessage({ relensNow: document.body.offsetHeight }, "*");
 addEventListener("resize", tell);
 tell();

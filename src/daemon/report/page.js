@@ -1,7 +1,7 @@
 "use strict";
 const { up, page: perPage } = document.body.dataset;
 
-// A small picture that a power cut has taken: the large one in its place.
+// A thumbnail damaged by a power cut is replaced by the preview.
 for (const small of document.querySelectorAll("img[data-large]")) {
   const large = () => { if (small.dataset.large) small.src = small.dataset.large; delete small.dataset.large; };
   small.addEventListener("error", large, { once: true });
@@ -22,7 +22,7 @@ for (const hour of document.querySelectorAll("[data-hour]")) {
   hour.textContent = new Date(Number(hour.dataset.hour) * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
 }
 
-// The names of all photos come when they are first asked for, as a script: a page opened from a disk may not read data.
+// The names of all photos are loaded on demand, as a script: a page opened from a disk may not read data files.
 let names;
 const asked = [];
 const withNames = (then) => {
@@ -34,13 +34,13 @@ const withNames = (then) => {
   document.head.append(script);
 };
 
-// Where the photo of that number is: on this page, or on the page that holds its sixty.
+// Address of the photo with that number, on this or another page.
 const addressOf = (number, prefix) => {
   if (document.getElementById("photo-" + number)) return `#${prefix}-${number}`;
   return `${up}gallery/photos-${Math.floor(number / perPage) + 1}.html#${prefix}-${number}`;
 };
 
-// The line that says what the box is doing tells how high it is.
+// The status line reports its height.
 const now = document.querySelector("iframe.now");
 addEventListener("message", (event) => {
   if (now && event.source === now.contentWindow && event.data?.relensNow > 0) now.style.height = event.data.relensNow + 8 + "px";
@@ -51,7 +51,7 @@ if (form) {
   const input = form.querySelector("input"), found = document.getElementById("found");
   const oneMore = 300;
   let state = "", shownMax = oneMore;
-  // Photos without a result are on this page alone; each is there if its name has the words.
+  // Photos without a result are listed on this page only.
   const among = (list, wanted, active) => {
     let shown = 0;
     for (const item of list.querySelectorAll("li")) {
@@ -82,7 +82,7 @@ if (form) {
       const [name, , small] = names[number];
       const link = document.createElement("a"), picture = document.createElement("img");
       link.href = addressOf(number, "photo");
-      // On this page the cards come back; the search does by the browser's Back.
+      // A hit on this page closes the search; the browser's Back reopens it.
       if (link.hash && link.getAttribute("href").startsWith("#")) link.addEventListener("click", leave);
       picture.src = up + small;
       picture.alt = "";

@@ -1,72 +1,72 @@
-//! The gallery's pages. They work from a disk, without a server, a network or scripts.
+//! The gallery's pages, which work from a disk without server, network or scripts.
 
 use std::ffi::OsStr;
 use std::fmt::Write;
 
-use super::card::{GalleryPhoto, card, stamp};
+use super::card::{GalleryPhoto, card, thumbnail};
 use super::charts;
 use super::html::{escape, moment, photos};
 use crate::daemon::store::limits::Removed;
+use crate::daemon::store::names::address;
 use crate::daemon::store::pilots::PilotEntry;
-use crate::daemon::store::report_file::{Failed, ResultKind, address};
+use crate::daemon::store::report_file::{Failed, ResultKind};
 use crate::daemon::store::waiting::Waiting;
 
-/// Photos without a result that are listed at once; more are a click away.
+/// Photos without a result listed openly; longer lists are folded.
 const LISTED: usize = 5;
 
 /// Photos on one page.
 pub(super) const PHOTOS: usize = 60;
 
-/// Address of the `n`-th page, from 1, of `pages`, from the outbox.
+/// Explains the list of rejected photos.
+const FAILED: &str = "They are in the folder <code>failed</code>, unchanged. To try one again, \
+                      move it back into <code>inbox</code>.";
+
+/// Explains the list of deferred photos.
+const DEFERRED: &str = "They are still in the folder <code>inbox</code> and will be tried again.";
+
+/// Address of the photo page `n`, from 1, relative to the outbox.
 pub(super) fn page_address(n: usize) -> String {
-    format!("gallery/photos-{n}.html")
+    format!("gallery/{}", page_name(n))
 }
 
-/// The number of the photo page whose file is called `name`.
+/// File name of the photo page `n`.
+pub(super) fn page_name(n: usize) -> String {
+    format!("photos-{n}.html")
+}
+
+/// Number of the photo page with the file name `name`.
 pub(super) fn number(name: &OsStr) -> Option<usize> {
     name.to_str()?.strip_prefix("photos-")?.strip_suffix(".html")?.parse().ok()
 }
 
-/// Everything the first page says beside its photos.
+/// Contents of the first page.
 pub(super) struct Overview<'a> {
     pub(super) rig: &'a str,
     /// All photos with a result, newest first.
     pub(super) photos: &'a [GalleryPhoto<'a>],
     pub(super) failed: &'a [Failed],
-    pub(super) left: &'a [Failed],
-    /// Photos that wait, those left among them.
+    pub(super) deferred: &'a [Failed],
+    /// Numbers of waiting photos, the deferred included.
     pub(super) waiting: Waiting,
-    /// Where the line is that says what the box is doing, if it is.
+    /// Address of the status line, if written.
     pub(super) now: Option<&'a str>,
-    /// What the operator should know, a sentence each.
+    /// Notices to the operator, a sentence each.
     pub(super) attention: &'a [String],
     pub(super) removed: Removed,
     pub(super) pilots: &'a [PilotEntry],
     pub(super) now_unix_s: u64,
 }
 
-/// The first page: the counts, what failed, the newest photos, and how the night went.
+/// The first page: counts, failures, newest photos, charts.
 pub(super) fn first_page(overview: &Overview<'_>) -> String {
-    let &Overview { rig, photos: all, failed, left, waiting, .. } = overview;
+    let &Overview { rig, photos: all, failed, deferred, .. } = overview;
     let &Overview { attention, removed, pilots, now_unix_s, .. } = overview;
-    let restored = all.iter().filter(|p| p.report.outcome == ResultKind::Restored).count();
-    let as_were = all.len() - restored;
-    let mut counts = vec![format!("<b>{restored}</b> restored")];
-    let waiting_words = waiting.to_string();
-    for (n, words) in [
-        (as_were, if as_were == 1 { "left as it was" } else { "left as they were" }),
-        (failed.len(), "failed"),
-        (waiting.all(), waiting_words.split_once(' ').map_or("waiting", |(_, words)| words)),
-    ] {
-        if n > 0 {
-            counts.push(format!("<b>{n}</b> {words}"));
-        }
-    }
-    let mut html = head(&format!("<p>{}</p>\n", counts.join(" · ")), "", all.len());
+    let mut html = head(&format!("<p>{}</p>\n", counts(overview)), "", all.len());
     if let Some(now) = overview.now {
         let _ = writeln!(
             html,
-            "<iframe class=\"now\" title=\"What the box is doing\" src=\"{now}\"></iframe>"
+            "<iframe class=\"now\" title=\"Status of the box\" src=\"{now}\"></iframe>"
         );
     }
     for words in attention {
@@ -76,11 +76,8 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
             escape(words.trim_end_matches('.'))
         );
     }
-    let failed_are = "They lie unchanged in the folder <code>failed</code>. To try one again, move \
-                      it back into <code>inbox</code>.";
-    list(&mut html, "Failed", failed_are, failed, Some("../failed/"));
-    let left_are = "They are still in the folder <code>inbox</code>, and are tried again.";
-    list(&mut html, "Waiting", left_are, left, None);
+    list(&mut html, "Failed", FAILED, failed, Some("../failed/"));
+    list(&mut html, "Waiting", DEFERRED, deferred, None);
     if all.is_empty() {
         html.push_str(
             "<p class=\"empty\">No photo has been restored yet. Drop one into the inbox.</p>\n",
@@ -94,8 +91,8 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
     if removed != Removed::default() {
         let _ = writeln!(
             html,
-            "<p class=\"quiet\">Removed by the limits of this box so far: {} of the results, {} \
-             of the originals, {} MiB; the last {}.</p>",
+            "<p class=\"quiet\">Removed by the limits of this box: results {}, originals {}, {} \
+             MiB; most recently {}.</p>",
             removed.results,
             removed.originals,
             removed.bytes >> 20,
@@ -104,7 +101,7 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
     }
     let _ = writeln!(
         html,
-        "<p class=\"quiet\">Written {} by the rig {}. The same <a \
+        "<p class=\"quiet\">Written {} by the rig {}. Also available <a \
          href=\"gallery/report.json\">as data</a>.</p>",
         moment(now_unix_s),
         escape(rig),
@@ -112,8 +109,26 @@ pub(super) fn first_page(overview: &Overview<'_>) -> String {
     foot(html)
 }
 
-/// The `n`-th page, from 1 with the oldest photos, of `pages`, with these photos, newest first. It
-/// names its neighbours only, so that it does not change with every page that is added.
+/// Numbers of photos by outcome, in HTML.
+fn counts(overview: &Overview<'_>) -> String {
+    let &Overview { photos: all, failed, waiting, .. } = overview;
+    let restored = all.iter().filter(|p| p.report.outcome == ResultKind::Restored).count();
+    let waiting_words = waiting.to_string();
+    let mut counts = vec![format!("<b>{restored}</b> restored")];
+    for (n, words) in [
+        (all.len() - restored, "unchanged"),
+        (failed.len(), "failed"),
+        (waiting.all(), waiting_words.split_once(' ').map_or("waiting", |(_, words)| words)),
+    ] {
+        if n > 0 {
+            counts.push(format!("<b>{n}</b> {words}"));
+        }
+    }
+    counts.join(" · ")
+}
+
+/// Photo page `n`, from 1 with the oldest photos, of `pages`. It links only to its neighbours, so
+/// that it does not change with every page added.
 pub(super) fn photo_page(n: usize, pages: usize, shown: &[GalleryPhoto<'_>]) -> String {
     let summary = format!("<p>page <b>{n}</b>: {}</p>\n", photos(shown.len()));
     let up = "../";
@@ -129,8 +144,7 @@ pub(super) fn photo_page(n: usize, pages: usize, shown: &[GalleryPhoto<'_>]) -> 
     foot(html)
 }
 
-/// Links to the page where the first photo is that is not on this one, and to all `pages`, the
-/// newest first.
+/// Appends links to the next older page and to all `pages`, newest first.
 fn pager(html: &mut String, pages: usize) {
     if pages < 2 {
         return;
@@ -147,11 +161,11 @@ fn pager(html: &mut String, pages: usize) {
     html.push_str("</div></details></nav>\n");
 }
 
-/// The photos' stamps, and a card for each.
+/// Appends thumbnails and cards.
 fn cards(html: &mut String, shown: &[GalleryPhoto<'_>], up: &str) {
     if shown.len() > 6 {
         html.push_str("<div class=\"stamps\">\n");
-        shown.iter().for_each(|photo| stamp(html, photo, up));
+        shown.iter().for_each(|photo| thumbnail(html, photo, up));
         html.push_str("</div>\n");
     }
     html.push_str("<div class=\"cards\">\n");
@@ -159,25 +173,25 @@ fn cards(html: &mut String, shown: &[GalleryPhoto<'_>], up: &str) {
     html.push_str("</div>\n");
 }
 
-/// What a photographer may ask of the page.
-const HELP: &str = "<details class=\"aside\"><summary>What the words mean, how to fetch all, how \
-    to try again</summary>\n<dl>\
-    <dt>Sharpened with the lens model</dt><dd>The box has measured how its lens blurs, and has \
-    undone that.</dd>\
-    <dt>Corrected by light</dt><dd>It has shown the result on its panel, photographed it through \
-    the lens, and mended what differed from your photo.</dd>\
-    <dt>Confirmed by light</dt><dd>The photograph of the result is your photo, but for noise. \
-    Nearly confirmed: but for a little more. Not confirmed: it differs, or none was taken.</dd>\
-    <dt>Left as it was</dt><dd>The box could not have made it better; the result is your file \
-    itself.</dd>\
-    <dt>Full screen</dt><dd>Left and right lead to the next photo. + and \u{2212} zoom, 1 is its \
-    pixels, 0 the whole; up, down, and left and right with Shift move what is seen.</dd>\
-    <dt>To fetch all</dt><dd>Every result is a file in the folder <code>outbox</code>, under the \
-    name of its photo (a number is added where that is taken, and a raw photo's ends in \
-    <code>.tif</code>): copy them from there, or mark them and let the file manager compress them \
-    into one archive.</dd>\
-    <dt>To try again</dt><dd>Move the original from the folder <code>done</code>, or from \
-    <code>failed</code>, back into <code>inbox</code>. The earlier result stays.</dd></dl>\
+/// The help section.
+const HELP: &str = "<details class=\"aside\"><summary>Terms, downloads, trying again</summary>\n\
+    <dl>\
+    <dt>Sharpened with the lens model</dt><dd>The box has measured the blur of its lens and \
+    removed it.</dd>\
+    <dt>Corrected with the camera</dt><dd>The result was shown on the panel, photographed through \
+    the lens, and corrected where that differed from your photo.</dd>\
+    <dt>Confirmed</dt><dd>The photograph of the result matches your photo but for noise. Nearly \
+    confirmed: but for a little more. Not confirmed: it differs, or none was taken.</dd>\
+    <dt>Returned unchanged</dt><dd>The box could not improve the photo; the result is your \
+    file.</dd>\
+    <dt>Full screen</dt><dd>Left and right lead to the next photo. + and \u{2212} zoom, 1 shows \
+    the pixels, 0 the whole photo; up, down, and left and right with Shift move the view.</dd>\
+    <dt>To download all</dt><dd>Every result is a file in the folder <code>outbox</code>, with \
+    the name of its photo (a duplicate name gets a number, and a raw photo's result ends in \
+    <code>.tif</code>): copy them from there, or compress them into one archive with the file \
+    manager.</dd>\
+    <dt>To try again</dt><dd>Move the original from <code>done</code> or <code>failed</code> back \
+    into <code>inbox</code>. The earlier result stays.</dd></dl>\
     </details>\n";
 
 fn head(summary: &str, up: &str, count: usize) -> String {
@@ -196,8 +210,8 @@ fn head(summary: &str, up: &str, count: usize) -> String {
              aria-label=\"Find a photo by its name\">\
              <button type=\"button\" data-state=\"\" aria-pressed=\"true\">All</button>\
              <button type=\"button\" data-state=\"restored\" aria-pressed=\"false\">Restored\
-             </button><button type=\"button\" data-state=\"left\" aria-pressed=\"false\">Left as \
-             they were</button></form>\n",
+             </button><button type=\"button\" data-state=\"unchanged\" aria-pressed=\"false\">\
+             Unchanged</button></form>\n",
         );
     }
     html.push_str("</header>\n<main>\n<div id=\"found\" hidden></div>\n");
@@ -217,7 +231,7 @@ fn foot(mut html: String) -> String {
 fn list(
     html: &mut String,
     title: &str,
-    where_they_are: &str,
+    explanation: &str,
     photos: &[Failed],
     folder: Option<&str>,
 ) {
@@ -226,7 +240,7 @@ fn list(
     }
     let _ = write!(
         html,
-        "<details class=\"aside {}\"{}><summary>{title}: {}</summary>\n<p>{where_they_are}</p>\
+        "<details class=\"aside {}\"{}><summary>{title}: {}</summary>\n<p>{explanation}</p>\
          <ul>\n",
         title.to_lowercase(),
         if photos.len() <= LISTED { " open" } else { "" },
@@ -234,7 +248,7 @@ fn list(
     );
     for photo in photos {
         let name = escape(&photo.photo);
-        // A name that is no text has no address here.
+        // A name that is not UTF-8 has no address.
         let named = match folder.filter(|_| !photo.photo.contains('\u{fffd}')) {
             Some(folder) => {
                 format!("<a href=\"{folder}{}\">{name}</a>", address(photo.photo.as_ref()))
@@ -271,13 +285,13 @@ mod tests {
         rig: &'a str,
         photos: &'a [GalleryPhoto<'a>],
         failed: &'a [Failed],
-        left: &'a [Failed],
+        deferred: &'a [Failed],
     ) -> Overview<'a> {
         Overview {
             rig,
             photos,
             failed,
-            left,
+            deferred,
             waiting: Waiting { settling: 2, ..Waiting::default() },
             now: None,
             attention: &[],
@@ -288,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_says_all_that_a_customer_asks() {
+    fn the_page_has_pictures_outcomes_and_failures() {
         let failed = [Failed {
             photo: "b.jpg".into(),
             reason: "b.jpg: the file is empty: found 0 bytes".into(),
@@ -306,11 +320,11 @@ mod tests {
             "gallery/1-after.jpg",
             "type=\"range\"",
             "a.jpg",
-            "<b>2</b> waiting (2 settling)",
+            "<b>2</b> waiting (2 arriving)",
             "Sharpened with the lens model",
             "hybrid",
             "6.5 s",
-            "Confirmed by light: photographed through the lens again, it is your photo",
+            "Confirmed: photographed through the lens again, the result matches your photo",
             "resampled from 512×384",
             "<a href=\"../failed/b.jpg\">b.jpg</a> <span>the file is empty",
             "move it back into <code>inbox</code>",
@@ -323,9 +337,9 @@ mod tests {
     }
 
     #[test]
-    fn many_that_failed_are_counted_and_leave_the_page_to_the_photos() {
+    fn a_long_list_of_failures_is_folded() {
         let failed: Vec<Failed> = (0..400)
-            .map(|n| Failed { photo: format!("{n}.jpg"), reason: "it is no photo".into() })
+            .map(|n| Failed { photo: format!("{n}.jpg"), reason: "not a photo".into() })
             .collect();
         for (count, open) in [(2, true), (400, false)] {
             let html = first_page(&overview("small", &[], &failed[..count], &[]));
@@ -336,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn hostile_names_stay_words() {
+    fn hostile_names_are_escaped() {
         let name = "\"><script>alert(1)</script>' onload=x \u{202e}gpj.jpg";
         let failed = [Failed { photo: name.into(), reason: format!("{name}: <img src=x>") }];
         let report = report_of(name);

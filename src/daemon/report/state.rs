@@ -1,4 +1,4 @@
-//! The state file, which `relens status` reads while the daemon works.
+//! The state file, which `relens status` reads.
 
 use std::io::{Error, ErrorKind};
 use std::path::Path;
@@ -13,99 +13,89 @@ use crate::disk::files::json_in_lines;
 /// Name of the state file in the root.
 const NAME: &str = ".relens-state.json";
 
-/// What the daemon is doing.
+/// State of the daemon.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "is")]
 pub enum Doing {
-    /// Nothing is waiting.
+    /// No photo waits.
     Waiting,
     /// A photo is being restored.
     Restoring {
-        /// Its name.
+        /// File name.
         photo: String,
-        /// Share of it that is done, 0..1.
-        #[serde(default)]
+        /// Progress, 0..1.
         done: f64,
-        /// Seconds until it and those that wait for their turn are done, a guess by the last ones.
-        #[serde(default)]
-        left_s: Option<f64>,
+        /// Estimated seconds until it and the photos behind it are done.
+        remaining_s: Option<f64>,
     },
-    /// Photos wait for their time: the button, the night.
+    /// Photos wait for button, panel or night.
     Paused {
-        /// For what.
+        /// What they wait for.
         reason: String,
     },
-    /// Nothing goes on until the operator has helped.
+    /// The operator is needed.
     Held {
         /// Why.
         reason: String,
     },
-    /// The daemon has ended in good order.
+    /// The daemon has stopped.
     Ended,
 }
 
 impl std::fmt::Display for Doing {
-    /// For the page.
+    /// The status line of the gallery.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Doing::Waiting => f.write_str("Ready"),
-            Doing::Restoring { photo, done, left_s } => {
+            Doing::Restoring { photo, done, remaining_s } => {
                 write!(f, "Restoring {photo}: {:.0} % done", 100.0 * done)?;
-                left_s.map_or(Ok(()), |left_s| write!(f, ", about {left_s:.0} s left"))
+                remaining_s.map_or(Ok(()), |s| write!(f, ", about {s:.0} s to go"))
             }
-            Doing::Paused { reason } => write!(f, "Not now: {reason}"),
-            Doing::Held { reason } => write!(f, "Somebody is needed: {reason}"),
+            Doing::Paused { reason } => write!(f, "Waiting: {reason}"),
+            Doing::Held { reason } => write!(f, "Help needed: {reason}"),
             Doing::Ended => f.write_str("Switched off"),
         }
     }
 }
 
-/// The daemon's state as last written.
+/// Contents of the state file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct State {
     /// Name of the rig.
     pub rig: String,
-    /// What it is doing.
+    /// State.
     pub doing: Doing,
-    /// What became of the photos whose results and reasons are there, and how many wait.
+    /// Numbers of photos by outcome.
     #[serde(flatten)]
     pub counts: PhotoCounts,
-    /// What the operator should know though the box goes on: a night that was missed, a button that
-    /// hangs; a sentence each.
-    #[serde(default)]
+    /// Notices to the operator: a missed night, a button that does not respond; a sentence each.
     pub attention: Vec<String>,
-    /// Whether photos wait for a button: pressed for nothing on a box that takes them as they come.
-    #[serde(default = "yes")]
+    /// Whether photos wait for the button.
     pub needs_button: bool,
-    /// When this was written, seconds since 1970 UTC by the box's calendar.
+    /// Time of writing, seconds since 1970 UTC by the box's calendar.
     pub written_unix_s: u64,
 }
 
-/// What is said of a file that a daemon did not write, or another version's.
+/// The error for a file of another program or version.
 fn not_a_state() -> Error {
-    Error::new(ErrorKind::InvalidData, "it is not what this version of relens writes")
-}
-
-/// What is taken for granted of a box that says nothing.
-fn yes() -> bool {
-    true
+    Error::new(ErrorKind::InvalidData, "not a state file of this version of relens")
 }
 
 impl State {
-    /// The state of a daemon that has done nothing yet, on the rig called `rig`.
+    /// The state of a new daemon on the rig called `rig`.
     pub fn new(rig: &str, doing: Doing, written_unix_s: u64) -> State {
         State {
             rig: rig.to_owned(),
             doing,
             counts: PhotoCounts::default(),
             attention: Vec::new(),
-            needs_button: yes(),
+            needs_button: true,
             written_unix_s,
         }
     }
 
-    /// Writes the state down, whole.
+    /// Writes the state file, atomically.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -115,10 +105,10 @@ impl State {
         folders.files().replace_for_now(root, NAME.as_ref(), &bytes)
     }
 
-    /// The state last written under `root`; `None` when no daemon ever worked there.
+    /// Reads the state file under `root`; `None` when there is none.
     ///
     /// # Errors
-    /// When the file is there and cannot be read.
+    /// When it cannot be read.
     pub fn read(root: &Path) -> Result<Option<State>, FileError> {
         let path = root.join(NAME);
         let read = match std::fs::read(&path) {

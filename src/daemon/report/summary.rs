@@ -1,32 +1,29 @@
-//! How many photos came to what end.
+//! Numbers of photos by outcome.
 
 use serde::{Deserialize, Serialize};
 
 use crate::daemon::store::report_file::{Failed, Report, ResultKind};
 use crate::daemon::store::waiting::Waiting;
 
-/// Outcomes of each kind that a daemon that watches still has to tell at its end: a box runs for a
-/// year, and what it did is in the outbox and not in its memory.
+/// Photos of each kind kept in a summary: a daemon may run for years.
 const SUMMARY_MAX: usize = 1000;
 
-/// Photos by what became of them.
+/// Numbers of photos by outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct PhotoCounts {
-    /// Photos whose result is the restored picture.
+    /// Restored.
     pub restored: usize,
-    /// Photos whose result is the photo itself.
-    #[serde(default)]
+    /// Returned unchanged.
     pub untouched: usize,
-    /// Photos set aside.
+    /// Rejected.
     pub failed: usize,
-    /// Photos that wait in the inbox.
-    #[serde(default)]
+    /// Waiting in the inbox.
     pub waiting: Waiting,
 }
 
 impl PhotoCounts {
-    /// All of them.
+    /// The sum.
     pub fn all(self) -> usize {
         self.restored + self.untouched + self.failed + self.waiting.all()
     }
@@ -43,28 +40,27 @@ impl PhotoCounts {
 impl std::fmt::Display for PhotoCounts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let PhotoCounts { restored, untouched, failed, waiting } = self;
-        let were = if *untouched == 1 { "it was" } else { "they were" };
-        write!(f, "{restored} restored, {untouched} left as {were}, {failed} failed, {waiting}")
+        write!(f, "{restored} restored, {untouched} unchanged, {failed} failed, {waiting}")
     }
 }
 
-/// What was done, since the daemon was opened.
+/// Photos processed since the daemon was opened.
 #[derive(Debug, Clone, Default)]
 pub struct Summary {
-    /// Photos that were restored.
+    /// Restored photos.
     pub restored: Vec<Report>,
-    /// Photos whose result is the photo itself.
+    /// Photos returned unchanged.
     pub untouched: Vec<Report>,
-    /// Photos set aside, with their reasons.
+    /// Rejected photos with their reasons.
     pub failed: Vec<Failed>,
-    /// Photos put back into the inbox to be tried later, with their reasons.
-    pub left: Vec<Failed>,
-    /// How many wait in the inbox, those included.
+    /// Photos in the inbox to be tried later, with their reasons.
+    pub deferred: Vec<Failed>,
+    /// Numbers of photos waiting in the inbox, the deferred included.
     pub waiting: Waiting,
 }
 
 impl Summary {
-    /// How many there are of each.
+    /// Their numbers.
     pub fn counts(&self) -> PhotoCounts {
         PhotoCounts {
             restored: self.restored.len(),
@@ -94,7 +90,7 @@ impl Summary {
     }
 }
 
-/// Adds `one` and leaves out the oldest beyond what is kept.
+/// Adds `one` and drops the oldest beyond [`SUMMARY_MAX`].
 fn push<T>(all: &mut Vec<T>, one: T) {
     all.push(one);
     all.drain(..all.len().saturating_sub(SUMMARY_MAX));

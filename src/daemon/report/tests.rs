@@ -1,4 +1,4 @@
-//! The morning after four thousand photos: the pages are written, and a real browser shows them.
+//! The gallery of four thousand photos, as files and in a real browser.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,8 +8,9 @@ use super::now;
 use super::page;
 use super::state::Doing;
 use crate::daemon::store::folders::Folders;
+use crate::daemon::store::names::address;
 use crate::daemon::store::pilots::{self, PilotEntry, PilotVerdict};
-use crate::daemon::store::report_file::{Failed, Report, ResultKind, address};
+use crate::daemon::store::report_file::{Failed, Report, ResultKind};
 use crate::deconvolution::stage::ResultStage;
 use crate::frame::Size;
 use crate::nights::pilot::Drift;
@@ -49,9 +50,9 @@ pub(super) fn report(n: u64) -> Report {
     }
 }
 
-/// An outbox with `count` photos, two failures and a night of pilots; the pictures are one red and
-/// one blue.
-fn morning(root: &Path, count: u64) -> PathBuf {
+/// An outbox with `count` photos, two failures and a night of pilots; the previews are blue
+/// (before) and red (after).
+fn write_gallery(root: &Path, count: u64) -> PathBuf {
     let folders = Folders::open(root).unwrap();
     let picture = |rgb: [f32; 3], px: usize| {
         use crate::config::Curve;
@@ -68,8 +69,7 @@ fn morning(root: &Path, count: u64) -> PathBuf {
     let mut gallery = Gallery::default();
     (0..count).for_each(|n| gallery.add(&report(n)));
     for name in ["cut.jpg", "empty.jpg"] {
-        gallery
-            .add_failed(Failed { photo: name.into(), reason: format!("{name}: it is no photo") });
+        gallery.add_failed(Failed { photo: name.into(), reason: format!("{name}: not a photo") });
     }
     for n in 0..50u64 {
         let drift = Drift {
@@ -86,21 +86,19 @@ fn morning(root: &Path, count: u64) -> PathBuf {
         };
         pilots::add(&folders, entry).unwrap();
     }
-    let reason = "photos were put off: put the panel before the lens, and press the button";
+    let reason = "photos were postponed: press the button";
     now::write(&folders, &Doing::Paused { reason: reason.into() }, 1_700_030_000).unwrap();
     gallery.write(&folders, "small", &[], &[], 1_700_030_000).unwrap();
     folders.outbox().to_owned()
 }
 
 #[test]
-fn four_thousand_photos_are_on_pages_and_every_one_is_on_one() {
+fn four_thousand_photos_are_split_into_pages() {
     let root = tempfile::tempdir().unwrap();
-    let outbox = morning(root.path(), 4000);
+    let outbox = write_gallery(root.path(), 4000);
     let index = std::fs::read_to_string(outbox.join("index.html")).unwrap();
     assert!(index.len() < 500_000, "the first page has {} bytes", index.len());
-    for wanted in
-        ["<b>3428</b> restored", "<b>572</b> left as they were", "<b>2</b> failed", "cut.jpg"]
-    {
+    for wanted in ["<b>3428</b> restored", "<b>572</b> unchanged", "<b>2</b> failed", "cut.jpg"] {
         assert!(index.contains(wanted), "{wanted}");
     }
     assert_eq!(
@@ -122,14 +120,14 @@ fn four_thousand_photos_are_on_pages_and_every_one_is_on_one() {
 }
 
 #[test]
-fn originals_and_scenes_are_shown_where_they_lie() {
+fn originals_and_scenes_are_found() {
     let root = tempfile::tempdir().unwrap();
     let folders = Folders::open(root.path()).unwrap();
     let mut gallery = Gallery::default();
     (0..3).for_each(|n| gallery.add(&report(n)));
     std::fs::create_dir(root.path().join(SCENES)).unwrap();
     std::fs::write(root.path().join(SCENES).join("photo 0001.jpg"), "a").unwrap();
-    // The second photo's original is there, the third's has another length: another photo.
+    // The second photo's original exists; the third's has another length, so is another photo.
     std::fs::write(folders.done().join("photo 0001.jpg"), "a").unwrap();
     std::fs::write(folders.done().join("photo 0002.jpg"), "abc").unwrap();
     gallery.write(&folders, "small", &[], &[], 0).unwrap();
@@ -138,7 +136,7 @@ fn originals_and_scenes_are_shown_where_they_lie() {
     assert!(index.contains("src=\"../scenes/photo%200001.jpg\""));
     assert_eq!(index.matches("Download original").count(), 1);
     assert!(index.contains("href=\"../done/photo%200001.jpg\" download"));
-    // The name is used again, by a photo whose original is not there.
+    // The name is used again by a photo without an original.
     gallery.remove(&report(1).result);
     gallery.add(&Report { photo_bytes: 2, ..report(1) });
     gallery.write(&folders, "small", &[], &[], 0).unwrap();
@@ -147,7 +145,7 @@ fn originals_and_scenes_are_shown_where_they_lie() {
 }
 
 #[test]
-fn full_pages_are_not_written_again() {
+fn full_pages_are_written_once() {
     let root = tempfile::tempdir().unwrap();
     let folders = Folders::open(root.path()).unwrap();
     let mut gallery = Gallery::default();
@@ -161,7 +159,7 @@ fn full_pages_are_not_written_again() {
 }
 
 #[test]
-fn pages_that_are_no_more_are_removed_also_by_the_next_daemon() {
+fn superfluous_pages_are_removed_also_by_the_next_daemon() {
     let root = tempfile::tempdir().unwrap();
     let folders = Folders::open(root.path()).unwrap();
     let mut gallery = Gallery::default();
@@ -172,12 +170,12 @@ fn pages_that_are_no_more_are_removed_also_by_the_next_daemon() {
     (0..30).for_each(|n| gallery.remove(&report(n).result));
     gallery.write(&folders, "small", &[], &[], 0).unwrap();
     assert_eq!([1, 2, 3].map(page), [true, true, false]);
-    // The results are not there, so a daemon that starts now finds none.
+    // The results do not exist, so a new daemon finds none.
     Gallery::load(&folders).unwrap().write(&folders, "small", &[], &[], 0).unwrap();
     assert_eq!([1, 2, 3].map(page), [false; 3]);
 }
 
-/// The browser there is; `None`, loudly, when there is none and that is allowed.
+/// The installed browser; `None`, with a warning, where none is required.
 fn browser() -> Option<&'static str> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
     let found = names.into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
@@ -185,7 +183,7 @@ fn browser() -> Option<&'static str> {
         let skip =
             std::env::var_os("CI").is_none() || std::env::var_os("RELENS_NO_BROWSER").is_some();
         assert!(skip, "no browser (apt-get install chromium), and RELENS_NO_BROWSER is not set");
-        log::warn!("*** THE REPORT WAS NOT LOOKED AT IN A BROWSER: there is none. ***");
+        log::warn!("*** THE GALLERY WAS NOT TESTED IN A BROWSER: none is installed. ***");
     }
     found
 }
@@ -210,10 +208,10 @@ fn run(browser: &str, profile: &Path, arguments: &[&str], page: &Path) -> Vec<u8
 }
 
 #[test]
-fn a_browser_shows_the_morning_after_four_thousand_photos() {
+fn a_browser_shows_the_gallery_of_four_thousand_photos() {
     let Some(browser) = browser() else { return };
     let (root, profile) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let outbox = morning(root.path(), 4000);
+    let outbox = write_gallery(root.path(), 4000);
     let shot = root.path().join("shot.png");
     for (page, photos) in [("index.html".to_owned(), 60), (page::page_address(67), 40)] {
         let argument = format!("--screenshot={}", shot.display());
@@ -227,7 +225,7 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
             let is = |value: &f32, on: bool| if on { *value > 200.0 } else { *value < 60.0 };
             pixels.filter(|((r, g), b)| is(r, rgb[0]) && is(g, rgb[1]) && is(b, rgb[2])).count()
         };
-        // The style's colour of what went wrong.
+        // The style's colour of failures.
         let [red, green, blue] = read.light.planes();
         let pixels = red.data().iter().zip(green.data()).zip(blue.data());
         let near = |value: &f32, code: f32| (value - code).abs() < 6.0;
@@ -236,7 +234,7 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
         if page == "index.html" {
             assert!(alarm > 100, "the two failures stand out: {alarm} pixels");
         } else {
-            assert_eq!(alarm, 0, "{page}: nothing went wrong with these");
+            assert_eq!(alarm, 0, "{page}: no failures");
         }
         let small = count([false, true, false]);
         // Sixty stamps of about 83×62 pixels.
@@ -254,7 +252,7 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
             );
         }
     }
-    // What a cut may leave of a small picture that nobody synchronised.
+    // A thumbnail damaged by a power cut.
     std::fs::write(outbox.join("gallery/a-small.jpg"), [0; 100]).unwrap();
     let dom = String::from_utf8(run(
         browser,
@@ -264,18 +262,18 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
     ));
     assert!(
         dom.unwrap().contains("<img src=\"gallery/a-after.jpg\" alt"),
-        "the large one in its place"
+        "the preview in its place"
     );
-    // What people do, done by a script behind the page's own.
-    let done = |what: &str| {
+    // User actions, simulated by a script.
+    let after = |action: &str| {
         let html = std::fs::read_to_string(outbox.join("index.html")).unwrap();
         let script =
-            format!("<script>addEventListener('load', () => {{ {what} }})</script></body>");
+            format!("<script>addEventListener('load', () => {{ {action} }})</script></body>");
         std::fs::write(outbox.join("probe.html"), html.replace("</body>", &script)).unwrap();
         let dom = run(browser, profile.path(), &["--dump-dom"], &outbox.join("probe.html"));
         String::from_utf8(dom).unwrap()
     };
-    let dom = done(
+    let dom = after(
         "let box = document.querySelector('#find input'); box.value = 'photo 00';
                     box.dispatchEvent(new Event('input'));",
     );
@@ -284,21 +282,21 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
         "the search finds photos of all pages"
     );
     assert!(dom.contains("href=\"gallery/photos-2.html#photo-99\""), "and leads to them");
-    let dom = done("document.querySelector('#find [data-state=left]').click();");
-    let told = ">572 of 4000 photos with a result, the newest 300 are shown</p>";
-    assert!(dom.contains(told), "and the states'");
-    let dom = done(
-        "document.querySelector('#find [data-state=left]').click();
+    let dom = after("document.querySelector('#find [data-state=unchanged]').click();");
+    let count = ">572 of 4000 photos with a result, the newest 300 are shown</p>";
+    assert!(dom.contains(count), "also by outcome");
+    let dom = after(
+        "document.querySelector('#find [data-state=unchanged]').click();
          setTimeout(() => document.querySelector('#found button').click(), 500);",
     );
-    assert!(dom.contains(">572 of 4000 photos with a result</p>"), "all, if they are asked for");
-    let dom = done(
+    assert!(dom.contains(">572 of 4000 photos with a result</p>"), "all on demand");
+    let dom = after(
         "let box = document.querySelector('#find input'); box.value = 'cut';
                     box.dispatchEvent(new Event('input'));",
     );
     assert!(dom.contains("<li hidden=\"\"><a href=\"../failed/empty.jpg\""), "not of this name");
-    assert!(dom.contains("<li><a href=\"../failed/cut.jpg\""), "what failed is found");
-    let dom = done(
+    assert!(dom.contains("<li><a href=\"../failed/cut.jpg\""), "failures are found");
+    let dom = after(
         "document.querySelector('#photo-3998 .links button').click();
          for (const key of ['ArrowLeft', 'ArrowRight', 'ArrowRight', '1', '+', '+'])
            document.querySelector('.stage').dispatchEvent(
@@ -312,7 +310,7 @@ fn a_browser_shows_the_morning_after_four_thousand_photos() {
         for count in [0, 1, 4, 60, 4000] {
             let root = keep.join(count.to_string());
             std::fs::create_dir_all(&root).unwrap();
-            morning(&root, count);
+            write_gallery(&root, count);
         }
     }
 }

@@ -1,4 +1,4 @@
-// One photo on the whole screen: zoom to pixels with photo and result in step, keys and swipes from photo to photo.
+// Full-screen viewer: synchronised zoom of photo and result, keys and swipes from photo to photo.
 {
   const make = (tag, parent, content = {}) => { const made = Object.assign(document.createElement(tag), content); parent.append(made); return made; };
   const viewer = make("dialog", document.body, { id: "viewer" });
@@ -25,9 +25,9 @@
   button("Close", "Close", () => viewer.close());
 
   const cards = [...document.querySelectorAll("article")];
-  let at = 0, scale = 1, x = 0, y = 0; // Screen pixels a picture pixel; the picture's point in the middle of the stage.
-  let isFit = true; // Also when the stage gets smaller: a turned phone, a longer name.
-  // The result's own pixels, whatever picture of it is there by now.
+  let at = 0, scale = 1, x = 0, y = 0; // Screen pixels per picture pixel; the picture's point in the middle of the stage.
+  let isFit = true; // Kept when the stage is resized.
+  // Size of the result, whichever picture of it is loaded.
   const size = () => { const after = cards[at]?.querySelector(".after img"); return ["width", "height"].map((side) => Number(after?.getAttribute(side)) || 1); };
   const fit = () => { const [w, h] = size(); return Math.min(stage.clientWidth / w, stage.clientHeight / h); };
   const pixel = () => 1 / window.devicePixelRatio;
@@ -51,7 +51,7 @@
     fitOrPixels.textContent = percent + " %";
     fitOrPixels.ariaLabel = `${percent} %: ` + (isFit ? "show its pixels" : "show the whole photo");
   };
-  // The point under (px, py) of the stage stays where it is.
+  // Keeps the point under (px, py) of the stage fixed.
   const zoom = (to, px = stage.clientWidth / 2, py = stage.clientHeight / 2) => {
     to = Math.min(Math.max(to, fit()), Math.max(16 * pixel(), fit()));
     const [dx, dy] = [px - stage.clientWidth / 2, py - stage.clientHeight / 2];
@@ -61,18 +61,18 @@
     isFit = to <= fit() * 1.001;
     draw();
   };
-  // To the next size at which every pixel is a whole number of the screen's, or a whole part of one.
+  // The next scale that is a power of two of the screen's pixels.
   const next = (by) => pixel() * 2 ** (by > 0 ? Math.floor(Math.log2(scale / pixel()) + 1.01) : Math.ceil(Math.log2(scale / pixel()) - 1.01));
   const step = (by) => zoom(next(by));
   const fitOr = (px, py) => isFit ? zoom(Math.max(pixel(), next(1)), px, py) : zoom(0);
   fitOrPixels.addEventListener("click", () => fitOr());
-  // By a quarter of what is seen; the whole photo stays where it is.
+  // By a quarter of the view.
   const pan = (dx, dy) => {
     x += dx * stage.clientWidth / scale / 4;
     y += dy * stage.clientHeight / scale / 4;
     draw();
   };
-  // A picture of the card, and as soon as it has come the one with all pixels, if that is another.
+  // Shows a picture of the card, then its full-size version once loaded.
   const put = (into, picture) => {
     [into.src, into.alt] = [picture.src, picture.alt];
     const { pixels } = picture.dataset;
@@ -82,7 +82,7 @@
     large.onload = () => { if (into.dataset.wanted === pixels) into.src = large.src; };
     large.src = pixels;
   };
-  // What lies under the photo: the result, or the scene itself.
+  // The picture under the photo: the result or the true scene.
   let scene;
   const underneath = (picture) => {
     put(result, picture);
@@ -108,7 +108,7 @@
     for (const near of [at - 1, at + 1]) if (cards[near]) for (const img of cards[near].querySelectorAll(".pair img")) new Image().src = img.src;
   };
   result.addEventListener("load", draw);
-  // Beyond this page's photos lie the neighbour's.
+  // Past the last photo of this page, continue on the neighbouring page.
   const go = (step) => {
     if (cards[at + step]) return show(at + step);
     const number = Number(cards[at].dataset.number) - step;
@@ -130,7 +130,7 @@
   stage.addEventListener("wheel", (event) => { event.preventDefault(); zoom(scale * 2 ** (-event.deltaY / 300), event.offsetX, event.offsetY); }, { passive: false });
   stage.addEventListener("dblclick", (event) => fitOr(event.offsetX, event.offsetY));
 
-  // One finger moves the line, the picture, or on to the next photo; two zoom.
+  // One finger moves the line or the picture or swipes to the next photo; two zoom.
   const fingers = new Map();
   let began, onLine;
   stage.addEventListener("pointerdown", (event) => {
@@ -175,7 +175,7 @@
     open.addEventListener("click", () => show(index));
     card.querySelector(".pair").addEventListener("dblclick", () => show(index));
     if (!card.querySelector(".scene")) return;
-    const toggle = make("button", card.querySelector(".links"), { type: "button", textContent: "Scene itself", ariaPressed: "false" });
+    const toggle = make("button", card.querySelector(".links"), { type: "button", textContent: "True scene", ariaPressed: "false" });
     toggle.addEventListener("click", () => { toggle.ariaPressed = String(card.querySelector(".pair").classList.toggle("truth")); });
   });
   const fromAddress = () => {

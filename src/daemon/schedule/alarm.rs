@@ -1,32 +1,30 @@
-//! The missed-night alarm: photos that wait while a whole night passes without one being restored
-//! are spoken of, with since when and why. A box that is held, never sure of the time, or switched
-//! off must not look like one that has nothing to do.
+//! The missed-night alarm: notices when photos wait through a whole night without one being
+//! restored, with the reason. A box that is held, has no trusted time or was switched off must not
+//! look idle.
 //!
-//! Everything is dated by the daemon's own clock, which only goes forward; a calendar that jumps
-//! changes nothing about how long photos wait.
+//! Waiting is timed by the monotonic clock, so that a jump of the calendar has no effect on it.
 
 use super::Notice;
-use crate::daemon::store::night_record::WaitingRecord;
+use crate::daemon::store::night_record::NightRecord;
 use crate::nights::window::Window;
 use crate::rig::Moment;
 
-/// An inbox must be empty for this long before waiting is over: a photo that was just dropped or
-/// put back is counted a moment later. Longer than the inbox's quiet time; guess.
+/// The inbox must be empty for this long to end the waiting: a photo just dropped or put back is
+/// counted later. Longer than the inbox's quiet time; guess.
 const EMPTY_S: f64 = 60.0;
 
 const DAY_S: f64 = 86_400.0;
 
-/// A look at the clocks.
+/// A reading of the clocks.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Time {
-    /// The daemon's own clock.
+    /// Monotonic clock.
     pub(super) now: Moment,
-    /// The calendar, seconds since 1970 UTC, if it is believed.
+    /// Calendar, seconds since 1970 UTC, while trusted.
     pub(super) unix_s: Option<f64>,
 }
 
 impl Time {
-    /// What the calendar said, or will say, at `moment`.
     fn date(self, moment: Moment) -> Option<f64> {
         Some(self.unix_s? - (self.now.0 - moment.0))
     }
@@ -39,61 +37,76 @@ impl Time {
 /// What keeps photos from being restored.
 #[derive(Debug)]
 struct Obstacle {
-    /// When that was so last; `None` for one from a time that is not known.
-    at: Option<Moment>,
+    /// When it was last met.
+    at: Moment,
     words: String,
+}
+
+/// Photos that waited before the restart.
+#[derive(Debug)]
+struct BeforeRestart {
+    since_unix_s: f64,
+    obstacle: String,
+    /// When this was recorded.
+    at_unix_s: f64,
 }
 
 /// The alarm of one box.
 #[derive(Debug)]
 pub(super) struct Alarm {
-    /// When this process began.
+    /// Start of this process.
     started: Moment,
-    /// Since when photos wait, none being restored.
+    /// Since when photos wait without one being restored.
     since: Option<Moment>,
     empty_since: Option<Moment>,
     obstacle: Option<Obstacle>,
-    /// Nights that were spoken of.
+    /// Missed nights notified.
     nights: usize,
     missed: Option<Notice>,
-    /// What was written down before this process, until photos are seen to wait still and the
-    /// calendar is believed.
-    before: Option<WaitingRecord>,
+    /// State before the restart, until photos are seen waiting and the calendar is trusted.
+    recorded: Option<BeforeRestart>,
 }
 
 impl Alarm {
-    /// The alarm of a process that begins now, and goes on where the record `before` says.
-    pub(super) fn new(now: Moment, before: WaitingRecord) -> Alarm {
-        let before = before.since_unix_s.is_some().then_some(before);
-        Alarm { before, ..Alarm::quiet(now, None) }
+    /// The alarm of a process started `now`, resuming from `record`.
+    pub(super) fn new(now: Moment, record: &NightRecord) -> Alarm {
+        let recorded = record.waiting_since_unix_s.map(|since_unix_s| BeforeRestart {
+            since_unix_s,
+            obstacle: record.obstacle.clone(),
+            at_unix_s: record.floor_unix_s,
+        });
+        Alarm { recorded, ..Alarm::quiet(now, None) }
     }
 
     fn quiet(started: Moment, empty_since: Option<Moment>) -> Alarm {
-        let (since, obstacle, nights, missed, before) = (None, None, 0, None, None);
-        Alarm { started, since, empty_since, obstacle, nights, missed, before }
+        let (since, obstacle, nights, missed, recorded) = (None, None, 0, None, None);
+        Alarm { started, since, empty_since, obstacle, nights, missed, recorded }
     }
 
-    /// What must survive a reboot; `written` is what was written down last.
-    pub(super) fn record(&self, time: Time, written: &WaitingRecord) -> WaitingRecord {
-        let since = self.since.and_then(|since| time.date(since));
-        let known = written.since_unix_s.filter(|_| self.since.is_some() || self.before.is_some());
-        let since_unix_s = since.filter(|_| self.before.is_none()).or(known);
-        let obstacle = match (&self.obstacle, &self.before) {
-            (Some(Obstacle { at, words }), _) => {
-                Some((at.and_then(|at| time.date(at)), words.clone()))
-            }
-            (None, before) => before.as_ref().and_then(|before| before.obstacle.clone()),
-        };
-        WaitingRecord { since_unix_s, obstacle }
+    /// Since when photos wait, seconds since 1970 UTC; `before` while the calendar is not trusted.
+    pub(super) fn since_unix_s(&self, time: Time, before: Option<f64>) -> Option<f64> {
+        match &self.recorded {
+            Some(recorded) => Some(recorded.since_unix_s),
+            None => self.since.and_then(|since| time.date(since).or(before)),
+        }
     }
 
-    /// What is to be said.
+    /// The last obstacle; empty without one.
+    pub(super) fn obstacle(&self) -> &str {
+        match (&self.obstacle, &self.recorded) {
+            (Some(obstacle), _) => &obstacle.words,
+            (None, Some(recorded)) => &recorded.obstacle,
+            (None, None) => "",
+        }
+    }
+
+    /// The notice of missed nights.
     pub(super) fn missed(&self) -> Option<&Notice> {
         self.missed.as_ref()
     }
 
-    /// A look: `waiting` photos wait, or nobody knows whether any do.
-    pub(super) fn look(&mut self, time: Time, waiting: Option<usize>, window: &Window) {
+    /// Updates the alarm with the number of photos `waiting`, if known.
+    pub(super) fn update(&mut self, time: Time, waiting: Option<usize>, window: &Window) {
         match waiting {
             Some(0) => {
                 let since = *self.empty_since.get_or_insert(time.now);
@@ -105,53 +118,56 @@ impl Alarm {
             Some(_) => {
                 self.empty_since = None;
                 self.since.get_or_insert(time.now);
-                self.go_on(time);
+                self.resume(time);
             }
             None => {}
         }
         self.judge(time, window);
     }
 
-    /// Photos that wait are not taken because of `words`.
-    pub(super) fn hindered(&mut self, now: Moment, words: &str) {
-        if self.since.is_some() || self.before.is_some() {
-            self.obstacle = Some(Obstacle { at: Some(now), words: words.to_owned() });
+    /// Notes the reason why waiting photos are not restored.
+    pub(super) fn set_obstacle(&mut self, now: Moment, words: &str) {
+        if self.since.is_some() || self.recorded.is_some() {
+            self.obstacle = Some(Obstacle { at: now, words: words.to_owned() });
         }
     }
 
-    /// A photo was restored, or set aside with its reason: others that wait do so since now.
-    pub(super) fn served(&mut self, now: Moment) {
+    /// Restarts the waiting time: a photo was restored or rejected.
+    pub(super) fn restart(&mut self, now: Moment) {
         *self = Alarm { since: Some(now), ..Alarm::quiet(self.started, None) };
     }
 
-    /// Photos wait still: what was written down about them before this process counts on.
-    fn go_on(&mut self, time: Time) {
-        let Some(before) = self.before.take_if(|_| time.unix_s.is_some()) else { return };
-        let since = before.since_unix_s.and_then(|at| time.moment(at));
+    /// Adds the waiting time before the restart, once the calendar is trusted.
+    fn resume(&mut self, time: Time) {
+        if time.unix_s.is_none() {
+            return;
+        }
+        let Some(recorded) = self.recorded.take() else { return };
+        let since = time.moment(recorded.since_unix_s);
         self.since = [self.since, since].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
-        self.obstacle = self.obstacle.take().or_else(|| {
-            let (at, words) = before.obstacle?;
-            Some(Obstacle { at: at.and_then(|at| time.moment(at)), words })
-        });
+        if self.obstacle.is_none() && !recorded.obstacle.is_empty() {
+            let at = time.moment(recorded.at_unix_s);
+            self.obstacle = at.map(|at| Obstacle { at, words: recorded.obstacle });
+        }
     }
 
     fn judge(&mut self, time: Time, window: &Window) {
         let Some(since) = self.since else { return };
         let waited_s = time.now.0 - since.0;
-        // Without a calendar: wherever the hours lie, this long holds all of them.
-        let unknown = ((waited_s - window.longest_s()) / DAY_S).max(0.0) as usize;
-        let whole = time.unix_s.map(|unix_s| window.whole_between(unix_s - waited_s, unix_s));
-        let (nights, last) = match whole {
-            Some(Some((nights, last))) => (nights, Some(last)),
-            Some(None) => return,
-            None => (unknown, None),
+        let (nights, last) = match time.unix_s {
+            Some(unix_s) => match window.whole_between(unix_s - waited_s, unix_s) {
+                Some(whole) => (whole.count, Some(whole)),
+                None => return,
+            },
+            // Without a calendar: this long contains whole nights, whenever they are.
+            None => (((waited_s - window.longest_s()) / DAY_S).max(0.0) as usize, None),
         };
         if nights <= self.nights {
             return;
         }
         self.nights = nights;
-        let since = time.date(since).map(|since| window.on_the_wall(since)).unwrap_or_default();
-        let what = match last.map(|(_, ends)| window.on_the_wall(ends)) {
+        let since = time.date(since).map(|since| window.local_time(since)).unwrap_or_default();
+        let what = match last.as_ref().map(|last| window.local_time(last.ends_unix_s)) {
             Some(ends) if nights == 1 => format!(
                 "no photo was restored in the night up to {ends}, though photos wait since {since}"
             ),
@@ -164,22 +180,23 @@ impl Alarm {
                 waited_s / 3600.0
             ),
         };
-        let begins = last.and_then(|(begins, _)| time.moment(begins));
-        self.missed = Some(Notice { what, why: self.why(time, begins, window) });
+        let begins = last.and_then(|last| time.moment(last.begins_unix_s));
+        self.missed = Some(Notice { what, why: self.explain(time, begins, window) });
     }
 
-    /// Why the night that began then was missed.
-    fn why(&self, time: Time, begins: Option<Moment>, window: &Window) -> String {
-        let recent = |at: Option<Moment>| at.zip(begins).is_none_or(|(at, begins)| at >= begins);
-        if let Some(obstacle) = self.obstacle.as_ref().filter(|obstacle| recent(obstacle.at)) {
+    /// The reason why the night that began at `begins` was missed.
+    fn explain(&self, time: Time, begins: Option<Moment>, window: &Window) -> String {
+        let during_night = |at: Moment| begins.is_none_or(|begins| at >= begins);
+        if let Some(obstacle) = self.obstacle.as_ref().filter(|obstacle| during_night(obstacle.at))
+        {
             return obstacle.words.clone();
         }
         match time.date(self.started) {
             Some(started) if begins.is_some_and(|begins| self.started > begins) => format!(
                 "the box was off, or relens did not run, before {}",
-                window.on_the_wall(started)
+                window.local_time(started)
             ),
-            _ => "the reason is not known".to_owned(),
+            _ => "the reason is unknown".to_owned(),
         }
     }
 }

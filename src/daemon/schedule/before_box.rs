@@ -1,14 +1,14 @@
-//! What is shown to the one who stands before the box: lamps by state, a screen on the panel.
+//! Lamps and panel for the user in front of the box.
 
 use super::Restorer;
 use crate::kiosk::front_panel::{BoxState, FrontPanel};
 use crate::kiosk::screen::Screen;
 use crate::rig::{Clock, Moment};
 
-/// A screen is shown again after this long: a panel that was switched off and on has forgotten it.
+/// Interval after which a screen is shown again: a panel switched off and on has lost it.
 const SHOW_AGAIN_S: f64 = 60.0;
 
-/// The front panel, and the screen shown last.
+/// The front panel, and the last screen.
 pub(super) struct BeforeBox<'a> {
     pub(super) front_panel: FrontPanel,
     pub(super) clock: &'a dyn Clock,
@@ -20,19 +20,19 @@ impl<'a> BeforeBox<'a> {
         BeforeBox { front_panel, clock, screen: None }
     }
 
-    /// Shows `screen`, unless it is there already, and `state` on the lamps.
+    /// Shows `screen`, unless it is shown already, and `state` on the lamps.
     pub(super) fn show(&mut self, screen: Screen, state: BoxState, rig: &mut dyn Restorer) {
         self.front_panel.set(state);
         let now = self.clock.now();
-        let stays =
+        let is_shown =
             |(shown, at): &(Screen, Moment)| *shown == screen && now.0 - at.0 < SHOW_AGAIN_S;
-        if !self.screen.as_ref().is_some_and(stays) {
+        if !self.screen.as_ref().is_some_and(is_shown) {
             rig.show(&screen);
             self.screen = Some((screen, now));
         }
     }
 
-    /// A capture has taken the screen's place on the panel.
+    /// Notes that a capture has replaced the screen.
     pub(super) fn forget_screen(&mut self) {
         self.screen = None;
     }

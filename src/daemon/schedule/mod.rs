@@ -1,4 +1,4 @@
-//! When photos may be taken: asked before each one, told what became of each.
+//! Schedules: decide when photos are restored.
 
 pub(super) mod attended;
 pub(super) mod nightly;
@@ -14,75 +14,72 @@ use super::store::waiting::{Awaited, Waiting};
 use crate::restorer::Restorer;
 use crate::rig::Moment;
 
-/// What may happen next.
+/// Decision of a schedule.
 #[derive(Debug)]
 pub enum Turn {
-    /// The oldest photo may be taken.
+    /// Restore the next photo.
     Go,
-    /// None may be taken for now; it is asked again at the next look.
+    /// Restore none for now; ask again at the next scan.
     Hold {
-        /// Why, for the state file and the log.
+        /// The reason, for state file and log.
         reason: String,
-        /// What the photos wait for.
+        /// What photos wait for.
         awaited: Awaited,
-        /// When that will change on the daemon's clock, if it is known: it is asked again then, and
-        /// before that every quarter of a minute.
+        /// When that will change by the monotonic clock, if known.
         until: Option<Moment>,
     },
-    /// Nothing goes on until somebody has helped; it is asked again after a while.
+    /// The operator is needed; ask again later.
     Help(DaemonError),
-    /// These results cannot be stood by: withdrawn, and their photos put back into the inbox. Asked
-    /// again at once.
+    /// Withdraw these results, put their photos back into the inbox, and ask again at once.
     Again(Vec<Delivered>),
-    /// The daemon is to end in good order.
+    /// Stop the daemon.
     Stop,
 }
 
-/// What a schedule is asked.
+/// A question to a schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Question {
-    /// Photos that wait and are all there.
+    /// Complete photos in the inbox.
     pub waiting: usize,
-    /// All that wait, by what for.
+    /// All waiting photos, by what they wait for.
     pub parts: Waiting,
-    /// Whether one of them may be taken now, if the schedule agrees; otherwise they rest until they
-    /// are tried again.
+    /// Whether one of them can be restored now; otherwise all are deferred.
     pub is_ready: bool,
 }
 
-/// What a schedule is told.
+/// An event for a schedule.
 #[derive(Debug, Clone, Copy)]
 pub enum Event<'a> {
-    /// A photo is begun.
+    /// A job begins.
     Begun {
-        /// Its name.
+        /// Name of the photo.
         photo: &'a str,
-        /// Its number in this go, from 1.
+        /// Its number in this pass, from 1.
         number: usize,
-        /// How many there are in this go.
+        /// Photos in this pass.
         of: usize,
     },
-    /// What became of the photo begun last.
+    /// The job has ended.
     Ended(&'a JobEnd),
-    /// Nothing goes on until somebody has helped.
+    /// The operator is needed.
     Held(&'a DaemonError),
-    /// The button was pressed: work is to begin.
+    /// The button was pressed.
     Pressed,
-    /// Photos wait for something that is not this schedule's to say.
+    /// Photos wait for a reason outside this schedule.
     KeptWaiting {
-        /// How many.
+        /// Number of photos.
         waiting: usize,
-        /// For what.
+        /// Reason.
         why: &'a str,
     },
 }
 
-/// What the operator should know though work goes on or waits.
+/// A notice to the operator that does not hold the work.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Notice {
-    /// What is wrong: a sentence without its full stop.
+    /// The problem: a sentence without its full stop.
     pub what: String,
-    /// Why, as far as is known.
+    /// The reason, as far as known.
     pub why: String,
 }
 
@@ -92,35 +89,34 @@ impl std::fmt::Display for Notice {
     }
 }
 
-/// Decides when photos may be taken. Between photos the rig is the schedule's to use.
+/// Decides when photos are restored. Between photos a schedule may use the rig.
 pub trait Schedule {
-    /// Asked before each photo is taken, and at each look at the inbox that finds none to take.
+    /// Decides what to do next; called before each photo and at each scan that finds none.
     fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
         let _ = (asked, rig);
         Turn::Go
     }
 
-    /// Told what happens.
-    fn told(&mut self, event: Event<'_>, rig: &mut dyn Restorer) {
+    /// Receives an event.
+    fn notify(&mut self, event: Event<'_>, rig: &mut dyn Restorer) {
         let _ = (event, rig);
     }
 
-    /// Photos and results that may still be asked back with [`Turn::Again`]: not to be removed.
+    /// Photos that may still be withdrawn with [`Turn::Again`] and so must be kept.
     fn unproven(&self) -> &[Delivered] {
         &[]
     }
 
-    /// What the operator should know though work goes on or waits.
+    /// Notices to the operator.
     fn attention(&self) -> Vec<Notice> {
         Vec::new()
     }
 
-    /// Whether to look again now, ahead of time, and to try what rests. Asked several times a
-    /// second.
+    /// Whether to scan at once and retry deferred photos; asked several times a second.
     fn impatient(&self) -> bool {
         false
     }
 }
 
-/// Every photo at once.
+/// Restores every photo at once.
 impl Schedule for () {}

@@ -1,22 +1,22 @@
-//! The schedule of unattended nights: hours, a believable calendar, a steady rig, and pilots that
-//! prove it.
+//! The schedule of unattended nights: hours, a trusted calendar, warm-up, and pilots that check the
+//! rig for drift.
 //!
 //! ```text
 //! outside the hours ─► inside: warm up ─► pilot good ─► photos, a pilot every N ─► a last pilot
 //!                                             │ past a limit: calibrate if allowed, pilot again,
-//!                                             ▼ and restore anew what came after the last good
-//!                                               pilot; else call for help
+//!                                             ▼ and repeat the photos since the last good pilot;
+//!                                               else call for help
 //! ```
 //!
-//! Photos restored since the last good pilot are *unproven*, and written down as such: after a
-//! reboot the first pilot speaks for them, too.
+//! Photos restored since the last good pilot are *unproven*, and recorded as such: after a reboot
+//! the first pilot decides on them, too.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 use super::alarm::{Alarm, Time};
 use super::{Event, Notice, Question, Schedule, Turn};
 use crate::config::Nights;
-use crate::daemon::error::DaemonError;
+use crate::daemon::error::{CalibrationCause, DaemonError};
 use crate::daemon::job::JobEnd;
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::inbox::is_hidden;
@@ -26,7 +26,7 @@ use crate::daemon::store::report_file::Delivered;
 use crate::daemon::store::waiting::Awaited;
 use crate::daemon::store::withdraw::is_in_place;
 use crate::nights::pilot::{Drift, DriftLimits};
-use crate::nights::trust::{Belief, Calendar};
+use crate::nights::trust::{Calendar, Trust, unix_s};
 use crate::nights::warm_up::{WarmUp, Warmth};
 use crate::nights::window::{Hours, Window};
 use crate::remedy::{AnyFailure, Remedy, full_message};
@@ -36,80 +36,80 @@ use crate::rig::{Clock, Moment};
 /// Seconds between two pilots of a warm-up. Guess: a panel takes an hour.
 const WARM_UP_STEP_S: f64 = 30.0;
 
-/// The pilot after the last photo comes when the inbox has been empty for this long. Guess.
+/// The inbox must be empty for this long before the pilot after the last photo. Guess.
 const LULL_S: f64 = 60.0;
 
-/// Calibrations in a row after which a rig that drifts again is not believed to become steady.
-/// Guess.
+/// Calibrations in a row after which a rig that drifts again counts as unsteady. Guess.
 const CALIBRATIONS_MAX: u32 = 3;
 
-/// What photos wait for when the lens was to be measured anew and somebody held the button.
-const GIVEN_UP: &str = "the rig has drifted, and measuring the lens anew was given up at the \
-                        button: press it to measure; else the next night does";
+/// Reason to hold after a calibration was cancelled at the button.
+const CANCELLED: &str = "the rig has drifted, and measuring the lens was cancelled at the button: \
+                         press it to measure now; otherwise the next night does";
 
-/// Past the end of the window by the monotonic clock: the calendar has been put back.
+/// Seconds past the end of the night by the monotonic clock after which the calendar counts as set
+/// back.
 const SLACK_S: f64 = 60.0;
 
-/// Where the time and the temperature come from.
+/// Sources of time and temperature.
 #[derive(Clone, Copy)]
 pub struct Times<'a> {
-    /// The daemon's clock, which only goes forward.
+    /// The monotonic clock.
     pub clock: &'a dyn Clock,
-    /// The box's calendar.
+    /// The calendar.
     pub calendar: &'a dyn Fn() -> SystemTime,
-    /// Whether the calendar was set by the network.
+    /// Whether the network has set the calendar.
     pub is_set: &'a dyn Fn() -> bool,
-    /// Temperature of the board in °C, if it tells.
+    /// Temperature of the board, °C, where it has a sensor.
     pub temperature_c: &'a dyn Fn() -> Option<f64>,
 }
 
 impl Times<'_> {
     fn unix_s(&self) -> f64 {
-        (self.calendar)().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
+        unix_s((self.calendar)())
     }
 }
 
-/// One night under way.
+/// The current night.
 struct Night {
-    /// When it ends on the daemon's clock.
+    /// End by the monotonic clock.
     ends: Option<Moment>,
     warm_up: Option<WarmUp>,
     next_pilot: Moment,
     /// Photos since the last pilot.
     photos: usize,
-    /// The last pilot was past a limit, and nothing was put right since.
+    /// Whether the last pilot was past a limit.
     drifted: bool,
 }
 
-/// Nights around a rig with a pilot.
+/// The schedule of nights.
 pub struct Nightly<'a> {
     nights: Nights,
     window: Window,
     times: Times<'a>,
     calendar: Calendar,
-    /// The last look at it.
-    belief: Belief,
+    /// Trust in the calendar at the last reading.
+    trust: Trust,
     alarm: Alarm,
     folders: Folders,
     record: NightRecord,
     night: Option<Night>,
-    /// This window's time is used up, whatever the calendar says.
-    spent: bool,
+    /// Whether this night is over by the monotonic clock, whatever the calendar says.
+    is_over: bool,
     calibrations: u32,
-    /// Somebody held the button while the lens was measured anew: not before they press again, or
-    /// the next night.
-    given_up: bool,
-    /// Since when there is nothing to take.
+    /// Whether a calibration was cancelled at the button: not repeated before a press or the next
+    /// night.
+    is_cancelled: bool,
+    /// Since when no photo is ready.
     lull_since: Option<Moment>,
 }
 
 fn help(failure: AnyFailure) -> Option<Turn> {
-    Some(Turn::Help(DaemonError::Rig { about: String::new(), failure }))
+    Some(Turn::Help(DaemonError::Rig { photo: None, failure }))
 }
 
 impl<'a> Nightly<'a> {
-    /// The nights of a rig file over `folders`; `None` when they could not be read, which its check
-    /// rules out.
+    /// The schedule `nights` of a rig file; `None` for an invalid window or time zone, which the
+    /// check of the rig file excludes.
     pub fn new(nights: &Nights, folders: &Folders, times: Times<'a>) -> Option<Nightly<'a>> {
         let record = NightRecord::load(folders).unwrap_or_default();
         Some(Nightly {
@@ -117,14 +117,14 @@ impl<'a> Nightly<'a> {
             window: Window::new(nights)?,
             times,
             calendar: Calendar::new(nights.clock, record.floor_unix_s),
-            belief: Belief::NotSet,
-            alarm: Alarm::new(times.clock.now(), record.waiting.clone()),
+            trust: Trust::NotSet,
+            alarm: Alarm::new(times.clock.now(), &record),
             folders: folders.clone(),
             record,
             night: None,
-            spent: false,
+            is_over: false,
             calibrations: 0,
-            given_up: false,
+            is_cancelled: false,
             lull_since: None,
         })
     }
@@ -133,128 +133,135 @@ impl<'a> Nightly<'a> {
         self.times.clock.now()
     }
 
-    /// Writes down what must survive a reboot. A disk that is full is told of by the photos.
-    fn keep(&mut self) {
-        self.record.floor_unix_s = self.calendar.floor_unix_s();
-        self.record.waiting = self.alarm.record(self.time(), &self.record.waiting);
-        if let Err(error) = self.record.save(&self.folders) {
-            log::debug!("the night's record is not kept: {}", full_message(&error));
+    /// Saves the state that survives a reboot. Errors are logged only: a full disk is reported with
+    /// the photos.
+    fn save(&mut self) {
+        let (time, record) = (self.time(), &mut self.record);
+        record.floor_unix_s = self.calendar.floor_unix_s();
+        record.waiting_since_unix_s = self.alarm.since_unix_s(time, record.waiting_since_unix_s);
+        self.alarm.obstacle().clone_into(&mut record.obstacle);
+        if let Err(error) = record.save(&self.folders) {
+            log::debug!("cannot save the state of the night: {}", full_message(&error));
         }
     }
 
-    /// The clocks, as far as the last look believed them.
+    /// The clocks, as trusted at the last reading.
     fn time(&self) -> Time {
-        let believed = matches!(self.belief, Belief::Believed { .. });
-        Time { now: self.now(), unix_s: believed.then(|| self.times.unix_s()) }
+        let is_trusted = matches!(self.trust, Trust::Trusted { .. });
+        Time { now: self.now(), unix_s: is_trusted.then(|| self.times.unix_s()) }
     }
 
-    /// Looks at the calendar, and at whether `waiting` photos wait for too long; `None` when nobody
-    /// knows how many do.
-    fn look(&mut self, waiting: Option<usize>) {
+    /// Reads the calendar and updates the alarm with the number of photos `waiting`, if known.
+    fn update(&mut self, waiting: Option<usize>) {
         let (now, unix_s) = (self.now(), self.times.unix_s());
-        self.belief = self.calendar.look(unix_s, now.0, (self.times.is_set)());
-        if let Belief::Believed { jumped_s: Some(jump) } = self.belief {
+        self.trust = self.calendar.judge(unix_s, now.0, (self.times.is_set)());
+        if let Trust::Trusted { jumped_s: Some(jump) } = self.trust {
             log::warn!("the clock was changed by {jump:+.0} s");
         }
-        self.alarm.look(self.time(), waiting, &self.window);
-        self.keep_waiting();
+        self.alarm.update(self.time(), waiting, &self.window);
+        self.save_alarm();
     }
 
-    /// Writes down what the alarm knows, if that is new.
-    fn keep_waiting(&mut self) {
-        let waiting = self.alarm.record(self.time(), &self.record.waiting);
-        if !waiting.is_like(&self.record.waiting) {
-            self.keep();
+    /// Saves the state when the alarm's has changed, and every hour while photos wait.
+    fn save_alarm(&mut self) {
+        let (record, time) = (&self.record, self.time());
+        let since = self.alarm.since_unix_s(time, record.waiting_since_unix_s);
+        let is_old = self.calendar.floor_unix_s() - record.floor_unix_s >= 3600.0;
+        if since.is_some() != record.waiting_since_unix_s.is_some()
+            || self.alarm.obstacle() != record.obstacle
+            || since.is_some() && is_old
+        {
+            self.save();
         }
     }
 
-    /// Writes down what keeps photos from being restored, should the whole night pass like this.
-    fn hindered(&mut self, why: &str) {
-        self.alarm.hindered(self.now(), why);
-        self.keep_waiting();
+    /// Notes the reason why photos are not restored, for the alarm.
+    fn set_obstacle(&mut self, why: &str) {
+        self.alarm.set_obstacle(self.now(), why);
+        self.save_alarm();
     }
 
-    /// Told while there is no rig to ask for anything, and why there is none.
-    pub fn shut_out(&mut self, why: &str) {
+    /// Updates the alarm while the rig cannot be opened, for the reason `why`.
+    pub fn set_rig_unavailable(&mut self, why: &str) {
         let found = self.folders.files().list(self.folders.inbox());
-        self.look(found.ok().map(|found| found.iter().filter(|(n, _)| !is_hidden(n)).count()));
-        self.hindered(why);
+        self.update(found.ok().map(|found| found.iter().filter(|(n, _)| !is_hidden(n)).count()));
+        self.set_obstacle(why);
     }
 
-    /// Photos wait within the hours, for `reason`.
+    /// Holds photos within the hours, for `reason`.
     fn hold(&mut self, awaited: Awaited, reason: &str, until: Option<Moment>) -> Option<Turn> {
-        self.hindered(reason);
+        self.set_obstacle(reason);
         Some(Turn::Hold { reason: reason.to_owned(), awaited, until })
     }
 
-    /// Whether photos may be taken at this hour; the night is begun or ended as it is time.
+    /// Begins or ends the night by the hours; `None` when photos may be restored at this hour.
     fn hours(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         let now = self.now();
-        let unknown = match self.belief {
-            Belief::Believed { .. } => None,
-            Belief::NotSet => Some("no network has set the clock yet"),
-            Belief::Before { .. } => Some("the clock says a time that already was"),
+        let unknown = match self.trust {
+            Trust::Trusted { .. } => None,
+            Trust::NotSet => Some("no network has set the clock yet"),
+            Trust::Past { .. } => Some("the clock shows a time in the past"),
         };
         if let Some(why) = unknown {
             self.night = None;
-            return self.hold(Awaited::Window, &format!("the time is not known: {why}"), None);
+            return self.hold(Awaited::Window, &format!("the time is unknown: {why}"), None);
         }
         let ends = self.night.as_ref().and_then(|night| night.ends);
         let over = ends.is_some_and(|end| now.0 > end.0 + SLACK_S);
         match self.window.at(self.times.unix_s()) {
             Hours::Closed { opens_in_s, words } => {
-                self.spent = false;
+                self.is_over = false;
                 let until = Some(Moment(now.0 + opens_in_s));
                 let awaited = Awaited::Window;
                 self.end(rig).or(Some(Turn::Hold { reason: words, awaited, until }))
             }
-            Hours::Open { .. } if self.spent || over => {
-                self.spent = true;
+            Hours::Open { .. } if self.is_over || over => {
+                self.is_over = true;
                 let turn = self.end(rig);
-                let over = "the night is over, though the clock was put back";
-                turn.or_else(|| self.hold(Awaited::Window, over, None))
+                let reason = "the night is over, though the clock was set back";
+                turn.or_else(|| self.hold(Awaited::Window, reason, None))
             }
-            Hours::Open { left_s } => {
+            Hours::Open { remaining_s } => {
                 if self.night.is_none() {
                     log::info!("the night begins");
                     self.night = Some(Night {
-                        ends: left_s.map(|left| Moment(now.0 + left)),
+                        ends: remaining_s.map(|remaining| Moment(now.0 + remaining)),
                         warm_up: Some(WarmUp::new(now.0)),
                         next_pilot: now,
                         photos: 0,
                         drifted: false,
                     });
-                    self.given_up = false;
+                    self.is_cancelled = false;
                 }
                 None
             }
         }
     }
 
-    /// Ends the night, with the pilot after the last photo.
+    /// Ends the night with a last pilot.
     fn end(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         let night = self.night.take()?;
         log::info!("the night is over: {} photos since the last pilot", night.photos);
         let proven = self.record.unproven.is_empty() || night.warm_up.is_some();
         let turn = if proven { None } else { self.prove(rig) };
-        self.keep();
+        self.save();
         turn
     }
 
-    fn note(&self, drift: Drift, verdict: PilotVerdict) {
+    fn log_pilot(&self, drift: Drift, verdict: PilotVerdict) {
         let temperature_c = (self.times.temperature_c)();
         let unix_s = self.times.unix_s() as u64;
         let entry = PilotEntry { unix_s, drift, verdict, temperature_c };
         if let Err(error) = pilots::add(&self.folders, entry) {
-            log::debug!("the pilot is not written down: {}", full_message(&error));
+            log::debug!("cannot log the pilot: {}", full_message(&error));
         }
     }
 
-    /// A pilot, and what follows from it; `None` when photos may go on.
+    /// Shows a pilot and acts on it; `None` when photos may be restored.
     fn prove(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         match rig.pilot() {
             Ok(Some(drift)) => self.judge(drift, rig),
-            // The rig has no pilot.
+            // A rig without pilots.
             Ok(None) => self.good(),
             Err(failure) => help(failure),
         }
@@ -262,37 +269,37 @@ impl<'a> Nightly<'a> {
 
     fn judge(&mut self, drift: Drift, rig: &mut dyn Restorer) -> Option<Turn> {
         let Some(complaint) = drift.complaint(&DriftLimits::of(&self.nights)) else {
-            self.note(drift, PilotVerdict::Good);
+            self.log_pilot(drift, PilotVerdict::Good);
             self.calibrations = 0;
             return self.good();
         };
-        self.note(drift, PilotVerdict::Drifted);
+        self.log_pilot(drift, PilotVerdict::Drifted);
         if let Some(night) = &mut self.night {
             night.drifted = true;
         }
-        self.record.doubted |= !self.record.unproven.is_empty();
-        self.keep();
+        self.record.must_repeat |= !self.record.unproven.is_empty();
+        self.save();
         let calibrations = self.calibrations;
         if !self.nights.recalibrate || calibrations >= CALIBRATIONS_MAX {
             return Some(Turn::Help(DaemonError::Drifted { complaint, calibrations }));
         }
         self.calibrations += 1;
-        log::warn!("the rig has drifted: {complaint}; it is calibrated anew");
+        log::warn!("the rig has drifted: {complaint}; calibrating");
         if let Err(failure) = rig.mend(Remedy::Recalibrate) {
             if failure.was_asked_for() {
-                log::info!("measuring the lens was given up: the photos wait for the button");
-                self.given_up = true;
+                log::info!("measuring the lens was cancelled: photos wait for the button");
+                self.is_cancelled = true;
                 self.calibrations -= 1;
-                return self.hold(Awaited::Button, GIVEN_UP, None);
+                return self.hold(Awaited::Button, CANCELLED, None);
             }
-            let why = format!("the rig has drifted ({complaint}) and ");
-            return Some(Turn::Help(DaemonError::Calibration { why, failure }));
+            let cause = CalibrationCause::Drifted(complaint);
+            return Some(Turn::Help(DaemonError::Calibration { cause, failure }));
         }
         self.prove(rig)
     }
 
-    /// The rig is what was calibrated: what came before is proven, unless it was doubted in
-    /// between.
+    /// After a good pilot: photos since the last one are proven, unless a pilot in between was past
+    /// a limit.
     fn good(&mut self) -> Option<Turn> {
         if let Some(night) = &mut self.night {
             (night.photos, night.drifted) = (0, false);
@@ -300,32 +307,32 @@ impl<'a> Nightly<'a> {
         if self.record.unproven.is_empty() {
             return None;
         }
-        let again = self.record.doubted.then(|| Turn::Again(self.record.unproven.clone()));
+        let again = self.record.must_repeat.then(|| Turn::Again(self.record.unproven.clone()));
         match &again {
-            Some(_) => self.record.again = true,
+            Some(_) => self.record.is_withdrawing = true,
             None => self.record.unproven.clear(),
         }
-        self.keep();
+        self.save();
         again
     }
 
-    /// Photos that are being put back: until none is left in its old place.
-    fn putting_back(&mut self) -> Option<Turn> {
-        if !self.record.again {
+    /// Continues a withdrawal until it is complete.
+    fn continue_withdrawal(&mut self) -> Option<Turn> {
+        if !self.record.is_withdrawing {
             return None;
         }
-        let mut left = self.record.unproven.clone();
-        left.retain(|photo| is_in_place(&self.folders, photo));
-        if !left.is_empty() {
-            return Some(Turn::Again(left));
+        let mut remaining = self.record.unproven.clone();
+        remaining.retain(|photo| is_in_place(&self.folders, photo));
+        if !remaining.is_empty() {
+            return Some(Turn::Again(remaining));
         }
-        let waiting = std::mem::take(&mut self.record.waiting);
-        self.record = NightRecord { waiting, ..NightRecord::default() };
-        self.keep();
+        let NightRecord { waiting_since_unix_s, .. } = self.record;
+        self.record = NightRecord { waiting_since_unix_s, ..NightRecord::default() };
+        self.save();
         None
     }
 
-    /// Warm-up; `None` when it is over.
+    /// Waits for the rig to become steady; `None` when it is.
     fn warm_up(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         const REASON: &str = "the rig is warming up";
         let now = self.now();
@@ -345,28 +352,28 @@ impl<'a> Nightly<'a> {
         };
         let (limits, max_s) = (DriftLimits::of(&self.nights), 60.0 * self.nights.warm_up_max_min);
         let night = self.night.as_mut()?;
-        let warmth = night.warm_up.as_mut()?.take(drift, &limits, now.0, max_s);
+        let warmth = night.warm_up.as_mut()?.add(drift, &limits, now.0, max_s);
         if warmth == Warmth::Warming {
             let until = Moment(now.0 + WARM_UP_STEP_S);
             night.next_pilot = until;
-            self.note(drift, PilotVerdict::Warming);
+            self.log_pilot(drift, PilotVerdict::Warming);
             return self.hold(Awaited::Rig, REASON, Some(until));
         }
         night.warm_up = None;
         if warmth == Warmth::OutOfTime {
-            log::warn!("the rig did not become steady within {} min", self.nights.warm_up_max_min);
+            log::warn!("the rig is not steady after {} min", self.nights.warm_up_max_min);
         }
         self.judge(drift, rig)
     }
 
-    /// Nothing is left to take: the pilot after the last photo, when that has lasted for a while.
-    fn after_the_last(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
+    /// Shows the pilot after the last photo, once no photo has been ready for a while.
+    fn prove_last_photos(&mut self, rig: &mut dyn Restorer) -> Option<Turn> {
         let now = self.now();
         let since = *self.lull_since.get_or_insert(now);
         if self.record.unproven.is_empty() || now.0 - since.0 < LULL_S {
             return None;
         }
-        // After a reboot the rig is cold, and what it says is not to be held against the photos.
+        // After a reboot the rig is cold, and its drift says nothing about the photos.
         let cold = self.night.as_ref().is_some_and(|night| night.warm_up.is_some());
         if cold { self.warm_up(rig) } else { self.prove(rig) }
     }
@@ -374,10 +381,10 @@ impl<'a> Nightly<'a> {
 
 impl Schedule for Nightly<'_> {
     fn turn(&mut self, asked: Question, rig: &mut dyn Restorer) -> Turn {
-        self.look(Some(asked.waiting));
-        let mut turn = self.putting_back().or_else(|| self.hours(rig));
-        if self.given_up {
-            turn = turn.or_else(|| self.hold(Awaited::Button, GIVEN_UP, None));
+        self.update(Some(asked.waiting));
+        let mut turn = self.continue_withdrawal().or_else(|| self.hours(rig));
+        if self.is_cancelled {
+            turn = turn.or_else(|| self.hold(Awaited::Button, CANCELLED, None));
         }
         if asked.is_ready {
             self.lull_since = None;
@@ -388,36 +395,36 @@ impl Schedule for Nightly<'_> {
                 turn = self.prove(rig);
             }
         } else {
-            turn = turn.or_else(|| self.after_the_last(rig));
+            turn = turn.or_else(|| self.prove_last_photos(rig));
         }
         turn.unwrap_or(Turn::Go)
     }
 
-    fn told(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
+    fn notify(&mut self, event: Event<'_>, _: &mut dyn Restorer) {
         match event {
             Event::Begun { .. } | Event::Ended(JobEnd::Gone) => {}
-            Event::Pressed => self.given_up = false,
-            Event::Ended(JobEnd::Left { left, .. }) => self.hindered(&left.reason),
+            Event::Pressed => self.is_cancelled = false,
+            Event::Ended(JobEnd::Deferred { failed, .. }) => self.set_obstacle(&failed.reason),
             Event::Ended(JobEnd::Failed(_)) => {
-                self.alarm.served(self.now());
-                self.keep();
+                self.alarm.restart(self.now());
+                self.save();
             }
             Event::Ended(JobEnd::Done { delivered, .. }) => {
-                self.alarm.served(self.now());
+                self.alarm.restart(self.now());
                 self.record.unproven.push(delivered.clone());
                 if let Some(night) = &mut self.night {
                     night.photos += 1;
                 }
-                self.keep();
+                self.save();
             }
             Event::Held(error) => {
-                self.look(None);
-                self.hindered(&full_message(error));
+                self.update(None);
+                self.set_obstacle(&full_message(error));
             }
             Event::KeptWaiting { waiting, why } => {
-                self.look(Some(waiting));
+                self.update(Some(waiting));
                 if waiting > 0 {
-                    self.hindered(why);
+                    self.set_obstacle(why);
                 }
             }
         }

@@ -1,93 +1,99 @@
-//! The journey of a box that takes its photos itself.
+//! The schedule of a box that takes its photos itself.
 //!
 //! ```text
-//! aim ─ press ─► take, keep in the inbox ─► ask for the panel ─► seen ─► pilot good ─► photos
+//! aim ─ press ─► take, save to the inbox ─► ask for the panel ─► seen ─► pilot good ─► photos
 //!  ▲                  ▲                        │  │  ▲             ▲       │ past a limit
-//!  │ put off, or      └────── short press ─────┘  │  └ not measured ┴ measure anew
-//!  └ nobody came ◄────────────────────────────────┘
+//!  │ postponed, or    └────── short press ─────┘  │  └─── failed ───┴ measure the lens
+//!  └ timed out ◄──────────────────────────────────┘
 //! ```
 //!
-//! Before each photo the box counts down; a press meanwhile, or trouble, and it is not taken.
-//! What was taken is in the inbox before anything else is asked for: from there on it is a photo
-//! like any other, also after a power cut.
+//! Before each photo the box counts down; a press or an error cancels the countdown. A photo is
+//! saved to the inbox before anything else: from then on it is treated as any other, also after a
+//! power cut.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 use super::before_box::BeforeBox;
 use super::{Question, Turn};
 use crate::config::Nights;
-use crate::daemon::error::DaemonError;
+use crate::daemon::error::{CalibrationCause, DaemonError};
 use crate::daemon::store::folders::Folders;
 use crate::daemon::store::taken;
-use crate::daemon::store::waiting::{Awaited, Waiting};
+use crate::daemon::store::waiting::Awaited;
 use crate::kiosk::front_panel::BoxState;
-use crate::kiosk::screen::Screen;
+use crate::kiosk::screen::{ASK, Screen};
 use crate::nights::pilot::DriftLimits;
+use crate::nights::trust::unix_s;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::photo_file::TakenPhoto;
 use crate::restorer::{PanelView, Restorer};
 use crate::rig::Moment;
 use crate::rig::shoot::CLIPPED_SHARE_MAX;
 
-/// Who is asked for the panel and does not bring it in this time is not coming. Guess.
+/// Timeout for bringing the panel. Guess.
 const ASK_S: f64 = 900.0;
 
-/// Between two looks for the panel: they show test pictures in place of what it says. Guess.
-const LOOK_S: f64 = 5.0;
+/// Interval between two searches for the panel, which replace its screen by test pictures. Guess.
+const SEARCH_S: f64 = 5.0;
 
-/// The same where the lens could not be measured, which takes a minute each time. Guess.
+/// Interval between two attempts to measure the lens, which take a minute each. Guess.
 const MEASURE_AGAIN_S: f64 = 30.0;
 
-/// Calibrations in a row after which the panel does not hold still. Guess.
+/// Calibrations in a row after which the panel counts as unsteady. Guess.
 const CALIBRATIONS_MAX: u32 = 2;
 
-/// Times a photo is begun again when the camera stumbles. Guess.
+/// Attempts at a photo when the camera fails. Guess.
 const TRIES_MAX: u32 = 3;
 
-/// What is asked for at first.
-const ASK: &str = "The photo is kept. Put this panel before the lens, or the camera into its dock.";
-
-/// Where the journey is.
+/// Stage of the process.
 #[derive(Debug, PartialEq)]
 enum Stage {
-    /// Photos that wait were put off.
+    /// Waiting photos are postponed.
     Aim,
-    /// Since when, when to look next, and what to say.
-    Ask { since: Moment, look_at: Moment, words: String },
-    /// The panel stands otherwise than it did, by what `why` says, and still does after so many
-    /// calibrations: the lens is to be measured. A stage of its own, so that whoever does not see
-    /// the panel reads it on the page meanwhile.
+    /// The panel is asked for `since` then, in these `words`; next search at `search_at`.
+    Ask { since: Moment, search_at: Moment, words: String },
+    /// The lens is to be measured because the panel was moved, by `why`, after so many
+    /// calibrations. A separate stage, so that the page shows it meanwhile.
     Measure { why: String, calibrations: u32 },
-    /// The panel is before the lens, as it was when the lens was measured.
+    /// The panel is where it was when the lens was measured.
     There,
 }
 
-/// A photo is about to be taken.
+/// The countdown to a photo.
 struct Countdown {
     shutter: Moment,
-    /// The seconds that are on the panel.
+    /// Seconds shown on the panel.
     shown: u32,
 }
 
 impl Countdown {
-    /// Whole seconds left, begun ones too.
-    fn left(&self, now: Moment) -> u32 {
-        // What rounding adds is not a second.
+    /// Seconds to go, rounded up.
+    fn remaining(&self, now: Moment) -> u32 {
+        // A rounding error must not add a second.
         (self.shutter.0 - now.0 - 1e-6).max(0.0).ceil() as u32
     }
 }
 
-/// What may happen next.
+/// Decision of the process.
 pub(super) enum ShootTurn {
-    /// Photos may be taken from the inbox, as far as this is asked.
+    /// Photos may be restored.
     Photos,
-    /// Those that wait do so for a later press.
+    /// Waiting photos are postponed.
     Aim,
-    /// Something else.
+    /// Another decision.
     Other(Turn),
 }
 
-/// The journey.
+/// State of taking a photo.
+enum ShutterState {
+    Nothing,
+    /// The countdown runs until then.
+    Counting(Moment),
+    /// A photo was saved to the inbox.
+    Saved,
+}
+
+/// The process of taking and restoring photos.
 pub(super) struct Shooting<'a> {
     folders: Folders,
     calendar: &'a dyn Fn() -> SystemTime,
@@ -96,13 +102,14 @@ pub(super) struct Shooting<'a> {
     stage: Stage,
     countdown_s: f64,
     countdown: Option<Countdown>,
-    /// The button asked for a photo, or for no waiting, since the last turn.
+    /// Whether the button asked for a photo since the last turn.
     go: bool,
-    put_off: bool,
-    /// Taken, and not yet on the disk.
-    unkept: Option<TakenPhoto>,
-    /// How many of the photos that wait were put off.
-    waiting_put_off: usize,
+    /// Whether the button asked to postpone since the last turn.
+    postpone: bool,
+    /// A photo taken and not yet saved.
+    unsaved: Option<TakenPhoto>,
+    /// Number of waiting photos that are postponed.
+    postponed_photos: usize,
 }
 
 impl<'a> Shooting<'a> {
@@ -121,91 +128,115 @@ impl<'a> Shooting<'a> {
             countdown_s,
             countdown: None,
             go: false,
-            put_off: false,
-            unkept: None,
-            waiting_put_off: 0,
+            postpone: false,
+            unsaved: None,
+            postponed_photos: 0,
         }
     }
 
-    /// What the button asked for.
-    pub(super) fn heard(&mut self, go: bool, put_off: bool) {
+    /// Notes requests of the button.
+    pub(super) fn request(&mut self, go: bool, postpone: bool) {
         self.go |= go;
-        self.put_off |= put_off;
+        self.postpone |= postpone;
     }
 
-    /// Whether what is counted down differs from what was said of it, or the lens is to be
-    /// measured, which has been said.
+    /// Whether the countdown has advanced, or the lens is to be measured.
     pub(super) fn is_due(&self, now: Moment) -> bool {
         match &self.countdown {
-            Some(countdown) => countdown.left(now) != countdown.shown,
+            Some(countdown) => countdown.remaining(now) != countdown.shown,
             None => matches!(self.stage, Stage::Measure { .. }),
         }
     }
 
-    /// Somebody was needed: the panel may be elsewhere by now, and whoever pressed is not aiming.
-    pub(super) fn held(&mut self) {
+    /// Resets after an error: the panel may have been moved, and the user may not be aiming.
+    pub(super) fn reset(&mut self) {
         self.countdown = None;
         if self.stage == Stage::There {
             self.stage = Stage::Aim;
         }
     }
 
-    /// What is next, with so many photos in the inbox.
+    /// Decides what to do next.
     pub(super) fn turn(
         &mut self,
         asked: Question,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
     ) -> ShootTurn {
-        self.waiting_put_off = self.waiting_put_off.min(asked.waiting);
-        if std::mem::take(&mut self.put_off) {
+        self.postponed_photos = self.postponed_photos.min(asked.waiting);
+        if std::mem::take(&mut self.postpone) {
             match self.countdown.take() {
-                Some(_) => log::info!("the photo was taken back before it was taken"),
-                None => self.give_way(asked.waiting),
+                Some(_) => log::info!("the countdown was cancelled"),
+                None => self.postpone(asked.waiting),
             }
         }
-        let kept = if self.unkept.is_some() { self.keep() } else { Ok(false) };
-        let is_time = matches!(kept, Ok(false)) && self.count_down(before, rig);
-        if let Some(Countdown { shutter, .. }) = self.countdown {
-            let reason = "a photo is about to be taken".to_owned();
-            let awaited = Awaited::Panel;
-            return ShootTurn::Other(Turn::Hold { reason, awaited, until: Some(shutter) });
-        }
-        let kept = match kept {
-            Ok(false) if is_time => {
-                before.show(Screen::Taking, BoxState::Working, rig);
-                before.forget_screen();
-                self.take(rig).and_then(|()| self.keep())
-            }
-            kept => kept,
-        };
-        let now = before.clock.now();
-        match kept {
+        match self.take_when_due(before, rig) {
             Err(error) => return ShootTurn::Other(Turn::Help(error)),
-            Ok(true) => {
-                self.ask(now, ASK);
-                // It is seen at the next look at the inbox.
-                return self.wait((asked.waiting + 1, asked.parts), now, before, rig);
+            Ok(ShutterState::Counting(shutter)) => {
+                let reason = "taking the photo".to_owned();
+                let awaited = Awaited::Panel;
+                return ShootTurn::Other(Turn::Hold { reason, awaited, until: Some(shutter) });
             }
-            Ok(false) => {}
+            Ok(ShutterState::Saved) => {
+                let now = before.clock.now();
+                self.ask(now, ASK);
+                // The photo is found by the next scan of the inbox.
+                let asked = Question { waiting: asked.waiting + 1, ..asked };
+                return self.wait(asked, now, before, rig);
+            }
+            Ok(ShutterState::Nothing) => {}
         }
         if asked.waiting == 0 {
             self.stage = Stage::Aim;
             return ShootTurn::Photos;
         }
-        match &self.stage {
-            Stage::Aim if asked.waiting > self.waiting_put_off => self.ask(now, ASK),
-            Stage::Ask { since, .. } if now.0 - since.0 > ASK_S => {
-                log::info!("nobody put the panel before the lens within {ASK_S} s");
-                self.give_way(asked.waiting);
+        self.restore_waiting(asked, before, rig)
+    }
+
+    /// Saves a photo taken before, counts down, and takes a photo when the countdown ends.
+    fn take_when_due(
+        &mut self,
+        before: &mut BeforeBox<'_>,
+        rig: &mut dyn Restorer,
+    ) -> Result<ShutterState, DaemonError> {
+        let saved = if self.unsaved.is_some() { self.save() } else { Ok(false) };
+        let is_due = matches!(saved, Ok(false)) && self.count_down(before, rig);
+        if let Some(Countdown { shutter, .. }) = self.countdown {
+            return Ok(ShutterState::Counting(shutter));
+        }
+        let is_saved = match saved {
+            Ok(false) if is_due => {
+                before.show(Screen::Taking, BoxState::Working, rig);
+                before.forget_screen();
+                self.take(rig)?;
+                self.save()?
             }
-            // What is left rests; until then the panel may go.
+            saved => saved?,
+        };
+        Ok(if is_saved { ShutterState::Saved } else { ShutterState::Nothing })
+    }
+
+    /// Asks for the panel, measures the lens if necessary, and lets waiting photos be restored.
+    fn restore_waiting(
+        &mut self,
+        asked: Question,
+        before: &mut BeforeBox<'_>,
+        rig: &mut dyn Restorer,
+    ) -> ShootTurn {
+        let now = before.clock.now();
+        match &self.stage {
+            Stage::Aim if asked.waiting > self.postponed_photos => self.ask(now, ASK),
+            Stage::Ask { since, .. } if now.0 - since.0 > ASK_S => {
+                log::info!("the panel was not put before the lens within {ASK_S} s");
+                self.postpone(asked.waiting);
+            }
+            // All photos are deferred; until then the panel may be moved.
             Stage::There | Stage::Measure { .. } if !asked.is_ready => self.ask(now, ASK),
             _ => {}
         }
-        let went_on = match &self.stage {
-            Stage::Ask { look_at, .. } if asked.is_ready && now.0 >= look_at.0 => {
-                self.look(before, rig)
+        let advanced = match &self.stage {
+            Stage::Ask { search_at, .. } if asked.is_ready && now.0 >= search_at.0 => {
+                self.search_panel(before, rig)
             }
             Stage::Measure { why, calibrations } => {
                 let (why, calibrations) = (why.clone(), calibrations + 1);
@@ -213,22 +244,22 @@ impl<'a> Shooting<'a> {
             }
             _ => Ok(()),
         };
-        match went_on {
-            // Whoever gave the measuring up does not want the photos now.
+        match advanced {
+            // A user who cancels the measurement does not want the photos now.
             Err(error) if error.was_asked_for() => {
-                log::info!("measuring the lens was given up");
-                self.give_way(asked.waiting);
+                log::info!("measuring the lens was cancelled");
+                self.postpone(asked.waiting);
             }
             Err(error) => return ShootTurn::Other(Turn::Help(error)),
             Ok(()) => {}
         }
         match &self.stage {
             Stage::There => ShootTurn::Photos,
-            _ => self.wait((asked.waiting, asked.parts), now, before, rig),
+            _ => self.wait(asked, now, before, rig),
         }
     }
 
-    /// Counts down from a press; true when the photo is to be taken.
+    /// Starts or continues the countdown; true when it ends.
     fn count_down(&mut self, before: &mut BeforeBox<'_>, rig: &mut dyn Restorer) -> bool {
         let now = before.clock.now();
         if std::mem::take(&mut self.go) && self.countdown.is_none() {
@@ -236,7 +267,7 @@ impl<'a> Shooting<'a> {
             self.countdown = Some(Countdown { shutter, shown: 0 });
         }
         let Some(countdown) = &mut self.countdown else { return false };
-        countdown.shown = countdown.left(now);
+        countdown.shown = countdown.remaining(now);
         if countdown.shown == 0 {
             self.countdown = None;
             return true;
@@ -246,26 +277,23 @@ impl<'a> Shooting<'a> {
         false
     }
 
-    /// The photos that wait are not asked for again.
-    fn give_way(&mut self, waiting: usize) {
-        (self.stage, self.waiting_put_off) = (Stage::Aim, waiting);
+    /// Postpones the waiting photos.
+    fn postpone(&mut self, waiting: usize) {
+        (self.stage, self.postponed_photos) = (Stage::Aim, waiting);
     }
 
     fn ask(&mut self, now: Moment, words: &str) {
-        self.stage = Stage::Ask { since: now, look_at: now, words: words.to_owned() };
+        self.stage = Stage::Ask { since: now, search_at: now, words: words.to_owned() };
     }
 
-    /// Takes a photo; where that fails there is none.
+    /// Takes a photo.
     fn take(&mut self, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
-        let failed = |failure: AnyFailure| DaemonError::Rig {
-            about: "no photo was taken: ".to_owned(),
-            failure,
-        };
+        let failed = |failure: AnyFailure| DaemonError::NotTaken { failure };
         let mut tries = 1;
         loop {
             let failure = match rig.take() {
                 Ok(taken) => {
-                    self.unkept = taken;
+                    self.unsaved = taken;
                     return Ok(());
                 }
                 Err(failure) => failure,
@@ -281,28 +309,25 @@ impl<'a> Shooting<'a> {
         }
     }
 
-    /// Puts what was taken into the inbox; false when there is nothing. It is kept in mind until
-    /// that is done.
-    fn keep(&mut self) -> Result<bool, DaemonError> {
-        let Some(photo) = &self.unkept else { return Ok(false) };
-        let unix_s =
-            (self.calendar)().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-        let name = taken::keep(&self.folders, photo, unix_s)?;
+    /// Saves the photo taken to the inbox; false without one. After an error it stays in memory.
+    fn save(&mut self) -> Result<bool, DaemonError> {
+        let Some(photo) = &self.unsaved else { return Ok(false) };
+        let name = taken::keep(&self.folders, photo, unix_s((self.calendar)()) as u64)?;
         if photo.clipped_share > CLIPPED_SHARE_MAX {
-            log::warn!("{name}: {:.2} % of it is full", 100.0 * photo.clipped_share);
+            log::warn!("{name}: {:.2} % of it is saturated", 100.0 * photo.clipped_share);
         }
         log::info!("{name}: taken");
-        self.unkept = None;
+        self.unsaved = None;
         Ok(true)
     }
 
-    /// Looks for the panel, and whether it stands as it did.
-    fn look(
+    /// Searches for the panel and checks its position.
+    fn search_panel(
         &mut self,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
     ) -> Result<(), DaemonError> {
-        // Test pictures are on the panel from here on.
+        // Test pictures replace the screen.
         before.forget_screen();
         let seen = match rig.look_for_panel() {
             Err(failure) if failure.remedy() == Remedy::ReopenRig => {
@@ -311,19 +336,19 @@ impl<'a> Shooting<'a> {
             }
             seen => seen,
         };
-        let said = match seen.map_err(of_rig)? {
+        let words = match seen.map_err(of_rig)? {
             PanelView::Absent => ASK.to_owned(),
-            PanelView::Askew(what) => format!("The panel is seen, but not well: {what}."),
+            PanelView::Askew(what) => format!("The panel is not well placed: {what}."),
             PanelView::There => {
                 let proved = self.prove(0, rig);
-                return self.or_ask(proved, before);
+                return self.ask_on_error(proved, before);
             }
         };
-        self.look_again(LOOK_S, said, before);
+        self.ask_again(SEARCH_S, words, before);
         Ok(())
     }
 
-    /// The pilot, after so many calibrations, and what follows from it.
+    /// Shows a pilot, after so many calibrations, and sets the stage.
     fn prove(&mut self, calibrations: u32, rig: &mut dyn Restorer) -> Result<(), DaemonError> {
         let drift = rig.pilot().map_err(of_rig)?;
         let Some(complaint) = drift.and_then(|drift| drift.complaint(&self.limits)) else {
@@ -333,12 +358,12 @@ impl<'a> Shooting<'a> {
         if !self.recalibrate || calibrations == CALIBRATIONS_MAX {
             return Err(DaemonError::Drifted { complaint, calibrations });
         }
-        log::info!("the panel stands otherwise than it did: {complaint}; the lens is measured");
+        log::info!("the panel was moved: {complaint}; measuring the lens");
         self.stage = Stage::Measure { why: complaint, calibrations };
         Ok(())
     }
 
-    /// Measures the lens, which takes a while, and looks whether that was enough.
+    /// Measures the lens and checks the result with a pilot.
     fn measure(
         &mut self,
         complaint: String,
@@ -347,16 +372,16 @@ impl<'a> Shooting<'a> {
         rig: &mut dyn Restorer,
     ) -> Result<(), DaemonError> {
         before.forget_screen();
-        let measured = rig.mend(Remedy::Recalibrate).map_err(|failure| {
-            let why = format!("the panel stands otherwise than it did ({complaint}) and ");
-            DaemonError::Calibration { why, failure }
+        let measured = rig.mend(Remedy::Recalibrate).map_err(|failure| DaemonError::Calibration {
+            cause: CalibrationCause::PanelMoved(complaint),
+            failure,
         });
         let proved = measured.and_then(|()| self.prove(calibrations, rig));
-        self.or_ask(proved, before)
+        self.ask_on_error(proved, before)
     }
 
-    /// What keeps the lens from being measured is asked for with the panel.
-    fn or_ask(
+    /// Turns an error of the measurement into a request to the user.
+    fn ask_on_error(
         &mut self,
         proved: Result<(), DaemonError>,
         before: &BeforeBox<'_>,
@@ -364,28 +389,28 @@ impl<'a> Shooting<'a> {
         match proved {
             Err(error) if !error.was_asked_for() => {
                 log::warn!("{}", full_message(&error));
-                let said = format!("{}. {}", full_message(&error), error.what_to_do());
-                self.look_again(MEASURE_AGAIN_S, said, before);
+                let words = format!("{}. {}", full_message(&error), error.what_to_do());
+                self.ask_again(MEASURE_AGAIN_S, words, before);
                 Ok(())
             }
             proved => proved,
         }
     }
 
-    /// The panel is asked for in these words, and looked for after so many seconds.
-    fn look_again(&mut self, in_s: f64, said: String, before: &BeforeBox<'_>) {
+    /// Asks for the panel in these `words`, with the next search after `in_s` seconds.
+    fn ask_again(&mut self, in_s: f64, words: String, before: &BeforeBox<'_>) {
         let now = before.clock.now();
         let since = match &self.stage {
             Stage::Ask { since, .. } => *since,
             _ => now,
         };
-        self.stage = Stage::Ask { since, look_at: Moment(now.0 + in_s), words: said };
+        self.stage = Stage::Ask { since, search_at: Moment(now.0 + in_s), words };
     }
 
-    /// Asks for the panel, or says that the lens is measured.
+    /// Shows what the waiting photos wait for.
     fn wait(
         &self,
-        (photos, parts): (usize, Waiting),
+        asked: Question,
         now: Moment,
         before: &mut BeforeBox<'_>,
         rig: &mut dyn Restorer,
@@ -395,17 +420,16 @@ impl<'a> Shooting<'a> {
             Stage::Measure { why, .. } => {
                 before.show(Screen::Measuring { why: why.clone() }, BoxState::Working, rig);
                 let reason = format!(
-                    "the lens is being measured, for the panel stands otherwise than it did \
-                     ({why}): leave it where it is"
+                    "measuring the lens, because the panel was moved ({why}): leave it where it is"
                 );
                 ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Rig, until: Some(now) })
             }
-            Stage::Ask { look_at, words, .. } => {
-                let screen =
-                    Screen::Asking { photos, words: words.clone(), others: parts.beside() };
+            Stage::Ask { search_at, words, .. } => {
+                let (photos, others) = (asked.waiting, asked.parts.describe_incomplete());
+                let screen = Screen::Asking { photos, words: words.clone(), others };
                 before.show(screen, BoxState::Asking, rig);
-                let reason = format!("photos wait for the panel: {words}");
-                let until = (look_at.0 > now.0).then_some(*look_at);
+                let reason = format!("the panel is needed: {words}");
+                let until = (search_at.0 > now.0).then_some(*search_at);
                 ShootTurn::Other(Turn::Hold { reason, awaited: Awaited::Panel, until })
             }
         }
@@ -413,5 +437,5 @@ impl<'a> Shooting<'a> {
 }
 
 fn of_rig(failure: AnyFailure) -> DaemonError {
-    DaemonError::Rig { about: String::new(), failure }
+    DaemonError::Rig { photo: None, failure }
 }

@@ -1,4 +1,4 @@
-//! A photo in `working`: claimed, and in the end closed or set aside.
+//! A photo in `working`: claimed, then closed or rejected.
 
 use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
@@ -6,20 +6,21 @@ use std::path::{Path, PathBuf};
 
 use super::folders::Folders;
 use super::ledger::Ledger;
+use super::names::note_name;
 use super::report_file::{Delivered, Failed};
 use crate::disk::files::numbered;
-use crate::disk::{FileError, FileKind, Look};
+use crate::disk::{FileError, FileKind, Metadata};
 
-/// The steps of a job at which the disk has changed. Between any two the power may fail.
+/// The steps of a job that change the disk. The power may fail between any two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum JobStep {
     /// The photo is in `working`.
     Claimed,
-    /// The attempt is written down.
+    /// The attempt is recorded.
     Recorded,
-    /// The picture is restored and held in memory.
+    /// The picture is restored, in memory.
     Restored,
-    /// The result's name is written down.
+    /// The result's name is recorded.
     Named,
     /// The gallery's pictures and the report are in the outbox.
     Reported,
@@ -27,7 +28,7 @@ pub enum JobStep {
     Delivered,
     /// The original is in `done`.
     Moved,
-    /// The record of the job is removed.
+    /// The job's record is removed.
     Closed,
 }
 
@@ -45,21 +46,21 @@ impl JobStep {
     ];
 }
 
-/// What became of a claim.
+/// Outcome of a claim.
 pub(crate) enum Claim {
-    /// The photo's new path.
+    /// The photo's path in `working`.
     Path(PathBuf),
-    /// It was gone before.
+    /// The photo was removed before.
     Gone,
-    /// It cannot be moved, though others may be.
+    /// This photo cannot be moved; others may.
     Refused(FileError),
 }
 
-/// Moves the photo at `way` from the inbox to `working`.
-pub(crate) fn claim(folders: &Folders, way: &Path) -> Result<Claim, FileError> {
-    // The names of the folders it lies in become part of its own.
-    let flat = way.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"));
-    let from = folders.inbox().join(way);
+/// Moves the photo at `path`, relative to the inbox, to `working`.
+pub(crate) fn claim(folders: &Folders, path: &Path) -> Result<Claim, FileError> {
+    // Folder names become part of the photo's own name.
+    let flat = path.iter().collect::<Vec<&OsStr>>().join(OsStr::new("-"));
+    let from = folders.inbox().join(path);
     match folders.files().move_to_own(&from, folders.working(), &flat) {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(Claim::Gone),
         Err(error) if error.is_about(&from) && !error.is_of_disk() => Ok(Claim::Refused(error)),
@@ -73,26 +74,25 @@ pub(crate) struct Claimed {
     pub(crate) name: OsString,
     pub(crate) kind: FileKind,
     pub(crate) ledger: Ledger,
-    /// Its result is in the outbox, and safe.
+    /// Whether its result is in the outbox, synchronised.
     pub(crate) delivered: bool,
 }
 
 impl Claimed {
-    /// The photo at `path`, with the record there is of it.
+    /// The photo at `path` with its record, if there is one.
     pub(crate) fn at(folders: &Folders, path: PathBuf) -> Result<Claimed, FileError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_owned();
-        let look: Look = folders.files().look(&path)?;
-        let ledger = Ledger::of(folders, &name, look)?;
-        Ok(Claimed { path, name, kind: look.kind, ledger, delivered: false })
+        let metadata: Metadata = folders.files().metadata(&path)?;
+        let ledger = Ledger::of(folders, &name, metadata)?;
+        Ok(Claimed { path, name, kind: metadata.kind, ledger, delivered: false })
     }
 
-    /// Its name, for people.
-    pub(crate) fn shown(&self) -> String {
+    /// The name as text.
+    pub(crate) fn display_name(&self) -> String {
         self.name.to_string_lossy().into_owned()
     }
 
-    /// Closes the job of a photo whose result is safe: so is the original, and only then the record
-    /// goes.
+    /// Moves the original of a delivered photo to `done`, then removes the record.
     pub(crate) fn close(
         &self,
         folders: &Folders,
@@ -109,19 +109,17 @@ impl Claimed {
         Ok(Delivered { kept: kept.file_name().unwrap_or(&self.name).to_owned(), result })
     }
 
-    /// Sets the photo aside with its reason.
-    pub(crate) fn set_aside(&self, folders: &Folders, reason: String) -> Result<Failed, FileError> {
-        let failed = Failed { photo: self.shown(), reason };
+    /// Moves the photo to `failed`, with `reason` in a note beside it.
+    pub(crate) fn reject(&self, folders: &Folders, reason: String) -> Result<Failed, FileError> {
+        let failed = Failed { photo: self.display_name(), reason };
         let (files, folder) = (folders.files(), folders.failed());
-        // A note without its photo is what a cut left of us, and is written anew.
+        // A note without its photo is left over from a power cut, and is overwritten.
         let taken = files.taken_names(folder)?;
         for name in numbered(&self.name).filter(|name| !taken.holds(name)) {
-            let mut note = name.clone();
-            note.push(".txt");
-            // The reason first: a photo set aside without one would be a riddle.
-            files.replace_for_good(folder, &note, failed.note().as_bytes())?;
+            // The note first: no photo may be in `failed` without its reason.
+            files.replace_for_good(folder, &note_name(&name), failed.note().as_bytes())?;
             match files.rename_new(&self.path, &folder.join(&name)) {
-                // The name was taken since the look.
+                // The name was taken since the check.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 done => {
                     done?;

@@ -1,5 +1,4 @@
-//! A restored photo on its way to the outbox: report, pictures for the gallery, and last the result
-//! itself.
+//! Delivery of a restored photo: report, gallery pictures, and last the result itself.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{ErrorKind, Read};
@@ -7,50 +6,49 @@ use std::path::Path;
 
 use super::claim::{Claimed, JobStep};
 use super::folders::Folders;
-use super::ledger::id;
-use super::report_file::{Circumstances, Report, report_name};
+use super::names::{PictureNames, free_result_name, report_name};
+use super::report_file::{Circumstances, Report};
 use crate::disk::FileError;
-use crate::disk::files::{json_in_lines, numbered};
+use crate::disk::files::json_in_lines;
 use crate::frame::{Channels, Size};
 use crate::picture::{Photo, PictureError, encode, preview, result_name};
 use crate::pipeline::{Outcome, Verdict};
 
-/// Longest side of the gallery's previews in pixels. Larger pictures lie beside them, for whoever
-/// looks at their pixels.
+/// Longest side of the gallery's previews, pixels. Larger pictures have a full-size copy beside
+/// them.
 const PREVIEW_PX: usize = 1280;
 
-/// Whether a preview of a picture of `size` has fewer pixels.
+/// Longest side of the thumbnails, pixels.
+const THUMBNAIL_PX: usize = 160;
+
+/// Whether a picture of `size` is larger than its preview.
 pub(crate) fn is_beyond_preview(size: Size) -> bool {
     size.width.max(size.height) > PREVIEW_PX
 }
 
-/// Longest side of the small pictures by which one finds a photo.
-const SMALL_PX: usize = 160;
-
-/// A restored photo in the bytes of files.
+/// Encoded files of a restored photo.
 pub(crate) struct Encoded {
     before: Vec<u8>,
     after: Vec<u8>,
-    /// The result in the size of a stamp.
-    small: Vec<u8>,
-    /// Photo and result pixel by pixel, where their previews are not.
-    pixels: Option<[Vec<u8>; 2]>,
+    thumbnail: Vec<u8>,
+    /// Photo and result at full size, where their previews are smaller.
+    full_size: Option<[Vec<u8>; 2]>,
     /// `None` when the photo's own file is the result.
     result: Option<Vec<u8>>,
 }
 
 impl Encoded {
-    /// `photo`, restored.
+    /// Encodes `photo` and its `outcome`.
     pub(crate) fn of(photo: &Photo, outcome: &Outcome) -> Result<Encoded, PictureError> {
         let grey = photo.channels == Channels::Green;
-        let shown = |picture, px| preview(&photo.name, picture, &photo.manner, grey, px);
+        let jpeg = |picture, px| preview(&photo.name, picture, &photo.manner, grey, px);
         Ok(Encoded {
-            before: shown(&photo.light, PREVIEW_PX)?,
-            after: shown(&outcome.picture, PREVIEW_PX)?,
-            small: shown(&outcome.picture, SMALL_PX)?,
-            pixels: match is_beyond_preview(photo.light.size()) {
+            before: jpeg(&photo.light, PREVIEW_PX)?,
+            after: jpeg(&outcome.picture, PREVIEW_PX)?,
+            thumbnail: jpeg(&outcome.picture, THUMBNAIL_PX)?,
+            full_size: match is_beyond_preview(photo.light.size()) {
                 true => {
-                    Some([shown(&photo.light, usize::MAX)?, shown(&outcome.picture, usize::MAX)?])
+                    Some([jpeg(&photo.light, usize::MAX)?, jpeg(&outcome.picture, usize::MAX)?])
                 }
                 false => None,
             },
@@ -76,16 +74,18 @@ pub(crate) struct Delivery<'a> {
 }
 
 impl Delivery<'_> {
-    /// Puts the result and all that belongs to it into the outbox; the result itself comes last.
+    /// Writes the report, the pictures and last the result into the outbox; returns the report.
     pub(crate) fn deliver(
         &self,
         claimed: &mut Claimed,
         step: &mut dyn FnMut(JobStep),
     ) -> Result<Report, FileError> {
+        let wanted = self.wanted_name(&claimed.name);
+        let (files, outbox) = (self.folders.files(), self.folders.outbox());
         loop {
-            let name = self.free_name(&claimed.name)?;
+            let name = free_result_name(files, outbox, wanted.clone())?;
             match self.deliver_as(&name, claimed, step) {
-                // The name was taken since the look.
+                // The name was taken since the check.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 delivered => return delivered,
             }
@@ -98,30 +98,22 @@ impl Delivery<'_> {
         claimed: &mut Claimed,
         step: &mut dyn FnMut(JobStep),
     ) -> Result<Report, FileError> {
-        let &Delivery { folders, photo, outcome, encoded, .. } = self;
+        let (folders, encoded) = (self.folders, self.encoded);
         claimed.ledger.name_result(folders, result)?;
         step(JobStep::Named);
         let (files, outbox, previews) = (folders.files(), folders.outbox(), folders.previews());
-        let [before, after, small, pixels @ ..] = pictures(result);
-        let circumstances = Circumstances {
-            rig: self.rig,
-            result,
-            format: encoded.result.as_ref().map(|_| photo.manner.format),
-            before: format!("gallery/{before}"),
-            after: format!("gallery/{after}"),
-            finished_unix_s: self.finished_unix_s,
-        };
-        let report = Report::new(photo, outcome, circumstances);
+        let names = PictureNames::of(result);
+        let report = self.report(result, &names);
         let report_name = report_name(result);
         let report_path = outbox.join(&report_name);
         // The report comes first: it reserves the name, and the names of the pictures with it.
         let json = json_in_lines(&report, &report_path)?;
         files.write_new(outbox, &report_name, &mut &json[..])?;
-        files.replace(previews, before.as_ref(), &encoded.before)?;
-        files.replace_for_good(previews, after.as_ref(), &encoded.after)?;
-        // Not synchronised: where a cut has taken it, the page shows the large one instead.
-        files.replace_for_now(previews, small.as_ref(), &encoded.small)?;
-        for (name, bytes) in pixels.iter().zip(encoded.pixels.iter().flatten()) {
+        files.replace(previews, names.before.as_ref(), &encoded.before)?;
+        files.replace_for_good(previews, names.after.as_ref(), &encoded.after)?;
+        // Not synchronised: the page falls back to the preview.
+        files.replace_for_now(previews, names.thumbnail.as_ref(), &encoded.thumbnail)?;
+        for (name, bytes) in names.full_size.iter().zip(encoded.full_size.iter().flatten()) {
             files.replace_for_now(previews, name.as_ref(), bytes)?;
         }
         step(JobStep::Reported);
@@ -137,7 +129,7 @@ impl Delivery<'_> {
             }
         };
         files.write_new(outbox, result, content).inspect_err(|error| {
-            // Somebody put a file of that name there meanwhile: another name, and another report.
+            // The name was taken meanwhile: the next attempt writes another report.
             if error.kind() == ErrorKind::AlreadyExists {
                 let _ = files.remove(&report_path);
             }
@@ -147,23 +139,23 @@ impl Delivery<'_> {
         Ok(report)
     }
 
-    /// The photo's name, with an ending if it has none or the result is in another format, and a
-    /// number if result or report exist already.
-    fn free_name(&self, name: &OsStr) -> Result<OsString, FileError> {
-        // The photo's own file keeps the name it came with.
-        let keeps = self.encoded.result.is_none() && Path::new(name).extension().is_some();
-        let format = self.photo.manner.format;
-        let wanted = if keeps { name.to_owned() } else { result_name(name, format) };
-        let taken = self.folders.files().taken_names(self.folders.outbox())?;
-        let mut names = numbered(&wanted);
-        let free = names.find(|name| !taken.holds(name) && !taken.holds(&report_name(name)));
-        Ok(free.unwrap_or(wanted))
+    fn report(&self, result: &OsStr, names: &PictureNames) -> Report {
+        let circumstances = Circumstances {
+            rig: self.rig,
+            result,
+            format: self.encoded.result.as_ref().map(|_| self.photo.manner.format),
+            before: format!("gallery/{}", names.before),
+            after: format!("gallery/{}", names.after),
+            finished_unix_s: self.finished_unix_s,
+        };
+        Report::new(self.photo, self.outcome, circumstances)
     }
-}
 
-/// Names of the gallery's pictures of the result `name`: before, after and small; before and after
-/// pixel by pixel, which large ones have.
-pub(super) fn pictures(name: &OsStr) -> [String; 5] {
-    ["before", "after", "small", "before-pixels", "after-pixels"]
-        .map(|what| format!("{}-{what}.jpg", id(name)))
+    /// The photo's own name where its file is the result, else the name in the result's format.
+    fn wanted_name(&self, name: &OsStr) -> OsString {
+        match self.encoded.result.is_none() && Path::new(name).extension().is_some() {
+            true => name.to_owned(),
+            false => result_name(name, self.photo.manner.format),
+        }
+    }
 }

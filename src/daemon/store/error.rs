@@ -1,4 +1,4 @@
-//! Why a drop folder cannot be worked on: folders, names, disks.
+//! Errors of the drop folder: folders, names, disks.
 
 use std::path::PathBuf;
 
@@ -8,38 +8,37 @@ use crate::remedy::{Remediable, Remedy};
 /// A failure of the drop folder itself, as opposed to one of a photo or the rig.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// The file system refused something.
+    /// A file operation failed.
     #[error(transparent)]
     Files(#[from] FileError),
     /// Another daemon works on this folder.
     #[error(
-        "the folder {path} is in use: found a running relens, allowed one at a time; end that one \
-         first (the service: systemctl stop relens)"
+        "the folder {path} is in use by another relens; stop that one first (the service: \
+         systemctl stop relens)"
     )]
     InUse {
         /// The root folder.
         path: PathBuf,
     },
-    /// The disk is nearly full; photos wait until there is room.
+    /// The disk is nearly full; photos wait for space.
     #[error(
-        "the disk of {path} is nearly full: found {found_mib} MiB free, allowed more than \
-         {floor_mib}; remove files, it then goes on by itself"
+        "the disk of {path} is nearly full: found {found_mib} MiB free, needed {floor_mib}; remove \
+         files, work then continues by itself"
     )]
     Full {
-        /// A folder on it.
+        /// A folder on the disk.
         path: PathBuf,
-        /// Free by now.
+        /// Free space, MiB.
         found_mib: u64,
-        /// To be left free.
+        /// Free space required, MiB.
         floor_mib: u64,
     },
-    /// A folder of the daemon's lies in another: what goes into one would come out of the other for
-    /// ever.
-    #[error("the folder {inner} lies in {outer}: found one inside the other, allowed five apart")]
+    /// One of the five folders is inside another: photos would circulate endlessly.
+    #[error("the folder {inner} is inside {outer}; the five folders must be separate")]
     Nested {
-        /// The one inside.
+        /// The inner folder.
         inner: PathBuf,
-        /// The one around it.
+        /// The outer folder.
         outer: PathBuf,
     },
 }
@@ -57,9 +56,9 @@ impl Remediable for FolderError {
         match self {
             FolderError::Files(error) => error.what_to_do(),
             FolderError::Full { .. } => {
-                "Make room on the disk: take results out of the outbox and originals out of done."
+                "Free some disk space: move results out of the outbox and originals out of done."
             }
-            FolderError::InUse { .. } => "End the other relens.",
+            FolderError::InUse { .. } => "Stop the other relens.",
             FolderError::Nested { .. } => "Move the folders apart.",
         }
     }

@@ -1,4 +1,4 @@
-//! The five folders under one root, and where each thing lies in them.
+//! Paths of the five folders under one root.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -7,11 +7,11 @@ use std::sync::Arc;
 use super::error::FolderError;
 use crate::disk::Files;
 
-/// The folders of a root, in the order of [`Folders`]' fields.
+/// Names of the folders, in the order of [`Folders`]' fields.
 pub(super) const NAMES: [&str; 5] = ["inbox", "working", "outbox", "done", "failed"];
 
-/// `inbox/ working/ outbox/ done/ failed/` under one root. Each may be a link to a folder elsewhere
-/// on the same disk; within them no link is followed.
+/// `inbox`, `working`, `outbox`, `done` and `failed` under one root. Each may be a link to a folder
+/// elsewhere on the same disk; links inside them are not followed.
 #[derive(Clone)]
 pub struct Folders {
     files: Files,
@@ -45,17 +45,17 @@ impl Folders {
         Folders { files, root, inbox, working, outbox, done, failed, previews, _lock }
     }
 
-    /// The files of the disk they are on.
+    /// The disk.
     pub fn files(&self) -> &Files {
         &self.files
     }
 
-    /// The root, absolute: calibration and state are there.
+    /// The root, absolute; it holds calibration and state.
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Where photos are dropped.
+    /// Photos dropped.
     pub fn inbox(&self) -> &Path {
         &self.inbox
     }
@@ -70,35 +70,38 @@ impl Folders {
         &self.outbox
     }
 
-    /// Originals whose result is in the outbox.
+    /// Originals with a result in the outbox.
     pub fn done(&self) -> &Path {
         &self.done
     }
 
-    /// Originals that could not be restored, each with its reason.
+    /// Rejected originals, each with a note.
     pub fn failed(&self) -> &Path {
         &self.failed
     }
 
-    /// Pictures the gallery shows.
+    /// Pictures of the gallery.
     pub fn previews(&self) -> &Path {
         &self.previews
     }
 
-    /// All of them, each after the one it lies in.
+    /// All folders, each after its parent.
     pub(super) fn all(&self) -> [&Path; 6] {
         let Folders { inbox, working, outbox, done, failed, previews, .. } = self;
         [inbox, working, outbox, done, failed, previews]
     }
 
-    /// Where results that were withdrawn lie.
+    /// Withdrawn results.
     pub(super) fn withdrawn(&self) -> PathBuf {
         self.outbox.join("withdrawn")
     }
 
-    /// Whether the disk of the results has more than `floor_bytes` free. A disk that does not tell
-    /// has.
-    pub(super) fn room(&self, floor_bytes: u64) -> Result<(), FolderError> {
+    /// Checks that the disk of the results has at least `floor_bytes` free; passes where the free
+    /// space is unknown.
+    ///
+    /// # Errors
+    /// [`FolderError::Full`].
+    pub(super) fn check_free_space(&self, floor_bytes: u64) -> Result<(), FolderError> {
         const MIB: u64 = 1 << 20;
         for folder in [&self.outbox, &self.working] {
             match self.files.free_bytes(folder) {

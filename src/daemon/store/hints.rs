@@ -1,9 +1,8 @@
-//! Events of the inbox: a reason to look sooner, and never more than that.
+//! File system events of the inbox, which only make the next scan come sooner.
 //!
-//! They miss what another machine does on a network mount, files in folders moved in or just made,
-//! and whatever comes while their queue is full; they end without a word when the disk is mounted
-//! anew (inotify(7), and measured). So a box without them is slower by one look and otherwise the
-//! same.
+//! Events are missing for changes by another machine on a network mount, for files in folders moved
+//! in or just made, and while the queue is full; they end silently when the disk is remounted
+//! (inotify(7), and measured). Without events a box is slower by one scan and otherwise the same.
 
 use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
@@ -15,65 +14,66 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, Reader, WatchFlags};
 
-/// The events of the inbox and of the folders in it.
+/// Events of the inbox and its subfolders.
 #[derive(Debug)]
 pub(crate) struct Hints {
     inotify: Option<OwnedFd>,
-    /// The way from the inbox to each folder that is listened to, by the kernel's number for it.
-    ways: RefCell<HashMap<i32, PathBuf>>,
+    /// Path of each watched folder, relative to the inbox, by its watch descriptor.
+    watched: RefCell<HashMap<i32, PathBuf>>,
     moved: RefCell<HashSet<PathBuf>>,
 }
 
 impl Hints {
-    /// No events, for a machine that has no more to give or a test that wants none.
+    /// No events.
     pub(crate) fn none() -> Hints {
-        Hints { inotify: None, ways: RefCell::default(), moved: RefCell::default() }
+        Hints { inotify: None, watched: RefCell::default(), moved: RefCell::default() }
     }
 
-    /// Events, if the kernel has any to give.
+    /// Events, if the kernel has a watch available.
     pub(crate) fn new() -> Hints {
         let opened = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC);
-        let told = opened.inspect_err(|errno| log::debug!("no events of the inbox: {errno}"));
-        Hints { inotify: told.ok(), ..Hints::none() }
+        let opened = opened.inspect_err(|errno| log::debug!("no events of the inbox: {errno}"));
+        Hints { inotify: opened.ok(), ..Hints::none() }
     }
 
-    /// Listens to the folder `way` of `inbox` from now on. Asked again, it listens to what has that
-    /// name by then.
-    pub(crate) fn listen(&self, inbox: &Path, way: &Path) {
+    /// Watches the folder `path`, relative to `inbox`; repeated, the folder that has that name by
+    /// then.
+    pub(crate) fn watch(&self, inbox: &Path, path: &Path) {
         let flags = WatchFlags::CLOSE_WRITE
             | WatchFlags::MOVED_TO
             | WatchFlags::CREATE
             | WatchFlags::ATTRIB
             | WatchFlags::ONLYDIR;
         let Some(inotify) = &self.inotify else { return };
-        let folder = if way.as_os_str().is_empty() { inbox.to_owned() } else { inbox.join(way) };
+        let folder = if path.as_os_str().is_empty() { inbox.to_owned() } else { inbox.join(path) };
         match inotify::add_watch(inotify, &folder, flags) {
-            Ok(number) => drop(self.ways.borrow_mut().insert(number, way.to_owned())),
+            Ok(watch) => drop(self.watched.borrow_mut().insert(watch, path.to_owned())),
             Err(errno) => log::debug!("no events of {}: {errno}", folder.display()),
         }
     }
 
-    /// Whether anything happened since this was last asked. What came by being moved here, and so
-    /// was written elsewhere, is remembered.
-    pub(crate) fn heard(&self) -> bool {
+    /// Whether there were events since the last call. Files moved in are collected for
+    /// [`Hints::take_moved`].
+    pub(crate) fn poll(&self) -> bool {
         let Some(inotify) = &self.inotify else { return false };
         let mut space = [MaybeUninit::uninit(); 4096];
         let mut events = Reader::new(inotify, &mut space);
-        let mut heard = false;
+        let mut any = false;
         while let Ok(event) = events.next() {
-            heard = true;
+            any = true;
             let moved = event.events().contains(ReadFlags::MOVED_TO);
             if let Some(name) = event.file_name().filter(|_| moved)
-                && let Some(way) = self.ways.borrow().get(&event.wd())
+                && let Some(folder) = self.watched.borrow().get(&event.wd())
             {
-                self.moved.borrow_mut().insert(way.join(OsStr::from_bytes(name.to_bytes())));
+                self.moved.borrow_mut().insert(folder.join(OsStr::from_bytes(name.to_bytes())));
             }
         }
-        heard
+        any
     }
 
-    /// Ways to what was moved here since this was last asked, as far as it was heard.
-    pub(crate) fn moved(&self) -> HashSet<PathBuf> {
+    /// Paths, relative to the inbox, of files moved in since the last call, as far as there were
+    /// events.
+    pub(crate) fn take_moved(&self) -> HashSet<PathBuf> {
         self.moved.take()
     }
 }
@@ -83,21 +83,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_comes_in_is_heard_once() {
+    fn each_event_is_reported_once() {
         let folder = tempfile::tempdir().unwrap();
         let hints = Hints::new();
-        hints.listen(folder.path(), Path::new(""));
-        assert!(!hints.heard());
+        hints.watch(folder.path(), Path::new(""));
+        assert!(!hints.poll());
         std::fs::write(folder.path().join("a.jpg"), b"a").unwrap();
-        assert!(hints.heard() && !hints.heard());
+        assert!(hints.poll() && !hints.poll());
         std::fs::hard_link(folder.path().join("a.jpg"), folder.path().join("b.jpg")).unwrap();
-        assert!(hints.heard() && hints.moved().is_empty());
+        assert!(hints.poll() && hints.take_moved().is_empty());
         std::fs::rename(folder.path().join("b.jpg"), folder.path().join("c.jpg")).unwrap();
-        assert!(hints.heard() && hints.moved() == HashSet::from(["c.jpg".into()]));
+        assert!(hints.poll() && hints.take_moved() == HashSet::from(["c.jpg".into()]));
         std::fs::create_dir(folder.path().join("holiday")).unwrap();
-        hints.listen(folder.path(), Path::new("holiday"));
+        hints.watch(folder.path(), Path::new("holiday"));
         std::fs::rename(folder.path().join("c.jpg"), folder.path().join("holiday/d.jpg")).unwrap();
-        assert!(hints.heard() && hints.moved() == HashSet::from(["holiday/d.jpg".into()]));
-        assert!(!Hints::none().heard());
+        assert!(hints.poll() && hints.take_moved() == HashSet::from(["holiday/d.jpg".into()]));
+        assert!(!Hints::none().poll());
     }
 }

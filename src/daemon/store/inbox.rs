@@ -1,9 +1,8 @@
-//! What is waiting in the inbox, whether it has come to rest, and whether it is all there.
+//! Photos in the inbox: whether each has stopped changing and is complete.
 //!
-//! The truth is a look at every file, again and again: events (see [`super::hints`]) only
-//! make the next look come sooner. A photo is ready when it was quiet (size, time of change and
-//! inode the same for a while) *and* its content is whole. One that is quiet and not whole waits
-//! where it is, and is spoken about.
+//! Files are polled; events (see [`super::hints`]) only make the next scan
+//! come sooner. A photo is ready when it has been quiet (size, time of change and inode unchanged
+//! for a while) *and* its content is complete. A quiet, incomplete one waits and is reported.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsStr;
@@ -15,121 +14,148 @@ use super::folders::Folders;
 use super::hints::Hints;
 use super::report_file::Failed;
 use super::waiting::{Awaited, Waiting};
-use crate::disk::{FileError, FileKind, Files, Look};
+use crate::disk::{FileError, FileKind, Files, Metadata};
 use crate::rig::Moment;
 
-/// Folders within folders are looked into this deep. Guess: deeper ones are no way to hand in
-/// photos.
+/// Depth of subfolders scanned. Guess: photos are not nested deeper.
 const DEPTH_MAX: usize = 8;
 
-/// When a file counts as what it is.
+/// Waiting times of files, seconds.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Patience {
-    /// A file is looked into when it has not changed for this long.
+    /// A file is opened when it has not changed for this long.
     pub(crate) quiet_s: f64,
-    /// One that is not whole is spoken about after this long without a change …
+    /// An incomplete one is reported after this long without a change.
     pub(crate) mention_s: f64,
-    /// … and taken for what it is after this long: a broken file, to be set aside.
+    /// An incomplete one is rejected as broken after this long without a change.
     pub(crate) unfinished_s: f64,
-    /// Seconds since 1970 by which a file's own record of its last change is believed, if there is
-    /// no time to watch it: the daemon is to empty the inbox once.
-    pub(crate) by_its_record: Option<u64>,
+    /// Current time, seconds since 1970, where files' own times of change are trusted because there
+    /// is no time to watch them: the inbox is to be emptied once.
+    pub(crate) trusted_unix_s: Option<u64>,
 }
 
 #[derive(Debug)]
 struct SeenFile {
-    look: Look,
+    metadata: Metadata,
     since: Moment,
-    /// What is missing from the content that looks like `look`; `None` before anyone looked into
-    /// it.
+    /// What the content with this `metadata` lacks; `None` before it was examined.
     missing: Option<Option<String>>,
 }
 
 impl SeenFile {
-    /// What is missing from the file, if that is a reason to wait, and for how long it has not
-    /// changed.
+    /// What the file lacks, while that is a reason to wait, and the seconds since its last change.
     fn unfinished(&self, now: Moment, patience: Patience) -> Option<(f64, &str)> {
         let missing = self.missing.as_ref()?.as_deref()?;
-        let unchanged_s = match patience.by_its_record {
-            // A record from the future is of a calendar that jumped, and proves nothing.
-            Some(now_unix_s) => (now_unix_s as f64 - self.look.touched_unix_s as f64).max(0.0),
+        let unchanged_s = match patience.trusted_unix_s {
+            // A time in the future is from a calendar that jumped, and proves nothing.
+            Some(now_unix_s) => (now_unix_s as f64 - self.metadata.touched_unix_s as f64).max(0.0),
             None => now.0 - self.since.0,
         };
         (unchanged_s < patience.unfinished_s).then_some((unchanged_s, missing))
     }
 }
 
-/// Photos that stay for now, after one was put back.
+/// Retry time of a photo that was put back.
 #[derive(Debug)]
-struct Resting {
-    look: Option<Look>,
-    until: Moment,
+struct Retry {
+    metadata: Option<Metadata>,
+    at: Moment,
 }
 
-/// Looks at the inbox over time.
+/// The inbox over time. Paths are relative to it.
 #[derive(Debug)]
 pub(crate) struct Inbox {
     seen: HashMap<PathBuf, SeenFile>,
     /// When the next file will have been quiet for long enough.
     due: Option<Moment>,
     /// Photos put back: not to be tried before their time unless they change.
-    resting: HashMap<PathBuf, Resting>,
-    /// Photos that stay for now, by the way to them, and why.
-    left: BTreeMap<PathBuf, Failed>,
+    retries: HashMap<PathBuf, Retry>,
+    /// Photos that stay for now, with the reason.
+    deferred: BTreeMap<PathBuf, Failed>,
     hints: Hints,
     waiting: Waiting,
 }
 
-/// What may be taken at one look.
+/// Result of a scan.
 #[derive(Debug)]
 pub(crate) struct Ready {
-    /// Ways from the inbox to the photos, oldest first.
+    /// Paths of photos that may be taken, oldest first.
     pub(crate) photos: Vec<PathBuf>,
-    /// How many wait in all, those included that rest for now.
+    /// Number of complete photos, those to be retried later included.
     pub(crate) waiting: usize,
 }
 
 impl Inbox {
-    /// An inbox never looked at, whose events are told by `hints`.
+    /// An inbox not scanned yet, with its events.
     pub(crate) fn new(hints: Hints) -> Inbox {
         Inbox {
             seen: HashMap::new(),
             due: None,
-            resting: HashMap::new(),
-            left: BTreeMap::new(),
+            retries: HashMap::new(),
+            deferred: BTreeMap::new(),
             hints,
             waiting: Waiting::default(),
         }
     }
 
-    /// What may be taken now. Photos are said to be ready as soon as they are quiet: whether one is
-    /// whole is asked of [`Inbox::may_be_taken`] when its turn comes, for it means reading it.
-    pub(crate) fn look(
+    /// Scans the inbox. Photos count as ready once they are quiet; [`Inbox::may_be_taken`] checks
+    /// for completeness when their turn comes, since that means reading them.
+    pub(crate) fn scan(
         &mut self,
         folders: &Folders,
         now: Moment,
         patience: Patience,
     ) -> Result<Ready, FileError> {
-        let (files, folder) = (folders.files(), folders.inbox());
-        self.hints.listen(folder, Path::new(""));
-        let mut all = Collected::default();
-        collect(files, folder, Path::new(""), 0, &mut all)?;
-        let Collected { found, mut staying, folders } = all;
-        folders.iter().for_each(|way| self.hints.listen(folder, way));
-        let out_of_reach = staying.len();
+        let (files, inbox) = (folders.files(), folders.inbox());
+        self.hints.watch(inbox, Path::new(""));
+        let mut scan = InboxScan::default();
+        collect(files, inbox, Path::new(""), 0, &mut scan)?;
+        let InboxScan { found, mut deferred, folders } = scan;
+        folders.iter().for_each(|path| self.hints.watch(inbox, path));
+        let (mut waiting, unreachable) = (Waiting::default(), deferred.len());
+        let mut ready = self.sort_out(found, now, patience, &mut waiting, &mut deferred);
+        ready.sort();
+        let metadata = |path: &Path| files.metadata(&inbox.join(path)).ok();
+        self.retries.retain(|path, _| metadata(path).is_some());
+        self.deferred
+            .retain(|path, _| self.retries.contains_key(path) || deferred.contains_key(path));
+        for (path, reason) in deferred {
+            let photo = path.to_string_lossy().into_owned();
+            self.defer(path, Failed { photo, reason });
+        }
+        let (all, retries) = (ready.len(), &self.retries);
+        let may_go = |path: &PathBuf| match retries.get(path) {
+            Some(retry) => retry.metadata != metadata(path) || now >= retry.at,
+            None => true,
+        };
+        let photos: Vec<PathBuf> = ready.into_iter().map(|file| file.path).filter(may_go).collect();
+        waiting.turn = photos.len();
+        waiting.retry = all - photos.len() + unreachable;
+        self.waiting = waiting;
+        Ok(Ready { photos, waiting: all })
+    }
+
+    /// Updates the files seen; returns the quiet ones and counts the others.
+    fn sort_out(
+        &mut self,
+        found: Vec<(PathBuf, Metadata)>,
+        now: Moment,
+        patience: Patience,
+        waiting: &mut Waiting,
+        deferred: &mut BTreeMap<PathBuf, String>,
+    ) -> Vec<QuietFile> {
         let mut before = std::mem::take(&mut self.seen);
         let mut ready = Vec::new();
         self.due = None;
-        self.hints.heard();
-        let moved = self.hints.moved();
-        let mut waiting = Waiting::default();
-        for (way, look) in found {
-            let mut seen = match before.remove(&way) {
-                Some(seen) if seen.look == look => seen,
-                _ => SeenFile { look, since: now, missing: None },
+        self.hints.poll();
+        let moved = self.hints.take_moved();
+        for (path, metadata) in found {
+            let mut seen = match before.remove(&path) {
+                Some(seen) if seen.metadata == metadata => seen,
+                _ => SeenFile { metadata, since: now, missing: None },
             };
-            // What came whole from elsewhere need not settle.
-            if way.ancestors().any(|moved_there| moved.contains(moved_there)) {
+            // A file moved in was written elsewhere and need not settle.
+            if path.ancestors().any(|moved_there| moved.contains(moved_there)) {
                 seen.since = Moment(seen.since.0.min(now.0 - patience.quiet_s));
             }
             if now.0 - seen.since.0 < patience.quiet_s {
@@ -138,154 +164,150 @@ impl Inbox {
                 self.due = Some(self.due.filter(|&before| before <= due).unwrap_or(due));
             } else {
                 match seen.unfinished(now, patience) {
-                    // What could not be had before keeps nothing else waiting.
-                    None => ready.push((self.left.contains_key(&way), look.changed, way.clone())),
+                    // Photos deferred before come last.
+                    None => {
+                        ready.push(QuietFile {
+                            was_deferred: self.deferred.contains_key(&path),
+                            changed: metadata.changed,
+                            path: path.clone(),
+                        });
+                    }
                     Some((unchanged_s, missing)) if unchanged_s >= patience.mention_s => {
                         waiting.unfinished += 1;
-                        let reason = format!("{missing} (waiting for the rest of it)");
-                        staying.insert(way.clone(), reason);
+                        deferred.insert(path.clone(), format!("{missing} (waiting for the rest)"));
                     }
                     Some(_) => waiting.unfinished += 1,
                 }
             }
-            self.seen.insert(way, seen);
+            self.seen.insert(path, seen);
         }
-        ready.sort();
-        let look = |way: &Path| files.look(&folder.join(way)).ok();
-        self.resting.retain(|way, _| look(way).is_some());
-        self.left.retain(|way, _| self.resting.contains_key(way) || staying.contains_key(way));
-        for (way, reason) in staying {
-            let photo = way.to_string_lossy().into_owned();
-            self.leave(way, Failed { photo, reason });
-        }
-        let (all, resting) = (ready.len(), &self.resting);
-        let rested = |way: &PathBuf| match resting.get(way) {
-            Some(resting) => resting.look != look(way) || now >= resting.until,
-            None => true,
-        };
-        let photos: Vec<PathBuf> = ready.into_iter().map(|(.., way)| way).filter(rested).collect();
-        waiting.turn = photos.len();
-        waiting.retry = all - photos.len() + out_of_reach;
-        self.waiting = waiting;
-        Ok(Ready { photos, waiting: all })
+        ready
     }
 
-    /// Whether the photo at `way`, which was ready at the last look, is whole, or has been waited
-    /// for long enough. `missing` looks into it and says what it lacks; it is called once for as
-    /// long as the file does not change.
+    /// Whether the photo at `path`, ready at the last scan, is complete or has been waited for long
+    /// enough. `find_missing` examines it and returns what it lacks; it is called once while the
+    /// file does not change.
     ///
     /// # Errors
-    /// Those of `missing`, when nobody can look into it.
+    /// Those of `find_missing`.
     pub(crate) fn may_be_taken<E>(
         &mut self,
-        way: &Path,
+        path: &Path,
         now: Moment,
         patience: Patience,
-        missing: impl FnOnce() -> Result<Option<String>, E>,
+        find_missing: impl FnOnce() -> Result<Option<String>, E>,
     ) -> Result<bool, E> {
-        let Some(seen) = self.seen.get_mut(way) else { return Ok(false) };
-        // What is no file is no photo either, and is set aside by whoever takes it.
-        if seen.look.kind == FileKind::File && seen.missing.is_none() {
-            seen.missing = Some(missing()?);
+        let Some(seen) = self.seen.get_mut(path) else { return Ok(false) };
+        // Links, pipes and devices are rejected by the job.
+        if seen.metadata.kind == FileKind::File && seen.missing.is_none() {
+            seen.missing = Some(find_missing()?);
         }
         Ok(seen.unfinished(now, patience).is_none())
     }
 
-    /// The photo at `way` was put back, for the reason told in `left`: it is not to be tried before
-    /// `until` unless it changes.
+    /// Defers the photo at `path`, with the reason in `deferred`, until `retry_at` or until it
+    /// changes.
     pub(crate) fn put_back(
         &mut self,
         folders: &Folders,
-        way: PathBuf,
-        left: Failed,
-        until: Moment,
+        path: PathBuf,
+        deferred: Failed,
+        retry_at: Moment,
     ) {
-        let look = folders.files().look(&folders.inbox().join(&way)).ok();
-        self.resting.insert(way.clone(), Resting { look, until });
+        let metadata = folders.files().metadata(&folders.inbox().join(&path)).ok();
+        self.retries.insert(path.clone(), Retry { metadata, at: retry_at });
         self.waiting.retry += 1;
-        self.leave(way, left);
+        self.defer(path, deferred);
     }
 
-    /// Says of the photo at `way` why it stays, once for as long as it does for one reason.
-    fn leave(&mut self, way: PathBuf, left: Failed) {
-        let reason = &left.reason;
-        if self.left.get(&way).is_none_or(|told| told.reason != *reason) {
-            log::warn!("left in the inbox: {reason}");
+    /// Notes why the photo at `path` stays, and logs each new reason once.
+    fn defer(&mut self, path: PathBuf, deferred: Failed) {
+        let reason = &deferred.reason;
+        if self.deferred.get(&path).is_none_or(|before| before.reason != *reason) {
+            log::warn!("kept in the inbox: {reason}");
         }
-        self.left.insert(way, left);
+        self.deferred.insert(path, deferred);
     }
 
-    /// A photo that waited for its turn has it, or does not wait for one any more.
-    pub(crate) fn has_turn(&mut self) {
+    /// One photo fewer waits for its turn.
+    pub(crate) fn count_turn(&mut self) {
         self.waiting.turn = self.waiting.turn.saturating_sub(1);
     }
 
-    /// Those that could be taken wait for what is `awaited`.
-    pub(crate) fn held_for(&mut self, awaited: Awaited) {
+    /// Counts the photos that wait for their turn as waiting for `awaited`.
+    pub(crate) fn hold_for(&mut self, awaited: Awaited) {
         self.waiting = self.waiting.held_for(awaited);
     }
 
-    /// How many photos wait, and for what.
+    /// Numbers of waiting photos by what they wait for.
     pub(crate) fn waiting(&self) -> Waiting {
         self.waiting
     }
 
-    /// The photo at `way` was taken.
-    pub(crate) fn taken(&mut self, way: &Path) {
-        self.left.remove(way);
-        self.resting.remove(way);
+    /// Forgets the photo at `path`, which was taken.
+    pub(crate) fn forget(&mut self, path: &Path) {
+        self.deferred.remove(path);
+        self.retries.remove(path);
     }
 
-    /// Photos that were put back may be tried at once.
-    pub(crate) fn end_rest(&mut self) {
-        self.resting.clear();
+    /// Makes all photos that were put back ready at once.
+    pub(crate) fn retry_now(&mut self) {
+        self.retries.clear();
     }
 
-    /// Photos that stay for now, and why.
-    pub(crate) fn left(&self) -> Vec<Failed> {
-        self.left.values().cloned().collect()
+    /// Photos that stay for now, with the reasons.
+    pub(crate) fn deferred(&self) -> Vec<Failed> {
+        self.deferred.values().cloned().collect()
     }
 
-    /// Whether the photo at `way` could not be had before.
-    pub(crate) fn is_left(&self, way: &Path) -> bool {
-        self.left.contains_key(way)
+    /// Whether the photo at `path` was deferred before.
+    pub(crate) fn is_deferred(&self, path: &Path) -> bool {
+        self.deferred.contains_key(path)
     }
 
-    /// When a file that is there will have been quiet for long enough, if nothing happens before.
+    /// When the next known file will have been quiet for long enough.
     pub(crate) fn due(&self) -> Option<Moment> {
         self.due
     }
 
-    /// Whether anything happened in the inbox since this was last asked.
-    pub(crate) fn heard(&self) -> bool {
-        self.hints.heard()
+    /// Whether there were events in the inbox since the last call.
+    pub(crate) fn has_events(&self) -> bool {
+        self.hints.poll()
     }
 }
 
-/// What is in the inbox, by the way there.
+/// A quiet file; the order is the one in which they are taken.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct QuietFile {
+    was_deferred: bool,
+    changed: (i64, i64),
+    path: PathBuf,
+}
+
+/// Files and folders in the inbox.
 #[derive(Default)]
-struct Collected {
-    found: Vec<(PathBuf, Look)>,
-    /// What cannot be looked into, and why.
-    staying: BTreeMap<PathBuf, String>,
+struct InboxScan {
+    found: Vec<(PathBuf, Metadata)>,
+    /// Paths that cannot be examined, with the reason.
+    deferred: BTreeMap<PathBuf, String>,
     folders: Vec<PathBuf>,
 }
 
-/// Adds the files in `folder/way` and in the folders below it to `all`. A folder moved in brings
-/// one event and none for its files, so its files are looked for and not waited for.
+/// Adds the files in `inbox/path` and its subfolders to `scan`. A folder moved in causes one event
+/// and none for its files.
 fn collect(
     files: &Files,
-    folder: &Path,
-    way: &Path,
+    inbox: &Path,
+    path: &Path,
     depth: usize,
-    all: &mut Collected,
+    scan: &mut InboxScan,
 ) -> Result<(), FileError> {
-    let at = if depth == 0 { folder.to_owned() } else { folder.join(way) };
-    let listed = match files.list(&at) {
+    let folder = if depth == 0 { inbox.to_owned() } else { inbox.join(path) };
+    let listed = match files.list(&folder) {
         Err(error) if depth > 0 => {
-            // Else gone again, or changed into a link, since it was seen.
+            // Otherwise removed, or replaced by a link, since it was listed.
             if error.kind() == ErrorKind::PermissionDenied {
-                all.staying.insert(way.to_owned(), error.of_photo());
+                scan.deferred.insert(path.to_owned(), error.message_for_owner());
             }
             return Ok(());
         }
@@ -295,32 +317,32 @@ fn collect(
         if is_junk(&name) {
             continue;
         }
-        let way = way.join(&name);
+        let path = path.join(&name);
         if kind == FileKind::Folder {
             if depth < DEPTH_MAX {
-                collect(files, folder, &way, depth + 1, all)?;
-                all.folders.push(way);
+                collect(files, inbox, &path, depth + 1, scan)?;
+                scan.folders.push(path);
             }
             continue;
         }
-        match files.look(&folder.join(&way)) {
-            Ok(look) if look.kind != FileKind::Folder => all.found.push((way, look)),
+        match files.metadata(&inbox.join(&path)) {
+            Ok(metadata) if metadata.kind != FileKind::Folder => scan.found.push((path, metadata)),
             Ok(_) => {}
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => {
-                all.staying.insert(way, error.of_photo());
+                scan.deferred.insert(path, error.message_for_owner());
             }
         }
     }
     Ok(())
 }
 
-/// Names that begin with a dot.
+/// Whether `name` begins with a dot.
 pub(crate) fn is_hidden(name: &OsStr) -> bool {
     name.as_bytes().starts_with(b".")
 }
 
-/// Names that systems, shares and uploaders leave behind, and those of uploads under way.
+/// Whether `name` is a by-product of systems and shares, or that of an upload under way.
 pub(crate) fn is_junk(name: &OsStr) -> bool {
     const NAMES: [&str; 10] = [
         "thumbs.db",
@@ -369,33 +391,33 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_ready_once_it_has_been_quiet_and_whole() {
+    fn a_file_is_ready_once_it_is_quiet_and_complete() {
         let root = tempfile::tempdir().unwrap();
         let folders = Folders::open(root.path()).unwrap();
         let file = folders.inbox().join("a.jpg");
         std::fs::write(&file, b"one").unwrap();
         let mut inbox = Inbox::new(Hints::none());
         let patience =
-            Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, by_its_record: None };
-        let looks = std::cell::Cell::new(0);
+            Patience { quiet_s: 5.0, mention_s: 60.0, unfinished_s: 900.0, trusted_unix_s: None };
+        let examined = std::cell::Cell::new(0);
         let mut at = |s: f64| {
             let now = Moment(s);
-            let mut ready = inbox.look(&folders, now, patience).unwrap().photos;
-            ready.retain(|way| {
-                let taken = inbox.may_be_taken(way, now, patience, || {
-                    looks.set(looks.get() + 1);
-                    let bytes = std::fs::read(folders.inbox().join(way))?;
+            let mut ready = inbox.scan(&folders, now, patience).unwrap().photos;
+            ready.retain(|path| {
+                let taken = inbox.may_be_taken(path, now, patience, || {
+                    examined.set(examined.get() + 1);
+                    let bytes = std::fs::read(folders.inbox().join(path))?;
                     Ok::<_, std::io::Error>(
                         (!bytes.ends_with(b"two")).then(|| "its end".to_owned()),
                     )
                 });
                 taken.unwrap()
             });
-            (ready.len(), inbox.left().len())
+            (ready.len(), inbox.deferred().len())
         };
         assert_eq!((at(0.0), at(4.9), at(6.0), at(59.0)), ((0, 0), (0, 0), (0, 0), (0, 0)));
         assert_eq!((at(60.0), at(899.0), at(900.0)), ((0, 1), (0, 1), (1, 0)));
-        assert_eq!(looks.get(), 1, "looked into once for as long as it stays as it is");
+        assert_eq!(examined.get(), 1, "examined once while it does not change");
         std::fs::write(&file, b"one and two").unwrap();
         assert_eq!((at(901.0), at(905.9), at(906.1)), ((0, 0), (0, 0), (1, 0)));
     }

@@ -1,4 +1,4 @@
-//! What lies on the disk, and how it is moved: it knows no rig and no loop.
+//! The files of the drop folder and their moves; independent of the rig and the loop.
 //!
 //! ```text
 //! inbox/a.jpg ─ claim ─► working/a.jpg ─ read, restore ─► outbox/a.jpg.json, outbox/a.jpg
@@ -8,9 +8,9 @@
 //! ```
 //!
 //! A photo is in exactly one of `inbox`, `working`, `done`, `failed`. Results are whole or absent;
-//! no name is ever overwritten, a second one gets a number. Whatever instant the power fails at,
-//! [`Folders::open`] finishes or takes back what was under way; whatever a disk does to a living
-//! daemon, [`recover::settle`] does.
+//! no file is ever overwritten, a duplicate name gets a number. After a power cut at any instant,
+//! [`Folders::open`] completes or reverts interrupted jobs; after a disk error in a running daemon,
+//! [`recover::settle`] does.
 
 pub(super) mod claim;
 pub(super) mod deliver;
@@ -20,6 +20,7 @@ pub(super) mod hints;
 pub(super) mod inbox;
 pub(super) mod ledger;
 pub(super) mod limits;
+pub(super) mod names;
 pub(super) mod night_record;
 pub(super) mod open;
 pub(super) mod pilots;

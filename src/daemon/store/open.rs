@@ -17,14 +17,13 @@ use crate::disk::{Disk, FileError, Files};
 const LOCK: &str = ".relens-lock";
 
 impl Folders {
-    /// Makes the folders where they are missing, locks the root, and completes or reverts the jobs
-    /// that were interrupted when the last daemon ended.
+    /// Locks the root, makes missing folders, and completes or reverts interrupted jobs.
     ///
     /// # Errors
     /// [`FolderError::InUse`]; [`FolderError::Nested`] when one folder lies in another, through
     /// links or not; [`FolderError::Files`] when a folder cannot be made or is no folder.
     pub fn open(root: &Path) -> Result<Folders, FolderError> {
-        let lock = Folders::keep_out(root)?;
+        let lock = Folders::lock(root)?;
         let root = made(root)?;
         let mut places = NAMES.map(|name| root.join(name));
         for place in &mut places {
@@ -40,11 +39,11 @@ impl Folders {
         recovered(Folders::at(files, root, places, Some(lock)))
     }
 
-    /// Locks `root` against every other process that works there, for as long as the file lives.
+    /// Locks `root` against other processes while the returned file lives.
     ///
     /// # Errors
     /// [`FolderError::InUse`]; [`FolderError::Files`] when the folder cannot be made.
-    pub fn keep_out(root: &Path) -> Result<File, FolderError> {
+    pub fn lock(root: &Path) -> Result<File, FolderError> {
         let root = made(root)?;
         let path = root.join(LOCK);
         let mut how = OpenOptions::new();
@@ -58,7 +57,7 @@ impl Folders {
         }
     }
 
-    /// The same on any `disk`, without a lock; `root` exists.
+    /// As [`Folders::open`] on any `disk`, without a lock; `root` must exist.
     ///
     /// # Errors
     /// [`FolderError::Files`], as [`Folders::open`].
@@ -88,7 +87,7 @@ fn recovered(folders: Folders) -> Result<Folders, FolderError> {
     Ok(folders)
 }
 
-/// The folder `path`, made if need be, with links resolved.
+/// Makes the folder `path` if missing; returns it with links resolved.
 fn made(path: &Path) -> Result<PathBuf, FileError> {
     std::fs::create_dir_all(path).map_err(FileError::at("make the folder", path))?;
     path.canonicalize().map_err(FileError::at("find the folder", path))

@@ -1,4 +1,4 @@
-//! What the pilots said, for the morning report: one line a pilot, the newest thousand.
+//! Log of the pilots for the morning report: one entry a pilot, the newest thousand.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,42 +13,39 @@ const NAME: &str = "pilots.json";
 /// Entries kept: three weeks of nights with fifty pilots each, 150 kB.
 const ENTRIES_MAX: usize = 1000;
 
-/// A longer file is not ours.
-const BYTES_MAX: u64 = 1 << 20;
-
-/// What one pilot said.
+/// One pilot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) struct PilotEntry {
-    /// When, seconds since 1970 UTC.
+    /// Time, seconds since 1970 UTC.
     pub(crate) unix_s: u64,
-    /// How far the rig had drifted.
+    /// Measured drift.
     pub(crate) drift: Drift,
-    /// What followed.
+    /// Decision.
     pub(crate) verdict: PilotVerdict,
-    /// Temperature of the board, if it tells.
+    /// Temperature of the board, °C, where it has a sensor.
     pub(crate) temperature_c: Option<f64>,
 }
 
-/// What follows from a pilot.
+/// Decision after a pilot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum PilotVerdict {
     /// The rig is not steady yet.
     Warming,
-    /// All is well.
+    /// The drift is within its limits.
     Good,
-    /// The rig is no longer what was calibrated.
+    /// The drift is past a limit.
     Drifted,
 }
 
-/// What the pilots said, oldest first.
+/// The entries, oldest first.
 pub(crate) fn load(folders: &Folders) -> Vec<PilotEntry> {
     let path = folders.previews().join(NAME);
-    folders.files().read_json(&path, BYTES_MAX).ok().flatten().unwrap_or_default()
+    folders.files().read_json(&path).ok().flatten().unwrap_or_default()
 }
 
-/// Adds `entry`.
+/// Appends `entry`.
 pub(crate) fn add(folders: &Folders, entry: PilotEntry) -> Result<(), FileError> {
     let mut entries = load(folders);
     entries.push(entry);

@@ -1,4 +1,4 @@
-//! Photos that the box takes itself, into its own inbox.
+//! Photos taken by the box itself, put into its inbox.
 
 use std::ffi::OsStr;
 
@@ -7,8 +7,8 @@ use crate::disk::FileError;
 use crate::disk::files::numbered;
 use crate::restorer::photo_file::TakenPhoto;
 
-/// Puts `photo` into the inbox under a name with the date `unix_s`, whole or not at all, and for
-/// good; the name.
+/// Writes `photo` into the inbox, whole and synchronised, under a name with the date `unix_s`;
+/// returns the name.
 pub(crate) fn keep(
     folders: &Folders,
     photo: &TakenPhoto,
@@ -21,11 +21,11 @@ pub(crate) fn keep(
     loop {
         let name = free.next().unwrap_or_default();
         match files.write_new(inbox, &name, &mut &*photo.bytes) {
-            // Given to another since the look.
+            // The name was taken since the check.
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
             Ok(()) => return Ok(name.to_string_lossy().into_owned()),
             Err(error) => {
-                // Named, and not safe: the next attempt would put a second one beside it.
+                // Present but not synchronised: the next attempt would add a second copy.
                 let (path, length) = (inbox.join(&name), photo.bytes.len() as u64);
                 if files.read(&path, length + 1)?.is_some_and(|found| found == photo.bytes) {
                     files.remove(&path)?;
@@ -36,7 +36,7 @@ pub(crate) fn keep(
     }
 }
 
-/// By the board's calendar, believed or not: names that are taken get a number.
+/// Date and time by the box's calendar, which may be wrong: duplicate names get a number.
 fn date(unix_s: u64) -> String {
     let second = i64::try_from(unix_s).ok().and_then(|s| jiff::Timestamp::from_second(s).ok());
     second.unwrap_or_default().strftime("%Y%m%d-%H%M%S").to_string()

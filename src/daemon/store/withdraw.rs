@@ -1,34 +1,35 @@
-//! Results that cannot be stood by are withdrawn, and their photos go back into the inbox: what was
-//! restored on a rig that had drifted is done again.
+//! Withdrawal of results made after the rig had drifted; their photos go back into the inbox.
 
 use std::path::PathBuf;
 
 use super::folders::Folders;
-use super::report_file::{Delivered, report_name};
+use super::names::report_name;
+use super::report_file::Delivered;
 use crate::disk::FileError;
 use crate::disk::files::numbered;
 
-/// Puts the original of each of `photos` back into the inbox, and its result with its report into
-/// `outbox/withdrawn`. What is gone already is passed over: after a cut this is simply done again.
+/// Moves the originals of `photos` back into the inbox, and their results with their reports into
+/// `outbox/withdrawn`. Files already moved are skipped, so that it can be repeated after a power
+/// cut.
 pub(crate) fn withdraw(folders: &Folders, photos: &[Delivered]) -> Result<(), FileError> {
     let (files, outbox, withdrawn) = (folders.files(), folders.outbox(), folders.withdrawn());
     files.make_folder(&withdrawn)?;
     files.sync_folder(outbox)?;
     for Delivered { kept, .. } in photos {
         let original = folders.done().join(kept);
-        if files.look(&original).is_ok() {
+        if files.metadata(&original).is_ok() {
             files.move_to(&original, folders.inbox(), kept)?;
         }
     }
-    // The photos first: one that is done has a result.
+    // The photos first: a photo in `done` must have a result.
     files.sync_folder(folders.inbox())?;
     let mut reports = Vec::new();
     for Delivered { result, .. } in photos {
         let taken = files.taken_names(&withdrawn)?;
         let (from, report) = (outbox.join(result), outbox.join(report_name(result)));
-        let moves = files.look(&from).is_ok();
-        // One number for the two of them. Where a cut came between, the report's is the first that
-        // is free.
+        let moves = files.metadata(&from).is_ok();
+        // One number for result and report. After a cut between them, the first free one for the
+        // report.
         let mut names = numbered(result);
         let Some(name) =
             names.find(|name| !(taken.holds(&report_name(name)) || moves && taken.holds(name)))
@@ -38,26 +39,26 @@ pub(crate) fn withdraw(folders: &Folders, photos: &[Delivered]) -> Result<(), Fi
         if moves {
             files.rename_new(&from, &withdrawn.join(&name))?;
         }
-        if files.look(&report).is_ok() {
+        if files.metadata(&report).is_ok() {
             reports.push((report, withdrawn.join(report_name(&name))));
         }
     }
-    // Then the results: one without its report would be nobody's.
+    // Reports last: a result without its report would belong to no photo.
     files.sync_folder(&withdrawn)?;
     for (from, to) in &reports {
         files.rename_new(from, to)?;
     }
     files.sync_folder(&withdrawn)?;
-    log::info!("{} photos go back into the inbox, their results were withdrawn", photos.len());
+    log::info!("{} results withdrawn, their photos put back into the inbox", photos.len());
     Ok(())
 }
 
-/// Whether any of what belongs to `photo` is still in its old place.
+/// Whether any file of `photo` is still to be withdrawn.
 pub(crate) fn is_in_place(folders: &Folders, photo: &Delivered) -> bool {
-    let there = |path: PathBuf| folders.files().look(&path).is_ok();
+    let exists = |path: PathBuf| folders.files().metadata(&path).is_ok();
     let (done, outbox) = (folders.done(), folders.outbox());
-    // The report alone is what a cut may have left.
-    there(done.join(&photo.kept))
-        || there(outbox.join(&photo.result))
-        || there(outbox.join(report_name(&photo.result)))
+    // After a cut only the report may remain.
+    exists(done.join(&photo.kept))
+        || exists(outbox.join(&photo.result))
+        || exists(outbox.join(report_name(&photo.result)))
 }

@@ -104,7 +104,7 @@ fn after_cancelling_a_calibration_the_box_waits_for_the_button() {
     assert!(held.is_none(), "the operator is not called: {held:?}");
     let waits = |state: &&State| {
         matches!(&state.doing, Doing::Paused { reason }
-            if reason.contains("given up at the button: press it to measure"))
+            if reason.contains("cancelled at the button: press it to measure"))
     };
     let waiting = states.iter().rfind(waits).expect("a reason for waiting").counts.waiting;
     assert!(waiting.button == waiting.all() && waiting.button > 0, "{waiting}");

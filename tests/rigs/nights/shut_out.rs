@@ -23,7 +23,7 @@ fn shut_out_for(root: &Path, hours: f64) -> Option<String> {
     let mut night =
         Nightly::new(&nights("22:00-06:00"), &Folders::open(root).unwrap(), times).unwrap();
     while clock.0.get() < hours * HOUR {
-        night.shut_out(WHY);
+        night.set_rig_unavailable(WHY);
         clock.0.set(clock.0.get() + 30.0);
     }
     night.attention().first().map(ToString::to_string)
@@ -83,10 +83,10 @@ fn the_program_reports_missed_nights_while_waiting_for_its_rig() {
         .unwrap();
     // From an earlier run: photos have waited for three days.
     let now_unix_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();
-    let vigil = serde_json::json!({ "since_unix_s": now_unix_s - 72.0 * HOUR, "obstacle": null });
+    let since_unix_s = now_unix_s - 72.0 * HOUR;
     let record = serde_json::json!({
-        "floor_unix_s": now_unix_s - 72.0 * HOUR,
-        "unproven": [], "doubted": false, "again": false, "vigil": vigil,
+        "floor_unix_s": since_unix_s, "unproven": [], "must_repeat": false,
+        "is_withdrawing": false, "waiting_since_unix_s": since_unix_s, "obstacle": "",
     });
     std::fs::write(root.join(".relens-night.json"), record.to_string()).unwrap();
 
