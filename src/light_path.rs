@@ -23,7 +23,6 @@ pub struct LightPath<'a> {
     model: &'a LensModel,
     stopwatch: &'a (dyn Fn() -> f64 + Sync),
     waited_seconds: f64,
-    pedestal: Option<(Frame<Work>, Seen)>,
     interrupted: Option<&'a (dyn Fn() -> bool + Send + Sync)>,
 }
 
@@ -50,15 +49,7 @@ impl<'a> LightPath<'a> {
         (correction, model): (&'a Correction, &'a LensModel),
         stopwatch: &'a (dyn Fn() -> f64 + Sync),
     ) -> Self {
-        LightPath {
-            rig,
-            correction,
-            model,
-            stopwatch,
-            waited_seconds: 0.0,
-            pedestal: None,
-            interrupted: None,
-        }
+        LightPath { rig, correction, model, stopwatch, waited_seconds: 0.0, interrupted: None }
     }
 
     /// Makes captures fail once `interrupted` returns true.
@@ -114,17 +105,6 @@ impl ForwardConvolution for LightPath<'_> {
         let corrected = self.correction.see(&exposed.counts);
         let mut seen = Seen { light: corrected.light, trusted: corrected.trusted };
         self.add_lost_detail(shown, &mut seen);
-        Ok(seen)
-    }
-
-    fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {
-        if let Some((shown, seen)) = &self.pedestal
-            && shown == flat
-        {
-            return Ok(seen.clone());
-        }
-        let seen = self.forward(flat)?;
-        self.pedestal = Some((flat.clone(), seen.clone()));
         Ok(seen)
     }
 

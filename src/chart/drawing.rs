@@ -1,4 +1,4 @@
-//! Line drawings as SVG that needs nothing else; places are [x, y] from the upper left corner.
+//! Line drawings as self-contained SVG; places are [x, y] from the upper left corner.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -12,22 +12,22 @@ pub const INK: Colour = Colour(0x33, 0x33, 0x33);
 pub const FAINT: Colour = Colour(0xee, 0xee, 0xee);
 /// The sheet itself.
 const SHEET: Colour = Colour(0xff, 0xff, 0xff);
-/// Harm: whatever lies below the untouched photo.
+/// Results below the untouched photo.
 pub const HARM: Colour = Colour(0xaa, 0x33, 0x33);
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stroke {
     /// Its colour.
     pub colour: Colour,
     /// Its width, in units of the sheet.
     pub width: f64,
-    /// Broken into dashes.
+    /// Whether it is dashed.
     pub dashed: bool,
 }
 
 impl Stroke {
-    /// A whole line.
+    /// A solid line.
     pub const fn new(colour: Colour, width: f64) -> Self {
         Stroke { colour, width, dashed: false }
     }
@@ -39,18 +39,18 @@ impl Stroke {
     }
 }
 
-/// Where words stand relative to their place.
+/// Alignment of words with their place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// The place is where they begin.
+    /// The place is their beginning.
     Start,
     /// The place is their middle.
     Middle,
-    /// The place is where they end.
+    /// The place is their end.
     End,
 }
 
-/// A white sheet; what is drawn later lies above what was drawn before.
+/// A white sheet; later elements cover earlier ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawing {
     width: f64,
@@ -59,9 +59,10 @@ pub struct Drawing {
     dark_too: bool,
 }
 
-/// What a dark page makes of sheet, words, axes and grid; colours stay.
-const ON_DARK: &str = "<style>text{fill:#222}@media(prefers-color-scheme:dark){\
-    .sheet{fill:#14161a}text{fill:#ddd}[stroke=\"#333333\"]{stroke:#ccc}\
+/// Colours of sheet, words, axes and grid on a dark page; all others stay.
+const ON_DARK: &str = "<style>text:not([fill]){fill:#222}\
+    @media(prefers-color-scheme:dark){.sheet{fill:#14161a}text:not([fill]){fill:#ddd}\
+    text[fill]{filter:brightness(1.7)}[stroke=\"#333333\"]{stroke:#ccc}\
     [stroke=\"#eeeeee\"]{stroke:#2c2f36}[stroke=\"#000000\"]{stroke:#fff}\
     [fill=\"#000000\"]{fill:#fff}[fill=\"#ffffff\"]{fill:#14161a}}</style>";
 
@@ -71,7 +72,7 @@ impl Drawing {
         Drawing { width, height, elements: String::new(), dark_too: false }
     }
 
-    /// An empty sheet that is dark where the page about it is.
+    /// An empty sheet, dark on a dark page.
     pub fn light_and_dark(width: f64, height: f64) -> Self {
         Drawing { dark_too: true, ..Drawing::new(width, height) }
     }
@@ -92,7 +93,7 @@ impl Drawing {
         self.element(&format!("<path d=\"{}\" {stroke}", Path(points)), "path", "");
     }
 
-    /// A filled polygon of an opacity 0..1, with words shown when it is pointed at.
+    /// A filled polygon of an opacity 0..1, with a tooltip.
     pub fn area(&mut self, corners: &[[f64; 2]], fill: Colour, opacity: f64, tip: &str) {
         let opacity = match opacity {
             1.0.. => String::new(),
@@ -105,8 +106,7 @@ impl Drawing {
         );
     }
 
-    /// A closed outline, filled with a colour or with the sheet's, with words shown when it is
-    /// pointed at.
+    /// A closed outline, filled with a colour or with the sheet's, with a tooltip.
     pub fn outline(
         &mut self,
         corners: &[[f64; 2]],
@@ -134,7 +134,7 @@ impl Drawing {
         self.area(&corners, fill, opacity, "");
     }
 
-    /// A filled circle, with words shown when it is pointed at.
+    /// A filled circle with a tooltip.
     pub fn disc(&mut self, [x, y]: [f64; 2], radius: f64, fill: Colour, tip: &str) {
         let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" fill=\"{fill}\"");
         self.element(&circle, "circle", tip);
@@ -146,19 +146,24 @@ impl Drawing {
         self.element(&circle, "circle", "");
     }
 
-    /// A picture, its pixels kept apart, from a PNG file; with words shown when it is pointed at.
-    pub fn picture(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], png: &[u8], tip: &str) {
-        let opening = format!(
-            "<image x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width}\" height=\"{height}\" \
-             preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" \
-             href=\"data:image/png;base64,{}\"",
-            base64(png)
-        );
-        self.element(&opening, "image", tip);
+    /// Words on a base line in letters of height `size`.
+    pub fn words(&mut self, words: &str, at: [f64; 2], anchor: Anchor, size: f64) {
+        self.text("", words, at, anchor, size);
     }
 
-    /// Words on a base line, in letters of a size.
-    pub fn words(&mut self, words: &str, [x, y]: [f64; 2], anchor: Anchor, size: f64) {
+    /// The same in a colour.
+    pub fn words_in(
+        &mut self,
+        colour: Colour,
+        words: &str,
+        at: [f64; 2],
+        anchor: Anchor,
+        size: f64,
+    ) {
+        self.text(&format!(" fill=\"{colour}\""), words, at, anchor, size);
+    }
+
+    fn text(&mut self, fill: &str, words: &str, [x, y]: [f64; 2], anchor: Anchor, size: f64) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
@@ -166,12 +171,12 @@ impl Drawing {
         };
         let words = escaped(words);
         self.elements += &format!(
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size}\">\
+            "<text{fill} x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size}\">\
              {words}</text>\n"
         );
     }
 
-    /// Words that run upwards, their middle at a place.
+    /// Words running upwards, centred.
     pub fn words_upwards(&mut self, words: &str, [x, y]: [f64; 2], size: f64) {
         let words = escaped(words);
         self.elements += &format!(
@@ -213,23 +218,6 @@ impl Display for Stroke {
     }
 }
 
-/// RFC 4648, section 4.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::new();
-    for group in bytes.chunks(3) {
-        let at = |n: usize| u32::from(group.get(n).copied().unwrap_or(0));
-        let whole = at(0) << 16 | at(1) << 8 | at(2);
-        for n in 0..4 {
-            text.push(match n <= group.len() {
-                true => char::from(DIGITS[(whole >> (18 - 6 * n) & 63) as usize]),
-                false => '=',
-            });
-        }
-    }
-    text
-}
-
 fn escaped(words: &str) -> String {
     words.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
@@ -237,15 +225,6 @@ fn escaped(words: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bytes_are_written_as_the_rfc_has_them() {
-        for (bytes, text) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-    }
 
     #[test]
     fn words_cannot_break_out_of_their_element() {

@@ -1,4 +1,4 @@
-//! Scenes that the program draws: a page of print, and leaves.
+//! Drawn scenes: a page of print, and leaves.
 
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -7,7 +7,7 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Size, Work};
 use crate::kiosk::lettering;
 
 /// Black lines of print on white paper, 0..255.
-pub fn page(size: Size) -> Plane {
+pub(super) fn page(size: Size) -> Plane {
     const WORDS: &str = "The lens computes its own convolution. Show, see, adjust: until its \
      photograph is the photo.";
     let mut page: Plane = Plane::filled(size, 0.8 * FULL_SCALE);
@@ -32,10 +32,10 @@ pub fn page(size: Size) -> Plane {
     page
 }
 
-/// Leaves over leaves, 0..255: discs of all sizes in all greens, drawn from `seed`, the later ones
-/// in front ("dead leaves"; as many of each size as photographs have, Lee, Mumford & Huang 2001,
-/// "Occlusion models for natural images").
-pub fn leaves(size: Size, seed: u64) -> Frame<Work> {
+/// Leaves over leaves, 0..255: discs of all sizes in all greens from `seed`, later ones in front
+/// ("dead leaves" with the sizes of photographs; Lee, Mumford & Huang 2001, "Occlusion models for
+/// natural images").
+pub(super) fn leaves(size: Size, seed: u64) -> Frame<Work> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut leaves: Frame<Work> =
         Frame::from_fn(|c| Plane::filled(size, [20.0, 30.0, 10.0][c.index()]));

@@ -1,181 +1,129 @@
-//! `relens chart`: what the methods make of scenes whose truth is known, on any rig; and the choice
-//! of a rig's operating point by the same means.
+//! `relens chart`: speed and accuracy of methods on known scenes, on any rig; and the choice of a
+//! rig's operating point from the same scores.
 
+pub mod appearance;
+pub mod axes;
 pub mod contestants;
-pub mod crops;
 pub mod drawing;
-pub mod drawn;
-pub mod looks;
+mod drawn;
+pub mod labels;
 pub mod marks;
 pub mod operating_point;
 pub mod scatter;
 pub mod scenes;
-mod strip;
 pub mod table;
 pub mod test_rig;
 pub mod trade;
 
-use crate::config::{Curve, MethodName, RigFile};
-use crate::pipeline::{Setting, counted, digital, hybrid};
-use crate::remedy::full_message;
+use crate::config::RigFile;
 use contestants::{Contestant, contestants};
 use drawing::Drawing;
-use scatter::Words;
 use scenes::Scene;
 use table::Table;
 use test_rig::{Score, TestRig, TestRigError};
-use trade::{BALANCED, BEST, FAST, Point, Trade};
+use trade::{BALANCED, BEST, FAST, Measure, Trade};
 
-/// Tables and drawings, each with the stem of its file's name.
-#[derive(Debug, Default)]
-pub struct Chart {
-    /// Tables.
-    pub tables: Vec<(String, Table)>,
-    /// Drawings.
-    pub drawings: Vec<(String, Drawing)>,
-}
-
-/// Grids of lens functions that are tried in place of the rig file's: columns and rows.
-const FEWER_FUNCTIONS: [(usize, usize); 2] = [(1, 1), (4, 3)];
-/// Photos of each scene, which differ in their noise.
+/// Photos of each scene, different in their noise.
 const TAKES: u64 = 3;
 
-/// Speed against accuracy on the simulated rig of `rig`: every method with several settings.
-/// `quick` leaves out most of the settings of the methods that lose.
-///
-/// # Errors
-/// When the rig cannot be opened or calibrated, or a method fails.
-pub fn trade(
-    rig: &RigFile,
-    quick: bool,
-    stopwatch: fn() -> f64,
-    each: &mut dyn FnMut(&Score),
-) -> Result<Trade, TestRigError> {
-    let mut trade = trade_on(&mut TestRig::open(rig.clone(), stopwatch)?, quick, each)?;
-    let fewer = if quick { &[][..] } else { &FEWER_FUNCTIONS };
-    for &(columns, rows) in fewer {
-        let mut changed = rig.clone();
-        changed.calibration.function_columns = columns;
-        changed.calibration.function_rows = rows;
-        let mut test_rig = match TestRig::open(changed, stopwatch) {
-            Ok(test_rig) => test_rig,
-            // Too few to be centred by, or a panel that moved: the rest of the chart stands.
-            Err(reason) => {
-                log::warn!("left out, {columns}×{rows} functions: {}", full_message(&reason));
-                continue;
-            }
-        };
-        let setting = counted(columns * rows, "function");
-        for contestant in [
-            Contestant::new("digital", &setting, digital(rig)),
-            Contestant::new("hybrid", &setting, hybrid(rig)),
-        ] {
-            trade.run(&mut test_rig, photos_for(rig, quick), &contestant, each)?;
+/// Contestants and photos of one chart.
+pub struct ChartPlan {
+    /// Settings of methods, the rig file's own first.
+    pub contestants: Vec<Contestant>,
+    /// Scenes.
+    pub scenes: Vec<Scene>,
+    /// Photos of each scene.
+    pub takes: u64,
+}
+
+impl ChartPlan {
+    /// The chart of `rig`. One photo of each scene if `quick`, or on real devices, whose noise is
+    /// their own.
+    pub fn new(rig: &RigFile, quick: bool) -> ChartPlan {
+        let takes = if quick || rig.simulation().is_none() { 1 } else { TAKES };
+        ChartPlan { contestants: contestants(rig), scenes: Scene::CHARTED.to_vec(), takes }
+    }
+
+    /// Number of restorations.
+    pub fn restorations(&self) -> usize {
+        self.contestants.len() * self.scenes.len() * self.takes as usize
+    }
+
+    /// Scores every contestant on `test_rig`; `each` gets the contestant's name and the score.
+    ///
+    /// # Errors
+    /// When a scene cannot be shown, or a method fails.
+    pub fn run(
+        &self,
+        test_rig: &mut TestRig,
+        each: &mut dyn FnMut(&str, &Score),
+    ) -> Result<Trade, TestRigError> {
+        let mut trade = Trade::default();
+        for contestant in &self.contestants {
+            trade.run(test_rig, &self.scenes, self.takes, contestant, each)?;
+        }
+        Ok(trade)
+    }
+}
+
+/// A chart: its drawing and its tables.
+#[derive(Debug)]
+pub struct Chart {
+    /// Stem of the names of drawing and summary.
+    pub stem: String,
+    /// Speed against accuracy.
+    pub drawing: Drawing,
+    /// A row for each point.
+    pub summary: Table,
+    /// A row for each photo and point.
+    pub scores: Table,
+}
+
+impl Chart {
+    /// Draws `trade`, measured on `rig`; `notes` follow the caption of drawing and summary.
+    pub fn new(rig: &RigFile, trade: &Trade, notes: &[String]) -> Chart {
+        let megapixels = rig.photo.size().area() as f64 / 1e6;
+        let photos = photos(rig, trade);
+        let mut below = vec![photos.clone()];
+        below.extend_from_slice(notes);
+        let title = format!("Speed against accuracy, rig {}", rig.name);
+        Chart {
+            stem: format!("{}-speed-accuracy", rig.name),
+            drawing: scatter::draw(trade, &scatter::Words { title, megapixels, below }),
+            summary: trade.table(caption(rig, trade, &photos, notes), megapixels),
+            scores: trade.score_table(format!("Rig {}, photo by photo.", rig.name)),
         }
     }
-    Ok(trade)
 }
 
-/// The same on the rig that `test_rig` is on, which need not be simulated: scenes are shown to it.
-///
-/// # Errors
-/// When a scene cannot be shown, or a method fails.
-pub fn trade_on(
-    test_rig: &mut TestRig,
-    quick: bool,
-    each: &mut dyn FnMut(&Score),
-) -> Result<Trade, TestRigError> {
-    let rig = test_rig.config().clone();
-    let mut trade = Trade::default();
-    for contestant in contestants(&rig, quick) {
-        trade.run(test_rig, photos_for(&rig, quick), &contestant, each)?;
-    }
-    Ok(trade)
+/// The photos of `trade` in words.
+fn photos(rig: &RigFile, trade: &Trade) -> String {
+    let scores = trade.points.first().map_or(&[][..], |point| &point.scores);
+    let takes = scores.iter().map(|score| score.take + 1).max().unwrap_or(1);
+    let mut scenes: Vec<&str> = scores.iter().map(|score| score.scene.name()).collect();
+    scenes.dedup();
+    let photos = if takes == 1 { "one photo".to_owned() } else { format!("{takes} photos") };
+    format!("{photos} each of {}, {}", scenes.join(", "), rig.photo.size())
 }
 
-/// How many restorations [`trade()`] makes; [`trade_on`] a few less.
-pub fn restorations(rig: &RigFile, quick: bool) -> usize {
-    let fewer = if quick { 0 } else { 2 * FEWER_FUNCTIONS.len() };
-    let (scenes, takes) = photos_for(rig, quick);
-    (contestants(rig, quick).len() + fewer) * scenes.len() * takes as usize
-}
-
-/// The scenes that a rig's photos are charted by, and photos of each.
-fn photos_for(rig: &RigFile, quick: bool) -> (&'static [Scene], u64) {
-    // A rig of devices has its own noise, and a panel to wait for.
-    match (rig.photo.curve, quick || rig.simulation().is_none()) {
-        (Curve::Linear, true) => (&Scene::STUDY_PHOTOGRAPHS, 1),
-        (Curve::Srgb, true) => (&Scene::CHARTED, 1),
-        (_, false) => (&Scene::CHARTED, TAKES),
-    }
-}
-
-/// The drawing of `trade` on `rig` and its tables, with a `remark` under them; `made` says of the
-/// drawing by what it was made.
-pub fn chart(rig: &RigFile, trade: &Trade, remark: &str, made: &str) -> Chart {
-    let stem = format!("{}-speed-accuracy", rig.name);
+fn caption(rig: &RigFile, trade: &Trade, photos: &str, notes: &[String]) -> String {
     let chosen = |name: &str, keeps| {
         let point = trade.operating_point(keeps).map(|n| &trade.points[n]);
         point.map_or(String::new(), |p| {
-            let (seconds, ssim, db) = (p.seconds(), p.ssim, p.psnr_db);
-            format!(" {name}: {}, {} ({seconds:.2} s, {ssim:.4}/{db:.2} dB).", p.family, p.setting)
+            let (seconds, ssim, db) = (p.seconds(), p.ssim(), p.psnr_db());
+            format!(" {name}: {} ({seconds:.2} s, {ssim:.4}/{db:.2} dB).", p.name())
         })
     };
-    let mut scenes: Vec<&str> = Vec::new();
-    for name in trade.scores.iter().map(|score| score.scene.name()) {
-        if !scenes.contains(&name) {
-            scenes.push(name);
-        }
-    }
-    let takes = trade.scores.iter().map(|score| score.take + 1).max().unwrap_or(1);
-    let scenes = format!(
-        "{} photo{} each of {}",
-        takes,
-        if takes == 1 { "" } else { "s" },
-        scenes.join(", ")
-    );
-    let caption = format!(
-        "Rig {}, {}; {scenes}, {:.4}/{:.2} dB as they are.{}{}{} They are the cheapest that keep \
-         90, 98 and 100 % of the most that any setting gains, the mean of SSIM, PSNR and ΔE at \
-         edges (*share*).{remark}",
+    let points = [("Fast", FAST), ("Balanced", BALANCED), ("Best", BEST)]
+        .map(|(name, keeps)| chosen(name, keeps))
+        .concat();
+    let [ssim, db] =
+        [Measure::Ssim, Measure::Psnr].map(|measure| trade.photo(measure).unwrap_or_default());
+    format!(
+        "Rig {}; {photos}, untouched {ssim:.4}/{db:.2} dB.{points} These are the fastest settings \
+         that keep 90, 98 and 100 % of the largest gain (*share*: mean over SSIM, PSNR and ΔE at \
+         edges). {}",
         rig.name,
-        rig.photo.size(),
-        trade.photo_ssim,
-        trade.photo_psnr_db,
-        chosen("Fast", FAST),
-        chosen("Balanced", BALANCED),
-        chosen("Best", BEST),
-    );
-    let megapixels = rig.photo.size().area() as f64 / 1e6;
-    let mut below = vec![format!("{scenes}, {}", rig.photo.size()), made.to_owned()];
-    below.extend(certificate(rig, trade));
-    let words =
-        Words { title: format!("Speed against accuracy on rig {}", rig.name), megapixels, below };
-    let scores = trade::scores_table(format!("Rig {}, photo by photo.", rig.name), &trade.scores);
-    Chart {
-        drawings: vec![(stem.clone(), scatter::draw(trade, &words))],
-        tables: vec![
-            (stem, trade.table(caption, megapixels)),
-            (format!("{}-by-scene", rig.name), scores),
-        ],
-    }
-}
-
-/// What a certificate costs, in words: the filed steps with one capture and with none.
-fn certificate(rig: &RigFile, trade: &Trade) -> Option<String> {
-    let steps = Setting::as_filed(rig, MethodName::Hybrid).steps;
-    let of = |family: &str, line: &str, setting: &str| {
-        let is =
-            |p: &&Point| p.family == family && p.line == line && p.setting.starts_with(setting);
-        trade.points.iter().find(is)
-    };
-    let alone = of("digital", "steps", &format!("{steps} steps"))?;
-    let with = of("hybrid", "1 capture", &format!("{steps}+"))?;
-    let computing = with.computing_seconds - alone.computing_seconds;
-    Some(format!(
-        "A certificate costs {} of {:.2} s at any size, and {computing:.2} s of processor time \
-         with its correction (hybrid beside digital, {steps} steps).",
-        counted(with.captures.round() as usize, "capture"),
-        with.capture_seconds / with.captures.max(1.0)
-    ))
+        notes.join(" ")
+    )
 }

@@ -1,21 +1,20 @@
-//! The operating point of a rig: settings of the methods worth having, tried on scenes shown on
-//! that very rig.
+//! The operating point of a rig: a setting chosen by scenes shown on that rig.
 
-use super::contestants::{Contestant, FILED};
+use super::contestants::Contestant;
 use super::scenes::Scene;
 use super::test_rig::{Score, TestRig, TestRigError};
-use super::trade::{BALANCED, BEST, FAST, Trade};
+use super::trade::{BALANCED, BEST, FAST, Measure, Trade};
 use crate::config::{MethodName, OperatingPoint, RigFile};
 use crate::pipeline::{Chosen, Setting};
 
-/// What is shown: photographs of a portrait, a still life and a night.
+/// Scenes shown: a portrait, a still life and a night.
 const SCENES: [Scene; 3] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket];
 
-/// Rounds of block matching that pay on small photos, and cost four times as much.
+/// Rounds of block matching for the best result: a gain on small photos at four times the cost.
 const MANY_ROUNDS: u32 = 8;
 
-/// The settings tried for what is `wanted`, the rig file's own first: those on or near the front of
-/// `relens chart` on every simulated rig; block matching in many rounds only for the best.
+/// Settings tried, the rig file's first: those on or near the front of `relens chart` on every
+/// simulated rig; many rounds of block matching only where the best is `wanted`.
 fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
     let filed = Setting::as_filed(rig, rig.restore.method);
     let digital = |steps| Setting { method: MethodName::Digital, steps, ..filed };
@@ -41,43 +40,36 @@ fn candidates(rig: &RigFile, wanted: OperatingPoint) -> Vec<Setting> {
     if wanted == OperatingPoint::Best {
         all.push(Setting { rounds: matched.rounds.max(MANY_ROUNDS), ..matched });
     }
-    let mut unlike = Vec::with_capacity(all.len());
+    let mut distinct = Vec::with_capacity(all.len());
     for setting in all {
-        if !unlike.contains(&setting) {
-            unlike.push(setting);
+        if !distinct.contains(&setting) {
+            distinct.push(setting);
         }
     }
-    unlike
+    distinct
 }
 
-/// How many restorations [`choose`] makes.
+/// Number of restorations that [`choose`] makes.
 pub fn restorations(rig: &RigFile, wanted: OperatingPoint) -> usize {
     candidates(rig, wanted).len() * SCENES.len()
 }
 
-/// The operating point `wanted` of the rig that `test_rig` is on; `each` is told of every
-/// restoration.
-/// `None` when none gives a number.
+/// Chooses the operating point `wanted` for the rig of `test_rig`; `each` gets the name of the
+/// setting and the score of every restoration. `None` if no setting gains.
 ///
 /// # Errors
 /// When a scene cannot be shown or a capture fails.
 pub fn choose(
     test_rig: &mut TestRig,
     wanted: OperatingPoint,
-    each: &mut dyn FnMut(&Score),
+    each: &mut dyn FnMut(&str, &Score),
 ) -> Result<Option<Chosen>, TestRigError> {
     let rig = test_rig.config().clone();
     let settings = candidates(&rig, wanted);
     let mut trade = Trade::default();
     for (n, setting) in settings.iter().enumerate() {
-        let contestant = Contestant {
-            family: if n == 0 { FILED } else { setting.method.name() },
-            line: String::new(),
-            setting: setting.to_string(),
-            method: setting.method(&rig),
-            printed: false,
-        };
-        trade.run(test_rig, (&SCENES, 1), &contestant, each)?;
+        let contestant = Contestant { is_filed: n == 0, ..Contestant::of_setting(&rig, setting) };
+        trade.run(test_rig, &SCENES, 1, &contestant, each)?;
     }
     let keeps = match wanted {
         OperatingPoint::Fast => FAST,
@@ -89,14 +81,14 @@ pub fn choose(
         operating_point: wanted,
         setting: settings[n],
         seconds: rounded(trade.points[n].seconds()),
-        ssim: rounded(trade.points[n].ssim),
-        psnr_db: rounded(trade.points[n].psnr_db),
-        best_ssim: rounded(trade.points[best].ssim),
-        photo_ssim: rounded(trade.photo_ssim),
+        ssim: rounded(trade.points[n].ssim()),
+        psnr_db: rounded(trade.points[n].psnr_db()),
+        best_ssim: rounded(trade.points[best].ssim()),
+        photo_ssim: rounded(trade.photo(Measure::Ssim).unwrap_or_default()),
     }))
 }
 
-/// To four digits behind the point, as people read it.
+/// `value` to four decimals.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

@@ -1,5 +1,4 @@
-//! The scenes whose truth is known: three photographs in the public domain, and what the program
-//! draws.
+//! Known scenes: three photographs in the public domain, and drawings.
 //!
 //! Origins: see `tests/scenes/README.md`.
 
@@ -10,7 +9,7 @@ use crate::frame::{Channel, FULL_SCALE, Frame, Plane, Rect, Size, Work};
 use crate::patterns::chart;
 use crate::picture::{self, Tone};
 
-/// A scene to be photographed.
+/// A known scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scene {
     /// Portrait of an astronaut; NASA, public domain.
@@ -19,27 +18,27 @@ pub enum Scene {
     Coffee,
     /// A rocket at night; SpaceX, CC0.
     Rocket,
-    /// A resolution chart in the manner of ISO 12233, drawn by the program.
+    /// A resolution chart in the manner of ISO 12233, drawn.
     Chart,
-    /// A page of print, drawn by the program.
+    /// A page of print, drawn.
     Page,
-    /// Leaves over leaves, drawn by the program.
+    /// Leaves over leaves, drawn.
     Leaves,
 }
 
-/// Of the leaves.
+/// Seed of the leaves.
 const LEAVES_SEED: u64 = 20_261_124;
 
 impl Scene {
     /// The photographs and the resolution chart.
     pub const ALL: [Scene; 4] = [Scene::Astronaut, Scene::Coffee, Scene::Rocket, Scene::Chart];
-    /// Those that a rig's methods are charted by.
+    /// The scenes of a rig's chart.
     pub const CHARTED: [Scene; 6] =
         [Scene::Astronaut, Scene::Coffee, Scene::Rocket, Scene::Chart, Scene::Page, Scene::Leaves];
     /// The two photographs of the study.
     pub const STUDY_PHOTOGRAPHS: [Scene; 2] = [Scene::Astronaut, Scene::Coffee];
 
-    /// The word in tables and file names.
+    /// Name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Scene::Astronaut => "astronaut",
@@ -51,7 +50,7 @@ impl Scene {
         }
     }
 
-    /// The name of its file; the chart, which is drawn, has one too.
+    /// Name of its file, also of a drawing's.
     pub const fn file_name(self) -> &'static str {
         match self {
             Scene::Astronaut => "astronaut.png",
@@ -72,7 +71,7 @@ impl Scene {
         }
     }
 
-    /// One that the program draws.
+    /// A drawing at `size`.
     fn drawn(self, size: Size) -> Frame<Work> {
         let grey = |plane: Plane| Frame::from_fn(|_| plane.clone());
         match self {
@@ -82,8 +81,7 @@ impl Scene {
         }
     }
 
-    /// The scene in colour as code values 0..255 (no curve undone), cut to the shape of `size`
-    /// about its centre and resized to it.
+    /// Code values 0..255 in colour, cut to the shape of `size` about the centre and resized.
     pub fn codes(self, size: Size) -> Frame<Work> {
         let Some(file) = self.file() else { return self.drawn(size) };
         let planes = picture::embedded(file);
@@ -92,8 +90,7 @@ impl Scene {
         )
     }
 
-    /// The scene in colour as linear light 0..255, cut to the shape of `size` and resized as light
-    /// is.
+    /// Linear light 0..255 in colour, cut to the shape of `size` and resized as light.
     pub fn light(self, size: Size) -> Frame<Work> {
         let Some(file) = self.file() else { return self.codes(size) };
         let tone = Tone::of_curve(Curve::Srgb, 8);
@@ -101,8 +98,7 @@ impl Scene {
         cut(&Frame::from_fn(|c| tone.plane(c, &codes.plane(c).map(|code: f32| code as u8))), size)
     }
 
-    /// The scene in grey as code values 0..255 (Rec. 709 weights), resized bilinearly as the study
-    /// did.
+    /// Grey code values 0..255 (Rec. 709 weights), resized bilinearly as in the study.
     pub fn grey(self, size: Size) -> Plane {
         let planes = match self.file() {
             Some(file) => {
@@ -118,7 +114,7 @@ impl Scene {
     }
 }
 
-/// The largest part of `light` about its centre that has the shape of `size`, at that size.
+/// The largest part of `light` about its centre with the shape of `size`, resized to it.
 pub fn cut(light: &Frame<Work>, size: Size) -> Frame<Work> {
     let part = centred(light.size(), size);
     Frame::from_fn(|c| {
@@ -141,7 +137,7 @@ fn bilinear(plane: &Plane, size: Size) -> Plane {
     })
 }
 
-/// The largest rectangle of the shape of `want` about the centre of `have`.
+/// The largest rectangle with the shape of `want` about the centre of `have`.
 fn centred(have: Size, want: Size) -> Rect {
     let wide = have.width * want.height > have.height * want.width;
     let size = if wide {
@@ -157,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_scene_has_the_size_asked_for_and_something_in_it() {
+    fn every_scene_has_its_size_and_contrast() {
         for scene in Scene::CHARTED {
             let light = scene.light(Size::new(96, 72));
             assert_eq!(light.size(), Size::new(96, 72));

@@ -1,15 +1,15 @@
-//! A calibrated rig, ready to be scored on scenes whose truth is known: photographed by the witness
-//! to a simulated rig, or shown on the panel of any rig and photographed there.
+//! A calibrated rig to score methods on, with scenes whose truth is known: photographed by the
+//! witness of a simulated rig, or shown on the panel of any rig and photographed there.
 
 use std::sync::Arc;
 
-use super::looks::{Looks, display_luminance};
+use super::appearance::{display_luminance, edge_difference};
 use super::scenes::Scene;
 use crate::calibration::Calibration;
-use crate::config::{self, Curve};
+use crate::config::{Curve, RigFile};
 use crate::deconvolution::method::{Method, MethodError, Watch};
 use crate::deconvolution::quality::{psnr, ssim};
-use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Size, Work};
+use crate::frame::{Channel, Channels, FULL_SCALE, Frame, Plane, RawSites, Work};
 use crate::measurement::{CalibrateError, calibrate, to_the_end};
 use crate::picture::Tone;
 use crate::pipeline::{PhotoData, Pipeline, PipelineError, Prepared, Solved};
@@ -18,46 +18,45 @@ use crate::rig::RigError;
 use crate::rig::exposure::Devices;
 use crate::rig::simulated::{Witness, open};
 
-/// Seed of the photographs' noise; a scene's own number is added.
+/// Seed of the photographs' noise; the scene's number is added.
 pub const PHOTO_SEED: u64 = 20_261_121;
-/// Between the seeds of two photos of a scene.
-const SEEDS_APART: u64 = 1000;
+/// Difference between the seeds of two photos of a scene.
+const SEED_STEP: u64 = 1000;
 
 /// A calibrated rig.
 pub struct TestRig {
-    /// Seconds on a clock of the caller's.
     stopwatch: fn() -> f64,
-    config: config::RigFile,
+    config: RigFile,
     rig: Devices,
     photos: Photos,
     pipeline: Pipeline,
 }
 
-/// Where photos of scenes come from.
+/// Source of the photos.
 enum Photos {
-    /// The scene lies in front of the camera of a simulated rig.
+    /// The simulated camera, with the scene before it.
     Witnessed(Arc<Witness>),
-    /// The panel shows the scene, and the camera of the rig photographs it.
+    /// The rig's camera, with the scene on the panel.
     Shown,
 }
 
-/// A photo with a truth.
+/// A photo of a known scene.
 #[derive(Debug, Clone)]
 pub struct TestPhoto {
-    /// Linear light; filled between the sites of a raw one.
+    /// Linear light, 0..255; interpolated between the sites of a raw photo.
     pub light: Frame<Work>,
-    /// What is known of its sites, where it is raw.
+    /// The sites of a raw photo.
     pub raw: Option<RawSites>,
 }
 
 impl TestPhoto {
-    /// A photo that its camera developed, as linear light.
+    /// A photo developed by its camera.
     pub fn developed(light: Frame<Work>) -> TestPhoto {
         TestPhoto { light, raw: None }
     }
 
-    /// The photo that the camera of `witness`, which writes `curve`, takes of `scene`: raw where
-    /// its sensor has colour filters, for that is what such a rig wants.
+    /// The photo of `scene` by the camera of `witness`, which writes `curve`: raw if its sensor
+    /// has colour filters.
     pub fn taken(witness: &Witness, curve: Curve, scene: &Frame<Work>, seed: u64) -> TestPhoto {
         let Some(raw) = witness.photograph_raw(scene, seed) else {
             let tone = Tone::of_curve(curve, 8);
@@ -73,7 +72,7 @@ impl TestPhoto {
         }
     }
 
-    /// Made ready for the methods of `pipeline`.
+    /// The photo prepared for the methods of `pipeline`.
     pub fn prepared(&self, pipeline: &Pipeline, channels: Channels) -> Prepared<'_> {
         pipeline.prepare(match self.raw {
             Some(raw) => PhotoData::raw(&self.light, raw),
@@ -82,39 +81,36 @@ impl TestPhoto {
     }
 }
 
-/// One method on one scene, scored against the scene.
-#[derive(Debug, Clone)]
+/// PictureQuality of a picture against its scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PictureQuality {
+    /// SSIM of the scored plane ([`seen`]).
+    pub ssim: f64,
+    /// PSNR of the scored plane, dB.
+    pub psnr_db: f64,
+    /// ΔE at edges ([`edge_difference`]), of photos in colour.
+    pub edge_difference: Option<f64>,
+}
+
+/// Score of one method on one photo.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// The scene.
     pub scene: Scene,
-    /// The method, with what sets it apart from the rig file's settings.
-    pub method: String,
-    /// Seconds of computing, simulated captures not counted.
-    pub computing_seconds: f64,
-    /// SSIM against the scene.
-    pub ssim: f64,
-    /// PSNR against the scene, dB.
-    pub psnr_db: f64,
-    /// SSIM of the untouched photo.
-    pub blurred_ssim: f64,
-    /// PSNR of the untouched photo, dB.
-    pub blurred_psnr_db: f64,
-    /// ΔE at the edges of result and untouched photo ([`Looks::scores`]); of photos in colour.
-    pub edge_differences: Option<[f64; 2]>,
-    /// Which photo of the scene it is.
+    /// Number of the photo among those of its scene.
     pub take: u64,
-    /// The photo restored.
-    pub restored: Solved,
-}
-
-impl Score {
-    /// The numbers alone: hundreds of pictures would fill the memory.
-    #[must_use]
-    pub fn without_pictures(mut self) -> Score {
-        self.restored.picture = Frame::zeros(Size::new(0, 0));
-        self.restored.solution.picture = Frame::zeros(Size::new(0, 0));
-        self
-    }
+    /// Captures taken.
+    pub captures: usize,
+    /// Seconds of those captures on the rig's clock.
+    pub capture_seconds: f64,
+    /// Seconds of computing on the test rig's stopwatch, simulation excluded.
+    pub computing_seconds: f64,
+    /// Measured residual over the noise, where a capture measured it.
+    pub certificate: Option<f32>,
+    /// PictureQuality of the result.
+    pub result: PictureQuality,
+    /// PictureQuality of the untouched photo.
+    pub photo: PictureQuality,
 }
 
 impl TestRig {
@@ -122,20 +118,19 @@ impl TestRig {
     ///
     /// # Errors
     /// When the rig cannot be opened or calibrated.
-    pub fn open(config: config::RigFile, stopwatch: fn() -> f64) -> Result<TestRig, TestRigError> {
+    pub fn open(config: RigFile, stopwatch: fn() -> f64) -> Result<TestRig, TestRigError> {
         let (mut rig, witness) = open(&config)?;
         let calibration = calibrate(&mut rig, &config, None, &mut to_the_end)?;
         let test_rig = TestRig::on(config, rig, &calibration, stopwatch)?;
         Ok(test_rig.witnessed(Arc::new(witness)))
     }
 
-    /// A test rig of the open devices `rig`, of which nothing is known but their `calibration`:
-    /// scenes are shown to them.
+    /// A test rig of open devices and their `calibration`; scenes are shown on the panel.
     ///
     /// # Errors
     /// When the calibration does not fit the rig file.
     pub fn on(
-        config: config::RigFile,
+        config: RigFile,
         rig: Devices,
         calibration: &Calibration,
         stopwatch: fn() -> f64,
@@ -144,23 +139,23 @@ impl TestRig {
         Ok(TestRig { stopwatch, config, rig, photos: Photos::Shown, pipeline })
     }
 
-    /// The same, with photos taken by the camera of a simulated rig, which `witness` sees through.
+    /// The same with photos by the simulated camera of `witness`.
     #[must_use]
     pub fn witnessed(self, witness: Arc<Witness>) -> TestRig {
         TestRig { photos: Photos::Witnessed(witness), ..self }
     }
 
     /// The rig file.
-    pub fn config(&self) -> &config::RigFile {
+    pub fn config(&self) -> &RigFile {
         &self.config
     }
 
-    /// What restores on it, and its devices.
+    /// The pipeline and the devices.
     pub fn parts(&mut self) -> (&Pipeline, &mut Devices) {
         (&self.pipeline, &mut self.rig)
     }
 
-    /// The channels it is scored in: green alone where photos are linear, as the study did.
+    /// The channels scored: green alone for linear photos, as in the study.
     pub fn channels(&self) -> Channels {
         match self.config.photo.curve {
             Curve::Linear => Channels::Green,
@@ -188,7 +183,7 @@ impl TestRig {
         }
     }
 
-    /// What a photo of `scene` is to become: its light, shaded as the photo is.
+    /// Light of `scene` with the photo's dark corners: the ideal result.
     pub fn truth(&self, scene: Scene) -> Frame<Work> {
         let light = self.light(scene);
         match &self.photos {
@@ -197,15 +192,15 @@ impl TestRig {
         }
     }
 
-    /// The photo the rig's camera takes of `scene`; on a simulated rig the noise is that of `take`.
+    /// A photo of `scene`; on a simulated rig `take` seeds its noise.
     ///
     /// # Errors
-    /// When the scene is shown and its capture fails.
+    /// When the capture of a shown scene fails.
     pub fn photograph(&mut self, scene: Scene, take: u64) -> Result<TestPhoto, TestRigError> {
         let curve = self.config.photo.curve;
         let light = self.light(scene);
         if let Photos::Witnessed(witness) = &self.photos {
-            let seed = PHOTO_SEED + scene as u64 + SEEDS_APART * take;
+            let seed = PHOTO_SEED + scene as u64 + SEED_STEP * take;
             return Ok(TestPhoto::taken(witness, curve, &light, seed));
         }
         let taken = self.pipeline.photograph(&mut self.rig, &light).map_err(TestRigError::Shown)?;
@@ -214,7 +209,7 @@ impl TestRig {
         Ok(TestPhoto::developed(Frame::from_fn(|c| tone.plane(c, &rounded(c)))))
     }
 
-    /// `method` on a photo of `scene`, the `take`-th, scored as [`seen`].
+    /// Restores a photo of `scene` with `method` and scores it.
     ///
     /// # Errors
     /// When a scene cannot be shown, or the method fails.
@@ -222,51 +217,50 @@ impl TestRig {
         &mut self,
         scene: Scene,
         take: u64,
-        name: &str,
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
         let (photo, truth) = (self.photograph(scene, take)?, self.truth(scene));
-        Ok(Score { take, ..self.score_photo(scene, (&photo, &truth), name, method)? })
+        Ok(Score { take, ..self.score_photo(scene, &photo, &truth, method)? })
     }
 
-    /// [`TestRig::score`] on a photo of the scene that was taken elsewhere, and what it is to
-    /// become.
+    /// Restores `photo` of `scene` with `method` and scores it against `truth`.
     ///
     /// # Errors
     /// When the method fails.
     pub fn score_photo(
         &mut self,
         scene: Scene,
-        (photo, truth): (&TestPhoto, &Frame<Work>),
-        name: &str,
+        photo: &TestPhoto,
+        truth: &Frame<Work>,
         method: &dyn Method,
     ) -> Result<Score, TestRigError> {
-        let channels = self.channels();
-        let (restored, computing_seconds) = self.solve(photo, channels, method, &mut |_, _| {})?;
-        let curve = self.config.photo.curve;
-        let frames = [truth, &photo.light, &restored.picture];
-        let edge_differences = (channels == Channels::Colour).then(|| {
-            let tone = Tone::of_curve(curve, 8);
-            let [truth, before, after] = frames.map(|frame| Looks::of(&tone, frame));
-            [after, before].map(|looks| looks.scores(&truth).edge_difference)
-        });
-        let [truth, before, after] = frames.map(|frame| seen(curve, channels, frame));
+        let (solved, computing_seconds) =
+            self.solve(photo, self.channels(), method, &mut |_, _| {})?;
         Ok(Score {
-            edge_differences,
-            take: 0,
             scene,
-            method: name.to_owned(),
+            take: 0,
+            captures: solved.captures,
+            capture_seconds: solved.capture_seconds,
             computing_seconds,
-            ssim: ssim(&after, &truth),
-            psnr_db: psnr(&after, &truth),
-            blurred_ssim: ssim(&before, &truth),
-            blurred_psnr_db: psnr(&before, &truth),
-            restored,
+            certificate: solved.solution.certificate.ratio(),
+            result: self.quality(&solved.picture, truth),
+            photo: self.quality(&photo.light, truth),
         })
     }
 
-    /// What `method` makes of `photo`, and seconds of computing; the time of simulating captures is
-    /// taken out.
+    /// PictureQuality of `picture` against `truth`.
+    pub fn quality(&self, picture: &Frame<Work>, truth: &Frame<Work>) -> PictureQuality {
+        let (curve, channels) = (self.config.photo.curve, self.channels());
+        let [own, wanted] = [picture, truth].map(|frame| seen(curve, channels, frame));
+        PictureQuality {
+            ssim: ssim(&own, &wanted),
+            psnr_db: psnr(&own, &wanted),
+            edge_difference: (channels == Channels::Colour)
+                .then(|| edge_difference(&Tone::of_curve(curve, 8), picture, truth)),
+        }
+    }
+
+    /// Solves `photo` with `method`; also returns seconds of computing, simulation excluded.
     ///
     /// # Errors
     /// When the method fails.
@@ -285,8 +279,8 @@ impl TestRig {
     }
 }
 
-/// A picture as it is scored, 0..255: luminance of display values; of green alone, display values,
-/// or light where the photo is linear.
+/// The plane that is scored, 0..255: luminance of display values; green display values, or green
+/// light of linear photos.
 pub fn seen(curve: Curve, channels: Channels, picture: &Frame<Work>) -> Plane {
     let tone = Tone::of_curve(curve, 8);
     match (channels, curve) {
@@ -300,7 +294,7 @@ pub fn seen(curve: Curve, channels: Channels, picture: &Frame<Work>) -> Plane {
     }
 }
 
-/// Why a test rig gave no score.
+/// Failure to score.
 #[derive(Debug, thiserror::Error)]
 pub enum TestRigError {
     /// The rig.

@@ -1,235 +1,196 @@
-//! Speed against accuracy: every method with several settings on the same scenes, and which of them
-//! to choose.
+//! Speed against accuracy: settings of methods on the same photos, and the choice among them.
 
-use super::contestants::{self, Contestant, FILED, OUTSIDE};
-use super::crops::{self, Crop};
+use super::contestants::{Contestant, name};
 use super::scenes::Scene;
 use super::table::Table;
-use super::test_rig::{Score, TestRig, TestRigError};
+use super::test_rig::{PictureQuality, Score, TestRig, TestRigError};
+use crate::config::MethodName;
 
-/// By what results are measured.
+/// Measure of a result's quality.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measure {
-    /// SSIM of what is scored.
+    /// SSIM of the scored plane.
     Ssim,
-    /// Its PSNR, dB.
+    /// PSNR of the scored plane, dB.
     Psnr,
     /// ΔE (CIEDE2000) at edges; less is better.
     EdgeDifference,
 }
 
 impl Measure {
-    /// All of them.
+    /// All measures.
     pub const ALL: [Measure; 3] = [Measure::Ssim, Measure::Psnr, Measure::EdgeDifference];
 
-    /// Of a result and of its photo, the larger the better; `None` where it is not measured.
-    pub fn of(self, score: &Score) -> Option<[f64; 2]> {
+    /// Value of `quality`, larger is better; `None` where it was not measured.
+    pub fn of(self, quality: &PictureQuality) -> Option<f64> {
         match self {
-            Measure::Ssim => Some([score.ssim, score.blurred_ssim]),
-            Measure::Psnr => Some([score.psnr_db, score.blurred_psnr_db]),
-            Measure::EdgeDifference => score.edge_differences.map(|both| both.map(|d| -d)),
+            Measure::Ssim => Some(quality.ssim),
+            Measure::Psnr => Some(quality.psnr_db),
+            Measure::EdgeDifference => quality.edge_difference.map(|difference| -difference),
         }
     }
 }
 
-/// A contestant's means over the photos.
+/// One contestant's scores, a photo each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// The method's family.
-    pub family: &'static str,
-    /// Which of the family's lines it lies on; none where it is empty.
+    /// Family of methods.
+    pub family: String,
+    /// Line within the family.
     pub line: String,
-    /// What sets it apart in its family.
+    /// Setting on that line.
     pub setting: String,
-    /// Whether it is the paper's own setting.
-    pub printed: bool,
-    /// Captures a photo.
-    pub captures: f64,
-    /// Seconds of those captures on the rig's clock.
-    pub capture_seconds: f64,
-    /// Seconds of computing, by the test rig's stopwatch.
-    pub computing_seconds: f64,
-    /// Mean SSIM.
-    pub ssim: f64,
-    /// Mean PSNR, dB.
-    pub psnr_db: f64,
-    /// Mean ΔE at edges, of photos in colour.
-    pub edge_difference: Option<f64>,
+    /// Whether the rig file has this setting.
+    pub is_filed: bool,
+    /// Scores, at least one.
+    pub scores: Vec<Score>,
 }
 
 impl Point {
-    /// What a photo costs, seconds.
+    /// Mean of a number over the photos.
+    pub fn mean(&self, number: impl Fn(&Score) -> f64) -> f64 {
+        self.scores.iter().map(number).sum::<f64>() / self.scores.len() as f64
+    }
+
+    /// Mean seconds a photo costs, captures and computing.
     pub fn seconds(&self) -> f64 {
-        self.capture_seconds + self.computing_seconds
+        self.mean(|s| s.capture_seconds) + self.computing_seconds()
     }
 
-    /// The same for each of a photo's `megapixels`.
-    pub fn seconds_a_megapixel(&self, megapixels: f64) -> f64 {
-        self.seconds() / megapixels
+    /// Mean seconds of computing.
+    pub fn computing_seconds(&self) -> f64 {
+        self.mean(|s| s.computing_seconds)
     }
 
-    /// What it has of `measure`, the larger the better.
-    pub fn by(&self, measure: Measure) -> Option<f64> {
-        match measure {
-            Measure::Ssim => Some(self.ssim),
-            Measure::Psnr => Some(self.psnr_db),
-            Measure::EdgeDifference => self.edge_difference.map(|difference| -difference),
-        }
+    /// Mean of `measure` over the results, larger is better.
+    pub fn result(&self, measure: Measure) -> Option<f64> {
+        self.scores
+            .iter()
+            .all(|s| measure.of(&s.result).is_some())
+            .then(|| self.mean(|s| measure.of(&s.result).unwrap_or_default()))
     }
 
-    /// Its method's name in the scores.
+    /// Mean of `measure` over the untouched photos, larger is better.
+    pub fn photo(&self, measure: Measure) -> Option<f64> {
+        self.scores
+            .iter()
+            .all(|s| measure.of(&s.photo).is_some())
+            .then(|| self.mean(|s| measure.of(&s.photo).unwrap_or_default()))
+    }
+
+    /// Mean SSIM of the results.
+    pub fn ssim(&self) -> f64 {
+        self.mean(|s| s.result.ssim)
+    }
+
+    /// Mean PSNR of the results, dB.
+    pub fn psnr_db(&self) -> f64 {
+        self.mean(|s| s.result.psnr_db)
+    }
+
+    /// Words for tables and logs.
     pub fn name(&self) -> String {
-        contestants::name(self.family, &self.setting)
+        name(&[&self.family, &self.line, &self.setting])
+    }
+
+    /// Whether a rig file can name its method.
+    fn is_choice(&self) -> bool {
+        MethodName::ALL.into_iter().any(|method| method.name() == self.family)
     }
 }
 
-/// What was measured: every score, and the means.
+/// Measured points, all of the same photos.
 #[derive(Debug, Default)]
 pub struct Trade {
-    /// The means, a point each.
+    /// Points, one a contestant.
     pub points: Vec<Point>,
-    /// Mean SSIM of the untouched photos: the floor.
-    pub photo_ssim: f64,
-    /// Mean PSNR of the untouched photos, dB.
-    pub photo_psnr_db: f64,
-    /// Mean ΔE at their edges, of photos in colour.
-    pub photo_edge_difference: Option<f64>,
-    /// Everything, photo by photo; without the pictures.
-    pub scores: Vec<Score>,
-    /// Small parts of the first photo of a scene, and of what became of it.
-    pub crops: Vec<Crop>,
 }
 
 impl Trade {
-    /// `contestant` on `takes` photos of each of `scenes` on `test_rig`; `each` is told of every
-    /// score.
+    /// Restores `takes` photos of each of `scenes` on `test_rig` with `contestant`; `each` gets the
+    /// contestant's name and every score.
     ///
     /// # Errors
     /// When a scene cannot be shown, or the method fails.
     pub fn run(
         &mut self,
         test_rig: &mut TestRig,
-        (scenes, takes): (&[Scene], u64),
+        scenes: &[Scene],
+        takes: u64,
         contestant: &Contestant,
-        each: &mut dyn FnMut(&Score),
+        each: &mut dyn FnMut(&str, &Score),
     ) -> Result<(), TestRigError> {
-        let name = contestant.name();
         let mut scores = Vec::new();
         for &scene in scenes {
             for take in 0..takes.max(1) {
-                let score = test_rig.score(scene, take, &name, &*contestant.method)?;
-                each(&score);
-                if take == 0 {
-                    self.look(test_rig, &score)?;
-                }
-                scores.push(score.without_pictures());
+                let score = test_rig.score(scene, take, &*contestant.method)?;
+                each(&contestant.name(), &score);
+                scores.push(score);
             }
         }
         self.add(contestant, scores);
         Ok(())
     }
 
-    /// Keeps a small part of the picture of `score`, and once of its scene and photo.
-    fn look(&mut self, test_rig: &mut TestRig, score: &Score) -> Result<(), TestRigError> {
-        let (scene, shown) = (score.scene, (test_rig.config().photo.curve, test_rig.channels()));
-        if !crops::PARTS.iter().any(|(of, ..)| *of == scene) {
-            return Ok(());
-        }
-        if !self.crops.iter().any(|crop| crop.scene == scene) {
-            let photo = test_rig.photograph(scene, 0)?.light;
-            self.crops.extend(Crop::of(scene, crops::SCENE, shown, &test_rig.truth(scene)));
-            self.crops.extend(Crop::of(scene, crops::PHOTO, shown, &photo));
-        }
-        self.crops.extend(Crop::of(scene, &score.method, shown, &score.restored.picture));
-        Ok(())
-    }
-
-    /// Takes the `scores` of `contestant`, one a photo, under its name; of the same photos as those
-    /// of all others.
+    /// Adds the `scores` of `contestant`, at least one.
     pub fn add(&mut self, contestant: &Contestant, scores: Vec<Score>) {
-        let mean =
-            |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
-        let coloured = scores.iter().all(|s| s.edge_differences.is_some());
-        let edges =
-            |n: usize| coloured.then(|| mean(&|s| s.edge_differences.map_or(0.0, |d| d[n])));
-        self.points.push(Point {
-            family: contestant.family,
-            line: contestant.line.clone(),
-            setting: contestant.setting.clone(),
-            printed: contestant.printed,
-            captures: mean(&|s| s.restored.captures as f64),
-            capture_seconds: mean(&|s| s.restored.capture_seconds),
-            computing_seconds: mean(&|s| s.computing_seconds),
-            ssim: mean(&|s| s.ssim),
-            psnr_db: mean(&|s| s.psnr_db),
-            edge_difference: edges(0),
-        });
-        (self.photo_ssim, self.photo_psnr_db) =
-            (mean(&|s| s.blurred_ssim), mean(&|s| s.blurred_psnr_db));
-        self.photo_edge_difference = edges(1);
-        self.scores.extend(scores);
+        let Contestant { family, line, setting, is_filed, .. } = contestant;
+        let [family, line, setting] = [family, line, setting].map(String::clone);
+        self.points.push(Point { family, line, setting, is_filed: *is_filed, scores });
     }
 
-    /// What the untouched photos have of `measure`, the larger the better.
-    pub fn photo_by(&self, measure: Measure) -> Option<f64> {
-        match measure {
-            Measure::Ssim => Some(self.photo_ssim),
-            Measure::Psnr => Some(self.photo_psnr_db),
-            Measure::EdgeDifference => self.photo_edge_difference.map(|difference| -difference),
-        }
+    /// Mean of `measure` over the untouched photos, larger is better.
+    pub fn photo(&self, measure: Measure) -> Option<f64> {
+        self.points.first()?.photo(measure)
     }
 
-    /// How far single photos stray from what `point` gains on average over what the rig file has,
-    /// by `measure`: one standard deviation. `None` of fewer than six photos.
+    /// Standard deviation over the photos of what `point` gains over the rig file's setting.
+    /// `None` with fewer than three photos.
     pub fn spread(&self, point: &Point, measure: Measure) -> Option<f64> {
-        let filed = self.points.iter().find(|point| point.family == FILED)?;
-        let of = |point: &Point| -> Vec<f64> {
-            let name = point.name();
-            let own = self.scores.iter().filter(|score| score.method == name);
-            own.filter_map(|score| Some(measure.of(score)?[0])).collect()
+        let filed = self.points.iter().find(|point| point.is_filed)?;
+        let pairs = point.scores.iter().zip(&filed.scores);
+        let gain = |(own, filed): (&Score, &Score)| {
+            Some(measure.of(&own.result)? - measure.of(&filed.result)?)
         };
-        let (own, filed) = (of(point), of(filed));
-        if own.len() != filed.len() || own.len() < 6 {
+        let gains: Vec<f64> = pairs.map(gain).collect::<Option<_>>()?;
+        if gains.len() < 3 {
             return None;
         }
-        let gains: Vec<f64> = own.iter().zip(filed).map(|(a, b)| a - b).collect();
         let mean = gains.iter().sum::<f64>() / gains.len() as f64;
         let squares: f64 = gains.iter().map(|gain| (gain - mean).powi(2)).sum();
         Some((squares / (gains.len() - 1) as f64).sqrt())
     }
 
-    /// Which points no other beats in both seconds and `measure`, fastest first.
-    pub fn front(&self, measure: Measure) -> Vec<usize> {
-        self.front_of(&|_| true, &|point| point.by(measure).unwrap_or(f64::NEG_INFINITY))
-    }
-
-    /// Which of the points that `are` no other of these beats by their `worth`, fastest first.
-    fn front_of(&self, are: &dyn Fn(&Point) -> bool, worth: &dyn Fn(&Point) -> f64) -> Vec<usize> {
-        let mut order: Vec<usize> =
-            (0..self.points.len()).filter(|&n| are(&self.points[n])).collect();
+    /// Indices of the `points` that no other beats in both `seconds` and `worth`, fastest first.
+    pub fn front(
+        points: &[Point],
+        seconds: impl Fn(&Point) -> f64,
+        worth: impl Fn(&Point) -> f64,
+    ) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..points.len()).collect();
         order.sort_by(|&a, &b| {
-            let (a, b) = (&self.points[a], &self.points[b]);
-            a.seconds().total_cmp(&b.seconds()).then(worth(b).total_cmp(&worth(a)))
+            let (a, b) = (&points[a], &points[b]);
+            seconds(a).total_cmp(&seconds(b)).then(worth(b).total_cmp(&worth(a)))
         });
         let mut best = f64::NEG_INFINITY;
         order.retain(|&n| {
-            let better = worth(&self.points[n]) > best;
-            best = best.max(worth(&self.points[n]));
+            let better = worth(&points[n]) > best;
+            best = best.max(worth(&points[n]));
             better
         });
         order
     }
 
-    /// What `point` gains over the photos, as a share of the most that any gains: the mean of the
-    /// measures there are.
+    /// Gain of `point` over the photos as a share of the largest, the mean over the measures there
+    /// are.
     pub fn share(&self, point: &Point) -> f64 {
         let (mut sum, mut count) = (0.0, 0);
         for measure in Measure::ALL {
-            let Some((own, photo)) = point.by(measure).zip(self.photo_by(measure)) else {
+            let Some((own, photo)) = point.result(measure).zip(self.photo(measure)) else {
                 continue;
             };
-            let all = self.points.iter().filter(|point| point.family != OUTSIDE);
-            let best = all.filter_map(|point| point.by(measure)).fold(photo, f64::max);
+            let all = self.points.iter().filter(|point| point.is_choice());
+            let best = all.filter_map(|point| point.result(measure)).fold(photo, f64::max);
             if best > photo {
                 (sum, count) = (sum + (own - photo) / (best - photo), count + 1);
             }
@@ -237,16 +198,18 @@ impl Trade {
         sum / f64::from(count.max(1))
     }
 
-    /// The point to choose: the cheapest that keeps this share of the most that any gains, by SSIM,
-    /// PSNR and ΔE together. A peer from outside is no choice.
+    /// Index of the point to choose: the fastest that keeps the share `keeps` of the largest gain.
     pub fn operating_point(&self, keeps: f64) -> Option<usize> {
-        let worth = |point: &Point| self.share(point);
-        let front = self.front_of(&|point| point.family != OUTSIDE, &worth);
+        let worth = |point: &Point| match point.is_choice() {
+            true => self.share(point),
+            false => f64::NEG_INFINITY,
+        };
+        let front = Trade::front(&self.points, Point::seconds, worth);
         let best = worth(&self.points[*front.last()?]);
         front.into_iter().find(|&n| worth(&self.points[n]) >= keeps * best)
     }
 
-    /// The points as a table, of photos of so many `megapixels`.
+    /// The points as a table, of photos of `megapixels`.
     pub fn table(&self, caption: String, megapixels: f64) -> Table {
         let head = [
             "method",
@@ -254,7 +217,6 @@ impl Trade {
             "captures",
             "capture s",
             "processor s",
-            "seconds",
             "s a megapixel",
             "SSIM",
             "PSNR dB",
@@ -263,82 +225,79 @@ impl Trade {
             "gain dB",
             "gain ΔE",
             "share",
-            "front",
         ];
         let mut table = Table::new(caption, &head);
-        let signs = ["SSIM", "dB", "ΔE"];
-        let fronts = Measure::ALL.map(|measure| match self.photo_by(measure) {
-            Some(_) => self.front(measure),
-            None => Vec::new(),
-        });
-        for (n, point) in self.points.iter().enumerate() {
-            let harm = if point.ssim < self.photo_ssim { " (below the photo)" } else { "" };
+        for point in &self.points {
+            let gain = |measure| Some(point.result(measure)? - self.photo(measure)?);
+            let harm = match gain(Measure::Ssim) {
+                Some(..0.0) => " (below the photo)",
+                _ => "",
+            };
+            let or_dash = |cell: Option<String>| cell.unwrap_or("–".to_owned());
+            let edges = Measure::EdgeDifference;
             table.row(vec![
-                point.family.to_owned(),
-                point.setting.clone(),
-                format!("{:.1}", point.captures),
-                format!("{:.2}", point.capture_seconds),
-                format!("{:.2}", point.computing_seconds),
-                format!("{:.2}", point.seconds()),
-                format!("{:.2}", point.seconds_a_megapixel(megapixels)),
-                format!("{:.4}", point.ssim),
-                format!("{:.2}", point.psnr_db),
-                point.edge_difference.map_or("–".to_owned(), |d| format!("{d:.2}")),
-                format!("{:+.4}{harm}", point.ssim - self.photo_ssim),
-                format!("{:+.2}", point.psnr_db - self.photo_psnr_db),
-                point
-                    .edge_difference
-                    .zip(self.photo_edge_difference)
-                    .map_or("–".to_owned(), |(own, photo)| format!("{:+.2}", own - photo)),
+                point.family.clone(),
+                name(&[&point.line, &point.setting, if point.is_filed { "as filed" } else { "" }]),
+                format!("{:.1}", point.mean(|s| s.captures as f64)),
+                format!("{:.2}", point.mean(|s| s.capture_seconds)),
+                format!("{:.2}", point.computing_seconds()),
+                format!("{:.2}", point.seconds() / megapixels),
+                format!("{:.4}", point.ssim()),
+                format!("{:.2}", point.psnr_db()),
+                or_dash(point.result(edges).map(|worth| format!("{:.2}", -worth))),
+                or_dash(gain(Measure::Ssim).map(|gain| format!("{gain:+.4}{harm}"))),
+                or_dash(gain(Measure::Psnr).map(|gain| format!("{gain:+.2}"))),
+                or_dash(gain(edges).map(|gain| format!("{:+.2}", -gain))),
                 format!("{:.3}", self.share(point)),
-                (signs.iter().zip(&fronts).filter(|(_, front)| front.contains(&n)))
-                    .map(|(sign, _)| *sign)
-                    .collect::<Vec<_>>()
-                    .join(", "),
             ]);
+        }
+        table
+    }
+
+    /// Every score as a table; as CSV it is all that a chart is drawn from.
+    pub fn score_table(&self, caption: String) -> Table {
+        let head = [
+            "method",
+            "line",
+            "setting",
+            "filed",
+            "scene",
+            "take",
+            "captures",
+            "capture s",
+            "processor s",
+            "SSIM",
+            "PSNR dB",
+            "ΔE at edges",
+            "photo SSIM",
+            "photo PSNR dB",
+            "photo ΔE at edges",
+            "certificate",
+        ];
+        let mut table = Table::new(caption, &head);
+        for point in &self.points {
+            for s in &point.scores {
+                let mut cells = vec![point.family.clone(), point.line.clone()];
+                cells.extend([point.setting.clone(), point.is_filed.to_string()]);
+                cells.extend([s.scene.name().to_owned(), s.take.to_string()]);
+                cells.push(s.captures.to_string());
+                cells.extend([s.capture_seconds, s.computing_seconds].map(|v| format!("{v:.3}")));
+                for quality in [&s.result, &s.photo] {
+                    cells.push(format!("{:.5}", quality.ssim));
+                    cells.push(format!("{:.3}", quality.psnr_db));
+                    cells
+                        .push(quality.edge_difference.map_or(String::new(), |d| format!("{d:.3}")));
+                }
+                cells.push(s.certificate.map_or(String::new(), |ratio| format!("{ratio:.2}")));
+                table.row(cells);
+            }
         }
         table
     }
 }
 
-/// The scores as a table.
-pub fn scores_table(caption: String, scores: &[Score]) -> Table {
-    let head = [
-        "scene",
-        "method",
-        "captures",
-        "capture s",
-        "processor s",
-        "photo SSIM/dB",
-        "SSIM",
-        "PSNR dB",
-        "gain SSIM",
-        "gain dB",
-        "certificate",
-    ];
-    let mut table = Table::new(caption, &head);
-    for s in scores {
-        let certificate = s.restored.solution.certificate.ratio();
-        let harm = if s.ssim < s.blurred_ssim { " (below the photo)" } else { "" };
-        table.row(vec![
-            s.scene.name().to_owned(),
-            s.method.clone(),
-            s.restored.captures.to_string(),
-            format!("{:.1}", s.restored.capture_seconds),
-            format!("{:.2}", s.computing_seconds),
-            format!("{:.4}/{:.2}", s.blurred_ssim, s.blurred_psnr_db),
-            format!("{:.4}", s.ssim),
-            format!("{:.2}", s.psnr_db),
-            format!("{:+.4}{harm}", s.ssim - s.blurred_ssim),
-            format!("{:+.2}", s.psnr_db - s.blurred_psnr_db),
-            certificate.map_or("–".to_owned(), |r| format!("{r:.2}")),
-        ]);
-    }
-    table
-}
-
-/// What the operating points keep of the most that any setting gains. Guesses: of a gain of 0.1
-/// SSIM, 0.01 is a difference seen only side by side, and 0.002 none.
+/// Shares of the largest gain that the operating points keep. Guesses: of a gain of 0.1 SSIM, 0.01
+/// is a difference seen only side by side, and 0.002 none.
 pub const FAST: f64 = 0.9;
 /// For `balanced`.
 pub const BALANCED: f64 = 0.98;
@@ -350,47 +309,56 @@ mod tests {
     use super::*;
 
     fn point(seconds: f64, ssim: f64) -> Point {
-        Point {
-            family: "x",
-            line: String::new(),
-            setting: String::new(),
-            printed: false,
-            captures: 0.0,
-            capture_seconds: 0.5 * seconds,
-            computing_seconds: 0.5 * seconds,
+        let quality = |ssim: f64| PictureQuality {
             ssim,
             psnr_db: 100.0 * (ssim - 0.8),
             edge_difference: None,
+        };
+        let score = Score {
+            scene: Scene::Chart,
+            take: 0,
+            captures: 1,
+            capture_seconds: 0.5 * seconds,
+            computing_seconds: 0.5 * seconds,
+            certificate: None,
+            result: quality(ssim),
+            photo: quality(0.8),
+        };
+        Point {
+            family: "hybrid".to_owned(),
+            line: String::new(),
+            setting: String::new(),
+            is_filed: false,
+            scores: vec![score],
         }
     }
 
     #[test]
-    fn the_front_holds_what_nothing_beats_in_both_and_the_choice_is_its_cheapest_within_the_limit()
-    {
+    fn the_choice_is_the_fastest_point_of_the_front_that_keeps_enough() {
         let points =
             vec![point(3.0, 0.940), point(1.0, 0.900), point(2.0, 0.890), point(2.5, 0.9385)];
-        let trade = Trade { points, photo_ssim: 0.8, ..Trade::default() };
-        assert_eq!(trade.front(Measure::Ssim), vec![1, 3, 0]);
+        let mut trade = Trade { points };
+        assert_eq!(Trade::front(&trade.points, Point::seconds, Point::ssim), vec![1, 3, 0]);
         let chosen = [BEST, BALANCED, FAST, 0.7].map(|keeps| trade.operating_point(keeps));
         assert_eq!(chosen, [Some(0), Some(3), Some(3), Some(1)]);
         assert_eq!(Trade::default().operating_point(FAST), None);
-        let mut outside = trade;
-        outside.points.push(Point { family: OUTSIDE, ..point(0.5, 0.95) });
-        assert_eq!(outside.front(Measure::Ssim), vec![4]);
-        assert_eq!(outside.operating_point(BEST), Some(0));
+        trade.points.push(Point { family: "another program".to_owned(), ..point(0.5, 0.95) });
+        assert_eq!(Trade::front(&trade.points, Point::seconds, Point::ssim), vec![4]);
+        assert_eq!(trade.operating_point(BEST), Some(0));
     }
 
     #[test]
-    fn a_setting_is_chosen_by_all_that_is_measured() {
-        // As good by SSIM, and worse by half of what there is to gain in dB and in ΔE.
-        let coloured = |ssim, psnr_db, difference| Point {
-            psnr_db,
-            edge_difference: Some(difference),
-            ..point(2.0, ssim)
+    fn a_choice_counts_ssim_psnr_and_colour_alike() {
+        // As good by SSIM, and half the gain in dB and in ΔE.
+        let coloured = |psnr_db, difference| {
+            let mut point = point(2.0, 0.9);
+            let quality =
+                |db, d| PictureQuality { ssim: 0.9, psnr_db: db, edge_difference: Some(d) };
+            point.scores[0].result = quality(psnr_db, difference);
+            point.scores[0].photo = PictureQuality { ssim: 0.8, ..quality(20.0, 10.0) };
+            point
         };
-        let points = vec![coloured(0.9, 30.0, 4.0), coloured(0.9, 25.0, 7.0)];
-        let photo = Trade { photo_ssim: 0.8, photo_psnr_db: 20.0, ..Trade::default() };
-        let trade = Trade { points, photo_edge_difference: Some(10.0), ..photo };
+        let trade = Trade { points: vec![coloured(30.0, 4.0), coloured(25.0, 7.0)] };
         let shares: Vec<f64> = trade.points.iter().map(|point| trade.share(point)).collect();
         assert!((shares[0] - 1.0).abs() < 1e-9 && (shares[1] - 2.0 / 3.0).abs() < 1e-9);
         assert_eq!(trade.operating_point(FAST), Some(0));

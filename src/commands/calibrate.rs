@@ -182,9 +182,9 @@ fn choose_setting(
     let (mut done, all) = (0, restorations(rig, wanted) as u64);
     let words = "choosing the operating point";
     progress::show(done, all, words);
-    let chosen = choose(&mut test_rig, wanted, &mut |score| {
+    let chosen = choose(&mut test_rig, wanted, &mut |setting, score| {
         done += 1;
-        log::debug!("{} {}: SSIM {:.4}", score.scene.name(), score.method, score.ssim);
+        log::debug!("{} {setting}: SSIM {:.4}", score.scene.name(), score.result.ssim);
         service_manager().worked();
         progress::show(done, all, &format!("{words}: {done} of {all}"));
     });

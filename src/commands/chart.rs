@@ -1,11 +1,11 @@
-//! `relens chart`: speed against accuracy of every method on known scenes.
+//! `relens chart`: speed against accuracy of the methods on known scenes.
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 use relens::calibration::store;
-use relens::chart;
 use relens::chart::test_rig::{Score, TestRig};
+use relens::chart::{Chart, ChartPlan};
 use relens::config;
 use relens::rig::monotonic::processor_seconds;
 
@@ -14,11 +14,11 @@ use super::options::{FolderOption, RigOption};
 use super::output::say;
 use super::{opening, progress};
 
-/// Draw speed against accuracy of every method on known scenes
+/// Draw speed against accuracy of the methods on known scenes
 ///
-/// Restores known scenes with every method and several settings of each. The folder gets the
-/// drawing (SVG), the table (Markdown) and its numbers (CSV). On a rig of devices the scenes are
-/// shown on its panel, with the calibration in --folder.
+/// Restores known scenes with the methods in several settings. The folder gets the drawing (SVG),
+/// the tables (Markdown) and their numbers (CSV). On a rig of devices the scenes are shown on its
+/// panel, with the calibration in --folder.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -32,7 +32,7 @@ pub(super) struct ChartOptions {
     /// Folder for drawing and tables, made if missing
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
-    /// Leave out most settings of the methods that lose
+    /// Take one photo of each scene instead of three
     #[arg(long)]
     quick: bool,
 }
@@ -45,48 +45,50 @@ pub(super) fn run(options: &ChartOptions) -> Result<(), CliError> {
     let ChartOptions { out, quick, .. } = options;
     let rig = config::load(&options.rig.rig)?;
     std::fs::create_dir_all(out).map_err(|e| CliError::writing(out, e))?;
-    let (mut done, all) = (0, chart::restorations(&rig, *quick) as u64);
-    let mut each = |score: &Score| {
-        done += 1;
-        let (scene, method) = (score.scene.name(), &score.method);
-        log::info!("{scene} {method}: SSIM {:.4}, PSNR {:.2} dB", score.ssim, score.psnr_db);
-        progress::show(done, all, &format!("restoring known scenes: {done} of {all}"));
-    };
     let clock = processor_seconds;
-    let (trade, remark) = if rig.simulation().is_some() {
-        (chart::trade(&rig, *quick, clock, &mut each), "")
+    let (mut test_rig, shown) = if rig.simulation().is_some() {
+        (TestRig::open(rig.clone(), clock).map_err(CliError::of)?, None)
     } else {
         let kept = opening::calibration_folder(&options.folder.folder);
         let calibration = store::load(&kept, rig.identity).map_err(CliError::of)?;
-        let trade = TestRig::on(rig.clone(), opening::devices(&rig)?, &calibration, clock)
-            .and_then(|mut test_rig| chart::trade_on(&mut test_rig, *quick, &mut each));
-        (trade, " The scenes were shown on the rig's own panel.")
+        let devices = opening::devices(&rig)?;
+        let test_rig = TestRig::on(rig.clone(), devices, &calibration, clock);
+        let remark = "The scenes were shown on the rig's own panel.".to_owned();
+        (test_rig.map_err(CliError::of)?, Some(remark))
     };
+    let plan = ChartPlan::new(&rig, *quick);
+    let (mut done, all) = (0, plan.restorations() as u64);
+    let trade = plan.run(&mut test_rig, &mut |method, score: &Score| {
+        done += 1;
+        let (scene, quality) = (score.scene.name(), score.result);
+        log::info!("{scene} {method}: SSIM {:.4}, PSNR {:.2} dB", quality.ssim, quality.psnr_db);
+        progress::show(done, all, &format!("restoring known scenes: {done} of {all}"));
+    });
     progress::clear();
-    let trade = trade.map_err(CliError::of)?;
-    let made = chart::chart(&rig, &trade, remark, &made_by(options));
+    let mut notes = vec![made_by(options)];
+    notes.extend(shown);
+    let chart = Chart::new(&rig, &trade.map_err(CliError::of)?, &notes);
     let write = |name: String, text: String| {
         let path = out.join(name);
         std::fs::write(&path, text).map_err(|e| CliError::writing(&path, e))
     };
-    for (stem, table) in &made.tables {
+    let (stem, by_scene) = (&chart.stem, format!("{}-by-scene", rig.name));
+    for (stem, table) in [(stem, &chart.summary), (&by_scene, &chart.scores)] {
         write(format!("{stem}.md"), table.markdown())?;
         write(format!("{stem}.csv"), table.csv())?;
         say(&table.markdown());
     }
-    for (stem, drawing) in &made.drawings {
-        write(format!("{stem}.svg"), drawing.svg())?;
-    }
+    write(format!("{stem}.svg"), chart.drawing.svg())?;
     say(&format!("written to {}", out.display()));
     Ok(())
 }
 
-/// By what a chart was made: the machine, the day, the command.
+/// Command, machine and day of a chart.
 fn made_by(ChartOptions { rig, quick, .. }: &ChartOptions) -> String {
-    let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    // A board says what it is in its last line, any other what its processor is.
+    let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    // A board names its model, a PC its processor.
     let named = |key: &str| {
-        let line = told.lines().find(|line| line.split(':').next().map(str::trim) == Some(key));
+        let line = cpuinfo.lines().find(|line| line.split(':').next().map(str::trim) == Some(key));
         line.and_then(|line| Some(line.split_once(':')?.1.trim().to_owned()))
     };
     let machine = named("Model").or_else(|| named("model name"));

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
-use relens::chart::looks::display_luminance;
+use relens::chart::appearance::display_luminance;
 use relens::chart::scenes::Scene;
 use relens::config::{self, RigFile};
 use relens::daemon::{Folders, SCENES};

@@ -12,10 +12,8 @@ use crate::deconvolution::method::blocks::{self, Blocks};
 use crate::deconvolution::method::digital::{self, Digital};
 use crate::deconvolution::method::hybrid::{self, Hybrid};
 use crate::deconvolution::method::paper::{self, Backward, Paper};
-use crate::deconvolution::method::residual::{self, Residual};
 use crate::deconvolution::method::richardson_lucy::{self, RichardsonLucy};
 use crate::deconvolution::method::total_variation::{self, TotalVariation};
-use crate::deconvolution::method::unmatched::{self, Unmatched};
 use crate::deconvolution::method::wiener::{self, Wiener};
 use crate::deconvolution::method::{About, Method, Strength};
 use crate::deconvolution::patches::PatchShape;
@@ -73,21 +71,6 @@ macro_rules! methods {
 methods! {
     /// The paper's loop as printed.
     Paper: paper::ABOUT, |n| Box::new(paper(n));
-    /// Optics only, the signed residual on a pedestal.
-    Residual: residual::ABOUT, |n| Box::new(Residual {
-        iterations: residual::ITERATIONS,
-        strength: strength(n, residual::STRENGTH_FACTOR),
-        patches: patches(n.paper),
-        levels: n.restore.levels,
-        cycle_spun: n.restore.cycle_spun,
-    });
-    /// Lens model backward, optics forward.
-    Unmatched: unmatched::ABOUT, |n| Box::new(Unmatched {
-        iterations: unmatched::ITERATIONS,
-        strength: strength(n, 1.0),
-        levels: n.restore.levels,
-        cycle_spun: n.restore.cycle_spun,
-    });
     /// Lens model only.
     Digital: digital::ABOUT, |n| Box::new(digital(n));
     /// Lens model, certified and corrected by captures.

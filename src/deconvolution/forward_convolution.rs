@@ -45,14 +45,6 @@ pub trait ForwardConvolution {
     /// The failure of the capture, with its remedy.
     fn forward(&mut self, shown: &Frame<Work>) -> Result<Seen, AnyFailure>;
 
-    /// A capture of a flat picture; a rig may cache it, for it does not depend on the photo.
-    ///
-    /// # Errors
-    /// As [`ForwardConvolution::forward`].
-    fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {
-        self.forward(flat)
-    }
-
     /// Panel column, in panel pixels, imaged at each pixel of each channel; `None` without a panel.
     fn panel_columns(&self) -> Option<&Frame<Work>> {
         None

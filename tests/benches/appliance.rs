@@ -1,16 +1,14 @@
-//! What a photo costs the box itself: computing time, where it goes, and peak memory of 1024×768 in
-//! colour, the simulator not counted: by the method of a rig file that says nothing (on
-//! ideal.toml), and as the default rig's file says.
+//! Computing time and peak memory of a photo of 1024×768 in colour on the box, simulator excluded:
+//! on ideal.toml (default method) and on simulated.toml, with the lens as measured and touched
+//! since.
 //!
-//! One process photographs, calibrates and restores on the simulated rig and keeps every frame its
-//! camera delivered; a second one, which has no simulator, restores the same photo from the kept
-//! frames. Its clock and its peak resident memory (`VmHWM`) are what is printed.
-//!
-//! Twice: with the lens as it was measured, and with one that was touched since.
+//! A first process calibrates, photographs and restores on the simulated rig and stores the frames
+//! of its camera. A second process restores the same photo from the stored frames; printed are its
+//! times and its peak resident memory (`VmHWM`).
 //!
 //! Run: `cargo bench --bench appliance`
 
-// A failed unwrap ends the measurement.
+// A failed unwrap ends the benchmark.
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout)]
 
@@ -28,9 +26,9 @@ use relens::pipeline::{PhotoData, Pipeline, method};
 use relens::rig::exposure::{Devices, Timing};
 use relens::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger, simulated};
 
-/// Names the folder of the kept frames to the second process.
-const KEPT: &str = "RELENS_BENCH_KEPT";
-/// Names its rig file.
+/// Variable with the folder of stored frames, set for the second process.
+const STORED: &str = "RELENS_BENCH_STORED";
+/// Variable with the name of its rig file.
 const RIG: &str = "RELENS_BENCH_RIG";
 
 /// Rig files by name.
@@ -40,11 +38,11 @@ const RIGS: [(&str, &str); 2] = [
 ];
 
 fn main() {
-    if let Some(folder) = std::env::var_os(KEPT) {
-        return alone(Path::new(&folder), &std::env::var(RIG).unwrap());
+    if let Some(folder) = std::env::var_os(STORED) {
+        return restore_stored(Path::new(&folder), &std::env::var(RIG).unwrap());
     }
     for (name, _) in RIGS {
-        [false, true].into_iter().for_each(|is_touched| whole(name, is_touched));
+        [false, true].into_iter().for_each(|is_touched| record(name, is_touched));
     }
 }
 
@@ -53,15 +51,14 @@ fn rig(name: &str) -> config::RigFile {
     config::parse(text, name, Path::new(".")).unwrap()
 }
 
-/// Seconds since the program began.
+/// Seconds since the first call.
 fn seconds() -> f64 {
     static BEGUN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     BEGUN.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
-/// The rig with a finger's mark on its lens: so much of the light is scattered over a few pixels.
-/// Guesses.
-fn touched(mut rig: config::RigFile) -> config::RigFile {
+/// The rig with a fingerprint on its lens. Share and width of the scattered light are guesses.
+fn with_fingerprint(mut rig: config::RigFile) -> config::RigFile {
     if let Kind::Simulated(simulation) = &mut rig.kind {
         let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
         *glare = Glare { share: 0.2, radius_px: 6.0 };
@@ -69,16 +66,16 @@ fn touched(mut rig: config::RigFile) -> config::RigFile {
     rig
 }
 
-fn whole(name: &str, is_touched: bool) {
+fn record(name: &str, is_touched: bool) {
     println!(
         "\n{name}, {}:",
-        if is_touched { "lens touched since it was measured" } else { "lens as it was measured" }
+        if is_touched { "lens touched since calibration" } else { "lens as measured" }
     );
     let rig = rig(name);
     let folder = tempfile::tempdir().unwrap();
     let calibration =
         calibrate(&mut simulated::open(&rig).unwrap().0, &rig, None, &mut to_the_end).unwrap();
-    let now = if is_touched { touched(rig.clone()) } else { rig.clone() };
+    let now = if is_touched { with_fingerprint(rig.clone()) } else { rig.clone() };
     let (mut devices, witness) = simulated::open(&now).unwrap();
     std::fs::write(folder.path().join("calibration"), postcard::to_allocvec(&calibration).unwrap())
         .unwrap();
@@ -88,43 +85,43 @@ fn whole(name: &str, is_touched: bool) {
     let light: Frame<Work> = Frame::from_fn(|c| tone.plane(c, &rounded(codes.plane(c))));
     let codes = witness.photograph(&light, 1);
     let photo: Frame<Work> = Frame::from_fn(|c| tone.plane(c, codes.plane(c)));
-    keep(&folder.path().join("photo"), photo.planes());
+    store(&folder.path().join("photo"), photo.planes());
 
     let frames = Arc::new(Mutex::new(Vec::new()));
     let nothing: Box<dyn Camera + Send> =
-        Box::new(Kept { frames: Vec::new(), next: 0, clock: Steps::default() });
+        Box::new(StoredCamera { frames: Vec::new(), next: 0, clock: Steps::default() });
     let inner = std::mem::replace(&mut devices.camera, nothing);
-    devices.camera = Box::new(Keeping { inner, frames: Arc::clone(&frames) });
+    devices.camera = Box::new(RecordingCamera { inner, frames: Arc::clone(&frames) });
     restore(&rig, &calibration, &photo, &mut devices);
     for (n, counts) in frames.lock().unwrap().iter().enumerate() {
         let planes: Vec<Plane> = counts.planes().iter().map(|p| p.map(f32::from)).collect();
-        keep(&folder.path().join(format!("frame-{n}")), &planes);
+        store(&folder.path().join(format!("frame-{n}")), &planes);
     }
     drop(devices);
     let program = std::env::current_exe().unwrap();
     let ended = std::process::Command::new(program)
-        .env(KEPT, folder.path())
+        .env(STORED, folder.path())
         .env(RIG, name)
         .status()
         .unwrap();
     assert!(ended.success());
 }
 
-fn alone(folder: &Path, name: &str) {
+fn restore_stored(folder: &Path, name: &str) {
     let rig = rig(name);
     let calibration: Calibration =
         postcard::from_bytes(&std::fs::read(folder.join("calibration")).unwrap()).unwrap();
-    let photo = Frame::from_planes(kept(&folder.join("photo"), rig.photo.size()));
+    let photo = Frame::from_planes(load(&folder.join("photo"), rig.photo.size()));
     let mut frames = Vec::new();
     while let Some(path) =
         Some(folder.join(format!("frame-{}", frames.len()))).filter(|p| p.exists())
     {
-        let planes = kept(&path, rig.camera.size());
+        let planes = load(&path, rig.camera.size());
         frames.push(Counts::from_planes(planes.map(|p| p.map(|v: f32| v as u16))));
     }
     let clock = Steps::default();
-    let camera = Kept { frames, next: 0, clock: clock.clone() };
-    let panel = Wall { size: rig.panel.size(), clock: clock.clone() };
+    let camera = StoredCamera { frames, next: 0, clock: clock.clone() };
+    let panel = NullPanel { size: rig.panel.size(), clock: clock.clone() };
     let mut devices = Devices::new(
         Box::new(panel),
         Box::new(clock.clone()),
@@ -133,13 +130,14 @@ fn alone(folder: &Path, name: &str) {
         Timing::of(&rig),
     );
     let before = memory();
-    let (computing, captures, processor) = restore(&rig, &calibration, &photo, &mut devices);
+    let Cost { computing_s, captures, processor_s } =
+        restore(&rig, &calibration, &photo, &mut devices);
     let (size, method) = (rig.photo.size(), rig.restore.method.name());
     println!("{method}, {size} in colour, {captures} captures, no simulator");
     println!(
-        "computing          {computing:6.2} s ({processor:.2} s of processor time, {:.2} s a \
+        "computing          {computing_s:6.2} s ({processor_s:.2} s of processor time, {:.2} s a \
          megapixel)",
-        processor / (size.area() as f64 / 1e6)
+        processor_s / (size.area() as f64 / 1e6)
     );
     println!(
         "peak memory        {:6.0} MiB ({before:.0} MiB with photo and frames read)",
@@ -147,17 +145,23 @@ fn alone(folder: &Path, name: &str) {
     );
 }
 
-/// Restores and tells seconds of computing, captures and seconds of processor time, without those
-/// of judging the result, which it prints.
+/// Cost of a restoration without judging.
+struct Cost {
+    computing_s: f64,
+    captures: usize,
+    processor_s: f64,
+}
+
+/// Restores `photo`; prints the cost of judging apart.
 fn restore(
     rig: &config::RigFile,
     calibration: &Calibration,
     photo: &Frame<Work>,
     devices: &mut Devices,
-) -> (f64, usize, f64) {
+) -> Cost {
     let before = memory();
     let pipeline = Pipeline::new(rig, calibration).unwrap().timed_by(Arc::new(seconds));
-    println!("the lens model and the corrections take {:.0} MiB", memory() - before);
+    println!("lens model and corrections: {:.0} MiB", memory() - before);
     let solver = method(rig, rig.restore.method);
     let (begun, processor) = (seconds(), processor_seconds());
     let mut watch = |_: &relens::deconvolution::method::Step, _: Option<&Frame<Work>>| {};
@@ -169,7 +173,11 @@ fn restore(
         "judging            {:6.2} s of processor time",
         processor_seconds() - solved_processor
     );
-    (solved - begun - restored.waited_seconds, restored.captures, solved_processor - processor)
+    Cost {
+        computing_s: solved - begun - restored.waited_seconds,
+        captures: restored.captures,
+        processor_s: solved_processor - processor,
+    }
 }
 
 /// Peak resident memory so far, MiB.
@@ -187,12 +195,12 @@ fn processor_seconds() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-fn keep(path: &Path, planes: &[Plane]) {
+fn store(path: &Path, planes: &[Plane]) {
     let bytes = planes.iter().flat_map(|p| p.data()).flat_map(|v| v.to_le_bytes());
     std::fs::write(PathBuf::from(path), bytes.collect::<Vec<u8>>()).unwrap();
 }
 
-fn kept(path: &Path, size: Size) -> [Plane; 3] {
+fn load(path: &Path, size: Size) -> [Plane; 3] {
     let bytes = std::fs::read(path).unwrap();
     let values: Vec<f32> =
         bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
@@ -201,13 +209,13 @@ fn kept(path: &Path, size: Size) -> [Plane; 3] {
     std::array::from_fn(|_| planes.next().unwrap())
 }
 
-/// A camera that keeps what another one delivers.
-struct Keeping {
+/// A camera that records the frames of another one.
+struct RecordingCamera {
     inner: Box<dyn Camera + Send>,
     frames: Arc<Mutex<Vec<Counts>>>,
 }
 
-impl Camera for Keeping {
+impl Camera for RecordingCamera {
     fn size(&self) -> Size {
         self.inner.size()
     }
@@ -221,14 +229,14 @@ impl Camera for Keeping {
     }
 }
 
-/// A camera that delivers kept frames, the last one for ever.
-struct Kept {
+/// A camera that delivers stored frames, then the last one again and again.
+struct StoredCamera {
     frames: Vec<Counts>,
     next: usize,
     clock: Steps,
 }
 
-impl Camera for Kept {
+impl Camera for StoredCamera {
     fn size(&self) -> Size {
         self.frames[0].size()
     }
@@ -242,13 +250,13 @@ impl Camera for Kept {
     }
 }
 
-/// A panel nobody looks at.
-struct Wall {
+/// A panel without effect.
+struct NullPanel {
     size: Size,
     clock: Steps,
 }
 
-impl Panel for Wall {
+impl Panel for NullPanel {
     fn size(&self) -> Size {
         self.size
     }
@@ -257,7 +265,7 @@ impl Panel for Wall {
     }
 }
 
-/// A clock that stands still but for waiting, and a trigger on it.
+/// A clock that only waiting advances, and a trigger on it.
 #[derive(Clone, Default)]
 struct Steps(Arc<Mutex<f64>>);
 

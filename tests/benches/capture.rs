@@ -1,4 +1,4 @@
-//! What a simulated capture costs in wall time, opening the rig, and a look of `relens align`.
+//! Wall time of a simulated capture, of opening the rig, and of one frame in `relens align`.
 
 use divan::{Bencher, black_box};
 use relens::alignment::{GreenSites, Sharpness};
@@ -15,10 +15,9 @@ fn rig(name: &str) -> RigFile {
     config::load(std::path::Path::new(name)).expect("built in")
 }
 
-/// A picture with something in every pixel, another one each time: nothing can be kept from the
-/// last.
 const RIGS: [&str; 4] = ["simulated.toml", "study.toml", "small.toml", "paper-synthetic.toml"];
 
+/// The `n`-th picture, different in every pixel from the one before.
 fn picture(rig: &RigFile, n: usize) -> Codes {
     Frame::from_fn(|channel| {
         Plane::from_fn(rig.panel.size(), |x, y| {
@@ -49,13 +48,12 @@ fn open(bencher: Bencher, name: &str) {
 /// The two cameras of hardware.md.
 const SENSORS: [(usize, usize); 2] = [(1920, 1200), (1456, 1088)];
 
-/// A frame of 16-bit Bayer, as a driver hands it over.
+/// Bytes of a driver's frame, 16-bit Bayer.
 fn raw_frame(size: Size) -> Vec<u8> {
     (0..size.area()).flat_map(|n| ((n * 31 % 1021) as u16).to_le_bytes()).collect()
 }
 
-/// Processor time that a look of `relens align` takes from a frame's bytes to nine figures, on one
-/// core.
+/// Processor time of `relens align` from a frame's bytes to nine figures, one core.
 #[divan::bench(args = SENSORS)]
 fn look(bencher: Bencher, (width, height): (usize, usize)) {
     let size = Size::new(width, height);

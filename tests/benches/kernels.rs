@@ -1,6 +1,6 @@
-//! What the inner kernels cost: one 1024×768 plane, one thread, as `peers.py` times their peers.
+//! Time of the inner kernels: one 1024×768 plane, one thread, as `peers.py` times its libraries.
 
-// A failed unwrap ends the measurement.
+// A failed unwrap ends the benchmark.
 #![allow(clippy::unwrap_used)]
 
 use divan::{Bencher, black_box};
@@ -14,8 +14,7 @@ use relens::frame::{Channel, Plane, Size};
 const PHOTO: Size = Size::new(1024, 768);
 
 fn main() {
-    // One thread, and all within it: work handed to it from outside would be timed with the handing
-    // over.
+    // All within the pool's thread: handing work over would be timed, too.
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(divan::main);
 }
 
@@ -30,8 +29,8 @@ fn picture(size: Size) -> Plane {
     })
 }
 
-/// A grid of `rows` × `columns` functions of `support_px`, Gaussians that widen and lean towards
-/// the corners.
+/// `rows` × `columns` lens functions of `support_px`: Gaussians that widen and lean towards the
+/// corners.
 fn functions(rows: usize, columns: usize, support_px: usize) -> LensFunctions {
     let r = (support_px / 2) as f32;
     let mut one = Vec::new();

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """relens' kernels beside the usual libraries, one thread, one run: prints a table of times and ratios.
 
-One 1024x768 float32 plane. Each peer is timed next to our own kernel, turn and turn about, so that whatever else the
-machine does disturbs both; of all turns the fastest and the median are shown, and the ratios of the fastest.
+One 1024x768 float32 plane. Kernels and libraries are timed by turns, so that other load disturbs both alike. Printed
+are the fastest and the median of the turns, and the ratios of the fastest.
 
 Needs: numpy scipy scikit-image opencv-python-headless PyWavelets
 Run:   python tests/benches/peers.py [--turns 5]

@@ -1,4 +1,4 @@
-// Looks at every page that `tests/gallery/run` has written, and says what is wrong with it.
+// Checks every page written by `tests/gallery/run` and reports the faults.
 import { createRequire } from "node:module";
 import { readFileSync } from "node:fs";
 
@@ -11,7 +11,7 @@ const WIDTHS = [[390, 844], [1300, 1000], [2560, 1440]];
 const RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"];
 const PAGES = [1, 4, 60, 4000].map((count) => [`${count}`, `${count}/outbox/index.html`]);
 PAGES.push(["4000-page-30", "4000/outbox/gallery/photos-30.html"]);
-// The line within the first page, which axe does not look into from a disk.
+// A frame of the first page; axe does not enter frames of local files.
 PAGES.push(["now", "4/outbox/gallery/now.html"]);
 
 const wrong = [];

@@ -1,62 +1,62 @@
-//! One thing changed against the rig file, in some strength: before the rig is calibrated, since
-//! then, on the photo, on the captures, or on the method.
+//! A change of the rig in some strength: before calibration, since, on the photo, on the captures,
+//! or on the method.
 
 use relens::config::{Glare, Kind, Lens, Prescription, Primaries, RigFile, Simulation, Wavelength};
 use relens::rig::simulated::{Wear, Witness};
 
-/// What is changed.
+/// A change of the rig.
 #[derive(Debug)]
 pub(crate) struct Change {
-    /// The words for tables.
+    /// Name in tables.
     pub(crate) name: &'static str,
-    /// The unit of its strengths; none where it has no more or less.
+    /// Unit of its strengths; empty if it has only one.
     pub(crate) unit: &'static str,
-    /// What it is made to.
+    /// Object of the change.
     pub(crate) to: To,
 }
 
-/// What a change is made to, and how.
+/// Object of a change, and how it changes with a strength.
 #[derive(Debug)]
 pub(crate) enum To {
-    /// The rig file, before the rig is calibrated.
+    /// The rig file, before calibration.
     File(fn(&mut RigFile, f64)),
-    /// The same, and the photo between scene and file.
+    /// The same, and the taking of the photo.
     FileAndPhoto(fn(&mut RigFile, f64), fn(&mut Taking, f64)),
-    /// The rig since it was calibrated: photo and captures see it.
+    /// The rig since calibration: photo and captures.
     Since(fn(&mut RigFile, f64)),
-    /// The camera that took the photo, which was another than the rig's.
+    /// The camera of the photo, other than the rig's.
     Camera(fn(&mut RigFile, f64)),
-    /// The photo between scene and file.
+    /// The taking of the photo.
     Photo(fn(&mut Taking, f64)),
-    /// The running rig: captures alone see it.
+    /// The running rig: captures alone.
     Captures(fn(&mut Witness, &Simulation, f64)),
-    /// The same, anew for each photo.
+    /// The same, again for each photo.
     EachJob(fn(&mut Witness, &Simulation, f64)),
-    /// The calibration: columns and rows of its lens functions.
+    /// Columns and rows of the calibration's lens functions.
     Functions(fn(f64) -> (usize, usize)),
-    /// The rig file by which a method cuts its patches.
+    /// The rig file's patches, for the method.
     Patches(fn(&mut RigFile, f64)),
-    /// The method's step.
+    /// The method's step size.
     Step,
 }
 
-/// How a photo is taken.
+/// Taking of a photo.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Taking {
-    /// Light more than the photo holds: the share of the scene's on top of it.
+    /// Additional light, a share of the scene's; the photo clips it.
     pub(crate) brighter: f64,
-    /// Noise on top of the camera's own, grey levels.
+    /// Additional noise, grey levels.
     pub(crate) noise_levels: f64,
-    /// Quality of the JPEG it is kept as, if it is.
+    /// Quality of its JPEG, if it is one.
     pub(crate) jpeg: Option<u8>,
-    /// Whether its camera develops it where it could be raw.
+    /// Whether a camera with filters develops it.
     pub(crate) developed: bool,
-    /// How far the right half of the scene is from the lens, where that is elsewhere than the rest.
+    /// Distance of the scene's right half, where it has one of its own.
     pub(crate) right_half_mm: Option<f64>,
 }
 
 impl Change {
-    /// The words for a table with the strength in them.
+    /// Name with the strength.
     pub(crate) fn words(&self, strength: f64) -> String {
         match self.unit {
             "" => self.name.to_owned(),
@@ -64,7 +64,7 @@ impl Change {
         }
     }
 
-    /// `rig` as it is calibrated.
+    /// `rig` at its calibration.
     pub(crate) fn filed(&self, rig: &RigFile, strength: f64) -> RigFile {
         let mut rig = rig.clone();
         if let To::File(change) | To::FileAndPhoto(change, _) = self.to {
@@ -73,12 +73,12 @@ impl Change {
         rig
     }
 
-    /// Whether the changed rig is calibrated.
+    /// Whether calibration sees the change.
     pub(crate) fn is_filed(&self) -> bool {
         matches!(self.to, To::File(_) | To::FileAndPhoto(..))
     }
 
-    /// `rig` as it is when photos are restored.
+    /// `rig` when photos are restored.
     pub(crate) fn now(&self, rig: &RigFile, strength: f64) -> RigFile {
         let mut rig = self.filed(rig, strength);
         if let To::Since(change) = self.to {
@@ -111,19 +111,19 @@ pub(crate) fn simulation(rig: &mut RigFile, change: impl FnOnce(&mut Simulation)
     }
 }
 
-/// Width of the veil, pixels; the study's, and wider than any function of a lens model.
+/// Width of the veil, pixels (study); wider than any lens function.
 const VEIL_PX: f32 = 60.0;
-/// Width of what a greasy finger leaves, pixels. Guess: wider than the blur, narrower than a veil.
+/// Width of a smear, pixels. Guess: wider than the blur, narrower than a veil.
 const SMEAR_PX: f32 = 12.0;
 
 fn veil(rig: &mut RigFile, percent: f64, radius_px: f32) {
     glare(rig, |glare| *glare = Glare { share: (percent / 100.0) as f32, radius_px });
 }
 
-/// Nothing: the rig file as it is.
+/// No change.
 pub(crate) const NOTHING: Change = Change { name: "as filed", unit: "", to: To::File(|_, _| {}) };
 
-/// Photo and captures without noise; 8 bits stay.
+/// Photo and captures without noise, quantised to 8 bits.
 pub(crate) const NO_NOISE: Change = Change {
     name: "without noise",
     unit: "",
@@ -135,16 +135,16 @@ pub(crate) const NO_NOISE: Change = Change {
     }),
 };
 
-/// Light scattered wider than any function of the model, which has no broad term.
+/// Light scattered wider than any lens function, no broad term in the model.
 pub(crate) const VEIL: Change = Change {
     name: "veiling glare",
     unit: "%",
     to: To::File(|rig, percent| veil(rig, percent, VEIL_PX)),
 };
 
-/// The same on a rig whose model would have one.
+/// The same with the filed broad term turned off.
 pub(crate) const VEIL_MISSED: Change = Change {
-    name: "veiling glare that nobody measured",
+    name: "unmeasured veiling glare",
     unit: "%",
     to: To::File(|rig, percent| {
         veil(rig, percent, VEIL_PX);
@@ -152,14 +152,14 @@ pub(crate) const VEIL_MISSED: Change = Change {
     }),
 };
 
-/// A scene elsewhere than the panel: photos alone see it.
+/// A scene at another distance than the panel.
 pub(crate) const SCENE_AT: Change = Change {
     name: "scene at another distance",
     unit: "m",
     to: To::File(|rig, metres| lens(rig, |lens| lens.scene_distance_mm = Some(1000.0 * metres))),
 };
 
-/// Light scattered so, and the model has a broad term.
+/// Scattered light, and a broad term in the model.
 pub(crate) const VEIL_MEASURED: Change = Change {
     name: "veiling glare and a broad term in the model",
     unit: "%",
@@ -169,7 +169,7 @@ pub(crate) const VEIL_MEASURED: Change = Change {
     }),
 };
 
-/// The model has one function for the whole field.
+/// One lens function for the whole field.
 pub(crate) const ONE_FUNCTION: Change = Change {
     name: "a lens model of one function",
     unit: "",
@@ -178,16 +178,16 @@ pub(crate) const ONE_FUNCTION: Change = Change {
     }),
 };
 
-/// Panel and scene came nearer than where the lens was measured, and are focused there.
+/// Panel and scene nearer since calibration, refocused.
 pub(crate) const NEARER: Change = Change {
-    name: "nearer since, refocused",
+    name: "nearer since and refocused",
     unit: "times",
     to: To::Since(|rig, times| lens(rig, |lens| lens.object_distance_mm *= 1.0 / times)),
 };
 
-/// The lens slid sideways since it was measured.
+/// The lens moved sideways since calibration.
 pub(crate) const DECENTRED: Change = Change {
-    name: "off centre since",
+    name: "lens off centre since",
     unit: "% of the width",
     to: To::Since(|rig, percent| {
         let aside = percent / 100.0 * rig.photo.width_px as f64;
@@ -195,19 +195,19 @@ pub(crate) const DECENTRED: Change = Change {
     }),
 };
 
-/// The lens was touched since it was measured.
+/// The lens touched since calibration.
 pub(crate) const SMEARED: Change = Change {
-    name: "smeared by a finger since",
+    name: "lens smeared since",
     unit: "%",
     to: To::Since(|rig, percent| veil(rig, percent, SMEAR_PX)),
 };
 
-/// A change with the strengths it is swept in.
+/// A change with its strengths in a sweep.
 #[derive(Debug)]
 pub(crate) struct Swept {
     /// The change.
     pub(crate) change: Change,
-    /// Its strengths on a rig, the first of them no change at all.
+    /// Strengths on a rig; the first is no change.
     pub(crate) strengths: fn(&RigFile) -> [f64; 5],
 }
 
@@ -220,8 +220,8 @@ pub(crate) const fn swept(
     Swept { change: Change { name, unit, to }, strengths }
 }
 
-/// Everything that was thought of to go wrong with a rig, a photo or a method; what rigs are like
-/// from the start is [`crate::truths::TRUTHS`].
+/// Faults of a rig, a photo or a method; effects of every real rig are
+/// [`crate::truths::TRUTHS`].
 pub(crate) static SWEPT: [Swept; 21] = [
     swept(
         "capture noise",
@@ -245,7 +245,7 @@ pub(crate) static SWEPT: [Swept; 21] = [
             witness.set_ambient_levels(simulation.sensor.ambient_levels.map(|v| v + levels));
         }),
     ),
-    // The panel is darker than it was, or the camera slower.
+    // A darker panel, or a slower camera.
     swept(
         "gain drift",
         "% darker",
@@ -262,7 +262,7 @@ pub(crate) static SWEPT: [Swept; 21] = [
             witness.set_wear(Wear { gamma_factor: 1.0 + percent / 100.0, ..Wear::default() });
         }),
     ),
-    // A job takes seconds; so does the warming up that shows most.
+    // A job takes seconds, as the warm-up that matters most.
     swept(
         "panel warm-up",
         "% of its light",
@@ -381,14 +381,14 @@ const STOPPED: To =
 
 const PATCHES: To = To::Patches(set_patch);
 
-/// Patches of `px`; a margin wider than the patch would sew its neighbours' light in.
+/// Patches of `px`. The margin stays below half of them, or neighbours' light would be sewn in.
 pub(crate) fn set_patch(rig: &mut RigFile, px: f64) {
     rig.paper.patch_px = px as usize;
     rig.paper.margin_px = rig.paper.margin_px.min(rig.paper.patch_px / 2);
 }
 
-/// Every wavelength `factor` times as far from its channel's middle, within what light and glass
-/// are.
+/// `filters` with wavelengths `factor` times as far from their channel's mean, within the
+/// visible range.
 fn broader(filters: &Primaries, factor: f64) -> Primaries {
     let wider = |list: &[Wavelength]| {
         let total: f64 = list.iter().map(|w| w.1).sum();

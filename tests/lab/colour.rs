@@ -1,10 +1,9 @@
-//! Whether colours hold together: charts in black and white and in inks, and photographs, by the
-//! methods that start from the lens, scored as people see colour.
+//! Colours of results: charts in black and white and in inks, and photographs, by the methods that
+//! start from the lens model.
 
 use std::path::Path;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use relens::chart::looks::Looks;
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::chart::test_rig::{PHOTO_SEED, TestPhoto, TestRig};
@@ -17,11 +16,12 @@ use relens::picture::Tone;
 use relens::pipeline::method;
 use relens::rig::simulated::open;
 
+use crate::appearance::Appearance;
 use crate::made::Made;
 use crate::view::{KEPT, Subject, View};
 use crate::{Failure, seconds as processor_seconds};
 
-/// Inks and papers of the charts, linear light; the last chart has one pair in each quarter.
+/// Inks and papers of the charts, linear light; one more chart has a pair in each quarter.
 const INKS: [(&str, [[f32; 3]; 2]); 4] = [
     ("chart, black and white", [[10.0; 3], [240.0; 3]]),
     ("chart, blue and yellow", [[20.0, 30.0, 140.0], [235.0, 205.0, 40.0]]),
@@ -29,10 +29,10 @@ const INKS: [(&str, [[f32; 3]; 2]); 4] = [
     ("chart, green without contrast", [[200.0, 110.0, 40.0], [50.0, 110.0, 210.0]]),
 ];
 
-/// Charts among the scenes, which come first.
+/// Number of charts, which are the first scenes.
 pub(crate) const INKED: usize = INKS.len() + 1;
 
-/// Codes, red, green and blue of one pixel after the other, as a PNG.
+/// A PNG of codes, red, green and blue of one pixel after the other.
 pub(crate) fn png(size: Size, codes: &[u8]) -> Result<Vec<u8>, Failure> {
     let mut file = Vec::new();
     let (width, height) = (size.width as u32, size.height as u32);
@@ -40,7 +40,7 @@ pub(crate) fn png(size: Size, codes: &[u8]) -> Result<Vec<u8>, Failure> {
     Ok(file)
 }
 
-/// The scenes, as linear light: charts, the program's photographs, and those of `pictures`.
+/// Scenes as linear light: charts, the program's photographs, and those of `pictures`.
 pub(crate) fn scenes(
     size: Size,
     tone: &Tone,
@@ -85,7 +85,7 @@ pub(crate) fn scenes(
     Ok(scenes)
 }
 
-/// [`scenes`], and the laboratory's own photographs after them.
+/// [`scenes`], then the laboratory's photographs.
 pub(crate) fn with_kept(size: Size, tone: &Tone) -> Result<Vec<(String, Frame<Work>)>, Failure> {
     let mut scenes = scenes(size, tone, None)?;
     scenes.extend((0..KEPT.len()).map(|n| {
@@ -99,7 +99,7 @@ pub(crate) fn with_kept(size: Size, tone: &Tone) -> Result<Vec<(String, Frame<Wo
     Ok(scenes)
 }
 
-/// The table on the simulated rig of `rig`, and the pictures.
+/// Table and pictures on the simulated rig of `rig`.
 pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result<Made, Failure> {
     let (mut devices, witness) = open(rig)?;
     let calibration = calibrate(&mut devices, rig, None, &mut to_the_end)?;
@@ -123,10 +123,10 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
         if quick { &[MethodName::Digital] } else { &[MethodName::Digital, MethodName::Hybrid] };
     for (n, (name, light)) in scenes(rig.photo.size(), &tone, pictures)?.into_iter().enumerate() {
         let photo = TestPhoto::taken(&witness, rig.photo.curve, &light, PHOTO_SEED + n as u64);
-        let scene = Looks::of(&tone, &witness.shaded(&light));
-        let mut told = |method: &str, light: &Frame<Work>, cost: [String; 2]| {
-            let looks = Looks::of(&tone, light);
-            let found = looks.scores(&scene);
+        let scene = Appearance::new(&tone, &witness.shaded(&light));
+        let mut add = |method: &str, light: &Frame<Work>, cost: [String; 2]| {
+            let appearance = Appearance::new(&tone, light);
+            let found = appearance.scores(&scene);
             let scores = [
                 found.ssim,
                 found.rgb_db,
@@ -141,18 +141,18 @@ pub(crate) fn run(rig: &RigFile, quick: bool, pictures: Option<&Path>) -> Result
             cells.extend(cost);
             log::info!("{}", cells.join(" | "));
             table.row(cells);
-            let picture = png(looks.size(), &looks.bytes())?;
+            let picture = png(appearance.size(), &appearance.bytes())?;
             made.files.push((format!("{}-{method}.png", name.replace([' ', ','], "")), picture));
             Ok::<(), Failure>(())
         };
-        told("scene", &witness.shaded(&light), ["".into(), "".into()])?;
-        told("photo", &photo.light, ["".into(), "".into()])?;
+        add("scene", &witness.shaded(&light), ["".into(), "".into()])?;
+        add("photo", &photo.light, ["".into(), "".into()])?;
         for &which in methods {
             let solver = method(rig, which);
             let (solved, seconds) =
                 test_rig.solve(&photo, Channels::Colour, &*solver, &mut |_, _| {})?;
             let cost = [format!("{seconds:.2}"), solved.captures.to_string()];
-            told(which.name(), &solved.picture, cost)?;
+            add(which.name(), &solved.picture, cost)?;
         }
     }
     made.tables.push((format!("{}-colour", rig.name), table));

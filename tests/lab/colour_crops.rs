@@ -1,7 +1,6 @@
-//! Twelve places where colours go wrong first, at full size: clipped highlights, skin, leaves and
-//! fur, small lights in the dark, stars in inks.
+//! Twelve places at full size where colours fail first: clipped highlights, skin, leaves, fur,
+//! small lights in the dark, stars in inks.
 
-use relens::chart::looks::Looks;
 use relens::chart::test_rig::{PHOTO_SEED, TestPhoto, TestRig};
 use relens::config::RigFile;
 use relens::frame::{Channels, Size};
@@ -10,10 +9,11 @@ use relens::picture::Tone;
 use relens::pipeline::method;
 use relens::rig::simulated::open;
 
+use crate::appearance::Appearance;
 use crate::made::Made;
 use crate::{Failure, colour, seconds};
 
-/// A scene, and its place in it: the middle, as shares of width and height.
+/// A scene, and the centre of the place as shares of width and height.
 type Place = (&'static str, [f64; 2]);
 
 const PLACES: [Place; 12] = [
@@ -30,14 +30,14 @@ const PLACES: [Place; 12] = [
     ("chart, black and white", [0.5, 0.5]),
     ("chart, green without contrast", [0.5, 0.5]),
 ];
-/// Of each crop, pixels.
+/// Side of a crop, pixels.
 const SIDE: usize = 128;
 const GAP: usize = 4;
 const COLUMNS: usize = 6;
-/// Under one another: the scene, the photo, the result.
+/// Rows of a place: scene, photo, result.
 const SHOWN: usize = 3;
 
-/// A picture on a white ground.
+/// A white sheet of crops.
 struct Sheet {
     size: Size,
     codes: Vec<u8>,
@@ -48,9 +48,9 @@ impl Sheet {
         Sheet { size, codes: vec![u8::MAX; 3 * size.width * size.height] }
     }
 
-    /// Puts what `looks` has around a place into the `n`-th column, at `row` of the three.
-    fn put(&mut self, looks: &Looks, [x, y]: [f64; 2], n: usize, row: usize) {
-        let from = looks.size();
+    /// Copies the part of `picture` about a place into column `n`, `row` of three.
+    fn put(&mut self, picture: &Appearance, [x, y]: [f64; 2], n: usize, row: usize) {
+        let from = picture.size();
         let corner = |share: f64, side: usize| {
             ((share * side as f64) as usize).saturating_sub(SIDE / 2).min(side - SIDE)
         };
@@ -58,7 +58,7 @@ impl Sheet {
         let band = SHOWN * SIDE + GAP;
         let at_x = n % COLUMNS * (SIDE + GAP);
         let at_y = n / COLUMNS * band + row * SIDE;
-        let bytes = looks.bytes();
+        let bytes = picture.bytes();
         for line in 0..SIDE {
             let source = 3 * ((top + line) * from.width + left);
             let target = 3 * ((at_y + line) * self.size.width + at_x);
@@ -67,7 +67,7 @@ impl Sheet {
     }
 }
 
-/// The sheet of crops on the simulated rig of `rig`.
+/// Sheet of crops on the simulated rig of `rig`.
 pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let size = rig.photo.size();
     if size.width < SIDE || size.height < SIDE {
@@ -88,11 +88,12 @@ pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
         let photo = TestPhoto::taken(&witness, rig.photo.curve, &light, PHOTO_SEED + seed as u64);
         let solver = method(rig, rig.restore.method);
         let (solved, _) = test_rig.solve(&photo, Channels::Colour, &*solver, &mut |_, _| {})?;
-        let scene = Looks::of(&tone, &witness.shaded(&light));
-        let shown = [scene, Looks::of(&tone, &photo.light), Looks::of(&tone, &solved.picture)];
+        let scene = Appearance::new(&tone, &witness.shaded(&light));
+        let shown =
+            [scene, Appearance::new(&tone, &photo.light), Appearance::new(&tone, &solved.picture)];
         for (n, &(_, place)) in places {
-            for (row, looks) in shown.iter().enumerate() {
-                sheet.put(looks, place, n, row);
+            for (row, picture) in shown.iter().enumerate() {
+                sheet.put(picture, place, n, row);
             }
         }
         log::info!("{name}");

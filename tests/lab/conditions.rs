@@ -1,9 +1,9 @@
-//! The methods side by side under the study's conditions, as the rig file sets them.
+//! The methods side by side under the study's conditions, as filed.
 
 use relens::chart::contestants::Contestant;
 use relens::chart::scenes::Scene;
-use relens::chart::test_rig::{Score, TestRig};
-use relens::chart::trade::scores_table;
+use relens::chart::test_rig::TestRig;
+use relens::chart::trade::Trade;
 use relens::config::{Curve, MethodName, RigFile};
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::deconvolution::method::paper::{Backward, Paper};
@@ -12,9 +12,9 @@ use relens::pipeline::{hybrid, method, paper};
 
 use crate::change::{Change, NO_NOISE, NOTHING, ONE_FUNCTION, VEIL};
 use crate::made::Made;
-use crate::{Failure, seconds, told};
+use crate::{Failure, report, seconds};
 
-/// One of the study's conditions.
+/// A condition of the study.
 struct Condition {
     slug: &'static str,
     change: &'static Change,
@@ -28,88 +28,83 @@ const CONDITIONS: [Condition; 4] = [
     Condition { slug: "one-function", change: &ONE_FUNCTION, strength: 0.0 },
 ];
 
-/// Every method that a rig file can name, or those that start from the lens.
+/// Methods that a rig file can name; only those that start from the lens model if `by_the_lens`.
 fn named(by_the_lens: bool) -> impl Iterator<Item = MethodName> {
     let all = MethodName::ALL.into_iter();
     all.filter(move |name| !by_the_lens || name.about().starts_from_lens)
 }
 
-/// A table for each condition; a rig whose photos are not linear is charted as it is, in colour.
-/// `quick` leaves out the chart, or all but the methods that look at the lens.
+/// A table for each condition; a rig whose photos are not linear is taken as it is, in colour.
+/// `quick` leaves out the chart, or all but the methods that start from the lens model.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let mut made = Made::default();
     if rig.photo.curve != Curve::Linear {
         let contestants = named(quick).map(|which| as_filed(rig, which)).collect();
         let caption =
             format!("Rig {}, {}; luminance of display values.", rig.name, rig.photo.size());
-        let scores = compare(rig.clone(), &Scene::ALL, contestants)?;
-        return Ok(Made::table(rig.name.clone(), scores_table(caption, &scores)));
+        let trade = compare(rig.clone(), &Scene::ALL, contestants)?;
+        return Ok(Made::table(rig.name.clone(), trade.score_table(caption)));
     }
     let scenes = [Scene::Astronaut, Scene::Coffee, Scene::Chart];
     let scenes = if quick { &scenes[..2] } else { &scenes };
     for condition in &CONDITIONS {
         let Condition { slug, change, strength } = condition;
-        let scores = compare(change.filed(rig, *strength), scenes, contestants(rig, slug))?;
+        let trade = compare(change.filed(rig, *strength), scenes, contestants(rig, slug))?;
         let words = change.words(*strength);
         let caption = format!("Rig {}; {words}; green channel, light.", rig.name);
-        made.tables.push((format!("{}-{slug}", rig.name), scores_table(caption, &scores)));
+        made.tables.push((format!("{}-{slug}", rig.name), trade.score_table(caption)));
     }
     Ok(made)
 }
 
 fn as_filed(rig: &RigFile, which: MethodName) -> Contestant {
-    Contestant::boxed(which.name(), "", method(rig, which))
+    let method = method(rig, which);
+    let [family, line, setting] = [which.name(), "", ""].map(str::to_owned);
+    Contestant { family, line, setting, is_filed: false, method }
 }
 
-/// The methods worth comparing under a condition.
+/// Methods compared under a condition.
 fn contestants(rig: &RigFile, slug: &str) -> Vec<Contestant> {
     let named = named(!slug.ends_with("noise"));
     let mut all: Vec<Contestant> = named.map(|which| as_filed(rig, which)).collect();
     match slug {
         "no-noise" => {
-            all.push(Contestant::new("paper", "one whole-frame patch", whole_frame(rig)));
+            all.push(Contestant::new("paper", "", "one whole-frame patch", whole_frame(rig)));
         }
-        "noise" => all.push(Contestant::new("paper", "margin 0", without_margin(rig))),
+        "noise" => all.push(Contestant::new("paper", "", "margin 0", without_margin(rig))),
         _ => {}
     }
     if slug != "no-noise" {
-        all.push(Contestant::new("hybrid", "1 capture", one_capture(rig)));
+        all.push(Contestant::new("hybrid", "", "1 capture", one_capture(rig)));
     }
     all
 }
 
-/// `contestants` on `scenes`.
-fn compare(
-    rig: RigFile,
-    scenes: &[Scene],
-    contestants: Vec<Contestant>,
-) -> Result<Vec<Score>, Failure> {
+/// `contestants` on `scenes`, one photo each.
+fn compare(rig: RigFile, scenes: &[Scene], contestants: Vec<Contestant>) -> Result<Trade, Failure> {
     let mut test_rig = TestRig::open(rig, seconds)?;
-    let mut scores = Vec::new();
-    for &scene in scenes {
-        for contestant in &contestants {
-            scores.push(test_rig.score(scene, 0, &contestant.name(), &*contestant.method)?);
-            scores.last().into_iter().for_each(told);
-        }
+    let mut trade = Trade::default();
+    for contestant in &contestants {
+        trade.run(&mut test_rig, scenes, 1, contestant, &mut report)?;
     }
-    Ok(scores)
+    Ok(trade)
 }
 
-/// The paper's loop with one patch for the whole frame, where flip–FC–flip is no adjoint any more;
-/// nothing holds it back.
+/// The paper's loop, unbounded, with one patch for the whole frame, where flip–FC–flip is no
+/// adjoint.
 pub(crate) fn whole_frame(rig: &RigFile) -> Paper {
     let patch_px = rig.photo.width_px.max(rig.photo.height_px);
     let shape = PatchShape { patch_px, margin_px: rig.paper.margin_px };
     Paper { backward: Backward::Light(shape), bounded: false, ..paper(rig) }
 }
 
-/// The paper's loop with nothing sewn around the patches.
+/// The paper's loop without margins around patches.
 fn without_margin(rig: &RigFile) -> Paper {
     let shape = PatchShape { patch_px: rig.paper.patch_px, margin_px: 0 };
     Paper { backward: Backward::Light(shape), ..paper(rig) }
 }
 
-/// `hybrid` with a single capture, whose correction is not confirmed.
+/// `hybrid` with one capture, which corrects and does not certify.
 pub(crate) fn one_capture(rig: &RigFile) -> Hybrid {
     Hybrid { captures_max: 1, ..hybrid(rig) }
 }

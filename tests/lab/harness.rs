@@ -1,5 +1,4 @@
-//! The one harness: a calibrated simulated rig with its witness beside it, on which one thing was
-//! changed.
+//! A calibrated simulated rig with its witness, on which one thing is changed.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
@@ -19,26 +18,26 @@ use relens::rig::simulated::{Depth, Witness, open};
 use crate::change::{Change, NOTHING, Taking, To, simulation};
 use crate::{Failure, seconds};
 
-/// A rig on which one thing was changed.
+/// A rig with one change.
 pub(crate) struct Harness {
     pub(crate) test_rig: TestRig,
     pub(crate) witness: Witness,
-    /// Of the camera that took the photos, when that was another.
+    /// Witness of the photos' camera, if it is another one.
     camera: Option<Witness>,
     taking: Taking,
     change: &'static Change,
     strength: f64,
 }
 
-/// What is measured of the simulated rig of `rig`.
+/// Calibration of the simulated rig of `rig`.
 pub(crate) fn calibration(rig: &RigFile) -> Result<Calibration, Failure> {
     Ok(calibrate(&mut open(rig)?.0, rig, None, &mut to_the_end)?)
 }
 
-/// Chances that a rig's unrest gives a calibration; a movement too large refuses one in four.
+/// Seeds tried for a calibration; one in four is refused because the panel moved too far.
 const CHANCES: u64 = 6;
 
-/// `rig` with the first seed from its own on with which `change` lets it be calibrated, and that
+/// `rig` with the first seed, counted from its own, that calibrates under `change`; and that
 /// calibration.
 pub(crate) fn calibrated(
     rig: &RigFile,
@@ -52,16 +51,19 @@ pub(crate) fn calibrated(
         match calibration(&change.filed(&rig, strength)) {
             Ok(measured) => return Ok((rig, measured)),
             Err(e) => {
-                log::info!("# {more} more seeds: {}", relens::remedy::full_message(&*e));
+                log::info!(
+                    "calibration refused, seed + {more}: {}",
+                    relens::remedy::full_message(&*e)
+                );
                 refused = Some(e);
             }
         }
     }
-    Err(refused.unwrap_or_else(|| "no chance was given".into()))
+    Err(refused.unwrap_or_else(|| "no seed was tried".into()))
 }
 
 impl Harness {
-    /// The simulated rig of `rig`, calibrated from its own captures, which were taken by it.
+    /// The simulated rig of `rig`, calibrated from its own captures.
     pub(crate) fn open(rig: RigFile) -> Result<(Harness, Calibration), Failure> {
         let (mut devices, witness) = open(&rig)?;
         let calibration = calibrate(&mut devices, &rig, None, &mut to_the_end)?;
@@ -76,8 +78,7 @@ impl Harness {
         Ok((harness, calibration))
     }
 
-    /// The rig of `filed` with `change` made to it, and with the `calibration` that was made
-    /// before.
+    /// The rig of `filed` with `change`, and with an earlier `calibration`.
     pub(crate) fn changed(
         filed: &RigFile,
         calibration: &Calibration,
@@ -111,7 +112,7 @@ impl Harness {
         self.test_rig.config()
     }
 
-    /// Makes the change that captures alone see. Photos were taken before.
+    /// Applies a change of the captures, after photos were taken.
     pub(crate) fn change_captures(&mut self) {
         if let To::Captures(to) | To::EachJob(to) = self.change.to
             && let Some(simulation) = self.test_rig.config().simulation()
@@ -120,7 +121,7 @@ impl Harness {
         }
     }
 
-    /// The photo of `light`, photo-sized; `seed` is that of its noise.
+    /// A photo of `light`, photo-sized, with noise of `seed`.
     pub(crate) fn photograph(&self, light: &Frame<Work>, seed: u64) -> Result<TestPhoto, Failure> {
         let Taking { brighter, noise_levels, jpeg, developed, right_half_mm } = self.taking;
         let tone = Tone::of_curve(self.config().photo.curve, 8);
@@ -151,7 +152,7 @@ impl Harness {
         Ok(photo)
     }
 
-    /// A scene whose left half is where the panel is, and its right one `right_mm` from the lens.
+    /// A scene with its left half at the panel's distance, its right one at `right_mm`.
     fn halves(&self, right_mm: f64) -> Result<[Depth; 2], Failure> {
         let Some(Lens::Prescription(lens, _)) = self.config().simulation().map(|s| &s.lens) else {
             return Err("found a measured blur, allowed a traced lens for other distances".into());
@@ -166,7 +167,7 @@ impl Harness {
         ])
     }
 
-    /// What a photo of `light` is to become: as bright as the photo holds it, shaded as it is.
+    /// The ideal result of a photo of `light`: clipped and shaded as the photo.
     pub(crate) fn truth(&self, light: &Frame<Work>) -> Frame<Work> {
         let times = 1.0 + self.taking.brighter as f32;
         let camera = self.camera.as_ref().unwrap_or(&self.witness);
@@ -174,26 +175,26 @@ impl Harness {
         Frame::from_fn(|c| shaded.plane(c).map(|v: f32| v.min(255.0)))
     }
 
-    /// A picture as it is scored.
+    /// The scored plane of `picture`.
     pub(crate) fn seen(&self, picture: &Frame<Work>) -> Plane {
         seen(self.config().photo.curve, self.test_rig.channels(), picture)
     }
 
-    /// `method` on a photo of `scene`, scored.
+    /// Scores `method` on a photo of `scene`.
     pub(crate) fn score(&mut self, scene: Scene, method: &dyn Method) -> Result<Score, Failure> {
         let light = self.test_rig.light(scene);
         let photo = self.photograph(&light, PHOTO_SEED + scene as u64)?;
         let truth = self.truth(&light);
-        Ok(self.test_rig.score_photo(scene, (&photo, &truth), method.name(), method)?)
+        Ok(self.test_rig.score_photo(scene, &photo, &truth, method)?)
     }
 
-    /// `photo` made ready for methods.
+    /// Prepares `photo` for methods.
     pub(crate) fn prepare<'a>(&mut self, photo: &'a TestPhoto) -> Prepared<'a> {
         let channels = self.test_rig.channels();
         photo.prepared(self.test_rig.parts().0, channels)
     }
 
-    /// What `method` makes of `photo`, and what the box delivers of it.
+    /// Solves `photo` with `method` and judges the result.
     pub(crate) fn judge(
         &mut self,
         photo: &Prepared<'_>,
@@ -208,7 +209,7 @@ impl Harness {
         Ok((solved, outcome))
     }
 
-    /// What `make` makes of the rig file, as the change has it.
+    /// The method that `make` makes of the changed rig file.
     pub(crate) fn method(
         &self,
         make: &dyn Fn(&RigFile) -> Box<dyn Method + Send + Sync>,
@@ -228,7 +229,7 @@ impl Harness {
     }
 }
 
-/// A method that thinks ‖K‖ smaller than it is, and so steps too far.
+/// A method with ‖K‖ underestimated, hence with steps too long.
 struct Longer {
     method: Box<dyn Method + Send + Sync>,
     times: f32,
@@ -257,7 +258,7 @@ impl Method for Longer {
     }
 }
 
-/// The same calibration with the mean functions of a coarser grid of columns and rows.
+/// The calibration with the mean functions of a coarser grid of columns and rows.
 fn with_fewer_functions(
     calibration: &Calibration,
     (columns, rows): (usize, usize),
@@ -281,7 +282,7 @@ fn with_fewer_functions(
     Ok(calibration.with_lens(fewer)?)
 }
 
-/// `codes` kept as a JPEG of `quality` (1 to 100) and read again.
+/// `codes` after coding as a JPEG of `quality` (1 to 100).
 fn through_jpeg(codes: &Frame<Work, u8>, quality: u8) -> Result<Frame<Work, u8>, Failure> {
     let size = codes.size();
     let [red, green, blue] = codes.planes().each_ref().map(|plane| plane.data());

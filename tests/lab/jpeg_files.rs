@@ -1,5 +1,5 @@
-//! What files of other coders cost than the laboratory's: progressive ones, chroma halved along one
-//! side or taken from one pixel of four, other tables; and pictures that were coded before.
+//! Cost of coding by another coder: progressive files, chroma halved along one side or taken from
+//! one pixel of four, other tables; and pictures coded before.
 
 use std::io::Cursor;
 
@@ -18,10 +18,10 @@ use crate::jpeg::{FileCoding, costs};
 use crate::made::Made;
 use crate::sized::sized;
 
-/// By how much the blocks of a picture that was coded before lie off those of the file.
+/// Offset of the earlier coding's blocks from the file's, pixels.
 const OFF: (u32, u32) = (3, 5);
 
-/// The codings. What is set of `src/deconvolution/jpeg` was set with none of them.
+/// Codings; no limit of `src/deconvolution/jpeg` was set on them.
 fn codings() -> Vec<FileCoding> {
     let of = |name: &str, quality, pixels, file| {
         let quality = Quality { quality, pixels };
@@ -62,7 +62,7 @@ fn codings() -> Vec<FileCoding> {
     ]
 }
 
-/// The file by the crate `jpeg-encoder`, chroma averaged, with `more` set.
+/// A file by the crate `jpeg-encoder`, chroma averaged, with `more` options.
 fn other(
     of: &FileCoding,
     codes: &Frame<Work, u8>,
@@ -83,7 +83,7 @@ fn other(
     Ok(file)
 }
 
-/// `codes` as a file of them comes back whose blocks lie [`OFF`] the picture's.
+/// `codes` after an earlier coding with blocks [`OFF`] the picture's.
 fn cut_before(of: &FileCoding, codes: &Frame<Work, u8>) -> Result<RgbImage, Failure> {
     let picture = picture(codes);
     let (width, height) = (picture.width(), picture.height());
@@ -108,7 +108,7 @@ fn codes_of(picture: &RgbImage) -> Frame<Work, u8> {
     })
 }
 
-/// The tables on the simulated rig of `rig` at half of its pixels; `quick` takes three scenes.
+/// Tables on the simulated rig of `rig` at half its pixels; `quick` takes three scenes.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let rig = sized(rig, 0.5);
     let mut scenes = with_kept(rig.photo.size(), &Tone::of_curve(rig.photo.curve, 8))?;

@@ -1,23 +1,24 @@
-//! How near a picture is to its scene, in luma and in colour, and what counts as harm.
+//! Likeness of a picture to its scene, in luma and in colour, and limits of harm.
 
-use relens::chart::looks::Looks;
 use relens::chart::test_rig::seen;
 use relens::config::RigFile;
 use relens::deconvolution::quality::ssim;
 use relens::frame::{Channels, Frame, Plane, Work};
 use relens::picture::Tone;
 
-/// SSIM below the untouched photo's that counts as harm; the study: less means nothing.
+use crate::appearance::Appearance;
+
+/// Loss of SSIM against the photo that counts as harm; smaller ones mean nothing (study).
 pub(crate) const HARM: f64 = 0.002;
-/// Mean ΔE above the untouched photo's that counts as harm: a twentieth of what is just seen.
+/// Gain of mean ΔE against the photo that counts as harm: a twentieth of what is just visible.
 pub(crate) const HARM_IN_COLOUR: f64 = 0.05;
 
-/// How near a picture is to its scene.
+/// Likeness of a picture to its scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Likeness {
     /// SSIM of luminance.
     pub(crate) ssim: f64,
-    /// Mean ΔE (CIEDE2000); of a grey photo none.
+    /// Mean ΔE (CIEDE2000), of photos in colour.
     pub(crate) difference: Option<f64>,
 }
 
@@ -29,7 +30,7 @@ impl std::fmt::Display for Likeness {
 }
 
 impl Likeness {
-    /// The mean of `all`; there is none of nothing.
+    /// Mean of `all`; `None` if empty.
     pub(crate) fn mean(all: &[Likeness]) -> Option<Likeness> {
         let share = 1.0 / all.len() as f64;
         let mean = |of: &dyn Fn(&Likeness) -> Option<f64>| {
@@ -41,47 +42,47 @@ impl Likeness {
         })
     }
 
-    /// Whether it is worse than the untouched `photo` in luma.
+    /// Whether it harms the untouched `photo` in luma.
     pub(crate) fn harms_luma(self, photo: Likeness) -> bool {
         self.ssim < photo.ssim - HARM
     }
 
-    /// Whether it is worse than the untouched `photo` in colour.
+    /// Whether it harms the untouched `photo` in colour.
     pub(crate) fn harms_colour(self, photo: Likeness) -> bool {
         let both = self.difference.zip(photo.difference);
         both.is_some_and(|(own, photo)| own > photo + HARM_IN_COLOUR)
     }
 
-    /// Whether it is worse than the untouched `photo`, or than any other picture, in either.
+    /// Whether it harms `photo` in luma or in colour.
     pub(crate) fn harms(self, photo: Likeness) -> bool {
         self.harms_luma(photo) || self.harms_colour(photo)
     }
 }
 
-/// A scene that pictures are held against.
+/// A scene to compare pictures with.
 pub(crate) struct Truth {
     tone: Tone,
     curve: relens::config::Curve,
     channels: Channels,
     luma: Plane,
-    looks: Option<Looks>,
+    appearance: Option<Appearance>,
 }
 
 impl Truth {
-    /// The light of a scene, for photos of `rig` in `channels`.
+    /// The scene with this `light`, for photos of `rig` in `channels`.
     pub(crate) fn of(rig: &RigFile, channels: Channels, light: &Frame<Work>) -> Truth {
         let curve = rig.photo.curve;
         let tone = Tone::of_curve(curve, 8);
-        let looks = (channels == Channels::Colour).then(|| Looks::of(&tone, light));
-        Truth { curve, channels, luma: seen(curve, channels, light), looks, tone }
+        let appearance = (channels == Channels::Colour).then(|| Appearance::new(&tone, light));
+        Truth { curve, channels, luma: seen(curve, channels, light), appearance, tone }
     }
 
-    /// How near `picture` is.
+    /// Likeness of `picture` to the scene.
     pub(crate) fn likeness(&self, picture: &Frame<Work>) -> Likeness {
-        let of = |scene: &Looks| Looks::of(&self.tone, picture).scores(scene).difference;
+        let of = |scene: &Appearance| Appearance::new(&self.tone, picture).scores(scene).difference;
         Likeness {
             ssim: ssim(&seen(self.curve, self.channels, picture), &self.luma),
-            difference: self.looks.as_ref().map(of),
+            difference: self.appearance.as_ref().map(of),
         }
     }
 }

@@ -1,13 +1,13 @@
-//! Curves over a common axis, drawn with axes, ticks and a legend.
+//! Line charts with axes, ticks and a legend.
 
 use relens::chart::drawing::{Anchor, Colour, Drawing, FAINT, HARM, INK, Stroke};
 
-/// Left, right, top and bottom of the field that is drawn into.
+/// Left, right, top and bottom of the field.
 const FIELD: [f64; 4] = [78.0, 640.0, 48.0, 400.0];
 const WIDTH: f64 = 910.0;
 const HEIGHT: f64 = 460.0;
 
-/// Colours told apart by the colour-blind too (Okabe & Ito 2008), and two more, darker.
+/// Colours that colour-blind readers can tell apart (Okabe & Ito 2008), and two darker ones.
 pub(crate) const PALETTE: [Colour; 9] = [
     Colour(0x00, 0x72, 0xb2),
     Colour(0xd5, 0x5e, 0x00),
@@ -20,12 +20,12 @@ pub(crate) const PALETTE: [Colour; 9] = [
     Colour(0x99, 0x99, 0x99),
 ];
 
-/// How a number becomes a place on the axis.
+/// Scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Scale {
     /// Proportional.
     Linear,
-    /// Logarithmic above the number given, proportional below it, so that 0 has a place.
+    /// Logarithmic above a number, proportional below it, so that 0 has a place.
     LogAbove(f64),
 }
 
@@ -42,40 +42,39 @@ impl Scale {
 /// One curve.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Series {
-    /// Its name in the legend.
+    /// Name in the legend.
     pub(crate) name: String,
     /// Its colour.
     pub(crate) colour: Colour,
-    /// In dashes.
+    /// Whether it is dashed.
     pub(crate) dashed: bool,
     /// Its points.
     pub(crate) points: Vec<[f64; 2]>,
 }
 
-/// Curves over a common axis.
+/// A line chart.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LineChart {
-    /// Above the drawing.
+    /// Heading.
     pub(crate) title: String,
-    /// What x is.
+    /// Label of the x axis.
     pub(crate) x_label: String,
-    /// What y is.
+    /// Label of the y axis.
     pub(crate) y_label: String,
-    /// How x is laid out.
+    /// Scale of the x axis.
     pub(crate) x_scale: Scale,
     /// Numbers marked on the x axis.
     pub(crate) x_ticks: Vec<f64>,
-    /// The least y shown; what lies below is drawn at the edge. The least of all points when not
-    /// given.
+    /// Least y shown, points below at the edge; the least of all points if not given.
     pub(crate) y_least: Option<f64>,
-    /// A level below which harm is done, and its name.
+    /// Level of the untouched photo, and its name.
     pub(crate) floor: Option<(f64, String)>,
     /// The curves, in the order of the legend.
     pub(crate) series: Vec<Series>,
 }
 
 impl LineChart {
-    /// The chart drawn.
+    /// Draws the chart.
     pub(crate) fn draw(&self) -> Drawing {
         let mut sheet = Drawing::new(WIDTH, HEIGHT);
         let [left, right, top, bottom] = FIELD;
@@ -125,19 +124,25 @@ impl LineChart {
         sheet.words(&self.x_label, [(left + right) / 2.0, bottom + 42.0], Anchor::Middle, 14.0);
         sheet.words_upwards(&self.y_label, [22.0, (top + bottom) / 2.0], 14.0);
         for (n, series) in self.series.iter().enumerate() {
-            let stroke = Stroke::new(series.colour, 2.0);
-            let stroke = if series.dashed { stroke.dashed() } else { stroke };
-            let line: Vec<[f64; 2]> = series.points.iter().map(|p| [x(p[0]), y(p[1])]).collect();
-            for &place in &line {
-                sheet.disc(place, 2.6, series.colour, "");
-            }
-            sheet.line(&line, stroke);
-            let at = top + 12.0 + 21.0 * n as f64;
-            sheet.line(&[[right + 16.0, at - 4.0], [right + 40.0, at - 4.0]], stroke);
-            sheet.words(&series.name, [right + 46.0, at], Anchor::Start, 12.0);
+            let line = series.points.iter().map(|p| [x(p[0]), y(p[1])]).collect();
+            draw_series(&mut sheet, series, line, n);
         }
         sheet
     }
+}
+
+/// Draws the `n`-th series along the places of its points, and its line of the legend.
+fn draw_series(sheet: &mut Drawing, series: &Series, line: Vec<[f64; 2]>, n: usize) {
+    let [_, right, top, _] = FIELD;
+    let stroke = Stroke::new(series.colour, 2.0);
+    let stroke = if series.dashed { stroke.dashed() } else { stroke };
+    for &place in &line {
+        sheet.disc(place, 2.6, series.colour, "");
+    }
+    sheet.line(&line, stroke);
+    let at = top + 12.0 + 21.0 * n as f64;
+    sheet.line(&[[right + 16.0, at - 4.0], [right + 40.0, at - 4.0]], stroke);
+    sheet.words(&series.name, [right + 46.0, at], Anchor::Start, 12.0);
 }
 
 #[cfg(test)]

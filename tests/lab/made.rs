@@ -1,4 +1,4 @@
-//! What an experiment makes, and how it is written.
+//! Results of an experiment, and their files.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use relens::frame::Plane;
 
 use crate::Failure;
 
-/// What an experiment makes; each with the stem of its file's name.
+/// Results of an experiment, each with the stem of its file's name.
 #[derive(Debug, Default)]
 pub(crate) struct Made {
     /// Tables, written as Markdown and CSV.
@@ -17,17 +17,17 @@ pub(crate) struct Made {
     pub(crate) drawings: Vec<(String, Drawing)>,
     /// Grey pictures, 0..255, written as PNG.
     pub(crate) pictures: Vec<(String, Plane)>,
-    /// Whole names and contents of whatever else there is.
+    /// Names and contents of other files.
     pub(crate) files: Vec<(String, Vec<u8>)>,
 }
 
 impl Made {
-    /// A single table.
+    /// The results of a single table.
     pub(crate) fn table(stem: String, table: Table) -> Made {
         Made { tables: vec![(stem, table)], ..Made::default() }
     }
 
-    /// Writes all of it into `folder`.
+    /// Writes all results into `folder`.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), Failure> {
         for (stem, table) in &self.tables {
             write(folder, &format!("{stem}.md"), table.markdown().as_bytes())?;

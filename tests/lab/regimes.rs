@@ -1,5 +1,5 @@
-//! Where light earns its place: the default method against the measured lens alone, where that
-//! measurement falls short. Photo and captures go through the same lens.
+//! Gain of captures over the measured lens alone where the lens model is wrong. Photo and captures
+//! go through the same lens.
 
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
@@ -13,9 +13,9 @@ use crate::change::{
 use crate::conditions::one_capture;
 use crate::harness::{Harness, calibrated};
 use crate::made::Made;
-use crate::{Failure, told};
+use crate::{Failure, report};
 
-/// What falls short, and how much.
+/// A change and its strength.
 pub(crate) type Regime = (&'static Change, f64);
 
 const REGIMES: [Regime; 13] = [
@@ -34,10 +34,10 @@ const REGIMES: [Regime; 13] = [
     (&SMEARED, 15.0),
 ];
 
-/// What light must gain to have earned its place, dB.
+/// Gain that is worth captures, dB.
 const EARNS_DB: f64 = 1.0;
 
-/// Means over the scenes.
+/// Means over scenes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Mean {
     pub(crate) captures: f64,
@@ -48,31 +48,31 @@ pub(crate) struct Mean {
 /// One regime.
 pub(crate) struct Row {
     pub(crate) name: String,
-    /// The untouched photos.
+    /// Untouched photos.
     photo: Mean,
-    /// The measured lens alone.
+    /// Lens model alone.
     pub(crate) digital: Mean,
     /// One capture.
     one: Mean,
-    /// As the rig file has it.
+    /// Captures as filed.
     pub(crate) hybrid: Mean,
 }
 
 impl Row {
-    /// What light gains over the measured lens alone, dB: the better of one capture and more.
+    /// Gain of captures over the lens model alone, dB: the better of one capture and more.
     pub(crate) fn gain_db(&self) -> f64 {
         self.one.psnr_db.max(self.hybrid.psnr_db) - self.digital.psnr_db
     }
 }
 
-/// Every regime on the simulated rig of `rig`.
+/// Measures all regimes on the simulated rig of `rig`.
 pub(crate) fn run(rig: &RigFile) -> Result<Made, Failure> {
     let rows = REGIMES.iter().map(|&regime| measure(rig, regime));
     let rows: Vec<Row> = rows.collect::<Result<_, _>>()?;
     Ok(Made::table(format!("{}-regimes", rig.name), table(rig, &rows)))
 }
 
-/// One regime on the study's photographs.
+/// Measures one regime on the study's photographs.
 pub(crate) fn measure(rig: &RigFile, (change, strength): Regime) -> Result<Row, Failure> {
     let (rig, calibration) = &calibrated(rig, change, strength)?;
     let mut harness = Harness::changed(rig, calibration, change, strength)?;
@@ -82,12 +82,12 @@ pub(crate) fn measure(rig: &RigFile, (change, strength): Regime) -> Result<Row, 
         photo = Mean::default();
         for scene in Scene::STUDY_PHOTOGRAPHS {
             let score = harness.score(scene, solver)?;
-            told(&score);
-            mean.captures += share * score.restored.captures as f64;
-            mean.ssim += share * score.ssim;
-            mean.psnr_db += share * score.psnr_db;
-            photo.ssim += share * score.blurred_ssim;
-            photo.psnr_db += share * score.blurred_psnr_db;
+            report(solver.name(), &score);
+            mean.captures += share * score.captures as f64;
+            mean.ssim += share * score.result.ssim;
+            mean.psnr_db += share * score.result.psnr_db;
+            photo.ssim += share * score.photo.ssim;
+            photo.psnr_db += share * score.photo.psnr_db;
         }
         Ok(mean)
     };
@@ -104,21 +104,13 @@ fn table(rig: &RigFile, rows: &[Row]) -> Table {
         Curve::Srgb => "luma of photos in colour",
     };
     let caption = format!(
-        "Where light earns its place, rig {0}, {channels}, mean of astronaut and coffee: the \
-         measured lens alone, and with one and at most {1} captures.",
+        "Gain of captures, rig {0}, {channels}, mean of astronaut and coffee: lens model alone, \
+         with one capture, and with at most {1}.",
         rig.name,
         1 + rig.restore.corrections_max
     );
-    let head = [
-        "regime",
-        "photo",
-        "digital",
-        "one capture",
-        "hybrid",
-        "captures",
-        "light gains dB",
-        "light helps",
-    ];
+    let head =
+        ["regime", "photo", "digital", "one capture", "hybrid", "captures", "gain dB", "worth it"];
     let mut table = Table::new(caption, &head);
     for row in rows {
         let both = |mean: &Mean| format!("{:.4}/{:.2}", mean.ssim, mean.psnr_db);

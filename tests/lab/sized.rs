@@ -1,11 +1,11 @@
-//! A rig on other pixels.
+//! A rig with more or fewer pixels.
 
 use relens::config::RigFile;
 
 use crate::change::lens;
 
-/// `rig` with the same field on so many times as many pixels along each side, and all that is
-/// counted in pixels with them.
+/// `rig` with the same field on `times` as many pixels along each side; all lengths in pixels scale
+/// with them.
 pub(crate) fn sized(rig: &RigFile, times: f64) -> RigFile {
     let mut rig = rig.clone();
     let by = |px: usize| (px as f64 * times) as usize;

@@ -30,7 +30,7 @@ fn runs(
     sweep(&crate::rig("small.toml").unwrap(), &plan, &mut Kept::default()).unwrap().runs
 }
 
-fn told(runs: &[Run]) -> Vec<String> {
+fn words(runs: &[Run]) -> Vec<String> {
     runs.iter().map(Run::words).collect()
 }
 
@@ -40,15 +40,15 @@ fn healthy_results_are_delivered() {
     let views = [View::whole(Scene::Astronaut), View::quarter(Scene::Rocket, 2)];
     let methods = ["hybrid", "digital", "total-variation"];
     let runs = runs(swept("panel knocked"), &[0], &methods, &views, 11);
-    assert!(runs.iter().all(|r| !r.harms() && !r.verdict.noticed()), "{:#?}", told(&runs));
+    assert!(runs.iter().all(|r| !r.harms() && !r.verdict.noticed()), "{:#?}", words(&runs));
 }
 
 #[test]
 fn the_paper_s_loop_is_replaced_where_its_noise_harms() {
     let views = [View::whole(Scene::Astronaut)];
     let runs = runs(swept("capture noise"), &[3], &["paper"], &views, 12);
-    assert!(runs.iter().all(|r| r.harms() && r.verdict.noticed()), "{:#?}", told(&runs));
-    assert!(runs.iter().all(|r| r.delivered.ssim > r.photo.ssim), "{:#?}", told(&runs));
+    assert!(runs.iter().all(|r| r.harms() && r.verdict.noticed()), "{:#?}", words(&runs));
+    assert!(runs.iter().all(|r| r.delivered.ssim > r.photo.ssim), "{:#?}", words(&runs));
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn faults_at_random_do_no_harm() {
         let view = View { subject: Subject::Of(scene), quarter };
         all.extend(runs(fault, &[step], &["hybrid", "wiener"], &[view], seed));
     }
-    assert!(!all.iter().any(Run::harms_delivered), "{:#?}", told(&all));
+    assert!(!all.iter().any(Run::harms_delivered), "{:#?}", words(&all));
 }
 
 #[test]
@@ -73,11 +73,11 @@ fn a_jpeg_is_restored_with_the_errors_of_its_coding_in_mind() {
     let views = [View::whole(Scene::Astronaut), View::quarter(Scene::Rocket, 1)];
     // Qualities 95, 85 and 70.
     let runs = runs(swept("photo's JPEG"), &[1, 2, 3], &["hybrid", "digital"], &views, 18);
-    assert!(runs.iter().all(|r| !r.harms_delivered()), "{:#?}", told(&runs));
+    assert!(runs.iter().all(|r| !r.harms_delivered()), "{:#?}", words(&runs));
     let gain = |runs: &[Run]| {
         runs.iter().map(|r| r.delivered.ssim - r.photo.ssim).sum::<f64>() / runs.len() as f64
     };
-    assert!(gain(&runs) > 0.03, "{:#?}", told(&runs));
+    assert!(gain(&runs) > 0.03, "{:#?}", words(&runs));
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn rigs_that_are_truthful_do_no_harm() {
     ] {
         let runs = runs(swept(truth), &[step], &["hybrid"], &views, 19);
         assert_eq!(runs.len(), 2);
-        assert!(runs.iter().all(|r| !r.delivered.harms(r.photo)), "{:#?}", told(&runs));
+        assert!(runs.iter().all(|r| !r.delivered.harms(r.photo)), "{:#?}", words(&runs));
     }
 }
 
@@ -143,9 +143,9 @@ fn results_of_a_sweep_that_was_cut_off_are_kept() {
     std::fs::write(&file, &whole[..whole.len() - 3]).unwrap();
     // The second was cut in its last word, and is to be run again.
     let mut kept = Kept::open(&file).unwrap();
-    assert_eq!(told(&kept.of(&plan, panel, 2)), told(&both[..1]));
+    assert_eq!(words(&kept.of(&plan, panel, 2)), words(&both[..1]));
     kept.keep(&both[1..]).unwrap();
-    assert_eq!(told(&Kept::open(&file).unwrap().of(&plan, panel, 2)), told(&both));
+    assert_eq!(words(&Kept::open(&file).unwrap().of(&plan, panel, 2)), words(&both));
 }
 
 #[test]

@@ -1,16 +1,15 @@
-//! What real rigs are like and the ideal one is not, in growing strengths: each on the swept rig
-//! with nothing else changed, and but for the rows of focus and unrest there when the rig is
-//! calibrated. The sizes in `truthful.toml`, with their sources, are among the strengths.
+//! Effects of real rigs in growing strengths, one at a time. All but focus and unrest are there
+//! when the rig is calibrated. The values of `truthful.toml`, with their sources, are among the
+//! strengths.
 //!
-//! Slow drift is not here: by the time a photo is restored it is a knock and another gain, which
-//! are swept.
+//! Slow drift is left out: when a photo is restored it is a knock and a change of gain, both swept.
 
 use relens::config::{RigFile, SensorCurve, Uneven, Unrest};
 use relens::frame::Mosaic;
 
 use crate::change::{Swept, To, lens, simulation, swept};
 
-/// The truths; the first strength of each is that of an ideal rig.
+/// The effects; the first strength of each is an ideal rig's.
 pub(crate) static TRUTHS: [Swept; 12] = [
     swept("filters; photo raw", "times the noise", NOISY, To::File(filters)),
     swept(
@@ -87,28 +86,27 @@ pub(crate) static TRUTHS: [Swept; 12] = [
     ),
 ];
 
-/// Vibration for each pixel of wander, as in `truthful.toml`.
+/// Vibration over wander, as in `truthful.toml`.
 const VIBRATION: f64 = 0.05 / 0.03;
 /// Light of hot pixels, grey levels, as in `truthful.toml`.
 const HOT_LEVELS: f64 = 20.0;
-/// Where a knee is, as in `truthful.toml`.
+/// Start of the knee, as in `truthful.toml`.
 const KNEE_SHARE: f64 = 0.85;
-/// For each of a panel's corner loss: its tint, and what an angle takes and leaks, as in
-/// `truthful.toml`.
+/// Tint, loss and leakage at an angle over a panel's corner loss, as in `truthful.toml`.
 const UNEVEN: [f64; 3] = [0.02 / 0.15, 0.02 / 0.15, 0.0005 / 0.15];
-/// Of a sensor behind filters; the first strength has none.
+/// Strengths of a sensor behind filters; the first has none.
 const NOISY: fn(&RigFile) -> [f64; 5] = |_| [0.0, 1.0, 2.0, 3.0, 4.0];
 
 const SCENE_AT: To =
     To::Camera(|rig, metres| lens(rig, |lens| lens.scene_distance_mm = Some(1000.0 * metres)));
 
-/// Filters over the sensor's sites, which have `times` the filed noise.
+/// Filters over the sensor's sites, with `times` the filed noise.
 fn filters(rig: &mut RigFile, times: f64) {
     simulation(rig, |simulation| {
         let sensor = &mut simulation.sensor;
         sensor.mosaic = Some(Mosaic::Rggb);
         sensor.read_noise_levels *= times;
-        // Shot noise grows as light falls: by this much less of it.
+        // Shot noise grows as the root of the full well falls.
         sensor.full_well_electrons /= times * times;
     });
 }
@@ -122,7 +120,7 @@ fn uneven(rig: &mut RigFile, loss: f64) {
     });
 }
 
-/// A camera whose counts bend, and whose calibration looks for that.
+/// A camera with a bent response, measured by its calibration.
 fn bend(rig: &mut RigFile, curve: SensorCurve) {
     rig.calibration.linearity = true;
     simulation(rig, |simulation| simulation.sensor.curve = curve);

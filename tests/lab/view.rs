@@ -1,15 +1,15 @@
-//! Scenes and parts of them: more content than there are pictures.
+//! Scenes and quarters of scenes: more content from few pictures.
 
 use relens::chart::scenes::{Scene, cut};
 use relens::frame::{Frame, Rect, Size, Work};
 use relens::picture::embedded;
 
-/// What stands before the lens.
+/// A scene before the lens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Subject {
     /// One of the program's scenes.
     Of(Scene),
-    /// A photograph of the laboratory's, by its place in [`KEPT`].
+    /// A photograph of the laboratory: an index into [`KEPT`].
     Kept(usize),
 }
 
@@ -24,7 +24,7 @@ pub(crate) const KEPT: [(&str, &[u8]); 6] = [
 ];
 
 impl Subject {
-    /// The word in tables.
+    /// Name in tables.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Subject::Of(scene) => scene.name(),
@@ -52,12 +52,12 @@ impl Subject {
 pub(crate) struct View {
     /// The scene.
     pub(crate) subject: Subject,
-    /// Which quarter of it, 0..4 row by row; `None` for the whole.
+    /// Quarter of it, 0..4 row by row; `None` for the whole.
     pub(crate) quarter: Option<usize>,
 }
 
 impl View {
-    /// All of a scene.
+    /// A whole scene.
     #[cfg(test)]
     pub(crate) const fn whole(scene: Scene) -> View {
         View { subject: Subject::Of(scene), quarter: None }
@@ -68,7 +68,7 @@ impl View {
         View { subject: Subject::Of(scene), quarter: Some(n) }
     }
 
-    /// The words in tables.
+    /// Name in tables.
     pub(crate) fn name(self) -> String {
         match self.quarter {
             None => self.subject.name().to_owned(),
@@ -76,7 +76,7 @@ impl View {
         }
     }
 
-    /// A number of its own, for seeds.
+    /// A unique number, for seeds.
     pub(crate) fn number(self) -> u64 {
         8 * self.subject.number() + self.quarter.map_or(0, |n| n as u64 + 1)
     }

@@ -1,5 +1,5 @@
-//! What captures are worth over the measured lens alone: the rig's own method with none and with
-//! some, where the lens is as measured and where it is not, on photographs that nothing was set on.
+//! Gain of captures over the lens model alone by the rig's own method, with the lens as measured
+//! and otherwise, on photographs that no limit was set on.
 
 use relens::chart::table::Table;
 use relens::config::{MethodName, RigFile};
@@ -16,12 +16,12 @@ use crate::made::Made;
 use crate::view::{KEPT, Subject, View};
 use crate::wrong_models::WRONG;
 
-/// As many captures as a photo may cost.
+/// Captures at most.
 const CAPTURES: [u32; 4] = [0, 1, 2, 3];
 /// Seed of the photos.
 const SEED: u64 = 7100;
 
-/// One photo restored with some captures at most, or the photo itself.
+/// Quality and cost of a result, or of the untouched photo.
 #[derive(Debug, Clone, Copy)]
 struct Restored {
     likeness: Likeness,
@@ -30,24 +30,24 @@ struct Restored {
     seconds: f64,
 }
 
-/// A photo, and what is made of it with each of [`CAPTURES`].
+/// A photo and its results with each of [`CAPTURES`].
 struct Photo {
     subject: Subject,
     untouched: Restored,
     with: [Restored; CAPTURES.len()],
 }
 
-/// The method of the rig file, which may take `captures` at most.
+/// The rig file's setting with `captures` at most.
 fn setting(rig: &RigFile, captures: u32) -> Setting {
     let filed = Setting::as_filed(rig, rig.restore.method);
     match (filed.method, captures) {
-        // It takes one at least.
+        // Takes at least one capture.
         (MethodName::Hybrid, 0) => Setting { method: MethodName::Digital, ..filed },
         _ => Setting { captures_max: captures, ..filed },
     }
 }
 
-/// Two tables: the means, and every photo; `quick` takes a third of the photos.
+/// Tables of the means and of every photo; `quick` takes a third of the photos.
 pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let count = if quick { 2 } else { KEPT.len() };
     let mut cases = Vec::new();
@@ -57,7 +57,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool) -> Result<Made, Failure> {
     let stem = format!("{}-worth", rig.name);
     let [means, each] = [means(rig, &cases), each(rig, &cases)];
     Ok(Made {
-        // The page of both is kept under the bare name.
+        // The published page has the bare name.
         tables: vec![(format!("{stem}-means"), means), (format!("{stem}-photos"), each)],
         ..Made::default()
     })
@@ -109,7 +109,7 @@ fn photos(
     Ok(photos)
 }
 
-/// The mean of `all`.
+/// Mean of `all`.
 fn mean(all: impl Iterator<Item = Restored>) -> Option<Restored> {
     let all: Vec<Restored> = all.collect();
     let of = |part: fn(&Restored) -> f64| all.iter().map(part).sum::<f64>() / all.len() as f64;
@@ -121,13 +121,13 @@ fn mean(all: impl Iterator<Item = Restored>) -> Option<Restored> {
     })
 }
 
-/// SSIM, dB and ΔE.
+/// SSIM, dB and ΔE as words.
 fn plain(of: Restored) -> String {
     let difference = of.likeness.difference.map_or(String::new(), |v| format!("/{v:.2}"));
     format!("{:.4}/{:.2}{difference}", of.likeness.ssim, of.psnr_db)
 }
 
-/// The same as what it gains over `none`; a ΔE that falls is a gain below nought.
+/// Differences of SSIM, dB and ΔE from `none`; a smaller ΔE is better.
 fn gain(of: Restored, none: Restored) -> String {
     let both = of.likeness.difference.zip(none.likeness.difference);
     let difference = both.map_or(String::new(), |(of, none)| format!("/{:+.2}", of - none));
@@ -139,15 +139,15 @@ fn means(rig: &RigFile, cases: &[(String, Vec<Photo>)]) -> Table {
     let names: Vec<&str> = KEPT.iter().map(|kept| kept.0).collect();
     let count = cases.first().map_or(0, |(_, photos)| photos.len());
     let caption = format!(
-        "What captures are worth, rig {}, {}: SSIM of luma, dB of luma and mean ΔE of the photo \
-         and of the measured lens alone; what up to one, two and three captures gain over that, \
-         and the mean number taken; processor seconds a photo, none and one to three captures. \
-         Means of {}; the methods' own results.",
+        "Worth of captures, rig {}, {}: SSIM and dB of luma and mean ΔE of the photo and of the \
+         lens model alone; gain of up to one, two and three captures, and the mean number taken; \
+         processor seconds a photo with none and one to three captures. Means of {}; the methods' \
+         own results.",
         rig.name,
         rig.restore.method.name(),
         names[..count.min(names.len())].join(", ")
     );
-    let head = ["what is wrong", "photo", "no capture", "1", "2", "3", "taken", "seconds"];
+    let head = ["fault", "photo", "no capture", "1", "2", "3", "taken", "seconds"];
     let mut table = Table::new(caption, &head);
     for (words, photos) in cases {
         let Some(untouched) = mean(photos.iter().map(|photo| photo.untouched)) else { continue };
@@ -167,8 +167,8 @@ fn means(rig: &RigFile, cases: &[(String, Vec<Photo>)]) -> Table {
 }
 
 fn each(rig: &RigFile, cases: &[(String, Vec<Photo>)]) -> Table {
-    let caption = format!("What captures are worth, photo by photo, rig {}.", rig.name);
-    let head = ["what is wrong", "scene", "photo", "no capture", "1", "2", "3"];
+    let caption = format!("Worth of captures, photo by photo, rig {}.", rig.name);
+    let head = ["fault", "scene", "photo", "no capture", "1", "2", "3"];
     let mut table = Table::new(caption, &head);
     for (words, photos) in cases {
         for photo in photos {

@@ -15,10 +15,8 @@ use relens::deconvolution::method::blocks::Blocks;
 use relens::deconvolution::method::digital::{Colours, Digital};
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::deconvolution::method::paper::{Backward, Paper};
-use relens::deconvolution::method::residual::Residual;
 use relens::deconvolution::method::richardson_lucy::RichardsonLucy;
 use relens::deconvolution::method::total_variation::TotalVariation;
-use relens::deconvolution::method::unmatched::Unmatched;
 use relens::deconvolution::method::wiener::Wiener;
 use relens::deconvolution::method::{Method, Problem, ResidualOf, Strength};
 use relens::deconvolution::observation::{Developed, Observation};
@@ -101,8 +99,6 @@ fn methods(patch_px: usize) -> Vec<Box<dyn Method>> {
             levels: 2,
             bounded: true,
         }),
-        Box::new(Residual { iterations: 40, strength, patches, levels: 2, cycle_spun: true }),
-        Box::new(Unmatched { iterations: 40, strength, levels: 2, cycle_spun: true }),
         Box::new(digital),
         Box::new(hybrid),
         Box::new(Hybrid {

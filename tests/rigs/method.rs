@@ -13,7 +13,6 @@ use relens::deconvolution::method::blocks::Blocks;
 use relens::deconvolution::method::digital::{Colours, Digital};
 use relens::deconvolution::method::hybrid::Hybrid;
 use relens::deconvolution::method::paper::{Backward, Paper};
-use relens::deconvolution::method::unmatched::Unmatched;
 use relens::deconvolution::method::{Method, Problem, Strength};
 use relens::deconvolution::observation::{Developed, Observation};
 use relens::deconvolution::patches::{PatchGrid, PatchShape};
@@ -238,15 +237,12 @@ fn model_based_methods_sharpen_the_photo_and_count_captures() {
         defect_floor: 0.2,
         carefulness: 25.0,
     };
-    let unmatched =
-        Unmatched { iterations: 10, strength: digital().strength, levels: 2, cycle_spun: true };
     let matched = Hybrid {
         digital: Digital { blocks: Some(Blocks { rounds: 4, model_error: [0.0; 3] }), ..digital() },
         ..hybrid
     };
     // Block matching comes after the first capture; the second certifies it.
-    let methods: [(&dyn Method, usize); 4] =
-        [(&digital(), 0), (&hybrid, 1), (&matched, 2), (&unmatched, 10)];
+    let methods: [(&dyn Method, usize); 3] = [(&digital(), 0), (&hybrid, 1), (&matched, 2)];
     for (method, captures) in methods {
         let mut optics = ComputedOptics::new(&model, true);
         let mut reports = 0;

@@ -28,10 +28,11 @@ fn an_operating_point_chosen_with_shown_scenes_is_good_for_photos() {
     };
     let (mut test_rig, _) = on_small();
     let mut tried = 0;
-    let best = choose(&mut test_rig, OperatingPoint::Best, &mut |_| tried += 1).unwrap().unwrap();
+    let best =
+        choose(&mut test_rig, OperatingPoint::Best, &mut |_, _| tried += 1).unwrap().unwrap();
     assert_eq!(tried, restorations(&rig, OperatingPoint::Best));
     assert!(best.ssim == best.best_ssim && best.ssim > best.photo_ssim + 0.02, "{best}");
-    let fast = choose(&mut test_rig, OperatingPoint::Fast, &mut |_| {}).unwrap().unwrap();
+    let fast = choose(&mut test_rig, OperatingPoint::Fast, &mut |_, _| {}).unwrap().unwrap();
     // Block matching in many rounds is a candidate for the best alone.
     assert!(
         fast.ssim >= fast.best_ssim - 0.01 && fast.best_ssim <= best.best_ssim,
@@ -43,7 +44,7 @@ fn an_operating_point_chosen_with_shown_scenes_is_good_for_photos() {
     let mut test_rig = test_rig.witnessed(Arc::new(witness));
     let filed = Setting::as_filed(&rig, rig.restore.method);
     let mut mean = |setting: &Setting| {
-        let ssim = |scene| test_rig.score(scene, 0, "", &*setting.method(&rig)).unwrap().ssim;
+        let ssim = |scene| test_rig.score(scene, 0, &*setting.method(&rig)).unwrap().result.ssim;
         Scene::STUDY_PHOTOGRAPHS.map(ssim).iter().sum::<f64>() / 2.0
     };
     let (of_best, of_fast, of_filed) = (mean(&best.setting), mean(&fast.setting), mean(&filed));

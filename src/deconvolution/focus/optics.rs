@@ -58,11 +58,6 @@ impl ForwardConvolution for OpticsAtFocus<'_> {
         Ok(self.refocus(shown, seen))
     }
 
-    fn pedestal(&mut self, flat: &Frame<Work>) -> Result<Seen, AnyFailure> {
-        let seen = self.inner.pedestal(flat)?;
-        Ok(self.refocus(flat, seen))
-    }
-
     fn panel_columns(&self) -> Option<&Frame<Work>> {
         self.inner.panel_columns()
     }

@@ -3,8 +3,6 @@
 //! | name | captures a photo | what it is |
 //! |---|---|---|
 //! | [`paper`] | 4 + 5·n | Eqs. 4–7 as printed, flip–FC–flip backward |
-//! | [`residual`] | 5·n | optics only: signed residual on a pedestal, momentum with restart |
-//! | [`unmatched`] | n | lens model backward, optics forward |
 //! | [`hybrid`] | 1 to 1 + corrections | lens model, certified and corrected by captures; default |
 //! | block-matching | 1 + corrections | [`hybrid`] with block matching as the prior: [`blocks`] |
 //! | [`digital`] | 0 | lens model only |
@@ -21,22 +19,18 @@
 //!   exists.
 //! * **Margin and border patches**: see [`super::patches`].
 
-pub mod averaging;
 pub mod blocks;
 pub mod digital;
 pub mod hybrid;
 pub mod paper;
-pub mod residual;
 pub mod richardson_lucy;
 pub mod total_variation;
-pub mod unmatched;
 pub mod wiener;
 
 mod brake;
 mod candidate;
 mod channel_solve;
 mod colour_prior;
-mod light_loop;
 mod momentum;
 mod problem;
 mod record;

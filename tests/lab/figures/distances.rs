@@ -1,7 +1,7 @@
 //! Figure 9: a photo taken at one distance, restored on a rig whose panel stands at another.
 
 use super::mosaic::{detail, functions_map, mosaic};
-use super::stage::{Stage, printed};
+use super::stage::{Course, Stage, Taken, printed};
 use super::{Figure, Finding, Picture};
 use crate::Failure;
 use crate::change::{NO_NOISE, lens};
@@ -15,10 +15,10 @@ use relens::pipeline::hybrid;
 
 /// The paper's two distances: name and millimetres.
 const DISTANCES: [(&str, f64); 2] = [("4 m", 4000.0), ("40 cm", 400.0)];
-/// A rig at the other distance may lose this share of the gain and still be called "reasonable and
-/// promising"; guess.
+/// Loss of gain on a rig at the other distance that still is "reasonable and promising", a share;
+/// guess.
 const LOST_SHARE_MAX: f64 = 0.25;
-/// Relative difference of functions up to which they are "very similar"; guess.
+/// Relative difference up to which functions are "very similar"; guess.
 const SIMILAR: f64 = 0.2;
 
 struct Cell {
@@ -27,6 +27,19 @@ struct Cell {
     paper: bool,
     gain: f64,
 }
+
+/// Columns of the table.
+const HEAD: [&str; 9] = [
+    "scene",
+    "photo at",
+    "panel at",
+    "method",
+    "photo SSIM/dB",
+    "SSIM",
+    "PSNR dB",
+    "gain SSIM",
+    "captures",
+];
 
 /// The figure, measured without noise.
 pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
@@ -41,17 +54,7 @@ pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     }
     let mut table = Table::new(
         "Photos of both distances restored on rigs of both, captures without noise.",
-        &[
-            "scene",
-            "photo at",
-            "panel at",
-            "method",
-            "photo SSIM/dB",
-            "SSIM",
-            "PSNR dB",
-            "gain SSIM",
-            "captures",
-        ],
+        &HEAD,
     );
     let methods: [(&str, Box<dyn Method>); 2] =
         [("paper", Box::new(printed(rig))), ("hybrid", Box::new(hybrid(rig)))];
@@ -59,28 +62,16 @@ pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     for scene in [Scene::Chart, Scene::Coffee] {
         for photo in [0, 1] {
             let taken = stages[photo].take(scene)?;
-            let (blurred, blurred_db) = taken.floor();
             for panel in [0, 1] {
                 for (name, method) in &methods {
                     let course = stages[panel].solve(&taken, &**method, &[])?;
-                    let (ssim, db) = course.end(&taken.truth);
-                    table.row(vec![
-                        scene.name().to_owned(),
-                        DISTANCES[photo].0.to_owned(),
-                        DISTANCES[panel].0.to_owned(),
-                        (*name).to_owned(),
-                        format!("{blurred:.4}/{blurred_db:.2}"),
-                        format!("{ssim:.4}"),
-                        format!("{db:.2}"),
-                        format!("{:+.4}", ssim - blurred),
-                        course.captures.to_string(),
-                    ]);
-                    cells.push(Cell {
-                        photo,
-                        rig: panel,
-                        paper: *name == "paper",
-                        gain: ssim - blurred,
-                    });
+                    let mut row = vec![scene.name().to_owned()];
+                    row.extend([photo, panel].map(|n| DISTANCES[n].0.to_owned()));
+                    row.push((*name).to_owned());
+                    row.extend(scores(&course, &taken));
+                    table.row(row);
+                    let gain = course.end(&taken.truth).0 - taken.floor().0;
+                    cells.push(Cell { photo, rig: panel, paper: *name == "paper", gain });
                     if scene == Scene::Chart && photo != panel && *name == "paper" {
                         crossed.extend([taken.blurred(), course.last]);
                     }
@@ -108,6 +99,18 @@ pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     })
 }
 
+/// Cells of the photo's scores, the result's, and the captures.
+fn scores(course: &Course, taken: &Taken) -> [String; 5] {
+    let ((ssim, db), (blurred, blurred_db)) = (course.end(&taken.truth), taken.floor());
+    [
+        format!("{blurred:.4}/{blurred_db:.2}"),
+        format!("{ssim:.4}"),
+        format!("{db:.2}"),
+        format!("{:+.4}", ssim - blurred),
+        course.captures.to_string(),
+    ]
+}
+
 /// Relative difference (of root mean squares) between the functions of two lenses in green: in the
 /// centre, in the corner, and the mean over the field.
 fn difference(one: &LensModel, other: &LensModel) -> [f64; 3] {
@@ -129,7 +132,7 @@ fn difference(one: &LensModel, other: &LensModel) -> [f64; 3] {
 }
 
 fn findings(cells: &[Cell], [centre, corner, mean]: [f64; 3]) -> Vec<Finding> {
-    // The share of the gain that is lost on the rig of the other distance, worst.
+    // Largest share of the gain lost on the rig of the other distance.
     let lost = |paper: bool| {
         let of = |c: &&Cell| c.paper == paper;
         let matched = cells.iter().filter(of).filter(|c| c.photo == c.rig);

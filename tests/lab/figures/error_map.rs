@@ -15,10 +15,9 @@ use relens::frame::Plane;
 const PATCH_PX: usize = 80;
 /// Patch sizes compared.
 const PATCHES_PX: [usize; 4] = [40, 80, 160, 1024];
-/// How much the error is brightened to be seen.
+/// Factor that makes the error visible.
 const BRIGHTER: f32 = 20.0;
-/// A mean error in the corners of so many grey levels of 255 is "very high accuracy"; guess: what
-/// no eye sees.
+/// Mean error in the corners up to which accuracy is "very high", grey levels; guess: invisible.
 const SMALL_LEVELS: f64 = 1.0;
 
 /// Mean and 99th percentile of the error, grey levels, in the centre, between, and in the corners,

@@ -1,5 +1,5 @@
-//! The paper's figures, regenerated: each is measured on a simulated rig, drawn, and held against
-//! what the paper says of its own.
+//! The paper's figures, measured on a simulated rig, drawn, and compared with the paper's
+//! statements.
 //!
 //! | figure | what | file |
 //! |---|---|---|
@@ -10,8 +10,7 @@
 //! | 11 | the first iterations | [`iterations`] |
 //! | 12 | three lenses | [`lenses`] |
 //!
-//! Figures 1 to 6 show the paper's apparatus and calibration; there is nothing in them to measure
-//! again.
+//! Figures 1 to 6 show the paper's apparatus and calibration, nothing to measure.
 
 mod distances;
 mod error_map;
@@ -32,26 +31,26 @@ use relens::frame::Plane;
 use crate::Failure;
 use crate::made::{Made, write};
 
-/// Something said of a figure, and what is measured here.
+/// A statement about a figure and its measurement.
 struct Finding {
-    /// What the paper says; a dash where it says nothing.
+    /// The paper's statement, or a dash.
     paper: &'static str,
-    /// What is measured.
+    /// Quantity measured.
     what: String,
-    /// What it is here.
+    /// Value found.
     found: String,
-    /// What is allowed, and whether it holds, of what the paper says.
+    /// Limit of the paper's statement, and whether it holds.
     held: Option<(String, bool)>,
 }
 
 impl Finding {
-    /// A statement of the paper's that holds here or does not.
+    /// A statement of the paper.
     fn of(paper: &'static str, what: &str, found: String, allowed: &str, holds: bool) -> Finding {
         let held = Some((allowed.to_owned(), holds));
         Finding { paper, what: what.to_owned(), found, held }
     }
 
-    /// Something that the paper does not say.
+    /// A value beside the paper's statements.
     fn beside(what: impl Into<String>, found: String) -> Finding {
         Finding { paper: "–", what: what.into(), found, held: None }
     }
@@ -59,31 +58,31 @@ impl Finding {
 
 /// A grey picture, 0..255.
 struct Picture {
-    /// What is added to the figure's stem.
+    /// Suffix of the figure's stem.
     suffix: &'static str,
-    /// What is to be seen.
+    /// Caption.
     seen: String,
     picture: Plane,
 }
 
-/// A figure made again.
+/// A figure.
 struct Figure {
     /// Its number in the paper.
     number: u32,
-    /// What its files' names begin with.
+    /// Stem of its files' names.
     stem: &'static str,
-    /// What it shows.
+    /// Title.
     title: &'static str,
     findings: Vec<Finding>,
-    /// What is added to the stem, and a drawing.
+    /// Suffixes of the stem, and drawings.
     drawings: Vec<(&'static str, Drawing)>,
     pictures: Vec<Picture>,
-    /// The numbers.
+    /// Numbers.
     table: Table,
 }
 
 impl Figure {
-    /// How many of the paper's statements hold, in words.
+    /// Agreement with the paper's statements in words.
     fn agreement(&self) -> String {
         let held = || self.findings.iter().filter_map(|finding| finding.held.as_ref());
         format!("{} of {}", held().filter(|(_, holds)| *holds).count(), held().count())
@@ -117,7 +116,7 @@ impl Figure {
     }
 }
 
-/// Measures a figure on rigs made from the simulated one given, whose photos are linear.
+/// Measures a figure on rigs derived from a simulated one with linear photos.
 type Measure = fn(&RigFile) -> Result<Figure, Failure>;
 
 const ALL: [Measure; 6] = [
@@ -129,7 +128,7 @@ const ALL: [Measure; 6] = [
     lenses::measure,
 ];
 
-/// All figures, each written into `folder` as soon as it is measured.
+/// Measures all figures, writing each into `folder` at once.
 pub(crate) fn run(rig: &RigFile, folder: &Path) -> Result<Made, Failure> {
     let mut figures = Vec::new();
     for measure in ALL {
@@ -142,7 +141,7 @@ pub(crate) fn run(rig: &RigFile, folder: &Path) -> Result<Made, Failure> {
     Ok(Made::default())
 }
 
-/// The page in Markdown that shows `figures`.
+/// Page of `figures` in Markdown.
 fn page(figures: &[Figure], rig: &str) -> String {
     let mut out = format!(
         "# The paper's figures, measured again\n\nMade by `lab figures --rig {rig}.toml --out DIR` \

@@ -1,7 +1,7 @@
 //! Figure 7: convergence with flip–FC–flip of several patch sizes, and with the exact adjoint.
 
 use super::mosaic::{detail, mosaic};
-use super::stage::{Course, Exact, Stage, printed, with_patches};
+use super::stage::{Course, Exact, Stage, Taken, printed, with_patches};
 use super::{Figure, Finding, Picture};
 use crate::Failure;
 use crate::change::NO_NOISE;
@@ -10,7 +10,6 @@ use crate::lines::{LineChart, PALETTE, Scale, Series};
 use relens::chart::scenes::Scene;
 use relens::chart::table::Table;
 use relens::config::RigFile;
-use relens::deconvolution::method::Method;
 use relens::deconvolution::method::paper::Paper;
 
 /// Patch sizes for a photo 1024 wide; the paper tries 60 and 80 and some it does not print.
@@ -19,53 +18,27 @@ const PATCHES_PX: [usize; 6] = [40, 60, 80, 120, 160, 240];
 const ITERATIONS: u32 = 20;
 /// The paper's iterations.
 const PRINTED: usize = 11;
-/// SSIM that nobody sees: what "very small" and "almost the same" are taken to mean (the issue's
-/// bound for a patch of 80).
+/// Invisible difference of SSIM, for "very small" and "almost the same". Guess.
 const SMALL_SSIM: f64 = 0.005;
-/// "Optimal performance at around 10 iterations": this much more after the paper's 11, up to the
-/// last, counts as none.
+/// Gain after the paper's 11 iterations that counts as none, for "optimal performance at around 10
+/// iterations".
 const FLAT_SSIM: f64 = 0.005;
+
+/// Columns of the table.
+const HEAD: [&str; 12] =
+    ["scene", "backward convolution", "0", "1", "2", "3", "5", "8", "11", "15", "20", "dB at 11"];
 
 /// The figure, measured without noise.
 pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     let mut stage = Stage::open(NO_NOISE.filed(rig, 0.0))?;
-    let mut table = Table::new(
-        "SSIM after so many iterations, captures without noise.",
-        &[
-            "scene",
-            "backward convolution",
-            "0",
-            "1",
-            "2",
-            "3",
-            "5",
-            "8",
-            "11",
-            "15",
-            "20",
-            "dB at 11",
-        ],
-    );
+    let mut table = Table::new("SSIM after so many iterations, captures without noise.", &HEAD);
     let mut drawn = Vec::new();
     let mut pictures = Vec::new();
     for scene in [Scene::Chart, Scene::Coffee] {
         let taken = stage.take(scene)?;
         let (blurred_ssim, _) = taken.floor();
         let mut details = vec![taken.truth.clone(), taken.blurred()];
-        let mut courses: Vec<(String, Course)> = Vec::new();
-        let lens = stage.truth.clone();
-        let exact = Exact { paper: Paper { iterations: ITERATIONS, ..printed(rig) }, lens: &lens };
-        courses.push(("exact adjoint".to_owned(), stage.solve(&taken, &exact, &[11])?));
-        let mut light: Vec<(String, Box<dyn Method>)> = Vec::new();
-        for patch_px in PATCHES_PX {
-            let solver = Paper { iterations: ITERATIONS, ..with_patches(rig, patch_px) };
-            light.push((format!("patch {patch_px}"), Box::new(solver)));
-        }
-        let whole = Paper { iterations: ITERATIONS, ..whole_frame(rig) };
-        light.push(("one patch, the whole frame".to_owned(), Box::new(whole)));
-        for (name, solver) in light {
-            courses.push((name, stage.solve(&taken, &*solver, &[11])?));
-        }
+        let courses = courses(&mut stage, &taken, rig)?;
         for (name, course) in &courses {
             let at = |n| format!("{:.4}", course.ssim_at(n));
             let mut row = vec![scene.name().to_owned(), name.clone(), format!("{blurred_ssim:.4}")];
@@ -102,6 +75,25 @@ pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
     })
 }
 
+/// The paper's loop by the exact adjoint, and by light with patches of every size.
+fn courses(
+    stage: &mut Stage,
+    taken: &Taken,
+    rig: &RigFile,
+) -> Result<Vec<(String, Course)>, Failure> {
+    let lens = stage.truth.clone();
+    let exact = Exact { paper: Paper { iterations: ITERATIONS, ..printed(rig) }, lens: &lens };
+    let mut courses = vec![("exact adjoint".to_owned(), stage.solve(taken, &exact, &[11])?)];
+    for patch_px in PATCHES_PX {
+        let solver = Paper { iterations: ITERATIONS, ..with_patches(rig, patch_px) };
+        courses.push((format!("patch {patch_px}"), stage.solve(taken, &solver, &[11])?));
+    }
+    let whole = Paper { iterations: ITERATIONS, ..whole_frame(rig) };
+    let course = stage.solve(taken, &whole, &[11])?;
+    courses.push(("one patch, the whole frame".to_owned(), course));
+    Ok(courses)
+}
+
 type Measured = (Scene, f64, Vec<(String, Course)>);
 
 fn curves(scene: Scene, floor: f64, courses: &[(String, Course)]) -> LineChart {
@@ -120,7 +112,7 @@ fn curves(scene: Scene, floor: f64, courses: &[(String, Course)]) -> LineChart {
         y_label: "SSIM".to_owned(),
         x_scale: Scale::Linear,
         x_ticks: (0..=10).map(|n| f64::from(2 * n)).collect(),
-        // The one that diverges is cut off, so that the others can be told apart.
+        // The diverging curve is cut off to keep the others apart.
         y_least: Some(floor - 0.05),
         floor: Some((floor, "the blurred photo".to_owned())),
         series: series.collect(),

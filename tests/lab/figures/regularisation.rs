@@ -1,9 +1,8 @@
-//! Figure 10: which λ is best at which noise variance, under two readings of where the noise
-//! enters.
+//! Figure 10: the best λ for each noise variance, with two readings of where noise enters.
 //!
-//! The paper adds "Gaussian white noise after each simulated display-imaging operation". Taken at
-//! its word that is every capture, those of the backward convolution too. The other reading has it
-//! on the photo and the forward captures, with the backward convolution computed.
+//! The paper adds "Gaussian white noise after each simulated display-imaging operation". Literally
+//! that is every capture, backward convolution included. The other reading has noise on the photo
+//! and the forward captures, and computes the backward convolution.
 
 use super::mosaic::{detail, mosaic};
 use super::stage::{Exact, Stage, printed};
@@ -26,7 +25,7 @@ const PRINTED: (f64, f32) = (18.0, 18.0);
 /// "Near the noise variance": within this factor either way.
 const NEAR: f64 = 2.5;
 
-/// Where the noise enters.
+/// Captures with noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Reading {
     EveryCapture,
@@ -60,9 +59,9 @@ impl Row {
     }
 }
 
-/// The figure, on the rig at half its size, since it takes so many runs.
+/// The figure, on the rig at half its size because of its many runs.
 pub(super) fn measure(rig: &RigFile) -> Result<Figure, Failure> {
-    // Calibrated in quiet, so that the noise is in the loop and nowhere else.
+    // Calibrated without noise, which is in the loop only.
     let mut stage = Stage::open(NO_NOISE.filed(&sized(rig, 0.5), 0.0))?;
     let as_printed = printed(stage.harness.config());
     let lens = stage.truth.clone();

@@ -1,4 +1,4 @@
-//! What the figures are measured on: a calibrated simulated rig with its true lens beside it.
+//! Rig of the figures: calibrated, simulated, with its true lens.
 
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PHOTO_SEED, TestPhoto};
@@ -20,8 +20,8 @@ use crate::harness::Harness;
 
 /// Width that sizes in the paper refer to.
 const PAPER_WIDTH_PX: usize = 1024;
-/// Functions of the true lens, at most, along the longer and the shorter side: 192 are within 0.4
-/// to 0.7 grey levels of the light (study), and an operator of 768 takes many times as long.
+/// Functions of the true lens along the longer and the shorter side, at most: 192 are within 0.4
+/// to 0.7 grey levels of the light (study); 768 take many times as long.
 const TRUE_FUNCTIONS: (usize, usize) = (16, 12);
 
 /// A rig and its true lens.
@@ -37,7 +37,7 @@ pub(super) struct Taken {
 }
 
 impl Taken {
-    /// The photo as it is shown.
+    /// The photo as displayed.
     pub(super) fn blurred(&self) -> Plane {
         shown(self.photo.light.plane(Channel::Green))
     }
@@ -48,7 +48,7 @@ impl Taken {
     }
 }
 
-/// How a picture came about: SSIM and PSNR (dB) after every step, and the pictures asked for.
+/// Course of a solve: SSIM and PSNR (dB) after every step, and selected pictures.
 pub(super) struct Course {
     pub(super) ssim: Vec<f64>,
     pub(super) psnr_db: Vec<f64>,
@@ -59,12 +59,12 @@ pub(super) struct Course {
 }
 
 impl Course {
-    /// SSIM after `iteration`; of the last one when there were fewer.
+    /// SSIM after `iteration`, or after the last.
     pub(super) fn ssim_at(&self, iteration: usize) -> f64 {
         self.ssim.get(iteration - 1).or(self.ssim.last()).copied().unwrap_or(0.0)
     }
 
-    /// PSNR (dB) after `iteration`; of the last one when there were fewer.
+    /// PSNR (dB) after `iteration`, or after the last.
     pub(super) fn psnr_at(&self, iteration: usize) -> f64 {
         self.psnr_db.get(iteration - 1).or(self.psnr_db.last()).copied().unwrap_or(0.0)
     }
@@ -76,7 +76,7 @@ impl Course {
 }
 
 impl Stage {
-    /// The rig of `rig` as it is, calibrated from its own captures.
+    /// The rig of `rig`, calibrated from its own captures.
     pub(super) fn open(rig: RigFile) -> Result<Stage, Failure> {
         let (harness, _) = Harness::open(rig)?;
         let truth = true_lens(harness.config(), &harness.witness)?;
@@ -90,7 +90,7 @@ impl Stage {
         Ok(Taken { truth: self.harness.truth(&light).plane(Channel::Green).clone(), photo })
     }
 
-    /// `method` on a photo, every step scored, the pictures after the `wanted` iterations kept.
+    /// Solves a photo with `method`; scores every step, keeps the pictures of `wanted` iterations.
     pub(super) fn solve(
         &mut self,
         taken: &Taken,
@@ -123,8 +123,7 @@ impl Stage {
         })
     }
 
-    /// KᵀX by the true lens and by the light with patches of `shape`, both photo-sized, and how
-    /// often it was shown.
+    /// KᵀX by the true lens and by light with patches of `shape`, both photo-sized.
     pub(super) fn backward(
         &mut self,
         x: &Plane,
@@ -145,7 +144,7 @@ impl Stage {
         Ok((exact.crop(rect), light.plane(Channel::Green).crop(rect)))
     }
 
-    /// RMS in grey levels between the true lens as computed here and the light itself, on `x`.
+    /// RMS between the true lens as computed and the light on `x`, grey levels.
     pub(super) fn truth_error(&self, x: &Plane) -> f64 {
         let margin = self.harness.config().canvas.margin_px;
         let (canvas, rect) = data_term::canvas_of(x.size(), margin);
@@ -159,7 +158,7 @@ impl Stage {
     }
 }
 
-/// Clipped to what a screen shows.
+/// Clipped to the range of a screen.
 pub(super) fn shown(plane: &Plane) -> Plane {
     plane.map(|v: f32| v.clamp(0.0, 255.0))
 }
@@ -169,7 +168,7 @@ pub(super) fn scaled(rig: &RigFile, px: usize) -> usize {
     (px * rig.photo.width_px / PAPER_WIDTH_PX).max(1)
 }
 
-/// The paper's loop as printed, nothing holding it back.
+/// The paper's loop as printed, unbounded.
 pub(super) fn printed(rig: &RigFile) -> Paper {
     Paper { bounded: false, ..paper(rig) }
 }
@@ -180,8 +179,8 @@ pub(super) fn with_patches(rig: &RigFile, patch_px: usize) -> Paper {
     Paper { backward: Backward::Light(shape), ..printed(rig) }
 }
 
-/// The paper's loop with the "accurate numerical calculation" of §4.1 for its backward step: the
-/// adjoint of the true lens. Forward it uses the light, as always.
+/// The paper's loop with the "accurate numerical calculation" of §4.1 backward, the adjoint of the
+/// true lens, and light forward.
 pub(super) struct Exact<'a> {
     pub(super) paper: Paper,
     pub(super) lens: &'a LensModel,
@@ -207,7 +206,7 @@ impl Method for Exact<'_> {
     }
 }
 
-/// The true lens of a simulated rig as an operator, from the witness's functions.
+/// Operator of a simulated rig's true lens, from the witness's functions.
 fn true_lens(rig: &RigFile, witness: &Witness) -> Result<LensModel, Failure> {
     let (columns, rows) = TRUE_FUNCTIONS;
     let Rect { x, y, size } = rig.photo_on_sensor();

@@ -118,7 +118,7 @@ fn made(rig: &RigFile, found: &Found) -> Made {
         rig.name,
         VIEWS.len()
     );
-    let title = format!("Where methods harm, and who notices, on rig {}", rig.name);
+    let title = format!("Where methods harm, and what is noticed, rig {}", rig.name);
     Made {
         drawings: vec![(stem(""), map::draw(&cells, &title))],
         tables: vec![

@@ -17,10 +17,8 @@ use crate::likeness::{Likeness, Truth};
 use crate::view::View;
 
 /// The methods that are swept: those a rig file can name, and the reference solution.
-pub(crate) const METHODS: [&str; 9] = [
+pub(crate) const METHODS: [&str; 7] = [
     "paper",
-    "residual",
-    "unmatched",
     "hybrid",
     "block-matching",
     "digital",
