@@ -168,6 +168,6 @@ fn strength(numbers: &Numbers<'_>, factor: f32) -> Strength {
 }
 
 /// The patches of backward convolution.
-pub fn patches(paper: &PaperTable) -> PatchShape {
+fn patches(paper: &PaperTable) -> PatchShape {
     PatchShape { patch_px: paper.patch_px, margin_px: paper.margin_px }
 }

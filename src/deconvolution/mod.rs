@@ -18,7 +18,6 @@ pub mod colour_axis;
 pub mod computed_optics;
 pub mod data_term;
 pub mod detail_mask;
-pub mod dot_test;
 pub mod focus;
 pub mod forward_convolution;
 pub mod jpeg;

@@ -5,7 +5,6 @@
 //! a method's result before it is judged.
 
 mod distance;
-mod dot_test;
 mod evidence;
 mod fine_colour;
 mod focus;
@@ -23,7 +22,6 @@ mod shown;
 mod solve;
 mod stages;
 
-pub use dot_test::BackwardCheck;
 pub use fine_colour::FineColour;
 pub use grain::Grain;
 pub use methods::{digital, hybrid, method, paper, reference_solution};
@@ -46,7 +44,6 @@ use crate::deconvolution::lens_model::{LensModel, LensModelError};
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::deconvolution::method::digital::Digital;
 use crate::deconvolution::method::total_variation::TotalVariation;
-use crate::deconvolution::patches::PatchShape;
 use crate::frame::{Channel, FULL_SCALE, RawSites, Size};
 use crate::light_path::LightPath;
 use crate::remedy::{Remediable, Remedy};
@@ -74,7 +71,6 @@ pub struct Pipeline {
     model_error: ModelError,
     reference: TotalVariation,
     digital: Digital,
-    patches: PatchShape,
     stopwatch: Stopwatch,
     interruption: Option<Interruption>,
 }
@@ -114,7 +110,6 @@ impl Pipeline {
             model_error: ModelError::of(calibration),
             reference: reference_solution(rig),
             digital: digital(rig),
-            patches: config::methods::patches(&rig.paper),
             stopwatch: Arc::new(|| 0.0),
             interruption: None,
             correction,

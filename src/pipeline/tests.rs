@@ -92,8 +92,7 @@ struct Spoiler;
 
 impl Method for Spoiler {
     fn about(&self) -> &'static About {
-        const ABOUT: About =
-            About { name: "spoiler", starts_from_lens: true, by_patches: false, by_steps: false };
+        const ABOUT: About = About { name: "spoiler", starts_from_lens: true };
         &ABOUT
     }
 
@@ -173,8 +172,7 @@ fn wave(picture: &mut Frame<Work>) {
 fn a_tint_that_lightness_does_not_show_is_replaced() {
     let mut bed = Bed::new();
     let photo = bed.photo();
-    const ABOUT: About =
-        About { name: "tinter", starts_from_lens: false, by_patches: false, by_steps: false };
+    const ABOUT: About = About { name: "tinter", starts_from_lens: false };
     let reference = Box::new(reference_solution(&bed.config));
     let outcome = bed.restore(&photo, &Changed { about: &ABOUT, reference, change: tint });
     // No capture led it astray, so `digital` is not asked.
@@ -231,8 +229,7 @@ fn where_noise_hides_what_the_lens_did_a_result_that_adds_to_it_is_replaced() {
     let hill = |x: usize, y: usize| 120.0 + 50.0 * (0.05 * x as f32 + 0.03 * y as f32).sin();
     let scene = Frame::from_fn(|_| Plane::from_fn(bed.config.photo.size(), hill));
     let photo = bed.photo_of(&scene);
-    const ABOUT: About =
-        About { name: "waver", starts_from_lens: true, by_patches: false, by_steps: false };
+    const ABOUT: About = About { name: "waver", starts_from_lens: true };
     let reference = Box::new(reference_solution(&bed.config));
     let outcome = bed.restore(&photo, &Changed { about: &ABOUT, reference, change: wave });
     assert_eq!(outcome.verdict, Verdict::Replaced, "{:?}", outcome.evidence);

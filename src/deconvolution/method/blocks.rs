@@ -37,8 +37,7 @@ const CONJUGATE_STEPS: u32 = 8;
 const SEARCH: Search = Search { step_px: 4, reach_px: 12, group_max: 16, difference_max: 400.0 };
 
 /// The properties of [`super::digital`] or [`super::hybrid`] with block matching.
-pub const ABOUT: About =
-    About { name: "block-matching", starts_from_lens: true, by_patches: false, by_steps: true };
+pub const ABOUT: About = About { name: "block-matching", starts_from_lens: true };
 
 /// The parameters of the stage.
 #[derive(Debug, Clone, Copy, PartialEq)]

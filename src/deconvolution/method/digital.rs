@@ -56,8 +56,7 @@ pub struct Digital {
 }
 
 /// The method's properties.
-pub const ABOUT: About =
-    About { name: "digital", starts_from_lens: true, by_patches: false, by_steps: true };
+pub const ABOUT: About = About { name: "digital", starts_from_lens: true };
 
 /// What a solve starts from.
 #[derive(Clone, Copy)]

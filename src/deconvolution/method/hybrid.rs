@@ -75,8 +75,7 @@ pub struct Hybrid {
 }
 
 /// The method's properties.
-pub const ABOUT: About =
-    About { name: "hybrid", starts_from_lens: true, by_patches: false, by_steps: true };
+pub const ABOUT: About = About { name: "hybrid", starts_from_lens: true };
 
 impl Method for Hybrid {
     fn about(&self) -> &'static About {

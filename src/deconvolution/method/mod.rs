@@ -54,10 +54,6 @@ pub struct About {
     /// Whether it starts from the lens model and its prior: its result is then near the solution by
     /// the lens alone, unless captures lead it away.
     pub starts_from_lens: bool,
-    /// Whether it uses backward convolution by light, patch by patch.
-    pub by_patches: bool,
-    /// Whether it has a step length.
-    pub by_steps: bool,
 }
 
 /// A method with its parameters.

@@ -73,8 +73,7 @@ impl Paper {
 }
 
 /// The method's properties.
-pub const ABOUT: About =
-    About { name: "paper", starts_from_lens: false, by_patches: true, by_steps: true };
+pub const ABOUT: About = About { name: "paper", starts_from_lens: false };
 
 impl Method for Paper {
     fn about(&self) -> &'static About {

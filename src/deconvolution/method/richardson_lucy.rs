@@ -17,8 +17,7 @@ pub struct RichardsonLucy {
 }
 
 /// The method's properties.
-pub const ABOUT: About =
-    About { name: "richardson-lucy", starts_from_lens: false, by_patches: false, by_steps: false };
+pub const ABOUT: About = About { name: "richardson-lucy", starts_from_lens: false };
 
 impl Method for RichardsonLucy {
     fn about(&self) -> &'static About {

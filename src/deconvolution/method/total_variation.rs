@@ -32,8 +32,7 @@ pub struct TotalVariation {
 }
 
 /// The method's properties.
-pub const ABOUT: About =
-    About { name: "total-variation", starts_from_lens: false, by_patches: false, by_steps: true };
+pub const ABOUT: About = About { name: "total-variation", starts_from_lens: false };
 
 impl Method for TotalVariation {
     fn about(&self) -> &'static About {

@@ -25,8 +25,7 @@ pub struct Wiener {
 }
 
 /// The method's properties.
-pub const ABOUT: About =
-    About { name: "wiener", starts_from_lens: false, by_patches: false, by_steps: false };
+pub const ABOUT: About = About { name: "wiener", starts_from_lens: false };
 
 impl Method for Wiener {
     fn about(&self) -> &'static About {

@@ -193,8 +193,11 @@ fn named(rig: &RigFile, name: &str) -> Box<dyn Method + Send + Sync> {
 pub(crate) fn concerned(method: &dyn Method, swept: &Swept) -> bool {
     match swept.change.to {
         To::Captures(_) | To::EachJob(_) => method.captures_max() > 0,
-        To::Patches(_) => method.about().by_patches,
-        To::Step => method.about().by_steps,
+        To::Patches(_) => method.name() == MethodName::Paper.name(),
+        // Wiener's filter and Richardson–Lucy have no step length.
+        To::Step => ![MethodName::Wiener, MethodName::RichardsonLucy]
+            .iter()
+            .any(|without| without.name() == method.name()),
         _ => true,
     }
 }
