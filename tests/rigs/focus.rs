@@ -1,6 +1,5 @@
 //! Scenes nearer or farther than the panel: photos are restored with the lens measured at a few
-//! focus offsets, and the offset is estimated from the photo; makes the table of
-//! `tests/tables/focus.md`.
+//! focus offsets, and the offset is estimated from the photo; `focus` in `tests/tables/README.md`.
 
 use std::path::Path;
 use std::process::Command;
