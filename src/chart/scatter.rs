@@ -204,13 +204,14 @@ impl<'a> ScatterPanel<'a> {
                 let end = self.axes.x(point.seconds() / self.megapixels);
                 obstacles.extend(along([place, [end, place[1]]]));
                 let is_best = best.is_some_and(|best| std::ptr::eq(*best, *point));
-                let (words, size) = match is_best {
-                    true => (point.name(), 12.5),
-                    false => (point.setting.clone(), 11.0),
+                let (words, size) = match (point.is_filed, is_best) {
+                    (true, _) => (format!("{} (as filed)", point.name()), 12.5),
+                    (false, true) => (point.name(), 12.5),
+                    (false, false) => (point.setting.clone(), 11.0),
                 };
                 let point = [place[0], place[1].min(self.axes.down[1] - 8.0)];
                 let label = Label { words, point, colour: mark_of(&line[0].family).colour, size };
-                if is_best { &mut names } else { &mut settings }.push(label);
+                if size > 12.0 { &mut names } else { &mut settings }.push(label);
             }
             for pair in line.windows(2) {
                 let ends = [pair[0], pair[1]].map(|point| self.place(point));
