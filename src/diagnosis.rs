@@ -303,8 +303,7 @@ mod tests {
             "margin-px = 8\n\n[marks]\nfrom-edge-px = 1\nheight-px = 4",
             1,
         );
-        let config = config::parse(&text, "small.toml", std::path::Path::new(""))
-            .unwrap_or_else(|e| panic!("{e}"));
+        let config = config::parse(&text, "small.toml").unwrap_or_else(|e| panic!("{e}"));
         let mut devices = rig::open(&patient(&config)).unwrap_or_else(|e| panic!("{e}"));
         let timing = measure(&mut devices, &config).unwrap_or_else(|e| panic!("{e}"));
         // Two refreshes of latency, then an exponential of 5 ms. The linear estimate counts the

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use relens::alignment::{Action, Advice, AlignmentReport, FocusTurn, RigView};
-use relens::config::{self, Kind, Lens, RigFile};
+use relens::config::{self, Kind, RigFile};
 use relens::frame::Mosaic;
 use relens::measurement;
 use relens::rig::exposure::Devices;
@@ -33,10 +33,9 @@ fn misaligned() -> RigFile {
         simulation.pose.shift_y_px = -17.0;
         simulation.pose.tilt_y_deg = -9.0;
         simulation.pose.sensor_px_per_panel_px = 0.66;
-        if let Lens::Prescription(lens, _) = &mut simulation.lens {
-            lens.object_distance_mm = 5200.0;
-            lens.focus_distance_mm = Some(2900.0);
-        }
+        let lens = &mut simulation.lens.prescription;
+        lens.object_distance_mm = 5200.0;
+        lens.focus_distance_mm = Some(2900.0);
     }
     rig
 }

@@ -95,13 +95,8 @@ impl Clock for Shared {
 fn a_capture_allocates_nothing() {
     let bench = Bench { shown: Codes::zeros(PANEL), now_s: 0.0, frames: 0, spare: None };
     let devices = Shared(Arc::new(Mutex::new(bench)));
-    let timing = Timing {
-        settle_ms: 40.0,
-        latency_ms: 0.0,
-        exposure_ms: 16.0,
-        deadline_ms: 500.0,
-        exposures_max: 3,
-    };
+    let timing =
+        Timing { settle_ms: 40.0, exposure_ms: 16.0, deadline_ms: 500.0, exposures_max: 3 };
     let boxed = || Box::new(devices.clone());
     let mut rig = Devices::new(boxed(), boxed(), boxed(), boxed(), timing);
     rig.find_marks(MarkPlace::still(SENSOR, 2, 6, 2)).unwrap_or_else(|error| panic!("{error}"));

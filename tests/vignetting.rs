@@ -50,8 +50,7 @@ fn results_have_the_scene_s_corner_brightness() {
     assert!(small.contains("thickness-mm = 25.0") && small.contains("\n[restore]\n"));
     let rig = small.replace("thickness-mm = 25.0", "thickness-mm = 80.0");
     let rig = rig.replace("[sensor]\n", "[sensor]\nmosaic = \"rggb\"\n");
-    let uneven = "[display.uneven]\ncorner-loss = 0.15\ncorner-tint = 0.02\n\n[display.primaries]";
-    let rig = rig.replace("[display.primaries]", uneven);
+    let rig = rig.replace("[display]\n", "[display]\nuneven = true\n");
     std::fs::write(folder.join("kept.toml"), &rig).unwrap();
     let asked = rig.replace("\n[restore]\n", "\n[restore]\nremove-vignetting = true\n");
     std::fs::write(folder.join("removed.toml"), &asked).unwrap();

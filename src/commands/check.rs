@@ -46,7 +46,7 @@ pub(super) fn run(options: &CheckOptions) -> Result<(), CliError> {
     );
     let timing = diagnosis::measure(&mut devices, rig).map_err(CliError::of)?;
     say(timing.to_string().trim_end());
-    let mut faults = rig.doubts();
+    let mut faults = rig.warnings();
     faults.extend(timing.faults());
     let kept = opening::calibration_folder(&options.folder.folder);
     match store::load(&kept, rig.identity) {

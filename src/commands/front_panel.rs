@@ -113,8 +113,10 @@ mod board {
         ended: &dyn Fn() -> bool,
     ) {
         let warn = |error: RigError| log::warn!("{}", full_message(&error));
-        let mut bulbs = hardware::open_lamps(parts).map(BoardLamps).map_err(warn).ok();
-        let mut line = hardware::open_button(parts).map_err(warn).ok().flatten().map(BoardButton);
+        let mut bulbs = hardware::open_lamps(&parts.lamps).map(BoardLamps).map_err(warn).ok();
+        let button = parts.button.as_ref();
+        let mut line =
+            button.and_then(|b| hardware::open_button(b).map_err(warn).ok()).map(BoardButton);
         let debounce_ms = parts.button.as_ref().map_or(30.0, |button| button.debounce_ms);
         let timing = ButtonTiming { debounce_ms, long_press_ms };
         let button = line.as_mut().map(|line| line as &mut dyn attend::ButtonLevel);

@@ -85,7 +85,7 @@ pub(super) fn show_trouble(
     if let relens::config::Kind::Hardware(hardware) = &rig.kind {
         let (what, to_do) = (reason.to_owned(), what_to_do.to_owned());
         let screen = Screen::Trouble { what, to_do };
-        let mut panel = relens::rig::hardware::open_panel(rig, hardware).ok()?;
+        let mut panel = relens::rig::hardware::open_panel(&rig.panel, &hardware.panel).ok()?;
         let codes = draw(&screen, panel.size(), None);
         panel.show(&codes).ok()?;
         return Some(panel);

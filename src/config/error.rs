@@ -1,93 +1,83 @@
-//! What can be wrong with a rig file.
+//! Errors of a rig file.
 
 use std::path::PathBuf;
 
-use crate::frame::NpyError;
 use crate::remedy::{Remediable, Remedy};
 
-/// Why a rig file was not taken. `at` is the rig file, with the line where one is meant.
+/// Error of a rig file. `at` is the file, with a line where one is concerned.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
     #[error("cannot read the rig file {path}")]
     Read {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// The cause.
+        /// Cause.
         #[source]
         source: std::io::Error,
     },
-    /// There is none.
+    /// There is no such file.
     #[error(
-        "found no rig file {path}{near}{} one that is part of relens: {names}",
-        if near.is_empty() { ", allowed a file, or" } else { " Allowed are a file, or" }
+        "found no rig file {path}{near}{} a file or a built-in one: {names}",
+        if near.is_empty() { ", allowed" } else { " Allowed:" }
     )]
     NoFile {
-        /// The name asked for.
+        /// Requested name.
         path: PathBuf,
-        /// The one that may be meant, as a question.
+        /// Suggestion of a built-in rig file.
         near: String,
-        /// Those that are part of relens.
+        /// Names of the built-in rig files.
         names: String,
     },
     /// The text is not TOML.
     #[error("{at}: found {found}, allowed {allowed}")]
     NotToml {
-        /// Where.
+        /// File and line.
         at: String,
-        /// What stands there.
+        /// Text found.
         found: String,
-        /// What may.
+        /// Text allowed.
         allowed: &'static str,
     },
-    /// A key nobody knows.
+    /// Unknown key.
     #[error("{at}: unknown key `{key}`; {nearest}")]
     UnknownKey {
-        /// Where.
+        /// File and line.
         at: String,
-        /// The key as written.
+        /// Key as written.
         key: String,
-        /// The nearest known key, or all known ones, in words.
+        /// Hint: the nearest known key, or all known keys.
         nearest: String,
     },
-    /// A key, or a table, that has no default and is not there.
-    #[error("{at}: missing {what}; it has no default. What it is: {meaning}")]
+    /// Missing key or table without a default.
+    #[error("{at}: missing {what}, which has no default: {meaning}")]
     Missing {
-        /// Where.
+        /// File and line.
         at: String,
-        /// "key refresh-hz in `[panel]`".
+        /// Key or table, such as "key refresh-hz in `[panel]`".
         what: String,
-        /// What the key or the table is.
+        /// Documentation of the key or table.
         meaning: String,
     },
-    /// A value of another kind, out of its range, or at odds with another one.
+    /// Value of a wrong type, out of range, or inconsistent with another one.
     #[error("{at}: {key}: found {found}, allowed {allowed}")]
     Value {
-        /// Where.
+        /// File and line.
         at: String,
-        /// The key with its table.
+        /// Key with its table.
         key: String,
-        /// What was found.
+        /// Value found.
         found: String,
-        /// What is allowed.
+        /// Values allowed.
         allowed: String,
     },
-    /// The measured blur grid cannot be read.
-    #[error("{at}: lens.blur cannot be used")]
-    Blur {
-        /// Where.
-        at: String,
-        /// The cause.
-        #[source]
-        source: NpyError,
-    },
-    /// A hardware rig in a program without device support.
+    /// Real rig in a program without device support.
     #[error(
-        "{at}: this is a rig of real devices, and this relens was built without them; build it \
-         with `--features hardware` or use a simulated rig"
+        "{at}: this is a rig of real devices, but this relens was built without support for them; \
+         build it with `--features hardware` or use a simulated rig"
     )]
     NoHardware {
-        /// Where.
+        /// File and line.
         at: String,
     },
 }

@@ -1,97 +1,103 @@
-//! What a key of a rig file may be: said once, where its field is, for reading, checking, filling
-//! in and `rig-config/README.md`.
+//! Keys of a rig file, each declared once for parsing, validation, defaults and
+//! `rig-config/README.md`.
 //!
-//! `table!` makes a struct and its [`TableKeys`] from one list, `words!` an enum and its words. A
-//! field is followed by what is [`Allowed`] and by what it means to be [`LeftOut`]; its
-//! documentation is the key's.
+//! `table!` declares a struct and its [`TableKeys`], `words!` an enum and its words. A field is
+//! followed by its [`Allowed`] values and its meaning when [`LeftOut`]; its documentation is the
+//! key's. A field that is [`Allowed::Fixed`] is no key: a constant, or computed from other keys.
 
 use toml::Value;
 
 /// A table of the rig file.
 #[derive(Debug)]
 pub(super) struct TableKeys {
-    /// What it is.
-    #[cfg_attr(not(test), allow(dead_code))] // For rig-config/README.md.
+    /// Summary for `rig-config/README.md`.
+    #[cfg_attr(not(test), allow(dead_code))]
     pub(super) about: &'static str,
-    /// Its keys, and the tables in it.
+    /// Keys and nested tables.
     pub(super) keys: &'static [Key],
 }
 
-/// A key of a table, or a table within it.
+/// A key of a table, or a nested table.
 #[derive(Debug)]
 pub(super) struct Key {
-    /// The field; the key has `-` for its `_`.
+    /// Field name; the key has `-` for `_`.
     pub(super) field: &'static str,
-    /// What it is.
+    /// Documentation of the field.
     pub(super) meaning: &'static str,
     pub(super) allowed: Allowed,
     pub(super) left_out: LeftOut,
 }
 
 impl Key {
-    /// The name in rig files.
+    /// Name in rig files.
     pub(super) fn name(&self) -> String {
         self.field.replace('_', "-")
     }
+
+    /// Whether a rig file may contain it.
+    pub(super) fn is_written(&self) -> bool {
+        !matches!(self.allowed, Allowed::Fixed)
+    }
 }
 
-/// What a key left out means.
+/// Meaning of a key that a file leaves out.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum LeftOut {
-    /// An error: this is a quantity of the rig, or a decision of its builder.
+    /// An error: the key is a quantity of the rig or a decision of its builder.
     Never,
-    /// This value, as TOML. `{}` for a table: its keys' defaults.
+    /// A default value, as TOML; `{}` for a table of defaults.
     Means(&'static str),
-    /// No value; what happens then, in words.
-    #[cfg_attr(not(test), allow(dead_code))] // For rig-config/README.md.
+    /// No value, or a computed one; described in words for `rig-config/README.md`.
+    #[cfg_attr(not(test), allow(dead_code))]
     Says(&'static str),
 }
 
-/// The keys that a table has when its key `kind` has that word.
+/// Keys of a table whose `kind` is `word`.
 #[derive(Debug)]
 pub(super) struct KindKeys {
     pub(super) word: &'static str,
     pub(super) keys: &'static TableKeys,
-    /// Whether a table without `kind` is of this one.
-    pub(super) unless_said: bool,
 }
 
-/// A word of a rig file.
+/// A word allowed as a value.
 #[derive(Debug)]
 pub(super) struct Word {
     pub(super) word: &'static str,
-    #[cfg_attr(not(test), allow(dead_code))] // For rig-config/README.md.
+    /// Documentation for `rig-config/README.md`.
+    #[cfg_attr(not(test), allow(dead_code))]
     pub(super) meaning: &'static str,
 }
 
-/// What may stand for a value. Bounds belong to what is allowed.
+/// Values a key may have; bounds are inclusive.
 #[derive(Debug)]
 pub(super) enum Allowed {
+    /// Nothing: the field is no key of the file.
+    Fixed,
     Whole(i64, i64),
-    /// An odd one.
+    /// An odd whole number.
     Odd(i64, i64),
-    /// A whole number of these.
+    /// One of these whole numbers.
     Of(&'static [i64]),
     Number(f64, f64),
     MoreThan(f64),
     /// `true` or `false`.
     Truth,
     Word(&'static [Word]),
-    /// Any text in quotes; rules may ask more of it.
+    /// Any text; rules across keys may restrict it.
     Text,
-    /// What the words say.
+    /// Values accepted by the predicate, which the words describe.
     Such(&'static str, fn(&Value) -> bool),
     Table(&'static TableKeys),
-    /// Any number of such tables.
+    /// An array of tables.
     Tables(&'static TableKeys),
-    /// A table whose keys depend on its kind.
+    /// A table whose keys depend on its `kind`.
     ByKind(&'static [KindKeys]),
 }
 
 impl Allowed {
-    /// What is allowed in place of `value`, when `value` is not.
+    /// Description of the allowed values if `value` is not one of them.
     pub(super) fn instead_of(&self, value: &Value) -> Option<String> {
-        let (kind, of_the_kind, allowed) = match self {
+        let (kind, is_of_kind, allowed) = match self {
             Allowed::Whole(low, high) => {
                 let whole = value.as_integer();
                 let inside = whole.is_some_and(|found| (low..=high).contains(&&found));
@@ -114,14 +120,15 @@ impl Allowed {
             }
             Allowed::Truth => ("", true, value.is_bool()),
             Allowed::Word(words) => {
-                let one = |found: &str| words.iter().any(|known| known.word == found);
-                ("", true, value.as_str().is_some_and(one))
+                let is_listed = |found: &str| words.iter().any(|one| one.word == found);
+                ("", true, value.as_str().is_some_and(is_listed))
             }
             Allowed::Text => ("", true, value.is_str()),
-            Allowed::Such(_, such) => ("", true, such(value)),
+            Allowed::Such(_, accepts) => ("", true, accepts(value)),
+            Allowed::Fixed => ("", true, true),
             Allowed::Table(_) | Allowed::Tables(_) | Allowed::ByKind(_) => ("", true, false),
         };
-        (!allowed).then(|| format!("{}{self}", if of_the_kind { "" } else { kind }))
+        (!allowed).then(|| format!("{}{self}", if is_of_kind { "" } else { kind }))
     }
 }
 
@@ -136,8 +143,9 @@ impl std::fmt::Display for Allowed {
             Allowed::MoreThan(low) => write!(f, "more than {low}"),
             Allowed::Truth => f.write_str("true or false"),
             Allowed::Word(words) => {
-                f.write_str(&either(words.iter().map(|known| format!("\"{}\"", known.word))))
+                f.write_str(&either(words.iter().map(|one| format!("\"{}\"", one.word))))
             }
+            Allowed::Fixed => f.write_str("nothing"),
             Allowed::Text => f.write_str("a text in quotes"),
             Allowed::Such(words, _) => f.write_str(words),
             Allowed::Table(_) | Allowed::ByKind(_) => f.write_str("a table"),
@@ -146,7 +154,7 @@ impl std::fmt::Display for Allowed {
     }
 }
 
-/// The words of `kinds`.
+/// The words of `kinds`, quoted.
 pub(super) fn kind_words(kinds: &[KindKeys]) -> String {
     either(kinds.iter().map(|kind| format!("\"{}\"", kind.word)))
 }
@@ -160,19 +168,19 @@ fn either(all: impl Iterator<Item = String>) -> String {
     }
 }
 
-/// A number, whole or not.
+/// A number, whole or fractional.
 pub(super) fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
-/// Whether `value` is a list of `count` numbers in `low..=high`.
+/// Whether `value` is an array of `count` numbers within `low..=high`.
 pub(super) fn numbers(value: &Value, count: usize, low: f64, high: f64) -> bool {
     let inside = |one| number(one).is_some_and(|found| (low..=high).contains(&found));
     value.as_array().is_some_and(|all| all.len() == count && all.iter().all(inside))
 }
 
-/// A struct that is read from a table of the rig file, and [`TableKeys`] as its `TABLE`. `@[…]`
-/// stands for an attribute.
+/// A struct parsed from a table of the rig file, with its [`TableKeys`] as `TABLE`. `@[…]` is an
+/// attribute.
 macro_rules! table {
     ($(#[doc = $about:literal])* $(@[$meta:meta])* $vis:vis struct $name:ident {
         $($(#[doc = $doc:literal])* $(@[$inner:meta])*
@@ -202,7 +210,7 @@ macro_rules! table {
     };
 }
 
-/// An enum whose variants are words of the rig file. `@[…]` stands for an attribute.
+/// An enum whose variants are words of the rig file. `@[…]` is an attribute.
 macro_rules! words {
     ($(#[doc = $about:literal])* $(@[$meta:meta])* $vis:vis enum $name:ident {
         $($(#[doc = $doc:literal])* $(@[$inner:meta])* $variant:ident = $word:literal,)*
@@ -218,11 +226,11 @@ macro_rules! words {
             pub(super) const WORDS: &'static [$crate::config::keys::Word] =
                 &[$($crate::config::keys::Word { word: $word, meaning: concat!($($doc),*) }),*];
 
-            /// All of them.
+            /// All variants.
             #[allow(dead_code)]
             $vis const ALL: [$name; $name::WORDS.len()] = [$($name::$variant),*];
 
-            /// The word in rig files.
+            /// Word in rig files.
             #[allow(dead_code)]
             $vis const fn name(self) -> &'static str {
                 match self { $(Self::$variant => $word),* }

@@ -1,26 +1,25 @@
-//! `[hardware.camera.media]`: the media graph between a board's sensor and its video node, as
-//! links and formats that must be set before it gives pictures.
+//! `[hardware.camera.media]`: links and formats of the media graph between a board's sensor and its
+//! video node.
 
 use super::error::ConfigError;
 use super::keys::table;
 use super::places::Places;
 
 table! {
-    /// The media graph of a board's camera (`media-ctl --print-topology`), in place of `device` and
-    /// `card`. Entities are called as the kernel does; the bus address at a sensor's end
-    /// (`imx296 10-001a`) may be left out. Links and formats are set in this order whenever the
-    /// camera is opened.
+    /// Media graph of a board's camera (`media-ctl --print-topology`), instead of `device` or
+    /// `card`. Entities have the kernel's names; a sensor's bus address (`imx296 10-001a`) may be
+    /// left out. Links and formats are set in this order whenever the camera is opened.
     @[derive(Eq)]
     pub struct MediaGraph {
-        /// The driver of the media device.
+        /// Driver of the media device.
         driver: String, Text, Never;
-        /// The entity that pictures are taken from.
+        /// Entity that delivers the frames.
         capture: String, Text, Never;
-        /// The entity that has the sensor's controls, where it is not the video node itself.
-        sensor: Option<String>, Text, Says("the video node has them");
-        /// Links that must be on or off.
+        /// Entity with the sensor's controls.
+        sensor: Option<String>, Text, Says("the video node");
+        /// Links to enable or disable.
         link: Vec<MediaLink>, Tables(&MediaLink::TABLE), Means("[]");
-        /// Formats at pads, from the sensor on: each may change what comes after it.
+        /// Formats of pads from the sensor onwards, since each may change those after it.
         format: Vec<PadFormat>, Tables(&PadFormat::TABLE), Means("[]");
     }
 }
@@ -29,36 +28,36 @@ table! {
     /// A link of the media graph.
     @[derive(Eq)]
     pub struct MediaLink {
-        /// The pad it comes from: an entity, `:` and the pad's number.
+        /// Source pad: an entity, `:` and the pad's number.
         from: String, Text, Never;
-        /// The pad it goes to.
+        /// Sink pad.
         to: String, Text, Never;
-        /// Whether it is on.
+        /// Whether the link is enabled.
         on: bool, Truth, Means("true");
     }
 }
 
 table! {
-    /// What goes through a pad of the media graph. Its size is `[camera]`'s.
+    /// Format of a pad of the media graph, with the size of `[camera]`.
     @[derive(Eq)]
     pub struct PadFormat {
-        /// An entity, `:` and the pad's number.
+        /// Pad: an entity, `:` and the pad's number.
         pad: String, Text, Never;
-        /// The name of its bus format, without `MEDIA_BUS_FMT_`.
+        /// Name of the bus format, without `MEDIA_BUS_FMT_`.
         code: String, Such("a bus format's name, such as SRGGB10_1X10", |value| {
             value.as_str().is_some_and(|name| bus_format(name).is_some())
         }), Never;
     }
 }
 
-/// The number of a media bus format (<linux/media-bus-format.h>).
+/// Number of a media bus format (<linux/media-bus-format.h>).
 pub fn bus_format(name: &str) -> Option<u32> {
-    BUS_FORMATS.iter().find(|(known, _)| *known == name).map(|&(_, number)| number)
+    BUS_FORMATS.iter().find(|(one, _)| *one == name).map(|&(_, number)| number)
 }
 
-/// The name of a media bus format, or its number where relens knows none.
+/// Name of a media bus format, or its number if it is unknown.
 pub fn bus_format_name(number: u32) -> String {
-    let known = BUS_FORMATS.iter().find(|&&(_, of)| of == number);
+    let known = BUS_FORMATS.iter().find(|&&(_, one)| one == number);
     known.map_or_else(|| format!("format {number:#06x}"), |(name, _)| (*name).to_owned())
 }
 
@@ -87,15 +86,15 @@ const BUS_FORMATS: [(&str, u32); 22] = [
     ("RGB888_1X24", 0x100a),
 ];
 
-/// An entity and the number of its pad.
+/// Splits a pad into its entity and number.
 pub fn entity_and_pad(text: &str) -> Option<(&str, u32)> {
     let (entity, pad) = text.rsplit_once(':')?;
-    let known = |entity: &&str| !entity.is_empty();
-    Some(entity).filter(known).zip(pad.parse().ok().filter(|pad| *pad <= u32::from(u16::MAX)))
+    let is_named = |entity: &&str| !entity.is_empty();
+    Some(entity).filter(is_named).zip(pad.parse().ok().filter(|pad| *pad <= u32::from(u16::MAX)))
 }
 
 impl MediaGraph {
-    /// The rules across keys.
+    /// Checks the rules across keys.
     pub(super) fn check(&self, places: &Places) -> Result<(), ConfigError> {
         let links = self.link.iter().flat_map(|link| [&link.from, &link.to]);
         for pad in links.chain(self.format.iter().map(|format| &format.pad)) {
@@ -109,12 +108,12 @@ impl MediaGraph {
         Ok(())
     }
 
-    /// Every entity that is named.
+    /// All entities that are named.
     pub fn entities(&self) -> impl Iterator<Item = &str> {
         let links = self.link.iter().flat_map(|link| [&link.from, &link.to]);
         let pads = links.chain(self.format.iter().map(|format| &format.pad));
-        let of_pads = pads.filter_map(|pad| entity_and_pad(pad)).map(|(entity, _)| entity);
-        of_pads.chain(self.sensor.as_deref()).chain([self.capture.as_str()])
+        let entities = pads.filter_map(|pad| entity_and_pad(pad)).map(|(entity, _)| entity);
+        entities.chain(self.sensor.as_deref()).chain([self.capture.as_str()])
     }
 }
 
@@ -132,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn bus_formats_come_back_from_their_numbers() {
+    fn bus_formats_round_trip_through_their_numbers() {
         for (name, number) in BUS_FORMATS {
             assert_eq!(bus_format(name), Some(number));
             assert_eq!(bus_format_name(number), name);

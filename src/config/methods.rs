@@ -1,25 +1,21 @@
-//! The methods that a rig file can name: one row each, with what is made of the file's keys.
+//! Methods made from the keys of a rig file.
 //!
-//! A method says what it is in its own file of [`crate::deconvolution::method`]. To add one, write
-//! that file, its line in `mod.rs` and a row here; help, messages, `rig-config/README.md`, charts
-//! and the judge follow.
+//! A new method is a file of [`crate::deconvolution::method`], a row of [`MethodName`] and an arm
+//! of [`MethodName::with`]; help, messages, `rig-config/README.md`, charts and the judge follow.
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
-
-use super::keys::Word;
+use super::method_name::MethodName;
 use super::parts::{ColourChoice, PaperTable, Restore};
-use crate::deconvolution::method::blocks::{self, Blocks};
+use crate::deconvolution::method::blocks::Blocks;
 use crate::deconvolution::method::digital::{self, Digital};
 use crate::deconvolution::method::hybrid::{self, Hybrid};
-use crate::deconvolution::method::paper::{self, Backward, Paper};
+use crate::deconvolution::method::paper::{Backward, Paper};
 use crate::deconvolution::method::richardson_lucy::{self, RichardsonLucy};
 use crate::deconvolution::method::total_variation::{self, TotalVariation};
 use crate::deconvolution::method::wiener::{self, Wiener};
-use crate::deconvolution::method::{About, Method, Strength};
+use crate::deconvolution::method::{Method, Strength};
 use crate::deconvolution::patches::PatchShape;
 
-/// What a method is made of: the keys of a rig file, and the numbers that may be chosen in place of
-/// them.
+/// Parameters of a method: the keys of a rig file, and numbers that may replace them.
 #[derive(Debug, Clone, Copy)]
 pub struct Numbers<'a> {
     /// `[restore]`.
@@ -30,90 +26,39 @@ pub struct Numbers<'a> {
     pub steps: u32,
     /// Steps of each correction.
     pub correction_steps: u32,
-    /// Captures a photo may cost.
+    /// Limit of captures per photo.
     pub captures_max: u32,
-    /// Rounds of block matching in each solve with it.
+    /// Rounds of block matching per solve.
     pub rounds: u32,
 }
 
-/// A method ready to solve.
+/// A method with its parameters.
 pub type Solving = Box<dyn Method + Send + Sync>;
 
-/// The enum of methods from a row for each: its documentation, what it is, and how it is made.
-macro_rules! methods {
-    ($($(#[doc = $doc:literal])* $method:ident: $about:expr, $made:expr;)*) => {
-        /// A method that a rig file can name.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-        pub enum MethodName { $($(#[doc = $doc])* $method,)* }
-
-        impl MethodName {
-            /// All of them.
-            pub const ALL: [MethodName; Self::WORDS.len()] = [$(MethodName::$method),*];
-            /// The words for them in a rig file.
-            pub(super) const WORDS: &'static [Word] =
-                &[$(Word { word: $about.name, meaning: concat!($($doc),*) }),*];
-
-            /// What it is.
-            pub const fn about(self) -> &'static About {
-                match self { $(MethodName::$method => &$about),* }
-            }
-
-            /// The method made of `numbers`.
-            pub fn with(self, numbers: &Numbers<'_>) -> Solving {
-                let make: fn(&Numbers<'_>) -> Solving =
-                    match self { $(MethodName::$method => $made),* };
-                make(numbers)
-            }
-        }
-    };
-}
-
-methods! {
-    /// The paper's loop as printed.
-    Paper: paper::ABOUT, |n| Box::new(paper(n));
-    /// Lens model only.
-    Digital: digital::ABOUT, |n| Box::new(digital(n));
-    /// Lens model, certified and corrected by captures.
-    Hybrid: hybrid::ABOUT, |n| Box::new(hybrid(n));
-    /// `hybrid` with block matching for the prior: better, and slower.
-    BlockMatching: blocks::ABOUT, |n| {
-        let blocks = Some(Blocks { rounds: n.rounds, model_error: [0.0; 3] });
-        let digital = Digital { blocks, ..digital(n) };
-        match n.captures_max {
-            0 => Box::new(digital),
-            _ => Box::new(Hybrid { digital, ..hybrid(n) }),
-        }
-    };
-    /// Wiener filter by patches.
-    Wiener: wiener::ABOUT, |_| Box::new(Wiener { noise_to_signal: wiener::NOISE_TO_SIGNAL });
-    /// Richardson–Lucy.
-    RichardsonLucy: richardson_lucy::ABOUT, |_| {
-        Box::new(RichardsonLucy { steps: richardson_lucy::STEPS })
-    };
-}
-
 impl MethodName {
-    /// The word in rig files, tables and reports.
-    pub const fn name(self) -> &'static str {
-        self.about().name
+    /// The method with the parameters `numbers`.
+    pub fn with(self, numbers: &Numbers<'_>) -> Solving {
+        match self {
+            MethodName::Paper => Box::new(paper(numbers)),
+            MethodName::Digital => Box::new(digital(numbers)),
+            MethodName::Hybrid => Box::new(hybrid(numbers)),
+            MethodName::BlockMatching => {
+                let blocks = Some(Blocks { rounds: numbers.rounds, model_error: [0.0; 3] });
+                let digital = Digital { blocks, ..digital(numbers) };
+                match numbers.captures_max {
+                    0 => Box::new(digital),
+                    _ => Box::new(Hybrid { digital, ..hybrid(numbers) }),
+                }
+            }
+            MethodName::Wiener => Box::new(Wiener { noise_to_signal: wiener::NOISE_TO_SIGNAL }),
+            MethodName::RichardsonLucy => {
+                Box::new(RichardsonLucy { steps: richardson_lucy::STEPS })
+            }
+        }
     }
 }
 
-impl Serialize for MethodName {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
-    }
-}
-
-impl<'de> Deserialize<'de> for MethodName {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let word = String::deserialize(deserializer)?;
-        let named = MethodName::ALL.into_iter().find(|method| method.name() == word);
-        named.ok_or_else(|| de::Error::unknown_variant(&word, &[]))
-    }
-}
-
-/// The paper's loop.
+/// The method `paper`.
 pub fn paper(numbers: &Numbers<'_>) -> Paper {
     let Numbers { restore, paper, .. } = *numbers;
     Paper {
@@ -126,7 +71,7 @@ pub fn paper(numbers: &Numbers<'_>) -> Paper {
     }
 }
 
-/// The lens model only.
+/// The method `digital`.
 pub fn digital(numbers: &Numbers<'_>) -> Digital {
     let restore = numbers.restore;
     Digital {
@@ -143,7 +88,7 @@ pub fn digital(numbers: &Numbers<'_>) -> Digital {
     }
 }
 
-/// The lens model, certified and corrected by captures.
+/// The method `hybrid`.
 pub fn hybrid(numbers: &Numbers<'_>) -> Hybrid {
     Hybrid {
         digital: digital(numbers),
@@ -155,19 +100,19 @@ pub fn hybrid(numbers: &Numbers<'_>) -> Hybrid {
     }
 }
 
-/// Total variation with the measured lens, which leaves flat what is flat: the reference solution
-/// that results are judged by.
+/// Total variation with the measured lens: the reference solution that results are judged by, since
+/// it keeps flat areas flat.
 pub fn total_variation(numbers: &Numbers<'_>) -> TotalVariation {
     let strength = strength(numbers, total_variation::STRENGTH_FACTOR);
     TotalVariation { steps: total_variation::STEPS, strength }
 }
 
-/// `[restore]`'s shrinkage, so many times.
+/// The shrinkage of `[restore]`, scaled by `factor`.
 fn strength(numbers: &Numbers<'_>, factor: f32) -> Strength {
     Strength { at_one_grey_level: factor * numbers.restore.shrinkage_at_one_grey_level }
 }
 
-/// The patches of backward convolution.
+/// Patches of backward convolution.
 fn patches(paper: &PaperTable) -> PatchShape {
     PatchShape { patch_px: paper.patch_px, margin_px: paper.margin_px }
 }

@@ -1,4 +1,4 @@
-//! Where in the rig file something stands, and what is said about it.
+//! Lines of the keys of a rig file, and error messages that name them.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -7,20 +7,20 @@ use toml::de::{DeTable, DeValue};
 
 use super::error::ConfigError;
 
-/// Characters of a line that are shown when it cannot be read.
+/// Characters shown of a line that cannot be parsed.
 const SHOWN: usize = 60;
-/// What a line may be.
+/// Description of the lines allowed.
 const LINES: &str = "a table as [camera], or a key and its value as key = 1.5, key = \"words\", \
                      key = true or key = [1, 2]";
 
-/// A rig file's name and the lines of its keys, for messages.
+/// Name of a rig file and the lines of its keys.
 pub(super) struct Places {
     pub(super) file: String,
     lines: BTreeMap<String, usize>,
 }
 
 impl Places {
-    /// The places in `text`, called `file` in messages.
+    /// Lines of the keys in `text`, called `file` in messages.
     pub(super) fn find(text: &str, file: &str) -> Result<Places, ConfigError> {
         let mut places = Places { file: file.to_owned(), lines: BTreeMap::new() };
         let spanned = DeTable::parse(text).map_err(|error| places.not_toml(&error, text))?;
@@ -28,7 +28,7 @@ impl Places {
         Ok(places)
     }
 
-    /// Where `key` is, or the table it should be in.
+    /// File and line of `key`, or of its table.
     pub(super) fn of(&self, key: &str) -> String {
         let table = key.rsplit_once('.').map_or("", |(table, _)| table);
         match self.lines.get(key).or_else(|| self.lines.get(table)) {
@@ -37,6 +37,7 @@ impl Places {
         }
     }
 
+    /// Error about the value of `key`.
     pub(super) fn broken(
         &self,
         key: &str,
@@ -67,6 +68,7 @@ impl Places {
         }
     }
 
+    /// Returns the error about `key` unless `rule` holds.
     pub(super) fn hold(
         &self,
         rule: bool,
@@ -77,12 +79,13 @@ impl Places {
         if rule { Ok(()) } else { Err(self.broken(key, found, allowed)) }
     }
 
+    /// Error about the line of `text` that is not TOML.
     pub(super) fn not_toml(&self, error: &toml::de::Error, text: &str) -> ConfigError {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
         let line = 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count();
         let at = format!("{}:{line}", self.file);
         let named = error.span().and_then(|span| text.get(span)).unwrap_or_default();
-        // The parser's words are a programmer's.
+        // The parser's messages are written for programmers.
         if error.message().contains("duplicate key") {
             let found = format!("`{named}` twice");
             return ConfigError::NotToml { at, found, allowed: "each key once in its table" };
@@ -96,7 +99,7 @@ impl Places {
     }
 }
 
-/// The key `name` of the table `path`, with its table.
+/// Path of the key `name` in the table `path`.
 pub(super) fn joined(path: &str, name: &str) -> String {
     if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
 }

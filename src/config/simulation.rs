@@ -1,100 +1,159 @@
-//! The tables only a simulated rig has: lens, pose, display, sensor and faults.
+//! Tables of a simulated rig: lens, pose, display, sensor and faults.
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 use toml::Value;
 
-use super::blur::BlurGrid;
-use super::keys::{Word as Known, numbers, table, words};
+use super::keys::{Word as KeyWord, numbers, table, words};
 use crate::frame::Mosaic;
 
-/// Everything a simulated rig is made of.
+/// A simulated rig.
 #[derive(Debug, Clone)]
 pub struct Simulation {
-    /// Where all noise, faults and jitter come from.
+    /// Seed of noise, faults and jitter.
     pub seed: u64,
-    /// What lies outside the frame when a photo is taken.
+    /// Light from outside the photo's frame.
     pub surround: Surround,
-    /// The lens.
+    /// Lens.
     pub lens: Lens,
-    /// Where the panel stands before the lens.
+    /// Pose of the panel.
     pub pose: Pose,
-    /// The display's physics.
+    /// Physics of the display.
     pub display: DisplayTable,
-    /// The sensor's physics.
+    /// Physics of the sensor.
     pub sensor: SensorTable,
-    /// How often things go wrong.
+    /// Probabilities of faults.
     pub faults: Faults,
-    /// What changes from one capture to the next.
+    /// Changes from capture to capture.
     pub unrest: Unrest,
 }
 
-/// What a lens may be made of; the simulator's catalogue has their indices.
+/// Glasses that a rig file can name.
 pub const GLASSES: [&str; 5] = ["air", "N-BK7", "F2", "N-SF11", "fused-silica"];
 
 table! {
-    /// What a simulated rig is simulated with.
+    /// Simulation as a whole.
     pub(super) struct SimulationTable {
-        /// Where all noise, faults and jitter come from.
+        /// Seed of noise, faults and jitter.
         seed: u64, Whole(0, i64::MAX), Never;
-        /// What lies outside the frame when a photo is taken.
+        /// Light from outside the photo's frame.
         surround: Surround, Word(Surround::WORDS), Never;
-        /// What changes from one capture to the next.
-        unrest: Unrest, Table(&Unrest::TABLE), Means("{}");
+        /// Spectra of panel, scene and colour filters.
+        light: SpectralLight, Word(SpectralLight::WORDS), Never;
+        /// Whether panel and camera move and flicker: a step of 0.03 sensor pixels per capture and
+        /// axis, 0.05 of vibration, 0.3 % of flicker, and a slow drift.
+        @[serde(deserialize_with = "unrest", skip_serializing)]
+        unrest: Unrest, Truth, Means("false");
     }
 }
 
-table! {
-    /// What changes from one capture to the next.
-    @[derive(Copy, Default)]
-    pub struct Unrest {
-        /// Step of the panel's wander before the lens, a capture and axis, in sensor pixels
-        /// (standard deviation). It is pulled back, so that it stays within some three steps.
-        wander_px: f64, Number(0.0, 1.0), Means("0.0");
-        /// Displacement of one capture alone, an axis, in sensor pixels (standard deviation).
-        vibration_px: f64, Number(0.0, 1.0), Means("0.0");
-        /// Standard deviation of the panel's light from capture to capture, as a share.
-        flicker_share: f64, Number(0.0, 0.2), Means("0.0");
-        /// How far the panel creeps to the right and down in an hour, in sensor pixels.
-        drift_px_per_h: [f64; 2],
-            Such("two numbers, -100 to 100", |value| numbers(value, 2, -100.0, 100.0)),
-            Means("[0.0, 0.0]");
-        /// Share of the panel's light that comes (goes, when negative) in an hour.
-        drift_share_per_h: f64, Number(-1.0, 1.0), Means("0.0");
-    }
+/// Changes from capture to capture.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Unrest {
+    /// Standard deviation of the panel's step per capture and axis, in sensor pixels. A pull
+    /// towards its place keeps the panel within about three steps.
+    pub wander_px: f64,
+    /// Standard deviation of one capture's displacement per axis, in sensor pixels.
+    pub vibration_px: f64,
+    /// Standard deviation of the panel's light from capture to capture, as a share.
+    pub flicker_share: f64,
+    /// Drift of the panel to the right and down, in sensor pixels per hour.
+    pub drift_px_per_h: [f64; 2],
+    /// Drift of the panel's light, as a share per hour.
+    pub drift_share_per_h: f64,
 }
 
-/// Whether a value is what it is when its key is left out. Keys that came after calibrations were
-/// made are then not part of an identity.
+impl Unrest {
+    /// Guesses: what the warmth of a room moves, steps and a fan, a backlight's current over whole
+    /// periods, a bolted panel, a panel that has warmed up.
+    const USUAL: Unrest = Unrest {
+        wander_px: 0.03,
+        vibration_px: 0.05,
+        flicker_share: 0.003,
+        drift_px_per_h: [0.02, -0.01],
+        drift_share_per_h: -0.005,
+    };
+}
+
+fn unrest<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Unrest, D::Error> {
+    let is_on = bool::deserialize(deserializer)?;
+    Ok(if is_on { Unrest::USUAL } else { Unrest::default() })
+}
+
+/// Whether a value is the default, which is then not part of an identity.
 pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
 words! {
-    /// What lies outside the frame when a photo is taken.
+    /// Light from outside the photo's frame.
     pub enum Surround {
-        /// The scene goes on, mirrored at the frame.
+        /// The scene continues, mirrored at the frame.
         Scene = "scene",
-        /// Nothing.
+        /// None.
         Black = "black",
     }
 }
 
-/// The lens: traced from its prescription, or measured elsewhere.
-#[derive(Debug, Clone)]
-pub enum Lens {
-    /// Traced.
-    Prescription(Prescription, Glare),
-    /// Point spread functions from a file.
-    Measured(BlurGrid, Glare),
+words! {
+    /// Spectra of panel, scene and colour filters.
+    pub enum SpectralLight {
+        /// An LCD with a white LED behind it, and a scene's broad light through colour filters.
+        Broad = "broad",
+        /// One wavelength per channel for both, as in the study.
+        Lines = "lines",
+    }
 }
 
-impl Lens {
-    /// The veiling glare of either kind.
-    pub fn glare(&self) -> Glare {
-        match self {
-            Lens::Prescription(_, glare) | Lens::Measured(_, glare) => *glare,
-        }
+/// Wavelengths in nm with their weights: red, green, blue.
+type Spectra = [&'static [(f64, f64)]; 3];
+
+impl SpectralLight {
+    /// One wavelength per channel (study).
+    const LINES: Spectra = [&[(610.0, 1.0)], &[(540.0, 1.0)], &[(465.0, 1.0)]];
+    /// Narrow blue, phosphor green and red. Guesses.
+    const LED_PANEL: Spectra = [
+        &[(605.0, 0.6), (620.0, 1.0), (635.0, 0.5)],
+        &[(520.0, 0.5), (540.0, 1.0), (560.0, 0.6)],
+        &[(445.0, 0.6), (455.0, 1.0), (470.0, 0.5)],
+    ];
+    /// Colour filters in broad light. Guesses.
+    const FILTERS: Spectra = [
+        &[(590.0, 0.8), (610.0, 1.0), (640.0, 0.6)],
+        &[(505.0, 0.5), (535.0, 1.0), (570.0, 0.6)],
+        &[(435.0, 0.6), (460.0, 1.0), (490.0, 0.5)],
+    ];
+
+    /// Spectra of the panel's primaries, as a table.
+    pub(super) fn primaries(self) -> Value {
+        table_of(match self {
+            SpectralLight::Broad => Self::LED_PANEL,
+            SpectralLight::Lines => Self::LINES,
+        })
     }
+
+    /// Spectra of a scene's light behind the filters, as a table.
+    pub(super) fn filters(self) -> Value {
+        table_of(match self {
+            SpectralLight::Broad => Self::FILTERS,
+            SpectralLight::Lines => Self::LINES,
+        })
+    }
+}
+
+fn table_of(spectra: Spectra) -> Value {
+    let pair = |&(nm, weight): &(f64, f64)| Value::from(vec![nm, weight]);
+    let list = |spectrum: &[(f64, f64)]| Value::from(spectrum.iter().map(pair).collect::<Vec<_>>());
+    let names = ["red-nm", "green-nm", "blue-nm"].map(str::to_owned);
+    Value::Table(names.into_iter().zip(spectra.map(list)).collect())
+}
+
+/// A lens with its veiling glare.
+#[derive(Debug, Clone)]
+pub struct Lens {
+    /// Surfaces, stop and focus.
+    pub prescription: Prescription,
+    /// Veiling glare.
+    pub glare: Glare,
 }
 
 /// Veiling glare: light scattered far beyond the point spread function.
@@ -102,12 +161,11 @@ impl Lens {
 pub struct Glare {
     /// Share of the light that is scattered, 0..1.
     pub share: f32,
-    /// Standard deviation of the Gaussian it is scattered into, in sensor pixels.
+    /// Standard deviation of its Gaussian, in sensor pixels.
     pub radius_px: f32,
 }
 
-/// A lens as its maker writes it down; the keys of `[lens]` say what each
-/// field is.
+/// Prescription of a lens; most fields are documented as keys of `[lens]`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct Prescription {
@@ -115,6 +173,7 @@ pub struct Prescription {
     pub stop_at_surface: usize,
     pub stop_diameter_mm: f64,
     pub object_distance_mm: f64,
+    /// Distance in focus; `None` for that of the panel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub focus_distance_mm: Option<f64>,
     /// No calibration depends on it.
@@ -126,278 +185,300 @@ pub struct Prescription {
     pub node_rows: usize,
     pub geometry: LensGeometry,
     pub dark_corner: bool,
+    /// Offset of the optical axis from the sensor's middle, columns and rows. Only for centred
+    /// geometry.
     pub axis_offset_px: [f64; 2],
 }
 
-const PRESCRIBED: &str = "then `blur` is needed";
-
 table! {
-    /// The lens: either `blur`, or a prescription, which is every other key but the glare's.
+    /// Lens.
     pub(super) struct LensTable {
-        /// A file with measured point spread functions, `[rows, columns, 3, k, k]` in NumPy's
-        /// format, beside the rig file.
-        blur: Option<String>, Text, Says("then a prescription is needed");
         /// Refracting surfaces and rims, from the object to the image.
-        surface: Option<Vec<LensSurface>>, Tables(&LensSurface::TABLE), Says(PRESCRIBED);
-        /// Number of the surface, from 0, whose vertex plane carries the stop; only flat rims in
-        /// air may come before it.
-        stop_at_surface: Option<usize>, Whole(0, 1000), Says(PRESCRIBED);
+        surface: Vec<LensSurface>, Tables(&LensSurface::TABLE), Never;
+        /// Surface, counted from 0, whose vertex plane carries the stop: the first refracting one.
+        stop_at_surface: usize, Fixed, Says("computed");
         /// Diameter of the stop.
-        stop_diameter_mm: Option<f64>, MoreThan(0.0), Says(PRESCRIBED);
-        /// From the panel (and the scene) to the first refracting surface.
-        object_distance_mm: Option<f64>, Number(1.0, 1e7), Says(PRESCRIBED);
-        /// At what distance the lens is focused.
-        focus_distance_mm: Option<f64>, Number(1.0, 1e7), Says("at the distance of the panel");
-        /// From a photo's scene to the first refracting surface. No calibration depends on it.
-        scene_distance_mm: Option<f64>, Number(1.0, 1e7), Says("the panel's distance");
-        /// Sensor pixel pitch.
-        pixel_pitch_um: Option<f64>, Number(0.1, 1000.0), Says(PRESCRIBED);
+        stop_diameter_mm: f64, MoreThan(0.0), Never;
+        /// Distance of the panel from the first refracting surface (paper, §4.1).
+        object_distance_mm: f64, Fixed, Means("4000.0");
+        /// Distance of a photo's scene from the first refracting surface. No calibration depends on
+        /// it.
+        scene_distance_mm: Option<f64>, Number(1.0, 1e7), Says("the distance of the panel, 4 m");
+        /// Pixel pitch of the sensor.
+        pixel_pitch_um: f64, Number(0.1, 1000.0), Never;
         /// Width and height of a point spread function.
-        support_px: Option<usize>, Odd(3, 255), Says(PRESCRIBED);
-        /// Columns of the grid of points the functions are traced at, spread over the sensor.
-        node_columns: Option<usize>, Whole(2, 128), Says(PRESCRIBED);
+        support_px: usize, Odd(3, 255), Never;
+        /// Columns of the grid of traced functions over the sensor; its rows follow from the
+        /// sensor's aspect ratio.
+        node_columns: usize, Whole(2, 128), Never;
         /// Rows of that grid.
-        node_rows: Option<usize>, Whole(2, 128), Says(PRESCRIBED);
-        /// Whether the functions keep their place.
-        geometry: Option<LensGeometry>, Word(LensGeometry::WORDS), Says(PRESCRIBED);
-        /// Whether light falls off towards the corners as the trace says.
-        dark_corner: Option<bool>, Truth, Says(PRESCRIBED);
-        /// From the sensor's middle to where the optical axis meets it, columns and rows: a lens
-        /// that is not centred blurs, and darkens, about another place. Only of a lens whose
-        /// functions keep their place.
-        axis_offset_px: Option<[f64; 2]>,
-            Such("two numbers, -10000 to 10000", |value| numbers(value, 2, -1e4, 1e4)),
-            Says("it is centred");
+        node_rows: usize, Fixed, Says("computed");
+        /// Geometry of the image.
+        geometry: LensGeometry, Word(LensGeometry::WORDS), Never;
+        /// Whether light falls off towards the corners as traced: with traced geometry.
+        dark_corner: bool, Fixed, Says("computed");
         /// Veiling glare: share of the light that is scattered far beyond the functions.
         glare_share: f32, Number(0.0, 0.9), Never;
-        /// Standard deviation of the Gaussian it is scattered into, in sensor pixels.
+        /// Standard deviation of the glare's Gaussian, in sensor pixels.
         glare_radius_px: f32, Number(1.0, 1e4), Never;
+    }
+}
+
+impl LensTable {
+    /// The lens, focused on the panel and centred on the sensor.
+    pub(super) fn into_lens(self) -> Lens {
+        Lens {
+            glare: Glare { share: self.glare_share, radius_px: self.glare_radius_px },
+            prescription: Prescription {
+                surfaces: self.surface,
+                stop_at_surface: self.stop_at_surface,
+                stop_diameter_mm: self.stop_diameter_mm,
+                object_distance_mm: self.object_distance_mm,
+                focus_distance_mm: None,
+                scene_distance_mm: self.scene_distance_mm,
+                pixel_pitch_um: self.pixel_pitch_um,
+                support_px: self.support_px,
+                node_columns: self.node_columns,
+                node_rows: self.node_rows,
+                geometry: self.geometry,
+                dark_corner: self.dark_corner,
+                axis_offset_px: [0.0; 2],
+            },
+        }
     }
 }
 
 table! {
     /// A surface of the lens.
     pub struct LensSurface {
-        /// Radius of curvature, positive when its centre is on the image side; `inf` for a flat
-        /// one.
+        /// Radius of curvature, positive with its centre on the image side; `inf` for a flat one.
         radius_mm: f64, Such("a number, anything but 0", |value| {
             super::keys::number(value).is_some_and(|radius| radius.abs() > 0.0)
         }), Never;
-        /// To the next surface; for the last one it is not used, the image plane is found by
+        /// Distance to the next surface; unused for the last one, since the image plane is found by
         /// focusing.
         thickness_mm: f64, Number(0.0, 1e4), Never;
-        /// What follows the surface.
+        /// Medium behind the surface.
         glass: String, Such("air, N-BK7, F2, N-SF11 or fused-silica", |value| {
             value.as_str().is_some_and(|name| GLASSES.contains(&name))
         }), Never;
-        /// Rays beyond this diameter are lost.
+        /// Clear diameter; rays beyond it are lost.
         clear_diameter_mm: f64, MoreThan(0.0), Never;
     }
 }
 
 words! {
-    /// Whether point spread functions keep their place.
+    /// Geometry of the image.
     pub enum LensGeometry {
-        /// Distortion and lateral colour are as traced.
+        /// Distortion and lateral colour as traced, with dark corners.
         Traced = "traced",
-        /// Every function is centred on its centroid, as in the study.
+        /// Each function centred on its centroid, without dark corners, as in the study.
         Centred = "centred",
     }
 }
 
-// A sensor pixel's footprint on the panel is taken as upright; beyond 5° that is no longer true.
+// A pixel's footprint on the panel is taken as upright, which fails beyond 5°.
 table! {
-    /// Where the panel stands before the lens.
+    /// Pose of the panel before the lens.
     pub struct Pose {
-        /// Sensor pixels that one panel pixel covers at the centre.
+        /// Sensor pixels covered by one panel pixel at the centre.
         // The simulated panel's area weights reach over three panel pixels.
         sensor_px_per_panel_px: f64, Number(0.5, 1.0), Never;
-        /// The panel's centre to the right of the sensor's, in sensor pixels.
+        /// Offset of the panel's centre to the right of the sensor's, in sensor pixels.
         shift_x_px: f64, Number(-1e4, 1e4), Never;
-        /// The panel's centre below the sensor's, in sensor pixels.
+        /// Offset of the panel's centre below the sensor's, in sensor pixels.
         shift_y_px: f64, Number(-1e4, 1e4), Never;
-        /// Turn about the optical axis, clockwise as seen.
+        /// Rotation about the optical axis, clockwise as seen.
         rotation_deg: f64, Number(-5.0, 5.0), Never;
-        /// Turn about the panel's horizontal axis; 0 with `lens.blur`.
+        /// Tilt about the panel's horizontal axis.
         tilt_x_deg: f64, Number(-5.0, 5.0), Never;
-        /// Turn about the panel's vertical axis; 0 with `lens.blur`.
+        /// Tilt about the panel's vertical axis.
         tilt_y_deg: f64, Number(-5.0, 5.0), Never;
     }
 }
 
-/// A wavelength in nm and its weight, which is relative to the others of its list.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, serde::Deserialize)]
+/// A wavelength in nm and its weight relative to the others of its list.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Wavelength(pub f64, pub f64);
 
-/// The catalogue's Sellmeier coefficients hold from 365 to 1014 nm and beyond.
-const WAVELENGTHS: super::keys::Allowed = super::keys::Allowed::Such(
-    "one or more [nm, weight], 365 to 1014 nm, a weight of more than 0",
-    |value| {
-        let of_light = |one: &Value| {
-            let weight = one.get(1).and_then(super::keys::number);
-            let nm = one.get(0).and_then(super::keys::number);
-            one.as_array().is_some_and(|pair| pair.len() == 2)
-                && nm.is_some_and(|nm| (365.0..=1014.0).contains(&nm))
-                && weight.is_some_and(|weight| weight > 0.0)
-        };
-        value.as_array().is_some_and(|all| !all.is_empty() && all.iter().all(of_light))
-    },
-);
-
-table! {
-    /// Wavelengths of the three channels, each with its weight among the others.
-    pub struct Primaries {
-        /// Of the red channel.
-        red_nm: Vec<Wavelength>, WAVELENGTHS, Never;
-        /// Of the green channel.
-        green_nm: Vec<Wavelength>, WAVELENGTHS, Never;
-        /// Of the blue channel.
-        blue_nm: Vec<Wavelength>, WAVELENGTHS, Never;
-    }
+/// Wavelengths of the three channels with their relative weights.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)]
+pub struct Primaries {
+    pub red_nm: Vec<Wavelength>,
+    pub green_nm: Vec<Wavelength>,
+    pub blue_nm: Vec<Wavelength>,
 }
 
 impl Primaries {
-    /// The three lists in storage order.
+    /// The lists of red, green and blue.
     pub fn lists(&self) -> [&[Wavelength]; 3] {
         [&self.red_nm, &self.green_nm, &self.blue_nm]
     }
 }
 
 table! {
-    /// The display's physics. Light of code c is
+    /// Physics of the display. The light of code c is
     /// `leakage + (1 − leakage)·(((c/255 + toe)/(1 + toe))^gamma − (toe/(1 + toe))^gamma) / (1 −
     /// (toe/(1 + toe))^gamma)`.
     pub struct DisplayTable {
-        /// What the panel's red, green and blue are made of.
-        primaries: Primaries, Table(&Primaries::TABLE), Never;
+        /// Spectra of the panel's red, green and blue.
+        primaries: Primaries, Fixed, Says("computed");
         /// Exponent of the response curve, per channel.
         gamma: [f64; 3], Such("three numbers, 0.2 to 5", |value| numbers(value, 3, 0.2, 5.0)),
             Never;
-        /// Offset of the response curve, per channel; with one the curve is no pure power.
+        /// Offset of the response curve, per channel; above 0 the curve is no pure power.
         toe: [f64; 3], Such("three numbers, 0 to 1", |value| numbers(value, 3, 0.0, 1.0)), Never;
         /// Light of code 0 as a share of the light of code 255.
         leakage_share: f64, Number(0.0, 0.5), Never;
-        /// Refreshes the panel's electronics take before a new picture starts to appear.
+        /// Refreshes before a new picture starts to appear.
         latency_refreshes: u32, Whole(0, 100), Never;
-        /// Time constant of the exponential approach from the last picture to the new one.
+        /// Time constant of the exponential approach from one picture to the next.
         response_ms: f64, Number(0.0, 10_000.0), Never;
-        /// How the three colours of a panel pixel lie.
+        /// Layout of a panel pixel's colours.
         @[serde(skip_serializing_if = "is_default")]
         subpixels: Subpixels, Word(Subpixels::WORDS), Means("\"whole\"");
-        /// How its light differs over the panel.
-        @[serde(skip_serializing_if = "is_default")]
-        uneven: Uneven, Table(&Uneven::TABLE), Means("{}");
+        /// Whether the panel is as uneven as usual: corners darker by 15 %, light and leakage that
+        /// depend on the angle of view.
+        @[serde(deserialize_with = "uneven", skip_serializing_if = "is_default")]
+        uneven: Uneven, Truth, Means("false");
     }
 }
 
 words! {
-    /// How the three colours of a panel pixel lie.
+    /// Layout of a panel pixel's colours.
     @[derive(Default)]
     pub enum Subpixels {
         /// All on the whole pixel.
         @[default]
         Whole = "whole",
-        /// Red, green, blue from left to right, a third of the pixel each.
+        /// Red, green and blue from left to right, a third of the pixel each.
         Stripes = "stripes",
     }
 }
 
-table! {
-    /// How a panel's light differs over its area. A place's light is
-    /// `code's light · (1 − loss) + leakage added`.
-    @[derive(Copy, Default)]
-    pub struct Uneven {
-        /// Share of the light that the panel's corners lack, growing with the distance from its
-        /// middle squared.
-        corner_loss: f64, Number(0.0, 0.9), Means("0.0");
-        /// How much more of it blue lacks than red, as a share; green is between them.
-        corner_tint: f64, Number(0.0, 0.5), Means("0.0");
-        /// Share of the light lost when seen 10° aslant, growing with the angle squared.
-        loss_at_10_deg: f64, Number(0.0, 0.5), Means("0.0");
-        /// Leakage added when seen 10° aslant, as a share of white, growing with the angle squared.
-        leakage_at_10_deg: f64, Number(0.0, 0.5), Means("0.0");
-    }
+/// Unevenness of a panel: the light of a place is `light of the code · (1 − loss) + leakage added`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Uneven {
+    /// Share of the light missing in the corners, growing with the squared distance from the
+    /// middle.
+    pub corner_loss: f64,
+    /// How much more of it blue lacks than red, as a share; green is between them.
+    pub corner_tint: f64,
+    /// Share of the light lost at 10° of view, growing with the squared angle.
+    pub loss_at_10_deg: f64,
+    /// Leakage added at 10° of view, as a share of white, growing with the squared angle.
+    pub leakage_at_10_deg: f64,
+}
+
+impl Uneven {
+    const USUAL: Uneven = Uneven {
+        // White differs by 15 % over a monitor on average, by 20 % over a Dell U2412M (published
+        // tests of monitors).
+        corner_loss: 0.15,
+        // Guess: a few just noticeable steps of white.
+        corner_tint: 0.02,
+        // Guess: an IPS panel.
+        loss_at_10_deg: 0.02,
+        // Guess: half as much again as a contrast of 1000:1 leaks.
+        leakage_at_10_deg: 0.0005,
+    };
+}
+
+fn uneven<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Uneven, D::Error> {
+    let is_on = bool::deserialize(deserializer)?;
+    Ok(if is_on { Uneven::USUAL } else { Uneven::default() })
 }
 
 /// Whether `value` is a cross-channel matrix.
 fn cross_channel(value: &Value) -> bool {
-    let one = |row: &Value, n: usize| {
+    let is_row = |row: &Value, n: usize| {
         let diagonal = row.get(n).and_then(super::keys::number);
         numbers(row, 3, 0.0, 1.0) && diagonal.is_some_and(|entry| (entry - 1.0).abs() < 1e-12)
     };
-    value
-        .as_array()
-        .is_some_and(|rows| rows.len() == 3 && rows.iter().enumerate().all(|(n, row)| one(row, n)))
+    let rows = value.as_array().filter(|rows| rows.len() == 3);
+    rows.is_some_and(|rows| rows.iter().enumerate().all(|(n, row)| is_row(row, n)))
 }
 
 table! {
-    /// The sensor's physics.
+    /// Physics of the sensor.
     pub struct SensorTable {
-        /// Through what the sensor's red, green and blue see the broad light of a scene.
-        filters: Primaries, Table(&Primaries::TABLE), Never;
-        /// How much each sensor channel (row) sees of each panel primary (column).
+        /// Spectra of a scene's light behind the red, green and blue filters.
+        filters: Primaries, Fixed, Says("computed");
+        /// Sensitivity of each sensor channel (row) to each panel primary (column).
         cross_channel: [[f64; 3]; 3],
             Such("three rows of three numbers, 0 to 1, with 1 on the diagonal", cross_channel),
             Never;
         /// Counts without light, at this sensor's bits; at most half of the largest.
         black_level_counts: f64, Number(0.0, 32_767.5), Never;
-        /// Share of the range above black that a white panel fills, seen in one channel through
-        /// its own primary.
+        /// Share of the range above black that white of a channel's own primary fills.
         white_share: f64, Number(0.01, 10.0), Never;
         /// Electrons at the largest count; `inf` for no shot noise.
         full_well_electrons: f64, MoreThan(1.0), Never;
-        /// Gaussian noise independent of the light, in grey levels of 255.
+        /// Standard deviation of the light-independent noise, in grey levels of 255.
         read_noise_levels: f64, Number(0.0, 255.0), Never;
-        /// Other light on the panel, per channel, in grey levels of 255.
+        /// Ambient light on the panel per channel, in grey levels of 255.
         ambient_levels: [f64; 3],
             Such("three numbers, 0 to 255", |value| numbers(value, 3, 0.0, 255.0)), Never;
-        /// From the end of the exposure to the frame.
+        /// Time from the end of the exposure to the frame.
         readout_ms: f64, Number(0.0, 10_000.0), Never;
-        /// The colour filters over its sites, by the colours of the first two pixels of the first
-        /// two rows.
+        /// Colour filters, by the colours of the first two pixels of the first two rows.
         @[serde(skip_serializing_if = "Option::is_none")]
         mosaic: Option<Mosaic>, Word(MOSAICS), Says("every pixel sees all three colours");
-        /// Standard deviation of the pixels' gains, as a share: their fixed pattern. The pattern is
-        /// the sensor's own and hangs on no seed.
+        /// Whether pixels differ as usual: 1 % in gain, and one in 5000 hot.
+        @[serde(skip_serializing)]
+        pixels_differ: bool, Truth, Means("false");
+        /// Standard deviation of the pixels' gains, as a share. The pattern belongs to the sensor
+        /// and depends on no seed.
         @[serde(skip_serializing_if = "is_default")]
-        gain_deviation: f64, Number(0.0, 0.2), Means("0.0");
-        /// Share of pixels that are hot.
+        gain_deviation: f64, Fixed, Says("computed");
+        /// Share of hot pixels.
         @[serde(skip_serializing_if = "is_default")]
-        hot_pixel_share: f64, Number(0.0, 0.1), Means("0.0");
-        /// Light of their own that hot pixels have on average, in grey levels of 255;
-        /// exponentially distributed.
+        hot_pixel_share: f64, Fixed, Says("computed");
+        /// Mean signal of hot pixels in the dark, in grey levels of 255; exponentially distributed.
         @[serde(skip_serializing_if = "is_default")]
-        hot_pixel_levels: f64, Number(0.0, 1e4), Means("0.0");
-        /// The camera codes its frames as JPEG of this quality, as libjpeg counts, with half as
-        /// many samples of colour across (4:2:2, as webcams do); of 8 bits and without `mosaic`.
-        @[serde(skip_serializing_if = "Option::is_none")]
-        jpeg_quality: Option<u32>, Whole(1, 100), Says("its frames are not coded");
-        /// How counts stand for light.
-        @[serde(skip_serializing_if = "is_default")]
-        curve: SensorCurve, Table(&SensorCurve::TABLE), Means("{}");
+        hot_pixel_levels: f64, Fixed, Says("computed");
+        /// Whether counts bend as those of industrial sensors do near the full well.
+        @[serde(deserialize_with = "curve", skip_serializing_if = "is_default")]
+        curve: SensorCurve, Truth, Means("false");
     }
 }
 
-/// The words of [`Mosaic`].
-const MOSAICS: &[Known] = &[
-    Known { word: "bggr", meaning: "Blue first, green to its right and below." },
-    Known { word: "gbrg", meaning: "Green first, blue to its right." },
-    Known { word: "grbg", meaning: "Green first, red to its right." },
-    Known { word: "rggb", meaning: "Red first, green to its right and below." },
+/// Keys of `[sensor]` and their values where pixels differ.
+pub(super) const PIXEL_DIFFERENCES: [(&str, f64); 3] = [
+    // Pixel response non-uniformity: the upper end of industrial sensors' data sheets (EMVA 1288).
+    ("gain-deviation", 0.01),
+    // Guesses.
+    ("hot-pixel-share", 0.0002),
+    ("hot-pixel-levels", 20.0),
 ];
 
-table! {
-    /// How counts stand for light, both as shares of the range above black. A curve of ones is a
-    /// straight line.
-    @[derive(Copy)]
-    pub struct SensorCurve {
-        /// Exponent: counts = light^gamma.
-        gamma: f64, Number(0.2, 5.0), Means("1.0");
-        /// The knee: where in the counts so far the curve becomes flatter.
-        knee_share: f64, Number(0.01, 1.0), Means("1.0");
-        /// Slope above the knee.
-        knee_slope: f64, Number(0.01, 1.0), Means("1.0");
-    }
+/// Words for [`Mosaic`].
+const MOSAICS: &[KeyWord] = &[
+    KeyWord { word: "bggr", meaning: "Blue first, green to its right and below." },
+    KeyWord { word: "gbrg", meaning: "Green first, blue to its right." },
+    KeyWord { word: "grbg", meaning: "Green first, red to its right." },
+    KeyWord { word: "rggb", meaning: "Red first, green to its right and below." },
+];
+
+/// Counts over light, both as shares of the range above black. A curve of ones is a straight line.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct SensorCurve {
+    /// Exponent: counts = light^gamma.
+    pub gamma: f64,
+    /// Counts at the knee, above which the curve is flatter.
+    pub knee_share: f64,
+    /// Slope above the knee.
+    pub knee_slope: f64,
+}
+
+impl SensorCurve {
+    /// Guesses: raw counts of industrial sensors are straight to about 1 %, here 1.4 % at half the
+    /// range, and bend near the full well.
+    const USUAL: SensorCurve = SensorCurve { gamma: 0.98, knee_share: 0.85, knee_slope: 0.7 };
 }
 
 impl Default for SensorCurve {
@@ -406,22 +487,26 @@ impl Default for SensorCurve {
     }
 }
 
+fn curve<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SensorCurve, D::Error> {
+    let is_on = bool::deserialize(deserializer)?;
+    Ok(if is_on { SensorCurve::USUAL } else { SensorCurve::default() })
+}
+
 table! {
-    /// How often things go wrong in the simulation, each a probability per exposure; together at
-    /// most 1.
+    /// Probabilities of simulated faults, per exposure; at most 1 together.
     @[derive(Copy)]
     pub struct Faults {
-        /// The frame is of the picture shown before.
+        /// The frame shows the previous picture.
         stale: f64, Number(0.0, 1.0), Means("0.0");
-        /// The last frame is delivered a second time, with its own number.
+        /// The last frame is delivered again, with its number.
         duplicate: f64, Number(0.0, 1.0), Means("0.0");
-        /// No frame comes.
+        /// No frame arrives.
         missing: f64, Number(0.0, 1.0), Means("0.0");
-        /// The upper rows are of the picture shown before.
+        /// The upper rows show the previous picture.
         mixed: f64, Number(0.0, 1.0), Means("0.0");
-        /// The camera goes away.
+        /// The camera disconnects.
         unplugged: f64, Number(0.0, 1.0), Means("0.0");
-        /// How long it stays away before it can be opened again.
-        unplugged_ms: f64, Number(0.0, 1e9), Means("2000.0");
+        /// Time before a disconnected camera can be opened again. Guess.
+        unplugged_ms: f64, Fixed, Means("2000.0");
     }
 }

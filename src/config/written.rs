@@ -1,103 +1,110 @@
-//! The rig file as written: each key is known, each value is allowed by itself, and what is left
-//! out is filled in. The keys say how ([`keys`](super::keys)).
+//! Parsing: checks each key and value by its declaration ([`keys`](super::keys)) and fills in
+//! defaults and computed values.
 
 use toml::Value;
 
 use super::appliance::{DiskTable, Keep, Nights, RunTable};
 use super::error::ConfigError;
 use super::hardware::Hardware;
-use super::keys::{Allowed, KindKeys, LeftOut, TableKeys, kind_words, table, words};
+use super::keys::{Allowed, Key, KindKeys, LeftOut, TableKeys, kind_words, number, table, words};
 use super::parts::{
     CalibrationTable, CameraTable, CanvasTable, Marks, PanelTable, PaperTable, PhotoTable, Restore,
 };
 use super::places::{Places, joined};
-use super::simulation::{DisplayTable, Faults, LensTable, Pose, SensorTable, SimulationTable};
+use super::simulation::{
+    DisplayTable, Faults, LensGeometry, LensTable, PIXEL_DIFFERENCES, Pose, SensorTable,
+    SimulationTable, SpectralLight,
+};
 
-const REAL: &str = "it is not a rig of real devices";
-const NOT_REAL: &str = "it is not a simulated rig";
+const NOT_HARDWARE: &str = "the rig is not made of hardware";
+const NOT_SIMULATED: &str = "the rig is not simulated";
+/// Width of a trigger pulse that does not set the exposure: long beside the 20 µs of an
+/// opto-coupler.
+const TRIGGER_PULSE_US: i64 = 1000;
+/// Deadline of a frame in exposures, where the file gives none. Guess.
+const DEADLINE_EXPOSURES: f64 = 10.0;
+/// Side of a patch of the paper, and the width of the photo that it is for (§4.1), in pixels.
+const PATCH_PX: i64 = 80;
+const PATCH_PHOTO_PX: i64 = 1024;
 
 table! {
     /// The rig file.
     pub(super) struct RigTables {
-        /// What the rig is.
+        /// Name and kind of the rig.
         rig: RigTable, Table(&RigTable::TABLE), Never;
-        /// The customer's photos.
-        photo: PhotoTable, Table(&PhotoTable::TABLE), Never;
-        /// The display.
+        /// Photos.
+        photo: PhotoTable, Table(&PhotoTable::TABLE), Means("{}");
+        /// Display.
         panel: PanelTable, Table(&PanelTable::TABLE), Never;
-        /// The sensor, and where the photo lies on it.
+        /// Sensor, and the photo's place on it.
         camera: CameraTable, Table(&CameraTable::TABLE), Never;
-        /// The grid the solver works on.
-        canvas: CanvasTable, Table(&CanvasTable::TABLE), Never;
-        /// Where the frame marks are.
-        marks: Option<Marks>, Table(&Marks::TABLE), Says("a frame is trusted by its time alone");
-        /// How the rig is measured.
+        /// Grid of the solver.
+        canvas: CanvasTable, Table(&CanvasTable::TABLE), Means("{}");
+        /// Frame marks.
+        marks: Option<Marks>, Table(&Marks::TABLE),
+            Says("frames are matched to pictures by time alone");
+        /// Calibration.
         calibration: CalibrationTable, Table(&CalibrationTable::TABLE), Never;
-        /// How photos are restored.
+        /// Restoration.
         restore: Restore, Table(&Restore::TABLE), Means("{}");
-        /// The paper's own parameters.
+        /// Parameters of the method `paper`.
         paper: PaperTable, Table(&PaperTable::TABLE), Means("{}");
-        /// Who says when photos are restored.
+        /// Start of a restoration.
         run: RunTable, Table(&RunTable::TABLE), Means("{}");
-        /// When photos are restored, and how drift is watched.
+        /// Restoration at night and drift monitoring.
         nights: Option<Nights>, Table(&Nights::TABLE),
-            Says("photos are restored at any time, and no drift is watched");
-        /// What is asked of the disk.
+            Says("photos are restored at any time and drift is not monitored");
+        /// Disk space.
         disk: DiskTable, Table(&DiskTable::TABLE), Means("{}");
-        /// How long results and originals are kept.
+        /// Retention of results and originals.
         keep: Option<Keep>, Table(&Keep::TABLE), Says("everything is kept for ever");
-        /// The devices of a real rig.
-        hardware: Option<Hardware>, Table(&Hardware::TABLE), Says(REAL);
-        /// What a simulated rig is simulated with.
-        simulation: Option<SimulationTable>, Table(&SimulationTable::TABLE), Says(NOT_REAL);
-        /// The simulated lens.
-        lens: Option<LensTable>, Table(&LensTable::TABLE), Says(NOT_REAL);
-        /// Where the simulated panel stands.
-        pose: Option<Pose>, Table(&Pose::TABLE), Says(NOT_REAL);
-        /// The simulated display's physics.
-        display: Option<DisplayTable>, Table(&DisplayTable::TABLE), Says(NOT_REAL);
-        /// The simulated sensor's physics.
-        sensor: Option<SensorTable>, Table(&SensorTable::TABLE), Says(NOT_REAL);
-        /// How often things go wrong in the simulation.
+        /// Devices of a real rig.
+        hardware: Option<Hardware>, Table(&Hardware::TABLE), Says(NOT_HARDWARE);
+        /// Simulation as a whole.
+        simulation: Option<SimulationTable>, Table(&SimulationTable::TABLE), Says(NOT_SIMULATED);
+        /// Simulated lens.
+        lens: Option<LensTable>, Table(&LensTable::TABLE), Says(NOT_SIMULATED);
+        /// Pose of the simulated panel.
+        pose: Option<Pose>, Table(&Pose::TABLE), Says(NOT_SIMULATED);
+        /// Simulated display.
+        display: Option<DisplayTable>, Table(&DisplayTable::TABLE), Says(NOT_SIMULATED);
+        /// Simulated sensor.
+        sensor: Option<SensorTable>, Table(&SensorTable::TABLE), Says(NOT_SIMULATED);
+        /// Simulated faults.
         faults: Faults, Table(&Faults::TABLE), Means("{}");
     }
 }
 
 table! {
-    /// What the rig is.
+    /// Name and kind of the rig.
     pub(super) struct RigTable {
-        /// Its name, for reports.
+        /// Name in reports.
         name: String, Text, Never;
-        /// What it is made of.
-        kind: KindWord, Word(KindWord::WORDS), Never;
+        /// Real or simulated.
+        kind: KindWord, Word(KindWord::WORDS),
+            Says("`hardware` if the file has `[hardware]`, else `simulated`");
     }
 }
 
 words! {
-    /// What a rig is made of.
+    /// Kind of a rig.
     pub(super) enum KindWord {
-        /// Physics by computing.
+        /// Simulated by ray tracing.
         Simulated = "simulated",
-        /// Devices.
+        /// Real devices.
         Hardware = "hardware",
     }
 }
 
-/// Holds `found`, the table at `path`, against what `known` says of its keys, and fills in
-/// what is left out.
+/// Checks the table `found` at `path` by its declared keys and fills in defaults.
 fn complete(
     places: &Places,
     path: &str,
     found: &mut toml::Table,
-    known: &TableKeys,
+    declared: &TableKeys,
 ) -> Result<(), ConfigError> {
-    for (alias, name) in [("glare-radius", "glare-radius-px")] {
-        if path == "lens" && !found.contains_key(name) {
-            let value = found.remove(alias);
-            found.extend(value.map(|value| (name.to_owned(), value)));
-        }
-    }
-    let names: Vec<String> = known.keys.iter().map(|key| key.name()).collect();
+    let written = declared.keys.iter().filter(|key| key.is_written());
+    let names: Vec<String> = written.map(Key::name).collect();
     if let Some(unknown) = found.keys().find(|name| !names.contains(name)) {
         let at = places.of(&joined(path, unknown));
         return Err(ConfigError::UnknownKey {
@@ -106,72 +113,86 @@ fn complete(
             nearest: nearest(unknown, &names),
         });
     }
-    for (key, name) in known.keys.iter().zip(names) {
-        let at = joined(path, &name);
-        if !found.contains_key(&name) {
-            match key.left_out {
-                LeftOut::Says(_) => continue,
-                LeftOut::Means(text) => {
-                    let value = text.parse().map_err(|error| places.not_toml(&error, text))?;
-                    found.insert(name.clone(), value);
-                }
-                LeftOut::Never => {
-                    let what = match key.allowed {
-                        Allowed::Table(_) | Allowed::ByKind(_) => format!("table `[{at}]`"),
-                        _ => format!("key `{name}` in [{path}]"),
-                    };
-                    let meaning = key.meaning.trim().to_owned();
-                    return Err(ConfigError::Missing { at: places.of(&at), what, meaning });
-                }
-            }
+    for key in declared.keys {
+        let at = joined(path, &key.name());
+        if !found.contains_key(&key.name()) {
+            fill_in(places, path, found, key)?;
         }
-        let Some(value) = found.get_mut(&name) else { continue };
-        match (&key.allowed, value) {
-            (Allowed::Table(inner), Value::Table(table)) => complete(places, &at, table, inner)?,
-            (Allowed::ByKind(kinds), Value::Table(table)) => of_kind(places, &at, table, kinds)?,
-            (Allowed::Tables(inner), Value::Array(all)) => {
-                for (n, one) in all.iter_mut().enumerate() {
-                    match one {
-                        Value::Table(table) => {
-                            complete(places, &format!("{at}[{n}]"), table, inner)?;
-                        }
-                        other => return Err(places.broken(&at, other, &key.allowed)),
-                    }
-                }
-            }
-            (allowed, value) => {
-                if let Some(instead) = allowed.instead_of(value) {
-                    return Err(places.broken(&at, value, instead));
-                }
-            }
+        if let Some(value) = found.get_mut(&key.name()) {
+            check_value(places, &at, value, &key.allowed)?;
         }
     }
     Ok(())
 }
 
-/// [`complete`] for a table whose keys depend on its kind, which is filled in as well.
-fn of_kind(
+/// Inserts the default of `key`, which the table `found` at `path` lacks.
+fn fill_in(
+    places: &Places,
+    path: &str,
+    found: &mut toml::Table,
+    key: &Key,
+) -> Result<(), ConfigError> {
+    match key.left_out {
+        LeftOut::Says(_) => Ok(()),
+        LeftOut::Means(text) => {
+            let value = text.parse().map_err(|error| places.not_toml(&error, text))?;
+            found.insert(key.name(), value);
+            Ok(())
+        }
+        LeftOut::Never => {
+            let at = joined(path, &key.name());
+            let what = match key.allowed {
+                Allowed::Table(_) | Allowed::ByKind(_) => format!("table `[{at}]`"),
+                _ => format!("key `{}` in [{path}]", key.name()),
+            };
+            let meaning = key.meaning.trim().to_owned();
+            Err(ConfigError::Missing { at: places.of(&at), what, meaning })
+        }
+    }
+}
+
+/// Checks the value at `at`, and a table's keys in turn.
+fn check_value(
+    places: &Places,
+    at: &str,
+    value: &mut Value,
+    allowed: &Allowed,
+) -> Result<(), ConfigError> {
+    match (allowed, value) {
+        (Allowed::Table(inner), Value::Table(table)) => complete(places, at, table, inner),
+        (Allowed::ByKind(kinds), Value::Table(table)) => complete_kind(places, at, table, kinds),
+        (Allowed::Tables(inner), Value::Array(all)) => {
+            all.iter_mut().enumerate().try_for_each(|(n, one)| match one {
+                Value::Table(table) => complete(places, &format!("{at}[{n}]"), table, inner),
+                other => Err(places.broken(at, other, allowed)),
+            })
+        }
+        (allowed, value) => match allowed.instead_of(value) {
+            Some(instead) => Err(places.broken(at, value, instead)),
+            None => Ok(()),
+        },
+    }
+}
+
+/// [`complete`] for a table whose keys depend on its `kind`.
+fn complete_kind(
     places: &Places,
     path: &str,
     found: &mut toml::Table,
     kinds: &[KindKeys],
 ) -> Result<(), ConfigError> {
-    let said = found.remove("kind");
-    let kind = match &said {
-        Some(word) => kinds.iter().find(|kind| Some(kind.word) == word.as_str()),
-        None => kinds.iter().find(|kind| kind.unless_said),
-    };
-    let at = joined(path, "kind");
-    let Some(kind) = kind else {
-        let found = said.map_or("nothing".to_owned(), |word| word.to_string());
-        return Err(places.broken(&at, found, kind_words(kinds)));
+    let word = found.remove("kind");
+    let is_kind = |kind: &&KindKeys| word.as_ref().and_then(Value::as_str) == Some(kind.word);
+    let Some(kind) = kinds.iter().find(is_kind) else {
+        let found = word.map_or("nothing".to_owned(), |word| word.to_string());
+        return Err(places.broken(&joined(path, "kind"), found, kind_words(kinds)));
     };
     complete(places, path, found, kind.keys)?;
     found.insert("kind".to_owned(), kind.word.into());
     Ok(())
 }
 
-/// The nearest of `names` to `key`, or all of them, in words.
+/// A hint that names the nearest of `names` to `key`, or lists them all.
 fn nearest(key: &str, names: &[String]) -> String {
     match names.iter().min_by_key(|name| edit_distance(key, name)) {
         Some(name) if edit_distance(key, name) <= key.len().max(name.len()) / 2 => {
@@ -181,32 +202,114 @@ fn nearest(key: &str, names: &[String]) -> String {
     }
 }
 
-/// Reads `text`, called `file` in messages.
+/// Parses `text`, called `file` in messages.
 pub(super) fn read(text: &str, file: &str) -> Result<(RigTables, Places), ConfigError> {
     let places = Places::find(text, file)?;
     let mut whole: toml::Table =
         toml::from_str(text).map_err(|error| places.not_toml(&error, text))?;
     complete(&places, "", &mut whole, &RigTables::TABLE)?;
     derive(&mut whole);
-    // The keys have been checked one by one: what is left to say is a mistake of this program's.
+    // Every key was checked, so a failure here is a bug.
     let tables = Value::Table(whole).try_into().map_err(|error| places.not_toml(&error, text))?;
     Ok((tables, places))
 }
 
-/// Fills in what follows from other keys.
+/// Fills in the values that follow from other keys.
 fn derive(whole: &mut toml::Table) {
-    let number = |table: &str, key: &str| {
-        whole.get(table).and_then(|table| table.get(key)).and_then(Value::as_integer).unwrap_or(0)
-    };
-    let patch = (number("photo", "width-px") * 80 / 1024).max(4);
-    let margin = number("calibration", "function-support-px") / 2;
-    if let Some(Value::Table(paper)) = whole.get_mut("paper") {
-        paper.entry("patch-px").or_insert(Value::Integer(patch));
-        paper.entry("margin-px").or_insert(Value::Integer(margin));
+    let kind = if whole.contains_key("hardware") { "hardware" } else { "simulated" };
+    set_if_missing(whole, "rig", "kind", kind.into());
+    derive_geometry(whole);
+    let exposure_ms = number_of(whole, "camera", "exposure-ms");
+    set_if_missing(whole, "camera", "deadline-ms", (DEADLINE_EXPOSURES * exposure_ms).into());
+    let patch_px = whole_of(whole, "photo", "width-px") * PATCH_PX / PATCH_PHOTO_PX;
+    set_if_missing(whole, "paper", "patch-px", patch_px.clamp(4, PATCH_PX).into());
+    let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
+    set_if_missing(whole, "paper", "margin-px", radius_px.into());
+    derive_pulse(whole, exposure_ms);
+    derive_simulation(whole);
+}
+
+/// Canvas margin, photo size and photo place.
+fn derive_geometry(whole: &mut toml::Table) {
+    let radius_px = whole_of(whole, "calibration", "function-support-px") / 2;
+    set_if_missing(whole, "canvas", "margin-px", radius_px.into());
+    let margin_px = whole_of(whole, "canvas", "margin-px");
+    for (size, place) in [("width-px", "photo-x-px"), ("height-px", "photo-y-px")] {
+        let sensor_px = whole_of(whole, "camera", size);
+        let photo_px = (sensor_px - 2 * margin_px).max(0);
+        set_if_missing(whole, "photo", size, photo_px.into());
+        let photo_px = whole_of(whole, "photo", size);
+        set_if_missing(whole, "camera", place, ((sensor_px - photo_px).max(0) / 2).into());
     }
 }
 
-/// Edit distance (Levenshtein 1966) between two words, for naming the nearest known one.
+/// Width of the trigger pulse, which is the exposure where the pulse sets that.
+fn derive_pulse(whole: &mut toml::Table, exposure_ms: f64) {
+    let Some(hardware) = whole.get_mut("hardware").and_then(Value::as_table_mut) else { return };
+    let exposure_by = hardware.get("camera").and_then(|camera| camera.get("exposure-by"));
+    let pulse_us = match exposure_by.and_then(Value::as_str) {
+        Some("pulse") => (exposure_ms * 1e3).round() as i64,
+        _ => TRIGGER_PULSE_US,
+    };
+    let trigger = hardware.get("trigger").and_then(|trigger| trigger.get("kind"));
+    if trigger.and_then(Value::as_str) == Some("line") {
+        set_if_missing(hardware, "trigger", "pulse-us", pulse_us.into());
+    }
+}
+
+/// Values of the simulated lens, display and sensor.
+fn derive_simulation(whole: &mut toml::Table) {
+    let word = |table: &str, key: &str| {
+        let value = whole.get(table).and_then(|table| table.get(key)).and_then(Value::as_str);
+        value.map(str::to_owned)
+    };
+    let is_traced = word("lens", "geometry").as_deref() == Some(LensGeometry::Traced.name());
+    let light = word("simulation", "light");
+    set_if_missing(whole, "lens", "dark-corner", is_traced.into());
+    let columns = number_of(whole, "lens", "node-columns");
+    let [width, height] = ["width-px", "height-px"].map(|side| number_of(whole, "camera", side));
+    let rows = ((columns * height / width).round() as i64).max(2);
+    set_if_missing(whole, "lens", "node-rows", rows.into());
+    let surfaces = whole.get("lens").and_then(|lens| lens.get("surface"));
+    let is_rim = |surface: &&Value| {
+        let radius = surface.get("radius-mm").and_then(Value::as_float);
+        radius.is_some_and(f64::is_infinite)
+    };
+    let rims =
+        surfaces.and_then(Value::as_array).map_or(0, |all| all.iter().take_while(is_rim).count());
+    set_if_missing(whole, "lens", "stop-at-surface", (rims as i64).into());
+    if let Some(light) =
+        SpectralLight::ALL.into_iter().find(|one| light.as_deref() == Some(one.name()))
+    {
+        set_if_missing(whole, "display", "primaries", light.primaries());
+        set_if_missing(whole, "sensor", "filters", light.filters());
+    }
+    let differ = whole.get("sensor").and_then(|sensor| sensor.get("pixels-differ"));
+    let differ = differ.and_then(Value::as_bool) == Some(true);
+    for (key, usual) in PIXEL_DIFFERENCES {
+        let value = if differ { usual } else { 0.0 };
+        set_if_missing(whole, "sensor", key, value.into());
+    }
+}
+
+fn whole_of(whole: &toml::Table, table: &str, key: &str) -> i64 {
+    let value = whole.get(table).and_then(|table| table.get(key));
+    value.and_then(Value::as_integer).unwrap_or_default()
+}
+
+fn number_of(whole: &toml::Table, table: &str, key: &str) -> f64 {
+    let value = whole.get(table).and_then(|table| table.get(key));
+    value.and_then(number).unwrap_or_default()
+}
+
+/// Sets `key` of `table`, where there is such a table without it.
+fn set_if_missing(whole: &mut toml::Table, table: &str, key: &str, value: Value) {
+    if let Some(Value::Table(table)) = whole.get_mut(table) {
+        table.entry(key).or_insert(value);
+    }
+}
+
+/// Edit distance (Levenshtein 1966) between two words.
 pub fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
@@ -226,7 +329,7 @@ mod tests {
     use super::edit_distance;
 
     #[test]
-    fn distances_count_edits() {
+    fn edit_distance_counts_insertions_deletions_and_substitutions() {
         assert_eq!(edit_distance("kitten", "sitting"), 3);
         assert_eq!(edit_distance("", "abc"), 3);
         assert_eq!(edit_distance("settle-ms", "settle-ms"), 0);

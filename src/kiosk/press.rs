@@ -68,7 +68,7 @@ impl Presses {
             .down_since
             .filter(|_| !self.is_reported)
             .map(|since| Moment(since.0 + self.long_s));
-        match (self.debounce.look_again_at(), long) {
+        match (self.debounce.next_reading_at(), long) {
             (Some(a), Some(b)) => Some(if a <= b { a } else { b }),
             (a, b) => a.or(b),
         }

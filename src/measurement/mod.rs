@@ -148,7 +148,7 @@ fn trials(session: &mut Session<'_>) -> Result<Frame<SensorSpace>, CalibrateErro
     let first = session.raw(&patterns::trial(panel, Trial::Black))?;
     let white = session.raw(&patterns::trial(panel, Trial::White))?;
     let marks = MarkPlace::of(session.config);
-    let is_used = |row: usize| !marks.is_some_and(|marks| marks.keeps(row));
+    let is_used = |row: usize| !marks.is_some_and(|marks| marks.reserves(row));
     judge::exposure(&white, &first, session.layout.saturated, &is_used)?;
     let second = session.raw(&patterns::trial(panel, Trial::Black))?;
     judge::settled(&white, [&first, &second], &is_used)?;

@@ -289,7 +289,7 @@ mod tests {
         let nights = "[nights]\nwindow = \"always\"\ntime-zone = \"UTC\"\nclock = \
                       \"network\"\nrecalibrate = true\n";
         let text = format!("{small}\n{nights}");
-        let rig = crate::config::parse(&text, "small.toml", std::path::Path::new("")).unwrap();
+        let rig = crate::config::parse(&text, "small.toml").unwrap();
         assert_eq!(DriftLimits::of(&rig.nights.unwrap()), DriftLimits::default());
     }
 

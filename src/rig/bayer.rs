@@ -1,14 +1,12 @@
 //! Colour planes of a Bayer mosaic by bilinear interpolation.
 //!
-//! The plainest interpolation on purpose: it is linear and the same everywhere, so the lens model
-//! that the rig measures contains it. An edge-following one would make the camera a function of the
-//! picture.
+//! The interpolation is linear and uniform, so that the measured lens model includes it; one that
+//! follows edges would depend on the picture.
 
 use crate::frame::{Channel, Counts, Mosaic, Plane};
 
-/// Fills the three planes of `counts` from the sites `raw`: a channel's own sites as they are, the
-/// others the rounded mean of that channel's sites among the eight neighbours (fewer at the
-/// border).
+/// Fills the three planes of `counts` from the sites `raw`: a channel's own sites unchanged, others
+/// with the rounded mean of its sites among the eight neighbours (fewer at the border).
 pub fn interpolate(raw: &Plane<u16>, mosaic: Mosaic, counts: &mut Counts) {
     let (width, height) = (raw.width(), raw.height());
     for channel in Channel::ALL {
@@ -43,7 +41,7 @@ fn at_the_border(raw: &Plane<u16>, offsets: &[(usize, usize)], x: usize, y: usiz
             sites += 1;
         }
     }
-    // A frame of one row or column lacks whole channels; black is all that can be said of them.
+    // A frame of one row or column lacks whole channels, which stay black.
     (sum + sites / 2).checked_div(sites).unwrap_or(0) as u16
 }
 
@@ -52,8 +50,7 @@ mod tests {
     use super::*;
     use crate::frame::Size;
 
-    /// The definition, without tables: mean of the channel's sites within one pixel, the nearest
-    /// kind only.
+    /// Reference without tables: mean of the channel's nearest sites within one pixel.
     fn plain(raw: &Plane<u16>, mosaic: Mosaic, channel: Channel, x: usize, y: usize) -> u16 {
         for distance in 0..3i32 {
             let (mut sum, mut sites) = (0u32, 0u32);
@@ -62,8 +59,7 @@ mod tests {
                     let (column, row) = (x as i32 + dx, y as i32 + dy);
                     let inside = (0..raw.width() as i32).contains(&column)
                         && (0..raw.height() as i32).contains(&row);
-                    // Parity of a place left of or above the frame is that of the place two further
-                    // in.
+                    // A place outside the frame has the colour of the place two pixels further in.
                     let colour = mosaic.colour_at((column + 2) as usize, (row + 2) as usize);
                     if dx.abs() + dy.abs() == distance && colour == channel && inside {
                         sum += u32::from(raw.at(column as usize, row as usize));
@@ -79,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn the_interpolation_is_the_mean_of_the_nearest_sites_everywhere() {
+    fn interpolation_is_the_mean_of_the_nearest_sites() {
         for size in [Size::new(9, 7), Size::new(8, 6), Size::new(2, 2)] {
             let raw =
                 Plane::from_fn(size, |x, y| ((x * 977 + y * 3571 + x * y * 31) % 4096) as u16);

@@ -1,28 +1,28 @@
-//! The button: edges only wake, the level read afterwards decides.
+//! Button with debouncing.
 //!
-//! Contacts bounce and kernels drop edges, so an edge is a hint to look. A press counts when the
-//! level has been "on" at two readings a debounce time apart, and the next one only after an "off"
-//! as steady.
+//! Contacts bounce and kernels drop edges, so an edge only triggers a reading of the level. A press
+//! counts once the level has been "on" for the debounce time; the next one requires an "off" as
+//! long.
 
 use super::Moment;
 
-/// The debouncing itself, fed with levels and the time.
+/// Debouncing of timed levels.
 #[derive(Debug, Clone)]
 pub struct Debounce {
     debounce_s: f64,
     pressed: bool,
-    /// The level last read and since when it has been so.
+    /// Level last read, and the start of it.
     level: bool,
     since: Moment,
 }
 
 impl Debounce {
-    /// A button at rest at `now`; a level must hold `debounce_ms` to count.
+    /// A released button at `now`; levels must hold for `debounce_ms`.
     pub fn new(debounce_ms: f64, now: Moment) -> Self {
         Debounce { debounce_s: debounce_ms / 1e3, pressed: false, level: false, since: now }
     }
 
-    /// Takes the level read at `now`; true exactly once for every press.
+    /// Processes the level read at `now`; returns true once per press.
     pub fn read(&mut self, level: bool, now: Moment) -> bool {
         if level != self.level {
             (self.level, self.since) = (level, now);
@@ -35,13 +35,13 @@ impl Debounce {
         false
     }
 
-    /// Whether the button is down, as far as steady levels tell.
+    /// Whether the button is pressed.
     pub fn is_pressed(&self) -> bool {
         self.pressed
     }
 
-    /// When the level should be read again though no edge came; `None` while nothing is open.
-    pub fn look_again_at(&self) -> Option<Moment> {
+    /// Time of the next reading without an edge; `None` while the level is steady.
+    pub fn next_reading_at(&self) -> Option<Moment> {
         (self.level != self.pressed).then_some(Moment(self.since.0 + self.debounce_s))
     }
 }
@@ -57,10 +57,10 @@ mod line {
     use crate::rig::monotonic::Monotonic;
     use crate::rig::{Clock, Moment, RigError};
 
-    /// Edge events read at one go: the kernel queues 16 a line.
+    /// Edge events per reading: the kernel queues 16 per line.
     const EVENTS: usize = 16;
 
-    /// A button on an input line.
+    /// A button on a GPIO line.
     pub struct Button {
         request: gpiocdev::Request,
         offset: u32,
@@ -76,10 +76,10 @@ mod line {
     }
 
     impl Button {
-        /// Takes the line with its pull resistor towards "off".
+        /// Requests the line with its pull resistor towards "off".
         ///
         /// # Errors
-        /// When there is no such line, or another program has it.
+        /// When there is no such line, or another program uses it.
         pub fn open(name: &LineName, debounce_ms: f64) -> Result<Self, RigError> {
             let place = find("button", name)?;
             let mut builder = gpiocdev::Request::builder();
@@ -95,13 +95,13 @@ mod line {
             Ok(Button { request, offset: place.offset, debounce })
         }
 
-        /// Waits for an edge until `deadline` at the longest, and returns the level read then.
+        /// Waits for an edge, at most until `deadline`, and returns the level.
         ///
         /// # Errors
-        /// When the line can no longer be read.
+        /// When the line cannot be read.
         pub fn level_by(&mut self, deadline: Moment) -> Result<bool, RigError> {
-            let left_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
-            let waited = self.request.wait_edge_event(Duration::from_secs_f64(left_s));
+            let remaining_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
+            let waited = self.request.wait_edge_event(Duration::from_secs_f64(remaining_s));
             if waited.map_err(failed("wait for its edges"))? {
                 let mut events = self.request.new_edge_event_buffer(EVENTS);
                 events.read_event().map_err(failed("read its edges"))?;
@@ -110,10 +110,10 @@ mod line {
             Ok(level == Value::Active)
         }
 
-        /// Waits for a press until `deadline`; true when there was one.
+        /// Waits for a press, at most until `deadline`; returns whether there was one.
         ///
         /// # Errors
-        /// When the line can no longer be read.
+        /// When the line cannot be read.
         pub fn pressed(&mut self, deadline: Moment) -> Result<bool, RigError> {
             loop {
                 let level = self.request.value(self.offset).map_err(failed("read its level"))?;
@@ -126,12 +126,11 @@ mod line {
                 }
                 let until = self
                     .debounce
-                    .look_again_at()
+                    .next_reading_at()
                     .map_or(deadline.0, |again| again.0.min(deadline.0));
                 let wait = Duration::from_secs_f64((until - now).clamp(0.0, 3600.0));
                 if self.request.wait_edge_event(wait).map_err(failed("wait for its edges"))? {
-                    // Emptied and not looked at. (`read_edge_event` would read eight and return the
-                    // first.)
+                    // Discard the queued events.
                     let mut events = self.request.new_edge_event_buffer(EVENTS);
                     events.read_event().map_err(failed("read its edges"))?;
                 }
@@ -178,10 +177,10 @@ mod tests {
     }
 
     #[test]
-    fn an_open_question_names_the_time_to_look_again() {
+    fn an_unsteady_level_is_read_again_after_the_debounce_time() {
         let mut debounce = Debounce::new(20.0, Moment(0.0));
-        assert_eq!(debounce.look_again_at(), None);
+        assert_eq!(debounce.next_reading_at(), None);
         debounce.read(true, Moment(0.5));
-        assert_eq!(debounce.look_again_at(), Some(Moment(0.52)));
+        assert_eq!(debounce.next_reading_at(), Some(Moment(0.52)));
     }
 }

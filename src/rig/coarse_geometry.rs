@@ -1,15 +1,14 @@
-//! Where on the sensor a panel pixel lies, to a pixel or two: enough to place and read frame marks.
+//! Map from panel to sensor, exact to a pixel or two: enough to place and read frame marks.
 //!
-//! The calibration's own geometry is finer and comes later, through captures that these marks vouch
-//! for. A homography of a few dots, each shown alone; dots seen in the wrong place (frames that
-//! were not theirs) are outvoted.
+//! A homography fitted to a few dots, each shown alone. Dots from wrong frames are outvoted. The
+//! calibration measures a finer geometry later.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// A place in pixels, x then y.
+/// A place in pixels: x, y.
 pub type Place = [f64; 2];
 
-/// A homography from panel pixels to sensor pixels and back.
+/// A homography between panel and sensor pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoarseGeometry {
     to_sensor: Matrix3<f64>,
@@ -26,12 +25,11 @@ fn distance(a: Place, b: Place) -> f64 {
 }
 
 impl CoarseGeometry {
-    /// The homography that most of `pairs` (panel place, sensor place) agree on.
+    /// Robust fit of a homography to `pairs` (panel place, sensor place).
     ///
-    /// Every four of them propose one (Zhang 1995, least median of squares); the proposal with the
-    /// least median error decides which pairs are within `tolerance_px` of it, and these are fitted
-    /// again by least squares. `None` when fewer than five agree, or fewer than half: four always
-    /// do.
+    /// Least median of squares (Zhang 1995) over all quadruples selects the pairs within
+    /// `tolerance_px`, which are fitted by least squares. `None` if fewer than five agree, since
+    /// four always do, or fewer than half.
     pub fn fit(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
         let error =
             |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
@@ -66,8 +64,8 @@ impl CoarseGeometry {
         .then_some(fitted)
     }
 
-    /// The affine map that most of `pairs` agree on: stiffer than a homography, so it may be
-    /// trusted a little beyond its dots. `None` when fewer than four agree: three always do.
+    /// Robust fit of an affine map to `pairs`, which extrapolates better than a homography. `None`
+    /// if fewer than four agree, since three always do.
     pub fn fit_affine(pairs: &[(Place, Place)], tolerance_px: f64) -> Option<Self> {
         let error =
             |geometry: &Self, pair: &(Place, Place)| distance(geometry.sensor_at(pair.0), pair.1);
@@ -90,7 +88,7 @@ impl CoarseGeometry {
         if best.len() < 4 || 2 * best.len() < pairs.len() { None } else { Self::affine(&best) }
     }
 
-    /// Least squares of an affine map, by its normal equations about the panel places' mean.
+    /// Least-squares fit of an affine map by its normal equations, with centred panel places.
     fn affine(pairs: &[(Place, Place)]) -> Option<Self> {
         let (mut normal, mut right) = (Matrix3::zeros(), Matrix3::zeros());
         let from = normaliser(pairs.iter().map(|pair| pair.0))?;
@@ -100,14 +98,13 @@ impl CoarseGeometry {
             normal += row * row.transpose();
             right += Vector3::new(sensor[0], sensor[1], 1.0) * row.transpose();
         }
-        // Three dots in a line fix no map.
+        // Collinear dots do not determine a map.
         (normal.determinant() > 1e-3).then_some(())?;
         let to_sensor = right * normal.try_inverse()? * from;
         Some(CoarseGeometry { to_sensor, to_panel: to_sensor.try_inverse()? })
     }
 
-    /// Direct linear transformation with both sides centred and scaled (Hartley & Zisserman, alg.
-    /// 4.2).
+    /// Normalised direct linear transformation (Hartley & Zisserman, alg. 4.2).
     fn least_squares(pairs: &[(Place, Place)]) -> Option<Self> {
         let from = normaliser(pairs.iter().map(|pair| pair.0))?;
         let to = normaliser(pairs.iter().map(|pair| pair.1))?;
@@ -127,12 +124,12 @@ impl CoarseGeometry {
         finite.then_some(CoarseGeometry { to_sensor, to_panel })
     }
 
-    /// The sensor pixel that sees panel pixel `panel`.
+    /// Sensor place that sees panel place `panel`.
     pub fn sensor_at(&self, panel: Place) -> Place {
         through(&self.to_sensor, panel)
     }
 
-    /// The panel pixel that sensor pixel `sensor` sees.
+    /// Panel place seen at sensor place `sensor`.
     pub fn panel_at(&self, sensor: Place) -> Place {
         through(&self.to_panel, sensor)
     }
@@ -144,7 +141,7 @@ fn set_row(rows: &mut DMatrix<f64>, row: usize, values: [f64; 9]) {
     }
 }
 
-/// Moves the places' mean to the origin and scales their mean distance from it to √2.
+/// Normalisation: the mean of the places to the origin, their mean distance from it to √2.
 fn normaliser(places: impl Iterator<Item = Place> + Clone) -> Option<Matrix3<f64>> {
     let count = places.clone().count() as f64;
     let sum = places.clone().fold([0.0, 0.0], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
@@ -173,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_homography_is_found_again() {
+    fn a_homography_is_recovered() {
         let geometry = CoarseGeometry::fit(&dots(), 1.0).unwrap();
         for (x, y) in [(0.0, 0.0), (1900.0, 1000.0), (960.0, 540.0)] {
             assert!(distance(geometry.sensor_at([x, y]), true_sensor_at([x, y])) < 1e-6);
@@ -182,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn dots_of_the_wrong_frame_are_outvoted() {
+    fn dots_of_wrong_frames_are_outvoted() {
         let mut pairs = dots();
         for n in [2, 5, 9] {
             pairs[n].1 = pairs[n - 1].1;
@@ -194,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn an_affine_map_of_a_few_dots_is_good_a_little_beyond_them() {
+    fn an_affine_map_extrapolates_a_little_beyond_its_dots() {
         // Six dots in two rows, a quarter pixel of error in each, one of another frame.
         let mut pairs: Vec<_> = (0..6)
             .map(|n| [600.0 + 300.0 * f64::from(n % 3), 400.0 + 240.0 * f64::from(n / 3)])
@@ -213,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn dots_that_never_moved_are_no_geometry() {
+    fn dots_that_never_move_give_no_geometry() {
         let pairs: Vec<_> = dots().into_iter().map(|(panel, _)| (panel, [400.0, 300.0])).collect();
         assert_eq!(CoarseGeometry::fit(&pairs, 3.0), None);
         assert_eq!(CoarseGeometry::fit(&pairs[..3], 3.0), None);

@@ -1,163 +1,162 @@
-//! What every device of a rig must do: four small traits, and the errors they share.
+//! Traits of a rig's four devices, and their common errors.
 
 use crate::frame::{Codes, Counts, Size};
 use crate::remedy::{Remediable, Remedy};
 
-/// A moment on a rig's clock, in seconds since that clock began.
+/// A moment on a rig's clock, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub struct Moment(pub f64);
 
-/// A picture's first appearance on the panel.
+/// Start of a picture's scan-out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flip {
-    /// When scan-out of the new picture began (its first row; vblank time stamp).
+    /// Vblank time stamp: scan-out of the picture's first row.
     pub at: Moment,
-    /// Vblank counter of that scan-out.
+    /// Vblank counter.
     pub vblank: u64,
 }
 
-/// One exposure as the camera delivered it.
+/// A frame as delivered by the camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exposed {
-    /// Raw counts, one plane a channel.
+    /// Raw counts, one plane per channel.
     pub counts: Counts,
-    /// The camera's own frame counter; gaps are lost frames.
+    /// The camera's frame counter; gaps are lost frames.
     pub sequence: u32,
-    /// When the frame was taken, by the camera.
+    /// Start of the exposure, by the camera's time stamp.
     pub at: Moment,
 }
 
-/// The display.
+/// Display.
 pub trait Panel {
-    /// Panel pixels.
+    /// Size in panel pixels.
     fn size(&self) -> Size;
-    /// Puts `codes` on the panel at the next refresh and returns when that was.
+    /// Shows `codes` from the next refresh on.
     ///
     /// # Errors
     /// When the panel or the right to use it is gone.
     fn show(&mut self, codes: &Codes) -> Result<Flip, RigError>;
 }
 
-/// The line that starts an exposure.
+/// Start of exposures.
 pub trait Trigger {
-    /// Starts one exposure and returns when.
+    /// Starts an exposure; returns the moment before it.
     ///
     /// # Errors
     /// When the line cannot be driven.
     fn fire(&mut self) -> Result<Moment, RigError>;
 }
 
-/// The image sensor.
+/// Image sensor.
 pub trait Camera {
-    /// Camera pixels.
+    /// Size in sensor pixels.
     fn size(&self) -> Size;
-    /// The next frame, waiting until `deadline` at the longest.
+    /// Waits for the next frame until `deadline`.
     ///
     /// # Errors
-    /// [`RigError::NoFrame`] when none came in time, [`RigError::Gone`] when the camera went away.
+    /// [`RigError::NoFrame`] if none arrives in time, [`RigError::Gone`] if the camera disconnects.
     fn frame(&mut self, deadline: Moment) -> Result<Exposed, RigError>;
-    /// Takes a frame's memory back that nobody needs any more, so that the next one need not
-    /// allocate.
+    /// Takes back the memory of a frame for reuse.
     fn give_back(&mut self, counts: Counts) {
         drop(counts);
     }
-    /// Makes exposures from now on `times` as long as the rig file says; false, and nothing is
-    /// changed, where this camera's exposure is set elsewhere.
+    /// Sets the exposure to `times` the rig file's. Returns false, without effect, if it is set
+    /// outside this program.
     ///
     /// # Errors
-    /// When the camera does not take it.
+    /// When the camera refuses the setting.
     fn expose_times(&mut self, times: f64) -> Result<bool, RigError> {
         let _ = times;
         Ok(false)
     }
-    /// Makes its counts `times` what the rig file's gain makes of the same light, as near as its
-    /// steps allow: how many times it is. `None`, and nothing is changed, where it cannot be set.
+    /// Sets the gain as near to `times` the rig file's as its steps allow, and returns the multiple
+    /// reached. `None`, without effect, if it cannot be set.
     ///
     /// # Errors
-    /// When the camera does not take it.
+    /// When the camera refuses the setting.
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
         let _ = times;
         Ok(None)
     }
-    /// Closes and opens the camera again, with fresh buffers.
+    /// Closes and reopens the camera with new buffers.
     ///
     /// # Errors
-    /// [`RigError::Gone`] while it is away.
+    /// [`RigError::Gone`] while it is disconnected.
     fn reopen(&mut self) -> Result<(), RigError>;
 }
 
-/// The time.
+/// Clock.
 pub trait Clock {
-    /// Now.
+    /// Current moment.
     fn now(&self) -> Moment;
-    /// Returns at `moment`, or at once when it has passed.
+    /// Waits until `moment`, if that is in the future.
     fn wait_until(&self, moment: Moment);
 }
 
-/// Why a rig did not do what was asked.
+/// Error of a rig.
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
-    /// No frame came before the deadline.
+    /// No frame before the deadline.
     #[error("no frame from the camera within {waited_ms:.0} ms of the trigger")]
     NoFrame {
-        /// How long was waited.
+        /// Time waited.
         waited_ms: f64,
     },
-    /// Frames came, but none could be shown to belong to the picture shown.
+    /// Frames arrived, but none could be identified as that of the picture shown.
     #[error(
-        "{tries} exposures brought no frame of the picture shown; the last one was {last}; `relens \
-         check` says whether panel.settle-ms is too short"
+        "none of {tries} exposures gave a frame of the picture shown; the last was {last}. Run \
+         `relens check`: panel.settle-ms may be too short"
     )]
     NotThisPicture {
-        /// Exposures tried.
+        /// Exposures made.
         tries: u32,
-        /// What the last frame was.
+        /// Description of the last frame.
         last: String,
     },
-    /// A device is not there (any more).
+    /// A device is missing or disconnected.
     #[error("the {device} is gone: {what}")]
     Gone {
-        /// Which device.
+        /// Device.
         device: &'static str,
-        /// What was observed.
+        /// Observation.
         what: String,
     },
-    /// No frame can be proven to be its picture's, because the marks that prove it are not seen.
+    /// The frame marks are not visible, so frames cannot be identified.
     #[error(
-        "the camera does not see the panel's marks: {what} (where `relens check` sees them, \
-         panel.settle-ms is too short)"
+        "the camera does not see the panel's marks: {what}. If `relens check` finds them, \
+         panel.settle-ms is too short"
     )]
     NoMarks {
-        /// What was seen.
+        /// Observation.
         what: String,
     },
-    /// Another program has a device, a line or the display.
-    #[error("the {device} is held: {what}")]
+    /// Another program uses a device, a line or the display.
+    #[error("the {device} is in use: {what}")]
     Held {
-        /// Which device.
+        /// Device.
         device: &'static str,
-        /// By whom, as far as the kernel tells.
+        /// The other user, as far as the kernel knows.
         what: String,
     },
-    /// The kernel refused something that should work.
+    /// A system call failed.
     #[error("the {device} failed to {doing}")]
     Failed {
-        /// Which device.
+        /// Device.
         device: &'static str,
-        /// What was being done.
+        /// Action that failed.
         doing: &'static str,
-        /// The kernel's answer.
+        /// Cause.
         #[source]
         source: std::io::Error,
     },
-    /// A device refuses its settings.
+    /// A device refuses a setting.
     #[error("the {device} cannot do what the rig file asks: found {found}, allowed {allowed}")]
     Refused {
-        /// Which device.
+        /// Device.
         device: &'static str,
-        /// What was asked for.
+        /// Setting requested.
         found: String,
-        /// What the device allows.
+        /// Settings allowed.
         allowed: String,
     },
 }
@@ -167,7 +166,7 @@ impl Remediable for RigError {
         match self {
             RigError::NoFrame { .. } | RigError::NotThisPicture { .. } => Remedy::ShootAgain,
             RigError::Gone { .. } | RigError::Failed { .. } => Remedy::ReopenRig,
-            // Whoever holds a device does so for longer than three tries in a row take.
+            // Another program keeps a device for longer than a few tries.
             RigError::Held { .. } | RigError::Refused { .. } | RigError::NoMarks { .. } => {
                 Remedy::CallOperator
             }

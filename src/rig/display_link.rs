@@ -1,76 +1,74 @@
-//! When a display's mode has to be set again: the cable was out, the link must be trained anew,
-//! another program had the display. The kernel is behind a trait, for no virtual display has a link
-//! that can be lost.
+//! Recovery of a display after its cable was out, its link failed, or another program used it.
 //!
-//! The kernel's rule for `link-status`: a link that failed its training is black, and stays so
-//! until the mode is set again with the word Good (Linux DRM documentation, "Standard Connector
-//! Properties"). A commit by a program that is no longer DRM master is refused with EACCES.
+//! A link that failed its training stays black until the mode is set again with `link-status` Good
+//! (Linux DRM documentation, "Standard Connector Properties"). A commit by a program that is not
+//! DRM master is refused with EACCES. The kernel is behind a trait, since no virtual display loses
+//! links.
 
 use super::RigError;
 
-/// "Good" in the kernel's enumeration of `link-status`.
+/// Value "Good" of `link-status`.
 const GOOD: u64 = 0;
 
-/// A link that fails this often in a row, each time right after the mode was set again, is told of.
-/// Guess.
+/// Consecutive failures of a link, each after setting the mode, before they are an error. Guess.
 const TRAININGS_MAX: u32 = 3;
 
-/// What the kernel says of the connector, nothing probed.
+/// State of a connector as known to the kernel, without probing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct ConnectorState {
     /// Whether a display is plugged in.
     pub(super) plugged_in: bool,
-    /// The property `link-status`, where the driver has it.
+    /// Property `link-status`, if the driver has it.
     pub(super) link_status: Option<u64>,
 }
 
-/// What may be asked of the kernel.
+/// Access to a display through the kernel.
 pub(super) trait Display {
-    /// The connector's name.
+    /// Name of the connector.
     fn name(&self) -> &str;
-    /// A look at the connector.
-    fn look(&mut self) -> Result<ConnectorState, RigError>;
-    /// Whether a display is plugged in, found out afresh.
+    /// State of the connector, without probing it.
+    fn state(&mut self) -> Result<ConnectorState, RigError>;
+    /// Probes whether a display is plugged in.
     fn probe(&mut self) -> Result<bool, RigError>;
-    /// Becomes DRM master, or stays so.
+    /// Becomes DRM master.
     fn take(&mut self) -> Result<(), RigError>;
     /// Sets the mode.
     fn light(&mut self) -> Result<(), RigError>;
 }
 
-/// What is known of the way to one display.
+/// State of the link to a display.
 #[derive(Debug, Default)]
 pub(super) struct Link {
-    /// The mode has to be set before the next picture.
+    /// Whether the mode must be set before the next picture.
     dark: bool,
-    /// Bad links in a row.
+    /// Consecutive failures of the link.
     bad: u32,
 }
 
 impl Link {
-    /// A commit was refused, or no refresh came: the mode has to be set again.
+    /// Records a refused commit or a missing refresh, after which the mode must be set again.
     pub(super) fn lose(&mut self) {
         self.dark = true;
     }
 
-    /// Looks at cable and link, and sets the mode again after a loss; returns whether it did.
+    /// Checks cable and link, and sets the mode again after a loss; returns whether it did.
     ///
     /// # Errors
-    /// [`RigError::Gone`] without a display or with a link that fails again and again; whatever the
-    /// kernel has against it, as that another program drives the display.
+    /// [`RigError::Gone`] without a display or with a link that keeps failing; [`RigError::Held`]
+    /// while another program drives the display.
     pub(super) fn keep(&mut self, display: &mut dyn Display) -> Result<bool, RigError> {
-        let look = display.look()?;
-        if !look.plugged_in {
+        let state = display.state()?;
+        if !state.plugged_in {
             self.dark = true;
             return Err(unplugged(display.name()));
         }
-        let bad = look.link_status.is_some_and(|status| status != GOOD);
+        let bad = state.link_status.is_some_and(|status| status != GOOD);
         self.bad = if bad { self.bad + 1 } else { 0 };
         if !bad && !self.dark {
             return Ok(false);
         }
         self.dark = true;
-        // Whoever took the display meanwhile may have given it back.
+        // Another program may have released the display.
         display.take()?;
         if !display.probe()? {
             return Err(unplugged(display.name()));
@@ -80,8 +78,8 @@ impl Link {
         if self.bad > TRAININGS_MAX {
             let name = display.name();
             let what = format!(
-                "the link to {name} fails as often as its mode is set; another cable or a lower \
-                 mode?"
+                "the link to {name} fails whenever its mode is set; try another cable or a lower \
+                 mode"
             );
             return Err(RigError::Gone { device: "panel", what });
         }
@@ -89,7 +87,7 @@ impl Link {
     }
 }
 
-/// Nothing is plugged into the connector called `name`.
+/// Error for a connector without a display.
 pub(super) fn unplugged(name: &str) -> RigError {
     RigError::Gone { device: "panel", what: format!("nothing is plugged into {name}") }
 }
@@ -98,12 +96,12 @@ pub(super) fn unplugged(name: &str) -> RigError {
 mod tests {
     use super::*;
 
-    /// A display that a script does things to.
+    /// A display with scripted faults.
     struct Fake {
         look: ConnectorState,
         /// Another program is DRM master.
         taken: bool,
-        /// The next so many trainings fail.
+        /// Trainings that will fail.
         failures: u32,
         lit: u32,
     }
@@ -118,7 +116,7 @@ mod tests {
         fn name(&self) -> &str {
             "HDMI-A-1"
         }
-        fn look(&mut self) -> Result<ConnectorState, RigError> {
+        fn state(&mut self) -> Result<ConnectorState, RigError> {
             Ok(self.look)
         }
         fn probe(&mut self) -> Result<bool, RigError> {
@@ -137,7 +135,7 @@ mod tests {
         }
     }
 
-    /// Twenty pictures, then how often the mode was set.
+    /// Shows twenty pictures; returns how often the mode was set.
     fn pictures(link: &mut Link, display: &mut Fake) -> u32 {
         let before = display.lit;
         (0..20).for_each(|_| drop(link.keep(display)));
@@ -145,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_link_has_its_mode_set_again_once() {
+    fn the_mode_of_a_bad_link_is_set_once() {
         let (mut link, mut display) = (Link::default(), fake());
         assert_eq!(pictures(&mut link, &mut display), 0, "all is well");
         display.look.link_status = Some(1);
@@ -158,23 +156,29 @@ mod tests {
     }
 
     #[test]
-    fn a_link_that_fails_a_few_times_heals_and_one_that_always_fails_is_told_of() {
+    fn a_link_that_fails_a_few_times_recovers_and_one_that_keeps_failing_is_an_error() {
         let (mut link, mut display) = (Link::default(), fake());
         (display.look.link_status, display.failures) = (Some(1), 2);
         let healed: Vec<bool> = (0..20).map(|_| link.keep(&mut display).is_ok()).collect();
         assert!(healed.iter().all(|&ok| ok) && display.lit == 3, "{healed:?} {}", display.lit);
         (display.look.link_status, display.failures) = (Some(1), 10);
-        let told: Vec<String> =
+        let errors: Vec<String> =
             (0..10).filter_map(|_| link.keep(&mut display).err().map(|e| e.to_string())).collect();
-        assert!(told.len() == 7 && told[0].contains("the link to HDMI-A-1 fails"), "{told:?}");
-        assert!(told.iter().all(|words| *words == told[0]), "the same words: they are logged once");
-        // It is tried each time, so that a cable that is changed heals it.
+        assert!(
+            errors.len() == 7 && errors[0].contains("the link to HDMI-A-1 fails"),
+            "{errors:?}"
+        );
+        assert!(
+            errors.iter().all(|words| *words == errors[0]),
+            "a constant message is logged once"
+        );
+        // Each picture tries again, so that another cable solves it.
         link.keep(&mut display).unwrap_err();
         assert_eq!((link.keep(&mut display).ok(), display.look), (Some(false), WELL));
     }
 
     #[test]
-    fn a_cable_that_is_out_is_told_of_and_the_mode_set_once_when_it_is_back() {
+    fn a_missing_cable_is_an_error_and_the_mode_is_set_once_when_it_is_back() {
         let (mut link, mut display) = (Link::default(), fake());
         display.look.plugged_in = false;
         assert!(
@@ -187,17 +191,20 @@ mod tests {
     }
 
     #[test]
-    fn a_display_that_another_program_has_is_waited_for_in_the_same_words_and_then_lit_once() {
+    fn a_display_in_use_gives_a_constant_error_and_is_lit_once_when_released() {
         let (mut link, mut display) = (Link::default(), fake());
         display.taken = true;
         link.lose();
-        let told: Vec<String> =
+        let errors: Vec<String> =
             (0..5).map(|_| link.keep(&mut display).unwrap_err().to_string()).collect();
         assert!(
-            told[0].contains("the panel is held: another program drives the display"),
-            "{told:?}"
+            errors[0].contains("the panel is in use: another program drives the display"),
+            "{errors:?}"
         );
-        assert!(told.iter().all(|words| *words == told[0]), "the same words: they are logged once");
+        assert!(
+            errors.iter().all(|words| *words == errors[0]),
+            "a constant message is logged once"
+        );
         display.taken = false;
         assert_eq!(pictures(&mut link, &mut display), 1);
     }

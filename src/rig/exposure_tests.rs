@@ -1,11 +1,11 @@
-//! Frames proven by their marks on a small simulated rig: faults at 5 % each, overlap, settling.
+//! Frames identified by their marks on a small simulated rig, with faults and slow panels.
 
 use super::*;
 use crate::config;
 use crate::frame::{Channel, Plane, Size};
 use crate::rig::simulated;
 
-/// A rig as small as marks can be read on: 160 × 128 sensor pixels, one exposure a refresh.
+/// The smallest rig on which marks are readable, of 160 × 128 sensor pixels.
 fn tiny(change: impl Fn(&str) -> String) -> (Devices, simulated::Witness, config::RigFile) {
     let mut text = include_str!("../../rig-config/small.toml").to_owned();
     for (from, to) in [
@@ -15,22 +15,18 @@ fn tiny(change: impl Fn(&str) -> String) -> (Devices, simulated::Witness, config
         ("height-px = 270", "height-px = 180"),
         ("width-px = 288", "width-px = 160"),
         ("height-px = 224", "height-px = 128"),
-        ("photo-x-px = 16", "photo-x-px = 20"),
-        ("photo-y-px = 16", "photo-y-px = 20"),
-        ("exposure-ms = 50.0", "exposure-ms = 50.0\nexposures-max = 40"),
         // A narrower blur and fewer points it is traced at: the lens is not what is tested.
         ("pixel-pitch-um = 40.0", "pixel-pitch-um = 72.0"),
         ("\nsupport-px = 19", "\nsupport-px = 11"),
         ("node-columns = 16", "node-columns = 4"),
-        ("node-rows = 12", "node-rows = 3"),
         ("margin-px = 8", "margin-px = 8\n\n[marks]\nfrom-edge-px = 2\nheight-px = 6"),
     ] {
         assert!(text.contains(from), "{from}");
         text = text.replacen(from, to, 1);
     }
-    let rig = config::parse(&change(&text), "tiny.toml", std::path::Path::new(""))
-        .unwrap_or_else(|e| panic!("{e}"));
-    let (devices, witness) = simulated::open(&rig).unwrap_or_else(|e| panic!("{e}"));
+    let rig = config::parse(&change(&text), "tiny.toml").unwrap_or_else(|e| panic!("{e}"));
+    let (mut devices, witness) = simulated::open(&rig).unwrap_or_else(|e| panic!("{e}"));
+    devices.timing.exposures_max = 40;
     (devices, witness, rig)
 }
 
@@ -46,13 +42,12 @@ fn five_percent_of_each(text: &str) -> String {
     format!("{text}\n[faults]\nstale = 0.05\nduplicate = 0.05\nmissing = 0.05\nmixed = 0.05\n")
 }
 
-/// One of five pictures that differ everywhere: a frame tells which it is by its mean, the mark
-/// apart.
+/// One of five pictures that a frame's mean identifies.
 fn grey(n: usize) -> Codes {
     Codes::filled(Size::new(240, 180), [40, 90, 130, 170, 210][n % 5])
 }
 
-/// Means of the middle and of the thirds above and below it: a mixture shows in their quotients.
+/// Means of the middle third and the thirds above and below, which reveal mixtures.
 fn levels(exposed: &Exposed) -> [f64; 3] {
     let plane = exposed.counts.plane(Channel::Green);
     let mean = |from: usize, to: usize| {
@@ -62,7 +57,7 @@ fn levels(exposed: &Exposed) -> [f64; 3] {
     [mean(20, 44), mean(52, 76), mean(84, 108)]
 }
 
-/// What the five greys look like on a rig without faults.
+/// Levels of the five greys on a rig without faults.
 fn references() -> Vec<[f64; 3]> {
     let mut sound = with_marks(str::to_owned);
     (0..5).map(|n| levels(&sound.capture(&grey(n)).unwrap_or_else(|e| panic!("{e}")))).collect()
@@ -72,47 +67,32 @@ fn is_of(exposed: &Exposed, reference: &[f64; 3]) -> bool {
     levels(exposed).iter().zip(reference).all(|(found, want)| (found - want).abs() < 0.03 * want)
 }
 
-/// Some thirty faults of each kind in 600; `RELENS_CAPTURES=10000` makes so many captures.
+/// About thirty faults of each kind in 600 captures; `RELENS_CAPTURES=10000` makes more.
 #[test]
-fn thousands_of_captures_with_faults_bring_no_wrong_frame() {
+fn no_wrong_frame_is_accepted_under_faults() {
     let asked = std::env::var("RELENS_CAPTURES").ok().and_then(|count| count.parse().ok());
-    let half = asked.unwrap_or(600usize) / 2;
+    let captures = asked.unwrap_or(600usize);
     let references = references();
     let mut rig = with_marks(five_percent_of_each);
-    // The search itself ran under the faults. One after the other, then overlapped.
-    for n in 0..half {
+    // The search for marks ran under the faults, too.
+    for n in 0..captures {
         let exposed = rig.capture(&grey(n)).unwrap_or_else(|e| panic!("capture {n}: {e}"));
         assert!(is_of(&exposed, &references[n % 5]), "capture {n} is of another picture");
     }
-    let greys: Vec<Codes> = (0..5).map(grey).collect();
-    for _ in 0..half / 100 {
-        let pictures: Vec<&Codes> = (0..100).map(|n| &greys[n % 5]).collect();
-        let mut seen = vec![0; pictures.len()];
-        rig.capture_all(&pictures, &mut |n, exposed| {
-            seen[n] += 1;
-            assert!(
-                is_of(&exposed, &references[n % 5]),
-                "overlapped capture {n} is of another picture"
-            );
-        })
-        .unwrap_or_else(|e| panic!("{e}"));
-        assert!(seen.iter().all(|&times| times == 1), "every picture once");
-    }
     let rejected = rig.rejected();
-    // Each kind of fault came about once in twenty captures; that each was met proves that the
-    // faults were on.
+    // Each kind of fault occurs about once in twenty captures.
     for (kind, times) in [
         ("missing", rejected.missing),
         ("repeated", rejected.repeated),
         ("of another picture", rejected.another),
         ("mixed", rejected.mixed),
     ] {
-        assert!(times > half as u64 / 50, "only {times} {kind}: {rejected:?}");
+        assert!(times > captures as u64 / 50, "only {times} {kind}: {rejected:?}");
     }
 }
 
 #[test]
-fn without_marks_the_same_faults_do_bring_wrong_frames() {
+fn without_marks_the_same_faults_give_wrong_frames() {
     let references = references();
     let (mut rig, ..) = tiny(five_percent_of_each);
     let wrong = (0..500)
@@ -126,30 +106,8 @@ fn without_marks_the_same_faults_do_bring_wrong_frames() {
 /// An ordinary panel: 60 Hz, two refreshes of latency; settled to half a grey level within three
 /// and a half.
 fn quick(text: &str) -> String {
-    let text = text.replacen("settle-ms = 100.0", "settle-ms = 48.0\nlatency-ms = 33.0", 1);
+    let text = text.replacen("settle-ms = 100.0", "settle-ms = 48.0", 1);
     text.replacen("response-ms = 5.0", "response-ms = 2.5", 1)
-}
-
-#[test]
-fn known_pictures_take_hardly_longer_than_exposure_and_refresh() {
-    let references = references();
-    let mut rig = with_marks(quick);
-    let greys: Vec<Codes> = (0..5).map(grey).collect();
-    let pictures: Vec<&Codes> = (0..40).map(|n| &greys[n % 5]).collect();
-    let (begin, rejected) = (rig.seconds(), rig.rejected());
-    rig.capture_all(&pictures, &mut |n, exposed| {
-        assert!(is_of(&exposed, &references[n % 5]), "capture {n}");
-    })
-    .unwrap_or_else(|e| panic!("{e}"));
-    let each_s = (rig.seconds() - begin) / 40.0;
-    let alone_s = rig.timing.exposure_ms / 1e3 + 1.0 / 60.0;
-    assert_eq!(rig.rejected(), rejected, "no frame was lost to haste");
-    assert!(
-        each_s <= 1.2 * alone_s,
-        "{:.1} ms a capture, {:.1} ms needed",
-        each_s * 1e3,
-        alone_s * 1e3
-    );
 }
 
 #[test]
@@ -165,7 +123,7 @@ fn a_dependent_capture_takes_at_most_an_eighth_of_a_second() {
 }
 
 #[test]
-fn a_panel_slower_than_its_settle_time_is_noticed() {
+fn a_panel_slower_than_its_settle_time_is_detected() {
     // Settled only as far as the first change: the frame is a blend of two pictures.
     let mut rig = with_marks(str::to_owned);
     rig.timing.settle_ms = 25.0;
@@ -174,14 +132,13 @@ fn a_panel_slower_than_its_settle_time_is_noticed() {
     assert_eq!(failed, 20);
 }
 
-/// The tiny rig whose photo takes the rows that were the marks', which vanish.
+/// The tiny rig with vanishing marks in rows of the photo.
 fn vanishing(text: &str) -> String {
     let text = text.replacen("height-px = 6", "height-px = 6\nvanish = true", 1);
-    let text = text.replacen("height-px = 88", "height-px = 112", 1);
-    text.replacen("photo-y-px = 20", "photo-y-px = 8", 1)
+    text.replacen("height-px = 88", "height-px = 112", 1)
 }
 
-/// Different everywhere, so that a row of another place would tell.
+/// A picture whose rows all differ.
 fn uneven() -> Codes {
     let code = |x: usize, y: usize| (60 + (x * 7 + y * 5) % 120) as u8;
     Codes::from_planes([0; 3].map(|_| Plane::from_fn(Size::new(240, 180), code)))
@@ -195,7 +152,7 @@ fn rows(exposed: &Exposed) -> Vec<f64> {
 }
 
 #[test]
-fn marks_that_vanish_leave_nothing_whatever_goes_wrong() {
+fn vanished_marks_leave_no_trace_whatever_the_faults() {
     let (mut plain, ..) = tiny(vanishing);
     let capture =
         |devices: &mut Devices| rows(&devices.capture(&uneven()).unwrap_or_else(|e| panic!("{e}")));
@@ -204,7 +161,7 @@ fn marks_that_vanish_leave_nothing_whatever_goes_wrong() {
     let before = marked.captures();
     capture(&mut marked);
     assert_eq!(marked.captures() - before, 2);
-    // What is exposed again shows no mark either.
+    // Another exposure shows no mark either.
     let again = rows(&marked.expose().unwrap_or_else(|e| panic!("{e}")));
     let even = |found: &[f64]| {
         for (y, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
@@ -214,19 +171,18 @@ fn marks_that_vanish_leave_nothing_whatever_goes_wrong() {
     even(&again);
     let mut faulty = with_marks(|text| five_percent_of_each(&vanishing(text)));
     for n in 0..200 {
-        // Another picture between, for a frame that is late to show.
+        // Another picture in between, in case of a late frame.
         faulty.capture(&grey(n)).unwrap_or_else(|e| panic!("{e}"));
         even(&capture(&mut faulty));
     }
     let rejected = faulty.rejected();
     assert!(rejected.another > 10 && rejected.mixed > 5, "{rejected:?}");
-    // Of strips that stay the same rows show marks or black.
+    // With lasting strips the same rows show marks or black.
     let hidden = capture(&mut with_marks(str::to_owned));
     assert!(hidden[9] < 0.8 * wanted[9], "{:.1} and {:.1}", hidden[9], wanted[9]);
 }
 
-/// Pictures that may have something of a mark by themselves: greys, noise, bars and squares of a
-/// cell's width and less, at all places.
+/// Pictures that resemble marks: greys, noise, bars and squares up to a cell's width, shifted.
 fn pictures() -> Vec<Codes> {
     let codes = |of: &dyn Fn(usize, usize) -> u8| {
         Codes::from_planes([0; 3].map(|_| Plane::from_fn(Size::new(240, 180), of)))
@@ -247,14 +203,14 @@ fn pictures() -> Vec<Codes> {
 
 #[test]
 #[ignore = "minutes: the long gate runs it"]
-fn what_is_left_of_a_mark_tells_a_picture_of_its_own_from_one_with_the_mark() {
+fn remains_of_a_mark_distinguish_frames_with_it_from_frames_without_it() {
     type Changed = fn(&str) -> String;
     let rigs: [(&str, Changed); 6] = [
         ("as it is", vanishing),
         ("glare", |text| {
-            let glare = "node-rows = 3\nglare-share = 0.1\nglare-radius-px = 8.0";
+            let glare = "node-columns = 4\nglare-share = 0.1\nglare-radius-px = 8.0";
             let own: Vec<&str> = text.lines().filter(|line| !line.starts_with("glare-")).collect();
-            vanishing(&own.join("\n").replacen("node-rows = 3", glare, 1))
+            vanishing(&own.join("\n").replacen("node-columns = 4", glare, 1))
         }),
         ("sharp", |text| {
             vanishing(&text.replacen("pixel-pitch-um = 72.0", "pixel-pitch-um = 200.0", 1))
@@ -275,14 +231,14 @@ fn what_is_left_of_a_mark_tells_a_picture_of_its_own_from_one_with_the_mark() {
                 let exposed = rig.shoot(&codes).unwrap_or_else(|e| panic!("{e}"));
                 let marks = rig.marks.as_ref().expect("it has marks");
                 let (number, own) = (rig.number, marks.own_shares(&codes, rig.number));
-                let least = marks.left(&exposed.counts, number, &own).fold(-9.0, f32::max);
+                let least = marks.remains(&exposed.counts, number, &own).fold(-9.0, f32::max);
                 stale.push(least);
                 rig.panel.show(&codes).unwrap_or_else(|e| panic!("{e}"));
                 let later = rig.clock.now();
                 rig.clock.wait_until(after(later, 100.0));
                 let bare = rig.expose().unwrap_or_else(|e| panic!("{e}"));
                 let marks = rig.marks.as_ref().expect("it has marks");
-                gone.push(marks.left(&bare.counts, number, &own).fold(-9.0, f32::max));
+                gone.push(marks.remains(&bare.counts, number, &own).fold(-9.0, f32::max));
             }
         }
         gone.sort_by(f32::total_cmp);

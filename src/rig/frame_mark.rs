@@ -1,11 +1,8 @@
-//! The frame mark: the number of the picture shown, in a strip at the upper and one at the lower
-//! edge of the sensor.
+//! Frame marks: the number of the picture shown, in strips at the sensor's upper and lower edge.
 //!
-//! A number is eight bits and four check bits; each bit is two cells, one light and one dark
-//! (Manchester code), so a strip is equally bright whatever it says and its glare on the picture is
-//! a constant. Both strips carry the same number; a frame that is part old and part new, by rows or
-//! by time, is told from a whole one. Strips that move hide in one exposure what they show in the
-//! next.
+//! A number has eight bits and four check bits. Each bit is a light and a dark cell (Manchester
+//! code), so that a strip's brightness, and its glare on the picture, is constant. Both strips
+//! carry the same number, which reveals frames that mix two pictures, by rows or by time.
 
 use std::ops::Range;
 
@@ -13,39 +10,36 @@ use super::coarse_geometry::CoarseGeometry;
 use crate::config;
 use crate::frame::{Channel, Codes, Counts, Plane, Size};
 
-/// Bits of a number: pictures 256 shows apart look alike, which no buffer anywhere is deep enough
-/// to confuse.
+/// Bits of a number. Numbers repeat after 256 pictures, more than any buffer holds.
 const NUMBER_BITS: usize = 8;
 const BITS: usize = NUMBER_BITS + 4;
 const CELLS: usize = 2 * BITS;
-/// The light cells' panel code; below the brightest, to leave the sensor unsaturated where the
-/// picture is.
+/// Panel code of light cells, below white so that the sensor does not saturate.
 const LIGHT_CODE: u8 = 200;
-/// Stands for a pixel of the guard in place of a cell.
+/// Marks a pixel of the guard instead of a cell.
 const BLACK: u8 = u8::MAX;
-/// Least share of a bit's usual contrast that counts: a frame with more than a tenth of another bit
-/// in it fails.
+/// Minimum contrast of a bit relative to the usual one: rejects frames with more than a tenth of
+/// another bit.
 const CONTRAST_SHARE_MIN: f32 = 0.8;
-/// Rows of a strip are looked at in so many bands for what is left of it, for a torn frame may hold
-/// a part of its height.
+/// Bands of a strip checked for remains of a mark, since a torn frame may contain part of it.
 const BANDS: usize = 4;
-/// A strip is gone where no band has more of its contrast than this for sure. On small simulated
-/// rigs with glare, noise and other curves, pictures made to look like marks stay below it, and a
-/// mark that is still there has over 0.9 (a test of exposures); between are mixtures of the two.
-const LEFT_SHARE_MAX: f32 = 0.2;
+/// Limit of the remains of a vanished mark in any band, as a share of its contrast. On small
+/// simulated rigs with glare, noise and other curves, pictures that resemble marks stay below it
+/// and marks exceed 0.9 (`exposure_tests.rs`); mixtures are in between.
+const REMAINS_MAX: f32 = 0.2;
 
-/// What is left of a mark is not sure within so many standard errors of twelve bits: one in a
-/// thousand is farther off by chance (Student's distribution, eleven degrees of freedom).
+/// Standard errors subtracted from the estimated remains: one in a thousand exceeds them by chance
+/// (Student's distribution, eleven degrees of freedom).
 const ERRORS: f32 = 4.0;
 
-/// What a frame says of itself.
+/// Reading of the mark in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MarkReading {
     /// Both strips carry this number.
     Number(u8),
-    /// The strips disagree, or bits lie between light and dark: parts of two pictures.
+    /// The strips differ, or bits are between light and dark: parts of two pictures.
     Mixed,
-    /// There is no mark.
+    /// No mark.
     Nothing,
 }
 
@@ -54,29 +48,36 @@ impl std::fmt::Display for MarkReading {
         match self {
             MarkReading::Number(number) => write!(f, "picture number {number} of 256"),
             MarkReading::Mixed => f.write_str("a mixture of two pictures"),
-            MarkReading::Nothing => f.write_str("without a readable mark"),
+            MarkReading::Nothing => f.write_str("a frame without a readable mark"),
         }
     }
 }
 
-/// Where the strips lie on the sensor.
+/// Place of the strips on the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MarkPlace {
     /// Sensor pixels.
     pub sensor: Size,
-    /// From the upper or lower edge to the strip.
+    /// Distance from the upper or lower edge to the strip.
     pub from_edge_px: usize,
-    /// The strip's height.
+    /// Height of a strip.
     pub height_px: usize,
-    /// Kept black around the strips, so that no picture's edge lights one cell of a bit more than
-    /// the other.
+    /// Black border around the strips, so that no picture lights one cell of a bit more than the
+    /// other.
     pub guard_px: usize,
-    /// Whether they are gone from the panel in the exposure that counts.
+    /// Whether the strips vanish before the capture.
     vanish: bool,
 }
 
+/// A place in a strip: its cell and the position within that, 0..1.
+struct CellPlace {
+    strip: usize,
+    cell: usize,
+    share: f64,
+}
+
 impl MarkPlace {
-    /// Strips that stay where they are.
+    /// Strips that do not vanish.
     pub const fn still(
         sensor: Size,
         from_edge_px: usize,
@@ -86,7 +87,7 @@ impl MarkPlace {
         MarkPlace { sensor, from_edge_px, height_px, guard_px, vanish: false }
     }
 
-    /// Where a rig file puts the strips; `None` without `[marks]`.
+    /// Place of a rig file's strips; `None` without `[marks]`.
     pub fn of(rig: &config::RigFile) -> Option<MarkPlace> {
         let marks = rig.marks.as_ref()?;
         let sensor = rig.camera.size();
@@ -96,21 +97,20 @@ impl MarkPlace {
             let place = MarkPlace::still(sensor, from_edge_px, height_px, radius);
             return Some(MarkPlace { vanish: true, ..place });
         }
-        // All of the room up to the canvas, whose light ends there anyway.
+        // The guard fills the space up to the canvas.
         let canvas = rig.canvas_on_sensor();
         let room = canvas.y.min(sensor.height - canvas.y - canvas.size.height);
         let guard_px = room.saturating_sub(from_edge_px + height_px);
         Some(MarkPlace::still(sensor, from_edge_px, height_px, guard_px))
     }
 
-    /// Rows from either edge to the end of what is black.
+    /// Rows from either edge to the end of the guard.
     fn depth_px(&self) -> usize {
         self.from_edge_px + self.height_px + self.guard_px
     }
 
-    /// Whether the sensor's row `row` sees no picture: it is kept for marks that stay, and black
-    /// about them.
-    pub fn keeps(&self, row: usize) -> bool {
+    /// Whether sensor row `row` is reserved for lasting marks and their guard.
+    pub fn reserves(&self, row: usize) -> bool {
         !self.vanish && self.covers(row as f64)
     }
 
@@ -121,7 +121,7 @@ impl MarkPlace {
         }
     }
 
-    /// Whether a sensor place, seen or not, is to be black or a mark.
+    /// Whether a row, on the sensor or beyond it, belongs to a strip or its guard.
     fn covers(&self, y: f64) -> bool {
         let begin = -((self.height_px + self.guard_px) as f64);
         let end = self.depth_px() as f64 - 0.5;
@@ -129,9 +129,8 @@ impl MarkPlace {
         (begin..end).contains(&y) || (begin..end).contains(&from_below)
     }
 
-    /// Strip, cell and how far into the cell, 0..1, at a sensor place, if one is there. Strips end
-    /// a cell's width before the sensor's sides.
-    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<(usize, usize, f64)> {
+    /// Cell at a sensor place, if any. Strips end a cell's width before the sensor's sides.
+    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<CellPlace> {
         let row = y + 0.5;
         let strip = (0..2).find(|&strip| {
             let first = self.first_row(strip) as f64;
@@ -139,10 +138,10 @@ impl MarkPlace {
         })?;
         let along = (x + 0.5) / self.sensor.width as f64 * (CELLS + 2) as f64 - 1.0;
         let inside = (0.0..CELLS as f64).contains(&along);
-        inside.then_some((strip, along as usize, along.fract()))
+        inside.then_some(CellPlace { strip, cell: along as usize, share: along.fract() })
     }
 
-    /// The sensor rows of one of a strip's bands.
+    /// Sensor rows of a band of a strip.
     fn band(&self, strip: usize, band: usize) -> Range<usize> {
         let first = self.first_row(strip);
         let edge = |n: usize| first + n * self.height_px / BANDS;
@@ -150,43 +149,42 @@ impl MarkPlace {
     }
 }
 
-/// Sensor rows of a strip that are measured: the middle half, away from whatever is beside it.
+/// Sensor rows over which a strip is read: its middle half.
 fn measured_rows(place: &MarkPlace, strip: usize) -> Range<usize> {
     let margin = place.height_px / 4;
     let first = place.first_row(strip);
     first + margin..first + place.height_px - margin
 }
 
-/// The twelve bits of a number: it, and the sum of its halves so that one flipped bit never is
-/// another number.
+/// The bits of a number and its check bits, a weighted sum of its halves. No single flipped bit
+/// gives another valid number.
 fn bits(number: u8) -> [bool; BITS] {
     let check = u16::from(number >> 4).wrapping_mul(3).wrapping_add(u16::from(number & 15)) & 15;
     let word = u16::from(number) | check << NUMBER_BITS;
     std::array::from_fn(|n| word >> n & 1 == 1)
 }
 
-/// The mean light−dark difference of each bit's cells, light when the bit is set, for both strips.
+/// Mean difference of each bit's two cells in counts, for both strips; positive if the bit is set.
 type Contrasts = [[f32; BITS]; 2];
 
-/// How much of a number's contrast each bit of each band of both strips has: 1 is a mark, 0 is
-/// none.
+/// Contrast of each bit relative to a mark's (1) or none (0), per band of both strips.
 pub(super) type MarkShares = [[[f32; BITS]; BANDS]; 2];
 
-/// Marks in their places on one rig.
+/// Frame marks of a rig.
 #[derive(Debug, Clone)]
 pub struct FrameMarks {
     place: MarkPlace,
-    /// Panel pixels of strips and guard: index, and the cell or [`BLACK`].
+    /// Panel pixels of strips and guard: index and cell, or [`BLACK`].
     pixels: Vec<(u32, u8)>,
-    /// Panel pixels of the middle half of cells: index, strip, band and cell.
+    /// Panel pixels in the middle half of cells: index; strip, band and cell.
     middles: Vec<(u32, [u8; 3])>,
-    /// Usual contrast of each bit, in counts.
+    /// Usual contrast of each bit in counts.
     usual: Contrasts,
 }
 
 impl FrameMarks {
-    /// Marks for a rig of this geometry, whose panel has `panel` pixels; `None` when the strips are
-    /// not altogether on the panel. Their contrast is yet to be learned.
+    /// Marks of a rig with this geometry and a panel of `panel` pixels; `None` if the strips are
+    /// not entirely on the panel. [`FrameMarks::learn`] must follow.
     pub fn new(place: MarkPlace, geometry: &CoarseGeometry, panel: Size) -> Option<Self> {
         let (mut pixels, mut middles) = (Vec::new(), Vec::new());
         for y in 0..panel.height {
@@ -194,8 +192,9 @@ impl FrameMarks {
                 let at = geometry.sensor_at([x as f64, y as f64]);
                 if place.covers(at[1]) {
                     let (index, found) = ((y * panel.width + x) as u32, place.cell_at(at));
-                    pixels.push((index, found.map_or(BLACK, |(_, cell, _)| cell as u8)));
-                    if let Some((strip, cell, _)) = found.filter(|f| (0.25..0.75).contains(&f.2)) {
+                    pixels.push((index, found.as_ref().map_or(BLACK, |at| at.cell as u8)));
+                    let is_middle = |at: &CellPlace| (0.25..0.75).contains(&at.share);
+                    if let Some(CellPlace { strip, cell, .. }) = found.filter(is_middle) {
                         let row = (at[1] + 0.5) as usize;
                         let band = (0..BANDS).find(|&n| place.band(strip, n).contains(&row));
                         let band = band.unwrap_or(BANDS - 1);
@@ -227,15 +226,15 @@ impl FrameMarks {
         })
     }
 
-    /// Whether they are gone from the panel in the exposure that counts.
+    /// Whether the strips vanish before the capture.
     pub(super) fn vanish(&self) -> bool {
         self.place.vanish
     }
 
-    /// What `codes` themselves have of the mark `number`, where it is not painted.
+    /// Likeness of `codes` themselves to the mark `number`.
     pub(super) fn own_shares(&self, codes: &Codes, number: u8) -> MarkShares {
         let mut cells = [[[(0.0f32, 0.0f32); CELLS]; BANDS]; 2];
-        // About a panel's light.
+        // Approximate response of a panel.
         let light = |code: u8| (f32::from(code) / f32::from(LIGHT_CODE)).powf(2.2);
         let data = codes.plane(Channel::Green).data();
         for &(index, [strip, band, cell]) in &self.middles {
@@ -250,14 +249,13 @@ impl FrameMarks {
         })
     }
 
-    /// Whether nothing is left in the frame of the mark `number`, beside what the picture has of
-    /// its own.
+    /// Whether the frame has no remains of the mark `number`, given the picture's `own` likeness.
     pub(super) fn is_gone(&self, counts: &Counts, number: u8, own: &MarkShares) -> bool {
-        self.left(counts, number, own).all(|share| share < LEFT_SHARE_MAX)
+        self.remains(counts, number, own).all(|share| share < REMAINS_MAX)
     }
 
-    /// How much is left for sure in the frame of the mark `number`, in each band of both strips.
-    pub(super) fn left(
+    /// Significant remains of the mark `number` in each band of both strips, as shares of a mark.
+    pub(super) fn remains(
         &self,
         counts: &Counts,
         number: u8,
@@ -267,13 +265,14 @@ impl FrameMarks {
         let bands = (0..2).flat_map(|strip| (0..BANDS).map(move |band| (strip, band)));
         bands.filter_map(move |(strip, band)| {
             let rows = self.place.band(strip, band);
-            let of = |bit: usize| self.contrast(plane, rows.clone(), bit) / self.usual[strip][bit];
-            let seen = (!rows.is_empty()).then(|| shares_of(number, of))?;
-            Some(left_for_sure(seen, own[strip][band]))
+            let share =
+                |bit: usize| self.contrast(plane, rows.clone(), bit) / self.usual[strip][bit];
+            let seen = (!rows.is_empty()).then(|| shares_of(number, share))?;
+            Some(significant_part(seen, own[strip][band]))
         })
     }
 
-    /// Paints `number` over the strips' places in `codes`.
+    /// Paints the mark `number` into `codes`.
     pub fn paint(&self, codes: &mut Codes, number: u8) {
         let bits = bits(number);
         for plane in codes.planes_mut() {
@@ -285,8 +284,8 @@ impl FrameMarks {
         }
     }
 
-    /// Learns the usual contrast of every bit: the median over `frames`, each with the number it
-    /// showed. False when some bit has none to speak of: then the mark cannot be read here.
+    /// Learns the usual contrast of every bit as the median over `frames`, each with its number.
+    /// Returns false if some bit has too little contrast to be read.
     pub fn learn(&mut self, frames: &[(u8, Counts)]) -> bool {
         let seen: Vec<Contrasts> = frames
             .iter()
@@ -309,18 +308,16 @@ impl FrameMarks {
             }
         }
         let strongest = self.usual.iter().flatten().copied().fold(0.0, f32::max);
-        // A fifth of the strongest: dark corners and blur take half at the worst; less is no mark
-        // but noise.
+        // Dark corners and blur take at most half; less than a fifth is noise.
         strongest > 0.0 && self.usual.iter().flatten().all(|&contrast| contrast > 0.2 * strongest)
     }
 
-    /// What the frame says of itself.
+    /// Reads the mark in a frame.
     pub fn read(&self, counts: &Counts) -> MarkReading {
         let contrasts = self.contrasts(counts);
         let share = |strip: usize, bit: usize| contrasts[strip][bit] / self.usual[strip][bit];
         let shares = (0..2).flat_map(|strip| (0..BITS).map(move |bit| (strip, bit)));
-        // A quarter of the usual contrast over all bits is no mark at all: dark, another screen,
-        // panel off.
+        // Less than a quarter of the usual contrast is no mark: dark, another screen, panel off.
         if shares.clone().map(|(strip, bit)| share(strip, bit).abs()).sum::<f32>()
             < 0.25 * (2 * BITS) as f32
         {
@@ -350,7 +347,7 @@ impl FrameMarks {
         })
     }
 
-    /// How much lighter the first of a bit's cells is than the second over `rows`, in counts.
+    /// Difference of a bit's first and second cell over `rows`, in counts.
     fn contrast(&self, plane: &Plane<u16>, rows: Range<usize>, bit: usize) -> f32 {
         let pitch = self.place.sensor.width as f32 / (CELLS + 2) as f32;
         let cell = |n: usize| mean_of_cell(plane, rows.clone(), (n + 1) as f32 * pitch, pitch);
@@ -358,20 +355,20 @@ impl FrameMarks {
     }
 }
 
-/// What `contrast` gives of each bit, as the mark `number` has it.
+/// Contrast of each bit, positive where it agrees with the mark `number`.
 fn shares_of(number: u8, contrast: impl Fn(usize) -> f32) -> [f32; BITS] {
     let bits = bits(number);
     std::array::from_fn(|bit| if bits[bit] { contrast(bit) } else { -contrast(bit) })
 }
 
-/// How much of a mark is `seen` for sure, in a picture that has its `own` shares: the part of it in
-/// a mixture of both, by least squares over the bits, less [`ERRORS`] standard errors. A mark is
-/// left in all bits alike; where the lens blurs a picture's own bars, bits differ.
-fn left_for_sure(seen: [f32; BITS], own: [f32; BITS]) -> f32 {
+/// Part of a mark in `seen`, a mixture of it and the picture's `own` shares: least squares over the
+/// bits, less [`ERRORS`] standard errors. A mark adds to all bits alike, a picture's own blurred
+/// bars do not.
+fn significant_part(seen: [f32; BITS], own: [f32; BITS]) -> f32 {
     let pairs = || seen.iter().zip(&own).map(|(seen, own)| (seen - own, 1.0 - own));
     let square = pairs().map(|(_, away)| away * away).sum::<f32>();
-    let part = pairs().map(|(left, away)| left * away).sum::<f32>() / square;
-    let error = pairs().map(|(left, away)| (left - part * away).powi(2)).sum::<f32>();
+    let part = pairs().map(|(excess, away)| excess * away).sum::<f32>() / square;
+    let error = pairs().map(|(excess, away)| (excess - part * away).powi(2)).sum::<f32>();
     part - ERRORS * (error / ((BITS - 1) as f32 * square)).sqrt()
 }
 

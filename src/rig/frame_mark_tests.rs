@@ -15,8 +15,8 @@ fn geometry() -> CoarseGeometry {
     CoarseGeometry::fit(&corners.map(|panel| (panel, sensor_at(panel))), 0.1).unwrap()
 }
 
-/// What a camera sees of `codes`: the panel pixel under each sensor pixel, blurred over 11 × 11,
-/// darker to the right, with noise from `seed`.
+/// A frame of `codes`: the panel pixel under each sensor pixel, blurred over 11 × 11, darker to the
+/// right, with noise from `seed`.
 fn seen(codes: &Codes, geometry: &CoarseGeometry, seed: u32) -> Counts {
     let mut state = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let shown = codes.plane(Channel::Green);
@@ -52,7 +52,7 @@ fn shown(marks: &FrameMarks, geometry: &CoarseGeometry, number: u8) -> Counts {
     seen(&codes, geometry, number.into())
 }
 
-/// Rows from `row` on of `other`, above it `counts`.
+/// Rows of `counts` above `row`, of `other` from there on.
 fn torn(counts: &Counts, other: &Counts, row: usize) -> Counts {
     Counts::from_fn(|c| {
         Plane::from_fn(SENSOR, |x, y| {
@@ -62,7 +62,7 @@ fn torn(counts: &Counts, other: &Counts, row: usize) -> Counts {
 }
 
 #[test]
-fn numbers_come_back_through_blur_pose_noise_and_dark_corner() {
+fn numbers_are_read_through_blur_pose_noise_and_dark_corners() {
     let (marks, geometry) = learned();
     for number in (0..=255).step_by(17) {
         assert_eq!(marks.read(&shown(&marks, &geometry, number)), MarkReading::Number(number));
@@ -70,10 +70,10 @@ fn numbers_come_back_through_blur_pose_noise_and_dark_corner() {
 }
 
 #[test]
-fn a_rolling_mixture_is_no_frame() {
+fn a_torn_frame_is_rejected() {
     let (marks, geometry) = learned();
     let (old, new) = (shown(&marks, &geometry, 41), shown(&marks, &geometry, 42));
-    // Wherever the tear is, above, between or through the strips: never a number that is not whole.
+    // For any place of the tear, above, between or through the strips.
     for row in 0..=SENSOR.height {
         let reading = marks.read(&torn(&old, &new, row));
         // The outermost measured row of each strip is one row inside it.
@@ -84,7 +84,7 @@ fn a_rolling_mixture_is_no_frame() {
 }
 
 #[test]
-fn a_frame_exposed_over_two_pictures_is_no_frame() {
+fn a_frame_exposed_over_two_pictures_is_rejected() {
     let (marks, geometry) = learned();
     let (old, new) = (shown(&marks, &geometry, 7), shown(&marks, &geometry, 8));
     for share in [0.15, 0.3, 0.5, 0.7, 0.85] {
@@ -98,16 +98,16 @@ fn a_frame_exposed_over_two_pictures_is_no_frame() {
 }
 
 #[test]
-fn a_frame_without_marks_says_so() {
+fn a_frame_without_marks_reads_as_nothing() {
     let (marks, geometry) = learned();
     assert_eq!(marks.read(&seen(&Codes::filled(PANEL, 90), &geometry, 1)), MarkReading::Nothing);
     assert_eq!(marks.read(&Counts::zeros(SENSOR)), MarkReading::Nothing);
 }
 
 #[test]
-fn what_the_picture_shows_does_not_disturb_the_mark() {
+fn the_picture_does_not_disturb_the_mark() {
     let (marks, geometry) = learned();
-    // Squares about as wide as the cells, light and dark right up to the guard.
+    // Squares about as wide as the cells, up to the guard.
     let checker = Plane::from_fn(PANEL, |x, y| if (x / 14 + y / 14) % 2 == 0 { 255 } else { 0 });
     for number in [3, 64, 200] {
         let mut codes = Codes::from_planes([checker.clone(), checker.clone(), checker.clone()]);
@@ -117,7 +117,7 @@ fn what_the_picture_shows_does_not_disturb_the_mark() {
 }
 
 #[test]
-fn a_strip_is_equally_bright_whatever_it_says() {
+fn the_brightness_of_a_strip_does_not_depend_on_its_number() {
     let (marks, _) = learned();
     let light = |number: u8| {
         let mut codes = Codes::zeros(PANEL);
@@ -125,8 +125,7 @@ fn a_strip_is_equally_bright_whatever_it_says() {
         codes.plane(Channel::Green).data().iter().map(|&v| u32::from(v)).sum::<u32>()
     };
     let (least, most) = (0..=255).map(light).fold((u32::MAX, 0), |(a, b), v| (a.min(v), b.max(v)));
-    // Cells are 12 or 13 panel pixels wide here: they differ by one column in thirteen at most, and
-    // half of them are light whatever the number.
+    // Cells are 12 or 13 panel pixels wide here, and half of them are light for every number.
     assert!(f64::from(most - least) < f64::from(most) / 13.0, "{least} to {most}");
 }
 

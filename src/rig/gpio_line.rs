@@ -1,5 +1,4 @@
-//! GPIO lines by chip label and line name: numbers of chips and lines differ between boards and
-//! kernels.
+//! GPIO lines by chip label and line name, since numbers differ between boards and kernels.
 
 use std::path::{Path, PathBuf};
 
@@ -7,37 +6,37 @@ use embedded_hal::digital::{ErrorKind, ErrorType, OutputPin};
 
 use super::RigError;
 
-/// Which line, and which of its levels means "on".
+/// Name of a line, and its level for "on".
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineName {
-    /// The chip's label as `gpiodetect` shows it in brackets, such as `pinctrl-rp1`.
+    /// Label of the chip, in brackets in `gpiodetect`, such as `pinctrl-rp1`.
     pub chip: String,
-    /// The line's name as `gpioinfo` shows it, such as `GPIO17`.
+    /// Name of the line in `gpioinfo`, such as `GPIO17`.
     pub line: String,
-    /// Whether the low level means "on".
+    /// Whether low means "on".
     pub active_low: bool,
 }
 
-/// A line that was found: its chip's node and its number there.
+/// A line by its chip's node and its number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct LinePlace {
     pub(super) node: PathBuf,
     pub(super) offset: u32,
 }
 
-/// The consumer's name that other programs see on our lines.
+/// Consumer name of this program's lines.
 pub(super) const CONSUMER: &str = "relens";
 
 fn refused(device: &'static str, found: String, allowed: Vec<String>) -> RigError {
-    let allowed = if allowed.is_empty() { "none at all".to_owned() } else { allowed.join(", ") };
+    let allowed = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
     RigError::Refused { device, found, allowed }
 }
 
-/// Finds the line; `device` is what it is for, in messages.
+/// Finds a line; `device` names its purpose in messages.
 ///
 /// # Errors
-/// [`RigError::Refused`] with the labels or names there are; [`RigError::Held`] with the name of
-/// the program that has the line.
+/// [`RigError::Refused`] with the existing labels or names; [`RigError::Held`] with the name of the
+/// program that uses the line.
 pub(super) fn find(device: &'static str, name: &LineName) -> Result<LinePlace, RigError> {
     let mut labels = Vec::new();
     for node in gpiocdev::chip::chips().unwrap_or_default() {
@@ -72,13 +71,13 @@ pub(super) fn find(device: &'static str, name: &LineName) -> Result<LinePlace, R
     Err(refused(device, format!("GPIO chip {:?}", name.chip), labels))
 }
 
-/// An output line at rest unless told otherwise, and at rest again when dropped.
+/// An output line, off when opened and when dropped.
 pub struct OutputLine {
     lines: gpiod::Lines<gpiod::Output>,
 }
 
 impl OutputLine {
-    /// Takes the line and puts it at rest.
+    /// Requests the line and switches it off.
     ///
     /// # Errors
     /// As [`find`]; [`RigError::Failed`] when the kernel refuses the line.
@@ -114,8 +113,8 @@ fn request(
 }
 
 impl Drop for OutputLine {
-    /// Off before the line is released. What it does afterwards is up to its pull resistor, see
-    /// hardware.md.
+    /// Switches the line off before it is released; afterwards its pull resistor decides
+    /// (hardware.md).
     fn drop(&mut self) {
         let _ = self.set(false);
     }
@@ -136,7 +135,7 @@ impl ErrorType for OutputLine {
     type Error = LineError;
 }
 
-/// High means "on", whatever level that is on the wire.
+/// High means "on", whatever the level on the wire.
 impl OutputPin for OutputLine {
     fn set_low(&mut self) -> Result<(), LineError> {
         self.set(false)

@@ -1,4 +1,4 @@
-//! A rig of real devices, opened as its file says.
+//! Opens the devices of a real rig.
 
 use linux_embedded_hal::Delay;
 
@@ -10,33 +10,37 @@ use super::lamps::{Lamp, Lamps};
 use super::monotonic::Monotonic;
 use super::pulse_trigger::{FreeRunning, PulseTrigger};
 use super::{Panel, RigError, Trigger, camera};
-use crate::config::{self, Hardware, Level, PulseLine, TriggerDevice};
+use crate::config::{
+    self, ButtonDevice, Hardware, LampDevices, Level, PanelDevice, PanelTable, PulseLine,
+    TriggerDevice,
+};
 
 /// Opens panel, trigger and camera.
 ///
 /// # Errors
-/// Whatever a device has to say: see its own file.
+/// As [`KmsPanel::open`], [`OutputLine::open`] and [`camera::v4l2::V4l2Camera::open`].
 pub fn open(rig: &config::RigFile, hardware: &Hardware) -> Result<Devices, RigError> {
-    let panel = open_panel(rig, hardware)?;
+    let panel = open_panel(&rig.panel, &hardware.panel)?;
     let trigger = open_trigger(&hardware.trigger)?;
-    let camera = camera::open(rig, &hardware.camera)?;
-    Ok(Devices::new(panel, trigger, camera, Box::new(Monotonic), Timing::of(rig)))
+    let camera = camera::open(&rig.camera, hardware)?;
+    let timing = Timing::of(&rig.panel, &rig.camera);
+    Ok(Devices::new(panel, trigger, camera, Box::new(Monotonic), timing))
 }
 
-/// The panel alone, for saying what is wrong with the rest.
+/// Opens the panel alone, so that messages can be shown when another device fails.
 ///
 /// # Errors
-/// When there is no such panel, or another program has it.
+/// When there is no such panel, or another program drives it.
 pub fn open_panel(
-    rig: &config::RigFile,
-    hardware: &Hardware,
+    panel: &PanelTable,
+    device: &PanelDevice,
 ) -> Result<Box<dyn Panel + Send>, RigError> {
     Ok(Box::new(KmsPanel::open(KmsSettings {
-        node: hardware.panel.node.clone(),
-        connector: hardware.panel.connector.clone(),
-        size: rig.panel.size(),
-        refresh_hz: rig.panel.refresh_hz,
-        interface: hardware.panel.interface,
+        node: device.node.clone(),
+        connector: device.connector.clone(),
+        size: panel.size(),
+        refresh_hz: panel.refresh_hz,
+        legacy: false,
     })?))
 }
 
@@ -54,22 +58,19 @@ fn open_trigger(device: &TriggerDevice) -> Result<Box<dyn Trigger + Send>, RigEr
     }
 }
 
-/// The button of the box, if its rig file has one.
+/// Opens the start button.
 ///
 /// # Errors
-/// When its line cannot be had.
-pub fn open_button(hardware: &Hardware) -> Result<Option<Button>, RigError> {
-    let open =
-        |b: &config::ButtonDevice| Button::open(&line(&b.chip, &b.line, b.active), b.debounce_ms);
-    hardware.button.as_ref().map(open).transpose()
+/// When its line cannot be requested.
+pub fn open_button(button: &ButtonDevice) -> Result<Button, RigError> {
+    Button::open(&line(&button.chip, &button.line, button.active), button.debounce_ms)
 }
 
-/// The lamps of the box, all dark; those its rig file does not have are never lit.
+/// Opens the lamps, all dark.
 ///
 /// # Errors
-/// When a line cannot be had.
-pub fn open_lamps(hardware: &Hardware) -> Result<Lamps, RigError> {
-    let lamps = &hardware.lamps;
+/// When a line cannot be requested.
+pub fn open_lamps(lamps: &LampDevices) -> Result<Lamps, RigError> {
     let each =
         [(Lamp::Ready, &lamps.ready), (Lamp::Busy, &lamps.busy), (Lamp::Trouble, &lamps.trouble)];
     let names: Vec<_> = each

@@ -1,9 +1,8 @@
-//! Whether the kernel calls its calendar synchronised: adjtimex(2), `STA_UNSYNC`. Without a battery
-//! clock this is the only sign that somebody has set the time since the board was switched on; NTP
-//! daemons (timesyncd, chrony, ntpd) clear the flag.
+//! Synchronisation of the kernel's calendar: adjtimex(2), `STA_UNSYNC`. NTP daemons (timesyncd,
+//! chrony, ntpd) clear the flag; without a battery clock nothing else shows that the time was set.
 #![allow(unsafe_code)] // One call into the C library; no crate of the tree wraps it.
 
-/// Whether the calendar was set by the network. `false` where it cannot be asked.
+/// Whether the network has set the calendar. `false` if that is unknown.
 pub fn is_synchronised() -> bool {
     // SAFETY: all-zero is a valid `timex` (plain integers) and, with `modes` 0, asks and changes
     // nothing; the pointer is to a live value of the right type.

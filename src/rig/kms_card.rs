@@ -1,10 +1,11 @@
-//! A DRM node: opened by path or found by its connector, its properties looked up by name.
+//! A DRM node, opened by path or by its connector, with properties by name.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use drm::control::{Device as _, ResourceHandle, connector, property};
 use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
 
 use super::RigError;
 
@@ -20,19 +21,35 @@ impl AsFd for Card {
 impl drm::Device for Card {}
 impl drm::control::Device for Card {}
 
-/// A failure of the panel with its cause.
+/// Error of the panel while `doing` something.
 pub(super) fn failed(doing: &'static str) -> impl Fn(std::io::Error) -> RigError {
     move |source| RigError::Failed { device: "panel", doing, source }
 }
 
+/// Error of a refused commit.
+pub(super) fn commit_failed(cause: std::io::Error) -> RigError {
+    match Errno::from_io_error(&cause) {
+        // EACCES: this program is not DRM master (any more).
+        Some(Errno::ACCESS | Errno::PERM) => RigError::Held {
+            device: "panel",
+            what: "another program drives the display (it is DRM master); a desktop or a second \
+             relens?"
+                .to_owned(),
+        },
+        Some(Errno::NODEV) => {
+            RigError::Gone { device: "panel", what: "the display driver has gone".to_owned() }
+        }
+        _ => failed("put a picture on")(cause),
+    }
+}
+
 impl Card {
-    /// Opens `node`, or when none is given the one of `/dev/dri/card*` that has the connector
-    /// called `connector` ("HDMI-A-1"): boards have nodes for 3D alone and for other panels, and
-    /// their order changes from boot to boot.
+    /// Opens `node`, or the one of `/dev/dri/card*` with the connector `connector` ("HDMI-A-1").
+    /// Boards have nodes for 3D and for other panels, in an order that changes from boot to boot.
     ///
     /// # Errors
-    /// [`RigError::Gone`] when no node can be opened that drives a display, [`RigError::Refused`]
-    /// with the names there are when none has the connector, or two have.
+    /// [`RigError::Gone`] if no node that drives a display can be opened, [`RigError::Refused`] if
+    /// none or two have the connector.
     pub(super) fn open(node: Option<&Path>, connector: &str) -> Result<Card, RigError> {
         let numbered = (0..16).map(|n| PathBuf::from(format!("/dev/dri/card{n}")));
         let candidates: Vec<PathBuf> =
@@ -54,7 +71,7 @@ impl Card {
                         }
                     }
                 }
-                Err(rustix::io::Errno::NOENT) if node.is_none() => {}
+                Err(Errno::NOENT) if node.is_none() => {}
                 Err(cause) => {
                     refusal = Some(format!("{} cannot be opened: {cause}", path.display()));
                 }
@@ -68,7 +85,7 @@ impl Card {
         Ok(cards.swap_remove(chosen))
     }
 
-    /// The card's connectors, as they were last seen.
+    /// Connectors of the card, without probing them.
     fn sockets(&self) -> Result<Vec<Socket>, std::io::Error> {
         let all = self.resource_handles()?;
         let socket = |&handle: &connector::Handle| {
@@ -79,10 +96,10 @@ impl Card {
         all.connectors().iter().map(socket).collect()
     }
 
-    /// The connector called `name` ("HDMI-A-1"), its state probed afresh when `probe`.
+    /// The connector `name` ("HDMI-A-1"), its state probed if `probe`.
     ///
     /// # Errors
-    /// [`RigError::Refused`] with the names there are.
+    /// [`RigError::Refused`] with the existing names.
     pub(super) fn connector(&self, name: &str, probe: bool) -> Result<connector::Info, RigError> {
         let mut names = Vec::new();
         for &handle in self.resource_handles().map_err(failed("list connectors"))?.connectors() {
@@ -96,10 +113,10 @@ impl Card {
         Err(no_connector(name, &names))
     }
 
-    /// All properties of `object` with their present values.
+    /// Properties of `object` with their values.
     ///
     /// # Errors
-    /// When the kernel does not tell.
+    /// When the kernel refuses.
     pub(super) fn properties<T: ResourceHandle>(&self, object: T) -> Result<Properties, RigError> {
         let ask = failed("read properties");
         let values = self.get_properties(object).map_err(&ask)?;
@@ -124,7 +141,7 @@ impl std::fmt::Display for Socket {
     }
 }
 
-/// The connectors of one node.
+/// Connectors of a node.
 struct CardSockets {
     card: PathBuf,
     sockets: Vec<Socket>,
@@ -138,8 +155,8 @@ fn no_connector(name: &str, there: &[String]) -> RigError {
     }
 }
 
-/// Which of `cards` has the connector called `name`. Two cards may each have one, for names are
-/// counted card by card: then the one with a panel is meant.
+/// Index of the card with the connector `name`. Names are unique only within a card; of two cards,
+/// the one with a panel plugged in is chosen.
 fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
     let having = |plugged_alone: bool| -> Vec<usize> {
         let fits = |socket: &Socket| socket.name == name && (socket.plugged_in || !plugged_alone);
@@ -173,11 +190,11 @@ fn chosen(cards: &[CardSockets], name: &str) -> Result<usize, RigError> {
     }
 }
 
-/// The properties of one object.
+/// Properties of an object.
 pub(super) struct Properties(Vec<(property::Info, property::RawValue)>);
 
 impl Properties {
-    /// The property called `name` and its value.
+    /// The property `name` and its value.
     pub(super) fn get(&self, name: &str) -> Option<(&property::Info, property::RawValue)> {
         self.0
             .iter()
@@ -185,10 +202,10 @@ impl Properties {
             .map(|(info, value)| (info, *value))
     }
 
-    /// The handle of a property that every driver of this kind has.
+    /// Handle of a property that every such driver should have.
     ///
     /// # Errors
-    /// [`RigError::Refused`] when this one has not.
+    /// [`RigError::Refused`] if this one lacks it.
     pub(super) fn handle(&self, name: &str) -> Result<property::Handle, RigError> {
         self.get(name).map(|(info, _)| info.handle()).ok_or_else(|| RigError::Refused {
             device: "panel",
@@ -198,7 +215,7 @@ impl Properties {
     }
 }
 
-/// The number behind the word `choice` of an enumerated property.
+/// Value of the word `choice` of an enumerated property.
 pub(super) fn choice_value(info: &property::Info, choice: &str) -> Option<property::RawValue> {
     match info.value_type() {
         property::ValueType::Enum(choices) => {
@@ -236,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_cards_with_the_connector_it_is_the_one_with_a_panel() {
+    fn of_two_cards_with_the_connector_the_one_with_a_panel_is_chosen() {
         let two = [card(0, &[("HDMI-A-1", false)]), card(1, &[("HDMI-A-1", true)])];
         assert_eq!(chosen(&two, "HDMI-A-1").unwrap(), 1);
         for plugged_in in [false, true] {
@@ -247,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_socket_is_chosen_and_told_of_later() {
+    fn an_empty_socket_is_chosen_if_it_is_the_only_one() {
         assert_eq!(chosen(&[card(0, &[("HDMI-A-1", false)])], "HDMI-A-1").unwrap(), 0);
         let said = said(&[card(0, &[("HDMI-A-1", false)])], "DP-1");
         assert!(said.ends_with("allowed HDMI-A-1 (nothing plugged in)"), "{said}");

@@ -1,13 +1,10 @@
-//! The panel on a real display: kernel mode setting with two dumb buffers, flips with kernel time
-//! stamps.
+//! A real display as panel: kernel mode setting with two dumb buffers and time-stamped flips.
 //!
-//! Being DRM master with a lit pipe also keeps the text console and its blanking away: the kernel's
-//! frame buffer console does not draw over a master. What may go wrong in the field (another
-//! program takes the display, the cable is pulled, the link must be trained again) is looked for
-//! before every picture and healed by setting the mode again; until then each call says what is
-//! wrong.
+//! The kernel's text console does not draw over a DRM master with a lit pipe. Faults in the field
+//! (another program takes the display, the cable is pulled, the link needs training) are checked
+//! before every picture and cured by setting the mode again; until then each call returns the
+//! error.
 
-use std::io;
 use std::path::PathBuf;
 
 use drm::Device as _;
@@ -20,36 +17,34 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 
 use super::display_link::{ConnectorState, Display, Link, unplugged};
-use super::kms_card::{Card, failed};
+use super::kms_card::{Card, commit_failed, failed};
 use super::modeset::{Pipe, light_up, light_up_legacy};
-use super::monotonic::{Monotonic, left_until};
+use super::monotonic::{Monotonic, remaining_until};
 use super::{Clock, Flip, Moment, Panel, RigError};
-use crate::config::DisplayInterface;
 use crate::frame::{Codes, Size};
 
-/// Refreshes a flip event may take before the pipe is called dead (the kernel's own patience is 10
-/// s; a live driver needs one or two).
+/// Refreshes until a missing flip event means a dead pipe. A live driver needs one or two; the
+/// kernel itself waits 10 s.
 const FLIP_REFRESHES_MAX: f64 = 30.0;
-/// Flips timed when the panel is opened (Psychtoolbox takes 50; the kernel's stamps are exact to
-/// microseconds).
+/// Flips timed when the panel is opened. Psychtoolbox takes 50; the kernel's stamps are exact to
+/// microseconds.
 const TIMED_FLIPS: usize = 24;
-/// Largest share by which the measured interval may differ from the file's: 59.94 Hz passes for 60,
-/// 50 does not.
+/// Relative tolerance of the measured refresh interval: accepts 59.94 Hz for 60, not 50.
 const INTERVAL_ERROR_MAX: f64 = 0.005;
 
-/// Which display, and how it is to be driven.
+/// Settings of a display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KmsSettings {
-    /// DRM node; without one that which has the connector.
+    /// DRM node; `None` for the one with the connector.
     pub node: Option<PathBuf>,
     /// Connector by the kernel's name, such as `HDMI-A-1`.
     pub connector: String,
-    /// Panel pixels; a mode of exactly this size must be on the connector's list.
+    /// Panel pixels; the connector must list a mode of this size.
     pub size: Size,
-    /// Refreshes a second.
+    /// Refresh rate.
     pub refresh_hz: f64,
-    /// How the driver is spoken to, if it lets us choose.
-    pub interface: DisplayInterface,
+    /// Whether to avoid the driver's atomic interface.
+    pub legacy: bool,
 }
 
 struct PictureBuffer {
@@ -57,60 +52,41 @@ struct PictureBuffer {
     memory: DumbBuffer,
 }
 
-/// A display lit by this program alone.
+/// A display driven by this program as DRM master.
 pub struct KmsPanel {
     card: Card,
     settings: KmsSettings,
     pipe: Pipe,
     mode: Mode,
-    /// The plane's FB_ID; `None` by the legacy interface.
+    /// The plane's FB_ID; `None` with the legacy interface.
     picture_property: Option<property::Handle>,
     buffers: [PictureBuffer; 2],
-    /// The buffer that is on the panel or about to be.
+    /// Index of the buffer shown or requested last.
     front: usize,
-    /// Whether the mode has to be set again before the next picture.
     link: Link,
     before: Option<crtc::Info>,
     interval_s: f64,
-    /// One packed row in ordinary memory: buffers are write-combined on Arm, and want whole rows in
-    /// order.
+    /// One packed row in ordinary memory, since buffers are write-combined on Arm.
     row: Vec<u8>,
-}
-
-/// What a refused commit says about the world.
-pub(super) fn commit_failed(cause: io::Error) -> RigError {
-    match Errno::from_io_error(&cause) {
-        // EACCES: this program is not DRM master (any more).
-        Some(Errno::ACCESS | Errno::PERM) => RigError::Held {
-            device: "panel",
-            what: "another program drives the display (it is DRM master); a desktop or a second \
-             relens?"
-                .to_owned(),
-        },
-        Some(Errno::NODEV) => {
-            RigError::Gone { device: "panel", what: "the display driver has gone".to_owned() }
-        }
-        _ => RigError::Failed { device: "panel", doing: "put a picture on", source: cause },
-    }
 }
 
 impl KmsPanel {
     /// Opens and lights the display, and measures its refresh interval.
     ///
     /// # Errors
-    /// [`RigError::Gone`] without node or plugged display, [`RigError::Held`] while another program
-    /// drives it, [`RigError::Refused`] when connector, mode, honest settings or measured interval
-    /// are not the file's.
+    /// [`RigError::Gone`] without a node or a display, [`RigError::Held`] while another program
+    /// drives it, [`RigError::Refused`] if connector, mode, settings or measured interval do not
+    /// match.
     pub fn open(settings: KmsSettings) -> Result<Self, RigError> {
         let card = Card::open(settings.node.as_deref(), &settings.connector)?;
         if card.acquire_master_lock().is_err() {
             return Err(commit_failed(Errno::ACCESS.into()));
         }
-        // Primary planes are listed to those who ask for all kinds, by either interface.
+        // Primary planes are listed only with this capability.
         let planes =
             card.set_client_capability(drm::ClientCapability::UniversalPlanes, true).is_ok();
         let atomic = planes
-            && settings.interface == DisplayInterface::Atomic
+            && !settings.legacy
             && card.set_client_capability(drm::ClientCapability::Atomic, true).is_ok();
         let connector = card.connector(&settings.connector, true)?;
         plugged_in(&connector)?;
@@ -142,20 +118,17 @@ impl KmsPanel {
         Ok(panel)
     }
 
-    /// Seconds from refresh to refresh, as measured when the panel was opened.
+    /// Refresh interval in seconds, as measured when the panel was opened.
     pub fn interval_s(&self) -> f64 {
         self.interval_s
     }
 
-    /// The interface in use, which is the legacy one where the driver has no other.
-    pub fn interface(&self) -> DisplayInterface {
-        match self.picture_property {
-            Some(_) => DisplayInterface::Atomic,
-            None => DisplayInterface::Legacy,
-        }
+    /// Whether the atomic interface is in use.
+    pub fn is_atomic(&self) -> bool {
+        self.picture_property.is_some()
     }
 
-    /// Looks at cable and link, and sets the mode again after a loss.
+    /// Checks cable and link, and sets the mode again after a loss.
     fn keep_lit(&mut self) -> Result<(), RigError> {
         let mut link = std::mem::take(&mut self.link);
         let kept = link.keep(self);
@@ -166,11 +139,10 @@ impl KmsPanel {
         Ok(())
     }
 
-    /// Puts `codes` into the hidden buffer and asks for it at the next refresh, without waiting for
-    /// that.
+    /// Writes `codes` into the hidden buffer and requests it for the next refresh, without waiting.
     ///
     /// # Errors
-    /// When the panel or the right to use it is gone, or a picture is still on its way.
+    /// When the panel or the right to use it is gone, or another flip is pending.
     pub fn put(&mut self, codes: &Codes) -> Result<(), RigError> {
         if codes.size() != self.settings.size {
             return Err(RigError::Refused {
@@ -182,7 +154,7 @@ impl KmsPanel {
         self.keep_lit()?;
         let back = 1 - self.front;
         self.write(back, codes)?;
-        self.ask_for(back)
+        self.request_flip(back)
     }
 
     fn write(&mut self, buffer: usize, codes: &Codes) -> Result<(), RigError> {
@@ -202,7 +174,7 @@ impl KmsPanel {
         Ok(())
     }
 
-    fn ask_for(&mut self, buffer: usize) -> Result<(), RigError> {
+    fn request_flip(&mut self, buffer: usize) -> Result<(), RigError> {
         let picture = self.buffers[buffer].picture;
         let asked = match self.picture_property {
             Some(name) => {
@@ -231,7 +203,7 @@ impl KmsPanel {
         }
     }
 
-    /// Waits until the picture asked for by [`KmsPanel::put`] is being scanned out.
+    /// Waits until scan-out of the picture of [`KmsPanel::put`] begins.
     ///
     /// # Errors
     /// [`RigError::Gone`] when the display stopped refreshing.
@@ -239,7 +211,7 @@ impl KmsPanel {
         let deadline = Moment(Monotonic.now().0 + (FLIP_REFRESHES_MAX * self.interval_s).max(1.0));
         loop {
             let mut waiting = [PollFd::new(&self.card, PollFlags::IN)];
-            match poll(&mut waiting, Some(&left_until(deadline))) {
+            match poll(&mut waiting, Some(&remaining_until(deadline))) {
                 Ok(0) => {
                     self.link.lose();
                     let what = "the display stopped refreshing (no flip event)".to_owned();
@@ -251,7 +223,7 @@ impl KmsPanel {
             }
             for event in self.card.receive_events().map_err(failed("read a refresh event"))? {
                 if let Event::PageFlip(flip) = event {
-                    // `duration` is the crate's name for the moment on CLOCK_MONOTONIC.
+                    // `duration` is a moment on CLOCK_MONOTONIC.
                     return Ok(Flip {
                         at: Moment(flip.duration.as_secs_f64()),
                         vblank: flip.frame.into(),
@@ -261,13 +233,13 @@ impl KmsPanel {
         }
     }
 
-    /// Times a run of flips by the kernel's stamps and vblank numbers, so that a missed refresh
-    /// does no harm.
+    /// Measures the refresh interval over a run of flips, by the kernel's time stamps and vblank
+    /// counter.
     fn measured_interval(&mut self) -> Result<f64, RigError> {
         let mut first = None;
         let mut last = None;
         for _ in 0..=TIMED_FLIPS {
-            self.ask_for(1 - self.front)?;
+            self.request_flip(1 - self.front)?;
             let flip = self.flipped()?;
             first.get_or_insert(flip);
             last = Some(flip);
@@ -296,7 +268,7 @@ impl Display for KmsPanel {
         &self.settings.connector
     }
 
-    fn look(&mut self) -> Result<ConnectorState, RigError> {
+    fn state(&mut self) -> Result<ConnectorState, RigError> {
         let connector = self
             .card
             .get_connector(self.pipe.connector, false)
@@ -339,7 +311,7 @@ impl Panel for KmsPanel {
 }
 
 impl Drop for KmsPanel {
-    /// Gives the screen back as it was. Failures are of no more use to anyone.
+    /// Restores the screen; failures are ignored.
     fn drop(&mut self) {
         if let Some(before) = self.before.filter(|info| info.framebuffer().is_some()) {
             let connectors = [self.pipe.connector];
@@ -366,7 +338,7 @@ fn plugged_in(connector: &connector::Info) -> Result<(), RigError> {
     }
 }
 
-/// Refreshes a second of a mode, exactly (the kernel's own figure is rounded to whole hertz).
+/// Exact refresh rate of a mode; the kernel's own figure is rounded to whole hertz.
 fn exact_refresh_hz(mode: &Mode) -> f64 {
     f64::from(mode.clock()) * 1e3 / (f64::from(mode.hsync().2) * f64::from(mode.vsync().2))
 }
@@ -392,7 +364,7 @@ fn find_mode(connector: &connector::Info, settings: &KmsSettings) -> Result<Mode
     })
 }
 
-/// A CRTC the connector can use and that CRTC's primary plane.
+/// Finds a CRTC that the connector can use, with its primary plane.
 fn find_pipe(card: &Card, connector: &connector::Info) -> Result<Pipe, RigError> {
     let resources = card.resource_handles().map_err(failed("list pipes"))?;
     let planes = card.plane_handles().map_err(failed("list planes"))?;

@@ -1,38 +1,38 @@
-//! The lamps of the box: what it is doing, seen from across the room.
+//! The box's lamps.
 
 use embedded_hal::digital::OutputPin;
 
 use super::RigError;
 use super::gpio_line::{LineName, OutputLine};
 
-/// A lamp by its meaning (colours after IEC 60073: green ready, white busy, red or yellow trouble).
+/// Meaning of a lamp. Colours after IEC 60073: green ready, white busy, red or yellow trouble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lamp {
     /// Waiting for photos.
     Ready,
-    /// A photo is being worked on; lit at once when the button is pressed.
+    /// Restoring a photo; lit at once when the button is pressed.
     Busy,
-    /// The operator is needed.
+    /// Needs the operator.
     Trouble,
 }
 
-/// The lamps there are; a box may have any of them.
+/// The lamps that the box has.
 #[derive(Default)]
 pub struct Lamps {
     lines: Vec<(Lamp, OutputLine)>,
 }
 
 impl Lamps {
-    /// Takes the lines and leaves all lamps dark.
+    /// Requests the lines; all lamps are dark.
     ///
     /// # Errors
-    /// When a line cannot be had.
+    /// When a line cannot be requested.
     pub fn open(names: &[(Lamp, LineName)]) -> Result<Self, RigError> {
         let open = |(lamp, name): &(Lamp, LineName)| Ok((*lamp, OutputLine::open("lamp", name)?));
         Ok(Lamps { lines: names.iter().map(open).collect::<Result<_, RigError>>()? })
     }
 
-    /// Lights the lamps in `lit` and no other.
+    /// Lights exactly the lamps in `lit`.
     ///
     /// # Errors
     /// When a line cannot be set.

@@ -1,8 +1,7 @@
-//! Finds out where the frame marks go on this rig: dots for the coarse geometry, then the marks
-//! themselves.
+//! Locates the frame marks of a rig: a coarse geometry from dots, then the contrast of the marks.
 //!
-//! Runs before any frame can be proven, on a rig whose frames may be stale, torn or missing: so it
-//! asks for a majority at every step, and ends by reading marks it knows.
+//! No frame can be identified yet, and frames may be stale, torn or missing, so every step takes a
+//! majority and the last one reads known marks.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -13,53 +12,53 @@ use super::coarse_geometry::{CoarseGeometry, Place};
 use super::frame_mark::{FrameMarks, MarkPlace, MarkReading};
 use crate::frame::{Codes, Counts, Plane, Size};
 
-/// Dots across and down the panel. The sensor sees only some; five that agree are enough.
+/// Dots across and down the panel. The sensor sees some of them; five that agree suffice.
 const DOTS: [usize; 2] = [5, 4];
-/// Dots across and down the sensor, once it is known where it looks.
+/// Dots across and down the sensor, once its place on the panel is known.
 const SENSOR_DOTS: [usize; 2] = [4, 3];
-/// Seed of the order in which dots are shown.
+/// Seed of the order of dots.
 const ORDER_SEED: u64 = 20;
-/// A dot's side as a share of the panel's height: wider than any blur a lens worth restoring has.
+/// Side of a dot as a share of the panel's height: wider than the blur of any usable lens.
 const DOT_SHARE: f64 = 0.05;
-/// A dot dimmer than this share of the brightest one is taken for glare.
+/// Minimum brightness of a dot relative to the brightest; dimmer spots are glare.
 const DOT_BRIGHTNESS_MIN: f64 = 0.25;
-/// How far a dot may be from its place as a share of the sensor's width: a cheap lens's distortion,
-/// and far less than the way to the next dot.
+/// Tolerance of a dot's place as a share of the sensor's width: the distortion of a cheap lens, far
+/// less than the distance to the next dot.
 const TOLERANCE_SHARE: f64 = 0.01;
-/// Marks shown to learn their contrast, and how often that is tried.
+/// Marks shown to learn their contrast.
 const LEARNED: usize = 7;
+/// Attempts per step.
 const ROUNDS: usize = 4;
 
-/// Shows one picture and returns a frame that is probably its own.
+/// Shows a picture and returns a frame, probably of that picture.
 pub type Shoot<'a> = dyn FnMut(&Codes) -> Result<Counts, RigError> + 'a;
 
-/// The marks of this rig.
+/// Locates the marks of a rig.
 ///
 /// # Errors
-/// [`RigError::NoMarks`] when panel and sensor do not see eye to eye; else whatever `shoot` fails
-/// with.
+/// [`RigError::NoMarks`] if the panel or the marks are not visible; errors of `shoot`.
 pub fn find_marks(
     place: MarkPlace,
     panel: Size,
     shoot: &mut Shoot,
 ) -> Result<FrameMarks, RigError> {
     let geometry = find_geometry(place.sensor, panel, shoot)?;
-    learned(place, &geometry, panel, shoot)
+    learn_marks(place, &geometry, panel, shoot)
 }
 
-/// Marks at `place`, whose contrast is known and which were read.
-fn learned(
+/// Learns the contrast of the marks at `place`, and verifies that they can be read.
+fn learn_marks(
     place: MarkPlace,
     geometry: &CoarseGeometry,
     panel: Size,
     shoot: &mut Shoot,
 ) -> Result<FrameMarks, RigError> {
     let mut marks = FrameMarks::new(place, geometry, panel).ok_or_else(|| RigError::NoMarks {
-        what: "the panel does not fill the sensor's upper and lower edge, where the marks go"
+        what: "the panel does not fill the sensor's upper and lower edge, where the marks are"
             .to_owned(),
     })?;
     for round in 0..ROUNDS {
-        // Every bit is light in some of these and dark in others.
+        // Each bit is light in some of these numbers and dark in others.
         let number = |n: usize| (n * 37 + round * 101) as u8;
         let mut frames = Vec::with_capacity(LEARNED);
         for n in 0..LEARNED {
@@ -83,9 +82,10 @@ fn learned(
         }
     }
     Err(RigError::NoMarks {
-        what: "the marks at the sensor's upper and lower edge cannot be read; is the picture \
-         sharp and bright enough there?"
-            .to_owned(),
+        what:
+            "the marks at the sensor's upper and lower edge cannot be read. Is the picture sharp \
+         and bright enough there?"
+                .to_owned(),
     })
 }
 
@@ -100,7 +100,7 @@ fn show_mark(
     if_any(shoot(&codes))
 }
 
-/// A missing frame is no reason to give up here.
+/// Accepts missing and wrong frames as `None`.
 fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
     match shot {
         Ok(counts) => Ok(Some(counts)),
@@ -109,8 +109,8 @@ fn if_any(shot: Result<Counts, RigError>) -> Result<Option<Counts>, RigError> {
     }
 }
 
-/// Looks for the sensor on the panel with dots all over the panel, then measures with dots all over
-/// the sensor: a homography is only good where its dots were.
+/// Finds the sensor's view with dots over the whole panel, then fits a homography to dots over the
+/// sensor, since a homography holds only near its dots.
 fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseGeometry, RigError> {
     let middle =
         |n: usize, of: usize, length: usize| (n as f64 + 0.5) / of as f64 * length as f64 - 0.5;
@@ -120,8 +120,7 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
         })
         .collect();
     let tolerance_px = (TOLERANCE_SHARE * sensor.width as f64).max(3.0);
-    // Perspective is not in an affine map; what it leaves is still far less than the way to the
-    // next dot.
+    // The wider tolerance covers perspective, which an affine map lacks.
     let affine = |dots: &[(Place, Place)]| CoarseGeometry::fit_affine(dots, 3.0 * tolerance_px);
     let rough = fit_dots(sensor, panel, &over_panel, shoot, &affine)?;
     let over_sensor: Vec<Place> = (0..SENSOR_DOTS[0] * SENSOR_DOTS[1])
@@ -140,11 +139,10 @@ fn find_geometry(sensor: Size, panel: Size, shoot: &mut Shoot) -> Result<CoarseG
     fit_dots(sensor, panel, &over_sensor, shoot, &|dots| CoarseGeometry::fit(dots, tolerance_px))
 }
 
-/// A geometry that the dots agree on, if there is one.
+/// Fit of a geometry to dots.
 type FitDots<'a> = dyn Fn(&[(Place, Place)]) -> Option<CoarseGeometry> + 'a;
 
-/// Shows dots until five agree. Frames of other dots are outvoted as long as they are few; one more
-/// pass over all dots makes them fewer.
+/// Shows the dots, several times if necessary, until enough of them agree.
 fn fit_dots(
     sensor: Size,
     panel: Size,
@@ -184,25 +182,24 @@ fn fit_dots(
     Err(RigError::NoMarks {
         what: format!(
             "dots shown at {} places were seen {} times, and no five of them lie as on a flat \
-             panel; is the \
-             panel in view, lit, and the camera's exposure right?",
+             panel. Is the panel in view and lit, and the camera's exposure right?",
             places.len(),
             dots.len()
         ),
     })
 }
 
-/// An order without any: frames that come one picture late must not look like a panel elsewhere, as
-/// they do when every dot is the same step away from the one before.
+/// Random order of dots: in a regular one, frames one picture late would look like a displaced
+/// panel.
 fn shuffled(count: usize, round: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..count).collect();
     order.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(ORDER_SEED + round as u64));
     order
 }
 
-/// Where the dots shown are in their frames: panel place and sensor place of those seen whole.
+/// Panel and sensor places of the dots seen whole.
 fn spots(sensor: Size, frames: &[(Place, Plane<u16>)]) -> Vec<(Place, Place)> {
-    // What is the same in all frames is not the dot; the least value of each pixel is free of any.
+    // The minimum over all frames contains no dot.
     let mut dark = Plane::filled(sensor, u16::MAX);
     for (_, frame) in frames {
         dark.data_mut()
@@ -231,12 +228,12 @@ fn dot(panel: Size, centre: Place, side: f64) -> Codes {
     Codes::from_planes([plane.clone(), plane.clone(), plane])
 }
 
-/// A bright spot in a frame.
+/// Brightest spot of a frame.
 struct BrightSpot {
     centre: Place,
-    /// Counts above the dark at its brightest.
+    /// Peak counts above the dark level.
     height: f64,
-    /// Whether it keeps clear of the frame's border.
+    /// Whether it is clear of the frame's border.
     whole: bool,
 }
 
@@ -244,7 +241,7 @@ impl BrightSpot {
     fn in_frame(frame: &Plane<u16>, dark: &Plane<u16>) -> Option<BrightSpot> {
         let above = |x: usize, y: usize| f64::from(frame.at(x, y) - dark.at(x, y));
         let (width, height) = (frame.width(), frame.height());
-        // Means of 3 × 3: a hot pixel is no dot.
+        // Means of 3 × 3 pixels suppress hot pixels.
         let smooth = |x: usize, y: usize| {
             (0..9).map(|n| above(x + n % 3 - 1, y + n / 3 - 1)).sum::<f64>() / 9.0
         };
@@ -271,7 +268,7 @@ impl BrightSpot {
 mod tests {
     use super::*;
 
-    /// A camera that sees the middle of the panel and delivers every frame `late` pictures late.
+    /// A camera that sees the middle of the panel, with frames `late` pictures late.
     fn camera(late: usize) -> impl FnMut(&Codes) -> Result<Counts, RigError> {
         let (panel, sensor) = (Size::new(240, 180), Size::new(160, 128));
         let mut pipe = std::collections::VecDeque::from(vec![Codes::zeros(panel); late]);
@@ -298,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_are_all_late_are_no_geometry() {
+    fn late_frames_give_no_geometry() {
         for late in 1..4 {
             let found = find_marks(place(), Size::new(240, 180), &mut camera(late));
             let Err(RigError::NoMarks { what }) = found else { panic!("{late} late: {found:?}") };

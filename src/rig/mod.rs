@@ -1,11 +1,11 @@
-//! What is bolted down: panel, trigger, camera and clock, behind four small traits.
+//! Rigs: panel, trigger, camera and clock, behind four traits.
 //!
-//! [`exposure`] turns them into one act, show-and-see. `simulated` is a rig like any other, made of
-//! physics; it knows nothing of the solver or the calibration.
+//! [`exposure`] combines them into captures. [`simulated`] implements them by physics, without any
+//! knowledge of the solver or the calibration.
 //!
-//! Another kind of camera is three files: its keys and their rules in `config/hardware.rs`, an arm
-//! of `open` in `rig/camera/mod.rs`, and a file of its own beside that, with `Camera` for it.
-//! Another pixel format is one file, [`pixel_format`].
+//! A new kind of camera needs its keys in `config/hardware.rs`, an arm of `open` in
+//! `rig/camera/mod.rs`, and an implementation of [`Camera`] beside it. A new pixel format is a row
+//! of [`pixel_format`].
 
 pub mod bayer;
 pub mod button;
@@ -45,11 +45,10 @@ pub use device::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger}
 
 use crate::config;
 
-/// Opens the rig of a rig file, simulated or real, and finds the frame marks where it has room for
-/// them.
+/// Opens the rig of a rig file, simulated or real, and locates its frame marks.
 ///
 /// # Errors
-/// Whatever a device has to say.
+/// When a device cannot be opened or the marks are not visible.
 pub fn open(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
     let mut devices = open_without_marks(rig)?;
     if let Some(place) = frame_mark::MarkPlace::of(rig) {
@@ -58,10 +57,10 @@ pub fn open(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
     Ok(devices)
 }
 
-/// The same for photos of what is not on the panel, which need not be in view.
+/// Opens a rig without frame marks, for photos with no panel in view.
 ///
 /// # Errors
-/// Whatever a device has to say.
+/// When a device cannot be opened.
 pub fn open_without_marks(rig: &config::RigFile) -> Result<exposure::Devices, RigError> {
     match &rig.kind {
         config::Kind::Simulated(_) => Ok(simulated::open(rig)?.0),

@@ -1,28 +1,26 @@
-//! What makes a display a measuring instrument: full range, no scaling, identity gamma; set, then
-//! read back.
+//! Display settings for measuring: full range, no scaling, identity gamma; each set and read back.
 //!
-//! A television is built to improve the picture. Whatever of that the kernel can switch off is
-//! switched off here, and a driver that says one thing and does another is found out before any
-//! photo is.
+//! Everything by which a television improves its picture is switched off as far as the kernel can.
+//! A driver that does not hold a setting is refused.
 
 use drm::control::{AtomicCommitFlags, Device as _, Mode, ResourceHandle, atomic::AtomicModeReq};
 use drm::control::{connector, crtc, framebuffer, plane, property};
 
 use super::RigError;
-use super::kms_card::{Card, Properties, choice_value, failed};
+use super::kms_card::{Card, Properties, choice_value, commit_failed, failed};
 
-/// One property as it must be, where a driver has it.
+/// Required value of a property, on drivers that have it.
 enum Wanted {
-    /// The word of an enumeration.
+    /// Word of an enumeration.
     Choice(&'static str),
-    /// A number, clamped into the property's range.
+    /// Number, clamped to the property's range.
     Number(u64),
-    /// No table (blob id 0) where a table would bend the codes.
+    /// No lookup table (blob id 0).
     NoTable,
 }
 
-/// On the connector. "Broadcast RGB" full: a limited range crushes the lowest and highest 16 codes.
-/// "content type" Graphics tells a television to neither overscan nor sharpen.
+/// Properties of the connector. A limited "Broadcast RGB" range merges the lowest and highest 16
+/// codes. The "content type" Graphics keeps a television from overscanning and sharpening.
 const CONNECTOR: [(&str, Wanted); 9] = [
     ("Broadcast RGB", Wanted::Choice("Full")),
     ("Colorspace", Wanted::Choice("Default")),
@@ -34,17 +32,18 @@ const CONNECTOR: [(&str, Wanted); 9] = [
     ("top margin", Wanted::Number(0)),
     ("bottom margin", Wanted::Number(0)),
 ];
+/// Properties of the CRTC.
 const CRTC: [(&str, Wanted); 4] = [
     ("GAMMA_LUT", Wanted::NoTable),
     ("DEGAMMA_LUT", Wanted::NoTable),
     ("CTM", Wanted::NoTable),
     ("VRR_ENABLED", Wanted::Number(0)),
 ];
-/// Rotation is a bit mask whose bit 0 is "rotate-0".
+/// Properties of the plane. Rotation is a bit mask whose bit 0 is "rotate-0".
 const PLANE: [(&str, Wanted); 2] =
     [("rotation", Wanted::Number(1)), ("alpha", Wanted::Number(0xffff))];
 
-/// Which pipe of the display hardware shows our picture.
+/// Pipe of the display hardware.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pipe {
     pub(super) connector: connector::Handle,
@@ -52,7 +51,7 @@ pub(super) struct Pipe {
     pub(super) plane: plane::Handle,
 }
 
-/// Settings asked for and still to be confirmed: object, property, value.
+/// A request under construction, with the property values to confirm afterwards.
 struct Asked<'a> {
     request: &'a mut AtomicModeReq,
     checks: Vec<(&'static str, u64)>,
@@ -83,7 +82,10 @@ impl Asked<'_> {
     }
 }
 
-/// Whether every checked property of `has` holds its value.
+/// Checks that the properties `has` hold their values.
+///
+/// # Errors
+/// [`RigError::Refused`] for the first one that does not.
 fn confirm(has: &Properties, checks: &[(&'static str, u64)]) -> Result<(), RigError> {
     for &(name, value) in checks {
         if let Some((_, found)) = has.get(name).filter(|&(_, found)| found != value) {
@@ -97,7 +99,7 @@ fn confirm(has: &Properties, checks: &[(&'static str, u64)]) -> Result<(), RigEr
     Ok(())
 }
 
-/// Lights the pipe with `mode` and `picture`, pixel for pixel, and reads every setting back.
+/// Shows `picture` on the pipe in `mode`, pixel for pixel, and reads every setting back.
 ///
 /// # Errors
 /// [`RigError::Refused`] when a setting does not hold; the driver's error when it refuses the mode.
@@ -123,7 +125,7 @@ pub(super) fn light_up(
         property::Value::Framebuffer(Some(picture)),
     );
     let (width, height) = (u64::from(mode.size().0), u64::from(mode.size().1));
-    // Source coordinates are 16.16 fixed point; source and target alike means no scaler in between.
+    // Source coordinates are 16.16 fixed point; equal source and target sizes avoid a scaler.
     let places = [("SRC_X", 0), ("SRC_Y", 0), ("SRC_W", width << 16), ("SRC_H", height << 16)];
     let targets = [("CRTC_X", 0), ("CRTC_Y", 0), ("CRTC_W", width), ("CRTC_H", height)];
     let mut geometry = Vec::new();
@@ -131,7 +133,7 @@ pub(super) fn light_up(
         request.add_raw_property(pipe.plane.into(), on_plane.handle(name)?, value);
         geometry.push((name, value));
     }
-    // A link that failed its training stays black until the mode is set again with this word.
+    // A link that failed its training stays black until the mode is set with this word.
     if let Some((info, _)) = on_connector.get("link-status")
         && let Some(good) = choice_value(info, "Good")
     {
@@ -149,17 +151,17 @@ pub(super) fn light_up(
 
     let outcome = card.atomic_commit(AtomicCommitFlags::ALLOW_MODESET, request);
     if let property::Value::Blob(id) = blob {
-        // The kernel keeps its own reference while the mode is in use.
+        // The kernel holds its own reference while the mode is in use.
         let _ = card.destroy_property_blob(id);
     }
-    outcome.map_err(super::kms_panel::commit_failed)?;
+    outcome.map_err(commit_failed)?;
     confirm(&card.properties(pipe.connector)?, &connector)?;
     confirm(&card.properties(pipe.crtc)?, &crtc)?;
     confirm(&card.properties(pipe.plane)?, &plane)
 }
 
-/// The same through the legacy interface: mode by `SETCRTC`, properties one by one, a straight
-/// gamma ramp where the driver does not tell of its table.
+/// [`light_up`] through the legacy interface: mode by `SETCRTC`, properties one by one, and a
+/// straight gamma ramp where the driver has no property for it.
 ///
 /// # Errors
 /// As [`light_up`].
@@ -170,7 +172,7 @@ pub(super) fn light_up_legacy(
     picture: framebuffer::Handle,
 ) -> Result<(), RigError> {
     card.set_crtc(pipe.crtc, Some(picture), (0, 0), &[pipe.connector], Some(*mode))
-        .map_err(super::kms_panel::commit_failed)?;
+        .map_err(commit_failed)?;
     set_one_by_one(card, pipe.connector, &CONNECTOR)?;
     set_one_by_one(card, pipe.crtc, &CRTC)?;
     set_one_by_one(card, pipe.plane, &PLANE)?;
@@ -187,7 +189,7 @@ pub(super) fn light_up_legacy(
     Ok(())
 }
 
-/// Gives `object` the properties it has of `wanted`, and reads them back.
+/// Sets those of the `wanted` properties that `object` has, and reads them back.
 fn set_one_by_one<T: ResourceHandle>(
     card: &Card,
     object: T,
@@ -199,7 +201,7 @@ fn set_one_by_one<T: ResourceHandle>(
     asked.add(object, &has, wanted);
     let checks = asked.checks;
     for &(name, value) in &checks {
-        // Setting what is set already may cost a refresh, or a flicker.
+        // Setting an unchanged value may cost a refresh or flicker.
         if has.get(name).is_some_and(|(_, found)| found != value) {
             card.set_property(object, has.handle(name)?, value)
                 .map_err(failed("set a property"))?;

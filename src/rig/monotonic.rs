@@ -1,5 +1,4 @@
-//! The machine's clock: `CLOCK_MONOTONIC`, the one that flip events and camera frames are stamped
-//! with.
+//! `CLOCK_MONOTONIC`, the clock of flip events and camera frames.
 
 use rustix::time::ClockId;
 #[cfg(feature = "hardware")]
@@ -12,7 +11,7 @@ use super::{Clock, Moment};
 pub struct Monotonic;
 
 impl Monotonic {
-    /// Seconds on this clock.
+    /// Current time in seconds.
     pub fn seconds() -> f64 {
         Monotonic.now().0
     }
@@ -26,27 +25,26 @@ impl Clock for Monotonic {
 
     fn wait_until(&self, moment: Moment) {
         loop {
-            let left = moment.0 - self.now().0;
-            if left <= 0.0 || !left.is_finite() {
+            let remaining_s = moment.0 - self.now().0;
+            if remaining_s <= 0.0 || !remaining_s.is_finite() {
                 return;
             }
-            std::thread::sleep(std::time::Duration::from_secs_f64(left.min(3600.0)));
+            std::thread::sleep(std::time::Duration::from_secs_f64(remaining_s.min(3600.0)));
         }
     }
 }
 
-/// Processor time of all threads of this process, seconds: what computing costs, however many cores
-/// there are and whatever else they do.
+/// Processor time of all threads of this process, in seconds.
 pub fn processor_seconds() -> f64 {
     let now = rustix::time::clock_gettime(ClockId::ProcessCPUTime);
     now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
 }
 
-/// What is left until `deadline` as `poll` wants it; nothing when it has passed.
+/// Time until `deadline`, at least zero, for `poll`.
 #[cfg(feature = "hardware")]
-pub(super) fn left_until(deadline: Moment) -> Timespec {
-    let left = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
-    Timespec { tv_sec: left as i64, tv_nsec: (left.fract() * 1e9) as i64 }
+pub(super) fn remaining_until(deadline: Moment) -> Timespec {
+    let remaining_s = (deadline.0 - Monotonic.now().0).clamp(0.0, 3600.0);
+    Timespec { tv_sec: remaining_s as i64, tv_nsec: (remaining_s.fract() * 1e9) as i64 }
 }
 
 #[cfg(test)]
@@ -54,17 +52,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wait_ends_no_earlier_than_asked() {
+    fn a_wait_does_not_end_early() {
         let until = Moment(Monotonic.now().0 + 0.01);
         Monotonic.wait_until(until);
         assert!(Monotonic.now() >= until);
     }
 
-    #[cfg(feature = "hardware")]
     #[test]
     #[cfg(feature = "hardware")]
-    fn nothing_is_left_of_a_deadline_that_has_passed() {
-        let left = left_until(Moment(Monotonic.now().0 - 1.0));
-        assert_eq!((left.tv_sec, left.tv_nsec), (0, 0));
+    fn no_time_remains_of_a_deadline_that_has_passed() {
+        let remaining = remaining_until(Moment(Monotonic.now().0 - 1.0));
+        assert_eq!((remaining.tv_sec, remaining.tv_nsec), (0, 0));
     }
 }

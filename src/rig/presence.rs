@@ -1,4 +1,4 @@
-//! Whether the panel is before the lens: it is where its black and its white make a difference.
+//! Detection of the panel before the lens, by the difference between its black and white.
 
 use super::RigError;
 use super::exposure::Devices;
@@ -6,16 +6,15 @@ use super::shoot::{CountRange, mean};
 use crate::frame::Mosaic;
 use crate::patterns::{Trial, trial};
 
-/// The difference that a panel before the lens makes at the least, as a share of what a count can
-/// be over black. Guess: a panel's white is half of that or more, and one in the same room next to
-/// nothing.
+/// Minimum difference for a panel before the lens, as a share of the count range. Guess: a panel's
+/// white fills half of it or more, one elsewhere in the room almost nothing.
 const DIFFERENCE_MIN: f64 = 0.1;
 
-/// Shows black, white and black, and sees whether that is before the lens. Light that comes or goes
-/// meanwhile is no panel's.
+/// Shows black, white and black again, and compares the captures; the second black excludes other
+/// changes of light.
 ///
 /// # Errors
-/// When a capture brings no frame.
+/// When a capture gives no frame.
 pub fn is_panel_there(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -42,7 +41,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn the_panel_is_seen_where_it_is_and_not_through_a_scene() {
+    fn a_panel_is_detected_and_a_scene_is_not() {
         let rig = config::load(Path::new("small.toml")).unwrap();
         let (mut devices, witness) = simulated::open(&rig).unwrap();
         let range = CountRange { black: 64.0, max: 1023 };

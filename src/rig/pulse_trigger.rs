@@ -1,12 +1,11 @@
-//! The camera's trigger: a pulse of stated width on an output line, or nothing for a free-running
-//! camera.
+//! Camera triggers: a pulse on an output line, or none for a free-running camera.
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
 
 use super::{Clock, Moment, RigError, Trigger};
 
-/// Pulses on a line. Generic at embedded-hal's seam, so that its order is tested without a board.
+/// Pulses on a line. Generic over embedded-hal, for tests without a board.
 pub struct PulseTrigger<P, D, C> {
     pin: P,
     delay: D,
@@ -15,7 +14,7 @@ pub struct PulseTrigger<P, D, C> {
 }
 
 impl<P: OutputPin, D: DelayNs, C: Clock> PulseTrigger<P, D, C> {
-    /// A trigger whose line is put at rest at once.
+    /// A trigger; its line is set low.
     ///
     /// # Errors
     /// When the line cannot be driven.
@@ -30,18 +29,18 @@ fn stuck(cause: &impl std::fmt::Debug) -> RigError {
 }
 
 impl<P: OutputPin, D: DelayNs, C: Clock> Trigger for PulseTrigger<P, D, C> {
-    /// The moment returned is just before the edge: no frame of this exposure can be older.
+    /// Returns the moment before the edge, which precedes the exposure.
     fn fire(&mut self) -> Result<Moment, RigError> {
         let at = self.clock.now();
         self.pin.set_high().map_err(|cause| stuck(&cause))?;
         self.delay.delay_us(self.pulse_us);
-        // A pulse that cannot be ended leaves the shutter open; the caller must hear of it.
+        // A pulse that does not end leaves the shutter open.
         self.pin.set_low().map_err(|cause| stuck(&cause))?;
         Ok(at)
     }
 }
 
-/// A camera that takes frames by itself: any frame from now on will do.
+/// No trigger: any later frame of a free-running camera qualifies.
 pub struct FreeRunning<C>(pub C);
 
 impl<C: Clock> Trigger for FreeRunning<C> {
@@ -115,14 +114,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_is_stamped_raised_held_and_ended_from_rest() {
+    fn a_pulse_is_stamped_before_its_edge_and_ended() {
         let (mut trigger, log) = trigger(false);
         assert_eq!(trigger.fire().unwrap(), Moment(7.0));
         assert_eq!(*log.borrow(), ["low", "clock", "high", "1000 ns", "low"]);
     }
 
     #[test]
-    fn a_line_that_cannot_be_driven_is_told() {
+    fn a_line_that_cannot_be_driven_is_an_error() {
         let (mut trigger, _) = trigger(true);
         assert!(matches!(trigger.fire(), Err(RigError::Gone { device: "trigger", .. })));
     }

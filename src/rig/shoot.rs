@@ -1,57 +1,54 @@
-//! A photo of whatever is before the lens: exposures with nothing shown, how bright they may be,
-//! and what the sites count in the dark.
+//! Photos of a scene: exposures without a picture on the panel, metering, and dark frames.
 
 use super::exposure::Devices;
 use super::{Exposed, RigError};
 use crate::frame::{Channel, Counts, Mosaic, Plane};
 
-/// The share of sites that a proposed exposure clips at most.
+/// Limit of the share of clipped sites in a metered exposure.
 pub const CLIPPED_SHARE_MAX: f64 = 0.001;
 
-/// Where a proposed exposure puts the brightest sites but [`CLIPPED_SHARE_MAX`], as a share of what
-/// a count can be over black. Guess: a lamp's flicker and a cloud take less than the rest.
+/// Target of the brightest sites but [`CLIPPED_SHARE_MAX`], as a share of the count range. Guess:
+/// leaves room for a lamp's flicker.
 const BRIGHTEST: f64 = 0.9;
 
-/// A scene so much darker or brighter than the rig file's exposure is made for is not metered in
-/// one step.
+/// Limit of a change of exposure in one step of metering.
 const STEP_MAX: f64 = 8.0;
 
-/// A covered lens lets less light through than this share of what a count can be over black. Guess:
-/// dark current adds less, a room more.
+/// Limit of the light behind a covered lens, as a share of the count range. Guess: dark current
+/// adds less, a room more.
 const DARK_SHARE_MAX: f64 = 0.05;
 
-/// Metering exposures at the most.
+/// Limit of metering exposures.
 const METERED_MAX: usize = 6;
 
-/// The mean of some exposures.
+/// Mean of some exposures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhotoShot {
-    /// Counts of the whole sensor, times two to the power of `finer`.
+    /// Counts of the whole sensor times 2^`finer`.
     pub counts: Counts,
-    /// Bits by which the mean is finer than a count: its noise may be less than a count's step.
+    /// Additional bits of the mean, whose noise may be less than one count.
     pub finer: u32,
-    /// Share of the data, 0..1, that is the largest count there can be in one exposure or more.
+    /// Share of sites, 0..1, with the largest count in any exposure.
     pub clipped_share: f64,
-    /// Its noise power as a share of one exposure's.
+    /// Noise power relative to one exposure.
     pub noise_share: f64,
-    /// What a dark frame that was taken off adds to it, as a share of one dark exposure's.
+    /// Noise power added by a subtracted dark frame, relative to one dark exposure.
     pub dark_share: f64,
 }
 
-/// The noise of one exposure's sites in red, green and blue: squared counts.
+/// Noise power of one exposure's red, green and blue sites, in squared counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SiteNoise {
     /// Without light.
     pub at_black: [f64; 3],
-    /// What each count over black adds.
+    /// Per count above black.
     pub per_count: [f64; 3],
 }
 
 impl SiteNoise {
-    /// The same at a gain so many times as high: the light's own noise grows with its counts, and
-    /// what comes before the amplifier by as much, and rounding stays. What else is added after it
-    /// is taken to grow, too, and so stated too high; black is taken to stay where it is, as
-    /// sensors hold it.
+    /// Noise at `times` the gain. Shot noise and noise before the amplifier scale with the gain,
+    /// rounding does not. Other noise after the amplifier is overestimated. The black level is
+    /// assumed constant, as sensors hold it.
     #[must_use]
     pub fn amplified(&self, times: f64) -> SiteNoise {
         const ROUNDING: f64 = 1.0 / 12.0;
@@ -63,54 +60,54 @@ impl SiteNoise {
     }
 }
 
-/// What a camera's counts can be.
+/// Range of a camera's counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CountRange {
     /// Without light.
     pub black: f64,
-    /// The largest.
+    /// Largest count.
     pub max: u16,
 }
 
 impl PhotoShot {
-    /// What its counts can be, where the camera's can be `range`.
+    /// Range of its counts, given the camera's `range`.
     pub fn range(&self, range: CountRange) -> CountRange {
         let times = 1 << self.finer;
         CountRange { black: range.black * f64::from(times), max: range.max * times }
     }
 
-    /// The same counts, finer by so many bits more.
-    fn refined(&mut self, bits: u32) {
+    /// Adds `bits` to the resolution of its counts.
+    fn refine(&mut self, bits: u32) {
         for plane in self.counts.planes_mut() {
             plane.data_mut().iter_mut().for_each(|count| *count <<= bits);
         }
         self.finer += bits;
     }
 
-    /// The variance of its sites in red, green and blue, where one exposure's noise is `noise`: as
-    /// light of 0 to 1, 1 being the largest count, adds to it, and without light.
+    /// Variance of red, green and blue sites, given the `noise` of one exposure: slope over the
+    /// light and value without light. Light is 1 at the largest count.
     pub fn noise_profile(&self, noise: &SiteNoise, range: CountRange) -> [[f64; 2]; 3] {
         let full = f64::from(range.max) - range.black;
         let dark = (self.noise_share + self.dark_share) / full.powi(2);
         [0, 1, 2].map(|c| [self.noise_share * noise.per_count[c] / full, dark * noise.at_black[c]])
     }
 
-    /// Light over black as a share of what a count can be: next to nothing behind a covered lens.
+    /// Mean light as a share of the count range.
     pub fn brightness(&self, mosaic: Option<Mosaic>, range: CountRange) -> f64 {
         let range = self.range(range);
         (mean(&self.counts, mosaic) - range.black) / (f64::from(range.max) - range.black)
     }
 
-    /// Whether it was taken in the dark.
+    /// Whether it was taken with a covered lens.
     pub fn is_dark(&self, mosaic: Option<Mosaic>, range: CountRange) -> bool {
         self.brightness(mosaic, range) < DARK_SHARE_MAX
     }
 
-    /// The photo with `dark`, exposed as long in the dark, taken off site by site. What is full
-    /// stays full.
+    /// Subtracts `dark`, an equal exposure in the dark, site by site. Saturated sites stay
+    /// saturated.
     #[must_use]
     pub fn without_dark(mut self, dark: &PhotoShot, range: CountRange) -> PhotoShot {
-        self.refined(dark.finer.saturating_sub(self.finer));
+        self.refine(dark.finer.saturating_sub(self.finer));
         self.dark_share += dark.noise_share;
         let (range, coarser) = (self.range(range), self.finer - dark.finer);
         let black = range.black.round() as i32;
@@ -126,10 +123,10 @@ impl PhotoShot {
     }
 }
 
-/// Takes `frames` exposures (at least one) of what is before the lens.
+/// Takes the mean of `frames` exposures (at least one).
 ///
 /// # Errors
-/// When an exposure brings no frame.
+/// When an exposure gives no frame.
 pub fn shoot(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -155,7 +152,7 @@ pub fn shoot(
     let n = u32::from(frames);
     let finer = if n > 1 { range.max.leading_zeros() } else { 0 };
     let clipped_share = share_of(&clipped, mosaic);
-    // A site that was full once is not known, however the others were.
+    // A site saturated in one exposure is unknown.
     let mean = |c: Channel| {
         let (sum, clipped) = (&sums[c.index()], &clipped[c.index()]);
         Plane::from_fn(sum.size(), |x, y| match clipped.at(x, y) {
@@ -167,12 +164,12 @@ pub fn shoot(
     Ok(PhotoShot { counts, finer, clipped_share, noise_share, dark_share: 0.0 })
 }
 
-/// Finds the exposure, as a multiple of the rig file's, at which no more than
-/// [`CLIPPED_SHARE_MAX`] of a scene is clipped, and leaves the camera at it; `None` of a camera
-/// whose exposure cannot be set.
+/// Sets the longest exposure within `allowed`, as multiples of the rig file's, that clips at most
+/// [`CLIPPED_SHARE_MAX`] of the scene. Returns it, or `None` if the camera's exposure cannot be
+/// set.
 ///
 /// # Errors
-/// When an exposure brings no frame or the camera does not take its setting.
+/// When an exposure gives no frame or the camera refuses a setting.
 pub fn meter(
     devices: &mut Devices,
     mosaic: Option<Mosaic>,
@@ -184,13 +181,13 @@ pub fn meter(
         if !devices.expose_times(times)? {
             return Ok(None);
         }
-        // The first frame after a change may still be exposed as before.
+        // The first frame after a change may have the previous exposure.
         devices.expose()?;
         let shot = shoot(devices, mosaic, range, 1)?;
-        let better = (times * proposal(&shot, mosaic, range)).clamp(allowed.0, allowed.1);
-        let there = (0.95..1.05).contains(&(better / times));
-        times = better;
-        if there {
+        let next = (times * proposal(&shot, mosaic, range)).clamp(allowed.0, allowed.1);
+        let is_settled = (0.95..1.05).contains(&(next / times));
+        times = next;
+        if is_settled {
             break;
         }
     }
@@ -199,18 +196,18 @@ pub fn meter(
     Ok(Some(times))
 }
 
-/// How many times as long the exposure of `shot` may be.
+/// Factor for the exposure of `shot`.
 fn proposal(shot: &PhotoShot, mosaic: Option<Mosaic>, range: CountRange) -> f64 {
     if shot.clipped_share > CLIPPED_SHARE_MAX {
         return if shot.clipped_share > 0.1 { 1.0 / STEP_MAX } else { 0.5 };
     }
     let mut histogram = vec![0u64; usize::from(u16::MAX) + 1];
-    data(shot.counts.planes(), mosaic, |count| histogram[usize::from(count)] += 1);
+    for_each_site(shot.counts.planes(), mosaic, |count| histogram[usize::from(count)] += 1);
     let all: u64 = histogram.iter().sum();
     let mut above = (CLIPPED_SHARE_MAX * all as f64) as u64;
     let brightest = histogram.iter().rposition(|&sites| match above.checked_sub(sites) {
-        Some(left) => {
-            above = left;
+        Some(remaining) => {
+            above = remaining;
             false
         }
         None => true,
@@ -220,8 +217,8 @@ fn proposal(shot: &PhotoShot, mosaic: Option<Mosaic>, range: CountRange) -> f64 
     wanted.clamp(1.0 / STEP_MAX, STEP_MAX)
 }
 
-/// Hands `each` what is data: the sites of a `mosaic`, or all of three planes.
-fn data<T: Copy + Default>(
+/// Calls `each` for every measured value: the sites of a `mosaic`, or all of three planes.
+fn for_each_site<T: Copy + Default>(
     planes: &[Plane<T>; 3],
     mosaic: Option<Mosaic>,
     mut each: impl FnMut(T),
@@ -232,25 +229,25 @@ fn data<T: Copy + Default>(
     }
 }
 
-/// The mean of the data of `counts`.
+/// Mean of the measured values of `counts`.
 pub fn mean(counts: &Counts, mosaic: Option<Mosaic>) -> f64 {
     let (mut sum, mut all) = (0u64, 0u64);
-    data(counts.planes(), mosaic, |count| (sum, all) = (sum + u64::from(count), all + 1));
+    for_each_site(counts.planes(), mosaic, |count| (sum, all) = (sum + u64::from(count), all + 1));
     sum as f64 / all.max(1) as f64
 }
 
 fn share_of(planes: &[Plane<bool>; 3], mosaic: Option<Mosaic>) -> f64 {
     let (mut full, mut all) = (0u64, 0u64);
-    data(planes, mosaic, |clipped| (full, all) = (full + u64::from(clipped), all + 1));
+    for_each_site(planes, mosaic, |clipped| (full, all) = (full + u64::from(clipped), all + 1));
     full as f64 / all.max(1) as f64
 }
 
-/// Share of the data of `counts`, 0..1, that is `count_max` or more.
+/// Share of the measured values of `counts`, 0..1, that are at least `count_max`.
 pub fn clipped_share(counts: &Counts, mosaic: Option<Mosaic>, count_max: u16) -> f64 {
     share_of(&counts.planes().each_ref().map(|plane| plane.map(|c| c >= count_max)), mosaic)
 }
 
-/// What the sensor's sites gave, of the three planes that a camera fills between them.
+/// Sites of a sensor, extracted from the three interpolated planes.
 pub fn sites_of<T: Copy + Default>(planes: &[Plane<T>; 3], mosaic: Mosaic) -> Plane<T> {
     Plane::from_fn(planes[0].size(), |x, y| planes[mosaic.colour_at(x, y).index()].at(x, y))
 }
@@ -265,7 +262,7 @@ mod tests {
 
     const RANGE: CountRange = CountRange { black: 64.0, max: 1023 };
 
-    /// The rig behind colour filters, before a grey wall of so much light.
+    /// The rig with colour filters, before a grey wall of `level`.
     fn before_a_wall(level: f32) -> Devices {
         let rig = config::load(Path::new("truthful.toml")).unwrap();
         let (devices, witness) = simulated::open(&rig).unwrap();
@@ -275,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn more_exposures_are_less_noise() {
+    fn averaging_reduces_noise() {
         let mut devices = before_a_wall(128.0);
         let mosaic = Some(Mosaic::Rggb);
         let mut shots = |frames| shoot(&mut devices, mosaic, RANGE, frames).unwrap();
@@ -297,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn at_another_gain_the_same_light_counts_more_and_its_noise_is_known() {
+    fn noise_is_known_at_another_gain() {
         let rig = config::load(Path::new("truthful.toml")).unwrap();
         let (mut devices, witness) = simulated::open(&rig).unwrap();
         let wall: Frame<Work> = Frame::from_fn(|_| Plane::filled(rig.photo_grid().sensor, 40.0));
@@ -327,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dark_frame_takes_off_what_sites_count_in_the_dark() {
+    fn a_dark_frame_removes_hot_sites() {
         let rig = config::load(Path::new("truthful.toml")).unwrap();
         let (mut devices, witness) = simulated::open(&rig).unwrap();
         let mosaic = Some(Mosaic::Rggb);
@@ -357,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_proposed_exposure_is_bright_and_clips_next_to_nothing() {
+    fn a_metered_exposure_is_bright_and_clips_almost_nothing() {
         let mosaic = Some(Mosaic::Rggb);
         for level in [20.0, 128.0, 255.0] {
             let mut devices = before_a_wall(level);
@@ -367,7 +364,7 @@ mod tests {
             let more = proposal(&shot, mosaic, RANGE);
             assert!((0.9..1.15).contains(&more), "{level}, {times:.2} times: {more}");
         }
-        // What is far too bright is found from above.
+        // A scene that is far too bright.
         let mut devices = before_a_wall(255.0);
         let times = meter(&mut devices, mosaic, RANGE, (0.05, 20.0)).unwrap().unwrap();
         devices.expose_times(16.0).unwrap();

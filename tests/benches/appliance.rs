@@ -18,7 +18,7 @@ use std::time::Instant;
 
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
-use relens::config::{self, Glare, Kind, Lens};
+use relens::config::{self, Glare, Kind};
 use relens::frame::{Channels, Codes, Counts, Frame, Plane, Size, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
@@ -48,7 +48,7 @@ fn main() {
 
 fn rig(name: &str) -> config::RigFile {
     let (_, text) = RIGS.iter().find(|(of, _)| *of == name).unwrap();
-    config::parse(text, name, Path::new(".")).unwrap()
+    config::parse(text, name).unwrap()
 }
 
 /// Seconds since the first call.
@@ -60,7 +60,7 @@ fn seconds() -> f64 {
 /// The rig with a fingerprint on its lens. Share and width of the scattered light are guesses.
 fn with_fingerprint(mut rig: config::RigFile) -> config::RigFile {
     if let Kind::Simulated(simulation) = &mut rig.kind {
-        let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
+        let glare = &mut simulation.lens.glare;
         *glare = Glare { share: 0.2, radius_px: 6.0 };
     }
     rig
@@ -127,7 +127,7 @@ fn restore_stored(folder: &Path, name: &str) {
         Box::new(clock.clone()),
         Box::new(camera),
         Box::new(clock),
-        Timing::of(&rig),
+        Timing::of(&rig.panel, &rig.camera),
     );
     let before = memory();
     let Cost { computing_s, captures, processor_s } =

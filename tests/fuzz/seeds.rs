@@ -100,7 +100,7 @@ fn rig_files(from: &Path, folder: &Path) {
             .collect();
         let bare = bare.join("\n");
         // A rig of devices is parsed to its end, and then refused by a program without them.
-        if let Err(refused) = config::parse(&bare, "seed", from) {
+        if let Err(refused) = config::parse(&bare, "seed") {
             assert!(
                 refused.to_string().contains("a rig of real devices"),
                 "{}: {refused}",

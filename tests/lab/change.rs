@@ -1,7 +1,7 @@
 //! A change of the rig in some strength: before calibration, since, on the photo, on the captures,
 //! or on the method.
 
-use relens::config::{Glare, Kind, Lens, Prescription, Primaries, RigFile, Simulation, Wavelength};
+use relens::config::{Glare, Kind, Prescription, Primaries, RigFile, Simulation, Wavelength};
 use relens::rig::simulated::{Wear, Witness};
 
 /// A change of the rig.
@@ -90,18 +90,11 @@ impl Change {
 
 /// Changes the traced lens of a simulated rig.
 pub(crate) fn lens(rig: &mut RigFile, change: impl FnOnce(&mut Prescription)) {
-    if let Kind::Simulated(simulation) = &mut rig.kind
-        && let Lens::Prescription(lens, _) = &mut simulation.lens
-    {
-        change(lens);
-    }
+    simulation(rig, |simulation| change(&mut simulation.lens.prescription));
 }
 
 fn glare(rig: &mut RigFile, change: impl FnOnce(&mut Glare)) {
-    simulation(rig, |simulation| {
-        let (Lens::Prescription(_, glare) | Lens::Measured(_, glare)) = &mut simulation.lens;
-        change(glare);
-    });
+    simulation(rig, |simulation| change(&mut simulation.lens.glare));
 }
 
 /// Changes the simulation of a rig that is one.

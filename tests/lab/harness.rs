@@ -5,7 +5,7 @@ use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::{PHOTO_SEED, Score, TestPhoto, TestRig, seen};
-use relens::config::{Lens, RigFile};
+use relens::config::RigFile;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
@@ -154,9 +154,9 @@ impl Harness {
 
     /// A scene with its left half at the panel's distance, its right one at `right_mm`.
     fn halves(&self, right_mm: f64) -> Result<[Depth; 2], Failure> {
-        let Some(Lens::Prescription(lens, _)) = self.config().simulation().map(|s| &s.lens) else {
-            return Err("found a measured blur, allowed a traced lens for other distances".into());
-        };
+        let simulation =
+            self.config().simulation().ok_or("found a real rig, allowed a simulated")?;
+        let lens = &simulation.lens.prescription;
         let size = self.config().photo.size();
         let half = |right: bool| {
             Plane::from_fn(size, |x, _| f32::from(u8::from((2 * x >= size.width) == right)))

@@ -12,12 +12,12 @@ use relens::measurement::{calibrate, to_the_end};
 use relens::picture::{Limits, Photo, Tone};
 use relens::pipeline::{PhotoData, Pipeline, method};
 use relens::rig::exposure::Devices;
-use relens::rig::simulated::jpeg_coder::{Quality, coded};
 use relens::rig::simulated::{Witness, open};
 
 use crate::Failure;
 use crate::appearance::Appearance;
 use crate::colour::{INKED, scenes};
+use crate::jpeg_coder::{Quality, coded};
 use crate::made::Made;
 
 /// Coding of a photo as a file.

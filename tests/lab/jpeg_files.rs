@@ -10,11 +10,11 @@ use jpeg_encoder::{
 use relens::config::{MethodName, RigFile};
 use relens::frame::{Channel, Frame, Plane, Size, Work};
 use relens::picture::Tone;
-use relens::rig::simulated::jpeg_coder::{Quality, coded};
 
 use crate::Failure;
 use crate::colour::{INKED, with_kept};
 use crate::jpeg::{FileCoding, costs};
+use crate::jpeg_coder::{Quality, coded};
 use crate::made::Made;
 use crate::sized::sized;
 

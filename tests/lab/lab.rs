@@ -11,6 +11,7 @@ mod conditions;
 mod figures;
 mod harness;
 mod jpeg;
+mod jpeg_coder;
 mod jpeg_files;
 mod judging;
 mod likeness;

@@ -1,9 +1,8 @@
-//! A camera that runs free and stamps its first packet, on the virtual rig: frames show what was up
-//! when their exposure began, and no mark says so.
+//! A free-running camera that stamps its first packet, on the virtual rig without marks.
 
 use std::path::Path;
 
-use relens::config::{self, CameraDevice, Kind, Stamps};
+use relens::config::{self, Kind, Stamps};
 use relens::frame::Codes;
 use relens::rig;
 
@@ -12,17 +11,16 @@ use super::{grey, middle};
 /// Pictures shown.
 const PICTURES: usize = 24;
 
-/// How many of alternating dark and light pictures have a frame of the other, where stamps are read
-/// as `stamps`; what was seen is printed.
-fn wrong(stamps: Stamps) -> usize {
+/// Counts frames of the wrong picture among alternating dark and light ones, with time stamps taken
+/// as `stamps`.
+fn count_wrong_frames(stamps: Stamps) -> usize {
     let file = std::env::var("RELENS_FREE_RIG").expect("RELENS_FREE_RIG names the rig file");
     let mut config = config::load(Path::new(&file)).unwrap_or_else(|error| panic!("{error}"));
     let Kind::Hardware(hardware) = &mut config.kind else { panic!("a rig of devices") };
-    let CameraDevice::V4l2(camera) = &mut hardware.camera;
-    camera.stamps = stamps;
+    hardware.camera.stamps = stamps;
     let mut rig = rig::open_without_marks(&config).unwrap_or_else(|error| panic!("{error}"));
     let pictures: [Codes; 2] = [30, 210].map(|code| grey(&config, code));
-    // What is dark and what is light: of frames that came long after their flip.
+    // Reference levels from frames long after their flip.
     let [dark, light] = pictures.each_ref().map(|picture| {
         (0..6).map(|_| middle(&rig.capture(picture).expect("a frame"))).last().expect("six")
     });
@@ -42,8 +40,8 @@ fn wrong(stamps: Stamps) -> usize {
 
 #[test]
 #[ignore = "needs the virtual rig"]
-fn free_running_no_frame_exposed_before_its_picture_was_up_is_taken() {
-    assert_eq!(wrong(Stamps::FirstPacket), 0);
-    // What uvcvideo says of its stamps; without care the above would not hold.
-    assert!(wrong(Stamps::ExposureStart) > PICTURES / 8, "the camera never was in the way");
+fn free_running_no_frame_exposed_before_its_picture_is_accepted() {
+    assert_eq!(count_wrong_frames(Stamps::FirstPacket), 0);
+    // uvcvideo states start of exposure, which is wrong.
+    assert!(count_wrong_frames(Stamps::ExposureStart) > PICTURES / 8, "the test is too easy");
 }

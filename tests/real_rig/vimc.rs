@@ -1,5 +1,5 @@
-//! A board's camera behind a media graph: the kernel's vimc, set up, streamed from, set up again
-//! after another program had it, and told of where it cannot be.
+//! A board's camera behind a media graph, with the kernel's vimc: set-up, streaming, set-up after
+//! another program, and errors.
 
 use std::process::Command;
 
@@ -30,8 +30,8 @@ fn link(from: &str, to: &str, on: bool) -> MediaLink {
     MediaLink { from: from.to_owned(), to: to.to_owned(), on }
 }
 
-/// Raw sites straight from sensor `which`. All that the sensor's light goes to must agree, so the
-/// converter beside takes them too, and gives nothing on.
+/// Raw sites of sensor `which`. The converter also connected to it needs the same format; its
+/// output is disabled.
 fn raw_graph(which: &str, bus_code: &str) -> MediaGraph {
     let (sensor, converter) = (format!("Sensor {which}"), format!("Debayer {which}"));
     MediaGraph {
@@ -46,8 +46,8 @@ fn raw_graph(which: &str, bus_code: &str) -> MediaGraph {
     }
 }
 
-/// Colours from sensor `which` by way of its converter and the scaler, which the other one's link
-/// must be off for.
+/// Colours of sensor `which` through its converter and the scaler, with the other converter's link
+/// disabled.
 fn scaled_graph(which: &str, other: &str) -> MediaGraph {
     let [sensor, debayer, away] =
         [format!("Sensor {which}"), format!("Debayer {which}:"), format!("Debayer {other}:1")];
@@ -98,7 +98,7 @@ fn frame(camera: &mut V4l2Camera) -> Counts {
     camera.frame(deadline).unwrap_or_else(|error| panic!("{error}")).counts
 }
 
-/// Mean counts of red, green and blue around column `x`, far below the driver's own writing.
+/// Mean counts of red, green and blue around column `x`, below the driver's text overlay.
 fn colours_at(counts: &Counts, x: usize) -> [f64; 3] {
     counts.planes().each_ref().map(|plane| {
         let rows = plane.height() * 7 / 8 - 8..plane.height() * 7 / 8 + 8;
@@ -119,7 +119,7 @@ fn shows_the_bars(counts: &Counts) {
 
 #[test]
 #[ignore = "needs vimc"]
-fn vimc_raw_sites_come_in_their_colours_whatever_the_pattern() {
+fn vimc_raw_sites_have_their_colours_for_every_pattern() {
     for (bus_code, code) in [("SRGGB8_1X8", "RGGB"), ("SBGGR8_1X8", "BA81"), ("SGRBG8_1X8", "GRBG")]
     {
         for size in [Size::new(640, 480), Size::new(320, 240)] {
@@ -133,10 +133,10 @@ fn vimc_raw_sites_come_in_their_colours_whatever_the_pattern() {
 
 #[test]
 #[ignore = "needs vimc"]
-fn vimc_links_are_put_on_and_off() {
+fn vimc_links_are_enabled_and_disabled() {
     // The kernel's patterns 5 and 6 are black and white.
     for (which, other, pattern) in [("B", "A", 6), ("A", "B", 5), ("B", "A", 6)] {
-        // The raw node beside has to agree with its sensor, too.
+        // The raw node also needs the sensor's format.
         drop(opened(settings(raw_graph(which, "SRGGB8_1X8"), "RGGB", Size::new(640, 480))));
         let graph = scaled_graph(which, other);
         let mut wanted = settings(graph, "RGB3", Size::new(640, 480));
@@ -147,7 +147,7 @@ fn vimc_links_are_put_on_and_off() {
     }
 }
 
-/// The other program of the test below, which is started by it.
+/// The other program of the next test, which starts it.
 #[test]
 #[ignore = "needs vimc"]
 fn vimc_another_program() {
@@ -157,7 +157,7 @@ fn vimc_another_program() {
 
 #[test]
 #[ignore = "needs vimc"]
-fn vimc_what_another_program_changed_is_set_up_again() {
+fn vimc_changes_of_another_program_are_undone() {
     let other = || {
         let itself = std::env::current_exe().expect("this program has a path");
         let words = ["--ignored", "--exact", "vimc::vimc_another_program"];
@@ -165,12 +165,12 @@ fn vimc_what_another_program_changed_is_set_up_again() {
     };
     let mut camera = opened(raw());
     shows_the_bars(&frame(&mut camera));
-    let told = other();
-    let words = String::from_utf8_lossy(&told.stdout).into_owned();
-    assert!(!told.status.success() && words.contains("another program streams"), "{words}");
+    let outcome = other();
+    let words = String::from_utf8_lossy(&outcome.stdout).into_owned();
+    assert!(!outcome.status.success() && words.contains("another program streams"), "{words}");
     drop(camera);
-    let told = other();
-    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stdout));
+    let outcome = other();
+    assert!(outcome.status.success(), "{}", String::from_utf8_lossy(&outcome.stdout));
     let mut camera = opened(raw());
     shows_the_bars(&frame(&mut camera));
     camera.reopen().unwrap_or_else(|error| panic!("{error}"));
@@ -179,7 +179,7 @@ fn vimc_what_another_program_changed_is_set_up_again() {
 
 #[test]
 #[ignore = "needs vimc"]
-fn vimc_what_is_wrong_is_told_in_a_sentence() {
+fn vimc_errors_name_their_cause() {
     let size = Size::new(640, 480);
     let with = |change: &dyn Fn(&mut MediaGraph)| {
         let mut graph = raw_graph("A", "SRGGB8_1X8");
@@ -187,7 +187,7 @@ fn vimc_what_is_wrong_is_told_in_a_sentence() {
         said(settings(graph, "RGGB", size))
     };
     let holds = |said: String, words: &[&str]| {
-        println!("told: {said}");
+        println!("{said}");
         assert!(words.iter().all(|word| said.contains(word)), "{said} lacks one of {words:?}");
     };
     let driver = with(&|graph| graph.driver = "rp1-cfe".to_owned());
@@ -199,15 +199,15 @@ fn vimc_what_is_wrong_is_told_in_a_sentence() {
     let missing = with(&|graph| graph.link.push(link("Sensor A:0", "Raw Capture 1:0", true)));
     holds(missing, &["no link from Sensor A:0 to Raw Capture 1:0", "Raw Capture 0:0"]);
     let fixed = with(&|graph| graph.link.push(link("Sensor A:0", "Raw Capture 0:0", false)));
-    holds(fixed, &["put off", "immutable"]);
+    holds(fixed, &["disabled", "immutable"]);
     let pad = with(&|graph| graph.format.push(pad_format(("Sensor A:7", "SRGGB8_1X8"))));
     holds(pad, &["Sensor A:7"]);
-    // The sensor knows no such samples, and says what it has made of them.
+    // The sensor has no such format; the error names its choice.
     let format = with(&|graph| graph.format = vec![pad_format(("Sensor A:0", "Y12_1X12"))]);
     holds(format, &["Y12_1X12 of 640×480 at Sensor A:0", "RGB888_1X24"]);
-    // What the node delivers is not what the sensor sends.
+    // The node's format differs from the sensor's.
     let differs = said(settings(raw_graph("A", "SRGGB8_1X8"), "BA81", size));
-    holds(differs, &["no way from the sensor to \"Raw Capture 0\"", "BA81"]);
+    holds(differs, &["no path from the sensor to \"Raw Capture 0\"", "BA81"]);
     let mut control = raw();
     control.controls = vec![("analogue_gain".to_owned(), 1)];
     holds(said(control), &["control analogue_gain", "test_pattern"]);

@@ -1,4 +1,4 @@
-//! A camera that misbehaves on request: the kernel's vivid.
+//! A camera with faults on request: the kernel's vivid.
 
 use relens::config::Stamps;
 use relens::frame::Size;
@@ -28,8 +28,8 @@ fn in_seconds(seconds: f64) -> Moment {
     Moment(Monotonic.now().0 + seconds)
 }
 
-/// vivid's node, opened beside the camera.
-fn beside() -> v4l::Device {
+/// A second handle of vivid's node.
+fn second_handle() -> v4l::Device {
     let card = std::env::var("RELENS_VIVID").expect("RELENS_VIVID names the card");
     let node = (0..64).find_map(|n| {
         let device = v4l::Device::with_path(format!("/dev/video{n}")).ok()?;
@@ -38,9 +38,9 @@ fn beside() -> v4l::Device {
     node.expect("vivid is there")
 }
 
-/// Sets one of vivid's controls from outside, as a gremlin would; the node it did it through.
-fn gremlin(title: &str, value: i64) -> v4l::Device {
-    let device = beside();
+/// Sets one of vivid's controls through a second handle, which is returned.
+fn set_control(title: &str, value: i64) -> v4l::Device {
+    let device = second_handle();
     let controls = device.query_controls().expect("it has controls");
     let control = controls.iter().find(|control| control.name == title);
     let control = control.unwrap_or_else(|| panic!("no control {title}"));
@@ -52,9 +52,9 @@ fn gremlin(title: &str, value: i64) -> v4l::Device {
     device
 }
 
-/// The value of one of vivid's controls.
-fn held(title: &str) -> i64 {
-    let device = beside();
+/// Value of one of vivid's controls.
+fn control_value(title: &str) -> i64 {
+    let device = second_handle();
     let controls = device.query_controls().expect("it has controls");
     let control = controls.iter().find(|control| control.name == title).expect("it has this one");
     match device.control(control.id).expect("it can be read").value {
@@ -65,17 +65,17 @@ fn held(title: &str) -> i64 {
 
 #[test]
 #[ignore = "needs vivid"]
-fn vivid_s_gain_is_set_for_a_photo_and_is_as_before_when_it_is_opened() {
+fn vivid_s_gain_is_set_for_a_photo_and_reset_on_opening() {
     let (name, value) = ("gain".to_owned(), 20);
     let controls = vec![(name.clone(), value)];
     // vivid's control goes to 255.
     let gain = Some(GainControl { name, value, step_db: 0.1 });
     let amplified = CameraSettings { gain, controls, ..vivid() };
     let mut camera = V4l2Camera::open(amplified.clone()).unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(held("Gain"), 20);
+    assert_eq!(control_value("Gain"), 20);
     let times = camera.amplify_times(4.0).expect("it is set").expect("the settings say how");
     assert!((times / 4.0 - 1.0).abs() < 0.006, "{times}");
-    assert_eq!(held("Gain"), 140);
+    assert_eq!(control_value("Gain"), 140);
     camera.frame(in_seconds(5.0)).expect("frames go on");
     match camera.amplify_times(100.0) {
         Err(RigError::Refused { allowed, .. }) => assert_eq!(allowed, "0 to 255"),
@@ -83,19 +83,19 @@ fn vivid_s_gain_is_set_for_a_photo_and_is_as_before_when_it_is_opened() {
     }
     drop(camera);
     drop(V4l2Camera::open(amplified).unwrap_or_else(|error| panic!("{error}")));
-    assert_eq!(held("Gain"), 20);
+    assert_eq!(control_value("Gain"), 20);
     let mut plain = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
     assert!(plain.amplify_times(4.0).expect("nothing is asked of it").is_none());
 }
 
 #[test]
 #[ignore = "needs vivid"]
-fn vivid_frames_come_in_sequence_and_a_deadline_is_one() {
+fn vivid_frames_are_in_sequence_and_deadlines_hold() {
     let mut camera = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
     let first = camera.frame(in_seconds(5.0)).expect("a frame");
     let second = camera.frame(in_seconds(5.0)).expect("a frame");
     assert!(second.sequence > first.sequence && second.counts.size() == Size::new(640, 480));
-    // A deadline that has passed is not waited for, and costs no buffer: frames go on coming.
+    // A past deadline returns at once and costs no buffer.
     for _ in 0..20 {
         match camera.frame(in_seconds(0.0)) {
             Ok(_) | Err(RigError::NoFrame { .. }) => {}
@@ -111,14 +111,14 @@ fn vivid_dropped_and_damaged_frames_are_counted_and_never_delivered() {
     let mut camera = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
     camera.frame(in_seconds(5.0)).expect("a frame");
     let before = camera.lost();
-    gremlin("Percentage of Dropped Buffers", 50);
+    set_control("Percentage of Dropped Buffers", 50);
     for _ in 0..20 {
         camera.frame(in_seconds(5.0)).expect("a frame");
     }
-    gremlin("Percentage of Dropped Buffers", 0);
+    set_control("Percentage of Dropped Buffers", 0);
     let dropped = camera.lost() - before;
     assert!(dropped > 3, "{dropped} of about 20");
-    gremlin("Inject V4L2_BUF_FLAG_ERROR", 1);
+    set_control("Inject V4L2_BUF_FLAG_ERROR", 1);
     for _ in 0..5 {
         camera.frame(in_seconds(5.0)).expect("a frame");
     }
@@ -127,19 +127,19 @@ fn vivid_dropped_and_damaged_frames_are_counted_and_never_delivered() {
 
 #[test]
 #[ignore = "needs vivid"]
-fn vivid_a_stream_that_breaks_is_told_and_reopens() {
+fn vivid_a_broken_stream_is_an_error_and_reopens() {
     let mut camera = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
     camera.frame(in_seconds(5.0)).expect("a frame");
-    gremlin("Inject Fatal Streaming Error", 1);
-    let told = (0..10).find_map(|_| camera.frame(in_seconds(2.0)).err());
-    assert!(matches!(told, Some(RigError::Gone { .. } | RigError::NoFrame { .. })), "{told:?}");
+    set_control("Inject Fatal Streaming Error", 1);
+    let error = (0..10).find_map(|_| camera.frame(in_seconds(2.0)).err());
+    assert!(matches!(error, Some(RigError::Gone { .. } | RigError::NoFrame { .. })), "{error:?}");
     camera.reopen().unwrap_or_else(|error| panic!("{error}"));
     camera.frame(in_seconds(5.0)).expect("a frame after the stream was opened again");
 }
 
 #[test]
 #[ignore = "needs vivid"]
-fn vivid_two_readers_are_one_too_many() {
+fn vivid_a_second_reader_is_refused() {
     let _camera = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
     let second = V4l2Camera::open(vivid()).err();
     assert!(matches!(second, Some(RigError::Held { .. })), "{second:?}");
@@ -150,10 +150,10 @@ fn vivid_two_readers_are_one_too_many() {
 fn vivid_unplugged_and_back() {
     let mut camera = V4l2Camera::open(vivid()).unwrap_or_else(|error| panic!("{error}"));
     camera.frame(in_seconds(5.0)).expect("a frame");
-    // vivid comes back when its last reader has closed it: as long as this one is held, it is away.
-    let away = gremlin("Disconnect", 1);
-    let told = (0..10).find_map(|_| camera.frame(in_seconds(2.0)).err());
-    assert!(matches!(told, Some(RigError::Gone { .. })), "{told:?}");
+    // vivid returns when its last reader closes it.
+    let away = set_control("Disconnect", 1);
+    let error = (0..10).find_map(|_| camera.frame(in_seconds(2.0)).err());
+    assert!(matches!(error, Some(RigError::Gone { .. })), "{error:?}");
     for _ in 0..3 {
         let still = camera.reopen();
         assert!(matches!(still, Err(RigError::Gone { .. })), "{still:?}");
@@ -171,7 +171,7 @@ fn vivid_frames_allocate_nothing() {
     for n in 0..20 {
         let (frame, allocations) = counted::allocations(|| camera.frame(in_seconds(5.0)));
         camera.give_back(frame.expect("a frame").counts);
-        // The first one is made; it goes round from then on.
+        // The first frame allocates memory, which is then reused.
         assert!(n == 0 || allocations == 0, "frame {n}: {allocations} allocations");
     }
 }

@@ -2,7 +2,7 @@
 //! estimated from the photo; and a photo with the lens stopped down.
 
 use relens::chart::scenes::Scene;
-use relens::config::{Curve, Kind, Lens, RigFile};
+use relens::config::{Curve, Kind, RigFile};
 use relens::frame::{Channel, Frame, PhotoGrid, RawSites, Work};
 use relens::picture::{Limits, Photo};
 use relens::pipeline::{AVERAGED_MIN, Verdict};
@@ -193,10 +193,8 @@ fn a_photo_with_the_lens_stopped_down_is_left_untouched() {
         bed.restored(&with_noise(&photo, None));
     assert_ne!(wide.verdict, Verdict::Untouched, "{}", wide.reason);
     let mut stopped = bed.file.clone();
-    if let Kind::Simulated(simulation) = &mut stopped.kind
-        && let Lens::Prescription(lens, _) = &mut simulation.lens
-    {
-        lens.stop_diameter_mm /= 2.5;
+    if let Kind::Simulated(simulation) = &mut stopped.kind {
+        simulation.lens.prescription.stop_diameter_mm /= 2.5;
     }
     (bed.devices, bed.witness) = simulated::open(&stopped).unwrap();
     bed.witness.put_before_lens(Some(&bed.scene));

@@ -7,7 +7,7 @@ use std::process::Command;
 use relens::calibration::Calibration;
 use relens::chart::scenes::Scene;
 use relens::chart::test_rig::TestPhoto;
-use relens::config::{Curve, Kind, Lens, RigFile};
+use relens::config::{Curve, Kind, RigFile};
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Work};
 use relens::picture::Tone;
@@ -29,9 +29,8 @@ fn rig() -> RigFile {
 /// `rig` with a scene at `scene_mm` and the panel at `panel_mm`, with unchanged focus.
 fn at(rig: &RigFile, panel_mm: f64, scene_mm: f64) -> RigFile {
     let mut moved = rig.clone();
-    if let Kind::Simulated(simulation) = &mut moved.kind
-        && let Lens::Prescription(lens, _) = &mut simulation.lens
-    {
+    if let Kind::Simulated(simulation) = &mut moved.kind {
+        let lens = &mut simulation.lens.prescription;
         lens.focus_distance_mm = Some(lens.focus_distance_mm.unwrap_or(lens.object_distance_mm));
         lens.object_distance_mm = panel_mm;
         lens.scene_distance_mm = Some(scene_mm);

@@ -2,7 +2,7 @@
 //! as much noise as the missing sites cost.
 
 use relens::chart::scenes::Scene;
-use relens::config::{self, Kind, Lens};
+use relens::config::{self, Kind};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Mosaic, Plane, RawSites, Size, Work};
@@ -147,7 +147,7 @@ fn silhouette(size: Size) -> Frame<Work> {
 fn dark_areas_stay_free_of_stripes_in_a_strongly_blurred_channel() {
     let mut plano = rig("truthful.toml", Some(Mosaic::Bggr));
     let Kind::Simulated(simulation) = &mut plano.kind else { panic!("a simulated rig") };
-    let Lens::Prescription(lens, _) = &mut simulation.lens else { panic!("a traced lens") };
+    let lens = &mut simulation.lens.prescription;
     let [.., front, back] = lens.surfaces.as_mut_slice() else { panic!("a singlet") };
     (front.radius_mm, back.radius_mm) = (38.76, f64::INFINITY);
     (lens.stop_diameter_mm, lens.scene_distance_mm) = (16.7, Some(4000.0));

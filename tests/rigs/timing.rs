@@ -1,7 +1,5 @@
 //! The timing measured by `relens check` suffices for a calibration.
 
-use std::path::Path;
-
 use relens::measurement::{calibrate, to_the_end};
 use relens::rig::simulated;
 use relens::{config, diagnosis};
@@ -13,7 +11,7 @@ fn the_settle_time_proposed_by_check_calibrates_as_well_as_a_long_one() {
         let text = include_str!("../../rig-config/small.toml")
             .replacen("latency-refreshes = 2", &format!("latency-refreshes = {latency}"), 1)
             .replacen("response-ms = 5.0", &format!("response-ms = {response:.1}"), 1);
-        let mut file = config::parse(&text, "small.toml", Path::new("")).unwrap();
+        let mut file = config::parse(&text, "small.toml").unwrap();
         file.panel.settle_ms = 10.0;
         let mut devices = simulated::open(&diagnosis::patient(&file)).unwrap().0;
         let timing = diagnosis::measure(&mut devices, &file).unwrap();

@@ -2,7 +2,7 @@
 //! tests.
 
 use relens::chart::scenes::Scene;
-use relens::config::{self, Kind, Lens, Simulation, Subpixels};
+use relens::config::{self, Kind, Simulation, Subpixels};
 use relens::deconvolution::method::Method;
 use relens::deconvolution::quality::{psnr, ssim};
 use relens::frame::{Channel, Channels, Frame, Plane, RawSites, Rect, Size, Work};
@@ -16,9 +16,7 @@ use crate::{load, measured};
 type Departure = fn(&mut Simulation, &Simulation);
 
 fn scene_distance(simulation: &mut Simulation, mm: f64) {
-    if let Lens::Prescription(lens, _) = &mut simulation.lens {
-        lens.scene_distance_mm = Some(mm);
-    }
+    simulation.lens.prescription.scene_distance_mm = Some(mm);
 }
 
 const DEPARTURES: [(&str, Departure); 8] = [

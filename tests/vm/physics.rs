@@ -1,11 +1,10 @@
-//! The light between panel and camera of the virtual rig: a process of its own that is sent what
-//! was on scan-out when the trigger rose (`window.rs`), and answers with what the sensor counts
-//! after the simulator's lens.
+//! Light path of the virtual rig: receives the panel's picture at the trigger (`window.rs`) and
+//! answers with the sensor's counts behind the simulated lens.
 //!
-//! `physics TRUTH.toml SOCKET SCENE` serves one run of the virtual machine. Before the lens is the
-//! panel, or the picture SCENE where it is told that the panel is away. It runs outside of it,
-//! because an emulated processor takes twenty times as long, and knows nothing of the daemon.
-// A bench program: it says what failed and stops.
+//! `physics TRUTH.toml SOCKET SCENE` serves one run of the virtual machine, with the panel before
+//! the lens, or the picture SCENE while the panel is away. It runs outside the machine, because an
+//! emulated processor takes twenty times as long, and knows nothing of the daemon.
+// A test program, which panics on errors.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use std::io::{ErrorKind, Read, Write};
@@ -23,10 +22,10 @@ use relens::rig::simulated;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// First byte of what was on scan-out when the panel is not before the lens.
+/// First byte of a picture taken while the panel is away.
 const AWAY: u8 = 1;
 
-/// How long the virtual machine may take to open its end.
+/// Time limit for the virtual machine to connect.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn connected(socket: &str) -> Outcome<UnixStream> {
@@ -40,7 +39,7 @@ fn connected(socket: &str) -> Outcome<UnixStream> {
     }
 }
 
-/// Red, green, blue bytes of 8-bit counts, or a byte a site behind filters.
+/// Bytes of 8-bit counts: red, green and blue, or one per site with colour filters.
 fn pack(counts: &Counts, mosaic: Option<Mosaic>, bytes: &mut Vec<u8>) {
     bytes.clear();
     if let Some(mosaic) = mosaic {

@@ -1,4 +1,4 @@
-//! What the virtual panel scans out: the display driver's current buffer, mapped and read.
+//! Scan-out of the virtual panel: the display driver's current buffer, mapped and read.
 
 use std::fs::{File, OpenOptions};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -11,7 +11,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
 use super::Outcome;
 
-/// The display driver's node, opened to look on.
+/// The display driver's node, opened as an observer.
 pub struct Card(File);
 
 impl AsFd for Card {
@@ -26,13 +26,13 @@ impl drm::control::Device for Card {}
 impl Card {
     pub fn open(path: &Path) -> Outcome<Card> {
         let card = Card(OpenOptions::new().read(true).write(true).open(path)?);
-        // The first to open a node becomes its master, and would lock the daemon out.
+        // The first program to open a node becomes its master, which would exclude the daemon.
         let _ = card.release_master_lock();
         card.set_client_capability(drm::ClientCapability::UniversalPlanes, true)?;
         Ok(card)
     }
 
-    /// The buffer of the first active plane; `None` while the display is off.
+    /// Buffer of the first active plane; `None` while the display is off.
     pub fn scanned_out(&self) -> Outcome<Option<Shown>> {
         for plane in self.plane_handles()? {
             let info = self.get_plane(plane)?;
@@ -55,13 +55,13 @@ impl Card {
     }
 }
 
-/// A buffer that was on scan-out, mapped.
+/// A mapped buffer of the scan-out.
 pub struct Shown {
     start: *mut std::ffi::c_void,
     length: usize,
     pitch: usize,
     size: Size,
-    /// The driver's number of the picture.
+    /// The driver's number of the buffer.
     pub number: u32,
 }
 

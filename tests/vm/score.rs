@@ -1,7 +1,7 @@
-//! How much better a restored photo is: `score SHARP PHOTO RESTORED [GAIN]` prints the gain in SSIM
-//! (luminance of the display values) and fails when it is not within 0.01 of GAIN; `score --crop IN
-//! WIDTH HEIGHT OUT` cuts a scene.
-// A bench program: it says what failed and stops.
+//! Quality of a restored photo: `score SHARP PHOTO RESTORED [GAIN]` prints the gain in SSIM
+//! (luminance of the display values) and fails if it differs from GAIN by more than 0.01; `score
+//! --crop IN WIDTH HEIGHT OUT` crops a scene.
+// A test program, which panics on errors.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use relens::deconvolution::quality::ssim;

@@ -1,11 +1,10 @@
-//! Takes the display away from a program of the virtual rig, as a desktop that is started beside it
-//! would, and gives it back: `taker PID CARD SECONDS`.
+//! Takes the display from a program of the virtual rig for a while, as a desktop would: `taker PID
+//! CARD SECONDS`.
 //!
-//! Who may set modes (DRM master) belongs to the open file, so that a copy of the program's own
-//! descriptor is enough to give it up in its place. The next to ask has it: here this program,
-//! which shows its own picture for as long as it was told. With its end that picture goes, and the
-//! kernel darkens the display.
-// A bench program: it says what failed and stops.
+//! The right to set modes (DRM master) belongs to the open file, so a copy of the program's
+//! descriptor suffices to drop it. This program then becomes master and shows its own picture; when
+//! it ends, the kernel blanks the display.
+// A test program, which panics on errors.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use std::fs::File;
@@ -31,7 +30,7 @@ impl AsFd for Card {
 impl drm::Device for Card {}
 impl drm::control::Device for Card {}
 
-/// Gives up, in the place of the process `pid`, what it may do with the display at `path`.
+/// Drops DRM master of the process `pid` for the display at `path`.
 fn give_up_for(pid: Pid, path: &Path) -> Outcome<()> {
     let process = pidfd_open(pid, PidfdFlags::empty())?;
     for entry in std::fs::read_dir(format!("/proc/{}/fd", pid.as_raw_nonzero()))? {
@@ -39,7 +38,7 @@ fn give_up_for(pid: Pid, path: &Path) -> Outcome<()> {
         if std::fs::read_link(entry.path()).is_ok_and(|target| target == path) {
             let number = entry.file_name().to_string_lossy().parse()?;
             let copy = Card(pidfd_getfd(&process, number, PidfdGetfdFlags::empty())?);
-            // One that only looks on has nothing to give up.
+            // A mere observer is no master.
             if copy.release_master_lock().is_ok() {
                 return Ok(());
             }
@@ -48,7 +47,7 @@ fn give_up_for(pid: Pid, path: &Path) -> Outcome<()> {
     Err(format!("process {} does not drive {}", pid.as_raw_nonzero(), path.display()).into())
 }
 
-/// Puts a dark picture on whatever is lit.
+/// Shows a dark picture on the active display.
 fn show_something(card: &Card) -> Outcome<()> {
     let all = card.resource_handles()?;
     for &crtc in all.crtcs() {

@@ -1,5 +1,5 @@
-//! The kernel's own record of what happened when: flips of the display and rises of the trigger
-//! line; or, of a camera that runs free, exposures at its own times in their place.
+//! Events of the kernel's tracer: flips of the display and edges of the trigger line; for a
+//! free-running camera exposures at its own times instead of edges.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
@@ -13,43 +13,43 @@ use rustix::fs::OFlags;
 
 use super::Outcome;
 
-/// One thing that happened, with its moment on `CLOCK_MONOTONIC` in seconds.
+/// An event with its `CLOCK_MONOTONIC` time in seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event {
-    /// A flip came into effect.
+    /// A flip.
     Flip { at_s: f64 },
-    /// The trigger line rose.
+    /// A rising edge of the trigger line.
     Rise { at_s: f64 },
 }
 
-/// So long after an exposure began, flips from before it are in the record.
+/// Delay after which the record contains all flips before an exposure.
 const RECORDED_S: f64 = 0.01;
 
-/// When exposures of a camera that runs free begin.
+/// Starts of a free-running camera's exposures.
 struct FreeRun {
     next_s: f64,
     interval_s: f64,
 }
 
-/// A private instance of the kernel's tracer with the two events that matter.
+/// A private instance of the kernel's tracer with these events.
 pub struct Trace {
     pipe: File,
     text: String,
     rise: String,
     free_run: Option<FreeRun>,
-    /// A flip that came after an exposure not yet told of.
+    /// A flip after an exposure that was not reported yet.
     kept: Option<Event>,
 }
 
 impl Trace {
-    /// `line` is the trigger's number in the kernel's count of all lines; a camera that exposes
-    /// every `interval_s` by itself does not look at it.
+    /// `line` is the trigger's global number; it is ignored for a camera that exposes every
+    /// `interval_s`.
     pub fn start(line: &str, interval_s: Option<f64>) -> Outcome<Trace> {
         let folder = Path::new("/sys/kernel/tracing/instances/physics");
         if !folder.exists() {
             fs::create_dir(folder)?;
         }
-        // The clock of flip events and frames; the tracer's usual one is each processor's own.
+        // The clock of flip events and frames; by default the tracer uses a clock per processor.
         fs::write(folder.join("trace_clock"), "mono")?;
         fs::write(folder.join("events/gpio/gpio_value/enable"), "1")?;
         fs::write(folder.join("events/drm/drm_vblank_event_delivered/enable"), "1")?;
@@ -95,7 +95,7 @@ impl Trace {
         }
     }
 
-    /// The next event that was read.
+    /// The next event in the buffer.
     fn recorded(&mut self) -> Option<Event> {
         while let Some(end) = self.text.find('\n') {
             let line: String = self.text.drain(..=end).collect();

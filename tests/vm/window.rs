@@ -1,22 +1,20 @@
-//! The virtual rig's panel glass and camera window: what is on scan-out when the trigger line rises
-//! goes out of the virtual machine, to the lens (`physics.rs`), and what the sensor counts comes in
-//! by the camera's node.
+//! The virtual rig's panel and camera: sends the scan-out at each trigger out of the virtual
+//! machine to the lens (`physics.rs`), and delivers the sensor's counts through the camera's node.
 //!
 //! `window TRUTH.toml /dev/dri/card0 /dev/video0 LINE-NUMBER PORT SHUTTER AWAY [EXPOSURE-MS
-//! INTERVAL-MS]` runs until it is killed. As long as there is a file SHUTTER, the camera gives no
-//! frames; as long as there is a file AWAY, not the panel but a scene is before the lens. It knows
-//! nothing of the daemon: the trigger comes from the kernel's trace of GPIO values, the picture
-//! from the display driver.
+//! INTERVAL-MS]` runs until it is killed. While a file SHUTTER exists, the camera gives no frames;
+//! while a file AWAY exists, a scene is before the lens instead of the panel. It knows nothing of
+//! the daemon: the trigger comes from the kernel's trace of GPIO values, the picture from the
+//! display driver.
 //!
-//! With the last two the camera runs free, and its frames are stamped as `uvcvideo` stamps them: at
-//! their first packet, which comes when the exposure has ended and up to an interval has passed. A
-//! frame shows what was on scan-out when its exposure began.
+//! With the last two arguments the camera runs free, and its frames are stamped as by `uvcvideo`:
+//! at their first packet, up to an interval after the end of the exposure. A frame shows the
+//! scan-out at the start of its exposure.
 //!
-//! Two threads, so that light is caught at the moment of the trigger however long the lens takes to
-//! compute. Every flip, exposure and frame is a line of standard output, with its moment on
-//! `CLOCK_MONOTONIC`.
+//! Two threads, so that the picture is read at the trigger while the lens is computed. Every flip,
+//! exposure and frame is a line of standard output with its `CLOCK_MONOTONIC` time.
 #![allow(unsafe_code)] // mmap of the scanned-out buffer
-// A bench program: it says what failed and stops.
+// A test program, which panics on errors.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, unreachable_pub)]
 
 mod scanout;
@@ -38,20 +36,20 @@ use self::trace::{Event, Trace};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// A free-running camera's seconds.
+/// Timing of a free-running camera, in seconds.
 #[derive(Clone, Copy)]
 struct FreeRun {
     exposure_s: f64,
     interval_s: f64,
 }
 
-/// Of an interval, so much is held back the first packet of each frame, in turn.
+/// Delays of the first packet of successive frames, as shares of an interval.
 const HELD_BACK: [f64; 5] = [0.0, 0.6, 0.3, 0.9, 0.05];
 
-/// An exposure caught so late may show what came after it, and is left out.
+/// Latency beyond which the picture of an exposure may be a later one, so that it is skipped.
 const LATE_MS: f64 = 50.0;
 
-/// The camera's node, ready to take frames.
+/// The camera's node, ready for frames.
 fn camera(video: &str, truth: &config::RigFile, free_run: Option<FreeRun>) -> Outcome<v4l::Device> {
     let node = v4l::Device::with_path(video)?;
     let size = truth.camera.size();
@@ -75,9 +73,8 @@ fn camera(video: &str, truth: &config::RigFile, free_run: Option<FreeRun>) -> Ou
     Ok(node)
 }
 
-/// Delivers each frame when its exposure and read-out have passed, or as soon after as it has been
-/// computed; the driver stamps it then. One that a free-running camera would have to hold back
-/// longer than an interval is dropped.
+/// Delivers each frame after its exposure and read-out, or once it is computed; the driver stamps
+/// it then. A free-running camera drops frames that would be delayed by more than an interval.
 fn deliver(
     truth: &config::RigFile,
     video: &str,
@@ -114,7 +111,7 @@ fn deliver(
     Ok(())
 }
 
-/// What a picture looks like in a line of text: its mean code and a checksum.
+/// Describes a picture by its mean code and a checksum.
 fn fingerprint(codes: &Codes) -> String {
     let data = codes.planes()[1].data();
     let mean = data.iter().map(|&code| f64::from(code)).sum::<f64>() / data.len() as f64;
@@ -138,8 +135,8 @@ fn look(
         let late_ms = |at_s: f64| (Monotonic.now().0 - at_s) * 1e3;
         match event {
             Event::Flip { at_s } => {
-                // Taken here and not at the trigger: the kernel names a buffer before its scan-out
-                // began.
+                // Read here and not at the trigger, since the kernel names a buffer before its
+                // scan-out begins.
                 shown = card.scanned_out()?;
                 let number = shown.as_ref().map_or(0, |shown| shown.number);
                 println!("{at_s:.6} flip to {number}, seen {:.1} ms later", late_ms(at_s));
@@ -200,7 +197,7 @@ fn main() -> Outcome<()> {
         scope.spawn(move || {
             if let Err(cause) = deliver(truth, video, answers, rises_s, free_run) {
                 println!("the window shuts: {cause}");
-                // A camera whose other half is dead must not look like a slow one.
+                // A dead physics process must not look like a slow camera.
                 std::process::exit(1);
             }
         });

@@ -1,21 +1,18 @@
-//! The cameras there are: each kind is a file of this folder.
+//! Kinds of cameras, one folder each.
 
 pub mod v4l2;
 
+use self::v4l2::{CameraSettings, V4l2Camera};
 use super::{Camera, RigError};
-use crate::config::{self, CameraDevice};
+use crate::config::{CameraTable, Hardware};
 
-/// Opens the camera of a rig file.
+/// Opens the camera of a rig.
 ///
 /// # Errors
-/// Whatever that kind of camera has to say.
+/// As [`CameraSettings::of`] and [`V4l2Camera::open`].
 pub(super) fn open(
-    rig: &config::RigFile,
-    device: &CameraDevice,
+    camera: &CameraTable,
+    hardware: &Hardware,
 ) -> Result<Box<dyn Camera + Send>, RigError> {
-    match device {
-        CameraDevice::V4l2(device) => {
-            Ok(Box::new(v4l2::V4l2Camera::open(v4l2::CameraSettings::of(rig, device)?)?))
-        }
-    }
+    Ok(Box::new(V4l2Camera::open(CameraSettings::of(camera, hardware)?)?))
 }

@@ -1,8 +1,8 @@
-//! What a camera's bytes mean: the pixel formats relens takes, each turned into planes of counts.
+//! Pixel formats of cameras, unpacked into planes of counts.
 //!
-//! A count is the number the sensor's converter gave, or what is left of one that a camera has bent
-//! or coded already. The planes keep the camera's pixel grid; a Bayer sensor's missing colours are
-//! the mean of the nearest sites of that colour, which is linear in the light.
+//! A count is the value of the sensor's converter, or one that the camera has processed. The planes
+//! keep the camera's pixel grid; missing colours of a Bayer sensor are means of the nearest sites,
+//! which is linear in the light.
 
 mod samples;
 #[cfg(test)]
@@ -16,43 +16,42 @@ use crate::picture::{Flaw, camera_frame};
 pub use samples::Samples;
 pub use y_cb_cr::YCbCr;
 
-/// A layout of pixels in memory, after V4L2's four-character codes
+/// Layout of pixels in memory, after V4L2's four-character codes
 /// (<https://docs.kernel.org/userspace-api/media/v4l/pixfmt.html>).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PixelFormat {
-    /// One sample a pixel.
+    /// One sample per pixel.
     Grey(Samples),
-    /// One sample a pixel, each behind a colour filter.
+    /// One sample per pixel, behind colour filters.
     Bayer {
-        /// Which colour is where.
+        /// Arrangement of the colours.
         mosaic: Mosaic,
-        /// How a sample is written.
+        /// Coding of a sample.
         samples: Samples,
     },
-    /// `RGB3`, three bytes a pixel: red, green, blue.
+    /// `RGB3`, three bytes per pixel: red, green, blue.
     Rgb24,
-    /// `BGR3`, three bytes a pixel: blue, green, red.
+    /// `BGR3`, three bytes per pixel: blue, green, red.
     Bgr24,
-    /// Brightness of every pixel and colour of every second one. The camera has bent the light
-    /// already; the calibration's response curves unbend it.
+    /// Luma of every pixel and chroma of every second one, with the camera's tone curve, which the
+    /// calibration's response curves invert.
     YCbCr(YCbCr),
-    /// `MJPG`: every frame a JPEG. Its coding is part of what the camera does to the light, and is
-    /// measured and certified with it.
+    /// `MJPG`: each frame a JPEG. The calibration measures its coding as part of the camera.
     Jpeg,
 }
 
-/// Why bytes are no frame.
+/// Error of a frame's bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum BadFrame {
-    /// They are too few.
+    /// Too few bytes.
     #[error(transparent)]
     Short(#[from] ShortFrame),
-    /// They are no whole JPEG of the camera's size.
+    /// No complete JPEG of the camera's size.
     #[error(transparent)]
     Coded(#[from] Flaw),
 }
 
-/// Bytes that are not the frame they are said to be.
+/// A frame with too few bytes.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
     "a {format} frame of {size} with {stride_bytes} bytes a row has {found} bytes; {wanted} are \
@@ -65,14 +64,14 @@ pub struct ShortFrame {
     pub size: Size,
     /// Bytes from row to row.
     pub stride_bytes: usize,
-    /// Bytes there are.
+    /// Bytes found.
     pub found: usize,
-    /// Bytes there must be at least.
+    /// Bytes required.
     pub wanted: usize,
 }
 
 impl PixelFormat {
-    /// Every format relens takes, with its four-character code without trailing blanks.
+    /// Supported formats with their four-character codes, without trailing blanks.
     pub const ALL: [(&'static str, PixelFormat); 36] = {
         use Mosaic::{Bggr, Gbrg, Grbg, Rggb};
         use PixelFormat::{Bgr24, Grey, Jpeg, Rgb24, YCbCr};
@@ -125,14 +124,13 @@ impl PixelFormat {
         ]
     };
 
-    /// The format of a four-character code (`"GREY"`, `"RG10"`, …); `None` when relens does not
-    /// take it.
+    /// Format of a four-character code (`"GREY"`, `"RG10"`, …); `None` if it is not supported.
     pub fn from_code(code: &str) -> Option<Self> {
         Self::ALL.iter().find(|(name, _)| *name == code.trim_end()).map(|&(_, format)| format)
     }
 
-    /// The same for counts of `bits`: those of fewer than 16 bits in a format of 16 are its upper
-    /// ones (rp1-cfe's, MIPI CSI-2 receivers'). `None` when the format has not as many bits.
+    /// Format of a code for counts of `bits`. Fewer than 16 bits in a format of 16 are the upper
+    /// ones (rp1-cfe and other CSI-2 receivers). `None` if the format has another depth.
     pub fn from_code_and_bits(code: &str, bits: u8) -> Option<Self> {
         let format = Self::from_code(code)?;
         let narrowed = match format {
@@ -145,22 +143,20 @@ impl PixelFormat {
         (narrowed.bits() == bits).then_some(narrowed)
     }
 
-    /// The format that the camera of `rig` sends; `None` when it is one relens does not take, or a
-    /// simulated one without colour filters, which sends counts of three colours.
+    /// Format of the rig's camera; `None` if it is not supported, or for a simulated camera without
+    /// colour filters, which delivers three colours.
     pub fn of(rig: &config::RigFile) -> Option<Self> {
         match &rig.kind {
             config::Kind::Simulated(simulation) => {
                 Some(PixelFormat::raw(simulation.sensor.mosaic?, rig.camera.bits))
             }
-            config::Kind::Hardware(hardware) => match &hardware.camera {
-                config::CameraDevice::V4l2(device) => {
-                    Self::from_code_and_bits(&device.format, rig.camera.bits)
-                }
-            },
+            config::Kind::Hardware(hardware) => {
+                Self::from_code_and_bits(&hardware.camera.format, rig.camera.bits)
+            }
         }
     }
 
-    /// Unpacked samples of `bits` behind filters.
+    /// Unpacked samples of `bits` behind colour filters.
     pub fn raw(mosaic: Mosaic, bits: u8) -> Self {
         let samples = match bits {
             8 => Samples::Bytes,
@@ -169,8 +165,8 @@ impl PixelFormat {
         PixelFormat::Bayer { mosaic, samples }
     }
 
-    /// The colour of each site, if a site has one: the count at column x, row y of an unpacked
-    /// frame is the sensor's own in the plane of `colour_at(x, y)` and interpolated in the others.
+    /// Colour filters of the sites, if any: in an unpacked frame, the count at (x, y) is measured
+    /// in the plane of `colour_at(x, y)` and interpolated in the others.
     pub fn mosaic(self) -> Option<Mosaic> {
         match self {
             PixelFormat::Bayer { mosaic, .. } => Some(mosaic),
@@ -178,7 +174,7 @@ impl PixelFormat {
         }
     }
 
-    /// The four-character code without trailing blanks.
+    /// Four-character code without trailing blanks.
     pub fn code(self) -> &'static str {
         let whole = match self {
             PixelFormat::Grey(samples) => PixelFormat::Grey(samples.whole()),
@@ -190,7 +186,7 @@ impl PixelFormat {
         Self::ALL.iter().find(|&&(_, format)| format == whole).map_or("?", |&(name, _)| name)
     }
 
-    /// The code as V4L2 wants it: four bytes, padded with blanks.
+    /// Four-character code padded with blanks, for V4L2.
     pub fn fourcc(self) -> [u8; 4] {
         let mut code = [b' '; 4];
         for (to, from) in code.iter_mut().zip(self.code().bytes()) {
@@ -208,12 +204,12 @@ impl PixelFormat {
         }
     }
 
-    /// Whether it is one whose numbers depend on the range that the driver says they have.
+    /// Whether its values depend on the range stated by the driver.
     pub fn has_range(self) -> bool {
         matches!(self, PixelFormat::YCbCr(_))
     }
 
-    /// Bytes of a row of so many pixels, and rows of a frame of so many.
+    /// Bytes per row and rows of a frame of `size`.
     fn layout(self, size: Size) -> (usize, usize) {
         match self {
             PixelFormat::Grey(samples) | PixelFormat::Bayer { samples, .. } => {
@@ -225,13 +221,11 @@ impl PixelFormat {
         }
     }
 
-    /// Unpacks a frame of `bytes`, rows `stride_bytes` apart, into `counts` (whose size says the
-    /// frame's). A grey camera fills all three planes alike. `scratch` is room of the caller's, so
-    /// that no frame allocates.
+    /// Unpacks a frame of `bytes`, with rows `stride_bytes` apart, into `counts` of the frame's
+    /// size. A grey camera fills all three planes. `scratch` is reused memory.
     ///
     /// # Errors
-    /// [`BadFrame::Short`] when there are fewer bytes than pixels, [`BadFrame::Coded`] for what is
-    /// no whole JPEG.
+    /// [`BadFrame::Short`] for too few bytes, [`BadFrame::Coded`] for an incomplete JPEG.
     pub fn unpack(
         self,
         bytes: &[u8],
@@ -275,7 +269,7 @@ impl PixelFormat {
     }
 }
 
-/// Rows of three bytes a pixel, red, green and blue at `order` of them.
+/// Unpacks rows of three bytes per pixel, with red, green and blue at `order`.
 fn three_bytes<'a>(rows: impl Iterator<Item = &'a [u8]>, counts: &mut Counts, order: [usize; 3]) {
     for (y, row) in rows.enumerate() {
         let [red, green, blue] = counts.planes_mut().each_mut().map(|plane| plane.row_mut(y));

@@ -1,19 +1,20 @@
-//! How a camera writes one number a pixel.
+//! Coding of samples, one per pixel.
 
-/// A sample in memory.
+/// Coding of a sample in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Samples {
     /// A byte.
     Bytes,
     /// A little-endian 16-bit word.
     Words {
-        /// Bits that count, 10, 12 or 16.
+        /// Significant bits: 10, 12 or 16.
         bits: u8,
-        /// Bits below them, which do not.
+        /// Unused bits below them.
         shift: u8,
     },
-    /// MIPI CSI-2's packing (V4L2's `…P` formats): the upper eight bits of four samples of 10 bits
-    /// or two of 12, a byte each, then a byte of their lower bits, the first sample's lowest.
+    /// Packing of MIPI CSI-2 (V4L2's `…P` formats): bytes with the upper eight bits of four samples
+    /// of 10 bits or two of 12, then a byte with their lower bits, those of the first sample
+    /// lowest.
     Packed {
         /// 10 or 12.
         bits: u8,
@@ -29,7 +30,7 @@ impl Samples {
         }
     }
 
-    /// The same with `bits` in the upper part of 16-bit words; itself where it is not such.
+    /// The coding with `bits` in the upper part of 16-bit words; others are unchanged.
     pub(super) fn in_upper(self, bits: u8) -> Samples {
         match self {
             Samples::Words { bits: 16, .. } if (9..16).contains(&bits) => {
@@ -39,7 +40,7 @@ impl Samples {
         }
     }
 
-    /// The same with all bits of its words.
+    /// The coding with all bits of its words.
     pub(super) fn whole(self) -> Samples {
         match self {
             Samples::Words { bits, shift } => Samples::Words { bits: bits + shift, shift: 0 },
@@ -47,7 +48,7 @@ impl Samples {
         }
     }
 
-    /// Samples of a group, and its bytes.
+    /// Samples and bytes of a group.
     fn group(self) -> (usize, usize) {
         match self {
             Samples::Bytes => (1, 1),
@@ -57,13 +58,13 @@ impl Samples {
         }
     }
 
-    /// Bytes of `width` samples; a group is whole.
+    /// Bytes of `width` samples, in whole groups.
     pub(super) fn row_bytes(self, width: usize) -> usize {
         let (samples, bytes) = self.group();
         width.div_ceil(samples) * bytes
     }
 
-    /// The counts of a `row`, bits above the format's own cut off.
+    /// Reads the counts of a `row`; unused upper bits are ignored.
     pub(super) fn read(self, row: &[u8], counts: &mut [u16]) {
         let (group, bytes) = self.group();
         match self {

@@ -1,8 +1,7 @@
-//! Bytes as the formats' pages lay them out, and the counts that they are.
+//! Frames in the layout of the formats' documentation, and their counts.
 
 use super::*;
-use crate::frame::{Channel, Codes};
-use crate::rig::simulated::jpeg_coder::{self, Quality};
+use crate::frame::Channel;
 
 fn unpacked(code: &str, bytes: &[u8], size: Size, stride_bytes: usize) -> Counts {
     let mut counts = Counts::zeros(size);
@@ -12,7 +11,7 @@ fn unpacked(code: &str, bytes: &[u8], size: Size, stride_bytes: usize) -> Counts
 }
 
 #[test]
-fn every_code_comes_back_from_its_format() {
+fn codes_and_formats_round_trip() {
     for (code, format) in PixelFormat::ALL {
         assert_eq!(format.code(), code);
         assert_eq!(format.mosaic(), Mosaic::of_format(code));
@@ -33,7 +32,7 @@ fn grey_rows_skip_the_padding_at_their_end() {
 }
 
 #[test]
-fn wide_grey_is_little_endian_and_cut_to_its_bits() {
+fn wide_grey_is_little_endian_and_masked_to_its_bits() {
     let bytes = [0x34, 0x12, 0xff, 0xff];
     for (code, want) in
         [("Y10", [0x234, 0x3ff]), ("Y12", [0x234, 0xfff]), ("Y16", [0x1234, 0xffff])]
@@ -85,7 +84,7 @@ fn y_cb_cr_gives_the_colour_bars_of_bt601() {
 }
 
 #[test]
-fn every_mosaic_and_depth_puts_its_sites_into_their_channel() {
+fn sites_of_every_mosaic_and_depth_are_in_their_channel() {
     let size = Size::new(6, 4);
     for (code, format) in PixelFormat::ALL {
         let PixelFormat::Bayer { mosaic, samples } = format else { continue };
@@ -122,23 +121,23 @@ fn every_mosaic_and_depth_puts_its_sites_into_their_channel() {
 }
 
 #[test]
-fn packed_samples_have_their_lower_bits_in_the_groups_last_byte() {
-    // By the table of V4L2_PIX_FMT_SBGGR10P: the fourth sample's lower bits are 7 and 6 of the
-    // fifth byte, the third's 5 and 4, the second's 3 and 2, the first's 1 and 0.
+fn lower_bits_of_packed_samples_are_in_the_group_s_last_byte() {
+    // V4L2_PIX_FMT_SBGGR10P: the fifth byte has the lower bits of the fourth sample in bits 7 and
+    // 6, of the third in 5 and 4, of the second in 3 and 2, of the first in 1 and 0.
     let counts = unpacked("Y10P", &[0x80, 0x01, 0xff, 0x00, 0b11_10_01_00], Size::new(4, 1), 5);
     assert_eq!(counts.plane(Channel::Green).data(), &[0x200, 0x005, 0x3fe, 0x003]);
-    // Of SBGGR12P: the second's are bits 7 to 4 of the third byte, the first's 3 to 0. Here the
-    // row ends within a group.
+    // SBGGR12P: the third byte has those of the second sample in bits 7 to 4, of the first in 3 to
+    // 0. The row ends within a group.
     let counts = unpacked("Y12P", &[0x12, 0x34, 0xba, 0xff, 0x00, 0x0f], Size::new(3, 1), 6);
     assert_eq!(counts.plane(Channel::Green).data(), &[0x12a, 0x34b, 0xfff]);
 }
 
 #[test]
-fn narrow_counts_in_wide_words_are_their_upper_bits() {
+fn narrow_counts_are_the_upper_bits_of_wide_words() {
     let ten = PixelFormat::from_code_and_bits("Y16", 10).unwrap();
     assert_eq!((ten.bits(), ten.code()), (10, "Y16"));
     let mut counts = Counts::zeros(Size::new(2, 1));
-    // Full, and half of full.
+    // Full scale, and half of it.
     let bytes = [0xc0, 0xff, 0x00, 0x80];
     ten.unpack(&bytes, 4, &mut counts, &mut Plane::zeros(Size::new(0, 0))).unwrap();
     assert_eq!(counts.plane(Channel::Green).data(), &[0x3ff, 0x200]);
@@ -163,34 +162,21 @@ fn coded_frame() -> Vec<u8> {
 }
 
 #[test]
-fn a_coded_frame_has_libjpeg_s_colours_without_tables_of_its_own() {
+fn a_coded_frame_without_huffman_tables_has_libjpeg_s_colours() {
     let counts = unpacked("MJPG", &coded_frame(), Size::new(16, 8), 0);
-    // What libjpeg decodes there.
+    // As decoded by libjpeg.
     for ((x, y), want) in [((2, 2), [199, 41, 90]), ((13, 5), [31, 160, 60])] {
         let got = counts.planes().each_ref().map(|p| i32::from(p.at(x, y)));
         let near = got.iter().zip(want).all(|(a, b): (&i32, i32)| (a - b).abs() <= 1);
         assert!(near, "{got:?} for {want:?}");
     }
-    // What a driver leaves behind the frame is not looked at.
+    // Bytes behind the frame are ignored.
     let padded = [&coded_frame()[..], &[0; 100]].concat();
     assert_eq!(unpacked("MJPG", &padded, Size::new(16, 8), 0), counts);
 }
 
 #[test]
-fn a_coded_frame_of_one_strong_colour_is_a_frame() {
-    // So large that runs of equal codes are long.
-    let size = Size::new(288, 224);
-    let red = Codes::from_planes([150, 16, 16].map(|code| Plane::filled(size, code)));
-    for quality in [95, 90, 80, 60] {
-        let bytes = jpeg_coder::coded(&red, Quality { quality, pixels: (2, 1) });
-        let counts = unpacked("MJPG", &bytes, size, 0);
-        let [red, green, _] = counts.planes().each_ref().map(|p| i32::from(p.at(9, 9)));
-        assert!((red - 150).abs() < 20 && green < 40, "{quality}: {red} {green}");
-    }
-}
-
-#[test]
-fn a_coded_frame_that_is_cut_or_another_s_is_refused() {
+fn a_truncated_or_foreign_coded_frame_is_refused() {
     let (bytes, size) = (coded_frame(), Size::new(16, 8));
     let refused = |bytes: &[u8], size: Size| {
         let mut counts = Counts::zeros(size);
@@ -201,7 +187,7 @@ fn a_coded_frame_that_is_cut_or_another_s_is_refused() {
     for length in 0..bytes.len() {
         assert!(refused(&bytes[..length], size), "{length} bytes");
     }
-    // The end is there and data before it are not, as when a packet of the cable's is lost.
+    // Missing data before the end, as after the loss of a packet.
     let data = bytes.len() - 24..bytes.len() - 2;
     for lost in 8..data.len() {
         let holed = [&bytes[..data.end - lost], &bytes[data.end..]].concat();
@@ -213,7 +199,7 @@ fn a_coded_frame_that_is_cut_or_another_s_is_refused() {
 }
 
 #[test]
-fn a_short_frame_is_refused_with_the_bytes_it_lacks() {
+fn a_short_frame_is_refused_with_its_lengths() {
     let mut counts = Counts::zeros(Size::new(4, 2));
     let error = PixelFormat::Grey(Samples::Bytes)
         .unpack(&[0; 7], 4, &mut counts, &mut Plane::zeros(Size::new(0, 0)))

@@ -1,21 +1,20 @@
-//! Brightness and colour apart: what webcams send. BT.601 in the limited range, which is V4L2's
-//! default for Y′CbCr.
+//! Y′CbCr formats of webcams: BT.601 in the limited range, V4L2's default.
 
 use crate::frame::{Counts, Size};
 
-/// Where brightness and colour are.
+/// Layout of luma and chroma.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum YCbCr {
     /// 4:2:2: Y′ Cb Y′ Cr of two pixels.
     Yuyv,
     /// 4:2:2: Cb Y′ Cr Y′ of two pixels.
     Uyvy,
-    /// 4:2:0: all Y′, then Cb Cr of every four pixels, rows as far apart.
+    /// 4:2:0: all Y′, then Cb Cr of every four pixels, with the same stride.
     Nv12,
 }
 
 impl YCbCr {
-    /// Bytes of a row, and rows, of a frame.
+    /// Bytes per row and rows of a frame.
     pub(super) fn rows(self, size: Size) -> (usize, usize) {
         let even = 2 * size.width.div_ceil(2);
         match self {
@@ -24,7 +23,7 @@ impl YCbCr {
         }
     }
 
-    /// The counts of a frame that is long enough.
+    /// Reads the counts of a frame of sufficient length.
     pub(super) fn read(self, bytes: &[u8], stride_bytes: usize, counts: &mut Counts) {
         let size = counts.size();
         for y in 0..size.height {
@@ -53,8 +52,7 @@ fn rgb_of_bt601(luma: u8, cb: u8, cr: u8) -> [u16; 3] {
     let y = (f32::from(luma) - 16.0) * (255.0 / 219.0);
     let (cb, cr) =
         ((f32::from(cb) - 128.0) * (255.0 / 224.0), (f32::from(cr) - 128.0) * (255.0 / 224.0));
-    // 2(1 − 0.299), 2(1 − 0.114) and their shares in green, from the luma weights 0.299, 0.587,
-    // 0.114.
+    // From the luma weights 0.299, 0.587 and 0.114: 2(1 − 0.299), 2(1 − 0.114), and green.
     let rgb = [y + 1.402 * cr, y - 0.344_136 * cb - 0.714_136 * cr, y + 1.772 * cb];
     rgb.map(|v| (v + 0.5).clamp(0.0, 255.0) as u16)
 }

@@ -1,8 +1,7 @@
-//! The simulated optical bench in time: what is on the panel, what the camera does, when.
+//! The optical bench over time: pictures on the panel, exposures of the camera.
 //!
-//! Time is a number that waiting moves; nothing sleeps. The rows of a picture appear together: the
-//! scan-out of up to one refresh is part of what `panel.settle-ms` has to cover, not of the
-//! picture.
+//! Time is a number that waiting advances. All rows of a picture appear together; their scan-out of
+//! up to one refresh is covered by `panel.settle-ms`.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -21,27 +20,26 @@ use crate::config::{CameraTable, DisplayTable, Faults, PanelTable, Unrest};
 use crate::frame::{Channel, Codes, Counts, Frame, Plane, Rect, Size};
 use crate::rig::{Exposed, Flip, Moment, RigError};
 
-/// Nearer to the new picture than this is there: 1e-5 of full scale, far below any noise.
+/// Progress at which a picture counts as settled: 1e-5 of full scale, far below any noise.
 const ARRIVED: f64 = 1.0 - 1e-5;
 
-/// A picture on the panel, and the light it brings to the sensor once that was computed.
+/// A picture on the panel, with its light on the sensor once computed.
 #[derive(Clone)]
 struct Picture {
     codes: Arc<Codes>,
-    /// Without a shift for a panel that was still on its way to the codes, whose light is kept as
-    /// it was.
+    /// Has no shift for a panel between two pictures, whose light is not computed again.
     light: Option<PanelLight>,
 }
 
-/// Light on the sensor, and the panel's shift (x, y) it was computed for.
+/// Light on the sensor, and the panel's shift (x, y) for which it was computed.
 type PanelLight = (Arc<[Plane; 3]>, Option<[f64; 2]>);
 
-/// Everything that changes.
+/// State of the bench.
 pub(super) struct OpticalBench {
     pub(super) optics: Arc<Optics>,
     pub(super) projection: Projection,
     pub(super) response: [[f32; 256]; 3],
-    /// What a panel of light 255 everywhere brings to the sensor, and what its veil does.
+    /// Light on the sensor of a uniform panel at 255, and of its veil.
     flat: [Option<Plane>; 3],
     veil: [Option<Plane>; 3],
     shading: Option<Shading>,
@@ -53,11 +51,11 @@ pub(super) struct OpticalBench {
     pub(super) display: DisplayTable,
     pub(super) seed: u64,
     pub(super) unrest: Unrest,
-    /// The panel's wander so far, and how far this capture is from where it was, in sensor pixels.
+    /// Wander of the panel so far, and displacement of this capture, in sensor pixels.
     wandered_px: [f64; 2],
     moved_px: [f64; 2],
     wear: Wear,
-    /// When the wear began.
+    /// Start of the wear.
     worn_s: f64,
     dead_pixels: Vec<usize>,
     dust: Option<Plane>,
@@ -65,23 +63,22 @@ pub(super) struct OpticalBench {
     before: Picture,
     now: Picture,
     change_s: f64,
-    /// Exposures begun whose frames have not been taken; a sensor exposes one while it reads out
-    /// another.
+    /// Starts of exposures whose frames are pending.
     fired_s: VecDeque<f64>,
     exposures: u64,
-    /// How long exposures are against the rig file's.
+    /// Exposure as a multiple of the rig file's.
     exposure_times: f64,
-    /// How high the gain is against the rig file's.
+    /// Gain as a multiple of the rig file's.
     gain_times: f64,
     sequence: u32,
     last: Option<Exposed>,
-    /// The light on the sensor of what stands before the lens in the panel's place.
+    /// Light on the sensor of a scene in the panel's place.
     pub(super) scene: Option<Arc<[Plane; 3]>>,
-    /// When an unplugged camera can be opened again; `None` while it is there.
+    /// Time at which a disconnected camera can be reopened; `None` while it is connected.
     away_until_s: Option<f64>,
 }
 
-/// What a bench begins with.
+/// Initial state of a bench.
 pub(super) struct Parts {
     pub(super) optics: Arc<Optics>,
     pub(super) projection: Projection,
@@ -97,7 +94,7 @@ pub(super) struct Parts {
 }
 
 impl OpticalBench {
-    /// A bench with a black panel, at time 0.
+    /// A bench with a black panel at time 0.
     pub(super) fn new(parts: Parts) -> OpticalBench {
         let Parts { optics, projection, sensor, faults, panel, camera, .. } = parts;
         let Parts { display, shading, beat, unrest, seed, .. } = parts;
@@ -146,8 +143,8 @@ impl OpticalBench {
         self.now_s = self.now_s.max(moment.0);
     }
 
-    /// Exposures are `times` as long from now on. Reading adds as many electrons to each, which are
-    /// so much less light.
+    /// Sets the exposure to `times` the rig file's. Read noise in electrons stays, and corresponds
+    /// to less light.
     pub(super) fn expose_times(&mut self, times: f64) {
         let longer = times / self.exposure_times;
         self.camera.exposure_ms *= longer;
@@ -156,8 +153,7 @@ impl OpticalBench {
         self.exposure_times = times;
     }
 
-    /// Counts of the same light are `times` the rig file's from now on; the full well, as electrons
-    /// of the largest count, is so much smaller.
+    /// Sets the gain to `times` the rig file's. Fewer electrons then fill the range of counts.
     pub(super) fn amplify_times(&mut self, times: f64) {
         let more = times / self.gain_times;
         self.sensor.config.white_share *= more;
@@ -165,7 +161,7 @@ impl OpticalBench {
         self.gain_times = times;
     }
 
-    /// Everything computed for the panel's old place, or the lens's old focus, is void.
+    /// Replaces the light path after a change of the panel's place or the lens's focus.
     pub(super) fn set_light_path(
         &mut self,
         optics: Arc<Optics>,
@@ -177,7 +173,7 @@ impl OpticalBench {
         self.forget_light();
     }
 
-    /// From now on the panel is worn like this.
+    /// Sets the wear of the panel from now on.
     pub(super) fn set_wear(&mut self, wear: Wear) {
         (self.wear, self.worn_s) = (wear, self.now_s);
         self.dead_pixels = wear.dead_pixels(self.panel.size(), self.seed);
@@ -213,7 +209,7 @@ impl OpticalBench {
         self.now_s = flip_s;
         let latency_s = f64::from(self.display.latency_refreshes) / self.panel.refresh_hz;
         let change_s = flip_s + latency_s;
-        // What is on the panel when the change begins: the last picture, or still on the way to it.
+        // When the change begins, the panel may still be approaching the previous picture.
         let share = 1.0 - (-(change_s - self.change_s) / (self.display.response_ms / 1000.0)).exp();
         if share < ARRIVED {
             let light = self.mixed_light(share);
@@ -292,7 +288,7 @@ impl OpticalBench {
         Ok(exposed)
     }
 
-    /// Counts with the panel `share` of the way from the picture before to the one now.
+    /// Counts with the panel at `share` of the transition to the current picture.
     fn expose(&mut self, share: f64, number: u64) -> Counts {
         if let Some(scene) = &self.scene {
             return self.sensor.photograph(scene, self.seed, number);
@@ -309,7 +305,7 @@ impl OpticalBench {
         self.sensor.expose(&light, self.optics.dark_corner(Light::Panel), self.seed, number)
     }
 
-    /// `light` as the panel gives it in exposure `number`.
+    /// `light` with the fluctuations of exposure `number`.
     fn unsteady(&self, light: &[Plane; 3], number: u64) -> [Plane; 3] {
         let since_s = self.now_s - self.worn_s;
         let all = unrest::light_share(&self.unrest, self.now_s, self.seed, number);
@@ -352,7 +348,7 @@ impl OpticalBench {
         light
     }
 
-    /// The light a picture brings from where the panel now stands.
+    /// Light of a picture from the panel's current place.
     fn light_of_picture(&mut self, picture: Picture) -> Arc<[Plane; 3]> {
         match picture.light {
             Some((light, Some(moved_px))) if moved_px == self.moved_px => light,
@@ -360,7 +356,7 @@ impl OpticalBench {
         }
     }
 
-    /// The light `codes` bring to the sensor, per primary, dark corner included.
+    /// Light of `codes` on the sensor, per primary, with dark corners.
     pub(super) fn light_of(&mut self, codes: &Codes) -> [Plane; 3] {
         for channel in Channel::ALL {
             let c = channel.index();
@@ -378,7 +374,7 @@ impl OpticalBench {
             .map(|&channel| {
                 let (c, codes) = (channel.index(), codes.plane(channel));
                 let mut light = match (uniform(codes), &this.flat[c]) {
-                    // Most planes of a calibration are black or flat: one picture, many levels.
+                    // Most planes of a calibration are uniform: one picture, scaled.
                     (Some(code), Some(flat)) => {
                         let level = this.response[c][usize::from(code)] / 255.0;
                         flat.map(|v| v * level)
@@ -389,7 +385,7 @@ impl OpticalBench {
                     light.add_scaled(1.0, veil);
                 }
                 if let Some(beat) = &this.beat {
-                    beat.on(&mut light, channel, this.projection.aside(this.moved_px)[0]);
+                    beat.apply(&mut light, channel, this.projection.offset_px(this.moved_px)[0]);
                 }
                 light
             })
@@ -398,7 +394,7 @@ impl OpticalBench {
         std::array::from_fn(|_| planes.next().unwrap_or_else(|| Plane::zeros(this.optics.sensor)))
     }
 
-    /// The light of the panel's pixels, without its veil.
+    /// Light emitted by the panel's pixels, without its veil.
     fn emitted(&self, channel: Channel, codes: &Plane<u8>) -> Plane {
         let response = &self.response[channel.index()];
         let mut light = codes.map(|code| response[usize::from(code)]);
@@ -410,11 +406,11 @@ impl OpticalBench {
         light
     }
 
-    /// What the light of the panel's pixels brings to the sensor.
+    /// Light on the sensor of the panel's emitted light.
     fn through(&self, channel: Channel, panel: &Plane) -> Plane {
         let optics = &self.optics;
-        let [right, down] = self.projection.aside(self.moved_px);
-        let right = right + stripes::aside(&self.display, channel);
+        let [right, down] = self.projection.offset_px(self.moved_px);
+        let right = right + stripes::offset_px(&self.display, channel);
         let on_grid = self.projection.light(panel, [right, down]);
         let blurred = optics.through_lens(Light::Panel, channel, &on_grid);
         let mut seen = blurred.crop(Rect { x: optics.pad, y: optics.pad, size: optics.sensor });
@@ -436,13 +432,13 @@ fn gone(what: &str) -> RigError {
     RigError::Gone { device: "camera", what: what.to_owned() }
 }
 
-/// The one code of a plane that has only one.
+/// Code of a uniform plane.
 fn uniform(plane: &Plane<u8>) -> Option<u8> {
     let first = *plane.data().first()?;
     plane.data().iter().all(|&code| code == first).then_some(first)
 }
 
-/// Rows above `split` of `upper`, the rest of `lower`.
+/// Rows above `split` from `upper`, the others from `lower`.
 fn upper_and_lower(upper: &Counts, mut lower: Counts, split: usize) -> Counts {
     let Size { width, .. } = lower.size();
     for channel in Channel::ALL {

@@ -1,9 +1,8 @@
-//! Spatially varying convolution of the simulated lens: out = Σ_n P_n * (w_n·in), by tiles in
-//! frequency.
+//! Spatially varying convolution of the simulated lens: out = Σ_n P_n * (w_n·in), by tiles in the
+//! frequency domain.
 //!
-//! The weights w_n are hat functions around evenly spread nodes and sum to 1 everywhere
-//! (object-side bilinear interpolation between the functions P_n); outside the frame there is no
-//! light.
+//! The weights w_n are hat functions around evenly spaced nodes and sum to 1 everywhere
+//! (object-side bilinear interpolation between the functions P_n). It is dark outside the frame.
 
 use std::sync::Arc;
 
@@ -14,7 +13,7 @@ use rustfft::{Fft, FftPlanner};
 
 use crate::frame::{Channel, Plane, Size};
 
-/// Evenly spread nodes along one axis; beyond the outermost ones their functions hold.
+/// Evenly spaced nodes along one axis; beyond the outermost ones functions are constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axis {
     /// Place of the first node.
@@ -38,7 +37,7 @@ impl Axis {
         (1.0 - (t - n as f64).abs()).max(0.0)
     }
 
-    /// First pixel where node `n` has weight, and its weights from there on, along `length` pixels.
+    /// First pixel with a weight of node `n` and its weights from there on, over `length` pixels.
     fn span(&self, n: usize, length: usize) -> (usize, Vec<f32>) {
         let weights: Vec<f32> = (0..length).map(|x| self.weight(n, x as f64) as f32).collect();
         let start = weights.iter().position(|&w| w > 0.0).unwrap_or(0);
@@ -47,14 +46,14 @@ impl Axis {
     }
 }
 
-/// One node's part of the frame.
+/// A node's part of the frame.
 #[derive(Debug, Clone)]
 struct Span {
     start: usize,
     weights: Vec<f32>,
 }
 
-/// Two-dimensional real transforms of one tile size; the spectrum is stored column by column.
+/// Two-dimensional real transforms of a tile; spectra are stored by columns.
 struct TileTransform {
     width: usize,
     height: usize,
@@ -64,7 +63,7 @@ struct TileTransform {
     inverse_columns: Arc<dyn Fft<f32>>,
 }
 
-/// Buffers of one worker.
+/// Buffers of a worker.
 struct TileScratch {
     row: Vec<f32>,
     line: Vec<Complex<f32>>,
@@ -105,7 +104,7 @@ impl TileTransform {
         }
     }
 
-    /// Transforms `rows` rows that `fill` writes (each zeroed before) into `scratch.spectrum`.
+    /// Transforms `rows` rows, written by `fill` over zeros, into `scratch.spectrum`.
     fn forward(
         &self,
         scratch: &mut TileScratch,
@@ -116,8 +115,7 @@ impl TileTransform {
         for y in 0..rows {
             scratch.row.fill(0.0);
             fill(y, &mut scratch.row);
-            // Lengths are those the plan was made for, so it cannot fail; a failure would leave a
-            // zero row.
+            // Cannot fail, since the lengths are those of the plan.
             let work = &mut scratch.work[..self.forward_rows.get_scratch_len()];
             if self
                 .forward_rows
@@ -132,14 +130,14 @@ impl TileTransform {
         self.forward_columns.process_with_scratch(&mut scratch.spectrum, &mut scratch.work);
     }
 
-    /// Transforms `scratch.spectrum` back and hands the first `rows` rows to `take`.
+    /// Transforms `scratch.spectrum` back and passes the first `rows` rows to `take`.
     fn inverse(&self, scratch: &mut TileScratch, rows: usize, mut take: impl FnMut(usize, &[f32])) {
         self.inverse_columns.process_with_scratch(&mut scratch.spectrum, &mut scratch.work);
         for y in 0..rows {
             for (bin, value) in scratch.line.iter_mut().enumerate() {
                 *value = scratch.spectrum[bin * self.height + y];
             }
-            // Both ends of a real row's spectrum are real; what rounding left there is dropped.
+            // Both ends of a real row's spectrum are real up to rounding.
             scratch.line[0].im = 0.0;
             if self.width.is_multiple_of(2) {
                 scratch.line[self.width / 2].im = 0.0;
@@ -168,7 +166,7 @@ pub(super) struct Convolution {
 }
 
 impl Convolution {
-    /// Plans the convolution on a grid of `size` with nodes along `axes` (x, y). `function` gives
+    /// Plans the convolution on a grid of `size` with nodes along `axes` (x, y). `function` returns
     /// the function of a channel at node (column, row): `support_px`² values, row-major.
     pub(super) fn new(
         size: Size,
@@ -217,8 +215,8 @@ impl Convolution {
         debug_assert_eq!(light.size(), self.size);
         let half = self.support_px / 2;
         let stride = self.size.width + self.support_px - 1;
-        // One strip a row of nodes, each written by one worker: the sum does not depend on their
-        // number.
+        // One strip per row of nodes, each from one worker, so that the sum does not depend on
+        // their number.
         let strips: Vec<(usize, Vec<f32>)> = (0..self.rows.len())
             .into_par_iter()
             .map_init(
@@ -242,7 +240,7 @@ impl Convolution {
         out
     }
 
-    /// What the nodes of row `n` throw: first row in the padded frame, and rows of `stride`.
+    /// Output of the nodes of row `n`: first row in the padded frame, and rows of `stride`.
     fn strip(
         &self,
         channel: Channel,
@@ -287,8 +285,7 @@ impl Convolution {
     }
 }
 
-/// The smallest multiple of `step` from `least` on whose transform is fast: no prime factor above
-/// 5.
+/// Smallest multiple of `step`, at least `least`, with no prime factor above 5.
 fn good_length(least: usize, step: usize) -> usize {
     let smooth = |mut n: usize| {
         for p in [2, 3, 5] {
@@ -305,7 +302,7 @@ fn good_length(least: usize, step: usize) -> usize {
 mod tests {
     use super::*;
 
-    /// The sum as it is written, pixel by pixel.
+    /// Reference: the sum pixel by pixel.
     fn plain(
         light: &Plane,
         axes: [Axis; 2],
@@ -344,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn tiles_agree_with_the_plain_sum() {
+    fn tiles_agree_with_the_direct_sum() {
         let size = Size::new(53, 41);
         let light = Plane::from_fn(size, |x, y| ((x * 31 + y * 17) % 23) as f32 * 11.0);
         let axes =

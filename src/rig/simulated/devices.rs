@@ -1,4 +1,4 @@
-//! The four devices of a simulated rig, all of them windows on one bench.
+//! The four devices of a simulated rig, which share one bench.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -6,7 +6,7 @@ use super::bench::OpticalBench;
 use crate::frame::{Codes, Size};
 use crate::rig::{Camera, Clock, Exposed, Flip, Moment, Panel, RigError, Trigger};
 
-/// The bench, shared by its devices and the witness.
+/// The bench shared by devices and witness.
 #[derive(Clone)]
 pub(super) struct Shared(Arc<Mutex<OpticalBench>>);
 
@@ -15,13 +15,13 @@ impl Shared {
         Shared(Arc::new(Mutex::new(bench)))
     }
 
-    /// The bench, also after a panic elsewhere: its state is numbers, each whole at any time.
+    /// The bench, even after a panic in another thread, since its state remains valid.
     pub(super) fn bench(&self) -> MutexGuard<'_, OpticalBench> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The simulated display.
+/// Simulated display.
 pub(super) struct SimulatedPanel(pub(super) Shared);
 
 impl Panel for SimulatedPanel {
@@ -34,7 +34,7 @@ impl Panel for SimulatedPanel {
     }
 }
 
-/// The simulated trigger line.
+/// Simulated trigger.
 pub(super) struct SimulatedTrigger(pub(super) Shared);
 
 impl Trigger for SimulatedTrigger {
@@ -43,7 +43,7 @@ impl Trigger for SimulatedTrigger {
     }
 }
 
-/// The simulated camera.
+/// Simulated camera.
 pub(super) struct SimulatedCamera(pub(super) Shared);
 
 impl Camera for SimulatedCamera {
@@ -70,7 +70,7 @@ impl Camera for SimulatedCamera {
     }
 }
 
-/// The simulated time: waiting moves it.
+/// Simulated clock, advanced by waiting.
 pub(super) struct SimulatedClock(pub(super) Shared);
 
 impl Clock for SimulatedClock {

@@ -1,28 +1,28 @@
-//! What goes wrong with an exposure, drawn from the seed and the exposure's number.
+//! Faults of exposures, drawn from seed and exposure number.
 
 use rand::RngExt;
 
 use super::sensor::{Stream, random};
 use crate::config::Faults;
 
-/// What happens to one exposure.
+/// Fault of an exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Fault {
     /// Nothing.
     None,
-    /// The frame is of the picture shown before.
+    /// The frame shows the previous picture.
     Stale,
-    /// The last frame comes again, number and all.
+    /// The last frame is delivered again, with its number.
     Duplicate,
-    /// No frame comes.
+    /// No frame arrives.
     Missing,
-    /// Rows above this share of the height are of the picture shown before.
+    /// Rows above this share of the height show the previous picture.
     Mixed(f64),
-    /// The camera goes away.
+    /// The camera disconnects.
     Unplugged,
 }
 
-/// The fault of exposure `number`.
+/// Draws the fault of exposure `number`.
 pub(super) fn draw(faults: &Faults, seed: u64, number: u64) -> Fault {
     let mut random = random(seed, Stream::Fault, number, 0);
     let (mut lot, height): (f64, f64) = (random.random(), random.random());
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faults_come_as_often_as_asked_and_the_same_every_time() {
+    fn faults_have_their_probabilities_and_are_reproducible() {
         let faults = Faults {
             stale: 0.1,
             duplicate: 0.0,

@@ -1,4 +1,4 @@
-//! A scene out of focus, and a panel and camera that do not keep still, measured from the frames.
+//! Scenes out of focus, moving panels and cameras, measured from the frames.
 
 use super::tests::grey;
 use super::truth_tests::*;
@@ -13,9 +13,10 @@ fn image_mm(object_mm: f64) -> f64 {
 
 #[test]
 fn a_scene_out_of_focus_is_blurred_by_the_cone_of_light() {
-    let near = "object-distance-mm = 4000.0\nscene-distance-mm = 3200.0";
     let (config, _, sharp) = quiet_with(&[NO_GLARE]);
-    let (_, _, blurred) = quiet_with(&[NO_GLARE, ("object-distance-mm = 4000.0", near)]);
+    let (_, _, blurred) = quiet_simulated_with(&[NO_GLARE], |simulation| {
+        simulation.lens.prescription.scene_distance_mm = Some(3200.0);
+    });
     let size = config.canvas_size();
     let [across, down] = [size.width / 2, size.height / 2];
     let mut scene: Frame<Work> = Frame::zeros(size);
@@ -35,10 +36,11 @@ fn a_scene_out_of_focus_is_blurred_by_the_cone_of_light() {
 
 #[test]
 fn a_lens_focused_nearer_magnifies_the_panel_and_blurs_it() {
-    let near = "object-distance-mm = 4000.0\nfocus-distance-mm = 3200.0";
     let quiet = [NO_LEAKAGE, NO_GLARE];
     let (config, _, sharp) = quiet_with(&quiet);
-    let (_, _, near) = quiet_with(&[quiet[0], quiet[1], ("object-distance-mm = 4000.0", near)]);
+    let (_, _, near) = quiet_simulated_with(&quiet, |simulation| {
+        simulation.lens.prescription.focus_distance_mm = Some(3200.0);
+    });
     let [left, right] = [[150.0, 100.0], [330.0, 160.0]].map(|at| spot(config.panel.size(), at));
     let apart_and_wide = |witness: &Witness| {
         let [a, b] = [&left, &right].map(|c| moments(&witness.light_on_sensor(c), witness)[1]);
@@ -63,9 +65,10 @@ fn a_lens_focused_nearer_magnifies_the_panel_and_blurs_it() {
 
 #[test]
 fn a_scene_of_two_depths_is_sharp_where_the_lens_is_focused() {
-    let far = "object-distance-mm = 4000.0\nscene-distance-mm = 8000.0";
     let (config, _, witness) = quiet_with(&[NO_GLARE]);
-    let (_, _, all_far) = quiet_with(&[NO_GLARE, ("object-distance-mm = 4000.0", far)]);
+    let (_, _, all_far) = quiet_simulated_with(&[NO_GLARE], |simulation| {
+        simulation.lens.prescription.scene_distance_mm = Some(8000.0);
+    });
     let size = config.photo.size();
     let scene: Frame<Work> = Frame::from_fn(|c| {
         Plane::from_fn(size, |x, y| ((x / 5 + y / 7 + c.index()) % 2 * 180 + 30) as f32)
@@ -90,27 +93,9 @@ fn a_scene_of_two_depths_is_sharp_where_the_lens_is_focused() {
     // A function reaches 9 pixels; the scene mirrored at the frame is the same to both.
     assert!(worst(&near, 0..118) <= 1 && worst(&far, 138..256) <= 1);
     assert!(worst(&far, 0..118) > 30 && worst(&near, 138..256) > 30);
-    let (_, _, measured) = blurred_by_a_file();
-    measured.photograph_in_depth(&scene, &parts, 3).expect_err("no lens to focus");
 }
 
-/// small.toml with a measured blur in the place of its lens.
-fn blurred_by_a_file() -> (config::RigFile, Devices, Witness) {
-    let text = include_str!("../../../rig-config/small.toml");
-    let (before, lens) = text.split_once("[lens]").expect("has a lens");
-    let (_, after) = lens.split_once("[pose]").expect("has a pose");
-    let flat = after
-        .replace("tilt-x-deg = 0.6", "tilt-x-deg = 0.0")
-        .replace("tilt-y-deg = -0.9", "tilt-y-deg = 0.0");
-    let lens = "[lens]\nblur = \"psf_grid.npy\"\nglare-share = 0.0\nglare-radius-px = 10.0\n";
-    let text = format!("{before}{lens}[pose]{flat}");
-    let folder = std::path::Path::new("tests/golden");
-    let config = config::parse(&text, "small.toml", folder).expect("allowed");
-    let (rig, witness) = open(&config).expect("a good blur");
-    (config, rig, witness)
-}
-
-/// By how much `seen` is moved against `still`: least squares on the gradients of `still`, green.
+/// Displacement of `seen` against `still` by least squares on the gradients of `still`, green.
 fn displacement(seen: &[f64], still: &[f64], width: usize) -> [f64; 2] {
     let (mut xx, mut xy, mut yy, mut xd, mut yd) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for y in 8..still.len() / width - 8 {
@@ -126,7 +111,7 @@ fn displacement(seen: &[f64], still: &[f64], width: usize) -> [f64; 2] {
     [(yy * xd - xy * yd) / det, (xx * yd - xy * xd) / det]
 }
 
-/// Light with no edge sharper than a few pixels, so that gradients tell displacements.
+/// Light without sharp edges, so that gradients measure displacements.
 fn soft(size: Size) -> Codes {
     Frame::from_fn(|_| {
         Plane::from_fn(size, |x, y| {
@@ -140,11 +125,10 @@ fn green_of(counts: &Counts) -> Vec<f64> {
     counts.plane(Channel::Green).data().iter().map(|&v| f64::from(v)).collect()
 }
 
-/// Displacements of `captures` captures against a rig that stands still.
-fn displacements(unrest: &str, captures: usize) -> Vec<[f64; 2]> {
-    let table = format!("surround = \"scene\"\n\n[simulation.unrest]\n{unrest}");
+/// Displacements of `captures` captures against a rig at rest.
+fn displacements(unrest: config::Unrest, captures: usize) -> Vec<[f64; 2]> {
     let (config, mut still, _) = quiet_with(&[]);
-    let (_, mut rig, _) = quiet_with(&[("surround = \"scene\"", &table)]);
+    let (_, mut rig, _) = quiet_simulated_with(&[], |simulation| simulation.unrest = unrest);
     let codes = soft(config.panel.size());
     let at_rest = green_of(&still.capture(&codes).expect("no faults").counts);
     (0..captures)
@@ -157,9 +141,10 @@ fn displacements(unrest: &str, captures: usize) -> Vec<[f64; 2]> {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn captures_are_shaken_and_wander_as_much_as_said() {
-    let shaken = displacements("vibration-px = 0.05", 150);
-    let wandered = displacements("wander-px = 0.03", 150);
+fn captures_are_displaced_as_much_as_stated() {
+    let vibrating = config::Unrest { vibration_px: 0.05, ..Default::default() };
+    let shaken = displacements(vibrating, 150);
+    let wandered = displacements(config::Unrest { wander_px: 0.03, ..Default::default() }, 150);
     for axis in 0..2 {
         let (_, sigma) = mean_and_sigma(shaken.iter().map(|at| at[axis]));
         // 150 of them know their deviation to 6 %.
@@ -170,15 +155,19 @@ fn captures_are_shaken_and_wander_as_much_as_said() {
         let far = wandered.iter().map(|at| at[axis].abs()).fold(0.0, f64::max);
         assert!((0.06..0.5).contains(&far), "{axis}: {far}");
     }
-    assert_eq!(shaken[..20], displacements("vibration-px = 0.05", 20)[..]);
+    assert_eq!(shaken[..20], displacements(vibrating, 20)[..]);
 }
 
 #[test]
-fn a_panel_creeps_and_its_light_drifts_and_flickers_as_much_as_said() {
-    let table = "surround = \"scene\"\n\n[simulation.unrest]\nflicker-share = 0.003\n\
-                 drift-px-per-h = [0.4, -0.2]\ndrift-share-per-h = -0.03";
+fn a_panel_drifts_and_flickers_as_much_as_stated() {
+    let unrest = config::Unrest {
+        flicker_share: 0.003,
+        drift_px_per_h: [0.4, -0.2],
+        drift_share_per_h: -0.03,
+        ..Default::default()
+    };
     let (config, mut still, _) = quiet_with(&[]);
-    let (_, mut rig, _) = quiet_with(&[("surround = \"scene\"", table)]);
+    let (_, mut rig, _) = quiet_simulated_with(&[], |simulation| simulation.unrest = unrest);
     let (codes, flat) = (soft(config.panel.size()), grey(&config, 200));
     let at_rest = green_of(&still.capture(&codes).expect("no faults").counts);
     let light = middle_of(&still.capture(&flat).expect("no faults").counts);
@@ -200,7 +189,7 @@ fn a_panel_creeps_and_its_light_drifts_and_flickers_as_much_as_said() {
 }
 
 #[test]
-fn a_panel_that_crept_is_seen_as_one_that_was_knocked() {
+fn a_drifted_panel_looks_like_one_that_was_moved() {
     // The hardest there is: edges at every panel pixel.
     let (config, mut rig, mut witness) = quiet_with(&[]);
     let codes = Frame::from_fn(|c| {

@@ -3,20 +3,19 @@
 use crate::config::Glare;
 use crate::frame::{Plane, Size};
 
-/// Cells of the coarse grid per standard deviation; finer changes the result by less than 0.1 %.
+/// Cells of the coarse grid per standard deviation; more change the result by less than 0.1 %.
 const CELLS_PER_SIGMA: f32 = 6.0;
-/// Where the Gaussian is cut, in standard deviations: 6e-5 of the light lies beyond.
+/// Extent of the Gaussian in standard deviations: 6e-5 of the light is beyond.
 const CUT: f32 = 4.0;
 
-/// The light with its scattered share scattered; what is thrown out of the frame is lost.
+/// Scatters the share of `glare`; light scattered out of the frame is lost.
 pub(super) fn scatter(light: Plane, glare: Glare) -> Plane {
     if glare.share <= 0.0 {
         return light;
     }
     let cell = ((glare.radius_px / CELLS_PER_SIGMA) as usize).max(1);
     let coarse = cell_means(&light, cell);
-    // Cell means and linear interpolation spread the light by themselves, together cell²/4 in
-    // variance.
+    // Cell means and linear interpolation add cell²/4 to the variance.
     let spread = if cell == 1 { 0.0 } else { 0.25 };
     let sigma = ((glare.radius_px / cell as f32).powi(2) - spread).max(0.01).sqrt();
     let taps = gaussian(sigma);
@@ -24,20 +23,23 @@ pub(super) fn scatter(light: Plane, glare: Glare) -> Plane {
     let mut out = light;
     let size = out.size();
     for y in 0..size.height {
-        let (y0, y1, ty) = between(y, cell, veil.height());
+        let rows = between(y, cell, veil.height());
         let row = out.row_mut(y);
         for (x, value) in row.iter_mut().enumerate() {
-            let (x0, x1, tx) = between(x, cell, veil.width());
-            let upper = veil.at(x0, y0) + tx * (veil.at(x1, y0) - veil.at(x0, y0));
-            let lower = veil.at(x0, y1) + tx * (veil.at(x1, y1) - veil.at(x0, y1));
-            *value += glare.share * (upper + ty * (lower - upper) - *value);
+            let columns = between(x, cell, veil.width());
+            let along = |y: usize| {
+                let (left, right) = (veil.at(columns.low, y), veil.at(columns.high, y));
+                left + columns.share * (right - left)
+            };
+            let (upper, lower) = (along(rows.low), along(rows.high));
+            *value += glare.share * (upper + rows.share * (lower - upper) - *value);
         }
     }
     out
 }
 
-/// Means over cells of `cell`² pixels, beginning one cell outside the frame: cells beyond the
-/// border are dark, and a cell across it counts its missing pixels as dark.
+/// Means over cells of `cell`² pixels, with a border of one cell; pixels outside the frame are
+/// dark.
 fn cell_means(light: &Plane, cell: usize) -> Plane {
     let size = light.size();
     let coarse = Size::new(size.width.div_ceil(cell) + 2, size.height.div_ceil(cell) + 2);
@@ -52,14 +54,21 @@ fn cell_means(light: &Plane, cell: usize) -> Plane {
     sums
 }
 
-/// The two coarse places around fine place `x`, and how far between them.
-fn between(x: usize, cell: usize, length: usize) -> (usize, usize, f32) {
-    let place = (x as f32 + 0.5) / cell as f32 + 0.5;
-    let low = (place as usize).min(length - 1);
-    (low, (low + 1).min(length - 1), place - low as f32)
+/// Coarse places around a fine one, and the position between them, 0..1.
+struct Neighbours {
+    low: usize,
+    high: usize,
+    share: f32,
 }
 
-/// Sampled Gaussian that sums to 1, from −n to n.
+/// Coarse places around fine place `x`.
+fn between(x: usize, cell: usize, length: usize) -> Neighbours {
+    let place = (x as f32 + 0.5) / cell as f32 + 0.5;
+    let low = (place as usize).min(length - 1);
+    Neighbours { low, high: (low + 1).min(length - 1), share: place - low as f32 }
+}
+
+/// Sampled Gaussian from −n to n, with sum 1.
 fn gaussian(sigma: f32) -> Vec<f32> {
     let reach = (CUT * sigma).ceil() as i32;
     let taps: Vec<f32> =
@@ -68,7 +77,7 @@ fn gaussian(sigma: f32) -> Vec<f32> {
     taps.into_iter().map(|v| v / sum).collect()
 }
 
-/// Blurs along rows, dark outside, and transposes; twice of it blurs the plane.
+/// Blurs along rows, dark outside, and transposes; applied twice, it blurs the plane.
 fn transposed_blur(plane: &Plane, taps: &[f32]) -> Plane {
     let (width, half) = (plane.width(), taps.len() / 2);
     Plane::from_fn(Size::new(plane.height(), width), |y, x| {
@@ -84,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_coarse_way_agrees_with_the_sum_as_written() {
+    fn the_coarse_grid_agrees_with_the_direct_sum() {
         let size = Size::new(90, 70);
         let light =
             Plane::from_fn(size, |x, y| if (x / 9 + y / 7) % 2 == 0 { 255.0 } else { 20.0 });
@@ -99,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn no_light_is_made() {
+    fn light_is_conserved() {
         let mut light = Plane::zeros(Size::new(301, 301));
         light.set(150, 150, 1.0e6);
         let out = scatter(light, Glare { share: 0.1, radius_px: 20.0 });

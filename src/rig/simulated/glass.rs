@@ -1,4 +1,4 @@
-//! Glasses by name: refractive index from the Sellmeier equation.
+//! Refractive indices of glasses by the Sellmeier equation.
 
 /// Sellmeier coefficients: n² − 1 = Σ B·λ²/(λ² − C), λ in µm.
 struct Glass {
@@ -7,7 +7,7 @@ struct Glass {
     c: [f64; 3],
 }
 
-/// Schott's data sheets (optical glass catalogue), and Malitson 1965 for fused silica.
+/// Data sheets of Schott (optical glass catalogue); Malitson 1965 for fused silica.
 const CATALOGUE: [Glass; 4] = [
     Glass {
         name: "N-BK7",
@@ -31,14 +31,14 @@ const CATALOGUE: [Glass; 4] = [
     },
 ];
 
-/// Names of the glasses known, and `air`.
+/// Names of the known glasses, and `air`.
 pub(super) fn names() -> String {
     let glasses: Vec<&str> = CATALOGUE.iter().map(|glass| glass.name).collect();
     format!("air, {}", glasses.join(", "))
 }
 
-/// Refractive index of the glass called `name` at `wavelength_nm`, relative to air taken as 1;
-/// `None` for an unknown glass.
+/// Refractive index of the glass `name` at `wavelength_nm`, with air as 1; `None` for an unknown
+/// glass.
 pub(super) fn index(name: &str, wavelength_nm: f64) -> Option<f64> {
     if name == "air" {
         return Some(1.0);
@@ -54,14 +54,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rig_file_may_name_what_is_in_the_catalogue() {
+    fn rig_files_allow_the_glasses_of_the_catalogue() {
         let known = crate::config::GLASSES.map(|name| index(name, 550.0).is_some());
         assert!(known.iter().all(|&known| known) && known.len() == CATALOGUE.len() + 1);
     }
 
     #[test]
     fn indices_at_the_helium_d_line_are_the_catalogue_s() {
-        // n_d at 587.56 nm as the data sheets print it.
+        // n_d at 587.56 nm in the data sheets.
         for (name, printed) in
             [("N-BK7", 1.51680), ("F2", 1.62004), ("N-SF11", 1.78472), ("fused-silica", 1.45846)]
         {

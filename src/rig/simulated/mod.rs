@@ -1,9 +1,9 @@
-//! A rig made of physics, and the witness to what is true of it.
+//! A rig simulated by ray tracing, and the witness to its ground truth.
 //!
 //! Light path: codes → [`panel`] response → [`pose`] → [`point_spread`] by [`convolution`] →
-//! [`glare`] → dark corner → [`sensor`]. The lens is traced from its [`prescription`] through
-//! [`glass`]; [`bench`] puts it all into time, [`faults`] into the world. It shares no code with
-//! the solver or the calibration.
+//! [`glare`] → dark corners → [`sensor`]. The lens is traced from its [`prescription`] through
+//! [`glass`]; [`bench`] adds time, [`faults`] errors. No code is shared with the solver or the
+//! calibration.
 
 mod bench;
 mod convolution;
@@ -11,7 +11,6 @@ mod devices;
 mod faults;
 mod glare;
 mod glass;
-pub mod jpeg_coder;
 mod optics;
 mod panel;
 mod photograph;
@@ -41,19 +40,19 @@ use super::RigError;
 use super::exposure::{Devices, Timing};
 use crate::config;
 
-/// Builds the simulated rig of `rig`, and the witness to it.
+/// Builds the simulated rig `rig` with its witness.
 ///
 /// # Errors
-/// [`RigError::Refused`] when `rig` is not a simulated one or its prescription is no usable lens.
+/// [`RigError::Refused`] if `rig` is not simulated or its prescription is no usable lens.
 pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
     let Some(simulation) = rig.simulation() else {
         return Err(RigError::Refused {
             device: "simulated rig",
-            found: format!("the rig `{}`, which is made of hardware", rig.name),
+            found: format!("the rig `{}` of real devices", rig.name),
             allowed: "kind = \"simulated\"".to_owned(),
         });
     };
-    let optics = Arc::new(Optics::new(rig, simulation)?);
+    let optics = Arc::new(Optics::new(simulation, rig.camera.size(), rig.photo_on_sensor())?);
     let pose = simulation.pose.clone();
     let map = optics.map(&pose, rig.panel.size());
     optics.prepare();
@@ -77,7 +76,7 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
         Box::new(SimulatedTrigger(shared.clone())),
         Box::new(SimulatedCamera(shared.clone())),
         Box::new(SimulatedClock(shared.clone())),
-        Timing::of(rig),
+        Timing::of(&rig.panel, &rig.camera),
     );
     let witness = Witness {
         shared,
@@ -88,7 +87,7 @@ pub fn open(rig: &config::RigFile) -> Result<(Devices, Witness), RigError> {
         canvas: rig.canvas_on_sensor(),
         surround: simulation.surround,
         curve: rig.photo.curve,
-        rig: rig.clone(),
+        simulation: simulation.clone(),
     };
     Ok((devices, witness))
 }

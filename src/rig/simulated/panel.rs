@@ -1,4 +1,4 @@
-//! The simulated panel: codes to light, and light to where the sensor's pixels see it.
+//! The simulated panel: response to codes, and projection onto the sensor's pixels.
 
 use rayon::prelude::*;
 
@@ -6,7 +6,7 @@ use super::pose::PanelMap;
 use crate::config::{DisplayTable, Uneven};
 use crate::frame::{Plane, Size};
 
-/// Light of each code, 0..255, of one channel (the formula stands at [`DisplayTable`]).
+/// Light of each code, 0..255, of one channel (formula at [`DisplayTable`]).
 pub(super) fn response(display: &DisplayTable, channel: usize) -> [f32; 256] {
     let (gamma, toe) = (display.gamma[channel], display.toe[channel]);
     let floor = (toe / (1.0 + toe)).powf(gamma);
@@ -17,16 +17,16 @@ pub(super) fn response(display: &DisplayTable, channel: usize) -> [f32; 256] {
     })
 }
 
-/// How an uneven panel's light differs over its area.
+/// Shading of an uneven panel.
 pub(super) struct Shading {
-    /// What the light of a code is multiplied by, per channel.
+    /// Factor of a code's light, per channel.
     pub(super) gain: [Plane; 3],
-    /// Light that is there whatever the code.
+    /// Added light, independent of the code.
     pub(super) veil: Plane,
 }
 
 impl Shading {
-    /// The shading of a panel of `size` as the lens sees it; `None` of an even one.
+    /// Shading of a panel of `size` as seen by the lens; `None` for an even panel.
     pub(super) fn new(uneven: &Uneven, map: &PanelMap, size: Size) -> Option<Shading> {
         if *uneven == Uneven::default() {
             return None;
@@ -49,41 +49,39 @@ impl Shading {
     }
 }
 
-/// How far the panel has come from the last picture to the new one, on average over an exposure,
-/// 0..1. The change begins at `change_s`; the approach is exponential with `response_s`.
+/// Mean progress from the last picture to the new one over an exposure, 0..1: an exponential
+/// approach from `change_s` on, with time constant `response_s`.
 pub(super) fn approach(change_s: f64, response_s: f64, from_s: f64, to_s: f64) -> f64 {
     let begin = from_s.max(change_s);
     if to_s <= begin {
         return 0.0;
     }
-    let left = |t: f64| if response_s > 0.0 { (-(t - change_s) / response_s).exp() } else { 0.0 };
-    ((to_s - begin) - response_s * (left(begin) - left(to_s))) / (to_s - from_s)
+    let gap = |t: f64| if response_s > 0.0 { (-(t - change_s) / response_s).exp() } else { 0.0 };
+    ((to_s - begin) - response_s * (gap(begin) - gap(to_s))) / (to_s - from_s)
 }
 
-/// Which part of the panel each pixel of a grid sees: its footprint, an upright square on the
-/// panel.
+/// Footprints of a grid's pixels on the panel, as upright squares.
 pub(super) struct Projection {
     size: Size,
     /// Footprint centres on the panel, x and y.
     centres: Vec<[f32; 2]>,
-    /// Half the footprint's side, in panel pixels.
+    /// Half the side of a footprint, in panel pixels.
     half: f32,
-    /// Grid pixel (x, y) is panel pixel (x, y) less this, exactly.
+    /// Exact offset of panel pixels from grid pixels, if both grids coincide.
     identity: Option<[isize; 2]>,
-    /// How far on the panel a sensor pixel to the right leads, and one down, in the middle.
+    /// Steps on the panel of one sensor pixel right and down, in the middle.
     pub(super) steps: [[f64; 2]; 2],
 }
 
 impl Projection {
-    /// How far from its place the panel stands, in its own pixels, when it is seen `moved_px`
-    /// sensor pixels to the right and down: a fraction, over which neither lens nor perspective
-    /// change.
-    pub(super) fn aside(&self, moved_px: [f64; 2]) -> [f64; 2] {
+    /// Offset of the panel in its own pixels when it is seen `moved_px` sensor pixels to the right
+    /// and down; a small offset, over which lens and perspective are constant.
+    pub(super) fn offset_px(&self, moved_px: [f64; 2]) -> [f64; 2] {
         let [right, down] = moved_px;
         [0, 1].map(|n| right * self.steps[0][n] + down * self.steps[1][n])
     }
 
-    /// The footprints of a grid of `size` whose pixel (0, 0) is sensor pixel (−pad, −pad).
+    /// Footprints of a grid of `size` whose pixel (0, 0) is sensor pixel (−pad, −pad).
     pub(super) fn new(map: &PanelMap, size: Size, pad: usize) -> Projection {
         let sensor_px_per_panel_px = map.scale;
         let pad = pad as f64;
@@ -94,7 +92,7 @@ impl Projection {
                 map.to_panel(at).map(|v| v as f32)
             })
             .collect();
-        // A pose without resampling is one where every footprint is one panel pixel.
+        // Without resampling every footprint is one panel pixel.
         let whole = (sensor_px_per_panel_px - 1.0).abs() < 1e-9
             && centres.iter().enumerate().all(|(n, c)| {
                 let origin = centres[0];
@@ -111,12 +109,12 @@ impl Projection {
         Projection { steps, size, centres, half: (0.5 / sensor_px_per_panel_px) as f32, identity }
     }
 
-    /// The light the grid's pixels would see through a perfect lens: the mean of the panel's light
-    /// over each footprint, dark beyond the panel. The panel's pixels lie `aside` of themselves to
-    /// the right and down of where they are counted.
-    pub(super) fn light(&self, panel: &Plane, aside: [f64; 2]) -> Plane {
-        let off = aside.map(|v| v as f32);
-        let identity = self.identity.filter(|_| aside == [0.0; 2]);
+    /// Light seen by the grid's pixels through a perfect lens: mean over each footprint, dark
+    /// beyond the panel, with the panel displaced by `offset_px` of its own pixels to the right and
+    /// down.
+    pub(super) fn light(&self, panel: &Plane, offset_px: [f64; 2]) -> Plane {
+        let off = offset_px.map(|v| v as f32);
+        let identity = self.identity.filter(|_| offset_px == [0.0; 2]);
         let mut out = Plane::zeros(self.size);
         let width = self.size.width;
         out.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| match identity {
@@ -143,7 +141,7 @@ fn row_of(panel: &Plane, y: isize) -> Option<&[f32]> {
     usize::try_from(y).ok().filter(|&y| y < panel.height()).map(|y| panel.row(y))
 }
 
-/// First pixel under a footprint along one axis, and the shares of the three pixels from there on.
+/// First pixel under a footprint along one axis, and shares of the three pixels from there on.
 fn shares(centre: f32, half: f32) -> (isize, [f32; 3]) {
     let (low, high) = (centre - half + 0.5, centre + half + 0.5);
     let first = low.floor();
@@ -152,7 +150,7 @@ fn shares(centre: f32, half: f32) -> (isize, [f32; 3]) {
     (first as isize, [share(0.0), share(1.0), share(2.0)])
 }
 
-/// Mean of the panel over one footprint of at most two panel pixels' width.
+/// Mean of the panel over a footprint at most two panel pixels wide.
 fn footprint(panel: &Plane, [x, y]: [f32; 2], half: f32) -> f32 {
     let (x0, across) = shares(x, half);
     let (y0, down) = shares(y, half);
@@ -198,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn the_panel_comes_to_a_new_picture_exponentially() {
+    fn the_panel_approaches_a_new_picture_exponentially() {
         assert!(approach(1.0, 0.005, 0.5, 0.9).abs() < 1e-12);
         assert!((approach(1.0, 0.0, 0.9, 1.1) - 0.5).abs() < 1e-9);
         let late = approach(1.0, 0.005, 1.005, 1.005 + 1e-6);

@@ -1,4 +1,4 @@
-//! A photograph of a scene, as the rig's camera would have taken and saved it.
+//! Photographs of a scene by the rig's camera.
 
 use rayon::prelude::*;
 
@@ -7,23 +7,23 @@ use super::sensor::{Readout, SimulatedSensor, Stream};
 use crate::config::{Curve, Surround};
 use crate::frame::{Channel, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size, Work};
 
-/// A photograph as the sensor's sites gave it.
+/// Raw sites of a photograph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawPhoto {
     /// Counts, photo-sized.
     pub sites: Plane<u16>,
-    /// Which colour each of these sites has.
+    /// Colour filters of these sites.
     pub mosaic: Mosaic,
 }
 
-/// A part of a scene at one distance, for which the lens is `optics`.
+/// A part of a scene at one distance, with the lens `optics` for it.
 pub(super) struct Layer<'a> {
     pub(super) optics: &'a Optics,
-    /// How much of each of the photo's pixels lies there, 0..1; `None` for all of it.
+    /// Its share of each of the photo's pixels, 0..1; `None` for the whole scene.
     pub(super) share: Option<&'a Plane>,
 }
 
-/// What comes through the lens of a scene: photo-sized linear light, 0..255.
+/// Light of a scene behind the lens: photo-sized, linear, 0..255.
 pub(super) struct SceneLight<'a> {
     sensor: &'a SimulatedSensor,
     part: Rect,
@@ -32,10 +32,9 @@ pub(super) struct SceneLight<'a> {
 }
 
 impl<'a> SceneLight<'a> {
-    /// Lets the light of `scene` through the lens, blurred, displaced by the lateral colour, dark
-    /// towards the corners. `scene` is what a perfect lens with the green channel's geometry would
-    /// record. The blurred parts of a scene add up: what a nearer one hides of a farther one is
-    /// not known from a picture.
+    /// Light of `scene` behind the lens, with blur, lateral colour and dark corners. `scene` is as
+    /// recorded by a perfect lens with the green channel's geometry. Blurred layers add up, without
+    /// occlusion.
     pub(super) fn new(
         layers: &[Layer],
         sensor: &'a SimulatedSensor,
@@ -71,7 +70,7 @@ impl<'a> SceneLight<'a> {
         seed: u64,
     ) -> SceneLight<'a> {
         let Layer { optics, share } = layer;
-        // As much of the sensor as the scene fills.
+        // The scene fills the sensor or the photo.
         let whole = Rect { x: 0, y: 0, size: optics.sensor };
         let part = if scene.size() == whole.size { whole } else { optics.photo };
         let Rect { x, y, size } = part;
@@ -107,19 +106,19 @@ impl<'a> SceneLight<'a> {
         |channel, y, levels| levels.copy_from_slice(self.light[channel.index()].row(y))
     }
 
-    /// The raw sites; `None` of a sensor without colour filters.
+    /// Raw sites; `None` for a sensor without colour filters.
     pub(super) fn raw(&self) -> Option<RawPhoto> {
         let mosaic = self.sensor.config.mosaic?;
         let sites = self.sensor.sites(mosaic, self.reading(), self.fill());
         Some(RawPhoto { sites, mosaic: mosaic.from_place(self.part.x, self.part.y) })
     }
 
-    /// The codes of a camera's file. A mosaic is developed by plain interpolation.
+    /// Codes of a camera's file; a mosaic is developed by bilinear interpolation.
     pub(super) fn developed(&self, curve: Curve) -> Frame<Work, u8> {
         let sensor = self.sensor;
         match self.raw() {
             Some(RawPhoto { sites, mosaic }) => {
-                let counts = sensor.as_a_device_s(&sites, mosaic);
+                let counts = sensor.as_device_frame(&sites, mosaic);
                 Frame::from_fn(|channel| {
                     counts.plane(channel).map(|count| encode(sensor.level_of(count), curve))
                 })
@@ -132,7 +131,7 @@ impl<'a> SceneLight<'a> {
     }
 }
 
-/// The scene on the lens's grid: mirrored at its frame, or in the dark.
+/// The scene on the lens's grid, mirrored at its frame or with a dark surround.
 pub(super) fn surrounded(scene: &Plane, grid: Size, place: Rect, surround: Surround) -> Plane {
     let mirrored = |at: usize, start: usize, length: usize| {
         let period = 2 * length as isize;
@@ -163,7 +162,7 @@ pub(super) fn surrounded(scene: &Plane, grid: Size, place: Rect, surround: Surro
     }
 }
 
-/// 8-bit code of a linear level, 0..255. sRGB after IEC 61966-2-1.
+/// 8-bit code of a linear level 0..255; sRGB by IEC 61966-2-1.
 fn encode(level: f32, curve: Curve) -> u8 {
     let share = (level / FULL_SCALE).clamp(0.0, 1.0);
     let value = match curve {
@@ -179,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_scene_goes_on_mirrored() {
+    fn the_surround_mirrors_the_scene() {
         let scene = Plane::from_fn(Size::new(4, 3), |x, y| (10 * y + x) as f32);
         let place = Rect { x: 2, y: 1, size: Size::new(4, 3) };
         let wide = surrounded(&scene, Size::new(9, 6), place, Surround::Scene);

@@ -1,8 +1,8 @@
 //! Point spread functions over the field, from a fan of traced field heights.
 //!
-//! The lens is rotationally symmetric, so object points along one radius are traced once, and their
-//! spots are turned to wherever they are needed. A function is a histogram of rays over sensor
-//! pixels: the light of a point in a pixel's centre, integrated over the pixels it falls on.
+//! The lens is rotationally symmetric, so that object points along one radius are traced and their
+//! spots rotated. A function is a histogram of rays over sensor pixels for a point in a pixel's
+//! centre.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,13 +13,12 @@ use super::prescription::Focused;
 use crate::config::{LensGeometry, Prescription, Primaries};
 use crate::frame::Channel;
 
-/// Rays of one function, over all its wavelengths: about 30 a pixel in a spot of 30 pixels' width.
+/// Rays per function over all wavelengths: about 30 per pixel in a spot 30 pixels wide.
 const RAYS: usize = 20_000;
-/// Traced field heights; the spots between are interpolated.
+/// Traced field heights; spots in between are interpolated.
 const HEIGHTS: usize = 33;
 
-/// The spot of one object height in one channel: where its rays arrive relative to the green
-/// geometry.
+/// Spot of an object height in one channel: arrivals of rays relative to the centroid.
 #[derive(Debug, Clone)]
 struct Spot {
     across_mm: Vec<f32>,
@@ -27,11 +26,11 @@ struct Spot {
     light: Vec<f32>,
     /// Centroid, absolute, in mm from the axis.
     centroid_mm: f64,
-    /// All its light, relative to an unclipped spot on the axis.
+    /// Total light, relative to an unclipped spot on the axis.
     total: f64,
 }
 
-/// Where object heights come to lie on the sensor: the green channel's geometry in a scene's light.
+/// Sensor height over object height: the green channel's geometry in a scene's light.
 #[derive(Debug, Clone)]
 pub(super) struct Radial {
     object_step_mm: f64,
@@ -39,7 +38,7 @@ pub(super) struct Radial {
 }
 
 impl Radial {
-    /// Traces the green centroid; a straight line when the prescription asks for centred functions.
+    /// Traces the green centroid; a straight line for centred functions.
     pub(super) fn new(
         lens: &Focused,
         prescription: &Prescription,
@@ -48,7 +47,7 @@ impl Radial {
     ) -> Radial {
         let green = scene.lists()[Channel::Green.index()];
         let magnification = lens.magnification(green);
-        // A little further than the corner, so that every needed point is inside the table.
+        // Beyond the corner, so that every point is inside the table.
         let object_step_mm = 1.1 * reach_mm / magnification / (HEIGHTS - 1) as f64;
         let heights = (0..HEIGHTS).into_par_iter().map(|n| {
             let object = n as f64 * object_step_mm;
@@ -60,7 +59,7 @@ impl Radial {
         Radial { object_step_mm, sensor_mm: heights.collect() }
     }
 
-    /// Sensor height of an object height, both in mm, outside the table on its last line.
+    /// Sensor height of an object height, both in mm; extrapolated beyond the table.
     pub(super) fn sensor_mm(&self, object_mm: f64) -> f64 {
         let place = object_mm / self.object_step_mm;
         let n = (place.max(0.0) as usize).min(HEIGHTS - 2);
@@ -74,13 +73,13 @@ impl Radial {
         (n as f64 + (sensor_mm - low) / (high - low)) * self.object_step_mm
     }
 
-    /// Sensor millimetres per object millimetre at the axis.
+    /// Magnification on the axis.
     pub(super) fn magnification(&self) -> f64 {
         self.sensor_mm[1] / self.object_step_mm
     }
 }
 
-/// Spots of three channels over the field.
+/// Spots of the three channels over the field.
 #[derive(Debug, Clone)]
 pub(super) struct Fan {
     radial: Radial,
@@ -91,7 +90,7 @@ pub(super) struct Fan {
 }
 
 impl Fan {
-    /// Traces the fan for the light of `primaries`.
+    /// Traces the fan in the light of `primaries`.
     pub(super) fn new(
         lens: &Focused,
         prescription: &Prescription,
@@ -111,16 +110,16 @@ impl Fan {
         }
     }
 
-    /// The two traced heights around sensor distance `radius_px` from the axis, and how far between
-    /// them.
+    /// Traced height below sensor distance `radius_px` from the axis, and position between it and
+    /// the next.
     fn around(&self, radius_px: f64) -> (usize, f64) {
         let place = self.radial.object_mm(radius_px * self.pitch_mm) / self.radial.object_step_mm;
         let n = (place as usize).min(HEIGHTS - 2);
         (n, place - n as f64)
     }
 
-    /// How far out the centroid of `channel` lies from the green geometry at `radius_px`, in
-    /// pixels: the lateral colour.
+    /// Lateral colour: radial offset of the centroid of `channel` from the green geometry at
+    /// `radius_px`, in pixels.
     pub(super) fn offset_px(&self, channel: Channel, radius_px: f64) -> f64 {
         if self.centred {
             return 0.0;
@@ -131,8 +130,8 @@ impl Fan {
         (off(n) + t * (off(n + 1) - off(n))) / self.pitch_mm
     }
 
-    /// Light at `radius_px` relative to the axis, as it comes out of the trace: cos⁴, clipped rays,
-    /// and the area of the object that a pixel sees.
+    /// Illumination at `radius_px` relative to the axis: cos⁴, clipped rays, and the object area
+    /// seen by a pixel.
     pub(super) fn relative_light(&self, channel: Channel, radius_px: f64) -> f64 {
         if !self.dark_corner {
             return 1.0;
@@ -151,9 +150,8 @@ impl Fan {
         (total(n) + t * (total(n + 1) - total(n))) * stretch * slope * magnification * magnification
     }
 
-    /// Where the rays of `channel` from a point seen at (`x_px`, `y_px`) from the axis arrive, in
-    /// pixels to the right and down of the green geometry, or of their own centroid; and their
-    /// light.
+    /// Rays of `channel` from a point seen at (`x_px`, `y_px`) from the axis: arrival in pixels to
+    /// the right and down of the green geometry or of their own centroid, and light.
     fn rays(
         &self,
         channel: Channel,
@@ -174,7 +172,7 @@ impl Fan {
         let (t, shift) = (t as f32, (a.centroid_mm - origin) as f32);
         let drift = (b.centroid_mm - a.centroid_mm) as f32;
         (0..a.light.len()).map(move |i| {
-            // Rays are stored about their centroid; t between the two traced heights.
+            // Interpolation between two traced heights of rays stored about their centroid.
             let across = a.across_mm[i] + t * (b.across_mm[i] - a.across_mm[i]);
             let out = a.out_mm[i] + t * (b.out_mm[i] - a.out_mm[i]) + shift + t * drift;
             let light = a.light[i] + t * (b.light[i] - a.light[i]);
@@ -182,8 +180,8 @@ impl Fan {
         })
     }
 
-    /// What is left of a grating of `frequency` lines a pixel that is seen at `at` from the axis.
-    pub(super) fn passed(
+    /// Optical transfer function at `at` from the axis, for `frequency` lines per pixel.
+    pub(super) fn transfer(
         &self,
         channel: Channel,
         at: [f64; 2],
@@ -198,9 +196,9 @@ impl Fan {
         sum / all
     }
 
-    /// The function of `channel` for a point seen at `at` from the axis, in pixels: `support_px`²
-    /// values that sum to 1, and the share of the light that fell outside. It is placed on the
-    /// green geometry, or with `own_centroid` on its own centroid.
+    /// Function of `channel` for a point seen at `at` from the axis, in pixels: `support_px`²
+    /// values with sum 1, and the share of light outside. It is placed on the green geometry, or
+    /// with `own_centroid` on its own centroid.
     pub(super) fn function(
         &self,
         channel: Channel,
@@ -226,7 +224,7 @@ impl Fan {
     }
 }
 
-/// Traces the spot of one object height through all `wavelengths`, rays on a sunflower spiral over
+/// Traces the spot of an object height in all `wavelengths`, with rays on a sunflower spiral over
 /// the stop.
 fn spot(lens: &Focused, object_mm: f64, wavelengths: &[crate::config::Wavelength]) -> Spot {
     let count = RAYS / wavelengths.len();
@@ -247,7 +245,7 @@ fn spot(lens: &Focused, object_mm: f64, wavelengths: &[crate::config::Wavelength
             let (radius, angle) = (((n as f64 + 0.5) / count as f64).sqrt(), n as f64 * golden);
             let arrival =
                 lens.arrival(object_mm, [radius * angle.cos(), radius * angle.sin()], &indices);
-            // A ray that misses the glass carries nothing and may lie anywhere.
+            // A ray that misses the glass carries no light.
             let (across, out, light) =
                 arrival.map_or((0.0, 0.0, 0.0), |a| (a.across_mm, a.out_mm, a.light));
             let light = light * wavelength.1 / weights / count as f64;

@@ -1,39 +1,40 @@
-//! A prescription in use: brought to focus, and asked where the light of an object point goes.
+//! A focused lens, and the arrivals of rays from an object point.
 
 use super::trace::{Ray, TracedLens};
 use crate::config::{Prescription, Wavelength};
 use crate::rig::RigError;
 
-/// Cells along the pupil's diameter when focusing, and when measuring a spot. With these two the
-/// study's spot sizes come out to all their digits; more cells change them by less than 0.2 %.
+/// Cells across the pupil for focusing. With this number and [`SPOT_CELLS`] spot sizes agree with
+/// the study to all digits; more cells change them by less than 0.2 %.
 const FOCUS_CELLS: usize = 120;
+/// Cells across the pupil for measuring a spot.
 const SPOT_CELLS: usize = 200;
 
-/// A lens focused at some distance, and the object it looks at, there or elsewhere.
+/// A focused lens and the distance of its object, which may be out of focus.
 #[derive(Debug, Clone)]
 pub(super) struct Focused {
     pub(super) lens: TracedLens,
-    /// The image plane.
+    /// Image plane.
     pub(super) image_z: f64,
 }
 
-/// Where one ray arrives, upright (the image's inversion undone), and how much light it carries.
+/// Arrival of a ray in an upright image, and its light.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Arrival {
-    /// Across the meridional plane, in mm.
+    /// Sagittal coordinate in mm.
     pub(super) across_mm: f64,
-    /// Away from the axis, in mm.
+    /// Radial coordinate in mm.
     pub(super) out_mm: f64,
-    /// Relative to an unclipped ray on the axis; 0 when a clear diameter stopped it.
+    /// Light relative to an unclipped ray on the axis; 0 for a clipped ray.
     pub(super) light: f64,
 }
 
 impl Focused {
-    /// Focuses by the smallest RMS spot on the axis for `wavelengths`, at the prescription's focus
-    /// distance; the object is the panel.
+    /// Focuses at the prescription's focus distance by the smallest RMS spot on the axis in
+    /// `wavelengths`; the object is the panel.
     ///
     /// # Errors
-    /// When a glass is unknown, or no light comes through, or it never comes to a focus.
+    /// When a glass is unknown or there is no real image.
     pub(super) fn new(
         prescription: &Prescription,
         wavelengths: &[Wavelength],
@@ -68,15 +69,15 @@ impl Focused {
         Ok(Focused { lens, image_z })
     }
 
-    /// The same lens and image plane, with an object at `distance_mm`, in focus or not.
+    /// The lens with the same image plane and an object at `distance_mm`.
     pub(super) fn looking_at(mut self, distance_mm: f64) -> Focused {
         self.lens.object_z = -distance_mm;
         self
     }
 
-    /// Where light of `wavelength_nm` from object height `object_mm` through the pupil point (of
-    /// the unit disc) arrives. Light follows Lambert's law at the panel: cos⁴ between object point
-    /// and stop.
+    /// Arrival of a ray from object height `object_mm` through a pupil point of the unit disc, for
+    /// the refractive `indices`. Lambert's law at the panel gives cos⁴ between object point and
+    /// stop.
     pub(super) fn arrival(
         &self,
         object_mm: f64,
@@ -94,8 +95,8 @@ impl Focused {
         Some(Arrival { across_mm: -x, out_mm: -y, light: if traced.passed { cos4 } else { 0.0 } })
     }
 
-    /// Centroid height and RMS radius of the spot of object height `object_mm` at one wavelength,
-    /// in mm, every ray through the stop counting alike (as the study measures spots).
+    /// Centroid height and RMS radius in mm of the spot of object height `object_mm` at one
+    /// wavelength, with equal weights for all rays through the stop, as in the study.
     pub(super) fn spot(&self, object_mm: f64, wavelength_nm: f64) -> (f64, f64) {
         let indices = self.lens.indices(wavelength_nm);
         let arrivals: Vec<Arrival> = square_pupil(SPOT_CELLS)
@@ -109,9 +110,9 @@ impl Focused {
         (height, (square / n).sqrt())
     }
 
-    /// Sensor millimetres per object millimetre at the axis.
+    /// Magnification on the axis.
     pub(super) fn magnification(&self, wavelengths: &[Wavelength]) -> f64 {
-        // One thousandth of the object distance is well within the paraxial field.
+        // One thousandth of the object distance is paraxial.
         let small = -self.lens.object_z * 1e-3;
         let (mut height, mut weight) = (0.0, 0.0);
         for wavelength in wavelengths {
@@ -122,7 +123,7 @@ impl Focused {
     }
 }
 
-/// Centres of the cells of a `cells` × `cells` grid that lie in the unit disc.
+/// Centres of cells of a `cells` × `cells` grid within the unit disc.
 fn square_pupil(cells: usize) -> Vec<[f64; 2]> {
     let place = |i: usize| (i as f64 + 0.5) / cells as f64 * 2.0 - 1.0;
     let all = (0..cells * cells).map(|n| [place(n % cells), place(n / cells)]);
@@ -132,15 +133,11 @@ fn square_pupil(cells: usize) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Lens as LensConfig, load};
+    use crate::config::load;
 
     fn study(stop_diameter_mm: f64) -> Focused {
         let rig = load(std::path::Path::new("study.toml")).expect("built in");
-        let LensConfig::Prescription(mut prescription, _) =
-            rig.simulation().expect("simulated").lens.clone()
-        else {
-            panic!("a prescription")
-        };
+        let mut prescription = rig.simulation().expect("simulated").lens.prescription.clone();
         prescription.stop_diameter_mm = stop_diameter_mm;
         Focused::new(&prescription, &[Wavelength(540.0, 1.0)]).expect("a good lens")
     }

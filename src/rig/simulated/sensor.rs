@@ -1,9 +1,8 @@
-//! The simulated sensor: light to counts, with mixing, colour filters, a fixed pattern, black
-//! level, noise, a curve, saturation and bits.
+//! The simulated sensor: converts light to counts, with channel mixing, colour filters, fixed
+//! pattern, black level, noise, response curve, saturation and quantisation.
 
 use std::sync::Arc;
 
-use super::jpeg_coder::{self, Quality};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -11,28 +10,28 @@ use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use crate::config::{CameraTable, SensorCurve, SensorTable};
-use crate::frame::{Channel, Counts, FULL_SCALE, Frame, Mosaic, Plane, Rect, SensorSpace, Size};
+use crate::frame::{Channel, Counts, FULL_SCALE, Frame, Mosaic, Plane, Rect, Size};
 use crate::rig::pixel_format::PixelFormat;
 
-/// A sensor as its tables say.
+/// A sensor of a rig file.
 #[derive(Debug, Clone)]
 pub(super) struct SimulatedSensor {
     pub(super) config: SensorTable,
     count_max: f32,
     bits: u8,
-    /// Gains and hot pixels; `None` when all pixels are alike.
+    /// Gains and hot pixels; `None` if all pixels are equal.
     pattern: Option<Arc<[FixedPattern; 3]>>,
 }
 
-/// How the pixels of one channel differ, for ever.
+/// Fixed differences of one channel's pixels.
 #[derive(Debug, Clone)]
 struct FixedPattern {
     gain: Plane,
-    /// In grey levels.
-    own_light: Plane,
+    /// Dark signal in grey levels.
+    dark_signal: Plane,
 }
 
-/// A part of the sensor that is read, and the random numbers it is read with.
+/// A part of the sensor to read, and the random stream of its noise.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Readout {
     pub(super) part: Rect,
@@ -41,7 +40,7 @@ pub(super) struct Readout {
     pub(super) number: u64,
 }
 
-/// What a random stream is for; streams of different purpose never meet.
+/// Purpose of a random stream; streams of different purposes are independent.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Stream {
     Capture = 1,
@@ -52,10 +51,9 @@ pub(super) enum Stream {
     Unrest = 6,
 }
 
-/// The generator of one stream: the same seed and numbers give the same values on any number of
-/// threads.
+/// Generator of a stream; its values do not depend on the number of threads.
 pub(super) fn random(seed: u64, stream: Stream, number: u64, part: u64) -> Xoshiro256PlusPlus {
-    // SplitMix64's mixer over the numbers, one after another (Steele, Lea and Flood 2014).
+    // Mixer of SplitMix64 (Steele, Lea and Flood 2014), applied to each number in turn.
     let mut state = seed;
     for word in [stream as u64, number, part] {
         state = state
@@ -78,13 +76,13 @@ impl SimulatedSensor {
         }
     }
 
-    /// Counts that one grey level of a panel primary adds in its own channel.
+    /// Counts per grey level of a primary's light in its own channel.
     pub(super) fn counts_per_level(&self) -> f32 {
         (self.config.white_share * (f64::from(self.count_max) - self.config.black_level_counts)
             / 255.0) as f32
     }
 
-    /// Variance per grey level of light: shot noise, in grey levels².
+    /// Shot noise: variance in grey levels² per grey level of light.
     fn variance_per_level(&self) -> f32 {
         let range = f64::from(self.count_max) - self.config.black_level_counts;
         let electrons_per_level =
@@ -92,14 +90,14 @@ impl SimulatedSensor {
         (1.0 / electrons_per_level) as f32
     }
 
-    /// Standard deviation of the noise at a light of `level`, before counts are rounded.
+    /// Standard deviation of the noise at light `level`, before rounding to counts.
     pub(super) fn noise_levels(&self, level: f64) -> f64 {
         (level.max(0.0) * f64::from(self.variance_per_level())
             + self.config.read_noise_levels.powi(2))
         .sqrt()
     }
 
-    /// Adds shot and read noise to one row of light, in grey levels.
+    /// Adds shot and read noise to a row of light in grey levels.
     pub(super) fn add_noise(&self, row: &mut [f32], mut random: Xoshiro256PlusPlus) {
         let (shot, read) =
             (self.variance_per_level(), (self.config.read_noise_levels as f32).powi(2));
@@ -108,13 +106,13 @@ impl SimulatedSensor {
         }
         for value in row {
             let normal: f32 = StandardNormal.sample(&mut random);
-            // At more than a handful of electrons Poisson is Gaussian.
+            // Gaussian approximation of Poisson noise, valid above a few electrons.
             *value += normal * (value.max(0.0) * shot + read).sqrt();
         }
     }
 
-    /// Counts of one exposure. `light` is what each primary brought (dark corner included),
-    /// `falloff` the dark corner that ambient light passes too.
+    /// Counts of one exposure of the panel: `light` of each primary, with dark corners, and ambient
+    /// light with the dark corners `falloff`.
     pub(super) fn expose(
         &self,
         light: &[Plane; 3],
@@ -138,7 +136,7 @@ impl SimulatedSensor {
         self.read_out(light[0].size(), seed, number, fill)
     }
 
-    /// Counts of one exposure of a scene; `light` is what its colours bring to each filter.
+    /// Counts of one exposure of a scene; `light` is that behind each filter.
     pub(super) fn photograph(&self, light: &[Plane; 3], seed: u64, number: u64) -> Counts {
         let fill = |channel: Channel, y: usize, levels: &mut [f32]| {
             levels.copy_from_slice(light[channel.index()].row(y));
@@ -146,7 +144,7 @@ impl SimulatedSensor {
         self.read_out(light[0].size(), seed, number, fill)
     }
 
-    /// Counts of the whole sensor of `size`; `fill` gives the light of a row.
+    /// Counts of the whole sensor; `fill` writes the light of a row.
     fn read_out(
         &self,
         size: Size,
@@ -157,21 +155,15 @@ impl SimulatedSensor {
         let reading =
             Readout { part: Rect { x: 0, y: 0, size }, seed, stream: Stream::Capture, number };
         match self.config.mosaic {
-            Some(mosaic) => self.as_a_device_s(&self.sites(mosaic, reading, fill), mosaic),
-            None => {
-                let counts = Frame::from_fn(|channel| {
-                    self.plane(channel, reading, fill, |level| self.count(level))
-                });
-                match self.config.jpeg_quality {
-                    Some(quality) => coded_by_the_camera(&counts, quality),
-                    None => counts,
-                }
-            }
+            Some(mosaic) => self.as_device_frame(&self.sites(mosaic, reading, fill), mosaic),
+            None => Frame::from_fn(|channel| {
+                self.plane(channel, reading, fill, |level| self.count(level))
+            }),
         }
     }
 
-    /// One channel of a sensor whose pixels see every colour: `fill` gives the light of a row, and
-    /// `code` what becomes of a level with its noise.
+    /// One channel of a sensor without colour filters: `fill` writes the light of a row, `code`
+    /// converts a level with its noise.
     pub(super) fn plane<T: Copy + Default + Send>(
         &self,
         channel: Channel,
@@ -185,7 +177,7 @@ impl SimulatedSensor {
             || vec![0.0f32; width],
             |levels, (y, row)| {
                 fill(channel, y, levels);
-                self.differ(channel, reading.part, y, levels);
+                self.apply_pattern(channel, reading.part, y, levels);
                 let part = (y * Channel::ALL.len() + channel.index()) as u64;
                 let Readout { seed, stream, number, .. } = reading;
                 self.add_noise(levels, random(seed, stream, number, part));
@@ -197,8 +189,7 @@ impl SimulatedSensor {
         codes
     }
 
-    /// Raw counts of a sensor behind colour filters: each site has the colour `mosaic` says, by its
-    /// place on the whole sensor.
+    /// Raw counts of a sensor with colour filters `mosaic`.
     pub(super) fn sites(
         &self,
         mosaic: Mosaic,
@@ -214,7 +205,7 @@ impl SimulatedSensor {
                 for start in 0..2 {
                     let channel = mosaic.colour_at(start, y);
                     fill(channel, y, own);
-                    self.differ(channel, reading.part, y, own);
+                    self.apply_pattern(channel, reading.part, y, own);
                     for x in (start..size.width).step_by(2) {
                         levels[x] = own[x];
                     }
@@ -230,8 +221,8 @@ impl SimulatedSensor {
         sites
     }
 
-    /// Raw sites as a device would send them, read as a device's frame is.
-    pub(super) fn as_a_device_s(&self, sites: &Plane<u16>, mosaic: Mosaic) -> Counts {
+    /// Raw sites as a frame of a device, unpacked like one.
+    pub(super) fn as_device_frame(&self, sites: &Plane<u16>, mosaic: Mosaic) -> Counts {
         let format = PixelFormat::raw(mosaic, self.bits);
         let wide = if self.bits > 8 { 2 } else { 1 };
         let mut bytes = Vec::with_capacity(sites.size().area() * wide);
@@ -241,41 +232,41 @@ impl SimulatedSensor {
         let mut counts = Counts::zeros(sites.size());
         let mut scratch = Plane::zeros(Size::new(0, 0));
         if let Err(short) = format.unpack(&bytes, sites.width() * wide, &mut counts, &mut scratch) {
-            log::error!("the simulated camera's own frame: {short}");
+            log::error!("a frame of the simulated camera: {short}");
         }
         counts
     }
 
-    /// Gains and own light of one channel's pixels of a sensor of `size`.
+    /// Gains and dark signal of one channel's pixels on a sensor of `size`.
     pub(super) fn fixed_pattern(&self, channel: Channel, size: Size) -> [Plane; 2] {
         match &self.pattern {
             Some(pattern) => {
-                let FixedPattern { gain, own_light } = &pattern[channel.index()];
-                [gain.clone(), own_light.clone()]
+                let FixedPattern { gain, dark_signal } = &pattern[channel.index()];
+                [gain.clone(), dark_signal.clone()]
             }
             None => [Plane::filled(size, 1.0), Plane::zeros(size)],
         }
     }
 
-    /// What the pixels of row `y` of `part` make of light, each in its own way.
-    fn differ(&self, channel: Channel, part: Rect, y: usize, levels: &mut [f32]) {
+    /// Applies gains and dark signal to row `y` of `part`.
+    fn apply_pattern(&self, channel: Channel, part: Rect, y: usize, levels: &mut [f32]) {
         let Some(pattern) = &self.pattern else { return };
-        let FixedPattern { gain, own_light } = &pattern[channel.index()];
-        let own = &own_light.row(part.y + y)[part.x..];
+        let FixedPattern { gain, dark_signal } = &pattern[channel.index()];
+        let own = &dark_signal.row(part.y + y)[part.x..];
         for ((level, gain), own) in levels.iter_mut().zip(&gain.row(part.y + y)[part.x..]).zip(own)
         {
             *level = *level * gain + own;
         }
     }
 
-    /// The count of a level with its noise.
+    /// Count of a level with its noise.
     fn count(&self, level: f32) -> u16 {
         let (gain, black) = (self.counts_per_level(), self.config.black_level_counts as f32);
         let bent = self.bent(level);
         (bent * gain + black + 0.5).clamp(0.0, self.count_max) as u16
     }
 
-    /// A level as the sensor's curve lets it appear.
+    /// Applies the response curve to a level.
     pub(super) fn bent(&self, level: f32) -> f32 {
         let SensorCurve { gamma, knee_share, knee_slope } = self.config.curve;
         if self.config.curve == SensorCurve::default() {
@@ -288,19 +279,19 @@ impl SimulatedSensor {
         ((share - above * (1.0 - knee_slope)) * full) as f32
     }
 
-    /// Grey levels at the largest count of a straight curve.
+    /// Grey levels at the largest count without a response curve.
     fn full_levels(&self) -> f64 {
         (f64::from(self.count_max) - self.config.black_level_counts)
             / f64::from(self.counts_per_level())
     }
 
-    /// The level that a camera's developing takes for `count`, white being 255.
+    /// Level of `count` after the camera's developing, with white at 255.
     pub(super) fn level_of(&self, count: u16) -> f32 {
         let black = self.config.black_level_counts as f32;
         self.white_at_white((f32::from(count) - black) / self.counts_per_level())
     }
 
-    /// The same for a level that was not counted.
+    /// Level after the camera's developing, without quantisation.
     pub(super) fn developed(&self, level: f32) -> f32 {
         self.white_at_white(self.bent(level))
     }
@@ -313,21 +304,8 @@ impl SimulatedSensor {
     }
 }
 
-/// `counts` of 8 bits as a webcam would send them, read as a device's frame is.
-fn coded_by_the_camera(counts: &Counts, quality: u32) -> Counts {
-    let codes: Frame<SensorSpace, u8> =
-        Frame::from_fn(|c| counts.plane(c).map(|count| count.min(255) as u8));
-    let bytes = jpeg_coder::coded(&codes, Quality { quality, pixels: (2, 1) });
-    let mut seen = Counts::zeros(counts.size());
-    let mut scratch = Plane::zeros(Size::new(0, 0));
-    if let Err(bad) = PixelFormat::Jpeg.unpack(&bytes, 0, &mut seen, &mut scratch) {
-        log::error!("the simulated camera's own frame: {bad}");
-    }
-    seen
-}
-
-/// The differences between the pixels of a sensor of `size`. They are the specimen's: no seed
-/// changes them, since a calibration holds for them.
+/// Differences of the pixels of a sensor of `size`. They depend on no seed, since a calibration
+/// measures them.
 fn fixed_pattern(config: &SensorTable, size: Size) -> Option<[FixedPattern; 3]> {
     let SensorTable { gain_deviation, hot_pixel_share, hot_pixel_levels, .. } = *config;
     let own = hot_pixel_share * hot_pixel_levels;
@@ -339,12 +317,12 @@ fn fixed_pattern(config: &SensorTable, size: Size) -> Option<[FixedPattern; 3]> 
                 (1.0 + gain_deviation * normal) as f32
             });
             let mut lots = random(0, Stream::Pattern, channel.index() as u64, 1);
-            let own_light = Plane::from_fn(size, |_, _| {
+            let dark_signal = Plane::from_fn(size, |_, _| {
                 let (lot, depth): (f64, f64) = (lots.random(), lots.random());
                 let hot = lot < hot_pixel_share;
                 if hot { (-hot_pixel_levels * (1.0 - depth).ln()) as f32 } else { 0.0 }
             });
-            FixedPattern { gain, own_light }
+            FixedPattern { gain, dark_signal }
         })
     })
 }
@@ -390,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn mixing_black_level_and_saturation_are_there() {
+    fn mixing_black_level_and_saturation_are_simulated() {
         let sensor = sensor("ideal.toml");
         let zeros = flat(0.0);
         let (red, _) = mean_and_sigma(&sensor.expose(&flat(200.0), &zeros, 7, 0), Channel::Red);
@@ -419,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_belongs_to_seed_and_number() {
+    fn noise_depends_on_seed_and_number_only() {
         let sensor = sensor("study.toml");
         let (light, ones) = (flat(100.0), flat(1.0));
         let one = sensor.expose(&light, &ones, 7, 3);

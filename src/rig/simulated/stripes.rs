@@ -1,8 +1,8 @@
-//! Subpixels in stripes: red, green and blue lie a third of a panel pixel beside each other.
+//! Striped subpixels: red, green and blue are a third of a panel pixel apart.
 //!
-//! What a picture loses or gains by the stripes being narrower than a pixel is left out. What they
-//! add is a grating of one line a panel pixel: its ground wave passes the lens as far as the lens
-//! passes so fine a grating, and the sensor's pixels see it as a beat.
+//! The stripes add a grating of one line per panel pixel. Its fundamental is attenuated by the
+//! lens's transfer function and beats with the sensor's pixels. The effect of their width on a
+//! picture's sharpness is neglected.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,23 +14,23 @@ use super::pose::PanelMap;
 use crate::config::{DisplayTable, Subpixels};
 use crate::frame::{Channel, Plane};
 
-/// Places along each axis where the lens is asked what it passes; between them it changes little.
+/// Samples of the transfer function along each axis.
 const PLACES: usize = 9;
 
-/// How far a channel's stripe lies to the right of its pixel's middle, in panel pixels.
-pub(super) fn aside(display: &DisplayTable, channel: Channel) -> f64 {
+/// Offset of a channel's stripe to the right of its pixel's centre, in panel pixels.
+pub(super) fn offset_px(display: &DisplayTable, channel: Channel) -> f64 {
     match display.subpixels {
         Subpixels::Whole => 0.0,
         Subpixels::Stripes => (channel.index() as f64 - 1.0) / 3.0,
     }
 }
 
-/// The beat of the stripes with the sensor's pixels, as a share of the light there: the real and
-/// the imaginary part of a wave whose phase moves with the panel.
+/// Beat of the stripes with the sensor's pixels, as a share of the light: real and imaginary part
+/// of a wave whose phase moves with the panel.
 pub(super) struct Beat([[Plane; 2]; 3]);
 
 impl Beat {
-    /// The beat seen through `optics`; `None` of whole pixels.
+    /// Beat seen through `optics`; `None` for whole pixels.
     pub(super) fn new(
         display: &DisplayTable,
         optics: &Optics,
@@ -40,7 +40,7 @@ impl Beat {
         if display.subpixels == Subpixels::Whole {
             return None;
         }
-        // Lines across a sensor pixel, along columns and rows.
+        // Lines per sensor pixel along columns and rows.
         let [right, down] = projection.steps;
         let frequency = [right[0], down[0]];
         let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
@@ -48,19 +48,19 @@ impl Beat {
         let size = optics.sensor;
         let step = [size.width, size.height].map(|v| (v as f64 - 1.0) / (PLACES as f64 - 1.0));
         Some(Beat(Channel::ALL.map(|channel| {
-            let passed: Vec<Complex<f64>> = (0..PLACES * PLACES)
+            let transfer: Vec<Complex<f64>> = (0..PLACES * PLACES)
                 .map(|n| {
                     let at = [(n % PLACES) as f64 * step[0], (n / PLACES) as f64 * step[1]];
-                    optics.passed(channel, at, frequency) * ground
+                    optics.transfer(channel, at, frequency) * ground
                 })
                 .collect();
             let wave = |x: usize, y: usize| {
                 let ([column, across], [row, along]) = (split(x, step[0]), split(y, step[1]));
-                let at = |i: f64, j: f64| passed[j as usize * PLACES + i as usize];
+                let at = |i: f64, j: f64| transfer[j as usize * PLACES + i as usize];
                 let upper = at(column, row) * (1.0 - across) + at(column + 1.0, row) * across;
                 let lower =
                     at(column, row + 1.0) * (1.0 - across) + at(column + 1.0, row + 1.0) * across;
-                let place = map.to_panel([x as f64, y as f64])[0] - aside(display, channel);
+                let place = map.to_panel([x as f64, y as f64])[0] - offset_px(display, channel);
                 (upper * (1.0 - along) + lower * along) * Complex::cis(TAU * place)
             };
             [
@@ -70,9 +70,9 @@ impl Beat {
         })))
     }
 
-    /// Lets `light` of `channel` beat, the panel being `aside` of its place in panel pixels.
-    pub(super) fn on(&self, light: &mut Plane, channel: Channel, aside: f64) {
-        let turned = Complex::cis(-TAU * aside);
+    /// Applies the beat to `light` of `channel`, with the panel displaced by `offset_px`.
+    pub(super) fn apply(&self, light: &mut Plane, channel: Channel, offset_px: f64) {
+        let turned = Complex::cis(-TAU * offset_px);
         let (cosine, sine) = (turned.re as f32, turned.im as f32);
         let [real, imaginary] = &self.0[channel.index()];
         for ((value, re), im) in light.data_mut().iter_mut().zip(real.data()).zip(imaginary.data())
@@ -82,7 +82,7 @@ impl Beat {
     }
 }
 
-/// The place before pixel `n`, and how far between it and the next.
+/// Sample before pixel `n`, and position between it and the next.
 fn split(n: usize, step: f64) -> [f64; 2] {
     let place = n as f64 / step;
     let first = place.floor().min(PLACES as f64 - 2.0);

@@ -1,4 +1,4 @@
-//! The simulated rig as a whole: it takes captures, in time, and they are what the witness says.
+//! The simulated rig as a whole: captures, their timing, and their agreement with the witness.
 
 use std::path::Path;
 
@@ -15,12 +15,23 @@ fn opened(name: &str) -> (config::RigFile, Devices, Witness) {
 
 /// small.toml with some lines changed.
 pub(super) fn small_with(changes: &[(&str, &str)]) -> (config::RigFile, Devices, Witness) {
+    small_simulated_with(changes, |_| {})
+}
+
+/// small.toml with some lines and its simulation changed.
+pub(super) fn small_simulated_with(
+    changes: &[(&str, &str)],
+    change: impl FnOnce(&mut config::Simulation),
+) -> (config::RigFile, Devices, Witness) {
     let mut text = include_str!("../../../rig-config/small.toml").to_owned();
     for (from, to) in changes {
         assert!(text.contains(from), "small.toml has no `{from}`");
         text = text.replacen(from, to, 1);
     }
-    let config = parse(&text, "small.toml", Path::new("")).expect("allowed");
+    let mut config = parse(&text, "small.toml").expect("allowed");
+    if let config::Kind::Simulated(simulation) = &mut config.kind {
+        change(simulation);
+    }
     let (rig, witness) = open(&config).expect("a good lens");
     (config, rig, witness)
 }
@@ -59,7 +70,7 @@ fn a_capture_takes_as_long_as_its_parts() {
 }
 
 #[test]
-fn a_flat_panel_is_seen_as_the_witness_says() {
+fn captures_of_a_flat_panel_agree_with_the_witness() {
     let (config, mut rig, witness) = small_with(&QUIET);
     let codes = Frame::from_fn(|c| Plane::filled(config.panel.size(), [200, 120, 60][c.index()]));
     let seen = rig.capture(&codes).expect("no faults").counts;
@@ -86,7 +97,7 @@ fn a_flat_panel_is_seen_as_the_witness_says() {
 }
 
 #[test]
-fn a_blob_is_seen_where_the_map_says_in_every_channel() {
+fn a_blob_is_seen_at_its_mapped_place_in_every_channel() {
     let (config, _, witness) = small_with(&[
         ("glare-share = 0.03", "glare-share = 0.0"),
         ("leakage-share = 0.001", "leakage-share = 0.0"),
@@ -126,7 +137,8 @@ fn the_whole_sensor_sees_panel() {
         // Those of devices are not taken everywhere.
         let Ok(config) = load(Path::new(name)) else { continue };
         let Some(simulation) = config.simulation() else { continue };
-        let optics = Optics::new(&config, simulation).expect("a good lens");
+        let optics = Optics::new(simulation, config.camera.size(), config.photo_on_sensor())
+            .expect("a good lens");
         let map = optics.map(&simulation.pose, config.panel.size());
         let (width, height) =
             (config.camera.width_px as f64 - 1.0, config.camera.height_px as f64 - 1.0);
@@ -143,7 +155,7 @@ fn the_whole_sensor_sees_panel() {
 }
 
 #[test]
-fn on_the_study_s_rig_a_capture_is_the_operator_and_its_noise() {
+fn on_the_study_s_rig_a_capture_is_the_operator_plus_noise() {
     let (config, mut rig, witness) = opened("study.toml");
     let codes: Codes = Frame::from_fn(|c| {
         Plane::from_fn(config.panel.size(), |x, y| {
@@ -209,7 +221,7 @@ fn a_photograph_has_its_noise_its_surround_and_its_seed() {
     let (config, _, witness) = opened("small.toml");
     let scene: Frame<Work> = Frame::filled(config.photo.size(), 128.0);
     let photo = witness.photograph(&scene, 3);
-    // The scene goes on: no darker than the dark corner; sRGB code of linear 128 is 188.
+    // With a continued scene, no darker than the dark corner; the sRGB code of linear 128 is 188.
     assert!(
         photo.plane(Channel::Green).at(0, 0) > 175 && photo.plane(Channel::Green).at(128, 96) > 184
     );

@@ -1,4 +1,4 @@
-//! Sequential ray tracing through spherical surfaces, in millimetres, light going towards +z.
+//! Sequential ray tracing through spherical surfaces, in millimetres, with light towards +z.
 
 use super::glass;
 use crate::config::Prescription;
@@ -12,14 +12,14 @@ pub(super) struct Ray {
 }
 
 impl Ray {
-    /// From `from` towards `to`.
+    /// Ray from `from` towards `to`.
     pub(super) fn between(from: [f64; 3], to: [f64; 3]) -> Ray {
         let d = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
         let length = dot(d, d).sqrt();
         Ray { at: from, along: d.map(|v| v / length) }
     }
 
-    /// Where the ray crosses the plane z = `z`.
+    /// Intersection with the plane z = `z`.
     pub(super) fn on_plane(&self, z: f64) -> [f64; 2] {
         let t = (z - self.at[2]) / self.along[2];
         [self.at[0] + t * self.along[0], self.at[1] + t * self.along[1]]
@@ -30,7 +30,7 @@ impl Ray {
 #[derive(Debug, Clone)]
 struct RefractingSurface {
     vertex_z: f64,
-    /// 0 for a flat one.
+    /// 0 for a flat surface.
     curvature: f64,
     clear_radius: f64,
     glass: String,
@@ -43,11 +43,11 @@ pub(super) struct TracedLens {
     pub(super) stop_z: f64,
     pub(super) stop_radius: f64,
     pub(super) object_z: f64,
-    /// First refracting surface.
+    /// Index of the first refracting surface.
     first: usize,
 }
 
-/// A ray after the last surface, and whether it got through all clear diameters.
+/// A ray behind the last surface, and whether it passed all clear diameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Traced {
     pub(super) ray: Ray,
@@ -55,10 +55,10 @@ pub(super) struct Traced {
 }
 
 impl TracedLens {
-    /// Lays the surfaces out along the axis.
+    /// Places the surfaces along the axis.
     ///
     /// # Errors
-    /// When a glass is not in the catalogue.
+    /// When a glass is unknown.
     pub(super) fn new(prescription: &Prescription) -> Result<TracedLens, RigError> {
         let mut z = 0.0;
         let mut surfaces = Vec::new();
@@ -94,7 +94,7 @@ impl TracedLens {
 
     /// Refractive indices behind each surface at one wavelength.
     pub(super) fn indices(&self, wavelength_nm: f64) -> Vec<f64> {
-        // Every name was looked up when the lens was made.
+        // Names were checked by `new`.
         self.surfaces.iter().map(|s| glass::index(&s.glass, wavelength_nm).unwrap_or(1.0)).collect()
     }
 
@@ -103,7 +103,7 @@ impl TracedLens {
         self.surfaces.last().map_or(0.0, |s| s.vertex_z)
     }
 
-    /// Effective focal length by paraxial tracing (y–u trace of a ray parallel to the axis).
+    /// Effective focal length by a paraxial y–u trace of a ray parallel to the axis.
     pub(super) fn focal_length(&self, wavelength_nm: f64) -> f64 {
         let indices = self.indices(wavelength_nm);
         let (mut y, mut nu, mut n, mut z) = (1.0, 0.0, 1.0, self.surfaces[self.first].vertex_z);
@@ -115,11 +115,11 @@ impl TracedLens {
         -1.0 / nu
     }
 
-    /// Follows `ray`; `None` when it misses a surface or is totally reflected.
+    /// Traces `ray`; `None` if it misses a surface or is totally reflected.
     pub(super) fn trace(&self, mut ray: Ray, indices: &[f64]) -> Option<Traced> {
         let (mut n, mut passed) = (1.0, true);
         for (surface, &next) in self.surfaces.iter().zip(indices) {
-            // Intersection with the sphere, in the numerically safe form for weak curvatures.
+            // Intersection with the sphere, in a form that is stable for weak curvatures.
             let t0 = (surface.vertex_z - ray.at[2]) / ray.along[2];
             let p = [ray.at[0] + t0 * ray.along[0], ray.at[1] + t0 * ray.along[1], 0.0];
             let c = surface.curvature;

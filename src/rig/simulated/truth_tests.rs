@@ -1,6 +1,6 @@
-//! What a real rig does and an ideal one does not, measured from the frames.
+//! Imperfections of a real rig, measured from the frames.
 
-use super::tests::{QUIET, grey, small_with};
+use super::tests::{QUIET, grey, small_simulated_with, small_with};
 use super::*;
 use crate::frame::{Channel, Codes, Counts, Frame, Mosaic, Plane, Size, Work};
 use crate::rig::pixel_format::PixelFormat;
@@ -10,7 +10,15 @@ pub(super) fn quiet_with(changes: &[(&str, &str)]) -> (config::RigFile, Devices,
     small_with(&[&QUIET[..], changes].concat())
 }
 
-/// A line of `[sensor]`, which every rig file has, and more lines with it.
+/// small.toml without noise, with some lines and its simulation changed.
+pub(super) fn quiet_simulated_with(
+    changes: &[(&str, &str)],
+    change: impl FnOnce(&mut config::Simulation),
+) -> (config::RigFile, Devices, Witness) {
+    small_simulated_with(&[&QUIET[..], changes].concat(), change)
+}
+
+/// A line of `[sensor]` in every rig file, with more lines.
 fn sensor_with(lines: &str) -> String {
     format!("readout-ms = 30.0\n{lines}")
 }
@@ -124,11 +132,10 @@ pub(super) fn middle_of(counts: &Counts) -> f64 {
 }
 
 #[test]
-fn a_camera_s_gamma_and_knee_bend_counts_as_said_and_keep_white_white_in_photos() {
-    let curve =
-        "[sensor.curve]\ngamma = 0.8\nknee-share = 0.7\nknee-slope = 0.4\n\n[sensor.filters]";
+fn a_camera_s_gamma_and_knee_bend_counts_and_keep_white_in_photos() {
     let (config, mut straight, witness) = quiet_with(&[]);
-    let (_, mut bent, bent_witness) = quiet_with(&[("[sensor.filters]", curve)]);
+    let curve = config::SensorCurve { gamma: 0.8, knee_share: 0.7, knee_slope: 0.4 };
+    let (_, mut bent, bent_witness) = quiet_simulated_with(&[], |s| s.sensor.curve = curve);
     let range = 4095.0 - witness.black_level_counts();
     for code in [30, 90, 150, 200, 230, 255] {
         let light = middle_of(&straight.capture(&grey(&config, code)).expect("no faults").counts);
@@ -147,12 +154,13 @@ fn a_camera_s_gamma_and_knee_bend_counts_as_said_and_keep_white_white_in_photos(
 }
 
 #[test]
-fn the_fixed_pattern_is_as_large_as_said_and_the_same_in_photo_and_captures() {
-    let lines =
-        sensor_with("gain-deviation = 0.01\nhot-pixel-share = 0.001\nhot-pixel-levels = 60.0");
-    let pattern = ("readout-ms = 30.0", lines.as_str());
+fn the_fixed_pattern_is_the_same_in_photo_and_captures() {
     let linear = ("curve = \"srgb\"", "curve = \"linear\"");
-    let (config, mut rig, witness) = quiet_with(&[pattern, linear]);
+    let (config, mut rig, witness) = quiet_simulated_with(&[linear], |simulation| {
+        let sensor = &mut simulation.sensor;
+        (sensor.gain_deviation, sensor.hot_pixel_share) = (0.01, 0.001);
+        sensor.hot_pixel_levels = 60.0;
+    });
     let (_, mut even, even_witness) = quiet_with(&[linear]);
     let codes = grey(&config, 200);
     let [seen, plain] = [&mut rig, &mut even].map(|r| r.capture(&codes).expect("no faults").counts);
@@ -201,10 +209,11 @@ const PURE: (&str, &str) = (
 pub(super) const NO_GLARE: (&str, &str) = ("glare-share = 0.03", "glare-share = 0.0");
 
 #[test]
-fn an_uneven_panel_is_darker_and_bluer_lacking_towards_its_corners() {
-    let uneven = "[display.uneven]\ncorner-loss = 0.15\ncorner-tint = 0.02\n\n[display.primaries]";
+fn an_uneven_panel_loses_light_and_blue_towards_its_corners() {
+    let uneven =
+        config::Uneven { corner_loss: 0.15, corner_tint: 0.02, ..config::Uneven::default() };
     let (config, mut even, witness) = quiet_with(&[PURE, NO_GLARE]);
-    let (_, mut rig, _) = quiet_with(&[PURE, NO_GLARE, ("[display.primaries]", uneven)]);
+    let (_, mut rig, _) = quiet_simulated_with(&[PURE, NO_GLARE], |s| s.display.uneven = uneven);
     // A flat field, and a picture that is none.
     let mut pictures = [grey(&config, 255), grey(&config, 255)];
     pictures[1].planes_mut().iter_mut().for_each(|plane| plane.set(0, 0, 254));
@@ -224,11 +233,14 @@ fn an_uneven_panel_is_darker_and_bluer_lacking_towards_its_corners() {
 }
 
 #[test]
-fn light_and_black_of_a_panel_change_with_the_angle_it_is_seen_at() {
-    let lines = "[display.uneven]\nloss-at-10-deg = 0.2\nleakage-at-10-deg = 0.02\n\n\
-                 [display.primaries]";
+fn light_and_black_of_a_panel_depend_on_the_angle_of_view() {
+    let uneven = config::Uneven {
+        loss_at_10_deg: 0.2,
+        leakage_at_10_deg: 0.02,
+        ..config::Uneven::default()
+    };
     let (config, mut even, _) = quiet_with(&[PURE, NO_GLARE]);
-    let (_, mut rig, _) = quiet_with(&[PURE, NO_GLARE, ("[display.primaries]", lines)]);
+    let (_, mut rig, _) = quiet_simulated_with(&[PURE, NO_GLARE], |s| s.display.uneven = uneven);
     let mut shot = |code| {
         [&mut rig, &mut even].map(|r| r.capture(&grey(&config, code)).expect("no faults").counts)
     };
@@ -339,12 +351,13 @@ fn stripes_beat_with_the_sensor_s_pixels_as_far_as_the_lens_passes_them() {
 fn at_a_real_sensor_s_pitch_the_lens_passes_nothing_of_the_stripes() {
     for (name, most) in [("ideal.toml", 0.02), ("small.toml", 0.2)] {
         let config = config::load(std::path::Path::new(name)).expect("built in");
-        let optics =
-            Optics::new(&config, config.simulation().expect("simulated")).expect("a good lens");
+        let simulation = config.simulation().expect("simulated");
+        let optics = Optics::new(simulation, config.camera.size(), config.photo_on_sensor())
+            .expect("a good lens");
         let Size { width, height } = config.camera.size();
         let [right, bottom] = [width, height].map(|side| side as f64 - 1.0);
         for at in [[right / 2.0, bottom / 2.0], [right * 0.75, bottom * 0.75], [right, bottom]] {
-            let passed = optics.passed(Channel::Green, at, [1.0 / 0.86, 0.0]).norm();
+            let passed = optics.transfer(Channel::Green, at, [1.0 / 0.86, 0.0]).norm();
             println!("{name} {at:?}: {passed:.4} passed");
             assert!(passed < most, "{name} {at:?}: {passed}");
         }

@@ -1,26 +1,25 @@
-//! What has become of a bench since it was new: a panel that warms up, fades, loses pixels and
-//! gathers dust.
+//! Wear of a bench: a panel that warms up, fades, loses pixels and gathers dust.
 
 use rand::RngExt;
 
 use super::sensor::{Stream, random};
 use crate::frame::{Plane, Size};
 
-/// Changes that a calibration made before them knows nothing of; none at first.
+/// Changes since a calibration; none by default.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wear {
-    /// The panel's exponents are multiplied by this: another picture mode, or age.
+    /// Factor of the panel's exponents: another picture mode, or age.
     pub gamma_factor: f64,
-    /// Share of panel pixels that stay dark.
+    /// Share of dead panel pixels.
     pub dead_share: f64,
-    /// Grains of dust on the panel's glass, scattered over the whole of it.
+    /// Grains of dust on the panel.
     pub dust_grains: usize,
-    /// Share of its light that a cold panel lacks; it comes with time.
+    /// Share of the light missing on a cold panel.
     pub warm_up_share: f64,
-    /// Time constant of the warming up, from now on.
+    /// Time constant of the warm-up.
     pub warm_up_s: f64,
-    /// Amplitude of bands over the captures, as a share of the light: a backlight that flickers,
-    /// exposed for something else than whole periods.
+    /// Amplitude of bands as a share of the light: a flickering backlight exposed for fractions of
+    /// its period.
     pub band_share: f64,
 }
 
@@ -37,22 +36,22 @@ impl Default for Wear {
     }
 }
 
-/// Radius of a grain and its rim, sensor pixels: a speck of 0.3 mm seen out of focus. Guess.
+/// Radius of a grain in sensor pixels: a speck of 0.3 mm out of focus. Guess.
 const GRAIN_PX: f32 = 2.0;
-/// Share of the light that a grain takes in its middle. Guess.
+/// Share of the light blocked in a grain's middle. Guess.
 const GRAIN_SHARE: f32 = 0.6;
-/// Bands over the height of a picture: a rolling shutter of 30 ms at 100 Hz of flicker.
+/// Bands per frame height: a rolling shutter of 30 ms at 100 Hz of flicker.
 const BANDS: f64 = 3.0;
 
 impl Wear {
-    /// Panel pixels that are dead, as indices into its rows.
+    /// Indices of dead panel pixels.
     pub(super) fn dead_pixels(&self, panel: Size, seed: u64) -> Vec<usize> {
         let mut random = random(seed, Stream::Wear, 0, 0);
         let count = (self.dead_share * panel.area() as f64).round() as usize;
         (0..count).map(|_| random.random_range(0..panel.area())).collect()
     }
 
-    /// The share of light that passes the dust, over the sensor; `None` without dust.
+    /// Transmission of the dust over the sensor; `None` without dust.
     pub(super) fn dust(&self, sensor: Size, seed: u64) -> Option<Plane> {
         let mut random = random(seed, Stream::Wear, 1, 0);
         let grains: Vec<(f32, f32)> = (0..self.dust_grains)
@@ -71,8 +70,8 @@ impl Wear {
         })
     }
 
-    /// What the light of row `y` of `rows` is multiplied by in exposure `number`, `since_s` after
-    /// the wear began.
+    /// Factor of the light of row `y` of `rows` in exposure `number`, `since_s` after the start of
+    /// the wear.
     pub(super) fn row_share(
         &self,
         y: usize,
@@ -87,7 +86,7 @@ impl Wear {
         ((1.0 - cold) * (1.0 + self.band_share * band)) as f32
     }
 
-    /// Whether the light changes from one exposure to the next.
+    /// Whether the light varies between exposures.
     pub(super) fn is_unsteady(&self) -> bool {
         self.warm_up_share != 0.0 || self.band_share != 0.0
     }

@@ -2,7 +2,7 @@
 //! strengths.
 
 use crate::change::{Change, NOTHING, SWEPT, Swept, To, lens};
-use relens::rig::simulated::jpeg_coder::Quality;
+use crate::jpeg_coder::Quality;
 
 /// How a photo is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -17,6 +17,7 @@ use relens::pipeline::method;
 use crate::Failure;
 use crate::change::{NOTHING, Swept};
 use crate::harness::{Harness, calibrated};
+use crate::jpeg_coder::coded;
 use crate::likeness::{HARM, HARM_IN_COLOUR, Truth};
 use crate::made::Made;
 use crate::stability::sweep::concerned;
@@ -24,7 +25,6 @@ use crate::view::View;
 use cases::{Kept, NONE, ORDINARY, faults};
 use groups::{Group, GroupRig};
 use record::Record;
-use relens::rig::simulated::jpeg_coder::coded;
 
 /// Those that start from the lens; what replaces them is recorded beside each.
 const METHODS: [MethodName; 3] =

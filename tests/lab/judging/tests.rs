@@ -8,8 +8,8 @@ use super::groups::Group;
 use super::photos;
 use crate::change::NOTHING;
 use crate::harness::{Harness, calibrated, calibration};
+use crate::jpeg_coder::Quality;
 use crate::view::{Subject, View};
-use relens::rig::simulated::jpeg_coder::Quality;
 
 #[test]
 fn the_groups_share_no_scene_no_rig_and_no_lens() {

@@ -77,8 +77,7 @@ fn the_program_reports_missed_nights_while_waiting_for_its_rig() {
     let rig = root.join("rig.toml");
     let tables = "[nights]\nwindow = \"22:00-06:00\"\ntime-zone = \"Europe/Vienna\"\nclock = \
      \"battery\"\n\
-        pilot-every-photos = 50\nwarm-up-max-min = 60.0\nrecalibrate = true\nshift-max-px = 0.25\n\
-        gain-max-percent = 3.0\noffset-max-levels = 1.0\nnoise-max-ratio = 1.5\n";
+        pilot-every-photos = 50\nrecalibrate = true\n";
     std::fs::write(&rig, format!("{}\n{tables}", include_str!("../../../rig-config/small.toml")))
         .unwrap();
     // From an earlier run: photos have waited for three days.

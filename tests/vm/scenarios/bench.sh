@@ -1,14 +1,14 @@
-# What the scenarios share: the light, the button, lamps, and a sentence that must be there.
+# Functions of the scenarios: light, button, lamps, and required messages.
 LINES_BASE=$(for chip in /sys/class/gpio/gpiochip*; do [ "$(cat "$chip/label")" = relens-sim ] && cat "$chip/base"; done)
 RIG=/rigs/virtual.toml; export RELENS_RIG=$RIG
 
 PORT=/dev/$(for port in /sys/class/virtio-ports/*; do [ "$(cat "$port/name")" = light ] && basename "$port"; done)
 
-# While this file is there, triggers give no frames. The window itself is not killed for that: an answer of the physics
-# process on its way would stay on the line, and every later frame would be the one before.
+# While this file exists, triggers give no frames. The window is not killed instead, since a pending answer of the physics
+# process would shift every later frame by one.
 SHUTTER=/tmp/shutter-closed
 
-# While this file is there, the panel is not before the lens, but a scene is.
+# While this file exists, a scene is before the lens instead of the panel.
 AWAY=/tmp/panel-away
 
 open_window() {
@@ -23,7 +23,7 @@ open_window() {
 fail() { echo "FAIL: $*"; exit 1; }
 press_button() { echo pull-up > "$LINES_DIR/sim_gpio1/pull"; sleep "${1:-0.2}"; echo pull-down > "$LINES_DIR/sim_gpio1/pull"; }
 lamp() { cat "$LINES_DIR/sim_gpio$1/value"; } # 2 ready, 3 busy, 4 trouble
-# each waits for at most so many seconds: appears FILE SECONDS, lit LAMP SECONDS, logged WORDS SECONDS (in daemon.log)
+# Waits with a limit: appears FILE SECONDS, lit LAMP SECONDS, logged WORDS SECONDS (in daemon.log)
 within() { # SECONDS WHAT-FAILED COMMAND...
   patience=$(($1 * 5)); what=$2; shift 2
   for _ in $(seq $patience); do "$@" && return; sleep 0.2; done
@@ -32,7 +32,7 @@ within() { # SECONDS WHAT-FAILED COMMAND...
 appears() { within "$2" "$1 did not come" test -s "$1"; echo "$(date +%T) $1 is there"; }
 is_lit() { [ "$(lamp "$1")" = 1 ]; }
 lit() { within "$2" "lamp $1 stays dark" is_lit "$1"; }
-# The box with a calibration, measured here unless an earlier scenario has.
+# The box with a calibration, unless an earlier scenario made one.
 calibrated() {
   BOX=/tmp/box; mkdir -p $BOX/inbox
   [ -d $BOX/calibration ] || relens calibrate --rig $RIG --folder $BOX 2>&1 || fail "calibrate"
@@ -42,15 +42,15 @@ exposures() { grep -c ' exposure of ' /tmp/window.log; }
 more_than() { [ "$(exposures)" -gt "$1" ]; }
 exposed() { within "$2" "no $1 more exposures" more_than $(($(exposures) + $1)); } # COUNT SECONDS
 logged() { within "$2" "the daemon did not say \"$1\"" grep -q "$1" /tmp/daemon.log; grep "$1" /tmp/daemon.log | head -n 1; }
-# says WORDS COMMAND...: the command must fail and say the words.
+# says WORDS COMMAND...: the command must fail with the words in its message.
 says() {
   words=$1; shift
   "$@" > /tmp/said 2>&1 && { cat /tmp/said; fail "$* succeeded"; }
   grep -q "$words" /tmp/said || { cat /tmp/said; fail "$* did not say \"$words\""; }
   echo "told as it should be: $(grep "$words" /tmp/said | head -n1)"
 }
-# From the window's record: no exposure began before its picture had been up. The rig file's settle time is 40 ms from
-# the vblank; the record has the moment at which the driver got round to it, up to a refresh later.
+# Checks the window's record: no exposure began before its picture was shown. The settle time of the rig file is 40 ms
+# from the vblank; the record has the driver's time, up to a refresh later.
 settled() {
   awk '/ flip to / { flip = $1 } / exposure of / { n++; wait = $1 - flip; if (n == 1 || wait < least) least = wait }
     END { printf "%d exposures, the earliest %.1f ms after its flip\n", n, least * 1e3; exit least < 0.023 }' /tmp/window.log

@@ -1,21 +1,19 @@
-//! Everything in a camera that adapts or bends is switched off or pinned, the exposure set, and all
-//! of it read back.
+//! Camera controls: automatic adjustments and processing off, exposure set, everything read back.
 
 use super::kernel::{Control, Node};
 use crate::rig::RigError;
 
-/// What sets the exposure time.
+/// Control of the exposure time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Exposure {
-    /// The camera's control `exposure_time_absolute`, in steps of 100 µs
-    /// (V4L2_CID_EXPOSURE_ABSOLUTE).
+    /// Control `exposure_time_absolute`, in steps of 100 µs (V4L2_CID_EXPOSURE_ABSOLUTE).
     Control {
         /// Exposure time.
         exposure_ms: f64,
     },
-    /// The trigger pulse's width, or something outside V4L2; nothing is set here.
+    /// The width of the trigger pulse, or a setting outside V4L2.
     Elsewhere {
-        /// Exposure time, as it was set there.
+        /// Exposure time set there.
         exposure_ms: f64,
     },
 }
@@ -29,54 +27,51 @@ impl Exposure {
     }
 }
 
-/// The control that sets a camera's gain.
+/// Control of a camera's gain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GainControl {
-    /// Its name.
+    /// Name of the control.
     pub name: String,
-    /// What the rig file holds it at.
+    /// Value in the rig file.
     pub value: i32,
-    /// What a step adds, in decibels.
+    /// Gain per step, in decibels.
     pub step_db: f64,
 }
 
 impl GainControl {
-    /// The names that such a control may have: of the whole camera, or of a sensor
-    /// (V4L2_CID_GAIN, V4L2_CID_ANALOGUE_GAIN).
+    /// Names of such controls: V4L2_CID_GAIN and V4L2_CID_ANALOGUE_GAIN.
     pub const NAMES: [&'static str; 2] = ["gain", "analogue_gain"];
 
-    /// Its value for `times` the rig file's gain.
+    /// Value nearest to `times` the rig file's gain.
     fn value_for(&self, times: f64) -> i32 {
         self.value.saturating_add((20.0 * times.log10() / self.step_db).round() as i32)
     }
 
-    /// How many times the rig file's gain it is at for `times`, which need not be a whole step.
+    /// Multiple of the rig file's gain nearest to `times`.
     pub fn nearest(&self, times: f64) -> f64 {
         let steps = f64::from(self.value_for(times)) - f64::from(self.value);
         10f64.powf(steps * self.step_db / 20.0)
     }
 }
 
-/// What a control is held at.
+/// Value of a control.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Held {
-    /// This value, or the least above it.
+    /// This value, or the minimum if that is larger.
     At(i32),
-    /// Its least value.
+    /// Minimum.
     Least,
-    /// What the driver calls its default: no change of the picture, where there is such a value.
+    /// The driver's default, which leaves the picture unchanged where possible.
     Default,
-    /// A gamma of 1, which is 100 in the units of the USB video class (1.5, §4.2.2.3.9); its
-    /// default where 100 cannot be had.
+    /// Gamma 1, which is 100 in the USB video class (1.5, §4.2.2.3.9); else the default.
     Straight,
 }
 use Held::{At, Default, Least, Straight};
 
-/// What the controls of one row do to a picture, and the names they may have (as `v4l2-ctl` prints
-/// them, in today's spelling and the one before Linux 6.0; from `auto_shutter` on The Imaging
-/// Source's own, tiscamera's data/uvc-extensions/usb33.json), with what stops a camera from
-/// adapting. Automatics come before what they would set. Auto exposure 1 is "manual mode"
-/// (V4L2_EXPOSURE_MANUAL).
+/// Adjustments of a picture, with the controls that disable them by their `v4l2-ctl` names: in
+/// today's spelling and that before Linux 6.0; `auto_shutter` and `highlight_reduction` of The
+/// Imaging Source (tiscamera, data/uvc-extensions/usb33.json). Automatic modes come before their
+/// values. Auto exposure 1 is "manual mode" (V4L2_EXPOSURE_MANUAL).
 const STEADY: [(&str, &[(&str, Held)]); 8] = [
     (
         "exposure",
@@ -120,18 +115,18 @@ impl Held {
     }
 }
 
-/// What the camera `has` no control of.
+/// Adjustments without a control among `has`.
 fn uncontrolled(has: &[Control]) -> Vec<&'static str> {
     let is_there = |name: &str| has.iter().any(|control| control.name == name && control.settable);
     let lacks = |names: &[(&str, Held)]| !names.iter().any(|(name, _)| is_there(name));
     STEADY.iter().filter(|(_, names)| lacks(names)).map(|(what, _)| *what).collect()
 }
 
-/// Sets the steady values, the exposure and the file's own `wanted` controls, in this order, and
-/// reads each back; what the camera has no control of.
+/// Sets [`STEADY`] controls, the exposure and the `wanted` controls, in this order, and reads each
+/// back. Returns the adjustments without a control.
 ///
 /// # Errors
-/// [`RigError::Refused`] for a control the camera has not got, or that does not hold its value.
+/// [`RigError::Refused`] for a missing control, or one that does not hold its value.
 pub(super) fn settle_controls(
     node: &Node,
     exposure: &Exposure,
@@ -150,10 +145,10 @@ pub(super) fn settle_controls(
     Ok(uncontrolled(&has))
 }
 
-/// Exposes `times` as long as `exposure` says; false where it is set elsewhere.
+/// Sets `times` the `exposure`; returns false if that is set elsewhere.
 ///
 /// # Errors
-/// [`RigError::Refused`] when the camera has no such control or does not hold it.
+/// [`RigError::Refused`] if the control is missing or does not hold its value.
 pub(super) fn expose(
     node: &Node,
     has: &[Control],
@@ -165,14 +160,14 @@ pub(super) fn expose(
     let control =
         named(has, "exposure_time_absolute").or_else(|_| named(has, "exposure_absolute"))?;
     hold(node, control, steps)?;
-    give_time(node, times * exposure_ms);
+    fit_interval(node, times * exposure_ms);
     Ok(true)
 }
 
 /// Sets `gain` to `times` the rig file's.
 ///
 /// # Errors
-/// [`RigError::Refused`] when the camera has no such control or does not hold it.
+/// [`RigError::Refused`] if the control is missing or does not hold its value.
 pub(super) fn amplify(
     node: &Node,
     has: &[Control],
@@ -182,16 +177,16 @@ pub(super) fn amplify(
     hold(node, named(has, &gain.name)?, gain.value_for(times))
 }
 
-/// Asks for an interval between frames in which the exposure has room: drivers cut an exposure that
-/// has none. A triggered camera may have no interval, and is left alone.
-fn give_time(node: &Node, exposure_ms: f64) {
+/// Requests a frame interval that is long enough for the exposure, since drivers shorten exposures
+/// to fit. A triggered camera may have none.
+fn fit_interval(node: &Node, exposure_ms: f64) {
     let exposure_s = exposure_ms / 1000.0;
     match node.frame_interval_s() {
         Ok(Some(found)) if found < exposure_s => {
             let set = node.set_frame_interval_s(exposure_s).ok().flatten();
             if set.is_none_or(|set| set < exposure_s) {
                 log::warn!(
-                    "the camera takes a frame every {:.1} ms and does not change that; an \
+                    "the camera takes a frame every {:.1} ms and refuses another interval; an \
                      exposure of {exposure_ms} ms may be cut short",
                     1000.0 * set.unwrap_or(found)
                 );
@@ -240,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gamma_is_made_straight_where_it_is_in_hundredths() {
+    fn gamma_is_1_where_the_control_is_in_hundredths() {
         assert_eq!(Straight.value(&control("gamma", 72, 500, 220)), 100);
         assert_eq!(Straight.value(&control("gamma", 0, 3, 1)), 1);
         assert_eq!(Default.value(&control("hue", -40, 40, 0)), 0);
@@ -249,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_camera_cannot_be_told_is_named() {
+    fn adjustments_without_a_control_are_named() {
         let has = [control("auto_exposure", 0, 3, 3), control("gamma", 72, 500, 100)];
         let missing = uncontrolled(&has);
         assert!(missing.contains(&"hue") && missing.contains(&"white balance"), "{missing:?}");

@@ -1,4 +1,4 @@
-//! How a video node is found, and what is said when it is not there or somebody has it.
+//! Search for a video node, and its errors.
 
 use std::path::{Path, PathBuf};
 
@@ -6,18 +6,17 @@ use super::kernel::Node;
 use crate::config::MediaGraph;
 use crate::rig::RigError;
 
-/// Video nodes looked at when a camera is found by its card's name.
+/// Video nodes searched for a card name.
 const NODES_MAX: usize = 64;
 
-/// How a camera is found; never by its number, which changes with every plug.
+/// Stable name of a camera; node numbers change on replugging.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CameraName {
-    /// A link that udev keeps, such as `/dev/v4l/by-id/usb-…-video-index0`.
+    /// Link of udev, such as `/dev/v4l/by-id/usb-…-video-index0`.
     Link(PathBuf),
-    /// The card's name as the driver gives it (`v4l2-ctl --info`); must be the only one of that
-    /// name.
+    /// Unique card name of the driver (`v4l2-ctl --info`).
     Card(String),
-    /// What the media graph ends in, which is set up first.
+    /// Capture node of a media graph, which is set up first.
     Graph(MediaGraph),
 }
 
@@ -25,7 +24,7 @@ pub(super) fn gone(what: String) -> RigError {
     RigError::Gone { device: "camera", what }
 }
 
-/// EBUSY is the kernel's word for "another program streams from it".
+/// Error of a video node; EBUSY means that another program streams from it.
 pub(super) fn busy_or(source: std::io::Error, doing: &'static str) -> RigError {
     if rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::BUSY) {
         let what = "another program streams from it".to_owned();

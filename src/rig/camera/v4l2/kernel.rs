@@ -1,8 +1,7 @@
-//! The V4L2 calls the camera needs, each with its own structure; the one camera file with `unsafe`
-//! in it besides [`super::request`].
+//! V4L2 calls of a camera.
 //!
-//! Crate `v4l` opens nodes and brings structures and request numbers. Its own wrappers are passed
-//! by where they unwrap what a driver says (unknown control types, colour spaces) or lose a buffer
+//! Crate `v4l` opens nodes and provides structures and request numbers. Its wrappers are not used
+//! where they unwrap unknown values of a driver (control types, colour spaces) or lose a buffer
 //! after a timeout.
 #![allow(unsafe_code)] // mmap, and the descriptor of a device that `v4l` opened.
 
@@ -30,16 +29,16 @@ impl AsFd for Node {
     }
 }
 
-/// What a node says of itself.
+/// Identity of a node.
 #[derive(Debug, Clone)]
 pub(super) struct NodeIdentity {
     pub(super) card: String,
     pub(super) driver: String,
-    /// Takes pictures and hands them out through buffers.
+    /// Whether the node captures pictures and streams them through buffers.
     pub(super) streams_pictures: bool,
 }
 
-/// The format a driver settled on.
+/// Format chosen by a driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Settled {
     pub(super) width: u32,
@@ -49,34 +48,34 @@ pub(super) struct Settled {
     pub(super) full_range: bool,
 }
 
-/// One control as a driver describes it.
+/// A control as described by its driver.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Control {
     pub(super) id: u32,
-    /// Name as `v4l2-ctl` prints it: lower case, `_` between words.
+    /// Name as printed by `v4l2-ctl`: lower case with `_`.
     pub(super) name: String,
     pub(super) minimum: i32,
     pub(super) maximum: i32,
     pub(super) default: i32,
-    /// Neither disabled, nor read-only, nor a button.
+    /// Whether it is enabled, writable and has a value.
     pub(super) settable: bool,
 }
 
-/// A filled buffer, taken out of the queue. Neither copied nor made elsewhere: as long as there is
-/// one, the driver leaves the buffer's memory alone.
+/// A filled buffer out of the queue. It cannot be copied or constructed elsewhere; while it exists,
+/// the driver does not write to the buffer.
 #[derive(Debug, PartialEq)]
 pub(super) struct Filled {
     index: u32,
     pub(super) bytes_used: usize,
     pub(super) damaged: bool,
     pub(super) sequence: u32,
-    /// Seconds on the monotonic clock; `None` when the driver stamps by another clock.
+    /// Seconds on the monotonic clock; `None` if the driver uses another clock.
     pub(super) at_s: Option<f64>,
-    /// Whether the driver says that the stamp is of the exposure's start (else of the frame's end).
+    /// Whether the driver states that the stamp is of the exposure's start, not of the frame's end.
     pub(super) at_start: bool,
 }
 
-/// Text up to its closing zero.
+/// Text up to its terminating zero.
 pub(super) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes.split(|&b| b == 0).next().unwrap_or_default()).into_owned()
 }
@@ -102,7 +101,7 @@ impl Node {
         })
     }
 
-    /// Four-character codes the driver can deliver.
+    /// Four-character codes of the driver's formats.
     pub(super) fn formats(&self) -> Vec<[u8; 4]> {
         let mut all = Vec::new();
         loop {
@@ -114,7 +113,7 @@ impl Node {
         }
     }
 
-    /// Asks for a format; drivers adjust it without an error, so the answer is what counts.
+    /// Requests a format and returns the driver's choice, which may differ without an error.
     pub(super) fn settle(&self, width: u32, height: u32, fourcc: [u8; 4]) -> io::Result<Settled> {
         let mut format = PictureFormat::new(sys::v4l2_pix_format {
             width,
@@ -134,22 +133,21 @@ impl Node {
         })
     }
 
-    /// Seconds from frame to frame; `None` of a driver that has no such time.
+    /// Frame interval in seconds; `None` if the driver has none.
     pub(super) fn frame_interval_s(&self) -> io::Result<Option<f64>> {
         let mut timing = FrameTiming::of_interval(0, 1);
         call::<GetTiming>(self, &mut timing)?;
         Ok(timing.interval_s())
     }
 
-    /// Asks for so many seconds from frame to frame, rounded up to tenths of a millisecond; what
-    /// the driver makes of it.
+    /// Requests a frame interval, rounded up to 0.1 ms, and returns the driver's choice.
     pub(super) fn set_frame_interval_s(&self, seconds: f64) -> io::Result<Option<f64>> {
         let mut timing = FrameTiming::of_interval((seconds * 1e4).ceil() as u32, 10_000);
         call::<SetTiming>(self, &mut timing)?;
         Ok(timing.interval_s())
     }
 
-    /// Every simple control.
+    /// All simple controls.
     pub(super) fn controls(&self) -> Vec<Control> {
         let mut all = Vec::new();
         let mut query = sys::v4l2_queryctrl { id: sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..zeroed() };
@@ -185,14 +183,14 @@ impl Node {
         Ok(control.value)
     }
 
-    /// Asks for `count` buffers; the driver's count is returned.
+    /// Requests `count` buffers and returns the driver's count.
     pub(super) fn request_buffers(&self, count: u32) -> io::Result<u32> {
         let mut request = buffers_wanted(count);
         call::<RequestBuffers>(self, &mut request)?;
         Ok(request.count)
     }
 
-    /// Maps a buffer of those asked for, and queues it.
+    /// Maps and queues one of the requested buffers.
     pub(super) fn queue_new(&self, index: u32) -> io::Result<Buffer> {
         let mut buffer = MappedBuffer::new(index);
         call::<QueryBuffer>(self, &mut buffer)?;
@@ -207,12 +205,12 @@ impl Node {
         Ok(mapped)
     }
 
-    /// Hands a taken buffer back to the driver.
+    /// Returns a buffer to the driver.
     pub(super) fn queue_again(&self, filled: Filled) -> io::Result<()> {
         call::<QueueBuffer>(self, &mut MappedBuffer::new(filled.index))
     }
 
-    /// Takes a filled buffer; `WouldBlock` when none is.
+    /// Dequeues a filled buffer; `WouldBlock` if there is none.
     pub(super) fn take(&self) -> io::Result<Filled> {
         let mut buffer = MappedBuffer::new(0);
         call::<TakeBuffer>(self, &mut buffer)?;
@@ -235,14 +233,14 @@ impl Node {
     }
 }
 
-/// A driver's control name in the spelling of `v4l2-ctl`: "Exposure Time, Absolute" →
+/// Spells a driver's control name like `v4l2-ctl`: "Exposure Time, Absolute" →
 /// `exposure_time_absolute`.
 pub(super) fn control_name(title: &str) -> String {
     let words = title.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("_")
 }
 
-/// A driver's buffer in our memory.
+/// A mapped buffer of the driver.
 pub(super) struct Buffer {
     start: *mut c_void,
     length: usize,
@@ -252,7 +250,7 @@ pub(super) struct Buffer {
 unsafe impl Send for Buffer {}
 
 impl Buffer {
-    /// The bytes the driver wrote.
+    /// Bytes written by the driver.
     pub(super) fn bytes<'a>(&'a self, filled: &'a Filled) -> &'a [u8] {
         let used = filled.bytes_used.min(self.length);
         // SAFETY: the mapping is at least this long, readable, and lives as long as `self`; the
@@ -270,7 +268,7 @@ impl Drop for Buffer {
 }
 
 impl Filled {
-    /// Number of the buffer.
+    /// Index of the buffer.
     pub(super) fn index(&self) -> usize {
         self.index as usize
     }

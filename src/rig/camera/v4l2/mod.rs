@@ -1,5 +1,5 @@
-//! The camera on a real video node: found by a stable name, set to measure and not to please, read
-//! frame by frame.
+//! A camera on a V4L2 node: found by a stable name, with all automatic adjustments off, read frame
+//! by frame.
 
 mod controls;
 mod finding;
@@ -15,45 +15,45 @@ use finding::{busy_or, by_card, by_link, gone};
 use kernel::{Node, Settled};
 use ring::Ring;
 
-use crate::config::{self, ExposureBy, Stamps, TriggerDevice, V4l2Device};
+use crate::config::{CameraTable, ExposureBy, Hardware, Stamps, TriggerDevice};
 use crate::frame::{Counts, Plane, Size};
 use crate::picture::worker::Worker;
 use crate::rig::monotonic::Monotonic;
 use crate::rig::pixel_format::PixelFormat;
-use crate::rig::stamps::{StampedBy, begun};
+use crate::rig::stamps::{StampedBy, earliest_start};
 use crate::rig::{Camera, Clock, Exposed, Moment, RigError};
 
-/// Which camera, and how it is to be set.
+/// Name and settings of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraSettings {
-    /// Which camera.
+    /// Name of the camera.
     pub name: CameraName,
-    /// Pixels the format must have, exactly.
+    /// Exact size of a frame.
     pub size: Size,
     /// Layout of a frame.
     pub format: PixelFormat,
-    /// Buffers in the ring.
+    /// Buffers of the ring.
     pub buffers: usize,
-    /// What sets the exposure time.
+    /// Control of the exposure time.
     pub exposure: Exposure,
-    /// What sets the gain, where the rig file says.
+    /// Control of the gain, if the rig file names it.
     pub gain: Option<GainControl>,
-    /// What the stamps of its frames are of.
+    /// Event that time stamps refer to.
     pub stamps: Stamps,
-    /// Whether it takes frames by itself.
+    /// Whether the camera runs free.
     pub free_running: bool,
-    /// Controls by their `v4l2-ctl` names and the values they must hold.
+    /// Controls by their `v4l2-ctl` names, with their values.
     pub controls: Vec<(String, i32)>,
 }
 
 impl CameraSettings {
-    /// What the rig file asks for.
+    /// Settings of a rig file.
     ///
     /// # Errors
-    /// [`RigError::Refused`] for a pixel format relens does not take, or one whose depth is not
+    /// [`RigError::Refused`] for an unsupported pixel format, or one whose depth is not
     /// `camera.bits`.
-    pub fn of(rig: &config::RigFile, device: &V4l2Device) -> Result<Self, RigError> {
-        let bits = rig.camera.bits;
+    pub fn of(camera: &CameraTable, hardware: &Hardware) -> Result<Self, RigError> {
+        let (bits, device) = (camera.bits, &hardware.camera);
         let format = PixelFormat::from_code_and_bits(&device.format, bits).ok_or_else(|| {
             let fits = |code: &str| PixelFormat::from_code_and_bits(code, bits).is_some();
             let allowed = PixelFormat::ALL.iter().filter(|(code, _)| fits(code));
@@ -61,27 +61,21 @@ impl CameraSettings {
                 device: "camera",
                 found: format!(
                     "hardware.camera.format = {:?} with camera.bits = {}",
-                    device.format, rig.camera.bits
+                    device.format, bits
                 ),
                 allowed: allowed.map(|(code, _)| *code).collect::<Vec<_>>().join(", "),
             }
         })?;
-        // The rig file names exactly one of the three.
+        // A validated rig file names exactly one of the three.
         let name = match (&device.device, &device.card, &device.media) {
             (Some(link), ..) => CameraName::Link(link.clone()),
             (_, _, Some(graph)) => CameraName::Graph(graph.clone()),
             (None, card, None) => CameraName::Card(card.clone().unwrap_or_default()),
         };
-        let exposure_ms = rig.camera.exposure_ms;
-        let free_running = match &rig.kind {
-            config::Kind::Hardware(hardware) => {
-                matches!(hardware.trigger, TriggerDevice::FreeRunning(_))
-            }
-            config::Kind::Simulated(_) => false,
-        };
+        let exposure_ms = camera.exposure_ms;
         Ok(CameraSettings {
             name,
-            size: rig.camera.size(),
+            size: camera.size(),
             format,
             buffers: device.buffers,
             exposure: match device.exposure_by {
@@ -94,7 +88,7 @@ impl CameraSettings {
                 Some(GainControl { name, value, step_db })
             }),
             stamps: device.stamps,
-            free_running,
+            free_running: matches!(hardware.trigger, TriggerDevice::FreeRunning(_)),
             controls: device.controls.iter().map(|(name, v)| (name.clone(), *v)).collect(),
         })
     }
@@ -103,37 +97,37 @@ impl CameraSettings {
 /// A streaming camera.
 pub struct V4l2Camera {
     settings: CameraSettings,
-    /// `None` between a loss and the next successful [`Camera::reopen`].
+    /// `None` from a loss until a successful [`Camera::reopen`].
     ring: Option<Ring>,
     opened: Opened,
-    /// How long exposures are against the settings'.
+    /// Exposure as a multiple of the settings'.
     exposure_times: f64,
-    /// A spare frame and the Bayer sites: room that captures reuse.
+    /// Memory for frames and Bayer sites, reused by captures.
     spare: heapless::Vec<Counts, 4>,
     sites: Plane<u16>,
-    /// What decodes coded frames.
+    /// Decoder of JPEG frames in another process.
     decoder: Worker,
-    /// Frames that came damaged or were jumped over in the sequence so far.
+    /// Damaged and missing frames so far.
     lost: u64,
     last_sequence: Option<u32>,
 }
 
-/// What is known of a camera that was opened.
+/// Properties of an open camera.
 struct Opened {
     stride_bytes: usize,
     driver: String,
-    /// Where the sensor's controls are, where that is not the node pictures come from.
+    /// Node of the sensor's controls, if that is not the capture node.
     sensor: Option<Node>,
-    /// From frame to frame where it runs free.
+    /// Frame interval of a free-running camera.
     interval_s: Option<f64>,
 }
 
 impl V4l2Camera {
-    /// Finds, sets and starts the camera.
+    /// Finds, configures and starts the camera.
     ///
     /// # Errors
-    /// [`RigError::Gone`] when there is no such camera, [`RigError::Held`] while another program
-    /// uses it, [`RigError::Refused`] when format or a control cannot be what the rig file says.
+    /// [`RigError::Gone`] if there is no such camera, [`RigError::Held`] while another program uses
+    /// it, [`RigError::Refused`] if it refuses the format or a control.
     pub fn open(settings: CameraSettings) -> Result<Self, RigError> {
         let (ring, opened) = start(&settings)?;
         let sites = Plane::zeros(settings.size);
@@ -150,7 +144,7 @@ impl V4l2Camera {
         })
     }
 
-    /// Frames damaged or missing in the camera's sequence since it was first opened.
+    /// Damaged and missing frames since the camera was first opened.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -180,24 +174,15 @@ impl Camera for V4l2Camera {
             let jumped = self
                 .last_sequence
                 .map_or(0, |last| filled.sequence.wrapping_sub(last).wrapping_sub(1));
-            // A counter that goes backwards was started anew and says nothing.
+            // A counter that goes backwards was restarted.
             self.lost += u64::from(if jumped < u32::MAX / 2 { jumped } else { 0 });
             self.last_sequence = Some(filled.sequence);
             let mut counts = self.spare.pop().unwrap_or_else(|| Counts::zeros(self.settings.size));
             let bytes = ring.bytes(&filled);
-            let whole = !filled.damaged
+            let is_complete = !filled.damaged
                 && match self.settings.format {
-                    // What a cable did to a coded frame may harm its decoder, and no more.
-                    PixelFormat::Jpeg => match self.decoder.frame(bytes, self.settings.size) {
-                        Ok(decoded) => {
-                            counts = decoded;
-                            true
-                        }
-                        Err(bad) => {
-                            log::warn!("passed over: {bad}");
-                            false
-                        }
-                    },
+                    // A frame damaged on the cable may crash its decoder only.
+                    PixelFormat::Jpeg => decode(&mut self.decoder, bytes, &mut counts),
                     format => {
                         let stride_bytes = self.opened.stride_bytes;
                         format.unpack(bytes, stride_bytes, &mut counts, &mut self.sites).is_ok()
@@ -206,17 +191,17 @@ impl Camera for V4l2Camera {
             let stamp = filled.at_s.unwrap_or_else(|| Monotonic.now().0);
             let by = StampedBy {
                 driver: &self.opened.driver,
-                says_start: filled.at_start,
+                states_start: filled.at_start,
                 exposure_s: self.settings.exposure.exposure_ms() * self.exposure_times / 1e3,
                 interval_s: self.opened.interval_s,
             };
-            let at = begun(self.settings.stamps, &by, stamp);
+            let at = earliest_start(self.settings.stamps, &by, stamp);
             let sequence = filled.sequence;
             if let Err(cause) = ring.give_back(filled) {
                 self.ring = None;
                 return Err(gone(cause.to_string()));
             }
-            if whole {
+            if is_complete {
                 return Ok(Exposed { counts, sequence, at });
             }
             self.lost += 1;
@@ -226,7 +211,7 @@ impl Camera for V4l2Camera {
 
     fn give_back(&mut self, counts: Counts) {
         if counts.size() == self.settings.size {
-            // A spare too many is simply freed.
+            // Surplus memory is freed.
             let _ = self.spare.push(counts);
         }
     }
@@ -236,12 +221,12 @@ impl Camera for V4l2Camera {
             return Err(gone("it was lost and is not open".to_owned()));
         };
         let node = self.opened.sensor.as_ref().unwrap_or(ring.node());
-        let can = expose(node, &node.controls(), &self.settings.exposure, times)?;
-        if can {
+        let is_set = expose(node, &node.controls(), &self.settings.exposure, times)?;
+        if is_set {
             self.exposure_times = times;
             self.opened.interval_s = interval(ring.node(), &self.settings, times);
         }
-        Ok(can)
+        Ok(is_set)
     }
 
     fn amplify_times(&mut self, times: f64) -> Result<Option<f64>, RigError> {
@@ -263,12 +248,26 @@ impl Camera for V4l2Camera {
     }
 }
 
-/// From frame to frame of a camera that runs free and exposes `times` as long as the settings say;
-/// where its driver does not tell, it is taken to be no longer than the exposure.
+/// Decodes a JPEG into `counts`; returns false, with a warning, if it is damaged.
+fn decode(decoder: &mut Worker, bytes: &[u8], counts: &mut Counts) -> bool {
+    match decoder.frame(bytes, counts.size()) {
+        Ok(decoded) => {
+            *counts = decoded;
+            true
+        }
+        Err(bad) => {
+            log::warn!("skipped a frame: {bad}");
+            false
+        }
+    }
+}
+
+/// Frame interval of a free-running camera at `times` the exposure; the exposure if its driver does
+/// not state one.
 fn interval(node: &Node, settings: &CameraSettings, times: f64) -> Option<f64> {
     let exposure_s = settings.exposure.exposure_ms() * times / 1e3;
-    let told = || node.frame_interval_s().ok().flatten().unwrap_or(0.0);
-    settings.free_running.then(|| told().max(exposure_s))
+    let stated_s = || node.frame_interval_s().ok().flatten().unwrap_or(0.0);
+    settings.free_running.then(|| stated_s().max(exposure_s))
 }
 
 fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
@@ -283,10 +282,10 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
     let settled = settle_format(&node, settings)?;
     let controlled = sensor.as_ref().unwrap_or(&node);
     let missing = settle_controls(controlled, &settings.exposure, &settings.controls)?;
-    // A board's sensor sends its counts as they are.
+    // A board's sensor delivers unprocessed counts.
     if sensor.is_none() && !missing.is_empty() {
         log::warn!(
-            "the camera has no control of {}; whatever it does there of itself stays",
+            "the camera has no control of {}; its own adjustments remain active",
             missing.join(", ")
         );
     }
@@ -299,15 +298,15 @@ fn start(settings: &CameraSettings) -> Result<(Ring, Opened), RigError> {
     let ring = Ring::start(node, settings.buffers).map_err(|source| {
         let is_pipe = rustix::io::Errno::from_io_error(&source) == Some(rustix::io::Errno::PIPE);
         match &settings.name {
-            // EPIPE is the kernel's word for pads of a link that differ, or no link at all.
+            // EPIPE: the pads of a link differ, or there is no link.
             CameraName::Graph(graph) if is_pipe => RigError::Refused {
                 device: "camera",
                 found: format!(
-                    "media graph: no way from the sensor to {:?} on which all pads agree",
+                    "media graph: no path from the sensor to {:?} with matching pads",
                     graph.capture
                 ),
                 allowed: format!(
-                    "links that are on all the way, and at every pad the format of {} of {}",
+                    "enabled links along the path, and the format of {} of {} at every pad",
                     settings.format.code(),
                     settings.size
                 ),

@@ -1,5 +1,5 @@
-//! The requests a V4L2 node takes, each bound to the one structure it reads and writes, so that a
-//! call is sound whoever makes it.
+//! Requests of a V4L2 node, each bound to the structure that it reads and writes, which makes calls
+//! sound.
 #![allow(unsafe_code)] // ioctl and the kernel's unions.
 
 use std::io;
@@ -12,17 +12,17 @@ use v4l::v4l2::{ioctl, vidioc};
 const CAPTURE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE;
 const MMAP: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;
 
-/// A structure that may be made of zeros.
+/// A structure for which all zeros are valid.
 ///
 /// # Safety
 /// All bits zero must be a value of the type.
 pub(super) unsafe trait Zeroable: Sized {}
 
-/// One request.
+/// A request.
 ///
 /// # Safety
-/// The kernel must read and write one `Argument` for `NUMBER` and nothing that its values point to,
-/// whatever the values are.
+/// For `NUMBER` the kernel must read and write one `Argument`, and no memory that its values point
+/// to.
 pub(super) unsafe trait Request {
     const NUMBER: vidioc::_IOC_TYPE;
     type Argument;
@@ -71,9 +71,9 @@ requests! {
     StreamOff = VIDIOC_STREAMOFF(u32);
 }
 
-/// Runs one request, again when a signal came between.
+/// Runs a request, and repeats it if a signal interrupts it.
 pub(super) fn call<R: Request>(node: &impl AsFd, argument: &mut R::Argument) -> io::Result<()> {
-    // A request's number tells the size of its structure (asm-generic/ioctl.h).
+    // A request's number contains the size of its structure (asm-generic/ioctl.h).
     const { assert!((R::NUMBER as usize >> 16) & 0x3fff == size_of::<R::Argument>()) };
     loop {
         let argument = std::ptr::from_mut(argument).cast();
@@ -87,21 +87,21 @@ pub(super) fn call<R: Request>(node: &impl AsFd, argument: &mut R::Argument) -> 
 }
 
 pub(super) fn zeroed<T: Zeroable>() -> T {
-    // SAFETY: what the trait promises.
+    // SAFETY: guaranteed by the trait.
     unsafe { std::mem::zeroed() }
 }
 
-/// A description of the driver's picture format number `index`.
+/// Query for the driver's picture format `index`.
 pub(super) fn format_description(index: u32) -> sys::v4l2_fmtdesc {
     sys::v4l2_fmtdesc { index, type_: CAPTURE, ..zeroed() }
 }
 
-/// A wish for `count` buffers that the driver owns and this program maps.
+/// Request for `count` buffers that the driver owns and this program maps.
 pub(super) fn buffers_wanted(count: u32) -> sys::v4l2_requestbuffers {
     sys::v4l2_requestbuffers { count, type_: CAPTURE, memory: MMAP, ..zeroed() }
 }
 
-/// Starts or stops the stream of pictures.
+/// Starts or stops streaming.
 pub(super) fn stream(node: &impl AsFd, on: bool) -> io::Result<()> {
     let kind = &mut { CAPTURE };
     if on { call::<StreamOn>(node, kind) } else { call::<StreamOff>(node, kind) }
@@ -124,19 +124,19 @@ impl PictureFormat {
     }
 }
 
-/// How a stream of captured pictures goes in time.
+/// Timing of a stream of captured pictures.
 #[repr(transparent)]
 pub(super) struct FrameTiming(sys::v4l2_streamparm);
 
 impl FrameTiming {
-    /// A wish for `numerator`/`denominator` seconds from frame to frame.
+    /// Request for a frame interval of `numerator`/`denominator` seconds.
     pub(super) fn of_interval(numerator: u32, denominator: u32) -> Self {
         let mut timing = sys::v4l2_streamparm { type_: CAPTURE, ..zeroed() };
         timing.parm.capture.timeperframe = sys::v4l2_fract { numerator, denominator };
         FrameTiming(timing)
     }
 
-    /// Seconds from frame to frame; `None` where the driver has no such time.
+    /// Frame interval in seconds; `None` if the driver has none.
     pub(super) fn interval_s(&self) -> Option<f64> {
         // SAFETY: any bits are a value of this member.
         let capture = unsafe { self.0.parm.capture };
@@ -155,7 +155,7 @@ impl MappedBuffer {
         MappedBuffer(sys::v4l2_buffer { index, type_: CAPTURE, memory: MMAP, ..zeroed() })
     }
 
-    /// Where it is mapped, once the driver has been asked.
+    /// Offset of its mapping, after a query.
     pub(super) fn offset(&self) -> u32 {
         // SAFETY: any bits are a value of this member.
         unsafe { self.0.m.offset }
@@ -174,7 +174,7 @@ impl Deref for MappedBuffer {
 mod tests {
     use super::*;
 
-    /// What a file that is no video node says to the request; nothing of `argument` may change.
+    /// Whether a file that is no video node refuses the request.
     fn refused<R: Request>(mut argument: R::Argument) -> bool {
         let null = std::fs::File::open("/dev/null").unwrap();
         let error = call::<R>(&null, &mut argument).unwrap_err();
@@ -182,8 +182,8 @@ mod tests {
     }
 
     #[test]
-    fn every_request_goes_to_the_kernel_with_its_own_structure() {
-        // That each structure has the size its request names is asserted when this is compiled.
+    fn every_request_reaches_the_kernel() {
+        // The size of each structure is asserted at compile time.
         assert!(refused::<QueryCapability>(zeroed()));
         assert!(refused::<EnumerateFormats>(format_description(0)));
         assert!(refused::<SetFormat>(PictureFormat::new(zeroed())));

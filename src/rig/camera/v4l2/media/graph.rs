@@ -1,27 +1,27 @@
-//! A media graph by the names of its entities, and what is said when one is not there.
+//! A media graph with lookup by name.
 
 use super::super::kernel::text;
 use super::kernel::{ENABLED, IMMUTABLE, Objects};
 use crate::config::entity_and_pad;
 use crate::rig::RigError;
 
-/// A part of the way from sensor to memory.
+/// A node of the graph between sensor and memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Entity {
     pub(super) id: u32,
     pub(super) name: String,
-    /// Major and minor number of its device node, if it has one.
+    /// Major and minor number of its device node, if any.
     pub(super) node: Option<(u32, u32)>,
 }
 
-/// A pad by the entity's and its own number.
+/// A pad by entity and index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PadPlace {
     pub(super) entity: u32,
     pub(super) pad: u32,
 }
 
-/// A way from pad to pad.
+/// A link between pads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Way {
     pub(super) from: PadPlace,
@@ -46,7 +46,7 @@ pub(super) struct Graph {
     pub(super) ways: Vec<Way>,
 }
 
-/// A refusal of what the rig file says of the media graph.
+/// Error about the rig file's media graph.
 pub(super) fn refused(found: String, allowed: String) -> RigError {
     RigError::Refused { device: "camera", found: format!("media graph: {found}"), allowed }
 }
@@ -81,10 +81,10 @@ impl Graph {
         }
     }
 
-    /// The entity called `name`, or called so up to its bus address.
+    /// The entity `name`, with or without its bus address.
     ///
     /// # Errors
-    /// With the entities there are, when none is called so or several are.
+    /// With the existing entities, if none or several match.
     pub(super) fn entity(&self, name: &str) -> Result<&Entity, RigError> {
         if let Some(entity) = self.entities.iter().find(|entity| entity.name == name) {
             return Ok(entity);
@@ -109,7 +109,7 @@ impl Graph {
         }
     }
 
-    /// The pad that a rig file writes as `text`.
+    /// Parses a pad of a rig file.
     ///
     /// # Errors
     /// When there is no such entity.
@@ -119,10 +119,10 @@ impl Graph {
         Ok((self.entity(name)?, pad))
     }
 
-    /// The way between two pads, as a rig file writes them.
+    /// The link between two pads of a rig file.
     ///
     /// # Errors
-    /// With the ways from there, or to there, when there is none between them.
+    /// With the links of both entities, if there is none between them.
     pub(super) fn way(&self, from: &str, to: &str) -> Result<Way, RigError> {
         let place = |(entity, pad): (&Entity, u32)| PadPlace { entity: entity.id, pad };
         let (source, sink) = (place(self.pad(from)?), place(self.pad(to)?));
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_is_found_or_those_that_are_there_are_told() {
+    fn a_link_is_found_or_the_existing_ones_are_listed() {
         let graph = board();
         assert!(!graph.way("csi2:4", "rp1-cfe-csi2_ch0:0").unwrap().is_on());
         let fixed = graph.way("imx296:0", "csi2:0").unwrap();

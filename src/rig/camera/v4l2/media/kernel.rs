@@ -1,5 +1,5 @@
-//! The calls of a media device and of its subdevices, with the structures of <linux/media.h> and
-//! <linux/v4l2-subdev.h>; the one file of the media graph with `unsafe` in it.
+//! Calls of a media device and its subdevices, with the structures of <linux/media.h> and
+//! <linux/v4l2-subdev.h>.
 #![allow(unsafe_code)] // ioctl, and structures that are all zeros at first.
 
 use std::io;
@@ -12,16 +12,16 @@ use v4l::v4l2::{ioctl, vidioc};
 use super::super::kernel::text;
 use super::super::request::{Request, Zeroable, call, zeroed};
 
-/// Most entities, pads, links or interfaces that are read: far above what boards have (guess).
+/// Limit of entities, pads, links or interfaces: far more than on any board. Guess.
 const OBJECTS_MAX: u32 = 4096;
-/// A graph may change while it is read; so often it is read anew.
+/// Attempts to read a graph that changes meanwhile.
 const READINGS_MAX: usize = 8;
 const ACTIVE: u32 = 1;
 const LINK_KIND: u32 = 0xf << 28;
 const INTERFACE_LINK: u32 = 1 << 28;
-/// A link that is on.
+/// Flag of an enabled link.
 pub(super) const ENABLED: u32 = 1;
-/// A link that stays as it is.
+/// Flag of an immutable link.
 pub(super) const IMMUTABLE: u32 = 2;
 
 macro_rules! structures {
@@ -44,7 +44,7 @@ structures! {
     }
     /// `media_v2_entity`.
     GraphEntity { id: u32, name: [u8; 64], function: u32, flags: u32, reserved: [u32; 5], }
-    /// `media_v2_interface`, which is a device node here.
+    /// `media_v2_interface` of a device node.
     GraphInterface {
         id: u32, kind: u32, flags: u32, reserved: [u32; 9], major: u32, minor: u32, rest: [u32; 14],
     }
@@ -107,7 +107,7 @@ impl AsFd for MediaDevice {
     }
 }
 
-/// What a media device says of its graph.
+/// Objects of a media device's graph.
 #[derive(Default)]
 pub(super) struct Objects {
     pub(super) entities: Vec<GraphEntity>,
@@ -117,12 +117,12 @@ pub(super) struct Objects {
 }
 
 impl GraphLink {
-    /// Whether it says which node an entity has, and is no way of pictures.
+    /// Whether it connects an interface with an entity.
     pub(super) fn is_of_an_interface(&self) -> bool {
         self.flags & LINK_KIND == INTERFACE_LINK
     }
 
-    /// Whether pictures may go along it.
+    /// Whether it connects pads.
     pub(super) fn is_of_pads(&self) -> bool {
         self.flags & LINK_KIND == 0
     }
@@ -134,7 +134,7 @@ impl MediaDevice {
         Ok(MediaDevice(rustix::fs::open(path, flags, Mode::empty())?))
     }
 
-    /// Name of its driver.
+    /// Name of the driver.
     pub(super) fn driver(&self) -> io::Result<String> {
         let mut info = zeroed::<DeviceInfo>();
         call::<ReadInfo>(self, &mut info)?;
@@ -158,17 +158,17 @@ impl MediaDevice {
                     objects.links.truncate(request.links.count as usize);
                     return Ok(objects);
                 }
-                // It has grown in the meantime.
+                // The graph has grown meanwhile.
                 Err(cause)
                     if rustix::io::Errno::from_io_error(&cause)
                         == Some(rustix::io::Errno::NOSPC) => {}
                 Err(cause) => return Err(cause),
             }
         }
-        Err(io::Error::other("its graph does not stop changing"))
+        Err(io::Error::other("its graph keeps changing"))
     }
 
-    /// Each list of `request` has either no place, or one with room for its count.
+    /// Fills the lists of `request`; each has either no address, or room for its count.
     fn read_graph(&self, request: &mut GraphRequest) -> io::Result<()> {
         let argument = std::ptr::from_mut(request).cast();
         // SAFETY: the pointer is to a live `GraphRequest`. The kernel writes no more objects to a
@@ -176,14 +176,14 @@ impl MediaDevice {
         unsafe { ioctl(self.0.as_raw_fd(), READ_GRAPH, argument) }
     }
 
-    /// Puts a link on or off.
+    /// Enables or disables a link.
     pub(super) fn set_link(&self, from: LinkEnd, to: LinkEnd, flags: u32) -> io::Result<()> {
         let mut setting = LinkSetting { source: from, sink: to, flags, ..zeroed() };
         call::<SetLink>(self, &mut setting)
     }
 }
 
-/// Room for the objects that `list` counts, and its address in `list`.
+/// Allocates the objects counted by `list`, and sets its address.
 fn room<T: Zeroable + Copy>(list: &mut ObjectList) -> io::Result<Vec<T>> {
     if list.count > OBJECTS_MAX {
         return Err(io::Error::other(format!("{} objects of one kind", list.count)));
@@ -198,21 +198,21 @@ pub(super) fn link_end(entity: u32, pad: u32) -> LinkEnd {
     LinkEnd { entity, pad: pad as u16, ..zeroed() }
 }
 
-/// What goes through a pad of the subdevice behind `node`.
+/// Format of a pad of the subdevice `node`.
 pub(super) fn pad_format(node: &impl AsFd, pad: u32) -> io::Result<PadSetting> {
     let mut setting = PadSetting { which: ACTIVE, pad, ..zeroed() };
     call::<GetPad>(node, &mut setting)?;
     Ok(setting)
 }
 
-/// Asks for a format; drivers adjust it without an error, so the answer is what counts.
+/// Requests a format and returns the driver's choice, which may differ without an error.
 pub(super) fn set_pad_format(node: &impl AsFd, wanted: PadSetting) -> io::Result<PadSetting> {
     let mut setting = PadSetting { which: ACTIVE, ..wanted };
     call::<SetPad>(node, &mut setting)?;
     Ok(setting)
 }
 
-/// A wish for a size and a bus format at `pad`; progressive (`V4L2_FIELD_NONE`).
+/// Request for a size and bus format of `pad`, progressive (`V4L2_FIELD_NONE`).
 pub(super) fn wish(pad: u32, size: (u32, u32), code: u32) -> PadSetting {
     PadSetting { pad, width: size.0, height: size.1, code, field: 1, ..zeroed() }
 }
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_media_device_is_told() {
+    fn a_file_that_is_no_media_device_is_an_error() {
         let null = MediaDevice::open(Path::new("/dev/null")).unwrap();
         for error in [
             null.driver().unwrap_err(),

@@ -1,8 +1,5 @@
-//! The media graph of a board's camera: found by its driver, links and formats set as the rig file
-//! says and read back, whenever the camera is opened.
-//!
-//! Another program may have set it otherwise since it was last open (`rpicam-apps` do): so nothing
-//! is taken as it stands.
+//! Set-up of the media graph of a board's camera: links and formats of the rig file are set and
+//! read back whenever the camera is opened, since other programs (`rpicam-apps`) change them.
 
 mod graph;
 mod kernel;
@@ -12,7 +9,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{makedev, stat};
 
 use self::graph::{Entity, Graph, refused};
-use self::kernel::{ENABLED, MediaDevice, link_end, pad_format, set_pad_format, wish};
+use self::kernel::{ENABLED, MediaDevice, PadSetting, link_end, pad_format, set_pad_format, wish};
 use super::finding::{busy_or, gone};
 use super::kernel::Node;
 
@@ -20,15 +17,16 @@ use crate::config::{MediaGraph, PadFormat, bus_format, bus_format_name};
 use crate::frame::Size;
 use crate::rig::RigError;
 
-/// Media devices and nodes that are looked through.
+/// Media devices searched.
 const MEDIA_MAX: usize = 32;
+/// Device nodes searched per kind.
 const NODES_MAX: usize = 256;
 
-/// A graph that was set up.
+/// Nodes of a configured graph.
 pub(super) struct SetUp {
-    /// Where pictures come out.
+    /// Capture node.
     pub(super) capture: Node,
-    /// Where the sensor's controls are, where that is another place.
+    /// Node of the sensor's controls, if that is another one.
     pub(super) sensor: Option<Node>,
 }
 
@@ -36,8 +34,8 @@ pub(super) struct SetUp {
 ///
 /// # Errors
 /// [`RigError::Gone`] without such a media device, [`RigError::Held`] while another program streams
-/// through it, [`RigError::Refused`] when an entity or a link is not there, a link cannot be put as
-/// wanted, or a pad does not take its format.
+/// through it, [`RigError::Refused`] if an entity or link is missing, or a link or pad refuses its
+/// setting.
 pub(super) fn set_up(wanted: &MediaGraph, size: Size) -> Result<SetUp, RigError> {
     let (device, graph) = find(wanted)?;
     for link in &wanted.link {
@@ -45,19 +43,19 @@ pub(super) fn set_up(wanted: &MediaGraph, size: Size) -> Result<SetUp, RigError>
         if way.is_on() == link.on {
             continue;
         }
-        let said = |cause: &str| {
-            let off = if link.on { "on" } else { "off" };
-            refused(format!("link from {} to {} put {off}", link.from, link.to), cause.to_owned())
+        let refusal = |cause: &str| {
+            let state = if link.on { "enabled" } else { "disabled" };
+            refused(format!("link from {} to {} {state}", link.from, link.to), cause.to_owned())
         };
         if way.is_fixed() {
-            return Err(said("to stay as it is: the kernel calls it immutable"));
+            return Err(refusal("no change, since the link is immutable"));
         }
         let [from, to] = [way.from, way.to].map(|end| link_end(end.entity, end.pad));
         let flags = (way.flags & !ENABLED) | if link.on { ENABLED } else { 0 };
         device.set_link(from, to, flags).map_err(
             |source| match rustix::io::Errno::from_io_error(&source) {
-                Some(rustix::io::Errno::BUSY) => busy_or(source, "put a link of its media graph"),
-                _ => said(&format!("other links (the driver says: {source})")),
+                Some(rustix::io::Errno::BUSY) => busy_or(source, "set a link of its media graph"),
+                _ => refusal(&format!("other links (the driver reports: {source})")),
             },
         )?;
     }
@@ -68,8 +66,8 @@ pub(super) fn set_up(wanted: &MediaGraph, size: Size) -> Result<SetUp, RigError>
     for format in &wanted.format {
         let (entity, pad) = graph.pad(&format.pad)?;
         let found = pad_format(&open(entity)?, pad)
-            .map_err(|source| busy_or(source, "tell a format of its media graph"))?;
-        compare(format, size, (found.width, found.height, found.code))?;
+            .map_err(|source| busy_or(source, "read a format of its media graph"))?;
+        compare(format, size, &found)?;
     }
     let sensor = wanted.sensor.as_deref().map(|name| open(graph.entity(name)?)).transpose()?;
     let capture = graph.entity(&wanted.capture)?;
@@ -83,7 +81,7 @@ pub(super) fn set_up(wanted: &MediaGraph, size: Size) -> Result<SetUp, RigError>
     }
 }
 
-/// The one media device of the driver whose graph has all entities that are named.
+/// Finds the media device of the driver whose graph has all named entities.
 fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
     let (mut others, mut refusal, mut found) = (Vec::new(), None, None);
     for number in 0..MEDIA_MAX {
@@ -108,7 +106,7 @@ fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
             Ok(()) if found.is_some() => {
                 return Err(refused(
                     format!("two media devices of {driver:?} with these entities"),
-                    "one: name the sensor with its bus address".to_owned(),
+                    "one; name the sensor with its bus address".to_owned(),
                 ));
             }
             Ok(()) => found = Some((device, graph)),
@@ -120,7 +118,7 @@ fn find(wanted: &MediaGraph) -> Result<(MediaDevice, Graph), RigError> {
     found.ok_or_else(|| refusal.unwrap_or_else(none))
 }
 
-/// The device node of an entity.
+/// Opens the device node of an entity.
 fn open(entity: &Entity) -> Result<Node, RigError> {
     let path = entity.node.and_then(|(major, minor)| {
         let names = ["/dev/video", "/dev/v4l-subdev"];
@@ -152,15 +150,12 @@ fn settle_pad(graph: &Graph, format: &PadFormat, size: Size) -> Result<(), RigEr
             _ => busy_or(source, "take a format in its media graph"),
         }
     })?;
-    compare(format, size, (settled.width, settled.height, settled.code))
+    compare(format, size, &settled)
 }
 
-/// Whether a pad has what it was to have.
-fn compare(
-    format: &PadFormat,
-    size: Size,
-    (width, height, code): (u32, u32, u32),
-) -> Result<(), RigError> {
+/// Checks the format of a pad.
+fn compare(format: &PadFormat, size: Size, found: &PadSetting) -> Result<(), RigError> {
+    let PadSetting { width, height, code, .. } = *found;
     let same = (width as usize, height as usize) == (size.width, size.height)
         && Some(code) == bus_format(&format.code);
     if same {
@@ -168,6 +163,6 @@ fn compare(
     }
     Err(refused(
         format!("{} of {size} at {}", format.code, format.pad),
-        format!("what the driver makes of it: {} of {width}×{height}", bus_format_name(code)),
+        format!("the driver's choice, {} of {width}×{height}", bus_format_name(code)),
     ))
 }

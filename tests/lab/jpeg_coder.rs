@@ -1,21 +1,21 @@
-//! A JPEG coder for simulated cameras and the laboratory: sequential, chroma at full or half size,
-//! and codes of one length (ITU-T T.81 allows any), so that what it writes is long and plain.
+//! A JPEG encoder: sequential, chroma at full or half size, Huffman codes of equal length (allowed
+//! by ITU-T T.81), so that files are long and the code is simple.
 
-use crate::frame::block_transform::{cosines, transform};
-use crate::frame::{Frame, Size};
+use relens::frame::block_transform::{cosines, transform};
+use relens::frame::{Frame, Size};
 
-/// How a picture is coded.
+/// Coding of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quality {
+pub(crate) struct Quality {
     /// 1 to 100, as libjpeg counts.
-    pub quality: u32,
+    pub(crate) quality: u32,
     /// Pixels across and down of a sample of chroma.
-    pub pixels: (usize, usize),
+    pub(crate) pixels: (usize, usize),
 }
 
 impl Quality {
-    /// The word in tables.
-    pub fn name(self) -> String {
+    /// Name in tables.
+    pub(crate) fn name(self) -> String {
         let chroma = match self.pixels {
             (1, 1) => "4:4:4",
             (2, 1) => "4:2:2",
@@ -42,7 +42,7 @@ const STEPS: [[u32; 64]; 2] = [
     ],
 ];
 
-/// Row by row, in the order of a scan (T.81, figure A.6).
+/// Row-major places in the order of a scan (T.81, figure A.6).
 fn zigzag() -> Vec<usize> {
     let mut places: Vec<usize> = (0..64).collect();
     let key = |&place: &usize| {
@@ -53,14 +53,14 @@ fn zigzag() -> Vec<usize> {
     places
 }
 
-/// Codes for the 16 sizes of a first coefficient, and their bits; the same for the pairs of zeros
-/// and size of the others.
+/// Codes of the sizes of DC differences, and their length in bits.
 const DC_CODES: u32 = 16;
 const DC_LENGTH: u32 = 5;
+/// Codes of the runs and sizes of AC coefficients, and their length in bits.
 const AC_CODES: u32 = 255;
 const AC_LENGTH: u32 = 9;
 
-/// Bits on their way into bytes.
+/// Bits collected into bytes.
 #[derive(Default)]
 struct Writer {
     bytes: Vec<u8>,
@@ -83,14 +83,14 @@ impl Writer {
         }
     }
 
-    /// The code of `value` among codes of `length` bits: the last of them is the commonest value's,
-    /// 0, so that what is even makes no run of zero bytes, which readers take for a hole.
+    /// Writes the code of `value` among codes of `length` bits. The last code is for 0, the
+    /// commonest value, since readers take a run of zero bytes for a hole.
     fn code(&mut self, value: u32, length: u32) {
         let last = if length == DC_LENGTH { DC_CODES - 1 } else { AC_CODES - 1 };
         self.put(last - value, length);
     }
 
-    /// A number's size and its bits after the code of `zeros` and that size.
+    /// Writes the code of `zeros` and the size of `value`, then its bits.
     fn number(&mut self, zeros: u32, value: i32, length: u32) {
         let size = 32 - value.unsigned_abs().leading_zeros();
         self.code(zeros << 4 | size, length);
@@ -99,8 +99,8 @@ impl Writer {
     }
 }
 
-/// The file of `codes`.
-pub fn coded<S>(codes: &Frame<S, u8>, quality: Quality) -> Vec<u8> {
+/// Encodes `codes` into a file.
+pub(crate) fn coded<S>(codes: &Frame<S, u8>, quality: Quality) -> Vec<u8> {
     let (size, (across, down)) = (codes.size(), quality.pixels);
     let scale = match quality.quality {
         q if q < 50 => 5000 / q.max(1),
@@ -131,7 +131,7 @@ pub fn coded<S>(codes: &Frame<S, u8>, quality: Quality) -> Vec<u8> {
     segment(0xda, &[3, 1, 0, 2, 0, 3, 0, 0, 63, 0]);
     let mut bits = Writer::default();
     let mut before = [0i32; 3];
-    let there = cosines();
+    let basis = cosines();
     let units = (size.width.div_ceil(8 * across), size.height.div_ceil(8 * down));
     for unit in 0..units.0 * units.1 {
         let (column, row) = (unit % units.0, unit / units.0);
@@ -145,15 +145,15 @@ pub fn coded<S>(codes: &Frame<S, u8>, quality: Quality) -> Vec<u8> {
                 let y0 = (row * parts.1 + part / parts.0) * 8;
                 let mut block: [f32; 64] =
                     std::array::from_fn(|k| sample(codes, n, (x0 + k % 8, y0 + k / 8), own, size));
-                transform(&mut block, &there);
-                let stated: Vec<i32> = zigzag
+                transform(&mut block, &basis);
+                let levels: Vec<i32> = zigzag
                     .iter()
                     .map(|&k| (block[k] / steps[n.min(1)][k] as f32).round() as i32)
                     .collect();
-                bits.number(0, stated[0] - before[n], DC_LENGTH);
-                before[n] = stated[0];
+                bits.number(0, levels[0] - before[n], DC_LENGTH);
+                before[n] = levels[0];
                 let mut zeros = 0;
-                for &value in &stated[1..] {
+                for &value in &levels[1..] {
                     if value == 0 {
                         zeros += 1;
                         continue;
@@ -177,7 +177,7 @@ pub fn coded<S>(codes: &Frame<S, u8>, quality: Quality) -> Vec<u8> {
     file
 }
 
-/// A sample of component `n` at (x, y): the mean of its pixels, the picture's edges repeated.
+/// Sample of component `n` at (x, y): the mean of its pixels, edge pixels repeated.
 fn sample<S>(
     codes: &Frame<S, u8>,
     n: usize,
@@ -185,7 +185,7 @@ fn sample<S>(
     (across, down): (usize, usize),
     size: Size,
 ) -> f32 {
-    // ITU-T T.871, clause 7, less what T.81, A.3.1 takes off.
+    // ITU-T T.871, clause 7, less the level shift of T.81, A.3.1.
     let weights =
         [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]][n];
     let mut sum = if n == 0 { -128.0 } else { 0.0 };

@@ -1,0 +1,68 @@
+//! Names of the methods: the words of rig files, tables and reports.
+//!
+//! A method describes itself in its own file of [`crate::deconvolution::method`].
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+use super::keys::Word;
+use crate::deconvolution::method::{
+    About, blocks, digital, hybrid, paper, richardson_lucy, wiener,
+};
+
+/// The enum of methods, from documentation and description of each.
+macro_rules! method_names {
+    ($($(#[doc = $doc:literal])* $method:ident: $about:expr,)*) => {
+        /// A method that a rig file can name.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum MethodName { $($(#[doc = $doc])* $method,)* }
+
+        impl MethodName {
+            /// All methods.
+            pub const ALL: [MethodName; Self::WORDS.len()] = [$(MethodName::$method),*];
+            /// Words in a rig file.
+            pub(super) const WORDS: &'static [Word] =
+                &[$(Word { word: $about.name, meaning: concat!($($doc),*) }),*];
+
+            /// Description of the method.
+            pub const fn about(self) -> &'static About {
+                match self { $(MethodName::$method => &$about),* }
+            }
+        }
+    };
+}
+
+method_names! {
+    /// The paper's loop as printed.
+    Paper: paper::ABOUT,
+    /// Lens model only.
+    Digital: digital::ABOUT,
+    /// Lens model, certified and corrected by captures.
+    Hybrid: hybrid::ABOUT,
+    /// `hybrid` with block matching as prior: better and slower.
+    BlockMatching: blocks::ABOUT,
+    /// Wiener filter by patches.
+    Wiener: wiener::ABOUT,
+    /// Richardson–Lucy.
+    RichardsonLucy: richardson_lucy::ABOUT,
+}
+
+impl MethodName {
+    /// Word in rig files, tables and reports.
+    pub const fn name(self) -> &'static str {
+        self.about().name
+    }
+}
+
+impl Serialize for MethodName {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl<'de> Deserialize<'de> for MethodName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let word = String::deserialize(deserializer)?;
+        let named = MethodName::ALL.into_iter().find(|method| method.name() == word);
+        named.ok_or_else(|| de::Error::unknown_variant(&word, &[]))
+    }
+}
