@@ -78,7 +78,7 @@ pub(super) fn run(options: &CalibrateOptions) -> Result<(), CliError> {
     let kept = opening::calibration_folder(&options.folder.folder);
     if options.forget_focuses {
         let forgotten = focus::forget(rig, &kept)?;
-        say(&format!("{} forgotten in {}", counted(forgotten), kept.display()));
+        say(&format!("removed {} from {}", counted(forgotten), kept.display()));
         return Ok(());
     }
     if options.diffuser {

@@ -15,7 +15,7 @@ pub(super) enum CliError {
     #[error(transparent)]
     RigFile(#[from] ConfigError),
     /// The command is for simulated rigs.
-    #[error("found the rig {0}, made of devices, allowed simulated rigs")]
+    #[error("the rig {0} has real devices, and this needs a simulated one")]
     NotSimulated(String),
     /// A raw photo was requested of a camera without colour filters.
     #[error(

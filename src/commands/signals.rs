@@ -35,8 +35,8 @@ pub(super) fn stop_flag(home: PathBuf) -> Result<Arc<AtomicBool>, CliError> {
         } else if signal == SIGHUP && at_terminal == std::io::stderr().is_terminal() {
             // A closed terminal is no terminal any more.
             log::info!(
-                "SIGHUP is ignored, for the rig file is read at the start alone; restart relens to \
-                 read it again"
+                "SIGHUP is ignored: the rig file is read at the start only; restart relens to read \
+                 it again"
             );
         } else if flag.swap(true, Ordering::AcqRel) && signal == SIGINT {
             end(signal);
