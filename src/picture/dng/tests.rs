@@ -255,10 +255,10 @@ fn other_varieties_are_refused_by_name() {
         (with(BITS_PER_SAMPLE, 3, 1, [24, 0, 0, 0]), "bits a sample 24"),
         (with(SAMPLES_PER_PIXEL, 3, 1, [3, 0, 0, 0]), "samples a pixel 3"),
         (with(CFA_LAYOUT, 3, 1, [2, 0, 0, 0]), "layout of the colour filters 2"),
-        (with(PHOTOMETRIC, 3, 1, [0x4c, 0x88, 0, 0]), "begun to develop"),
+        (with(PHOTOMETRIC, 3, 1, [0x4c, 0x88, 0, 0]), "linear DNG"),
         (renamed(EXPOSURE, LINEARIZATION), "a table"),
         (renamed(EXPOSURE, BLACK_DOWN), "each row"),
-        (renamed(CFA_PATTERN, 40000), "no word of its colour filters"),
+        (renamed(CFA_PATTERN, 40000), "found no colour filters"),
         (mosaic_of([1, 1, 0, 2]), "colour filters [1, 1, 0, 2]"),
         (mosaic_of([0, 1, 1, 3]), "colour filters [0, 1, 1, 3]"),
         (with(CFA_REPEAT, 3, 2, [6, 0, 6, 0]), "repeating by [6, 6]"),
@@ -274,7 +274,7 @@ fn other_varieties_are_refused_by_name() {
         (with(ROWS_PER_STRIP, 4, 1, [7, 0, 0, 0]), "strips of 42×7"),
         (with(STRIP_BYTE_COUNTS, 4, 1, [8, 0, 0, 0]), "1 strips"),
         (with(STRIP_OFFSETS, 4, 1, [255; 4]), "picture data past the end"),
-        (with(STRIP_OFFSETS, 4, u32::MAX, [8, 0, 0, 0]), "4294967295 strips"),
+        (with(STRIP_OFFSETS, 4, u32::MAX, [8, 0, 0, 0]), "a field of 4294967295 values"),
         (with(STRIP_OFFSETS, 12, 1, [8, 0, 0, 0]), "a field of type 12"),
         (with(BLACK_LEVEL, 5, 1, [0, 0, 0, 1]), "past the end"),
     ] {
@@ -296,7 +296,7 @@ fn other_varieties_are_refused_by_name() {
     assert!(other.contains("found 42×30 sites, allowed the rig's whole sensor"), "{other}");
 }
 
-/// A tag whose value lies elsewhere, to be renamed.
+/// A tag with a value outside its entry, for renaming.
 const EXPOSURE: u16 = 33434;
 
 #[test]
