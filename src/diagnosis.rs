@@ -256,8 +256,8 @@ impl MeasuredTiming {
         }
         if self.white_share < WHITE_MIN {
             all.push(format!(
-                "white gives {:.1} % of the largest count, allowed {:.0} or more: camera.bits may be \
-                 more than the sensor has, or the exposure too short, or the aperture too small",
+                "white gives {:.1} % of the largest count, allowed {:.0} or more: camera.bits may \
+                 be more than the sensor has, or the exposure too short, or the aperture too small",
                 100.0 * self.white_share,
                 100.0 * WHITE_MIN
             ));

@@ -8,7 +8,7 @@ use crate::calibration::store;
 use crate::chart::scenes::cut;
 use crate::config;
 use crate::frame::{Frame, Size, Work};
-use crate::picture::{Format, Limits, Manner, Photo, Reading, encode};
+use crate::picture::{Format, Limits, Manner, Photo, ReadOptions, encode};
 use crate::pipeline::Outcome;
 use crate::remedy::{AnyFailure, Remediable, Remedy, full_message};
 use crate::restorer::Restorer;
@@ -85,8 +85,9 @@ impl Rig {
         read(&self.file, path.as_ref())
     }
 
-    /// Photographs the sharp picture in the file `scene`, cut to the shape of the rig's photos, with
-    /// a simulated rig: blurred by its lens, with its noise, in 8 bits. Equal seeds give equal noise.
+    /// Photographs the sharp picture in the file `scene`, cut to the shape of the rig's photos,
+    /// with a simulated rig: blurred by its lens, with its noise, in 8 bits. Equal seeds give equal
+    /// noise.
     ///
     /// # Errors
     /// When the rig is not simulated, or the file cannot be read.
@@ -186,8 +187,8 @@ pub struct Calibrated {
     pub generation: u32,
     /// Captures made.
     pub captures: u32,
-    /// RMS difference between a capture not used in any fit and its prediction by the measured lens,
-    /// noise included, in grey levels of 255, for red, green and blue.
+    /// RMS difference between a capture not used in any fit and its prediction by the measured
+    /// lens, noise included, in grey levels of 255, for red, green and blue.
     pub operator_error: [f32; 3],
     /// Share of red, green and blue light scattered beyond the reach of the lens functions, 0..1;
     /// zero where the rig file does not measure it.
@@ -209,8 +210,8 @@ impl PhotoRestorer {
         read(&self.file, path.as_ref())
     }
 
-    /// Restores `photo`. The outcome states the method, the reason, and the evidence for the result;
-    /// a photo that no method improves is returned as it is.
+    /// Restores `photo`. The outcome states the method, the reason, and the evidence for the
+    /// result; a photo that no method improves is returned as it is.
     ///
     /// # Errors
     /// When a capture fails; see [`Error::remedy`].
@@ -250,7 +251,7 @@ impl PhotoRestorer {
 }
 
 fn read(rig: &config::RigFile, path: &Path) -> Result<Photo, Error> {
-    let reading = Reading::of(rig);
+    let reading = ReadOptions::of(rig);
     Ok(reading.finish(Photo::read(path, reading.curve, &reading.limits)?.fit(reading.grid)?)?)
 }
 

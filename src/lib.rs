@@ -1,8 +1,8 @@
 //! relens makes cheap lenses take good photographs.
 //!
-//! A photo taken through a bad lens is restored with *that lens*: relens shows candidate pictures on
-//! a panel, photographs them through the same lens, and adjusts the candidate until its photograph
-//! matches the photo.
+//! A photo taken through a bad lens is restored with *that lens*: relens shows candidate pictures
+//! on a panel, photographs them through the same lens, and adjusts the candidate until its
+//! photograph matches the photo.
 //!
 //! # Examples
 //!
@@ -72,8 +72,8 @@
 // Hidden modules have pages for developers: `cargo doc --document-private-items`.
 #![allow(rustdoc::private_intra_doc_links)]
 
-// For the program, the laboratory, tests and fuzzing alone. Hidden only when documented, so that the
-// compiler still requires documentation.
+// For the program, the laboratory, tests and fuzzing alone. Hidden only when documented, so that
+// the compiler still requires documentation.
 #[cfg_attr(doc, doc(hidden))]
 pub mod alignment;
 #[cfg_attr(doc, doc(hidden))]

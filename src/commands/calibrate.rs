@@ -27,8 +27,8 @@ use super::{opening, progress};
 ///
 /// With --focus-offset D it measures the lens for scenes D dioptres (1/m) nearer than the panel, or
 /// farther if D is negative, and adds that to the calibration: move the panel there, or turn the
-/// focus ring until the panel is as unsharp as such a scene, measure, and undo the change. The focus
-/// of a photo is then estimated among those measured.
+/// focus ring until the panel is as unsharp as such a scene, measure, and undo the change. The
+/// focus of a photo is then estimated among those measured.
 ///
 /// With --diffuser it measures the lens's vignetting, for remove-vignetting = true in [restore]: it
 /// asks for a white diffuser before the lens (opal acrylic, or two sheets of tracing paper), evenly

@@ -101,8 +101,8 @@ fn state_remedy(cause: io::ErrorKind) -> &'static str {
             "join the folder's group (sudo usermod -aG relens YOU, then log in again)"
         }
         io::ErrorKind::InvalidData => {
-            "restart `relens run`, which writes the file again (the service: sudo systemctl restart \
-             relens)"
+            "restart `relens run`, which writes the file again (the service: sudo systemctl \
+             restart relens)"
         }
         _ => "check the disk or the network share",
     }

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use relens::config::{self, MethodName, RigFile};
 use relens::daemon::{Report, Restorer, Watcher};
-use relens::picture::{Format, Photo, Reading, bytes_of, result_name};
+use relens::picture::{Format, Photo, ReadOptions, bytes_of, result_name};
 use relens::pipeline::{Outcome, Verdict};
 
 use super::error::CliError;
@@ -189,7 +189,7 @@ pub(super) fn run(options: &RestoreOptions) -> Result<(), CliError> {
 
 /// Reads a photo from a file or standard input, and fits it to the rig's grid.
 fn read(path: &Path, rig: &RigFile) -> Result<ReadPhoto, CliError> {
-    let reading = Reading::of(rig);
+    let reading = ReadOptions::of(rig);
     let limits = reading.limits;
     let (name, bytes) = if is_dash(path) {
         let mut bytes = Vec::new();

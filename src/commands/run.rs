@@ -15,7 +15,7 @@ use relens::daemon::{
 use relens::frame::{Frame, Work};
 use relens::kiosk::front_panel::{BoxState, FrontPanel};
 use relens::nights::trust::unix_s;
-use relens::picture::Reading;
+use relens::picture::ReadOptions;
 use relens::picture::worker::Worker;
 use relens::pipeline::Interruption;
 use relens::rig::monotonic::Monotonic;
@@ -296,7 +296,7 @@ fn setting(rig: &RigFile) -> DaemonSetting {
         reader,
         floor_bytes,
         needs_button: rig.run.mode != Mode::Folder,
-        reading: Reading::of(rig),
+        reading: ReadOptions::of(rig),
         ..DaemonSetting::new(&rig.name, rig.photo_grid(), rig.photo.curve)
     }
 }

@@ -3,7 +3,7 @@
 use std::fs::File;
 
 use crate::picture::worker::Worker;
-use crate::picture::{Limits, Photo, PictureError, Reading, whole};
+use crate::picture::{Limits, Photo, PictureError, ReadOptions, whole};
 
 /// Where photos are decoded.
 #[derive(Debug, Clone)]
@@ -33,12 +33,12 @@ impl Reader {
         &self,
         name: &str,
         file: File,
-        reading: &Reading,
+        reading: &ReadOptions,
     ) -> Result<Photo, PictureError> {
         match self {
             Reader::Here => reading.photo_of_file(name, file),
             Reader::Worker(worker) => {
-                let Reading { curve, limits, grid, .. } = reading;
+                let ReadOptions { curve, limits, grid, .. } = reading;
                 reading.finish(worker.photo(name, file, *curve, limits, *grid)?)
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::config::Curve;
 use crate::frame::PhotoGrid;
-use crate::picture::Reading;
+use crate::picture::ReadOptions;
 
 use super::reader::Reader;
 
@@ -14,7 +14,7 @@ pub struct DaemonSetting {
     /// Whether photos wait for a button.
     pub needs_button: bool,
     /// How photos are decoded.
-    pub reading: Reading,
+    pub reading: ReadOptions,
     /// Time without a change after which a photo is taken.
     pub quiet_s: f64,
     /// Longest time between two scans of the inbox.
@@ -40,7 +40,7 @@ impl DaemonSetting {
         DaemonSetting {
             rig: rig.to_owned(),
             needs_button: false,
-            reading: Reading::new(grid, curve),
+            reading: ReadOptions::new(grid, curve),
             reader: Reader::Here,
             unfinished_s: 900.0,
             floor_bytes: 256 << 20,

@@ -1,7 +1,7 @@
 //! Walks a JPEG's markers to its end, for the decoder accepts a file that is mostly missing.
 //!
-//! Marker syntax: ITU-T T.81 annex B. A whole file goes from SOI over at least one scan to EOI; what
-//! cameras append after EOI (previews, depth maps) is ignored.
+//! Marker syntax: ITU-T T.81 annex B. A whole file goes from SOI over at least one scan to EOI;
+//! what cameras append after EOI (previews, depth maps) is ignored.
 
 mod agreement;
 mod coefficients;

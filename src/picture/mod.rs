@@ -53,6 +53,6 @@ pub use encode::{encode, preview};
 pub use flaw::{Flaw, Growth, PictureError};
 pub use kind::{Format, result_name};
 pub use photo::{FileFacts, Manner, Photo, embedded};
-pub use reading::{Reading, bytes_of, whole};
+pub use reading::{ReadOptions, bytes_of, whole};
 pub use tone::Tone;
 pub use turn::Orientation;

@@ -13,7 +13,7 @@ use crate::frame::PhotoGrid;
 
 /// How the photos of a rig are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
+pub struct ReadOptions {
     /// Curve of photos without a usable ICC profile.
     pub curve: Curve,
     /// The resources that one photo may take.
@@ -26,10 +26,10 @@ pub struct Reading {
     pub raw_results: RawResults,
 }
 
-impl Reading {
+impl ReadOptions {
     /// With the usual limits, larger photos resampled, and TIFFs of raw ones.
-    pub fn new(grid: impl Into<PhotoGrid>, curve: Curve) -> Reading {
-        Reading {
+    pub fn new(grid: impl Into<PhotoGrid>, curve: Curve) -> ReadOptions {
+        ReadOptions {
             curve,
             limits: Limits::default(),
             grid: grid.into(),
@@ -39,11 +39,11 @@ impl Reading {
     }
 
     /// As the rig file asks.
-    pub fn of(rig: &RigFile) -> Reading {
-        Reading {
+    pub fn of(rig: &RigFile) -> ReadOptions {
+        ReadOptions {
             larger_photos: rig.run.larger_photos,
             raw_results: rig.photo.raw_results,
-            ..Reading::new(rig.photo_grid(), rig.photo.curve)
+            ..ReadOptions::new(rig.photo_grid(), rig.photo.curve)
         }
     }
 

@@ -1,5 +1,5 @@
-//! Walks a TIFF's first directory and checks that its strips or tiles lie inside the file (TIFF 6.0,
-//! §2).
+//! Walks a TIFF's first directory and checks that its strips or tiles lie inside the file (TIFF
+//! 6.0, §2).
 
 mod directory;
 

@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use relens::config::Curve;
 use relens::daemon::{Daemon, DaemonSetting, Doing, Folders, State, Summary};
 use relens::frame::Size;
-use relens::picture::{Format, Reading};
+use relens::picture::{Format, ReadOptions};
 
 use crate::bed::*;
 
@@ -60,7 +60,7 @@ fn an_incomplete_jpeg_waits_and_is_restored_once_complete() {
             root,
             500.0,
             DaemonSetting {
-                reading: Reading::new(Size::new(64, 48), Curve::Srgb),
+                reading: ReadOptions::new(Size::new(64, 48), Curve::Srgb),
                 ..without_events()
             },
             &mut |_| (),
