@@ -8,6 +8,7 @@
 //! The daemon acts on an error's [`Remedy`](crate::remedy::Remedy) alone. Restoration is behind
 //! [`Restorer`], observers are behind [`Watcher`], schedules behind [`Schedule`].
 
+mod clocks;
 mod error;
 mod job;
 pub mod log_writer;

@@ -5,6 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use super::clocks::Clocks;
 use super::error::DaemonError;
 use super::job::{Job, JobEnd, Unsettled};
 use super::report::state::Doing;
@@ -21,7 +22,6 @@ use super::store::withdraw::withdraw;
 use super::watcher::Watcher;
 use crate::config::Keep;
 use crate::disk::FileError;
-use crate::nights::trust::unix_s;
 use crate::picture::{Growth, PictureError};
 use crate::remedy::{Remediable, full_message};
 use crate::restorer::{Progress, Restorer};
@@ -41,27 +41,6 @@ const MISSING_POLL_S: f64 = 2.0;
 
 /// Time without a change after which an incomplete photo is reported. Guess.
 const MENTION_S: f64 = 60.0;
-
-/// Monotonic clock and calendar.
-#[derive(Clone, Copy)]
-struct Clocks<'a> {
-    clock: &'a dyn Clock,
-    calendar: &'a dyn Fn() -> SystemTime,
-}
-
-impl Clocks<'_> {
-    fn now(&self) -> Now {
-        Now { moment: self.clock.now(), unix_s: self.unix_s() }
-    }
-
-    fn moment(&self) -> Moment {
-        self.clock.now()
-    }
-
-    fn unix_s(&self) -> u64 {
-        unix_s((self.calendar)()) as u64
-    }
-}
 
 /// Chores at each scan of the inbox.
 struct Upkeep<'a> {

@@ -43,7 +43,7 @@ pub struct PilotFit {
 
 /// Fits of a pilot, by channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Reading(pub [PilotFit; 3]);
+pub struct PilotReading(pub [PilotFit; 3]);
 
 /// Change of the rig since its calibration; each in its worst channel.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -93,9 +93,9 @@ impl DriftLimits {
     }
 }
 
-impl Reading {
+impl PilotReading {
     /// Drift since `before`.
-    pub fn since(&self, before: &Reading) -> Drift {
+    pub fn since(&self, before: &PilotReading) -> Drift {
         let worst = |of: &dyn Fn(&PilotFit, &PilotFit) -> f64| {
             let each = self.0.iter().zip(&before.0).map(|(now, then)| of(now, then));
             each.fold(0.0, |worst: f64, v| if v.abs() > worst.abs() { v } else { worst })
@@ -187,7 +187,7 @@ pub fn read(
     path: &mut LightPath<'_>,
     model: &LensModel,
     photo: Rect,
-) -> Result<Reading, AnyFailure> {
+) -> Result<PilotReading, AnyFailure> {
     let shown = picture(path.size());
     let captures = [path.forward(&shown)?, path.forward(&shown)?];
     let predicted = model.seen(&Channel::ALL, &shown);
@@ -195,7 +195,7 @@ pub fn read(
 }
 
 /// Fits the mean of two captures to its prediction, channel by channel.
-fn fit(predicted: &Frame<Work>, captures: &[Seen; 2], photo: Rect) -> Reading {
+fn fit(predicted: &Frame<Work>, captures: &[Seen; 2], photo: Rect) -> PilotReading {
     let [first, second] = captures;
     let mask = common_mask(&first.trusted, &second.trusted);
     let mean = Frame::from_fn(|c| {
@@ -204,7 +204,7 @@ fn fit(predicted: &Frame<Work>, captures: &[Seen; 2], photo: Rect) -> Reading {
         sum.scale(0.5);
         sum
     });
-    Reading(Channel::ALL.map(|c| {
+    PilotReading(Channel::ALL.map(|c| {
         let channels = &[c];
         let comparison = Comparison { seen: &mean, predicted, mask: &mask, area: photo, channels };
         let OffsetRegistration { registration, offset_levels } =

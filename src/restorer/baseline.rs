@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{keep, kept};
-use crate::nights::pilot::Reading;
+use crate::nights::pilot::PilotReading;
 
 /// Name of the file beside the calibration's slots.
 const NAME: &str = "pilot.json";
@@ -14,17 +14,17 @@ const NAME: &str = "pilot.json";
 struct Baseline {
     /// The generation of the calibration it belongs to.
     generation: u32,
-    reading: Reading,
+    reading: PilotReading,
 }
 
 /// The reading of calibration `generation`, if there is one.
-pub(super) fn load(slots: &Path, generation: u32) -> Option<Reading> {
+pub(super) fn load(slots: &Path, generation: u32) -> Option<PilotReading> {
     let baseline: Baseline = serde_json::from_slice(&kept(slots, NAME).ok()?).ok()?;
     (baseline.generation == generation).then_some(baseline.reading)
 }
 
 /// Keeps `reading`; if that fails, the next pilot makes a new one.
-pub(super) fn save(slots: &Path, generation: u32, reading: &Reading) {
+pub(super) fn save(slots: &Path, generation: u32, reading: &PilotReading) {
     let baseline = Baseline { generation, reading: *reading };
     let bytes = serde_json::to_vec(&baseline).map_err(std::io::Error::other);
     if let Err(error) = bytes.and_then(|bytes| keep(slots, NAME, &bytes)) {

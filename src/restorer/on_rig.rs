@@ -13,7 +13,7 @@ use crate::deconvolution::method::{Method, Step};
 use crate::frame::{Channel, Frame, Work};
 use crate::kiosk::screen::{PhotoPair, Screen, draw};
 use crate::measurement::{CalibrationProgress, calibrate};
-use crate::nights::pilot::{self, Drift, Reading};
+use crate::nights::pilot::{self, Drift, PilotReading};
 use crate::picture::{Photo, PictureError};
 use crate::pipeline::{Interruption, Outcome, Pipeline, Restoration, Setting, Stopwatch, Verdict};
 use crate::remedy::{AnyFailure, Remedy};
@@ -34,7 +34,7 @@ pub struct OnRig {
     calibrating: fn(CalibrationProgress),
     interruption: Option<Interruption>,
     /// The pilot's reading right after the calibration.
-    baseline: Option<Reading>,
+    baseline: Option<PilotReading>,
     /// Counts of the camera in the dark.
     black: f64,
     /// Counts of its channels for each grey level of the panel's primaries.
@@ -107,7 +107,7 @@ fn read_pilot(
     config: &config::RigFile,
     devices: &mut Devices,
     pipeline: &Pipeline,
-) -> Result<Reading, AnyFailure> {
+) -> Result<PilotReading, AnyFailure> {
     pilot::read(&mut pipeline.light_path(devices), pipeline.model(), config.photo_on_canvas())
 }
 
