@@ -227,7 +227,8 @@ table! {
         /// Weight λ of the wavelet term (§4.1).
         lambda: f32, Fixed, Means("3.0");
         /// Side of a flip–FC–flip patch.
-        patch_px: usize, Whole(4, i64::MAX), Says("80/1024 of the photo's width, at most 80 (§4.1)");
+        patch_px: usize, Whole(4, i64::MAX),
+            Says("80/1024 of the photo's width, at most 80 (§4.1)");
         /// Guard margin around a flip–FC–flip patch.
         margin_px: usize, Whole(0, 1024), Says("the radius of the lens model's functions");
     }
