@@ -1,6 +1,8 @@
 //! Vignetting of the lens alone, measured behind a diffuser. The flats of a calibration contain the
 //! panel's own dark corners, which a photo does not have.
 
+use std::path::PathBuf;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +12,8 @@ use super::surface::{Surface, SurfaceError};
 use crate::frame::{Channel, Frame, Plane, Rect, SensorSpace, Size, Work};
 use crate::remedy::{Remediable, Remedy};
 
+/// Least mean light of a take, as a share of the camera's range. Guess.
+pub const DIFFUSER_LIGHT_MIN: f64 = 0.1;
 /// Points along each side of the photo at which surfaces are compared.
 const POINTS: usize = 9;
 /// Largest difference of two takes with the diffuser turned in between, as a share. Guess: twice
@@ -26,26 +30,39 @@ pub struct LensFlat {
     photo: Size,
 }
 
-/// Why captures of a diffuser do not give the lens's vignetting.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+/// Why a lens's vignetting was not measured or stored.
+#[derive(Debug, thiserror::Error)]
 pub enum LensFlatError {
+    /// Too little light, as a share of the camera's range.
+    #[error(
+        "the camera sees {:.1} % of its range behind the diffuser, at least {:.0} % are needed: \
+         brighten the light",
+        100.0 * .0, 100.0 * DIFFUSER_LIGHT_MIN
+    )]
+    TooDark(f64),
+    /// Too much light; the saturated share.
+    #[error("{:.1} % of the pixels are saturated behind the diffuser: dim the light", 100.0 * .0)]
+    TooBright(f64),
     /// No surface can be fitted.
     #[error("the light behind the diffuser is no smooth surface")]
     Rough(#[from] SurfaceError),
-    /// The takes differ.
+    /// The largest relative difference between the takes.
     #[error(
         "the light behind the diffuser differs by {:.1} % between the two takes, allowed {:.0} %: \
          light it more evenly, from farther away",
         100.0 * .0, 100.0 * UNEVEN_MAX
     )]
     Uneven(f64),
-    /// A part of the lens is covered.
+    /// The least share of the light.
     #[error(
         "a corner has {:.1} % of the brightest point's light, allowed {:.0} % or more: cover the \
          whole lens with the diffuser",
         100.0 * .0, 100.0 * SHARE_MIN
     )]
-    Dark(f64),
+    Covered(f64),
+    /// The file cannot be written.
+    #[error("cannot store the lens's vignetting in {0}")]
+    Store(PathBuf, #[source] std::io::Error),
 }
 
 impl Remediable for LensFlatError {
@@ -88,7 +105,7 @@ impl LensFlat {
         }
         let flat = LensFlat { shares, photo: layout.photo };
         let darkest = flat.darkest();
-        if darkest < SHARE_MIN { Err(LensFlatError::Dark(darkest)) } else { Ok(flat) }
+        if darkest < SHARE_MIN { Err(LensFlatError::Covered(darkest)) } else { Ok(flat) }
     }
 
     /// Whether it is valid for photos of this size; checks data read from flash.

@@ -45,7 +45,7 @@ pub use correction::{Corrected, Correction, CorrectionError, Layout};
 pub use cross_channel::CrossChannel;
 pub use curve::ResponseCurve;
 pub use geometric::Geometry;
-pub use lens_flat::{LensFlat, LensFlatError};
+pub use lens_flat::{DIFFUSER_LIGHT_MIN, LensFlat, LensFlatError};
 pub use noise::Noise;
 pub use other_focus::{FocusError, OtherFocus, focus_offset};
 pub use response_pattern::ResponsePattern;

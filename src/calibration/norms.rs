@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::site_norms::{ROUNDS, SiteNorms};
 use super::{Calibration, lens_blur};
-use crate::deconvolution::lens_model::{LensFunctions, LensModel, LensModelError};
+use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::{Channel, Plane};
 
@@ -28,22 +28,5 @@ impl Calibration {
             *norms = found;
         }
         pictures.swap_remove(Channel::Green.index())
-    }
-
-    /// The next generation with other lens functions and their norms; all else, including the
-    /// operator error, as measured.
-    ///
-    /// # Errors
-    /// When the functions are invalid.
-    pub fn with_lens(&self, functions: LensFunctions) -> Result<Calibration, LensModelError> {
-        let generation = self.generation.wrapping_add(1);
-        let mut changed = Calibration { functions, generation, ..self.clone() };
-        let (model, levels) = (changed.lens_model()?, self.level_norms[0].levels());
-        changed.measure_norms(&model, levels, self.at_sites.is_some());
-        // The measured ‖K‖² scales with the computed one.
-        let green = Channel::Green.index();
-        let ratio = changed.norm_squared[green] / self.norm_squared[green].max(f32::MIN_POSITIVE);
-        changed.norm_squared_seen *= ratio;
-        Ok(changed)
     }
 }

@@ -6,10 +6,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{keep, kept};
-use crate::calibration::{Calibration, Layout, LensFlat, store};
+use crate::calibration::{Calibration, DIFFUSER_LIGHT_MIN, Layout, LensFlat, LensFlatError, store};
 use crate::config;
 use crate::frame::{Channel, Frame, SensorSpace};
-use crate::remedy::{AnyFailure, Remediable, Remedy};
+use crate::remedy::AnyFailure;
 use crate::rig::exposure::Devices;
 use crate::rig::shoot::{CLIPPED_SHARE_MAX, CountRange, meter, shoot};
 
@@ -19,8 +19,6 @@ const NAME: &str = "lens-flat.json";
 const EXPOSURES: u8 = 16;
 /// Multiples of the rig file's exposure that metering may choose.
 const TIMES: (f64, f64) = (0.05, 20.0);
-/// Least mean light of a take, as a share of the range. Guess.
-const LIGHT_MIN: f64 = 0.1;
 
 /// The stored file.
 #[derive(Serialize, Deserialize)]
@@ -28,30 +26,6 @@ struct StoredFlat {
     /// Identity of the rig, hexadecimal, as JSON numbers have 53 bits.
     rig: String,
     flat: LensFlat,
-}
-
-/// Why a lens's vignetting was not measured or stored.
-#[derive(Debug, thiserror::Error)]
-pub enum DiffuserError {
-    /// Too little light.
-    #[error(
-        "the camera sees {:.1} % of its range behind the diffuser, at least {:.0} % are needed: \
-         brighten the light",
-        100.0 * .0, 100.0 * LIGHT_MIN
-    )]
-    Dark(f64),
-    /// Too much light.
-    #[error("{:.1} % of the pixels are saturated behind the diffuser: dim the light", 100.0 * .0)]
-    Bright(f64),
-    /// The file cannot be written.
-    #[error("cannot store the lens's vignetting in {0}")]
-    Store(std::path::PathBuf, #[source] std::io::Error),
-}
-
-impl Remediable for DiffuserError {
-    fn remedy(&self) -> Remedy {
-        Remedy::CallOperator
-    }
 }
 
 /// Measures the vignetting of the lens of `devices` behind an evenly lit diffuser, in two takes,
@@ -83,7 +57,7 @@ pub fn measure(
     serde_json::to_vec(&stored)
         .map_err(std::io::Error::other)
         .and_then(|bytes| keep(slots, NAME, &bytes))
-        .map_err(|source| DiffuserError::Store(slots.to_owned(), source))?;
+        .map_err(|source| LensFlatError::Store(slots.to_owned(), source))?;
     Ok(stored.flat)
 }
 
@@ -103,11 +77,11 @@ fn take(
             .map(|count| calibration.camera_curve.count(f32::from(count) / step) - black)
     });
     let light = take.plane(Channel::Green).mean() / (f64::from(range.max) - range.black).max(1.0);
-    if light < LIGHT_MIN {
-        return Err(DiffuserError::Dark(light).into());
+    if light < DIFFUSER_LIGHT_MIN {
+        return Err(LensFlatError::TooDark(light).into());
     }
     if shot.clipped_share > 10.0 * CLIPPED_SHARE_MAX {
-        return Err(DiffuserError::Bright(shot.clipped_share).into());
+        return Err(LensFlatError::TooBright(shot.clipped_share).into());
     }
     Ok(take)
 }

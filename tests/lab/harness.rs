@@ -9,7 +9,7 @@ use relens::config::RigFile;
 use relens::deconvolution::forward_convolution::ForwardConvolution;
 use relens::deconvolution::lens_model::LensFunctions;
 use relens::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
-use relens::frame::{Frame, Plane, Work};
+use relens::frame::{Channel, Frame, Plane, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
 use relens::pipeline::{Outcome, Prepared, Solved};
@@ -279,7 +279,17 @@ fn with_fewer_functions(
             sum.iter_mut().for_each(|tap| *tap /= count);
         }
     }
-    Ok(calibration.with_lens(fewer)?)
+    with_lens(calibration, fewer)
+}
+
+/// The calibration with other lens functions and their norms.
+fn with_lens(calibration: &Calibration, functions: LensFunctions) -> Result<Calibration, Failure> {
+    let mut changed = Calibration { functions, ..calibration.clone() };
+    let (model, levels) = (changed.lens_model()?, calibration.level_norms[0].levels());
+    changed.measure_norms(&model, levels, calibration.at_sites.is_some());
+    let green = Channel::Green.index();
+    changed.norm_squared_seen *= changed.norm_squared[green] / calibration.norm_squared[green];
+    Ok(changed)
 }
 
 /// `codes` after coding as a JPEG of `quality` (1 to 100).
