@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_seen_as_large_as_they_are_and_noise_is_none() {
+    fn the_coding_error_is_estimated_and_noise_has_none() {
         let size = Size::new(192, 144);
         assert_eq!(blocking_of(&photo(0.0, size, 0)), 0.0);
         for coding in [1.0, 3.0] {
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_off_the_grid_and_planes_too_small_for_two_are_not_seen() {
+    fn blocks_off_the_grid_and_small_planes_have_no_coding_error() {
         assert_eq!(blocking_of(&photo(3.0, Size::new(192, 144), BLOCK_PX / 2)), 0.0);
         assert_eq!(blocking_of(&photo(3.0, Size::new(15, 144), 0)), 0.0);
         assert_eq!(blocking_of(&Plane::zeros(Size::new(16, 16))), 0.0);

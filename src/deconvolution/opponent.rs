@@ -48,7 +48,7 @@ mod tests {
     use crate::frame::Size;
 
     #[test]
-    fn grey_has_no_colour_and_everything_comes_back() {
+    fn grey_has_no_colour_difference_and_the_transform_inverts() {
         let plane =
             |k: usize| Plane::from_fn(Size::new(5, 3), |x, y| (x * 7 + y * 3 + k * x * y) as f32);
         let mut grey = [plane(1), plane(1), plane(1)];

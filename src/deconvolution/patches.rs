@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn flipping_and_sewing_without_blur_gives_the_picture_back() {
+    fn flipping_and_sewing_without_blur_is_the_identity() {
         let size = Size::new(45, 33);
         let picture = Plane::from_fn(size, |x, y| (3 * x + 7 * y) as f32 + 0.5);
         let grid = PatchGrid::new(size, whole(size), PatchShape { patch_px: 20, margin_px: 0 });

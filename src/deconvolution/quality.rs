@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_those_of_scikit_image() {
+    fn values_match_scikit_image() {
         let (x, blurred, noisy) =
             (golden("ssim_x.npy"), golden("ssim_b.npy"), golden("ssim_noisy.npy"));
         assert!((ssim(&x, &blurred) - 0.757_939_514_642_543_8).abs() < 1e-5);
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_planes_are_perfect_and_small_ones_have_no_similarity() {
+    fn equal_planes_have_similarity_one_and_small_ones_nan() {
         let x = golden("ssim_x.npy");
         assert!((ssim(&x, &x) - 1.0).abs() < 1e-6);
         assert!(psnr(&x, &x).is_infinite());

@@ -27,7 +27,7 @@ fn the_axis_of_a_line_is_the_line() {
 }
 
 #[test]
-fn colours_without_a_line_have_grey_s_axis_and_the_mildest_shrinkage() {
+fn colours_without_a_line_have_the_axis_of_grey_and_the_least_strictness() {
     let axis = LocalAxis::of([90.0, 80.0, 100.0], covariance([1.0, 0.5, 0.2], 300.0, 290.0), 1.0);
     assert!(cosine(axis.direction, [1.0; 3]) > 0.99, "{axis:?}");
     assert_eq!(axis.strictness, 2.0);
@@ -52,7 +52,7 @@ fn the_axis_snaps_to_the_mean_s_direction_when_it_is_near() {
 }
 
 #[test]
-fn black_and_darkness_without_noise_have_an_axis_of_length_one() {
+fn flat_black_and_white_have_a_unit_axis_of_grey() {
     for axis in [LocalAxis::of([0.0; 3], [0.0; 6], 0.0), LocalAxis::of([255.0; 3], [0.0; 6], 4.0)] {
         let length: f32 = axis.direction.iter().map(|v| v * v).sum();
         assert!((length - 1.0).abs() < 1e-5 && cosine(axis.direction, [1.0; 3]) > 0.9999);
@@ -96,7 +96,7 @@ fn photo_of(inks: [[f32; 3]; 2], sigmas: [f32; 3]) -> (Frame<Work>, LensModel) {
 }
 
 #[test]
-fn a_scene_of_two_inks_has_the_axis_from_one_to_the_other_everywhere() {
+fn the_axis_of_two_inks_is_their_difference_everywhere() {
     for inks in [
         [[10.0; 3], [240.0; 3]],
         [[20.0, 30.0, 140.0], [235.0, 205.0, 40.0]],
@@ -140,7 +140,7 @@ fn details(size: Size) -> [Plane; 3] {
 }
 
 #[test]
-fn shrinkage_by_rows_is_that_of_the_reference() {
+fn shrinkage_matches_the_reference() {
     for (size, repeat) in [(Size::new(23, 17), 1), (Size::new(22, 16), 2), (Size::new(21, 15), 2)] {
         let cells = Size::new(size.width.div_ceil(repeat), size.height.div_ceil(repeat));
         let map = map(cells, repeat);
@@ -193,7 +193,7 @@ fn without_shrinkage_every_shift_reconstructs_the_planes() {
 }
 
 #[test]
-fn a_shift_level_by_level_is_that_of_the_whole_transform() {
+fn a_shift_by_levels_is_a_shift_of_the_whole_transform() {
     use crate::deconvolution::wavelet::{Scratch, Sym8};
     let size = Size::new(48, 32);
     let plane = details(size)[1].clone();
@@ -214,7 +214,7 @@ fn a_shift_level_by_level_is_that_of_the_whole_transform() {
 }
 
 #[test]
-fn two_steps_spin_over_all_shifts_of_the_finest_levels() {
+fn two_steps_cover_all_shifts_of_the_finest_levels() {
     let size = Size::new(48, 32);
     let soften = |_: usize, bands: [&mut Plane; 3]| {
         for band in bands {

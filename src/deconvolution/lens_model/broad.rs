@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_light_stays_flat_whatever_lies_beyond() {
+    fn flat_light_stays_flat_with_either_surround() {
         for beyond in [Beyond::Dark, Beyond::LikeTheBorder] {
             let broad = Broad::new(SIZE, &halos(), beyond).unwrap();
             let flat = Plane::filled(SIZE, 100.0);

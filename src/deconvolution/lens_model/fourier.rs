@@ -175,7 +175,7 @@ mod tests {
     use crate::deconvolution::lens_model::lanes::LANES;
 
     #[test]
-    fn transforms_are_their_sums_and_come_back() {
+    fn transforms_match_their_definition_and_invert() {
         for n in [1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 27, 36, 54, 64, 96, 162, 243, 256, 288] {
             let fourier = Fourier::new(n);
             let mut data = vec![ComplexLanes::default(); n];
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn fast_lengths_are_long_enough_products() {
+    fn fast_lengths_are_products_of_at_least_the_wanted_length() {
         for least in 1..700 {
             let n = fast_length(least);
             assert!(n >= least && n <= 2 * least.max(1));

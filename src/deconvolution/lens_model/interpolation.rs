@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn one_function_holds_everywhere() {
+    fn a_single_function_is_constant() {
         let along = Interpolation::new(5, 0, 1);
         assert!(along.lower.iter().chain(&along.upper).all(|&n| n == 0));
         assert!(along.weight.iter().all(|&w| w == 0.0));

@@ -28,8 +28,6 @@ use broad::Broad;
 use cells::{Cells, Spectrum};
 use fast::{Adjoint, Forward, Workspace};
 use interpolation::Interpolation;
-use rand::{RngExt, SeedableRng};
-use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use taps::Correlate;
@@ -305,26 +303,6 @@ impl LensModel {
             run_fastest(Correlate { cells: &self.cells, x, residual, taps: &mut taps, work });
         });
         taps
-    }
-
-    /// ‖K‖² of one channel, the largest eigenvalue of KᵀK, by `iterations` of the power method from
-    /// random numbers of `seed`; approached from below.
-    pub fn norm_squared(&self, channel: Channel, iterations: usize, seed: u64) -> f32 {
-        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let mut x = Plane::from_fn(self.canvas, |_, _| random.random::<f32>());
-        let mut seen = Plane::zeros(self.canvas);
-        let mut largest = 0.0;
-        for _ in 0..iterations {
-            let length = x.dot(&x).sqrt();
-            if length == 0.0 {
-                return 0.0;
-            }
-            x.data_mut().iter_mut().for_each(|v| *v = (f64::from(*v) / length) as f32);
-            self.forward(channel, &x, &mut seen);
-            largest = seen.dot(&seen);
-            self.adjoint(channel, &seen, &mut x);
-        }
-        largest as f32
     }
 }
 

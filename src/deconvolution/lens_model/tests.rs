@@ -2,9 +2,34 @@
 
 use std::path::Path;
 
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
 use super::plain::Plain;
 use super::*;
 use crate::frame::read_npy_f32;
+
+impl LensModel {
+    /// ‖K‖² of one channel, the largest eigenvalue of KᵀK, by `iterations` of the power method from
+    /// random numbers of `seed`; approached from below.
+    pub(crate) fn norm_squared(&self, channel: Channel, iterations: usize, seed: u64) -> f32 {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut x = Plane::from_fn(self.canvas, |_, _| random.random::<f32>());
+        let mut seen = Plane::zeros(self.canvas);
+        let mut largest = 0.0;
+        for _ in 0..iterations {
+            let length = x.dot(&x).sqrt();
+            if length == 0.0 {
+                return 0.0;
+            }
+            x.data_mut().iter_mut().for_each(|v| *v = (f64::from(*v) / length) as f32);
+            self.forward(channel, &x, &mut seen);
+            largest = seen.dot(&seen);
+            self.adjoint(channel, &seen, &mut x);
+        }
+        largest as f32
+    }
+}
 
 /// A golden plane of `tests/golden`.
 fn golden(name: &str) -> Plane {
@@ -162,7 +187,7 @@ fn forward_is_the_matrix_of_the_definition() {
 }
 
 #[test]
-fn wrong_functions_are_refused_by_name() {
+fn invalid_functions_are_refused() {
     let mut functions = random_functions(2, 2, 3, 1);
     functions.taps[1].pop();
     let refused = LensModel::new(Size::new(8, 8), 0, &functions).unwrap_err();
@@ -175,7 +200,7 @@ fn wrong_functions_are_refused_by_name() {
 }
 
 #[test]
-fn the_fast_form_is_the_plain_one() {
+fn the_operators_match_the_reference() {
     for ModelShape { photo, margin, functions } in model_shapes() {
         let model = LensModel::new(photo, margin, &functions).unwrap();
         let along_x = Interpolation::new(photo.width, margin, functions.columns);
@@ -196,7 +221,7 @@ fn the_fast_form_is_the_plain_one() {
 }
 
 #[test]
-fn grids_whose_numbers_of_taps_overflow_are_refused() {
+fn grids_whose_number_of_taps_overflows_are_refused() {
     let functions = LensFunctions {
         rows: 1 << 32,
         columns: 1 << 32,

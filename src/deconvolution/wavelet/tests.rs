@@ -60,7 +60,7 @@ fn analyse_level(plane: &Plane) -> [Plane; 4] {
 }
 
 #[test]
-fn coefficients_are_those_of_pywavelets() {
+fn coefficients_match_pywavelets() {
     let x = golden("sym8_x");
     let transform = Sym8::new(x.size(), 2);
     let mut found = transform.zeros();

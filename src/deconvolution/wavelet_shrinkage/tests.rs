@@ -21,7 +21,7 @@ fn rotated(plane: &Plane, (sx, sy): (usize, usize)) -> Plane {
 }
 
 #[test]
-fn shrinking_agrees_with_the_golden_array() {
+fn shrinkage_matches_the_golden_array() {
     let mut x = golden("sym8_x.npy");
     Shrinkage::new(x.size(), 2).shrink(&mut x, 1.2, (0, 0), &mut ShrinkageScratch::default());
     assert!(largest_difference(&x, &golden("sym8_soft1.2.npy")) < 1e-3);
@@ -80,7 +80,7 @@ fn coarser_levels_shift_with_the_step() {
 }
 
 #[test]
-fn scratch_of_another_size_does_no_harm() {
+fn scratch_of_another_size_is_accepted() {
     let x = golden("sym8_x.npy");
     let mut scratch = ShrinkageScratch::default();
     let mut small = Plane::filled(Size::new(7, 5), 3.0);
