@@ -80,7 +80,7 @@ pub(super) struct Cells {
 }
 
 /// A cell of the canvas.
-pub(super) struct CellPlace<'a> {
+pub(super) struct ModelCell<'a> {
     pub(super) along_y: &'a Stretch,
     pub(super) along_x: &'a Stretch,
     /// Indices of the spectra of its four functions.
@@ -139,15 +139,15 @@ impl Cells {
     }
 
     /// All cells, row by row.
-    pub(super) fn iter(&self) -> impl Iterator<Item = CellPlace<'_>> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = ModelCell<'_>> {
         (0..self.along_y.stretches.len()).flat_map(|row| self.row(row))
     }
 
     /// The cells of one row.
-    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = CellPlace<'_>> {
+    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = ModelCell<'_>> {
         let (along_y, columns) = (&self.along_y.stretches[row], self.along_x.stretches.len());
         let spectra = &self.spectra_of[row * columns..][..columns];
         let stretches = self.along_x.stretches.iter().zip(spectra);
-        stretches.map(move |(along_x, spectra)| CellPlace { along_y, along_x, spectra })
+        stretches.map(move |(along_x, spectra)| ModelCell { along_y, along_x, spectra })
     }
 }

@@ -6,7 +6,7 @@
 //! inverse along each. The result is exact up to rounding; the adjoint is the same steps
 //! transposed.
 
-use super::cells::{CellPlace, Cells, Spectrum, Stretch};
+use super::cells::{Cells, ModelCell, Spectrum, Stretch};
 use super::fourier::Fourier;
 use super::halves::{Part, frequency_groups, inverse, store};
 use super::lanes::{ComplexLanes, LANES, Lanes};
@@ -62,8 +62,8 @@ pub(super) struct Cell<'a> {
 
 impl<'a> Cell<'a> {
     #[inline(always)]
-    pub(super) fn of(cells: &'a Cells, place: &CellPlace<'a>) -> Self {
-        let CellPlace { along_x: x, along_y: y, .. } = *place;
+    pub(super) fn of(cells: &'a Cells, place: &ModelCell<'a>) -> Self {
+        let ModelCell { along_x: x, along_y: y, .. } = *place;
         Cell {
             x,
             y,
@@ -215,7 +215,7 @@ impl Kernel for Forward<'_> {
         let (r, canvas_width) = (cells.support_px / 2, x.width());
         for place in cells.row(row) {
             let cell = Cell::of(cells, &place);
-            let CellPlace { along_y, along_x, spectra: of } = place;
+            let ModelCell { along_y, along_x, spectra: of } = place;
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let pitch = pitch(nx);
             work.fit(nx, ny, false);
@@ -283,7 +283,7 @@ impl Kernel for Adjoint<'_> {
         let canvas_width = y.width();
         for place in cells.row(row) {
             let cell = Cell::of(cells, &place);
-            let CellPlace { along_y, along_x, spectra: of } = place;
+            let ModelCell { along_y, along_x, spectra: of } = place;
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let (pitch, width) = (pitch(nx), along_x.length);
             work.fit(nx, ny, false);

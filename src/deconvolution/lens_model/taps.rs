@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::LensFunctions;
-use super::cells::{CellPlace, Cells, Spectrum, SpectrumOf};
+use super::cells::{Cells, ModelCell, Spectrum, SpectrumOf};
 use super::fast::{Cell, Workspace, lanes_at, pitch};
 use super::fourier::Fourier;
 use super::halves::{Part, frequency_groups, inverse, store};
@@ -84,7 +84,7 @@ impl Kernel for Correlate<'_> {
         let k = cells.support_px;
         for place in cells.iter() {
             let cell = Cell::of(cells, &place);
-            let CellPlace { along_y, along_x, spectra: of } = place;
+            let ModelCell { along_y, along_x, spectra: of } = place;
             let (nx, ny) = (cell.fx.length(), cell.fy.length());
             let pitch = pitch(nx);
             work.fit(nx, ny, true);
