@@ -17,6 +17,7 @@ mod places;
 mod rig;
 mod rules;
 mod simulation;
+mod spectra;
 mod written;
 
 pub use appliance::{
@@ -36,9 +37,9 @@ pub use parts::{
 pub use rig::{Kind, RigFile};
 pub use simulation::{
     DisplayTable, Faults, GLASSES, Glare, Lens, LensGeometry, LensSurface, Pose, Prescription,
-    Primaries, SensorCurve, SensorTable, Simulation, SpectralLight, Subpixels, Surround, Uneven,
-    Unrest, Wavelength,
+    SensorCurve, SensorTable, Simulation, Subpixels, Surround, Uneven, Unrest,
 };
+pub use spectra::{Primaries, SpectralLight, Wavelength};
 pub use written::edit_distance;
 
 use std::path::Path;

@@ -372,8 +372,8 @@ fn the_words_for_the_focus_are_part_of_the_identity_and_fit_into_a_photo() {
     assert_eq!((same.camera.focus, said.camera.focus), (None, Some("2.5 m, f/4".to_owned())));
     assert_ne!(said.identity, same.identity);
     for wrong in ["", " near", "nä", &"x".repeat(81)] {
-        let told = message(focus(wrong));
-        assert!(told.contains("camera.focus") && told.contains("80 ASCII"), "{told}");
+        let error = message(focus(wrong));
+        assert!(error.contains("camera.focus") && error.contains("80 ASCII"), "{error}");
     }
 }
 

@@ -13,8 +13,9 @@ use super::parts::{
 use super::places::{Places, joined};
 use super::simulation::{
     DisplayTable, Faults, LensGeometry, LensTable, PIXEL_DIFFERENCES, Pose, SensorTable,
-    SimulationTable, SpectralLight,
+    SimulationTable,
 };
+use super::spectra::SpectralLight;
 
 const NOT_HARDWARE: &str = "the rig is not made of hardware";
 const NOT_SIMULATED: &str = "the rig is not simulated";

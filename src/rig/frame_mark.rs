@@ -70,7 +70,7 @@ pub struct MarkPlace {
 }
 
 /// A place in a strip: its cell and the position within that, 0..1.
-struct CellPlace {
+struct MarkCell {
     strip: usize,
     cell: usize,
     share: f64,
@@ -130,7 +130,7 @@ impl MarkPlace {
     }
 
     /// Cell at a sensor place, if any. Strips end a cell's width before the sensor's sides.
-    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<CellPlace> {
+    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<MarkCell> {
         let row = y + 0.5;
         let strip = (0..2).find(|&strip| {
             let first = self.first_row(strip) as f64;
@@ -138,7 +138,7 @@ impl MarkPlace {
         })?;
         let along = (x + 0.5) / self.sensor.width as f64 * (CELLS + 2) as f64 - 1.0;
         let inside = (0.0..CELLS as f64).contains(&along);
-        inside.then_some(CellPlace { strip, cell: along as usize, share: along.fract() })
+        inside.then_some(MarkCell { strip, cell: along as usize, share: along.fract() })
     }
 
     /// Sensor rows of a band of a strip.
@@ -193,8 +193,8 @@ impl FrameMarks {
                 if place.covers(at[1]) {
                     let (index, found) = ((y * panel.width + x) as u32, place.cell_at(at));
                     pixels.push((index, found.as_ref().map_or(BLACK, |at| at.cell as u8)));
-                    let is_middle = |at: &CellPlace| (0.25..0.75).contains(&at.share);
-                    if let Some(CellPlace { strip, cell, .. }) = found.filter(is_middle) {
+                    let is_middle = |at: &MarkCell| (0.25..0.75).contains(&at.share);
+                    if let Some(MarkCell { strip, cell, .. }) = found.filter(is_middle) {
                         let row = (at[1] + 0.5) as usize;
                         let band = (0..BANDS).find(|&n| place.band(strip, n).contains(&row));
                         let band = band.unwrap_or(BANDS - 1);

@@ -47,7 +47,7 @@ says() {
   words=$1; shift
   "$@" > /tmp/said 2>&1 && { cat /tmp/said; fail "$* succeeded"; }
   grep -q "$words" /tmp/said || { cat /tmp/said; fail "$* did not say \"$words\""; }
-  echo "told as it should be: $(grep "$words" /tmp/said | head -n1)"
+  echo "message as expected: $(grep "$words" /tmp/said | head -n1)"
 }
 # Checks the window's record: no exposure began before its picture was shown. The settle time of the rig file is 40 ms
 # from the vblank; the record has the driver's time, up to a refresh later.
