@@ -54,7 +54,7 @@ pub(super) enum CliError {
     #[error("found the result's name {0}, allowed one ending in .jpg, .png or .tif")]
     Format(PathBuf),
     /// Several photos need a folder for their results.
-    #[error("there is no folder {0}: the results of several photos need one")]
+    #[error("found no folder {0}, allowed a folder for the results of several photos")]
     NoSuchFolder(PathBuf),
     /// A report describes one photo.
     #[error("--report takes one photo, found {0}")]
