@@ -1,4 +1,4 @@
-//! The focus at which a photo was taken, and the lens as it is there.
+//! The focus of a photo, and the lens model there.
 
 use std::sync::{Arc, OnceLock};
 
@@ -10,8 +10,8 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
 use crate::frame::Channel;
 
-/// The lens as measured at several focus offsets, the panel's among them; nothing where it was
-/// measured at the panel's alone.
+/// The lens as measured at several focus offsets, the panel's included; empty where it was measured
+/// at the panel's alone.
 pub(super) struct Focuses(Vec<OtherFocus>);
 
 impl Focuses {
@@ -29,7 +29,7 @@ impl Focuses {
         let mut all = calibration.focuses.clone();
         all.push(panel);
         all.sort_by(|a, b| a.offset.total_cmp(&b.offset));
-        // What the light says of ‖K‖² beyond the model it says of the lens in any focus.
+        // The measured excess of ‖K‖² over the model's holds at any focus.
         let measured = calibration.norm_squared;
         let bound = norm_bound(calibration);
         for focus in &mut all {
@@ -40,7 +40,7 @@ impl Focuses {
         Focuses(all)
     }
 
-    /// Whether the lens was measured at the panel's focus alone.
+    /// Whether the lens was measured at the panel's focus only.
     pub(super) fn is_panel_alone(&self) -> bool {
         self.0.is_empty()
     }
@@ -51,13 +51,13 @@ impl Focuses {
 }
 
 impl Pipeline {
-    /// The measured lens in the focus of `photo`.
+    /// The measured lens at the focus of `photo`.
     pub(super) fn lens_of<'a>(&'a self, photo: &'a Prepared<'_>) -> &'a Arc<LensModel> {
         photo.focus.as_ref().map_or(&self.model, |focus| &focus.model)
     }
 
-    /// The focus at which `photo` was taken, whose noise at a light is `noise`; `None` where it is
-    /// the panel's, or nothing says that it is another.
+    /// The focus of `photo`, with `noise` σ at a light; `None` unless its spectra show another than
+    /// the panel's.
     pub(super) fn focus_of(
         &self,
         photo: &Prepared<'_>,
@@ -88,7 +88,7 @@ impl Pipeline {
 }
 
 impl Prepared<'_> {
-    /// What its spectra are asked by, its noise at a light being `noise`.
+    /// The data for its spectra, with `noise` σ at a light.
     pub(super) fn focus_data<'a>(
         &'a self,
         noise: &'a (dyn Fn(Channel, f32) -> f32 + Sync),
@@ -104,7 +104,7 @@ impl Prepared<'_> {
     }
 }
 
-/// What a lens lets through at most.
+/// Bounds on what a lens passes.
 struct FocusNorms {
     norm_squared: [f32; 3],
     level_norms: [LevelNorms; 3],

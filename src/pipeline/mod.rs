@@ -4,15 +4,11 @@
 //! does the rest, for the box, the charts and the laboratory alike. [`Pipeline::solve`] alone gives
 //! a method's result before it is judged.
 
-mod distance;
-mod evidence;
-mod fine_colour;
 mod focus;
-mod grain;
-mod judge;
-mod lens_alone;
+mod judging;
 mod methods;
 mod model_error;
+mod optical_residual;
 mod outcome;
 mod photo_data;
 mod prepare;
@@ -22,17 +18,18 @@ mod shown;
 mod solve;
 mod stages;
 
-pub use fine_colour::FineColour;
-pub use grain::Grain;
-pub use methods::{digital, hybrid, method, paper, reference_solution};
-pub use outcome::{
-    CertifiedFocus, Confirmation, Iteration, OpticalResidual, Outcome, Restoration, Verdict,
+pub use judging::{
+    Evidence, Findings, FineColour, Grain, Measures, PHOTO_LIMITS, PhotoLimits, Residuals, Unit,
+    WITNESSES, Witness, harm, is_suspect,
 };
+pub use methods::{digital, hybrid, method, paper, reference_solution};
+pub use optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};
+pub use outcome::{Iteration, Outcome, Restoration, Verdict};
 pub use photo_data::{PhotoData, Recorded};
 pub use raw_noise::AVERAGED_MIN;
 pub(crate) use setting::counted;
 pub use setting::{Chosen, Setting};
-pub use stages::{Evidence, PhotoFocus, Prepared, Residuals, Solved};
+pub use stages::{PhotoFocus, Prepared, Solved};
 
 use std::sync::{Arc, OnceLock};
 

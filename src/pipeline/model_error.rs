@@ -1,5 +1,5 @@
-//! What the lens model is known to miss: of the chart that was held out of its fits, its capture
-//! less its prediction, as a share of how much the lens changes that chart.
+//! Error of the lens model: the capture of the chart held out of its fits minus the prediction, as a
+//! share of how much the lens changes that chart.
 
 use std::sync::OnceLock;
 
@@ -10,10 +10,10 @@ use crate::deconvolution::lens_model::LensModel;
 use crate::frame::{Channel, Plane, Rect, once};
 use crate::patterns;
 
-/// Per channel, made when it is first asked for.
+/// The error per channel; its shares are computed when first needed.
 #[derive(Debug)]
 pub(super) struct ModelError {
-    /// RMS of the held-out capture less its prediction, grey levels.
+    /// RMS of the held-out capture minus its prediction, grey levels.
     held_out: [f32; 3],
     noise: [Noise; 3],
     shares: OnceLock<[f32; 3]>,
@@ -28,8 +28,8 @@ impl ModelError {
         }
     }
 
-    /// The share that `model` misses of what the lens changes in each channel, where `photo` lies
-    /// on its canvas.
+    /// Error of `model` per channel, as a share of what the lens changes; `photo` is the photo's
+    /// rectangle on the canvas.
     pub(super) fn shares(&self, model: &LensModel, photo: Rect) -> &[f32; 3] {
         once(&self.shares, || {
             let chart = place_with_edges(&patterns::chart(photo.size), model.canvas(), photo);

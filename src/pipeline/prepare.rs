@@ -25,7 +25,7 @@ use super::stages::Prepared;
 use crate::calibration::{Noise, SiteGains};
 use crate::deconvolution::blocking::blocking_of;
 use crate::deconvolution::data_term::{self, MISSING, SATURATED, TRUSTED};
-use crate::deconvolution::focus::{SpectralDoubt, doubted};
+use crate::deconvolution::focus::{SpectralFinding, check_spectrum};
 use crate::deconvolution::jpeg::{JpegTerm, Stated, coded_twice};
 use crate::deconvolution::observation::{Developed, Jpeg, Observation, Raw};
 use crate::frame::{Channel, Channels, Coding, FULL_SCALE, Frame, Plane, RawSites, Rect, Work};
@@ -148,9 +148,9 @@ impl Pipeline {
         };
         let measured = |c: Channel, light: f32| sigma(&own, c, light);
         let data = photo.focus_data(&measured);
-        let finding = doubted(self.model.functions(), &data, raw.noise.is_none());
+        let finding = check_spectrum(self.model.functions(), &data, raw.noise.is_none());
         let mean = Channel::ALL.map(|c| photo.photo.plane(c).mean() as f32);
-        if let Some(SpectralDoubt::Noisier(powers)) = finding {
+        if let Some(SpectralFinding::Noisier(powers)) = finding {
             let green = Channel::Green.index();
             let one = own[green].sigma(mean[green]);
             own = own.map(|noise| noise.times(powers));
@@ -166,12 +166,13 @@ impl Pipeline {
         let noise_at = |c: Channel, light: f32| sigma(&own, c, light);
         photo.observation.noise = Channel::ALL.map(|c| noise_at(c, mean[c.index()]));
         photo.focus = self.focus_of(photo, &noise_at);
-        photo.is_of_sharper_lens = finding == Some(SpectralDoubt::Sharper);
+        photo.is_of_sharper_lens = finding == Some(SpectralFinding::SharperLens);
         // At another focus the lens may be sharper than at the panel's.
         if photo.is_of_sharper_lens && photo.focus.is_some() {
             let data = photo.focus_data(&noise_at);
             let lens = self.lens_of(photo).functions();
-            photo.is_of_sharper_lens = doubted(lens, &data, false) == Some(SpectralDoubt::Sharper);
+            photo.is_of_sharper_lens =
+                check_spectrum(lens, &data, false) == Some(SpectralFinding::SharperLens);
         }
     }
 

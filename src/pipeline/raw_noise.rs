@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use crate::calibration::Noise;
+use crate::deconvolution::focus::NOISE_MAX;
 use crate::frame::{FULL_SCALE, RawSites};
 
 /// Least noise power by which a raw photo is restored, as a share of one exposure's: the lens
@@ -10,9 +11,9 @@ use crate::frame::{FULL_SCALE, RawSites};
 /// scenes on two rigs: with it SSIM and PSNR rise; with a half one of them loses PSNR.
 pub const AVERAGED_MIN: f32 = 0.75;
 
-/// Plausible noise power of a file, as a share of one exposure's: outside lies the mean of more
-/// exposures than anybody takes, or a gain that no camera has. Guess.
-const PLAUSIBLE_POWER: RangeInclusive<f32> = 0.01..=100.0;
+/// Plausible noise power of a file, as a share of one exposure's: below lies the mean of more
+/// exposures than anybody takes.
+const PLAUSIBLE_POWER: RangeInclusive<f32> = 1.0 / (NOISE_MAX * NOISE_MAX)..=NOISE_MAX * NOISE_MAX;
 
 /// Noise power, as a share of one exposure's, below which the report notes that not all averaging
 /// counts: the mean of two exposures or more. The two measures of one exposure differ by less.

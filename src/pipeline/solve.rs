@@ -7,7 +7,6 @@ use super::stages::{PhotoFocus, Prepared, Solved};
 use crate::calibration::SiteNorms;
 use crate::deconvolution::focus::OpticsAtFocus;
 use crate::deconvolution::forward_convolution::ForwardConvolution;
-use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::{About, Method, MethodError, Problem, Solution, Watch};
 use crate::frame::{Channels, Frame, Work, once};
 use crate::rig::exposure::Devices;
@@ -27,14 +26,14 @@ impl Pipeline {
         let mut path = self.light_path(rig).interruptible(self.interruption.as_deref());
         let (captures, seconds) = (path.captures(), path.seconds());
         let solved = match &photo.focus {
-            None => self.solve_by(&mut path, &self.model, photo, method, watch)?,
+            None => self.solve_by(&mut path, photo, method, watch)?,
             Some(PhotoFocus { model, .. }) => {
                 let mut optics = OpticsAtFocus {
                     inner: &mut path,
                     panel: Arc::clone(&self.model),
                     photo: Arc::clone(model),
                 };
-                self.solve_by(&mut optics, model, photo, method, watch)?
+                self.solve_by(&mut optics, photo, method, watch)?
             }
         };
         Ok(Solved {
@@ -45,26 +44,20 @@ impl Pipeline {
         })
     }
 
-    /// Solves `photo` by `method` with `lens`; captures are not counted.
+    /// Solves `photo` by `method`; captures are not counted.
     fn solve_by(
         &self,
         optics: &mut dyn ForwardConvolution,
-        lens: &Arc<LensModel>,
         photo: &Prepared<'_>,
         method: &dyn Method,
         watch: &mut Watch<'_>,
     ) -> Result<Solved, MethodError> {
-        let solution = self.pose(lens, photo, |problem| method.solve(problem, optics, watch))?;
-        Ok(self.finish(lens, photo, method.about(), solution))
+        let solution = self.pose(photo, |problem| method.solve(problem, optics, watch))?;
+        Ok(self.finish(photo, method.about(), solution))
     }
 
-    /// Poses `photo` with `lens` as a problem, and returns the result of `solve`.
-    pub(super) fn pose<T>(
-        &self,
-        lens: &Arc<LensModel>,
-        photo: &Prepared<'_>,
-        solve: impl FnOnce(&Problem<'_>) -> T,
-    ) -> T {
+    /// Poses `photo` as a problem, and returns the result of `solve`.
+    pub(super) fn pose<T>(&self, photo: &Prepared<'_>, solve: impl FnOnce(&Problem<'_>) -> T) -> T {
         let is_raw = photo.observation.sampling.mosaic().is_some();
         let (norm_squared, level_norms) = match (is_raw, &photo.focus) {
             (true, focus) => {
@@ -79,13 +72,11 @@ impl Pipeline {
             (false, Some(focus)) => (focus.norm_squared, &focus.level_norms),
             (false, None) => (self.norm_squared, &self.level_norms),
         };
-        // A solution with another lens is judged by that lens.
-        let as_measured = Arc::ptr_eq(lens, self.lens_of(photo));
         let is_hopeless = |prediction: &Frame<Work>| self.is_hopeless(photo, prediction);
         solve(&Problem {
-            is_hopeless: as_measured.then_some(&is_hopeless as _),
+            is_hopeless: Some(&is_hopeless),
             observation: &photo.observation,
-            model: lens,
+            model: self.lens_of(photo),
             norm_squared,
             level_norms,
             capture_mosaic: self.correction.layout().canvas_mosaic(),
@@ -94,10 +85,9 @@ impl Pipeline {
         })
     }
 
-    /// The `solution` of `photo` by `lens`, its colours aligned and cropped to the photo.
+    /// The `solution` of `photo`, its colours aligned and cropped to the photo.
     pub(super) fn finish(
         &self,
-        lens: &Arc<LensModel>,
         photo: &Prepared<'_>,
         about: &'static About,
         solution: Solution,
@@ -107,14 +97,6 @@ impl Pipeline {
             Channels::Colour => self.photo_side.line_up_colours(&solution.picture).crop(rect),
             Channels::Green => solution.picture.crop(rect),
         };
-        Solved {
-            picture,
-            solution,
-            about,
-            captures: 0,
-            capture_seconds: 0.0,
-            waited_seconds: 0.0,
-            lens: Arc::clone(lens),
-        }
+        Solved { picture, solution, about, captures: 0, capture_seconds: 0.0, waited_seconds: 0.0 }
     }
 }

@@ -188,7 +188,7 @@ fn what_the_lens_model_missed_of_its_chart_is_not_held_against_a_photo() {
         let photo = bed.photo();
         let outcome = bed.restore(&photo, &*method(&bed.config, Named::Digital));
         let evidence = outcome.evidence.unwrap();
-        (evidence.channels[1].model_error, evidence.unexplained(0.0, 0.0).0)
+        (evidence.channels[1].model_error, evidence.channels[1].over_floor())
     };
     let ((none, noises), (some, fewer)) = (missed(0.0), missed(6.0));
     assert_eq!(none, 0.0);
@@ -203,7 +203,7 @@ fn captures_of_a_panel_that_dimmed_do_not_make_the_picture_brighter() {
     bed.witness.set_white_share(0.8 * simulation.sensor.white_share);
     let outcome = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
     assert_eq!(outcome.verdict, Verdict::Replaced, "{}", outcome.reason);
-    assert!(outcome.reason.starts_with("the light of the result"), "{}", outcome.reason);
+    assert!(outcome.reason.starts_with("the brightness of the result"), "{}", outcome.reason);
     let light = |of: &Frame<Work>| of.planes().each_ref().map(Plane::mean);
     for (delivered, photo) in light(&outcome.picture).into_iter().zip(light(&photo)) {
         assert!((delivered / photo - 1.0).abs() < 0.05, "{delivered} for {photo}");
@@ -212,12 +212,12 @@ fn captures_of_a_panel_that_dimmed_do_not_make_the_picture_brighter() {
 
 #[test]
 #[ignore = "a minute: the gate runs it"]
-fn the_reason_of_a_rung_speaks_of_captures_only_where_some_were_made() {
+fn the_reason_of_a_stage_speaks_of_captures_only_where_some_were_made() {
     let mut bed = Bed::new();
     let photo = bed.photo();
     let alone = bed.restore(&photo, &*method(&bed.config, Named::Digital));
     assert_eq!((alone.stage, alone.captures), (ResultStage::LensModel, 0));
-    assert!(alone.reason.contains("no capture"), "{}", alone.reason);
+    assert!(alone.reason.contains("was not photographed"), "{}", alone.reason);
     let looked = bed.restore(&photo, &*method(&bed.config, Named::Hybrid));
     assert!(looked.captures > 0 && looked.certificate.is_some(), "{}", looked.reason);
     assert!(looked.reason.contains("captures"), "{}", looked.reason);
@@ -328,10 +328,10 @@ fn one_channel_that_no_scene_gives_is_enough() {
     let (sharp, lens) = (bed.scene(), bed.pipeline.model());
     let photo = bed.pipeline.prepare(PhotoData::developed(&sharp, Channels::Colour));
     let seen = lens.seen(photo.observation.channels.list(), &photo.observation.light);
-    let channels = bed.pipeline.residuals(&photo, lens, &seen);
-    let left = lens_alone::Left { channels: &channels, by_lens_alone: None };
-    let said = bed.pipeline.lens_alone(&photo, lens, left, &mut |_, _| {}).unwrap();
-    assert!(matches!(&said, stages::LensAlone::Foreign(left) if left.len() == 1));
+    let channels = bed.pipeline.residuals(&photo, &seen);
+    let candidate = judging::Candidate { channels: &channels, seen: &seen };
+    let said = bed.pipeline.lens_alone(&photo, candidate, &mut |_, _| {}).unwrap();
+    assert!(matches!(&said, judging::LensAlone::Foreign(left) if left.len() == 1));
 }
 
 #[test]

@@ -12,7 +12,7 @@ use relens::deconvolution::method::{About, Method, MethodError, Problem, Solutio
 use relens::frame::{Channel, Frame, Plane, Work};
 use relens::measurement::{calibrate, to_the_end};
 use relens::picture::Tone;
-use relens::pipeline::{Outcome, Prepared, Solved};
+use relens::pipeline::{Outcome, Prepared, Restoration, Solved};
 use relens::rig::simulated::{Depth, Witness, open};
 
 use crate::change::{Change, NOTHING, Taking, To, simulation};
@@ -27,6 +27,15 @@ pub(crate) struct Harness {
     taking: Taking,
     change: &'static Change,
     strength: f64,
+}
+
+/// What the box made of a photo.
+pub(crate) struct Restored {
+    /// The method's result; of a photo that the box does not solve, what it would have been.
+    pub(crate) solved: Solved,
+    pub(crate) outcome: Outcome,
+    /// Whether the photo was returned before any method saw it.
+    pub(crate) before_solving: bool,
 }
 
 /// Calibration of the simulated rig of `rig`.
@@ -194,19 +203,24 @@ impl Harness {
         photo.prepared(self.test_rig.parts().0, channels)
     }
 
-    /// Solves `photo` with `method` and judges the result.
-    pub(crate) fn judge(
+    /// What the box delivers for `photo` by `method`.
+    pub(crate) fn restore(
         &mut self,
         photo: &Prepared<'_>,
         method: &dyn Method,
-    ) -> Result<(Solved, Outcome), Failure> {
+    ) -> Result<Restored, Failure> {
         if let To::EachJob(_) = self.change.to {
             self.change_captures();
         }
         let (pipeline, rig) = self.test_rig.parts();
-        let solved = pipeline.solve(rig, photo, method, &mut |_, _| {})?;
-        let outcome = pipeline.judge(photo, &solved, &mut |_, _| {})?;
-        Ok((solved, outcome))
+        let Restoration { outcome, solved } =
+            pipeline.restore(rig, photo, method, &mut |_, _| {})?;
+        let before_solving = solved.is_none();
+        let solved = match solved {
+            Some(solved) => solved,
+            None => pipeline.solve(rig, photo, method, &mut |_, _| {})?,
+        };
+        Ok(Restored { solved, outcome, before_solving })
     }
 
     /// The method that `make` makes of the changed rig file.

@@ -114,7 +114,11 @@ fn run(options: &Options) -> Result<(), Failure> {
     let Options { what, out, quick, rows, pictures, .. } = options;
     if let Some(group) = options.group {
         std::fs::create_dir_all(out)?;
-        return judging::run(group, *quick)?.write(out);
+        let made = match rows {
+            Some(rows) => judging::walked_again(group, &std::fs::read_to_string(rows)?),
+            None => judging::run(group, *quick)?,
+        };
+        return made.write(out);
     }
     let rig = relens::config::load(options.rig.as_deref().unwrap_or(Path::new("")))?;
     if rig.simulation().is_none() {

@@ -12,11 +12,11 @@
 mod likelihood;
 mod optics;
 mod spectra;
-mod spectral_doubt;
+mod spectral_check;
 
 pub(crate) use optics::OpticsAtFocus;
 pub use spectra::FocusData;
-pub use spectral_doubt::{SpectralDoubt, doubted};
+pub use spectral_check::{NOISE_MAX, SpectralFinding, check_spectrum};
 
 use rayon::prelude::*;
 

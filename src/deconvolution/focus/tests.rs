@@ -241,8 +241,8 @@ fn noise_above_the_sensor_s_is_estimated() {
             let photo = Frame::from_fn(|c| {
                 clean.plane(c).map(|v: f32| v + noise(v.max(0.0)) * gaussian(&mut random))
             });
-            for found in both(&photo, |data| doubted(&lens, data, true)) {
-                let Some(SpectralDoubt::Noisier([found_black, found_light])) = found else {
+            for found in both(&photo, |data| check_spectrum(&lens, data, true)) {
+                let Some(SpectralFinding::Noisier([found_black, found_light])) = found else {
                     assert!(black < 3.0, "{black}, {light} through {offset}");
                     continue;
                 };
@@ -264,7 +264,9 @@ fn a_photo_through_a_stopped_down_lens_is_sharper_and_a_defocused_or_noisy_one_i
     for seed in 31..35 {
         let is = |lens: &LensFunctions, noise: f32| {
             let photo = taken(&scene(seed), lens, noise, seed);
-            both(&photo, |data| doubted(&measured, data, true) == Some(SpectralDoubt::Sharper))
+            both(&photo, |data| {
+                check_spectrum(&measured, data, true) == Some(SpectralFinding::SharperLens)
+            })
         };
         assert_eq!(is(&measured, NOISE), [false; 2], "{seed}");
         assert_eq!(is(&wider, NOISE), [false; 2], "{seed}");

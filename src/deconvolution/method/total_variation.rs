@@ -61,24 +61,9 @@ impl Method for TotalVariation {
 }
 
 impl TotalVariation {
-    /// All channels of `problem` solved, the channel `first` before the others; `None` if
-    /// `is_enough` holds for its plane.
-    pub(crate) fn solve_unless(
-        &self,
-        problem: &Problem<'_>,
-        first: Channel,
-        is_enough: &dyn Fn(&Plane) -> bool,
-        watch: &mut Watch<'_>,
-    ) -> Option<Solution> {
-        let solved = self.solve_channel(problem, first);
-        if is_enough(&solved.0) {
-            return None;
-        }
-        let solve = |c: Channel| match c == first {
-            true => solved.clone(),
-            false => self.solve_channel(problem, c),
-        };
-        Some(problem.solve_by_channel(solve, watch))
+    /// The light of the channel `c` of `problem`.
+    pub(crate) fn solve_one(&self, problem: &Problem<'_>, c: Channel) -> Plane {
+        self.solve_channel(problem, c).0
     }
 
     fn solve_channel(&self, problem: &Problem<'_>, c: Channel) -> (Plane, IterationRecord) {

@@ -1,5 +1,4 @@
-//! What is done to rigs and photos: nothing, several ways to keep a photo, and faults in growing
-//! strengths.
+//! Cases: ways to keep a photo, and faults in growing strengths.
 
 use crate::change::{Change, NOTHING, SWEPT, Swept, To, lens};
 use crate::jpeg_coder::Quality;
@@ -7,11 +6,11 @@ use crate::jpeg_coder::Quality;
 /// How a photo is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Kept {
-    /// As its rig wants it: raw behind filters.
+    /// As the rig wants it: raw sites, if its sensor has filters.
     Own,
-    /// As its camera develops it.
+    /// Developed by its camera.
     Developed,
-    /// The same as a JPEG.
+    /// Developed, as a JPEG.
     Jpeg(Quality),
 }
 
@@ -25,7 +24,7 @@ impl Kept {
     }
 }
 
-/// A JPEG of `quality`, a sample of chroma for `pixels` across and down.
+/// A JPEG of `quality`, one sample of chroma for `pixels` across and down.
 const fn jpeg(quality: u32, pixels: usize) -> Kept {
     Kept::Jpeg(Quality { quality, pixels: (pixels, pixels) })
 }
@@ -34,12 +33,12 @@ const fn jpeg(quality: u32, pixels: usize) -> Kept {
 pub(crate) const ORDINARY: [Kept; 5] =
     [Kept::Own, Kept::Developed, jpeg(95, 1), jpeg(85, 2), jpeg(60, 2)];
 
-/// Faults that do not happen here: other methods' patches, JPEGs, which are ordinary, and a
-/// distance that takes the lens's focus along.
+/// Faults of the sweep that are no faults here: patches of other methods, JPEGs, which are ordinary,
+/// and a distance to which the lens is focused.
 const ELSEWHERE: [&str; 4] =
     ["patch below the blur", "patch up to the frame", "photo's JPEG", "photo's distance"];
 
-/// The scene nearer or farther than the panel, at which the lens stays focused.
+/// A scene nearer or farther than the panel, on which the lens stays focused.
 static SCENE_ELSEWHERE: Swept = Swept {
     change: Change {
         name: "scene's distance",
@@ -54,7 +53,7 @@ static SCENE_ELSEWHERE: Swept = Swept {
     strengths: |_| [4.0, 3.2, 5.5, 2.0, 1.0],
 };
 
-/// The faults, each with strengths.
+/// The faults with their strengths.
 pub(crate) fn faults() -> Vec<&'static Swept> {
     let here = SWEPT.iter().filter(|swept| !ELSEWHERE.contains(&swept.change.name));
     here.chain([&SCENE_ELSEWHERE]).collect()

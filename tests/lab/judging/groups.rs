@@ -1,5 +1,5 @@
-//! The two groups of scenes and rigs: on one the limits of judging are set, on the other their
-//! rates are stated. They share no scene, no rig, no lens and no seed.
+//! The two groups of scenes and rigs: limits of judging are set on one, rates are stated on the
+//! other. They share no scene, rig, lens or seed.
 
 use relens::chart::scenes::Scene;
 use relens::config::RigFile;
@@ -9,7 +9,7 @@ use crate::Failure;
 use crate::change::{lens, simulation};
 use crate::view::Subject;
 
-/// Which of them.
+/// One of the groups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Group {
     /// On which limits are set
@@ -26,7 +26,7 @@ pub(crate) struct GroupRig {
     change: fn(&mut RigFile),
 }
 
-/// Small, with another lens.
+/// Rigs of [`Group::Limits`].
 const LIMITS: [GroupRig; 3] = [
     GroupRig { name: "small, plano-convex", file: "small.toml", change: |rig| singlet(rig, PLANO) },
     GroupRig {
@@ -46,17 +46,18 @@ const LIMITS: [GroupRig; 3] = [
         file: "truthful.toml",
         change: |rig| {
             singlet(rig, SILICA);
-            finer(rig, 1.6, (19, 29, 11));
+            finer(rig, 1.6, Sizes { model_px: 19, lens_px: 29, margin_px: 11 });
         },
     },
 ];
 
+/// Rigs of [`Group::Rates`].
 const RATES: [GroupRig; 3] = [
     GroupRig { name: "truthful", file: "truthful.toml", change: |_| {} },
     GroupRig {
         name: "truthful, pixels of simulated",
         file: "truthful.toml",
-        change: |rig| finer(rig, 2.5, (27, 45, 16)),
+        change: |rig| finer(rig, 2.5, Sizes { model_px: 27, lens_px: 45, margin_px: 16 }),
     },
     GroupRig {
         name: "truthful, flint, noisier",
@@ -69,8 +70,7 @@ const RATES: [GroupRig; 3] = [
     },
 ];
 
-/// Radii of a lens of 75 mm for its glass, by the lens maker's formula for a thin one, and its
-/// stop.
+/// A lens of 75 mm: radii by the thin lens maker's formula for its glass, and its stop.
 struct Singlet {
     radii_mm: [f64; 2],
     glass: &'static str,
@@ -85,7 +85,7 @@ const SILICA: Singlet =
     Singlet { radii_mm: [68.77, -68.77], glass: "fused-silica", stop_diameter_mm: 17.0 };
 const FLINT: Singlet = Singlet { radii_mm: [62.0, -155.0], glass: "F2", stop_diameter_mm: 15.0 };
 
-/// Puts a lens behind the rim of the barrel.
+/// Replaces the lens behind the rim of the barrel.
 fn singlet(rig: &mut RigFile, of: Singlet) {
     lens(rig, |lens| {
         let [.., front, back] = lens.surfaces.as_mut_slice() else { return };
@@ -95,8 +95,15 @@ fn singlet(rig: &mut RigFile, of: Singlet) {
     });
 }
 
-/// Pixels `times` as fine about the middle of the field; supports of model and lens, and margin.
-fn finer(rig: &mut RigFile, times: f64, (model_px, lens_px, margin_px): (usize, usize, usize)) {
+/// Sizes of a rig with finer pixels.
+struct Sizes {
+    model_px: usize,
+    lens_px: usize,
+    margin_px: usize,
+}
+
+/// Makes pixels `times` as fine about the middle of the field.
+fn finer(rig: &mut RigFile, times: f64, Sizes { model_px, lens_px, margin_px }: Sizes) {
     lens(rig, |lens| {
         lens.pixel_pitch_um /= times;
         lens.support_px = lens_px;

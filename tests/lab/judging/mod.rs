@@ -1,6 +1,7 @@
-//! The judging of results: on one group of scenes and rigs limits are set, on another their rates
-//! are stated.
+//! Judging: findings on results of a group of scenes and rigs, rates of wrong verdicts, and the
+//! effect of each witness and limit.
 
+mod ablation;
 mod cases;
 pub(crate) mod groups;
 mod record;
@@ -26,20 +27,32 @@ use cases::{Kept, NONE, ORDINARY, faults};
 use groups::{Group, GroupRig};
 use record::Record;
 
-/// Those that start from the lens; what replaces them is recorded beside each.
+/// Methods that start from the lens model; what would replace their results is recorded, too.
 const METHODS: [MethodName; 3] =
     [MethodName::Hybrid, MethodName::Digital, MethodName::BlockMatching];
+
 /// Tables of `group`, and the list of all its results; `quick` takes its first rig, and no faults.
 pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
     let mut records = Vec::new();
     let rigs = if quick { 1 } else { group.rigs().len() };
     for (n, rig) in group.rigs().iter().enumerate().take(rigs) {
-        records.extend(of_rig(group, n, rig, quick)?);
+        records.extend(run_rig(group, n, rig, quick)?);
     }
-    let mut csv = format!("{}\n", Record::HEAD);
+    let mut csv = format!("{}\n", Record::head());
     records.iter().for_each(|record| csv += &(record.cells() + "\n"));
+    let files = vec![(format!("judging-{}-results.csv", group.word()), csv.into_bytes())];
+    Ok(Made { files, ..tables(group, &records) })
+}
+
+/// Tables of `group` from the list of its results, without solving.
+pub(crate) fn walked_again(group: Group, rows: &str) -> Made {
+    let records: Vec<Record> = rows.lines().filter_map(Record::parse).collect();
+    tables(group, &records)
+}
+
+fn tables(group: Group, records: &[Record]) -> Made {
     let word = group.word();
-    let stem = |what: &str| format!("judging-{word}{what}");
+    let name = |what: &str| format!("judging-{word}{what}");
     let rates = format!(
         "How often harm is noticed, group `{word}`. Harmful: worse than the photo by {HARM} SSIM \
          of luma or {HARM_IN_COLOUR} of mean ΔE. Noticed: something else than the result is \
@@ -49,44 +62,64 @@ pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
         "Photos without a fault by the default method, group `{word}`: means, and how many are \
          worse than the photo by {HARM} SSIM of luma or {HARM_IN_COLOUR} of mean ΔE."
     );
-    Ok(Made {
+    let without = format!(
+        "The table of witnesses walked over {} results of group `{word}`: as it is ({} verdicts \
+         differ from the pipeline's), without each witness, and with each limit moved.",
+        records.len(),
+        ablation::differing(records)
+    );
+    Made {
         tables: vec![
-            (stem(""), report::rates(rates, &records)),
-            (stem("-ordinary"), report::ordinary(ordinary, &records)),
+            (name(""), report::rates(rates, records)),
+            (name("-ordinary"), report::ordinary(ordinary, records)),
+            (name("-ablation"), ablation::table(without, records)),
         ],
-        files: vec![(stem("-results.csv"), csv.into_bytes())],
         ..Made::default()
-    })
+    }
 }
 
-fn of_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Record>, Failure> {
+/// A fault at one of its strengths.
+struct Fault {
+    swept: &'static Swept,
+    strength: f64,
+    /// Index of the strength.
+    step: usize,
+}
+
+impl Fault {
+    fn is_none(&self) -> bool {
+        self.swept.change.unit.is_empty()
+    }
+}
+
+/// Results of all cases on the rig `n` of `group`.
+fn run_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Record>, Failure> {
     let (file, calibration) = calibrated(&rig.load(group.seed() + 100 * n as u64)?, &NOTHING, 0.0)?;
     let subjects = group.subjects();
     let whole = |n: usize| View { subject: subjects[n % 6], quarter: None };
     let quarter = |n: usize| View { subject: subjects[n % 6], quarter: Some(n / 6 % 4) };
     let mut records = Vec::new();
-    let mut one =
-        |swept: &'static Swept, step: usize, of: &[(View, Kept)], methods: &[MethodName]| {
-            let strength = (swept.strengths)(&file)[step];
-            let mut harness = Harness::changed(&file, &calibration, &swept.change, strength)?;
-            let seed = group.seed() + 10 * n as u64 + step as u64;
-            let found = photos(&mut harness, rig.name, (swept, strength, step), of, methods, seed)?;
-            for record in found {
-                log::info!("{}", record.cells());
-                records.push(record);
-            }
-            Ok::<(), Failure>(())
-        };
+    let mut add = |swept: &'static Swept, step: usize, of: &[(View, Kept)], methods: &[_]| {
+        let fault = Fault { swept, strength: (swept.strengths)(&file)[step], step };
+        let mut harness = Harness::changed(&file, &calibration, &swept.change, fault.strength)?;
+        let seed = group.seed() + 10 * n as u64 + step as u64;
+        for mut record in restore(&mut harness, &fault, of, methods, seed)? {
+            record.of[0] = rig.name.replace(',', "");
+            log::info!("{}", record.cells());
+            records.push(record);
+        }
+        Ok::<(), Failure>(())
+    };
     let mosaic = file.simulation().is_some_and(|s| s.sensor.mosaic.is_some());
     let kinds = ORDINARY.into_iter().filter(|&kept| mosaic || kept != Kept::Developed);
     let every = || (0..6).flat_map(|s| kinds.clone().map(move |kept| (whole(s), kept)));
-    one(&NONE, 0, &every().collect::<Vec<_>>(), &METHODS[..1])?;
+    add(&NONE, 0, &every().collect::<Vec<_>>(), &METHODS[..1])?;
     let own: Vec<(View, Kept)> = every().filter(|of| of.1 == Kept::Own).step_by(2).collect();
-    one(&NONE, 0, &own, &METHODS[1..])?;
+    add(&NONE, 0, &own, &METHODS[1..])?;
     if quick {
         return Ok(records);
     }
-    // One strength of each fault on a rig: three rigs have three.
+    // One strength of each fault on a rig, so that three rigs have three.
     for (f, swept) in faults().into_iter().enumerate() {
         let step = 4 - (f + n) % 3;
         let k = f + step + n;
@@ -97,16 +130,15 @@ fn of_rig(group: Group, n: usize, rig: &GroupRig, quick: bool) -> Result<Vec<Rec
             1 => &[MethodName::Hybrid, MethodName::Digital],
             _ => &[MethodName::Hybrid],
         };
-        one(swept, step, &[(view, Kept::Own)], methods)?;
+        add(swept, step, &[(view, Kept::Own)], methods)?;
     }
     Ok(records)
 }
 
-/// Photos of `of` by each of `methods`.
-fn photos(
+/// Results of each of `methods` on photos of the views `of`, taken with seeds from `seed` on.
+fn restore(
     harness: &mut Harness,
-    rig: &str,
-    (swept, strength, step): (&Swept, f64, usize),
+    fault: &Fault,
     of: &[(View, Kept)],
     methods: &[MethodName],
     seed: u64,
@@ -127,22 +159,19 @@ fn photos(
     for (view, kept, taken, truth) in &taken {
         let prepared = match taken {
             Taken::Plain(photo) => harness.prepare(photo),
-            Taken::Coded(photo) => {
-                let (pipeline, _) = harness.test_rig.parts();
-                pipeline.prepare(&**photo)
-            }
+            Taken::Coded(photo) => harness.test_rig.parts().0.prepare(&**photo),
         };
         for &which in methods {
             let solver = harness.method(&|rig| method(rig, which));
-            if step > 0 && !swept.change.unit.is_empty() && !concerned(&*solver, swept) {
+            if fault.step > 0 && !fault.is_none() && !concerned(&*solver, fault.swept) {
                 continue;
             }
             let mut record = Record::of(harness, &prepared, truth, &*solver)?;
-            record.healthy = swept.change.unit.is_empty();
+            record.healthy = fault.is_none();
             record.of = [
-                rig.replace(',', ""),
-                swept.change.name.to_owned(),
-                strength.to_string(),
+                String::new(),
+                fault.swept.change.name.to_owned(),
+                fault.strength.to_string(),
                 kept.name(),
                 view.name().replace(',', ""),
                 which.name().to_owned(),
@@ -153,7 +182,7 @@ fn photos(
     Ok(records)
 }
 
-/// A photo on its way to the box.
+/// A photo as the box gets it.
 enum Taken {
     Plain(TestPhoto),
     Coded(Box<Photo>),

@@ -1,7 +1,8 @@
-//! One result, how good it is, and what the box makes of it.
+//! One result: its likeness to the scene, the findings on it, and what is delivered; a line of the
+//! list of all results.
 
 use relens::deconvolution::method::Method;
-use relens::pipeline::{Prepared, Verdict};
+use relens::pipeline::{Findings, Measures, Prepared, Verdict, WITNESSES};
 
 use crate::Failure;
 use crate::harness::Harness;
@@ -12,30 +13,63 @@ use crate::likeness::{Likeness, Truth};
 pub(crate) struct Record {
     /// Rig, fault, strength, how the photo is kept, view, method.
     pub(crate) of: [String; 6],
-    /// Without a fault.
+    /// Whether the rig is without a fault.
     pub(crate) healthy: bool,
+    pub(crate) verdict: Verdict,
     pub(crate) photo: Likeness,
     pub(crate) result: Likeness,
     pub(crate) delivered: Likeness,
-    pub(crate) verdict: Verdict,
+    pub(crate) judged: Judged,
 }
 
+/// What the verdict on a result follows from.
+#[derive(Debug, Clone)]
+pub(crate) struct Judged {
+    /// Whether the photo was returned before any method saw it.
+    pub(crate) before_solving: bool,
+    /// Whether captures went into the result.
+    pub(crate) by_captures: bool,
+    /// What the reference solution leaves unexplained.
+    pub(crate) foreign: f64,
+    pub(crate) reference_gain: Option<f64>,
+    pub(crate) reference: Likeness,
+    pub(crate) digital: Likeness,
+    /// Measures of the result alone, of the result beside the reference solution, and of `digital`
+    /// beside it.
+    pub(crate) measures: [Measures; 3],
+}
+
+/// Prefixes of the columns of [`Judged::measures`].
+const PREFIXES: [&str; 3] = ["alone", "beside", "digital"];
+
 impl Record {
-    /// Of what `method` makes of `photo`, whose scene is `truth`.
+    /// The record of `method` on `photo`, whose scene is `truth`.
     pub(crate) fn of(
         harness: &mut Harness,
         photo: &Prepared<'_>,
         truth: &Truth,
         method: &dyn Method,
     ) -> Result<Record, Failure> {
-        let (solved, outcome) = harness.judge(photo, method)?;
+        let restored = harness.restore(photo, method)?;
+        let (pipeline, _) = harness.test_rig.parts();
+        let Findings { alone, beside, digital, foreign, reference_gain, pictures } =
+            pipeline.findings(photo, &restored.solved)?;
         Ok(Record {
             of: Default::default(),
             healthy: false,
             photo: truth.likeness(&photo.photo),
-            result: truth.likeness(&solved.picture),
-            delivered: truth.likeness(&outcome.picture),
-            verdict: outcome.verdict,
+            result: truth.likeness(&restored.solved.picture),
+            delivered: truth.likeness(&restored.outcome.picture),
+            verdict: restored.outcome.verdict,
+            judged: Judged {
+                before_solving: restored.before_solving,
+                by_captures: restored.solved.captures > 0,
+                foreign,
+                reference_gain,
+                reference: truth.likeness(&pictures[0]),
+                digital: truth.likeness(&pictures[1]),
+                measures: [alone, beside, digital],
+            },
         })
     }
 
@@ -54,19 +88,63 @@ impl Record {
         self.delivered.harms(self.result)
     }
 
-    /// Heads of [`Record::cells`].
-    pub(crate) const HEAD: &str = "rig,fault,strength,photo,view,method,healthy,verdict,\
-        photo SSIM,photo ΔE,SSIM,ΔE,delivered SSIM,delivered ΔE";
+    /// Heads of the columns of [`Record::cells`].
+    pub(crate) fn head() -> String {
+        let mut head = "rig,fault,strength,photo,view,method,healthy,verdict,photo SSIM,photo ΔE,\
+                        SSIM,ΔE,delivered SSIM,delivered ΔE,reference SSIM,reference ΔE,\
+                        digital SSIM,digital ΔE,before solving,by captures,foreign,reference gain"
+            .to_owned();
+        for prefix in PREFIXES {
+            WITNESSES.iter().for_each(|witness| head += &format!(",{prefix}: {}", witness.name));
+        }
+        head
+    }
 
-    /// A line of the list of all.
+    /// A line of the list of all results.
     pub(crate) fn cells(&self) -> String {
+        let judged = &self.judged;
+        let word = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let mut cells: Vec<String> = self.of.to_vec();
         cells.push(u8::from(self.healthy).to_string());
         cells.push(format!("{:?}", self.verdict).to_lowercase());
-        for of in [self.photo, self.result, self.delivered] {
-            let difference = of.difference.map_or(String::new(), |v| format!("{v:.3}"));
-            cells.extend([format!("{:.4}", of.ssim), difference]);
+        for of in [self.photo, self.result, self.delivered, judged.reference, judged.digital] {
+            cells.extend([word(Some(of.ssim)), word(of.difference)]);
         }
+        cells
+            .extend([judged.before_solving, judged.by_captures].map(|is| u8::from(is).to_string()));
+        cells.extend([word(Some(judged.foreign)), word(judged.reference_gain)]);
+        cells.extend(judged.measures.iter().flatten().map(|value| word(*value)));
         cells.join(",")
+    }
+
+    /// The record of a line of [`Record::cells`]; `None` for a line of another table.
+    pub(crate) fn parse(line: &str) -> Option<Record> {
+        let cells: Vec<&str> = line.split(',').collect();
+        if cells.len() != Record::head().split(',').count() {
+            return None;
+        }
+        let number = |n: usize| cells[n].parse::<f64>().ok();
+        let likeness = |n: usize| Some(Likeness { ssim: number(n)?, difference: number(n + 1) });
+        let verdicts = [Verdict::Sound, Verdict::Replaced, Verdict::Untouched];
+        let is_named = |of: &Verdict| format!("{of:?}").eq_ignore_ascii_case(cells[7]);
+        let rows = WITNESSES.len();
+        let measures = |n: usize| (0..rows).map(|row| number(22 + n * rows + row)).collect();
+        Some(Record {
+            of: [0, 1, 2, 3, 4, 5].map(|n| cells[n].to_owned()),
+            healthy: cells[6] == "1",
+            verdict: verdicts.into_iter().find(is_named)?,
+            photo: likeness(8)?,
+            result: likeness(10)?,
+            delivered: likeness(12)?,
+            judged: Judged {
+                reference: likeness(14)?,
+                digital: likeness(16)?,
+                before_solving: cells[18] == "1",
+                by_captures: cells[19] == "1",
+                foreign: number(20)?,
+                reference_gain: number(21),
+                measures: [0, 1, 2].map(measures),
+            },
+        })
     }
 }

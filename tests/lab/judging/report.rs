@@ -1,10 +1,10 @@
-//! What a group's results say, as tables: rates, and ordinary photos.
+//! Tables of a group's results: rates, and ordinary photos.
 
 use relens::chart::table::Table;
 
 use super::record::Record;
 
-/// A part of a whole.
+/// A count and its share of a whole, in words.
 fn share(part: usize, whole: usize) -> String {
     match whole {
         0 => "–".to_owned(),
@@ -16,7 +16,7 @@ fn count(of: &[&Record], is: impl Fn(&Record) -> bool) -> usize {
     of.iter().filter(|record| is(record)).count()
 }
 
-/// Each kind of `records` by the word at `place` of what they are of, in their order, then all.
+/// `records` grouped by the word at `place` of [`Record::of`], in their order.
 fn kinds(records: &[Record], place: usize) -> Vec<(String, Vec<&Record>)> {
     let mut kinds: Vec<(String, Vec<&Record>)> = Vec::new();
     for record in records {
@@ -28,7 +28,7 @@ fn kinds(records: &[Record], place: usize) -> Vec<(String, Vec<&Record>)> {
     kinds
 }
 
-/// How often harm is noticed and what is harmless is not believed: by rig, by method, of all.
+/// Noticed harm and false alarms, by rig, by method and of all.
 pub(crate) fn rates(caption: String, records: &[Record]) -> Table {
     let head = [
         "of",
@@ -66,8 +66,7 @@ pub(crate) fn rates(caption: String, records: &[Record]) -> Table {
     table
 }
 
-/// Photos without a fault, by how they are kept: what the default method makes of them and what is
-/// delivered.
+/// Photos without a fault by the default method, grouped by how they are kept.
 pub(crate) fn ordinary(caption: String, records: &[Record]) -> Table {
     let head = [
         "kept",

@@ -1,4 +1,4 @@
-//! The means of a sweep over its views: one method under one strength of one change.
+//! Cells of the map: means over the views of one method under one strength of one fault.
 
 use relens::config::RigFile;
 
@@ -7,15 +7,15 @@ use super::sweep::{METHODS, Run, same};
 use crate::change::Swept;
 use crate::likeness::Likeness;
 
-/// One method under one strength of one change, over all views.
+/// One method under one strength of one fault, over all views.
 #[derive(Debug, Clone)]
 pub(super) struct Cell {
     pub(super) swept: &'static Swept,
     pub(super) strength: f64,
-    /// Which of the strengths, 0 for none.
+    /// Index of the strength, 0 without the fault.
     pub(super) step: usize,
     pub(super) method: &'static str,
-    /// Views.
+    /// Number of views.
     pub(super) runs: usize,
     /// Mean of the untouched photos.
     pub(super) photo: Likeness,
@@ -25,9 +25,9 @@ pub(super) struct Cell {
     pub(super) delivered: Likeness,
     /// Results that harm.
     pub(super) harmful: Harmful,
-    /// Of those, the ones the box noticed.
+    /// Harmful results that were noticed.
     pub(super) caught: Harmful,
-    /// Results the box noticed, harmful or not.
+    /// Results that were not delivered, harmful or not.
     pub(super) noticed: usize,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Harmful {
     pub(super) in_colour: usize,
 }
 
-/// What harm is looked for in.
+/// The aspect in which harm is counted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Sense {
     Luma,
@@ -62,7 +62,7 @@ impl Sense {
 }
 
 impl Cell {
-    /// Of `runs`, all of one method under one strength of one change.
+    /// The cell of `runs`, all of one method under one strength of one fault.
     fn of(runs: &[&Run]) -> Option<Cell> {
         let first = runs.first()?;
         let mean = |of: fn(&Run) -> Likeness| {
@@ -91,20 +91,20 @@ impl Cell {
         })
     }
 
-    /// Whether the method does harm here, on the mean of the views.
+    /// Whether the method harms, on the mean of the views.
     pub(super) fn harms(&self, sense: Sense) -> bool {
         sense.harms(self.result, self.photo)
     }
 
-    /// How much less ΔE the result has than the photo; of photos in colour.
+    /// ΔE of the photo minus that of the result; `None` for grey photos.
     pub(super) fn gain_in_colour(&self) -> Option<f64> {
         let both = self.photo.difference.zip(self.result.difference);
         both.map(|(photo, result)| photo - result)
     }
 }
 
-/// The means over the views: change by change, strength by strength, method by method. What was run
-/// without a change is the first strength of every change.
+/// The cells by fault, strength and method. Results without a fault are the first strength of every
+/// fault.
 pub(super) fn cells(runs: &[Run], rig: &RigFile) -> Vec<Cell> {
     let (none, some): (Vec<&Run>, Vec<&Run>) = runs.iter().partition(|run| run.step == 0);
     let mut runs = Vec::new();
@@ -130,12 +130,12 @@ pub(super) fn cells(runs: &[Run], rig: &RigFile) -> Vec<Cell> {
     groups.iter().filter_map(|group| Cell::of(group)).collect()
 }
 
-/// The methods in `cells`, in their order.
+/// Methods in `cells`, in their order.
 pub(super) fn methods_of(cells: &[Cell]) -> Vec<&'static str> {
     METHODS.into_iter().filter(|m| cells.iter().any(|cell| cell.method == *m)).collect()
 }
 
-/// The changes in `cells`, in their order.
+/// Faults in `cells`, in their order.
 pub(super) fn swept_of(cells: &[Cell]) -> Vec<&'static Swept> {
     let known = all_swept().into_iter();
     known.filter(|s| cells.iter().any(|cell| same(cell.swept, s))).collect()

@@ -1,5 +1,5 @@
-//! The results of a sweep, kept one by one: one that was cut off goes on where it was with the same
-//! command, and tables are made of them again without measuring.
+//! Stored results of a sweep, one a line: an interrupted sweep is continued by the same command, and
+//! tables are made again without solving.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -13,7 +13,7 @@ use crate::Failure;
 use crate::change::Swept;
 use crate::likeness::Likeness;
 
-/// Results on disk, one a line.
+/// Results on disk.
 #[derive(Debug, Default)]
 pub(crate) struct Kept {
     file: Option<File>,
@@ -22,14 +22,14 @@ pub(crate) struct Kept {
 
 const HEAD: &str = "fault,strength,step,method,view,seed,photo SSIM,photo ΔE,SSIM,ΔE,\
     delivered SSIM,delivered ΔE,verdict";
-/// In place of a method where the rig was not calibrated.
+/// Stands for a method where calibration was refused.
 const REFUSED: &str = "refused";
 
 const VERDICTS: [(Verdict, &str); 3] =
     [(Verdict::Sound, "sound"), (Verdict::Replaced, "replaced"), (Verdict::Untouched, "untouched")];
 
-/// The results in the lines of `text`. Lines of changes, methods and views that are there no more,
-/// and one that was cut off, are left out.
+/// The results in the lines of `text`, without those of unknown faults, methods or views and without
+/// a truncated line.
 pub(crate) fn parsed(text: &str) -> Found {
     let mut found = Found::default();
     for line in text.lines().skip(1) {
@@ -46,7 +46,7 @@ pub(crate) fn parsed(text: &str) -> Found {
 }
 
 impl Kept {
-    /// Those of the file at `path`, to which more are added.
+    /// The results in the file at `path`, to which more are appended.
     pub(crate) fn open(path: &Path) -> Result<Kept, Failure> {
         let cannot = |e| format!("cannot open {}: {e}", path.display());
         let text = std::fs::read_to_string(path).unwrap_or_default();
@@ -59,7 +59,7 @@ impl Kept {
         Ok(Kept { file: Some(file), found: parsed(&text) })
     }
 
-    /// What `plan` asks for under a strength of `swept`, as far as it is here.
+    /// Stored results of `plan` under a strength of `swept`.
     pub(crate) fn of(&self, plan: &Plan<'_>, swept: &'static Swept, step: usize) -> Vec<Run> {
         let is = |run: &&Run| {
             (run.step, run.seed) == (step, plan.seed)
@@ -70,17 +70,17 @@ impl Kept {
         self.found.runs.iter().filter(is).cloned().collect()
     }
 
-    /// Whether no calibration was taken there.
+    /// Whether calibration was refused there.
     pub(super) fn refuses(&self, swept: &'static Swept, strength: f64) -> bool {
         self.found.refused.iter().any(|(other, at)| same(other, swept) && *at == strength)
     }
 
-    /// Writes `runs` down.
+    /// Appends `runs`.
     pub(crate) fn keep(&mut self, runs: &[Run]) -> Result<(), Failure> {
         self.write(&runs.iter().map(|run| format!("{}\n", line(run))).collect::<String>())
     }
 
-    /// Writes down that no calibration was taken there.
+    /// Appends that calibration was refused there.
     pub(super) fn keep_refused(&mut self, swept: &Swept, strength: f64) -> Result<(), Failure> {
         self.found.refused.extend(self::swept(swept.change.name).zip(Some(strength)));
         self.write(&format!("{},{strength},,{REFUSED}\n", swept.change.name))

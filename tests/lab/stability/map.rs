@@ -1,5 +1,5 @@
-//! The map of changes and methods, drawn: where results gain, where they harm, in luma and in
-//! colour, and what is delivered.
+//! The map of faults and methods: where results gain or harm, in luma and in colour, and what is
+//! delivered.
 
 use relens::chart::drawing::{Anchor, Colour, Drawing, Stroke};
 
@@ -7,24 +7,24 @@ use super::cells::{Cell, Sense, methods_of, swept_of};
 
 /// Left edge of the first column and upper edge of the first row.
 const ORIGIN: [f64; 2] = [200.0, 214.0];
-/// Width and height of one strength's box.
+/// Width and height of the box of one strength.
 const BOX: [f64; 2] = [12.0, 20.0];
-/// Height of the strip below it, which is for colour.
+/// Height of the strip below it, for colour.
 const STRIP: f64 = 8.0;
-/// From one method to the next, from one change to the next.
+/// Distances from one method, and from one fault, to the next.
 const PITCH: [f64; 2] = [74.0, 36.0];
-/// Of all letters but the title's: a page shows the map some 830 wide.
+/// Size of all letters except the title: a page shows the map about 830 wide.
 const LETTERS: f64 = 14.0;
-/// A gain of this much SSIM has the full colour; a loss of it, too.
+/// Gain or loss of SSIM with the full colour.
 const FULL: f64 = 0.1;
-/// The same of ΔE.
+/// Gain or loss of ΔE with the full colour.
 const FULL_IN_COLOUR: f64 = 1.0;
 
 const BLACK: Colour = Colour(0, 0, 0);
 const WHITE: Colour = Colour(255, 255, 255);
 const EDGE: Colour = Colour(0xbb, 0xbb, 0xbb);
 
-/// The map of `cells`, headed `title`.
+/// The map of `cells` under `title`.
 pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
     let (methods, changes) = (methods_of(cells), swept_of(cells));
     let size = |n: usize, count: usize| ORIGIN[n] + PITCH[n] * count as f64 + 8.0;
@@ -33,7 +33,7 @@ pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
     legend(&mut sheet);
     for (column, method) in methods.iter().enumerate() {
         let x = ORIGIN[0] + PITCH[0] * column as f64;
-        // A line for each of its words, the last on top of the column; narrower than a column.
+        // One line a word, the last just above the column: a name is wider than a column.
         let words: Vec<&str> = method.split('-').collect();
         for (line, word) in words.iter().rev().enumerate() {
             let y = ORIGIN[1] - 8.0 - 16.0 * line as f64;
@@ -61,8 +61,8 @@ pub(super) fn draw(cells: &[Cell], title: &str) -> Drawing {
     sheet
 }
 
-/// Blue where it gains, orange where it harms, white between: told apart by the colour-blind, too.
-/// `gain` is a share of what has the full colour.
+/// Blue for a gain, orange for harm, white between; `gain` is a share of the full colour. The pair
+/// is distinct for colour-blind readers.
 fn colour(gain: f64) -> Colour {
     let share = gain.abs().min(1.0);
     // Okabe & Ito's blue and vermilion.
@@ -71,7 +71,7 @@ fn colour(gain: f64) -> Colour {
     Colour(r, g, b)
 }
 
-/// A box with an edge.
+/// Draws a box with an edge.
 fn edged(sheet: &mut Drawing, [x, y]: [f64; 2], [width, height]: [f64; 2], gain: f64, tip: &str) {
     sheet.rectangle([x, y], [x + width, y + height], EDGE, 1.0);
     let (right, bottom) = (x + width - 0.5, y + height - 0.5);

@@ -1,9 +1,9 @@
-//! Where methods fail, and who notices: every method under every change, in growing strengths.
+//! The stability sweep: every method under every fault, in growing strengths, and how much of the
+//! harm is noticed.
 //!
-//! The rig is calibrated while it is healthy; then the change is made to it, to the photo or to the
-//! method. What a rig is like from the start ([`crate::truths`]) is there when it is calibrated.
-//! The limits by which the box notices ([`relens::pipeline::Verdict`]) were set on whole scenes;
-//! here quarters of two of them are used, with other seeds.
+//! The rig is calibrated without the fault, which is then made to the rig, the photo or the method.
+//! Imperfections of the rig itself ([`crate::truths`]) are present at calibration. The limits of
+//! judging were set on whole scenes; the sweep takes quarters of two of them, with other seeds.
 
 mod cells;
 pub(crate) mod kept;
@@ -27,9 +27,9 @@ use kept::Kept;
 use report::{harm_table, rates_table};
 use sweep::{Found, METHODS, Plan, Run, sweep};
 
-/// Scenes whose quarters no limit was set on.
+/// Scenes whose quarters set no limit.
 const HELD_OUT: [Scene; 2] = [Scene::Astronaut, Scene::Rocket];
-/// Quarters of both, alternating.
+/// Quarters of both scenes, alternating.
 const VIEWS: [View; 8] = {
     let mut views = [View::quarter(HELD_OUT[0], 0); 8];
     let mut n = 0;
@@ -39,25 +39,25 @@ const VIEWS: [View; 8] = {
     }
     views
 };
-/// Seeds that no limit was set on: of the sweep, and of more results without a change.
+/// Seeds that set no limit: of the sweep, and of more results without a fault.
 const SEEDS: [u64; 2] = [2, 3];
 
-/// Everything that is swept: noise, what rigs are like, what goes wrong.
+/// All faults: noise, imperfections of the rig, what goes wrong later.
 pub(crate) fn all_swept() -> Vec<&'static Swept> {
     let (noise, wrong) = SWEPT.split_at(1);
     noise.iter().chain(&TRUTHS).chain(wrong).collect()
 }
 
-/// The tables and the map of results that were kept before; nothing is measured.
+/// Tables and map of the stored results `kept`, without solving.
 pub(crate) fn redrawn(rig: &RigFile, kept: &str) -> Made {
     made(rig, &kept::parsed(kept))
 }
 
-/// Sweeps the simulated rig of `rig`; `quick` takes one strength of each change and a part of the
-/// views, and leaves out the paper's loop. A sweep into `out` that was cut off goes on there.
+/// Sweeps the simulated rig `rig`; `quick` takes one strength of each fault and some of the views,
+/// and omits the paper's method. An interrupted sweep into `out` is continued.
 pub(crate) fn run(rig: &RigFile, quick: bool, out: &Path) -> Result<Made, Failure> {
     let swept = all_swept();
-    // The paper's loop takes as long as all the others, and harms without a fault.
+    // The paper's method takes as long as all others, and harms without a fault.
     let without_paper = &METHODS[1..];
     let plan = Plan {
         swept: &swept,
@@ -80,7 +80,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, out: &Path) -> Result<Made, Failur
         seed: SEEDS[1],
     };
     found.runs.extend(sweep(rig, &healthy, kept)?.runs);
-    // A rate of one in a hundred wants some hundreds of results of the method that is the default.
+    // A rate of one in a hundred needs some hundreds of results of the default method.
     for seed in (SEEDS[1] + 1..).take(if quick { 5 } else { 40 }) {
         let more = Plan { methods: &["hybrid"], seed, ..healthy };
         found.runs.extend(sweep(rig, &more, kept)?.runs);
@@ -88,7 +88,7 @@ pub(crate) fn run(rig: &RigFile, quick: bool, out: &Path) -> Result<Made, Failur
     Ok(made(rig, &found))
 }
 
-/// The tables and the map of what was `found`.
+/// Tables and map of the results `found`.
 fn made(rig: &RigFile, found: &Found) -> Made {
     let swept: Vec<Run> = found.runs.iter().filter(|run| run.seed == SEEDS[0]).cloned().collect();
     let cells = cells::cells(&swept, rig);
@@ -104,7 +104,7 @@ fn made(rig: &RigFile, found: &Found) -> Made {
         let caption = format!(
             "The strength at which a method begins to do harm: {begins} the untouched photo's; \
              {about}. In brackets: how many of the harmful results there the box noticed. A dash: \
-             the fault cannot touch the method. The paper's loop is tried at the fourth strength."
+             the fault cannot touch the method. The paper's method is tried at the fourth strength."
         );
         harm_table(caption, &cells, found, sense)
     };

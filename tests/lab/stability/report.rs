@@ -1,5 +1,4 @@
-//! What a sweep found, as tables: where each method begins to do harm, who noticed, and how often
-//! that goes wrong.
+//! Tables of a sweep: where each method begins to harm, and how often judging is wrong.
 
 use relens::chart::table::Table;
 use relens::pipeline::Verdict;
@@ -13,18 +12,18 @@ impl Run {
         self.result.harms_luma(self.photo)
     }
 
-    /// Whether what is delivered is.
+    /// Whether the delivered picture is worse than the untouched photo in luma.
     pub(crate) fn harms_delivered(&self) -> bool {
         self.delivered.harms_luma(self.photo)
     }
 
-    /// Whether what is delivered is worse than the result.
+    /// Whether the delivered picture is worse than the result in luma.
     fn gives_up(&self) -> bool {
         self.delivered.harms_luma(self.result)
     }
 }
 
-/// Changes by methods: the strength at which harm begins, and how many of the harmful results there
+/// Faults by methods: the strength at which harm begins, and how many of the harmful results there
 /// were noticed.
 pub(super) fn harm_table(caption: String, cells: &[Cell], found: &Found, sense: Sense) -> Table {
     let methods = methods_of(cells);
@@ -58,7 +57,7 @@ pub(super) fn harm_table(caption: String, cells: &[Cell], found: &Found, sense: 
     table
 }
 
-/// The rates at which noticing goes wrong, method by method and of all.
+/// Rates of wrong judging, by method and of all.
 pub(crate) fn rates_table(caption: String, runs: &[Run]) -> Table {
     let head = [
         "method",
@@ -80,7 +79,7 @@ pub(crate) fn rates_table(caption: String, runs: &[Run]) -> Table {
     for name in METHODS.into_iter().chain(["all"]) {
         let mut of: Vec<&Run> =
             runs.iter().filter(|run| name == "all" || run.method == name).collect();
-        // No change is no change, whichever change it is the first strength of.
+        // A result without a fault counts once, not for every fault.
         let first = of.first().map(|run| run.swept);
         let again = |run: &&Run| run.step == 0 && first.is_some_and(|s| !same(s, run.swept));
         of.retain(|run| !again(run));

@@ -1,5 +1,4 @@
-//! Runs methods under changes on a simulated rig that was calibrated healthy, and takes down what
-//! became of them.
+//! Runs methods under faults on a simulated rig calibrated without them.
 
 use relens::calibration::Calibration;
 use relens::chart::test_rig::TestPhoto;
@@ -12,11 +11,11 @@ use relens::pipeline::{Verdict, method, reference_solution};
 use super::kept::Kept;
 use crate::Failure;
 use crate::change::{Swept, To, simulation};
-use crate::harness::{Harness, calibration};
+use crate::harness::{Harness, Restored, calibration};
 use crate::likeness::{Likeness, Truth};
 use crate::view::View;
 
-/// The methods that are swept: those a rig file can name, and the reference solution.
+/// The methods of the sweep: those of rig files, and the reference solution.
 pub(crate) const METHODS: [&str; 7] = [
     "paper",
     "hybrid",
@@ -27,18 +26,18 @@ pub(crate) const METHODS: [&str; 7] = [
     "total-variation",
 ];
 
-/// One method under one change on one view.
+/// One method under one fault on one view.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
-    /// What was changed.
+    /// The fault.
     pub(crate) swept: &'static Swept,
-    /// How much.
+    /// Its strength.
     pub(crate) strength: f64,
-    /// Which of the strengths, 0 for none.
+    /// Index of the strength, 0 without the fault.
     pub(crate) step: usize,
     /// The method.
     pub(crate) method: &'static str,
-    /// What was photographed.
+    /// The photographed view.
     pub(crate) view: View,
     /// Seed of the rig and of the photos.
     pub(crate) seed: u64,
@@ -46,18 +45,18 @@ pub(crate) struct Run {
     pub(crate) photo: Likeness,
     /// The method's result.
     pub(crate) result: Likeness,
-    /// What the box made of the result.
+    /// The verdict on the result.
     pub(crate) verdict: Verdict,
-    /// What is delivered.
+    /// The delivered picture.
     pub(crate) delivered: Likeness,
 }
 
-/// What is swept.
+/// The plan of a sweep.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plan<'a> {
-    /// Changes.
+    /// Faults.
     pub(crate) swept: &'a [&'static Swept],
-    /// Which of each change's strengths; 0 is none.
+    /// Indices of strengths; 0 is without the fault.
     pub(crate) steps: &'a [usize],
     /// Methods.
     pub(crate) methods: &'a [&'static str],
@@ -67,7 +66,7 @@ pub(crate) struct Plan<'a> {
     pub(crate) seed: u64,
 }
 
-/// What a sweep found.
+/// Results of a sweep.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Found {
     /// The results.
@@ -145,7 +144,7 @@ fn under(
             if step > 0 && !concerned(&*solver, swept) {
                 continue;
             }
-            let (solved, outcome) = harness.judge(&prepared, &*solver)?;
+            let Restored { solved, outcome, .. } = harness.restore(&prepared, &*solver)?;
             let run = Run {
                 swept,
                 strength,

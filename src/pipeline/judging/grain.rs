@@ -1,26 +1,14 @@
-//! Grain: what of a picture alternates from pixel to pixel where another picture is flat.
+//! Grain: alternation from pixel to pixel where another picture is flat.
 //!
-//! A lens lets next to nothing of the finest details through, so a result that alternates so meets
-//! the photo as well as one that does not, by model and by light. Only a picture that is flat there
-//! tells: the photo cheaply, the reference solution surely, for it is sharp and flat at once.
+//! A lens passes next to nothing of the finest details, so grain hardly changes the residuals of
+//! model and capture. It shows beside a picture that is flat there: the photo, which costs nothing,
+//! or the reference solution, which is sharp and flat at once.
 
+use super::table::{DATA_SHARE_MIN, FLAT, GRAIN_SEEN, GRAIN_TIMES};
 use crate::frame::Plane;
 
-/// A pixel is flat where lightness changes by less than this from pixel to pixel, of 255 codes, as
-/// a mean around it. Measured, as the two below, on the laboratory's group of limits
-/// (`tests/tables/judging.md`).
-const FLAT: f32 = 2.0;
-/// Pixels around, to each side.
+/// Pixels to each side over which slopes are averaged.
 const AROUND: usize = 2;
-/// With a smaller share of flat pixels nothing is said. Guess.
-const SHARE_MIN: f64 = 0.03;
-/// Grain that is seen, codes,
-const SEEN: f32 = 3.0;
-/// and how many times the photo's it must be.
-const TIMES_THE_PHOTO_S: f32 = 2.0;
-/// A photo's grain that is worth taking out, codes. On the same group ordinary photos have at most
-/// 1.8, those with 8 grey levels of noise 2.6 and more.
-const WORTH_TAKING_OUT: f32 = 2.0;
 
 /// The grain of a result and of its photo in the same flat pixels, RMS in codes of 255.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -32,22 +20,20 @@ pub struct Grain {
 }
 
 impl Grain {
-    /// Of `result` and `photo` where `base` is flat: all are lightness, 0..255, of one size.
+    /// Grain of `result` and `photo` where `base` is flat: lightness, 0..255, of one size.
     pub(super) fn of(result: &Plane, photo: &Plane, base: &Plane) -> Grain {
         let flat = flat(base);
         Grain { result: grain(result, &flat), photo: grain(photo, &flat) }
     }
 
-    /// Whether the result is rid of grain that the photo has.
+    /// Whether the result lacks grain that the photo has.
     pub(super) fn is_cleared(&self) -> bool {
-        self.photo > WORTH_TAKING_OUT && TIMES_THE_PHOTO_S * self.result < self.photo
+        self.photo > GRAIN_SEEN && GRAIN_TIMES * self.result < self.photo
     }
 
-    /// Whether it harms, where limits are `share` of what they are.
-    pub(super) fn harms(&self, share: f32) -> bool {
-        let fine =
-            self.result <= share * SEEN || self.result <= share * TIMES_THE_PHOTO_S * self.photo;
-        !fine
+    /// The result's grain over what is allowed: what is not seen, and some times the photo's.
+    pub(super) fn over_allowed(&self) -> f32 {
+        (self.result / GRAIN_SEEN).min(self.result / (GRAIN_TIMES * self.photo))
     }
 }
 
@@ -92,7 +78,7 @@ fn grain(lightness: &Plane, flat: &Plane) -> f32 {
             }
         }
     }
-    match count as f64 >= SHARE_MIN * lightness.size().area() as f64 && count > 0 {
+    match count as f64 >= DATA_SHARE_MIN * lightness.size().area() as f64 && count > 0 {
         true => (squares / count as f64).sqrt() as f32,
         false => 0.0,
     }
@@ -114,13 +100,13 @@ mod tests {
     }
 
     #[test]
-    fn a_chessboard_on_what_is_flat_is_grain() {
+    fn a_chessboard_on_a_flat_part_is_grain() {
         let base = board(0.0);
         let of = |half: f32| Grain::of(&board(half), &board(0.1), &base);
         assert!((of(0.5).result - 2.0).abs() < 1e-3, "{:?}", of(0.5));
-        assert!(of(1.0).harms(1.0) && !of(0.4).harms(1.0));
+        assert!(of(1.0).over_allowed() > 1.0 && of(0.4).over_allowed() <= 1.0);
         let noisy = Grain::of(&board(1.0), &board(0.9), &base);
-        assert!(!noisy.harms(1.0), "the photo has it, too: {noisy:?}");
+        assert!(noisy.over_allowed() <= 1.0, "the photo has it, too: {noisy:?}");
     }
 
     #[test]

@@ -1,0 +1,200 @@
+//! Spectral check of a photo's noise and lens.
+//!
+//! A solution explains a photo of a sharper lens as well as one of the measured lens: it overshoots,
+//! and the lens hides that. But the power of its scene would rise where the measured lens passes
+//! little, and scenes' power falls with frequency. The check asks which hypothesis makes the tiles'
+//! spectra likeliest: lens and sensor as measured, a noisier sensor, or a narrower lens.
+
+use rayon::prelude::*;
+
+use super::likelihood::{PowerLaw, likeliest, noise_alone};
+use super::spectra::{FocusData, TilePlace, TileSpectrum, Tiles, Transfers};
+use super::{TILES_MIN, least, standard_errors};
+use crate::deconvolution::lens_model::LensFunctions;
+use crate::frame::Channel;
+
+/// Factor of the alternatives: twice the noise σ, half the width of the lens. Guess: on the
+/// laboratory's group of limits charts are likeliest with 1.5 times the noise.
+const ALTERNATIVE: f32 = 2.0;
+/// Largest plausible noise σ over the sensor's: four stops of gain.
+pub const NOISE_MAX: f32 = 16.0;
+/// Power of the scene, over the noise's, up to which a frequency shows the noise alone.
+const NOISE_ALONE: f32 = 0.1;
+/// Least number of such frequencies in a tile.
+const ALONE_MIN: usize = 32;
+/// Width of a lens out of focus, over the measured one's: it must not be likelier than the narrower
+/// lens.
+const BLURRED: f32 = 1.5;
+/// Standard errors of the tiles' mean by which an alternative must be likelier. On the laboratory's
+/// group of limits twice the noise is by 4.1 at most for ordinary photos (a chart) and by 8.0 at
+/// least for noisier ones; half the width by 0.7 and 2.8 (at half the distance) at most, and by 5.5
+/// for one of two photos through the lens stopped down.
+const STANDARD_ERRORS: f64 = 4.75;
+
+/// What the spectrum of a photo contradicts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpectralFinding {
+    /// The sensor's noise: factors on its power without light and on that of the light.
+    Noisier([f32; 2]),
+    /// The lens: a much narrower one is likelier.
+    SharperLens,
+}
+
+/// The spectral finding on `photo`, taken through a lens of `functions`, if there is one. Noise is
+/// checked if `noise_unknown`; a noisier photo's lens is not checked.
+pub fn check_spectrum(
+    functions: &LensFunctions,
+    photo: &FocusData<'_>,
+    noise_unknown: bool,
+) -> Option<SpectralFinding> {
+    let as_measured = TriedSource { width: 1.0, times: 1.0 };
+    let narrower = TriedSource { width: 1.0 / ALTERNATIVE, ..as_measured };
+    let noisier = TriedSource { times: ALTERNATIVE, ..as_measured };
+    let blurred = TriedSource { width: BLURRED, ..as_measured };
+    let costs_of = |tried: &[TriedSource]| costs(functions, photo, tried);
+    let tried = [as_measured, narrower, noisier];
+    let first = costs_of(if noise_unknown { &tried } else { &tried[..2] });
+    if noise_unknown && errors_for(&first, 2) > STANDARD_ERRORS {
+        return noise_factors(functions, photo).map(SpectralFinding::Noisier);
+    }
+    let errors = errors_for(&first, 1);
+    log::debug!("a lens half as wide is likelier by {errors:.1} standard errors");
+    if errors <= STANDARD_ERRORS {
+        return None;
+    }
+    let blurred = sums(&costs_of(&[as_measured, blurred]), 2)[1];
+    (sums(&first, 2)[1] < blurred).then_some(SpectralFinding::SharperLens)
+}
+
+/// Factors on the sensor's noise power without light and on that of the light, as `photo` shows
+/// them.
+fn noise_factors(functions: &LensFunctions, photo: &FocusData<'_>) -> Option<[f32; 2]> {
+    let half_stops = 2 * NOISE_MAX.log2() as i32;
+    let tried: Vec<TriedSource> = (0..=half_stops)
+        .map(|n| TriedSource { width: 1.0, times: (n as f32 / 2.0).exp2() })
+        .collect();
+    let likeliest = tried[least(&sums(&costs(functions, photo, &tried), tried.len()))].times;
+    let found = fit_factors(&measure_noise(functions, photo, likeliest));
+    log::debug!("noise: {likeliest:.1} times the sensor's is likeliest: {found:?}");
+    found
+}
+
+/// A hypothesis: factors on the width of the measured lens and on the noise σ of the sensor.
+#[derive(Debug, Clone, Copy)]
+struct TriedSource {
+    width: f32,
+    times: f32,
+}
+
+/// −ln likelihood of each of `tried`, tile by tile. The search for the likeliest scene starts at the
+/// last one found for the measured width.
+fn costs(functions: &LensFunctions, photo: &FocusData<'_>, tried: &[TriedSource]) -> Vec<Vec<f64>> {
+    map_tiles(functions, photo, |tiles, spectra, transfers| {
+        let mut costs = vec![0.0; tried.len()];
+        for (channel, spectrum) in spectra {
+            let (mut power, mut scene) = (Vec::new(), PowerLaw::of(spectrum));
+            let at = tiles.frequencies(spectrum.folding);
+            for (cost, TriedSource { width, times }) in costs.iter_mut().zip(tried) {
+                transfers.as_wide(*channel, *width, &mut power);
+                let noisier = spectrum.noisier(times * times);
+                if *width == 1.0 {
+                    *cost += likeliest(at, &noisier, &power, &mut scene);
+                } else {
+                    *cost += likeliest(at, &noisier, &power, &mut scene.clone());
+                }
+            }
+        }
+        costs
+    })
+}
+
+/// Noise power of a tile.
+struct TileNoise {
+    /// The sensor's without light, and that of the tile's light.
+    own: [f32; 2],
+    /// The measured power.
+    found: f32,
+}
+
+/// Noise power of the tiles of `photo`, about `times` the sensor's σ, at frequencies where the scene
+/// has little. The likeliest `times` itself is biased: the likelihood has heavy tails.
+fn measure_noise(functions: &LensFunctions, photo: &FocusData<'_>, times: f32) -> Vec<TileNoise> {
+    let at_black = Channel::ALL.map(|c| (photo.noise)(c, 0.0).powi(2));
+    let measure = |tiles: &Tiles, spectra: &[(Channel, TileSpectrum)], transfers: &Transfers| {
+        let one = |(channel, spectrum): &(Channel, TileSpectrum)| {
+            let (mut power, mut scene) = (Vec::new(), PowerLaw::of(spectrum));
+            transfers.power(*channel, 0, 0.0, &mut power);
+            let at = tiles.frequencies(spectrum.folding);
+            let noisier = spectrum.noisier(times * times);
+            likeliest(at, &noisier, &power, &mut scene);
+            let mut alone: Vec<f32> =
+                noise_alone(at, &noisier, &power, scene, NOISE_ALONE).collect();
+            if alone.len() < ALONE_MIN {
+                return None;
+            }
+            let middle = alone.len() / 2;
+            let median = *alone.select_nth_unstable_by(middle, f32::total_cmp).1;
+            let (black, own) = (at_black[channel.index()], at.folds as f32 * spectrum.noise);
+            // The median of exponentially distributed power is ln 2 of its mean.
+            let found = median / std::f32::consts::LN_2 * times * times * own;
+            Some(TileNoise { own: [black, (own - black).max(0.0)], found })
+        };
+        spectra.iter().filter_map(one).collect::<Vec<_>>()
+    };
+    map_tiles(functions, photo, measure).into_iter().flatten().collect()
+}
+
+/// Factors on the sensor's noise power without light and on that of the light which explain the
+/// `tiles`: least squares, relative to each tile's power. A higher gain raises the first more.
+fn fit_factors(tiles: &[TileNoise]) -> Option<[f32; 2]> {
+    let (mut own, mut found) = ([[0.0f32; 2]; 2], [0.0f32; 2]);
+    for TileNoise { own: [black, light], found: power } in tiles {
+        let share = [black / power, light / power];
+        for (n, m) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            own[n][m] += share[n] * share[m];
+        }
+        (found[0], found[1]) = (found[0] + share[0], found[1] + share[1]);
+    }
+    let determinant = own[0][0] * own[1][1] - own[0][1] * own[1][0];
+    let both = [
+        (found[0] * own[1][1] - found[1] * own[0][1]) / determinant,
+        (found[1] * own[0][0] - found[0] * own[1][0]) / determinant,
+    ];
+    // A negative factor is replaced by a fit of the other alone.
+    let alone = |n: usize| found[n] / own[n][n];
+    let powers = match both {
+        [black, light] if black >= 0.0 && light >= 0.0 => both,
+        [black, _] if black < 0.0 => [0.0, alone(1)],
+        _ => [alone(0), 0.0],
+    };
+    powers.iter().all(|power| power.is_finite()).then_some(powers)
+}
+
+/// `map` over the tiles of `photo`, each with its spectra and the transfer of `functions` there;
+/// empty where too few tiles have data.
+fn map_tiles<T: Send>(
+    functions: &LensFunctions,
+    photo: &FocusData<'_>,
+    map: impl Fn(&Tiles, &[(Channel, TileSpectrum)], &Transfers) -> T + Sync,
+) -> Vec<T> {
+    let Some(tiles) = Tiles::of(photo.rect.size, functions) else { return Vec::new() };
+    let one = |place: &TilePlace| {
+        let spectrum = |&c: &Channel| Some((c, tiles.spectrum(photo, place, c)?));
+        let spectra: Vec<_> = photo.channels.list().iter().filter_map(spectrum).collect();
+        let transfers = Transfers::of(&tiles, place, std::iter::once(functions));
+        (!spectra.is_empty()).then(|| map(&tiles, &spectra, &transfers))
+    };
+    let all: Vec<T> = tiles.places().par_iter().filter_map(one).collect();
+    if all.len() < TILES_MIN { Vec::new() } else { all }
+}
+
+/// Sums over all tiles of the costs of each hypothesis.
+fn sums(costs: &[Vec<f64>], hypotheses: usize) -> Vec<f64> {
+    (0..hypotheses).map(|n| costs.iter().map(|tile| tile[n]).sum()).collect()
+}
+
+/// Standard errors of the tiles' mean by which an alternative is likelier than the first hypothesis.
+fn errors_for(costs: &[Vec<f64>], alternative: usize) -> f64 {
+    let gains: Vec<f64> = costs.iter().map(|tile| tile[0] - tile[alternative]).collect();
+    if gains.is_empty() { 0.0 } else { standard_errors(&gains) }
+}

@@ -1,0 +1,169 @@
+//! Judging: no result is delivered that harms.
+//!
+//! The witnesses of the [`table`] are walked twice: first for whether a result is suspect, which
+//! costs little, and then, beside the reference solution, for whether it harms. A harmful result is
+//! replaced by a solution of the measured lens alone: that of `digital` where captures led astray,
+//! else the reference solution. The photo itself is returned where no scene gives it through the
+//! measured lens, or noise hides what the lens did.
+
+mod distance;
+mod findings;
+mod fine_colour;
+mod grain;
+mod measures;
+mod reference;
+mod residuals;
+pub(super) mod table;
+mod verdict;
+
+pub use findings::{Findings, PHOTO_LIMITS, PhotoLimits};
+pub use fine_colour::FineColour;
+pub use grain::Grain;
+use measures::Case;
+pub use measures::Evidence;
+pub(super) use reference::{Candidate, LensAlone};
+pub use residuals::Residuals;
+use residuals::{unexplained_product, worst_unexplained};
+pub use table::{Unit, WITNESSES, Witness};
+pub use verdict::{Measures, harm, is_suspect};
+
+use super::stages::{Prepared, Solved};
+use super::{Outcome, Pipeline, Verdict};
+use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
+use crate::deconvolution::stage::ResultStage;
+use crate::frame::{Frame, Work};
+
+impl Verdict {
+    /// Whether something else than the method's result is delivered.
+    pub fn noticed(self) -> bool {
+        self != Verdict::Sound
+    }
+}
+
+impl Pipeline {
+    /// The [`Outcome`] of what was `solved` for `photo`; `watch` is called after every step of a
+    /// reference solution.
+    ///
+    /// # Errors
+    /// When there is no lens model.
+    pub fn judge(
+        &self,
+        photo: &Prepared<'_>,
+        solved: &Solved,
+        watch: &mut Watch<'_>,
+    ) -> Result<Outcome, MethodError> {
+        let evidence = self.evidence(photo, solved);
+        let alone = Case { photo, solved, evidence: &evidence, reference: None };
+        let measures = verdict::measure(&WITNESSES, &alone);
+        if !is_suspect(&WITNESSES, &measures, solved.about.starts_from_lens) {
+            return Ok(Outcome::of(solved, evidence));
+        }
+        let lens_alone = match photo.lens_alone.get() {
+            Some(known) => known,
+            None => {
+                let prediction = self.predicted(photo, solved);
+                let candidate = Candidate { channels: &evidence.channels, seen: &prediction };
+                let made = self.lens_alone(photo, candidate, watch)?;
+                photo.lens_alone.get_or_init(|| made)
+            }
+        };
+        let reference = match lens_alone {
+            LensAlone::Fitting(reference) => reference,
+            LensAlone::Foreign(channels) => {
+                let evidence = Evidence { channels: channels.clone(), ..evidence };
+                return Ok(refused(photo, solved, evidence, foreign(channels)));
+            }
+        };
+        if gains_nothing(&evidence) && gains_nothing(&reference.evidence) {
+            let evidence = Evidence { grain: evidence.grain, ..reference.evidence.clone() };
+            return Ok(refused(photo, solved, evidence, table::NOTHING_GAINED.to_owned()));
+        }
+        let reference_solution = &reference.solved;
+        let beside = Case { reference: Some(&reference_solution.picture), ..alone };
+        let measures = verdict::measure(&WITNESSES, &beside);
+        let Some(reason) = verdict::harm_in_words(&WITNESSES, &measures) else {
+            return Ok(Outcome::of(solved, evidence));
+        };
+        let replaced = match self.without_light(photo, solved, reference_solution, watch)? {
+            Some(outcome) => outcome,
+            None => Outcome::of(reference_solution, reference.evidence.clone()),
+        };
+        let captures = solved.captures;
+        let stage = ResultStage::LensModel;
+        Ok(Outcome { verdict: Verdict::Replaced, stage, reason, captures, ..replaced })
+    }
+
+    /// The result of `digital` in place of a harmful one, if captures made that one and `digital`,
+    /// which uses none, does no harm.
+    fn without_light(
+        &self,
+        photo: &Prepared<'_>,
+        harmful_result: &Solved,
+        reference: &Solved,
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Outcome>, MethodError> {
+        if harmful_result.captures == 0 {
+            return Ok(None);
+        }
+        let solved = self.by_lens_alone(&self.digital, photo, watch)?;
+        let evidence = self.evidence(photo, &solved);
+        let reference = Some(&reference.picture);
+        let case = Case { photo, solved: &solved, evidence: &evidence, reference };
+        let harms = harm(&WITNESSES, &verdict::measure(&WITNESSES, &case)).is_some();
+        Ok((!harms).then(|| Outcome::of(&solved, evidence)))
+    }
+
+    /// Solves `photo` by `method` with the measured lens and no capture.
+    fn by_lens_alone(
+        &self,
+        method: &dyn Method,
+        photo: &Prepared<'_>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Solved, MethodError> {
+        let mut none = NoOptics { size: photo.observation.light.size() };
+        let solution = self.pose(photo, |problem| method.solve(problem, &mut none, watch))?;
+        Ok(self.finish(photo, method.about(), solution))
+    }
+
+    /// Whether no scene gives `photo` through the measured lens, `seen` being a method's candidate
+    /// of that lens alone: the finding of [`Pipeline::judge`], before any more captures.
+    pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
+        let channels = self.residuals(photo, seen);
+        if unexplained_product(&channels) <= table::FOREIGN {
+            return false;
+        }
+        let candidate = Candidate { channels: &channels, seen };
+        let known = photo.lens_alone.get().or_else(|| {
+            let made = self.lens_alone(photo, candidate, &mut |_, _| {}).ok()?;
+            Some(photo.lens_alone.get_or_init(|| made))
+        });
+        known.is_some_and(|of| matches!(of, LensAlone::Foreign(_)))
+    }
+}
+
+/// Whether luma leaves as much unexplained as the untouched photo's does.
+fn gains_nothing(evidence: &Evidence) -> bool {
+    let found = evidence.luma_residual_over_photo();
+    found.is_some_and(|found| found > table::NO_GAIN || found.is_nan())
+}
+
+/// The `photo` itself in place of what was `solved`.
+fn refused(photo: &Prepared<'_>, solved: &Solved, evidence: Evidence, reason: String) -> Outcome {
+    let grain = Grain { result: evidence.grain.photo, ..evidence.grain };
+    let evidence = Some(Evidence { grain, ..evidence });
+    let untouched = Outcome::untouched(photo.photo.as_ref().clone(), reason);
+    Outcome { evidence, captures: solved.captures, ..untouched }
+}
+
+/// Why a photo with these residuals is returned as it is.
+fn foreign(channels: &[Residuals]) -> String {
+    let (floors, share) =
+        worst_unexplained(channels).map_or((0.0, 0.0), |of| (of.over_floor(), of.over_untouched()));
+    format!(
+        "the measured lens does not explain the photo; it may come from another lens, be sharp \
+         already, or have been sharpened or compressed (residual: {floors:.1} times what noise and \
+         the lens model leave, allowed {:.1} times; {:.0} % of the untouched photo's)",
+        table::FOREIGN as f32 / share,
+        100.0 * share
+    )
+}

@@ -1,0 +1,88 @@
+//! The reference solution of a photo, and whether any scene gives the photo through the measured
+//! lens.
+
+use super::measures::Evidence;
+use super::residuals::{Explained, Residuals, unexplained_product};
+use super::table::{CLEARLY_FOREIGN, FOREIGN, SHORT_STEPS};
+use crate::deconvolution::method::total_variation::TotalVariation;
+use crate::deconvolution::method::{MethodError, Problem, Watch};
+use crate::frame::{Channel, Frame, Plane, Work};
+use crate::pipeline::Pipeline;
+use crate::pipeline::stages::{Prepared, Solved};
+
+/// What the lens model alone shows of a photo.
+#[derive(Clone)]
+pub(in crate::pipeline) enum LensAlone {
+    /// No scene gives the photo: the residuals of the channels that show it.
+    Foreign(Vec<Residuals>),
+    /// Some scene may.
+    Fitting(Box<Reference>),
+}
+
+/// The reference solution with its evidence.
+#[derive(Clone)]
+pub(in crate::pipeline) struct Reference {
+    pub(super) solved: Solved,
+    pub(super) evidence: Evidence,
+}
+
+/// A candidate whose residuals are known before the reference solution is solved.
+#[derive(Clone, Copy)]
+pub(in crate::pipeline) struct Candidate<'a> {
+    /// Residuals, channel by channel.
+    pub(in crate::pipeline) channels: &'a [Residuals],
+    /// The candidate through the lens.
+    pub(in crate::pipeline) seen: &'a Frame<Work>,
+}
+
+impl Pipeline {
+    /// What the measured lens alone shows of `photo`, beside a `candidate` of any method.
+    ///
+    /// A refusal is to cost no more than a restoration: one foreign channel is enough, and most
+    /// foreign photos show it after a few steps of the channel that the candidate explains worst.
+    pub(in crate::pipeline) fn lens_alone(
+        &self,
+        photo: &Prepared<'_>,
+        candidate: Candidate<'_>,
+        watch: &mut Watch<'_>,
+    ) -> Result<LensAlone, MethodError> {
+        let first = self.short_residuals(photo, candidate);
+        if unexplained_product(&[first]) > CLEARLY_FOREIGN {
+            return Ok(LensAlone::Foreign(vec![first]));
+        }
+        let solved = self.by_lens_alone(&self.reference, photo, watch)?;
+        let evidence = self.evidence(photo, &solved);
+        Ok(match is_foreign(&evidence.channels) {
+            true => LensAlone::Foreign(evidence.channels),
+            false => LensAlone::Fitting(Box::new(Reference { solved, evidence })),
+        })
+    }
+
+    /// Residuals of a short reference solution in the channel that `candidate` explains worst. A
+    /// JPEG is decoded by the candidate: its file is decoded only once a picture is known.
+    fn short_residuals(&self, photo: &Prepared<'_>, candidate: Candidate<'_>) -> Residuals {
+        let (observation, lens) = (&photo.observation, self.lens_of(photo));
+        let listed = observation.channels.list().iter().zip(candidate.channels);
+        let worst = listed.max_by(|a, b| a.1.product().total_cmp(&b.1.product()));
+        let worst = worst.map_or(Channel::Green, |(&c, _)| c);
+        let expected = observation.sampling.expected_data(candidate.seen).map(|data| {
+            let noise = Channel::ALL.map(|c| observation.data_noise(c));
+            observation.with_data(data, noise)
+        });
+        let decoded = expected.as_ref().unwrap_or(observation);
+        let short = TotalVariation { steps: SHORT_STEPS, ..self.reference };
+        let light = self.pose(photo, |problem| {
+            short.solve_one(&Problem { observation: decoded, ..*problem }, worst)
+        });
+        let mut seen = Plane::zeros(light.size());
+        lens.forward(worst, &light, &mut seen);
+        let (data, noise) = (decoded.light.plane(worst), observation.data_noise(worst));
+        self.channel_residuals(photo, worst, &Explained { seen: &seen, data, noise })
+    }
+}
+
+/// Whether no scene gives a photo whose reference solution leaves these residuals.
+fn is_foreign(channels: &[Residuals]) -> bool {
+    let product = unexplained_product(channels);
+    product > FOREIGN || product.is_nan()
+}

@@ -1,0 +1,262 @@
+//! Residuals of a photo under the lens model, channel by channel.
+
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+
+use super::distance::lightness;
+use super::fine_colour::FineColour;
+use super::grain::Grain;
+use super::measures::Evidence;
+use super::table::{DATA_SHARE_MIN, FILLED_IN, FOREIGN_SHARE, MORE_THAN_NOISE};
+use crate::deconvolution::data_term::{
+    MISSING, NOISE_MIN, SATURATED, residual_in_place, rms_over_data,
+};
+use crate::deconvolution::lens_model::LensModel;
+use crate::deconvolution::method::Solution;
+use crate::frame::{Channel, Frame, Plane, Work, once};
+use crate::pipeline::Pipeline;
+use crate::pipeline::stages::{Prepared, Solved};
+
+/// Residuals of one channel, RMS over the photo in grey levels, without saturated pixels and those
+/// that the lens throws their light on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residuals {
+    /// K̂L − B.
+    pub model: f32,
+    /// K̂B − B, of the untouched photo.
+    pub untouched: f32,
+    /// Noise of the photo.
+    pub photo_noise: f32,
+    /// Error of the lens model on the held-out chart, scaled to the photo's contrast.
+    pub model_error: f32,
+    /// Mean of B.
+    pub light: f32,
+    /// Mean of K̂L − B.
+    pub excess_light: f32,
+    /// RMS of B about its mean.
+    pub contrast: f32,
+}
+
+impl Residuals {
+    /// The model residual over what noise and the lens model's known error leave of a right result.
+    pub fn over_floor(&self) -> f32 {
+        self.model / self.photo_noise.hypot(self.model_error).max(NOISE_MIN)
+    }
+
+    /// The model residual over the untouched photo's.
+    pub fn over_untouched(&self) -> f32 {
+        self.model / self.untouched.max(f32::MIN_POSITIVE)
+    }
+
+    /// The model residual over its floor times that over the untouched photo's.
+    ///
+    /// Either alone shows little: any imperfect model leaves a little more than noise of a busy
+    /// photo, and noise is a good part of all there is in a calm one.
+    pub(super) fn product(&self) -> f32 {
+        self.over_floor() * self.over_untouched()
+    }
+}
+
+/// The channel whose [`Residuals::product`] is largest, of those where both factors are above their
+/// least; not a number is above.
+pub(super) fn worst_unexplained(channels: &[Residuals]) -> Option<&Residuals> {
+    let counts = |of: &&Residuals| {
+        !(of.over_floor() <= MORE_THAN_NOISE || of.over_untouched() <= FOREIGN_SHARE)
+    };
+    channels.iter().filter(counts).max_by(|a, b| a.product().total_cmp(&b.product()))
+}
+
+/// [`Residuals::product`] of the worst channel, 0 if none counts.
+pub(super) fn unexplained_product(channels: &[Residuals]) -> f64 {
+    worst_unexplained(channels).map_or(0.0, |of| of.product().into())
+}
+
+impl Pipeline {
+    /// What is known of `solved` by itself.
+    pub(super) fn evidence(&self, photo: &Prepared<'_>, solved: &Solved) -> Evidence {
+        let photo_seen = lightness(&photo.photo, photo.observation.channels);
+        let result = lightness(&solved.picture, photo.observation.channels);
+        Evidence {
+            channels: self.residuals(photo, &self.predicted(photo, solved)),
+            grain: Grain::of(&result, &photo_seen, &photo_seen),
+            cleared: Grain::of(&result, &photo_seen, &result),
+            fine_colour: FineColour::of(&solved.picture, photo.observation.channels),
+        }
+    }
+
+    /// The prediction K̂L of what was `solved` for `photo`.
+    pub(super) fn predicted<'a>(
+        &self,
+        photo: &Prepared<'_>,
+        solved: &'a Solved,
+    ) -> Cow<'a, Frame<Work>> {
+        let Solution { picture, prediction, .. } = &solved.solution;
+        match prediction {
+            Some(prediction) => Cow::Borrowed(prediction),
+            None => {
+                Cow::Owned(self.lens_of(photo).seen(photo.observation.channels.list(), picture))
+            }
+        }
+    }
+
+    /// Residuals of `photo` in each of its channels, `seen` being the candidate through the lens.
+    pub(in crate::pipeline) fn residuals(
+        &self,
+        photo: &Prepared<'_>,
+        seen: &Frame<Work>,
+    ) -> Vec<Residuals> {
+        let observation = &photo.observation;
+        let expected = observation.sampling.expected_data(seen);
+        let data = expected.as_ref().unwrap_or(&observation.light);
+        // Before the channels part, or each would compute them.
+        self.untouched(photo);
+        let residuals = |&c: &Channel| {
+            let noise = observation.data_noise(c);
+            let explained = Explained { seen: seen.plane(c), data: data.plane(c), noise };
+            self.channel_residuals(photo, c, &explained)
+        };
+        photo.observation.channels.list().par_iter().map(residuals).collect()
+    }
+
+    /// Residuals of one channel of `photo`.
+    pub(super) fn channel_residuals(
+        &self,
+        photo: &Prepared<'_>,
+        c: Channel,
+        &Explained { seen, data, noise }: &Explained<'_>,
+    ) -> Residuals {
+        let valid = valid_pixels(photo, self.lens_of(photo), c);
+        let count = valid.data().iter().filter(|&&t| t != MISSING).count();
+        let minus = |data: &Plane| {
+            let mut residual = seen.clone();
+            residual_in_place(&mut residual, data, &valid);
+            residual
+        };
+        let filled_in = photo.observation.sampling.interpolated().map_or(0.0, |mosaic| {
+            let mut filled = mosaic.filled(c, seen);
+            residual_in_place(&mut filled, seen, &valid);
+            FILLED_IN * rms_over_data(&filled, &valid)
+        });
+        let placed = photo.observation.light.plane(c);
+        let mean = |of: &Plane| (sum_over(of, &valid) / count.max(1) as f64) as f32;
+        let light = mean(placed);
+        let untouched = self.untouched(photo)[c.index()];
+        // A channel with too few valid pixels says nothing.
+        let counts = count as f64 >= DATA_SHARE_MIN * photo.observation.rect.size.area() as f64;
+        let if_it_counts = |value: f32| if counts { value } else { 0.0 };
+        Residuals {
+            model: if_it_counts(rms_over_data(&minus(data), &valid)),
+            untouched,
+            photo_noise: noise.hypot(filled_in),
+            model_error: self.model_error.shares(&self.model, photo.observation.rect)[c.index()]
+                * untouched,
+            light: if_it_counts(light),
+            excess_light: if_it_counts(mean(&minus(placed))),
+            contrast: rms_over_data(&placed.map(|v: f32| v - light), &valid),
+        }
+    }
+
+    /// RMS of K̂B − B, grey levels, in each channel of the untouched `photo`; computed once.
+    fn untouched(&self, photo: &Prepared<'_>) -> [f32; 3] {
+        *once(&photo.untouched, || {
+            let (observation, lens) = (&photo.observation, self.lens_of(photo));
+            let channels = observation.channels.list();
+            let seen = lens.seen(channels, &observation.light);
+            let expected = observation.sampling.expected_data(&seen);
+            let data = expected.as_ref().unwrap_or(&observation.light);
+            let residual = |&c: &Channel| {
+                let valid = valid_pixels(photo, lens, c);
+                let mut seen = seen.plane(c).clone();
+                residual_in_place(&mut seen, data.plane(c), &valid);
+                rms_over_data(&seen, &valid)
+            };
+            let found: Vec<f32> = channels.par_iter().map(residual).collect();
+            let mut residuals = [0.0; 3];
+            channels.iter().zip(found).for_each(|(c, found)| residuals[c.index()] = found);
+            residuals
+        })
+    }
+}
+
+/// One channel of a candidate beside its data.
+pub(super) struct Explained<'a> {
+    /// The candidate through the lens.
+    pub(super) seen: &'a Plane,
+    /// The photo, as its file may state it of this candidate.
+    pub(super) data: &'a Plane,
+    /// Noise of the data, grey levels.
+    pub(super) noise: f32,
+}
+
+/// Valid pixels of a channel of `photo`: those that no light from beyond saturated ones reaches
+/// through `lens`. Where saturated pixels lie everywhere, as clipped noise or a night's lights, the
+/// reach shrinks until enough pixels remain.
+fn valid_pixels(photo: &Prepared<'_>, lens: &LensModel, c: Channel) -> Plane<u8> {
+    let trust = photo.observation.trust.plane(c);
+    let mut reach = lens.functions().support_px / 2;
+    loop {
+        let valid = away_from_saturated(trust, reach);
+        let count = valid.data().iter().filter(|&&t| t != MISSING).count();
+        if reach == 0 || count as f64 >= DATA_SHARE_MIN * photo.observation.rect.size.area() as f64
+        {
+            return valid;
+        }
+        reach /= 2;
+    }
+}
+
+/// Sum of `plane` over valid pixels.
+fn sum_over(plane: &Plane, valid: &Plane<u8>) -> f64 {
+    let values = plane.data().iter().zip(valid.data()).filter(|&(_, &t)| t != MISSING);
+    values.map(|(&v, _)| f64::from(v)).sum()
+}
+
+/// `trust` without the pixels within `reach` of a saturated one.
+fn away_from_saturated(trust: &Plane<u8>, reach: usize) -> Plane<u8> {
+    let mut valid = trust.clone();
+    let near = |at: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);
+    let width = trust.width();
+    for y in 0..trust.height() {
+        // Runs of saturated pixels, each widened by the reach.
+        let mut from = 0;
+        for run in trust.row(y).chunk_by(|a, b| (*a == SATURATED) == (*b == SATURATED)) {
+            let columns = from..from + run.len();
+            from = columns.end;
+            if run[0] != SATURATED {
+                continue;
+            }
+            let columns = near(columns.start, width).start..near(columns.end - 1, width).end;
+            for y in near(y, trust.height()) {
+                valid.row_mut(y)[columns.clone()].fill(MISSING);
+            }
+        }
+    }
+    valid
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deconvolution::data_term::TRUSTED;
+    use crate::frame::Size;
+
+    #[test]
+    fn pixels_near_a_saturated_one_are_not_valid() {
+        let size = Size::new(19, 17);
+        let saturated = [(4, 3), (5, 3), (18, 0), (0, 16), (9, 11)];
+        let trust = Plane::from_fn(size, |x, y| match (x, y) {
+            at if saturated.contains(&at) => SATURATED,
+            _ => TRUSTED,
+        });
+        for reach in [0, 2, 30] {
+            let valid = away_from_saturated(&trust, reach);
+            for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
+                let near =
+                    |&(sx, sy): &(usize, usize)| x.abs_diff(sx) <= reach && y.abs_diff(sy) <= reach;
+                let is_valid = valid.at(x, y) == TRUSTED;
+                assert_eq!(is_valid, !saturated.iter().any(near), "({x}, {y}) by {reach}");
+            }
+        }
+    }
+}
