@@ -83,7 +83,7 @@ fn place(label: &Label, field: &Area, taken: &[Area]) -> Area {
             let area = Area([x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height]);
             let covered: f64 = taken.iter().map(|other| area.overlap(other)).sum();
             let outside = area.size() - area.overlap(field);
-            let cost = covered + 10.0 * outside + 12.0 * far as f64 + turn as f64;
+            let cost = 4.0 * covered + 10.0 * outside + 12.0 * far as f64 + turn as f64;
             if cost < best.0 {
                 best = (cost, area);
             }

@@ -41,13 +41,10 @@ impl Table {
     pub fn cells_of_csv(text: &str) -> Vec<Vec<String>> {
         let (mut rows, mut row, mut cell) = (Vec::new(), Vec::new(), String::new());
         let mut is_quoted = false;
-        for letter in text.chars() {
+        let mut letters = text.chars().peekable();
+        while let Some(letter) = letters.next() {
             match letter {
-                // A doubled quote within quotes ends and opens them again.
-                '"' if !is_quoted && !cell.is_empty() => {
-                    cell.push('"');
-                    is_quoted = true;
-                }
+                '"' if is_quoted && letters.next_if_eq(&'"').is_some() => cell.push('"'),
                 '"' => is_quoted = !is_quoted,
                 ',' if !is_quoted => row.push(std::mem::take(&mut cell)),
                 '\n' if !is_quoted => {
