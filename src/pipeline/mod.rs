@@ -20,7 +20,7 @@ mod stages;
 
 pub use judging::{
     Evidence, Findings, FineColour, Grain, Measures, PHOTO_LIMITS, PhotoLimits, Residuals, Unit,
-    WITNESSES, Witness, harm, is_suspect,
+    WITNESSES, WitnessRow, harm, is_suspect,
 };
 pub use methods::{digital, hybrid, method, paper, reference_solution};
 pub use optical_residual::{CertifiedFocus, Confirmation, OpticalResidual};

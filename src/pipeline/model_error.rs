@@ -1,5 +1,5 @@
-//! Error of the lens model: the capture of the chart held out of its fits minus the prediction, as a
-//! share of how much the lens changes that chart.
+//! Error of the lens model: the capture of the chart held out of its fits minus the prediction, as
+//! a share of how much the lens changes that chart.
 
 use std::sync::OnceLock;
 

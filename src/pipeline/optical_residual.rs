@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::judging::table::{CONFIRMED, NEARLY_CONFIRMED, NOISY_GREY_LEVELS};
+use super::judging::limits::{CONFIRMED, NEARLY_CONFIRMED, NOISY_GREY_LEVELS};
 
 /// RMS difference between a finished picture's photograph and the photo.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

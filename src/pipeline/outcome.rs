@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Pipeline;
 use super::judging::Evidence;
-use super::judging::table::{NOTHING_BUT_NOISE, SHARPER};
+use super::judging::limits::{NOTHING_BUT_NOISE, SHARPER};
 use super::optical_residual::{CertifiedFocus, OpticalResidual};
 use super::stages::{Prepared, Solved};
 use crate::deconvolution::focus::NOISE_MAX;

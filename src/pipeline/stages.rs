@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
-use super::judging::LensAlone;
+use super::judging::{Evidence, Residuals};
 use crate::calibration::SiteNorms;
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::level_norms::LevelNorms;
@@ -87,4 +87,20 @@ pub struct Solved {
     pub capture_seconds: f64,
     /// Seconds waited for them on the stopwatch; on a simulated rig they are computed meanwhile.
     pub waited_seconds: f64,
+}
+
+/// What the lens model alone shows of a photo.
+#[derive(Clone)]
+pub(super) enum LensAlone {
+    /// No scene gives the photo: the residuals of the channels that show it.
+    Foreign(Vec<Residuals>),
+    /// Some scene may.
+    Fitting(Box<Reference>),
+}
+
+/// The reference solution with its evidence.
+#[derive(Clone)]
+pub(super) struct Reference {
+    pub(super) solved: Solved,
+    pub(super) evidence: Evidence,
 }

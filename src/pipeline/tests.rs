@@ -329,9 +329,9 @@ fn one_channel_that_no_scene_gives_is_enough() {
     let photo = bed.pipeline.prepare(PhotoData::developed(&sharp, Channels::Colour));
     let seen = lens.seen(photo.observation.channels.list(), &photo.observation.light);
     let channels = bed.pipeline.residuals(&photo, &seen);
-    let candidate = judging::Candidate { channels: &channels, seen: &seen };
+    let candidate = judging::KnownCandidate { channels: &channels, seen: &seen };
     let said = bed.pipeline.lens_alone(&photo, candidate, &mut |_, _| {}).unwrap();
-    assert!(matches!(&said, judging::LensAlone::Foreign(left) if left.len() == 1));
+    assert!(matches!(&said, stages::LensAlone::Foreign(left) if left.len() == 1));
 }
 
 #[test]

@@ -1,9 +1,10 @@
 //! Spectral check of a photo's noise and lens.
 //!
-//! A solution explains a photo of a sharper lens as well as one of the measured lens: it overshoots,
-//! and the lens hides that. But the power of its scene would rise where the measured lens passes
-//! little, and scenes' power falls with frequency. The check asks which hypothesis makes the tiles'
-//! spectra likeliest: lens and sensor as measured, a noisier sensor, or a narrower lens.
+//! A solution explains a photo of a sharper lens as well as one of the measured lens: it
+//! overshoots, and the lens hides that. But the power of its scene would rise where the measured
+//! lens passes little, and scenes' power falls with frequency. The check asks which hypothesis
+//! makes the tiles' spectra likeliest: lens and sensor as measured, a noisier sensor, or a narrower
+//! lens.
 
 use rayon::prelude::*;
 
@@ -86,8 +87,8 @@ struct TriedSource {
     times: f32,
 }
 
-/// −ln likelihood of each of `tried`, tile by tile. The search for the likeliest scene starts at the
-/// last one found for the measured width.
+/// −ln likelihood of each of `tried`, tile by tile. The search for the likeliest scene starts at
+/// the last one found for the measured width.
 fn costs(functions: &LensFunctions, photo: &FocusData<'_>, tried: &[TriedSource]) -> Vec<Vec<f64>> {
     map_tiles(functions, photo, |tiles, spectra, transfers| {
         let mut costs = vec![0.0; tried.len()];
@@ -116,8 +117,8 @@ struct TileNoise {
     found: f32,
 }
 
-/// Noise power of the tiles of `photo`, about `times` the sensor's σ, at frequencies where the scene
-/// has little. The likeliest `times` itself is biased: the likelihood has heavy tails.
+/// Noise power of the tiles of `photo`, about `times` the sensor's σ, at frequencies where the
+/// scene has little. The likeliest `times` itself is biased: the likelihood has heavy tails.
 fn measure_noise(functions: &LensFunctions, photo: &FocusData<'_>, times: f32) -> Vec<TileNoise> {
     let at_black = Channel::ALL.map(|c| (photo.noise)(c, 0.0).powi(2));
     let measure = |tiles: &Tiles, spectra: &[(Channel, TileSpectrum)], transfers: &Transfers| {
@@ -193,7 +194,7 @@ fn sums(costs: &[Vec<f64>], hypotheses: usize) -> Vec<f64> {
     (0..hypotheses).map(|n| costs.iter().map(|tile| tile[n]).sum()).collect()
 }
 
-/// Standard errors of the tiles' mean by which an alternative is likelier than the first hypothesis.
+/// Standard errors of the tiles' mean by which an alternative is likelier than the first.
 fn errors_for(costs: &[Vec<f64>], alternative: usize) -> f64 {
     let gains: Vec<f64> = costs.iter().map(|tile| tile[0] - tile[alternative]).collect();
     if gains.is_empty() { 0.0 } else { standard_errors(&gains) }

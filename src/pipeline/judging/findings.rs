@@ -1,9 +1,10 @@
 //! All that a verdict follows from, for the laboratory: with it the table is walked again, whole or
 //! without a row, and no photo is solved anew.
 
-use super::measures::{Case, Evidence};
-use super::residuals::unexplained_product;
-use super::table::{FOREIGN, NO_GAIN, WITNESSES};
+use super::evidence::{Evidence, unexplained_product};
+use super::limits::{FOREIGN, NO_GAIN};
+use super::measures::Case;
+use super::table::WITNESSES;
 use super::verdict::{self, Measures};
 use crate::deconvolution::method::MethodError;
 use crate::frame::{Frame, Work};

@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use super::distance::SAMPLED_EVERY;
-use super::table::FINE_COLOUR_SEEN;
+use super::limits::FINE_COLOUR_SEEN;
 use crate::frame::{Channel, Channels, Frame, Work};
 use crate::picture::Lab;
 

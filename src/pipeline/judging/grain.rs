@@ -4,7 +4,7 @@
 //! model and capture. It shows beside a picture that is flat there: the photo, which costs nothing,
 //! or the reference solution, which is sharp and flat at once.
 
-use super::table::{DATA_SHARE_MIN, FLAT, GRAIN_SEEN, GRAIN_TIMES};
+use super::limits::{DATA_SHARE_MIN, FLAT, GRAIN_SEEN, GRAIN_TIMES};
 use crate::frame::Plane;
 
 /// Pixels to each side over which slopes are averaged.

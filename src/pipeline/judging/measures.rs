@@ -1,5 +1,5 @@
 //! Measures of a result, taken without knowing the scene: each is one function of a [`Case`] and
-//! gives one number in the unit of its row in [`super::table`].
+//! gives one number in the unit of its row in the [table](super::table).
 //!
 //! | measure | what it shows |
 //! |---|---|
@@ -10,13 +10,13 @@
 //! | light gained or lost | captures of a panel that is not as bright as it was |
 //!
 //! The *reference solution* is total variation's with the measured lens
-//! ([`crate::pipeline::reference_solution`]): no capture goes into it, and flat parts stay flat in it.
+//! ([`crate::pipeline::reference_solution`]): no capture goes into it, and flat parts stay flat.
 
 use super::distance::{Compared, lightness};
+use super::evidence::{Evidence, Residuals, unexplained_product};
 use super::fine_colour::FineColour;
 use super::grain::Grain;
-use super::residuals::{Residuals, unexplained_product};
-use super::table;
+use super::limits;
 use crate::frame::{Frame, Work};
 use crate::pipeline::stages::{Prepared, Solved};
 
@@ -27,40 +27,6 @@ pub(super) struct Case<'a> {
     pub(super) evidence: &'a Evidence,
     /// The reference solution, once it is solved.
     pub(super) reference: Option<&'a Frame<Work>>,
-}
-
-/// What is known of a result by itself.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Evidence {
-    /// Residuals, channel by channel.
-    pub channels: Vec<Residuals>,
-    /// Grain where the photo is flat.
-    pub grain: Grain,
-    /// Grain where the result is flat: a very noisy photo is flat nowhere.
-    pub cleared: Grain,
-    /// Finest colours of the result.
-    pub fine_colour: FineColour,
-}
-
-impl Evidence {
-    /// Difference of the result's light from the photo's, as a share of it, all channels together:
-    /// a lens spreads light and makes none.
-    pub fn excess_light(&self) -> f32 {
-        let sum = |of: fn(&Residuals) -> f32| self.channels.iter().map(of).sum::<f32>();
-        (sum(|of| of.excess_light) / sum(|of| of.light).max(f32::MIN_POSITIVE)).abs()
-    }
-
-    /// Luma's model residual over the untouched photo's; `None` where the result took grain out of
-    /// a noisy photo, which gains by that alone if there is more in it than noise.
-    pub(super) fn luma_residual_over_photo(&self) -> Option<f64> {
-        // Green, or the one channel of a grey photo.
-        let luma = self.channels.get(self.channels.len() / 2)?;
-        let is_cleared = self.grain.is_cleared() || self.cleared.is_cleared();
-        let is_denoised = is_cleared
-            && luma.model < luma.contrast
-            && f64::from(self.excess_light()) <= table::EXCESS_LIGHT;
-        (!is_denoised).then(|| luma.over_untouched().into())
-    }
 }
 
 /// [`Evidence::excess_light`].
@@ -77,7 +43,7 @@ pub(super) fn luma_residual_over_photo(case: &Case<'_>) -> Option<f64> {
 /// `None` where the result's photograph is the photo.
 pub(super) fn residual_over_photo(case: &Case<'_>) -> Option<f64> {
     let over_noise =
-        case.evidence.channels.iter().filter(|of| of.over_floor() > table::MORE_THAN_NOISE);
+        case.evidence.channels.iter().filter(|of| of.over_floor() > limits::MORE_THAN_NOISE);
     let largest = over_noise.map(Residuals::over_untouched).max_by(f32::total_cmp);
     largest.filter(|_| !is_certified(case)).map(f64::from)
 }
@@ -101,7 +67,7 @@ pub(super) fn colour_distance(case: &Case<'_>) -> Option<f64> {
 pub(super) fn colour_dots(case: &Case<'_>) -> Option<f64> {
     let in_reference = case.reference.is_some_and(|reference| {
         let of = FineColour::of(reference, case.photo.observation.channels);
-        of.over_lightness() > table::DOTTED
+        of.over_lightness() > limits::DOTTED
     });
     (!in_reference).then(|| case.evidence.fine_colour.over_lightness())
 }
@@ -131,42 +97,5 @@ fn is_certified(case: &Case<'_>) -> bool {
         .solution
         .certificate
         .ratio()
-        .is_some_and(|ratio| f64::from(ratio) <= table::CONFIRMED)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Luma's residual over the photo's for a right result: it leaves the noise, which is more than
-    /// the photo leaves.
-    fn residual_over_photo(photo_grain: f32, result_grain: f32, contrast: f32) -> Option<f64> {
-        let luma = Residuals {
-            model: 2.3,
-            untouched: 2.1,
-            photo_noise: 2.2,
-            model_error: 0.1,
-            light: 90.0,
-            excess_light: 0.0,
-            contrast,
-        };
-        let (grain, fine_colour) =
-            (Grain { result: result_grain, photo: photo_grain }, FineColour::default());
-        let residual = |grain, cleared| {
-            Evidence { channels: vec![luma], grain, cleared, fine_colour }
-                .luma_residual_over_photo()
-        };
-        // Where the photo is flat, or where the result is.
-        let none = Grain::default();
-        assert_eq!(residual(grain, none), residual(none, grain));
-        residual(grain, none)
-    }
-
-    #[test]
-    fn a_noisy_photo_gains_by_the_grain_removed_unless_it_is_nothing_but_noise() {
-        assert_eq!(residual_over_photo(6.0, 1.0, 10.0), None, "a noisy sky");
-        assert!(residual_over_photo(1.0, 0.3, 10.0).is_some(), "a calm photo has no grain");
-        assert!(residual_over_photo(6.0, 4.0, 10.0).is_some(), "grain remains");
-        assert!(residual_over_photo(6.0, 1.0, 2.2).is_some(), "nothing but noise");
-    }
+        .is_some_and(|ratio| f64::from(ratio) <= limits::CONFIRMED)
 }

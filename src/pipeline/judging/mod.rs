@@ -7,27 +7,28 @@
 //! measured lens, or noise hides what the lens did.
 
 mod distance;
+mod evidence;
 mod findings;
 mod fine_colour;
 mod grain;
+pub(super) mod limits;
 mod measures;
 mod reference;
 mod residuals;
-pub(super) mod table;
+mod table;
 mod verdict;
 
+pub use evidence::{Evidence, Residuals};
+use evidence::{unexplained_product, worst_unexplained};
 pub use findings::{Findings, PHOTO_LIMITS, PhotoLimits};
 pub use fine_colour::FineColour;
 pub use grain::Grain;
 use measures::Case;
-pub use measures::Evidence;
-pub(super) use reference::{Candidate, LensAlone};
-pub use residuals::Residuals;
-use residuals::{unexplained_product, worst_unexplained};
-pub use table::{Unit, WITNESSES, Witness};
+pub(super) use reference::KnownCandidate;
+pub use table::{Unit, WITNESSES, WitnessRow};
 pub use verdict::{Measures, harm, is_suspect};
 
-use super::stages::{Prepared, Solved};
+use super::stages::{LensAlone, Prepared, Solved};
 use super::{Outcome, Pipeline, Verdict};
 use crate::deconvolution::method::{Method, MethodError, NoOptics, Watch};
 use crate::deconvolution::stage::ResultStage;
@@ -62,7 +63,7 @@ impl Pipeline {
             Some(known) => known,
             None => {
                 let prediction = self.predicted(photo, solved);
-                let candidate = Candidate { channels: &evidence.channels, seen: &prediction };
+                let candidate = KnownCandidate { channels: &evidence.channels, seen: &prediction };
                 let made = self.lens_alone(photo, candidate, watch)?;
                 photo.lens_alone.get_or_init(|| made)
             }
@@ -76,7 +77,7 @@ impl Pipeline {
         };
         if gains_nothing(&evidence) && gains_nothing(&reference.evidence) {
             let evidence = Evidence { grain: evidence.grain, ..reference.evidence.clone() };
-            return Ok(refused(photo, solved, evidence, table::NOTHING_GAINED.to_owned()));
+            return Ok(refused(photo, solved, evidence, limits::NOTHING_GAINED.to_owned()));
         }
         let reference_solution = &reference.solved;
         let beside = Case { reference: Some(&reference_solution.picture), ..alone };
@@ -129,10 +130,10 @@ impl Pipeline {
     /// of that lens alone: the finding of [`Pipeline::judge`], before any more captures.
     pub(super) fn is_hopeless(&self, photo: &Prepared<'_>, seen: &Frame<Work>) -> bool {
         let channels = self.residuals(photo, seen);
-        if unexplained_product(&channels) <= table::FOREIGN {
+        if unexplained_product(&channels) <= limits::FOREIGN {
             return false;
         }
-        let candidate = Candidate { channels: &channels, seen };
+        let candidate = KnownCandidate { channels: &channels, seen };
         let known = photo.lens_alone.get().or_else(|| {
             let made = self.lens_alone(photo, candidate, &mut |_, _| {}).ok()?;
             Some(photo.lens_alone.get_or_init(|| made))
@@ -144,7 +145,7 @@ impl Pipeline {
 /// Whether luma leaves as much unexplained as the untouched photo's does.
 fn gains_nothing(evidence: &Evidence) -> bool {
     let found = evidence.luma_residual_over_photo();
-    found.is_some_and(|found| found > table::NO_GAIN || found.is_nan())
+    found.is_some_and(|found| found > limits::NO_GAIN || found.is_nan())
 }
 
 /// The `photo` itself in place of what was `solved`.
@@ -163,7 +164,7 @@ fn foreign(channels: &[Residuals]) -> String {
         "the measured lens does not explain the photo; it may come from another lens, be sharp \
          already, or have been sharpened or compressed (residual: {floors:.1} times what noise and \
          the lens model leave, allowed {:.1} times; {:.0} % of the untouched photo's)",
-        table::FOREIGN as f32 / share,
+        limits::FOREIGN as f32 / share,
         100.0 * share
     )
 }

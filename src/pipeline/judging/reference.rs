@@ -1,34 +1,18 @@
 //! The reference solution of a photo, and whether any scene gives the photo through the measured
 //! lens.
 
-use super::measures::Evidence;
-use super::residuals::{Explained, Residuals, unexplained_product};
-use super::table::{CLEARLY_FOREIGN, FOREIGN, SHORT_STEPS};
+use super::evidence::{Residuals, unexplained_product};
+use super::limits::{CLEARLY_FOREIGN, FOREIGN, SHORT_STEPS};
+use super::residuals::Explained;
 use crate::deconvolution::method::total_variation::TotalVariation;
 use crate::deconvolution::method::{MethodError, Problem, Watch};
 use crate::frame::{Channel, Frame, Plane, Work};
 use crate::pipeline::Pipeline;
-use crate::pipeline::stages::{Prepared, Solved};
-
-/// What the lens model alone shows of a photo.
-#[derive(Clone)]
-pub(in crate::pipeline) enum LensAlone {
-    /// No scene gives the photo: the residuals of the channels that show it.
-    Foreign(Vec<Residuals>),
-    /// Some scene may.
-    Fitting(Box<Reference>),
-}
-
-/// The reference solution with its evidence.
-#[derive(Clone)]
-pub(in crate::pipeline) struct Reference {
-    pub(super) solved: Solved,
-    pub(super) evidence: Evidence,
-}
+use crate::pipeline::stages::{LensAlone, Prepared, Reference};
 
 /// A candidate whose residuals are known before the reference solution is solved.
 #[derive(Clone, Copy)]
-pub(in crate::pipeline) struct Candidate<'a> {
+pub(in crate::pipeline) struct KnownCandidate<'a> {
     /// Residuals, channel by channel.
     pub(in crate::pipeline) channels: &'a [Residuals],
     /// The candidate through the lens.
@@ -43,7 +27,7 @@ impl Pipeline {
     pub(in crate::pipeline) fn lens_alone(
         &self,
         photo: &Prepared<'_>,
-        candidate: Candidate<'_>,
+        candidate: KnownCandidate<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<LensAlone, MethodError> {
         let first = self.short_residuals(photo, candidate);
@@ -60,7 +44,7 @@ impl Pipeline {
 
     /// Residuals of a short reference solution in the channel that `candidate` explains worst. A
     /// JPEG is decoded by the candidate: its file is decoded only once a picture is known.
-    fn short_residuals(&self, photo: &Prepared<'_>, candidate: Candidate<'_>) -> Residuals {
+    fn short_residuals(&self, photo: &Prepared<'_>, candidate: KnownCandidate<'_>) -> Residuals {
         let (observation, lens) = (&photo.observation, self.lens_of(photo));
         let listed = observation.channels.list().iter().zip(candidate.channels);
         let worst = listed.max_by(|a, b| a.1.product().total_cmp(&b.1.product()));

@@ -5,72 +5,16 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::distance::lightness;
+use super::evidence::{Evidence, Residuals};
 use super::fine_colour::FineColour;
 use super::grain::Grain;
-use super::measures::Evidence;
-use super::table::{DATA_SHARE_MIN, FILLED_IN, FOREIGN_SHARE, MORE_THAN_NOISE};
-use crate::deconvolution::data_term::{
-    MISSING, NOISE_MIN, SATURATED, residual_in_place, rms_over_data,
-};
+use super::limits::{DATA_SHARE_MIN, FILLED_IN};
+use crate::deconvolution::data_term::{MISSING, SATURATED, residual_in_place, rms_over_data};
 use crate::deconvolution::lens_model::LensModel;
 use crate::deconvolution::method::Solution;
 use crate::frame::{Channel, Frame, Plane, Work, once};
 use crate::pipeline::Pipeline;
 use crate::pipeline::stages::{Prepared, Solved};
-
-/// Residuals of one channel, RMS over the photo in grey levels, without saturated pixels and those
-/// that the lens throws their light on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Residuals {
-    /// K̂L − B.
-    pub model: f32,
-    /// K̂B − B, of the untouched photo.
-    pub untouched: f32,
-    /// Noise of the photo.
-    pub photo_noise: f32,
-    /// Error of the lens model on the held-out chart, scaled to the photo's contrast.
-    pub model_error: f32,
-    /// Mean of B.
-    pub light: f32,
-    /// Mean of K̂L − B.
-    pub excess_light: f32,
-    /// RMS of B about its mean.
-    pub contrast: f32,
-}
-
-impl Residuals {
-    /// The model residual over what noise and the lens model's known error leave of a right result.
-    pub fn over_floor(&self) -> f32 {
-        self.model / self.photo_noise.hypot(self.model_error).max(NOISE_MIN)
-    }
-
-    /// The model residual over the untouched photo's.
-    pub fn over_untouched(&self) -> f32 {
-        self.model / self.untouched.max(f32::MIN_POSITIVE)
-    }
-
-    /// The model residual over its floor times that over the untouched photo's.
-    ///
-    /// Either alone shows little: any imperfect model leaves a little more than noise of a busy
-    /// photo, and noise is a good part of all there is in a calm one.
-    pub(super) fn product(&self) -> f32 {
-        self.over_floor() * self.over_untouched()
-    }
-}
-
-/// The channel whose [`Residuals::product`] is largest, of those where both factors are above their
-/// least; not a number is above.
-pub(super) fn worst_unexplained(channels: &[Residuals]) -> Option<&Residuals> {
-    let counts = |of: &&Residuals| {
-        !(of.over_floor() <= MORE_THAN_NOISE || of.over_untouched() <= FOREIGN_SHARE)
-    };
-    channels.iter().filter(counts).max_by(|a, b| a.product().total_cmp(&b.product()))
-}
-
-/// [`Residuals::product`] of the worst channel, 0 if none counts.
-pub(super) fn unexplained_product(channels: &[Residuals]) -> f64 {
-    worst_unexplained(channels).map_or(0.0, |of| of.product().into())
-}
 
 impl Pipeline {
     /// What is known of `solved` by itself.

@@ -1,32 +1,32 @@
 //! The walk of the table.
 
 use super::measures::Case;
-use super::table::{Unit, Witness};
+use super::table::{Unit, WitnessRow};
 
 /// What each witness of a table measures of a result; `None` where a measure does not apply.
 pub type Measures = Vec<Option<f64>>;
 
 /// The measures of `case`, one for each witness of `table`.
-pub(super) fn measure(table: &[Witness], case: &Case<'_>) -> Measures {
+pub(super) fn measure(table: &[WitnessRow], case: &Case<'_>) -> Measures {
     table.iter().map(|witness| (witness.measure)(case)).collect()
 }
 
 /// Whether a result calls for a reference solution: any of a method that does not start from the
 /// lens model, and any that a witness suspects.
-pub fn is_suspect(table: &[Witness], found: &Measures, starts_from_lens: bool) -> bool {
+pub fn is_suspect(table: &[WitnessRow], found: &Measures, starts_from_lens: bool) -> bool {
     let mut each = table.iter().zip(found);
     !starts_from_lens || each.any(|(witness, found)| exceeds(*found, witness.suspect_above))
 }
 
 /// The first witness by which a result harms, and its place in the table.
-pub fn harm<'a>(table: &'a [Witness], found: &Measures) -> Option<(usize, &'a Witness)> {
+pub fn harm<'a>(table: &'a [WitnessRow], found: &Measures) -> Option<(usize, &'a WitnessRow)> {
     let mut each = table.iter().enumerate().zip(found);
     let harmful = each.find(|((_, witness), found)| exceeds(**found, witness.harm_above));
     harmful.map(|(witness, _)| witness)
 }
 
 /// The user's sentence on the first witness by which a result harms.
-pub(super) fn harm_in_words(table: &[Witness], found: &Measures) -> Option<String> {
+pub(super) fn harm_in_words(table: &[WitnessRow], found: &Measures) -> Option<String> {
     let (n, witness) = harm(table, found)?;
     let allowed = witness.harm_above.unwrap_or(f64::NAN);
     let words = |number: f64| match witness.unit {

@@ -2,7 +2,9 @@
 //! limit moved.
 
 use relens::chart::table::Table;
-use relens::pipeline::{PHOTO_LIMITS, PhotoLimits, Verdict, WITNESSES, Witness, harm, is_suspect};
+use relens::pipeline::{
+    PHOTO_LIMITS, PhotoLimits, Verdict, WITNESSES, WitnessRow, harm, is_suspect,
+};
 
 use super::record::Record;
 use crate::likeness::Likeness;
@@ -13,7 +15,7 @@ const NEIGHBOURS: [f64; 2] = [0.8, 1.25];
 /// Limits by which results are judged.
 #[derive(Clone)]
 struct Limits {
-    witnesses: Vec<Witness>,
+    witnesses: Vec<WitnessRow>,
     photo: PhotoLimits,
 }
 
@@ -51,7 +53,7 @@ fn as_it_is() -> Limits {
 fn variants() -> Vec<(String, Limits)> {
     let mut all = vec![("as it is".to_owned(), as_it_is())];
     for (n, witness) in WITNESSES.iter().enumerate() {
-        let mut add = |name: String, change: &dyn Fn(&mut Witness), no_gain: f64| {
+        let mut add = |name: String, change: &dyn Fn(&mut WitnessRow), no_gain: f64| {
             let mut limits = as_it_is();
             change(&mut limits.witnesses[n]);
             if witness.name == "no gain" {
@@ -59,12 +61,12 @@ fn variants() -> Vec<(String, Limits)> {
             }
             all.push((name, limits));
         };
-        let none = |of: &mut Witness| (of.suspect_above, of.harm_above) = (None, None);
+        let none = |of: &mut WitnessRow| (of.suspect_above, of.harm_above) = (None, None);
         add(format!("without {}", witness.name), &none, f64::INFINITY);
         for times in NEIGHBOURS {
             let moved = |limit: &mut Option<f64>| *limit = limit.map(|limit| times * limit);
             if witness.suspect_above == witness.harm_above {
-                let both = |of: &mut Witness| {
+                let both = |of: &mut WitnessRow| {
                     moved(&mut of.suspect_above);
                     moved(&mut of.harm_above);
                 };
@@ -72,11 +74,11 @@ fn variants() -> Vec<(String, Limits)> {
                 continue;
             }
             if witness.suspect_above.is_some() {
-                let suspect = |of: &mut Witness| moved(&mut of.suspect_above);
+                let suspect = |of: &mut WitnessRow| moved(&mut of.suspect_above);
                 add(format!("{} suspect × {times}", witness.name), &suspect, 1.0);
             }
             if witness.harm_above.is_some() {
-                let harm = |of: &mut Witness| moved(&mut of.harm_above);
+                let harm = |of: &mut WitnessRow| moved(&mut of.harm_above);
                 add(format!("{} harm × {times}", witness.name), &harm, 1.0);
             }
         }

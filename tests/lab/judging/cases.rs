@@ -33,8 +33,8 @@ const fn jpeg(quality: u32, pixels: usize) -> Kept {
 pub(crate) const ORDINARY: [Kept; 5] =
     [Kept::Own, Kept::Developed, jpeg(95, 1), jpeg(85, 2), jpeg(60, 2)];
 
-/// Faults of the sweep that are no faults here: patches of other methods, JPEGs, which are ordinary,
-/// and a distance to which the lens is focused.
+/// Faults of the sweep that are no faults here: patches of other methods, JPEGs, which are
+/// ordinary, and a distance to which the lens is focused.
 const ELSEWHERE: [&str; 4] =
     ["patch below the blur", "patch up to the frame", "photo's JPEG", "photo's distance"];
 

@@ -1,5 +1,5 @@
-//! Stored results of a sweep, one a line: an interrupted sweep is continued by the same command, and
-//! tables are made again without solving.
+//! Stored results of a sweep, one a line: an interrupted sweep is continued by the same command,
+//! and tables are made again without solving.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -28,8 +28,8 @@ const REFUSED: &str = "refused";
 const VERDICTS: [(Verdict, &str); 3] =
     [(Verdict::Sound, "sound"), (Verdict::Replaced, "replaced"), (Verdict::Untouched, "untouched")];
 
-/// The results in the lines of `text`, without those of unknown faults, methods or views and without
-/// a truncated line.
+/// The results in the lines of `text`, without those of unknown faults, methods or views and
+/// without a truncated line.
 pub(crate) fn parsed(text: &str) -> Found {
     let mut found = Found::default();
     for line in text.lines().skip(1) {
