@@ -249,7 +249,7 @@ mod tests {
             ("run --rig a inbox", "`relens run` does not take `inbox`"),
             ("restore -r a -o b", "needs <PHOTO>"),
             ("restore -r a -o b c -m hybird", "did you mean hybrid?"),
-            ("restore -r a -o b c -m magic", "allowed: paper, residual,"),
+            ("restore -r a -o b c -m magic", "allowed: paper, digital,"),
             ("--once run", "`relens` has no option `--once`"),
             ("status --rig a", "`relens status` has no option `--rig`, allowed: --folder"),
             ("press --long=3", "unexpected value '3' for '--long'"),
