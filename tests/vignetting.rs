@@ -77,7 +77,7 @@ fn results_have_the_scene_s_corner_brightness() {
     let early = std::fs::read_to_string(folder.join("early.json")).unwrap();
     assert!(early.contains("relens calibrate --diffuser"), "{early}");
     let text = relens(&["calibrate", "--rig", "kept.toml", "--diffuser"], folder);
-    assert!(text.contains("% of the brightest place's light"), "{text}");
+    assert!(text.contains("% of the light at the brightest place"), "{text}");
     restore("kept.toml", &["-o", "kept.png"]);
     restore("removed.toml", &["-o", "removed.png"]);
     // The measurement survives another calibration.

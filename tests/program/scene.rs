@@ -72,7 +72,7 @@ fn only_simulated_rigs_take_a_scene_and_they_need_one() {
     let devices = concat!(env!("CARGO_MANIFEST_DIR"), "/rig-config/raspberry-pi-5.toml");
     for (words, wanted) in [
         (&["--rig", devices, "--scene", SCENE][..], "devices"),
-        (&["--rig", "shooting.toml"], "allowed --scene PICTURE"),
+        (&["--rig", "shooting.toml"], "give --scene PICTURE"),
         (&["--rig", "small.toml", "--scene", "no-such.png"], "no-such.png"),
         (&["--rig", "small.toml", "--scene", SCENE, "--once"], "--once"),
     ] {

@@ -60,7 +60,7 @@ fn hang_up_is_ignored_and_usr1_logs_the_status() {
         let output = output.unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{command}: {said}");
-        assert!(said.contains(state) && said.contains("start it again"), "{command}: {said}");
+        assert!(said.contains(state) && said.contains("restart `relens run`"), "{command}: {said}");
         assert!(!said.contains("EOF"), "no parser's message: {said}");
         assert!(said.contains("nothing was done") && !folder.join(down).exists(), "{said}");
     }
