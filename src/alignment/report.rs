@@ -267,11 +267,11 @@ impl AlignmentReport {
     /// The picture with the sharpness of each place drawn over it.
     fn write_places(&self, page: &mut String, picture: &str) {
         let (width, height) = (self.sensor.width, self.sensor.height);
-        let _ = write!(
+        let _ = writeln!(
             page,
             "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"Camera picture with \
              sharpness at nine places\"><image href=\"{picture}?{}\" width=\"{width}\" \
-             height=\"{height}\" preserveAspectRatio=\"none\"/>\n",
+             height=\"{height}\" preserveAspectRatio=\"none\"/>",
             self.readings
         );
         let (cell_width, cell_height) = (width as f64 / 3.0, height as f64 / 3.0);

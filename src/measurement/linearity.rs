@@ -143,9 +143,10 @@ fn lights(session: &mut Session<'_>) -> Result<Option<[Vec<Exposures>; 3]>, Cali
 fn brightest_linearity(lights: &[Exposures], full: f64) -> Option<Linearity> {
     let complete = lights
         .iter()
+        .rev()
         .filter_map(|light| <[(f64, f64); 3]>::try_from(light.readings.as_slice()).ok());
-    let counts = complete.map(|readings| readings.map(|(_, count)| count));
-    counts.filter(|counts| counts[2] <= JUDGED_SHARE * full).last().map(Linearity::of)
+    let mut counts = complete.map(|readings| readings.map(|(_, count)| count));
+    counts.find(|counts| counts[2] <= JUDGED_SHARE * full).map(Linearity::of)
 }
 
 /// Mean counts over black of a cell at each exposure; `None` where they are clipped.
