@@ -115,7 +115,7 @@ fn run(options: &Options) -> Result<(), Failure> {
     if let Some(group) = options.group {
         std::fs::create_dir_all(out)?;
         let made = match rows {
-            Some(rows) => judging::walked_again(group, &std::fs::read_to_string(rows)?),
+            Some(rows) => judging::walked_again(group, &std::fs::read_to_string(rows)?)?,
             None => judging::run(group, *quick)?,
         };
         return made.write(out);

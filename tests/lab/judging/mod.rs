@@ -45,9 +45,11 @@ pub(crate) fn run(group: Group, quick: bool) -> Result<Made, Failure> {
 }
 
 /// Tables of `group` from the list of its results, without solving.
-pub(crate) fn walked_again(group: Group, rows: &str) -> Made {
-    let records: Vec<Record> = rows.lines().filter_map(Record::parse).collect();
-    tables(group, &records)
+pub(crate) fn walked_again(group: Group, rows: &str) -> Result<Made, Failure> {
+    let records = rows.lines().skip(1).map(|line| {
+        Record::parse(line).ok_or_else(|| format!("found the row {line:?} of another table").into())
+    });
+    Ok(tables(group, &records.collect::<Result<Vec<_>, Failure>>()?))
 }
 
 fn tables(group: Group, records: &[Record]) -> Made {
