@@ -39,7 +39,10 @@ pub(super) enum CliError {
     #[error("the dark frame has {0:.0} % of full light: cover the lens, and take the photo again")]
     NotDark(f64),
     /// A simulated focus ring ends before the offset.
-    #[error("the rig's focus ring ends at infinity, before a focus offset of {0} dioptres")]
+    #[error(
+        "found a focus offset of {0} dioptres, allowed is less: the rig's focus ring ends at \
+         infinity"
+    )]
     PastInfinity(f32),
     /// The output file exists.
     #[error("{0} exists already: give another name")]

@@ -43,9 +43,9 @@ fn the_same_sites_in_other_units_are_the_same_photo() {
     let upper = restored(&by(64.0, Some("Raspberry Pi imx296")));
     assert_eq!(upper.picture, wanted.picture);
     let told = |notes: &[String], word: &str| notes.iter().any(|note| note.contains(word));
-    assert!(told(&upper.notes, "Raspberry Pi imx296 took this photo"), "{:?}", upper.notes);
+    assert!(told(&upper.notes, "names Raspberry Pi imx296 as its camera"), "{:?}", upper.notes);
     // An unknown camera is noted.
     let unknown = restored(&by(1.0, None));
-    assert!(told(&unknown.notes, "does not say what camera took"), "{:?}", unknown.notes);
-    assert!(!told(&wanted.notes, "took this photo"), "{:?}", wanted.notes);
+    assert!(told(&unknown.notes, "does not name its camera"), "{:?}", unknown.notes);
+    assert!(!told(&wanted.notes, "its camera"), "{:?}", wanted.notes);
 }

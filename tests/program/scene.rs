@@ -58,7 +58,10 @@ fn a_press_takes_a_raw_photo_that_is_restored_before_the_panel() {
     let said = stopped(child);
     let place = |words| said.find(words).unwrap_or_else(|| panic!("no `{words}` in {said}"));
     let asked = place("the panel is needed: The photo is saved");
-    assert!(place("taken") < asked && asked < place("is put before the lens"), "{said}");
+    assert!(
+        place("taken") < asked && asked < place("putting the simulated panel before the lens"),
+        "{said}"
+    );
     assert!(place("restored (") > asked, "{said}");
 }
 

@@ -160,8 +160,7 @@ fn an_unknown_gain_is_read_from_the_file_and_implausible_noise_is_ignored() {
     for times in [1e-4, 1e4] {
         let noise = Some([[0.05 * times, 0.005 * times]; 3]);
         let Restored { outcome, noise: used, .. } = bed.restored(&with_noise(&photo, noise));
-        let is_noted =
-            outcome.notes.iter().any(|note| note.contains("which is not plausible"));
+        let is_noted = outcome.notes.iter().any(|note| note.contains("which is not plausible"));
         assert!(is_noted && near(used, own), "{used}, not the rig's {own}: {:?}", outcome.notes);
     }
     // Exposed for a sixteenth of the time; the noise follows from the rig's.

@@ -179,11 +179,11 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_written_without_loss() {
     let setting = Some(RigSetting { identity: ours.identity, focus });
     let nearer = PhotoCamera { setting, ..camera.clone() };
     let message = restorer.restore(&by(nearer)).unwrap_err().to_string();
-    assert!(message.contains("found \"nearer\", allowed none said"), "{message}");
+    assert!(message.contains("found \"nearer\", allowed not stated"), "{message}");
     let setting = Some(RigSetting { identity: !ours.identity, ..ours });
     let before = PhotoCamera { setting, ..camera };
     let notes = restorer.restore(&by(before)).unwrap().notes;
-    assert!(notes.iter().any(|note| note.contains("rig file said otherwise")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.contains("other settings in the rig file")), "{notes:?}");
     let mut other = raw;
     other.mosaic = raw.mosaic.from_place(1, 0);
     let refused = restorer.restore(&Photo { raw: Some(other), ..photo.clone() }).unwrap_err();

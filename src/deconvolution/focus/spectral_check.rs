@@ -26,11 +26,13 @@ const ALONE_MIN: usize = 32;
 /// Width of a lens out of focus, over the measured one's: it must not be likelier than the narrower
 /// lens.
 const BLURRED: f32 = 1.5;
-/// Standard errors of the tiles' mean by which an alternative must be likelier. On the laboratory's
-/// group of limits twice the noise is by 4.1 at most for ordinary photos (a chart) and by 8.0 at
-/// least for noisier ones; half the width by 0.7 and 2.8 (at half the distance) at most, and by 5.5
-/// for one of two photos through the lens stopped down.
-const STANDARD_ERRORS: f64 = 4.75;
+/// Standard errors of the tiles' mean by which twice the noise must be likelier. On the
+/// laboratory's group of limits it is by 4.1 at most for ordinary photos (a chart) and by 8.0 at
+/// least for noisier ones.
+const NOISE_ERRORS: f64 = 5.5;
+/// The same of half the width: on that group by 0.7 and 2.8 (at half the distance) at most, and by
+/// 5.5 for one of two photos through the lens stopped down.
+const LENS_ERRORS: f64 = 4.0;
 
 /// What the spectrum of a photo contradicts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,12 +57,12 @@ pub fn check_spectrum(
     let costs_of = |tried: &[TriedSource]| costs(functions, photo, tried);
     let tried = [as_measured, narrower, noisier];
     let first = costs_of(if noise_unknown { &tried } else { &tried[..2] });
-    if noise_unknown && errors_for(&first, 2) > STANDARD_ERRORS {
+    if noise_unknown && errors_for(&first, 2) > NOISE_ERRORS {
         return noise_factors(functions, photo).map(SpectralFinding::Noisier);
     }
     let errors = errors_for(&first, 1);
     log::debug!("a lens half as wide is likelier by {errors:.1} standard errors");
-    if errors <= STANDARD_ERRORS {
+    if errors <= LENS_ERRORS {
         return None;
     }
     let blurred = sums(&costs_of(&[as_measured, blurred]), 2)[1];
