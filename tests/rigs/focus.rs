@@ -254,7 +254,7 @@ fn other_focuses_are_measured_survive_a_calibration_and_are_deleted() {
     assert!(text.contains("-0.040, +0.030 dioptres"), "{text}");
     assert_eq!(calibrate(&[]).0, Some(0));
     let (code, text) = calibrate(&["--forget-focuses"]);
-    assert!(code == Some(0) && text.contains("2 focuses forgotten"), "{text}");
+    assert!(code == Some(0) && text.contains("removed 2 focuses"), "{text}");
     let (_, text) = calibrate(&["--forget-focuses"]);
-    assert!(text.contains("0 focuses forgotten"), "{text}");
+    assert!(text.contains("removed 0 focuses"), "{text}");
 }

@@ -193,5 +193,5 @@ fn a_raw_photo_is_restored_by_its_own_rig_alone_and_written_without_loss() {
     unfiltered.calibrate(folder.join("plain")).unwrap();
     let mut unfiltered = unfiltered.restorer(folder.join("plain")).unwrap();
     let message = unfiltered.restore(&photo).unwrap_err().to_string();
-    assert!(message.contains("gives no raw sites"), "{message}");
+    assert!(message.contains("has no raw sites"), "{message}");
 }
